@@ -1,0 +1,253 @@
+"""Every setting of the library as frozen dataclasses. No jax here, so that data workers and command lines stay light.
+
+``configs/*.py`` build a ``Config``; the command line overrides any field by its dotted name. Defaults are the paper's sizes, which
+are TRELLIS's where TRELLIS has the same network (docs/architecture.md).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat"]
+Kernel = Literal["xla", "cudnn"]
+STAGES = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
+NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
+
+
+@dataclasses.dataclass(frozen=True)
+class GridConfig:
+    """The voxel representation: R voxels a side, r sub-cells a voxel side."""
+
+    resolution: int = 64
+    subdivisions: int = 4
+    max_parts: int = 64
+
+
+@dataclasses.dataclass(frozen=True)
+class ImageEncoderConfig:
+    """A small ViT with a volume decoder, pre-trained by regressing coarse occupancy, boxes and joints from the image.
+
+    It gives ``tokens`` for cross-attention and a ``volume`` of features aligned with the object's grid.
+    """
+
+    image_size: int = 128
+    patch_size: int = 16
+    stem_channels: tuple[int, ...] = (32, 64, 128)
+    width: int = 256
+    num_blocks: int = 4
+    num_heads: int = 4
+    volume_tokens: int = 4  # a side: 4 -> 64 tokens
+    volume_blocks: int = 6
+    volume_resolution: int = 8  # a side, of the features handed to the flows
+    volume_channels: int = 32
+    target_resolution: int = 16  # a side, of the regressed boxes and joints
+    mlp_ratio: float = 4.0
+
+
+@dataclasses.dataclass(frozen=True)
+class StructureVAEConfig:
+    """Dense convolutional VAE, occupancy [R^3] <-> latent [(R / 2^(levels-1))^3, C]. Upstream: TRELLIS sparse_structure_vae."""
+
+    channels: tuple[int, ...] = (32, 128, 512)
+    latent_channels: int = 8
+    num_res_blocks: int = 2
+    num_res_blocks_middle: int = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class UniArtVAEConfig:
+    """Voxel features <-> latent per voxel. Trunks as TRELLIS's SLAT encoder and decoder.
+
+    ``attention``: 'swin' cuts shifted windows of ``window`` voxels a side; 'serial' cuts the Morton order of the voxels into runs
+    of exactly ``window`` tokens, shifted by half a run in every other block (no padding waste: the laptop's choice).
+    ``part_segment``: parts longer than this are attended in pieces of this many voxels; 0 = never cut.
+    """
+
+    width: int = 768
+    num_blocks: int = 12
+    num_heads: int = 12
+    mlp_ratio: float = 4.0
+    latent_channels: int = 8
+    attention: Literal["swin", "serial"] = "swin"
+    window: int = 8
+    aggregation: Aggregation = "uniart"
+    visual_channels: int = 1024
+    part_feature_channels: int = 0
+    geometry_channels: int = 128
+    articulation_channels: int = 128
+    part_segment: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class FlowConfig:
+    """Rectified-flow transformer; TRELLIS's DiT with cross-attention to image tokens.
+
+    ``patch_size``: side of the cube of latents that makes one token. Structure flow: patchify. Latent flow: ``stem`` 'conv' goes
+    down to it by TRELLIS's sparse residual blocks (``io_channels`` a level), 'patch' by one linear layer on the cube.
+    ``volume_channels``: features of the image encoder's volume added to the tokens they are aligned with; 0 = none (TRELLIS).
+    ``prediction``: the network's output is the velocity (TRELLIS) or the clean sample, from which the velocity follows.
+    """
+
+    model_channels: int = 1024
+    num_blocks: int = 24
+    num_heads: int = 16
+    mlp_ratio: float = 4.0
+    cond_channels: int = 1024
+    patch_size: int = 1
+    qk_rms_norm: bool = True
+    share_mod: bool = False
+    volume_channels: int = 0
+    volume_resolution: int = 8
+    prediction: Literal["velocity", "data"] = "velocity"
+    stem: Literal["conv", "patch"] = "conv"
+    io_channels: tuple[int, ...] = ()
+    num_io_res_blocks: int = 2
+    use_skip_connection: bool = True
+
+
+@dataclasses.dataclass(frozen=True)
+class ModelConfig:
+    """The networks of one checkpoint, and the attention kernel they run on."""
+
+    grid: GridConfig = GridConfig()
+    image_encoder: ImageEncoderConfig = ImageEncoderConfig()
+    structure_vae: StructureVAEConfig = StructureVAEConfig()
+    uniart_vae: UniArtVAEConfig = UniArtVAEConfig()
+    structure_flow: FlowConfig = FlowConfig()
+    latent_flow: FlowConfig = FlowConfig(patch_size=2, io_channels=(128,))
+    kernel: Kernel = "xla"
+    compute_dtype: Literal["float32", "bfloat16"] = "float32"
+
+
+@dataclasses.dataclass(frozen=True)
+class StageConfig:
+    """How one network is trained."""
+
+    steps: int = 800_000
+    batch_size: int = 64
+    learning_rate: float = 1e-4
+    schedule: Literal["constant", "cosine"] = "constant"
+    warmup_steps: int = 1000
+    weight_decay: float = 0.01
+    betas: tuple[float, float] = (0.9, 0.999)
+    ema_decay: float = 0.9995
+    gradient_clip: float = 1.0
+    log_every: int = 100
+    evaluate_every: int = 5000
+    save_every: int = 5000
+    keep_checkpoints: int = 2
+
+
+@dataclasses.dataclass(frozen=True)
+class LossConfig:
+    """Weights and details of the losses (docs/paper.md)."""
+
+    kl: float = 1e-6
+    articulation: float = 1.0  # the paper's lambda_1
+    alignment: float = 0.0  # the supplement's reading of L_kl; its lambda_2 = 0.5
+    color: float = 1.0
+    huber_delta: float = 0.3
+    voxels_per_object: int = 0  # loss voxels drawn balanced over parts; 0 = all voxels, unbalanced
+    time_mean: float = 1.0
+    time_std: float = 1.0
+    noise_share: float = 0.0  # share of draws taken uniformly from t in (.9, 1)
+    condition_drop: float = 0.1
+    draws_per_image: int = 1  # noise draws that share one image's condition
+
+
+@dataclasses.dataclass(frozen=True)
+class DataConfig:
+    """Where records are and how batches are made of them."""
+
+    records: str = ""
+    held_out: str = ""
+    voxel_buckets: tuple[int, ...] = (8192, 16384, 32768)
+    mirror: bool = True  # left-right mirror of object and image with probability 1/2
+    seed: int = 0
+    workers: int = 0
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshConfig:
+    """Device mesh: -1 means "all the rest"."""
+
+    data: int = -1
+    fsdp: int = 1
+
+
+@dataclasses.dataclass(frozen=True)
+class SampleConfig:
+    """Sampling defaults that belong to a checkpoint."""
+
+    steps: int = 25
+    guidance: float = 1.0
+    guidance_interval: tuple[float, float] = (0.0, 1.0)
+    rescale_t: float = 3.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Config:
+    """One experiment."""
+
+    name: str = "paper"
+    model: ModelConfig = ModelConfig()
+    data: DataConfig = DataConfig()
+    loss: LossConfig = LossConfig()
+    mesh: MeshConfig = MeshConfig()
+    image_encoder: StageConfig = StageConfig()
+    structure_vae: StageConfig = StageConfig()
+    uniart_vae: StageConfig = StageConfig()
+    structure_flow: StageConfig = StageConfig()
+    latent_flow: StageConfig = StageConfig()
+    sample_structure: SampleConfig = SampleConfig()
+    sample_latent: SampleConfig = SampleConfig()
+    seed: int = 0
+
+
+def to_json(config: Any) -> str:
+    """A config as indented JSON; ``from_json`` reads it back."""
+    return json.dumps(dataclasses.asdict(config), indent=2, sort_keys=True)
+
+
+def from_json(cls: type, text: str) -> Any:
+    """Rebuild a config dataclass from ``to_json``'s text.
+
+    Raises:
+      ValueError: the text is not JSON, or its fields are not those of ``cls`` (all strange names are listed).
+    """
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"config: not valid JSON ({error})") from None
+    strange: list[str] = []
+    config = _build(cls, data, "", strange)
+    if strange:
+        raise ValueError("config: unknown or malformed fields: " + ", ".join(strange))
+    return config
+
+
+def _build(cls: type, data: Any, path: str, strange: list[str]) -> Any:
+    if not isinstance(data, dict):
+        strange.append(path.rstrip(".") or "<root>")
+        return cls()
+    hints = get_type_hints(cls)
+    values = {}
+    for name, value in data.items():
+        hint = hints.get(name)
+        if hint is None:
+            strange.append(path + name)
+        elif dataclasses.is_dataclass(hint):
+            values[name] = _build(hint, value, f"{path}{name}.", strange)
+        elif get_origin(hint) is tuple and isinstance(value, list):
+            values[name] = tuple(value)
+        elif get_origin(hint) is Literal:
+            values[name] = value
+            if value not in get_args(hint):
+                strange.append(f"{path}{name}={value!r}")
+        elif isinstance(value, bool) != (hint is bool) or not isinstance(value, (hint, int) if hint is float else hint):
+            strange.append(f"{path}{name}={value!r}")
+        else:
+            values[name] = value
+    return cls(**values)

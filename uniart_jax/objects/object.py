@@ -1,0 +1,227 @@
+"""Articulated objects as people know them: parts with meshes, a tree, joints, appearance.
+
+Frame: right-handed, z up, front faces -x. Every mesh and joint is in the object frame at the *shown* state, in which every
+joint coordinate is 0 (docs/architecture.md, "Frames").
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from uniart_jax.objects.kinematics import (
+    ANGLE_DEAD_ZONE,
+    TRAVEL_DEAD_ZONE,
+    Joint,
+    forward_kinematics,
+    topological_order,
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """One rigid body.
+
+    Attributes:
+      name: unique in its object.
+      mesh: surface in the object frame at the shown state; closed where the source is. Its visual is a texture with UVs or
+        face / vertex colours (sRGB), read by ``objects.appearance``.
+      parent: index of the parent part, -1 for the root.
+      joint: how it moves relative to its parent; ``Joint.fixed()`` for the root.
+      label: for people and baselines only; no network ever sees it.
+    """
+
+    name: str
+    mesh: trimesh.Trimesh
+    parent: int = -1
+    joint: Joint = dataclasses.field(default_factory=Joint.fixed)
+    label: str = ""
+
+    @property
+    def box(self) -> np.ndarray:
+        """[6] centre and size of the part's own axis-aligned box at the shown state."""
+        lo, hi = self.mesh.bounds
+        return np.concatenate([(lo + hi) / 2, hi - lo])
+
+
+@dataclasses.dataclass(frozen=True)
+class ArticulatedObject:
+    """A tree of parts. Parents stand before their children; part 0 is the root.
+
+    Attributes:
+      parts: [K] parts, parents first (sorted when made, names kept).
+      scale: metres per object unit.
+      name, category: metadata for people; no network sees them.
+      provenance: repairs made on the way, one readable line each.
+
+    Raises:
+      ValueError: no parts, an empty mesh, several roots, a cycle, or a repeated name.
+    """
+
+    parts: tuple[Part, ...]
+    scale: float = 1.0
+    name: str = ""
+    category: str = ""
+    provenance: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        parts = tuple(self.parts)
+        if not parts:
+            raise ValueError("object: it has no parts")
+        for part in parts:
+            if len(part.mesh.faces) == 0:
+                raise ValueError(f"object: part '{part.name}' has no faces")
+        names = [p.name for p in parts]
+        if len(set(names)) != len(names):
+            repeated = next(n for n in names if names.count(n) > 1)
+            raise ValueError(f"object: two parts are named '{repeated}'")
+        order = topological_order([p.parent for p in parts])
+        if order != list(range(len(parts))):
+            position = {old: new for new, old in enumerate(order)}
+            parts = tuple(
+                dataclasses.replace(parts[old], parent=position.get(parts[old].parent, -1)) for old in order
+            )
+        object.__setattr__(self, "parts", parts)
+
+    @property
+    def parents(self) -> list[int]:
+        return [p.parent for p in self.parts]
+
+    @property
+    def joints(self) -> list[Joint]:
+        return [p.joint for p in self.parts]
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """[K, 6] centre and size of every part's own box at the shown state."""
+        return np.stack([p.box for p in self.parts])
+
+    @property
+    def limits(self) -> np.ndarray:
+        """[K, 2] (lo, hi) of every coordinate; (0, 0) for the root and fixed joints."""
+        return np.array([p.joint.limits for p in self.parts], dtype=np.float64)
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """[2, 3] corners of the whole object's box at the shown state."""
+        corners = np.stack([p.mesh.bounds for p in self.parts])
+        return np.stack([corners[:, 0].min(0), corners[:, 1].max(0)])
+
+    def index(self, name: str) -> int:
+        """Index of the part called ``name``; ValueError if there is none."""
+        for i, part in enumerate(self.parts):
+            if part.name == name:
+                return i
+        raise ValueError(f"object: no part is named '{name}'")
+
+    def coordinates(self, q: Sequence[float] | dict[str, float] | None) -> np.ndarray:
+        """[K] joint coordinates from an array, a dictionary part name -> q, or None (the shown state)."""
+        if q is None:
+            return np.zeros(len(self.parts))
+        if isinstance(q, dict):
+            state = np.zeros(len(self.parts))
+            for name, value in q.items():
+                state[self.index(name)] = value
+            return state
+        return np.asarray(q, dtype=np.float64)
+
+    def forward_kinematics(self, q: Sequence[float] | dict[str, float] | None = None) -> np.ndarray:
+        """[K, 4, 4] transforms from the shown state to state ``q``."""
+        return forward_kinematics(self.parents, self.joints, self.coordinates(q))
+
+    def transformed(self, matrix: np.ndarray) -> ArticulatedObject:
+        """The object moved by a similarity [4, 4], mirrors included. ``scale`` is left as it is."""
+        parts = []
+        for part in self.parts:
+            mesh = part.mesh.copy()
+            mesh.apply_transform(matrix)
+            parts.append(dataclasses.replace(part, mesh=mesh, joint=part.joint.transformed(matrix)))
+        return dataclasses.replace(self, parts=tuple(parts))
+
+    def shown_at(self, q: Sequence[float] | dict[str, float]) -> ArticulatedObject:
+        """The same object whose shown state is ``q``: meshes moved, axes moved by their ancestors, coordinates measured from q."""
+        q = self.coordinates(q)
+        moved = self.forward_kinematics(q)
+        parts = []
+        for k, part in enumerate(self.parts):
+            mesh = part.mesh.copy()
+            mesh.apply_transform(moved[k])
+            joint = part.joint
+            if part.parent >= 0:
+                joint = joint.shown_at(q[k]).transformed(moved[part.parent])
+            parts.append(dataclasses.replace(part, mesh=mesh, joint=joint))
+        return dataclasses.replace(self, parts=tuple(parts))
+
+    def normalized(self) -> ArticulatedObject:
+        """Centred at 0 with the shown state's longest side 1; ``scale`` takes up the factor."""
+        lo, hi = self.bounds
+        side = float((hi - lo).max())
+        if side <= 0:
+            raise ValueError("object: it has no extent")
+        matrix = np.eye(4)
+        matrix[:3, :3] /= side
+        matrix[:3, 3] = -(lo + hi) / (2 * side)
+        return dataclasses.replace(self.transformed(matrix), scale=self.scale * side)
+
+    def rest(self) -> np.ndarray:
+        """[K] the rest state.
+
+        Per joint: the limit nearest 0 if 0 is within the dead zone of it, else the end at which the object's bounding volume
+        (all other joints at 0) is smaller, the lower end on ties; continuous joints: 0.
+        """
+        q = np.zeros(len(self.parts))
+        for k, part in enumerate(self.parts):
+            joint = part.joint
+            if part.parent < 0 or joint.type in ("fixed", "continuous"):
+                continue
+            lo, hi = joint.limits
+            dead = ANGLE_DEAD_ZONE if joint.rotates else TRAVEL_DEAD_ZONE
+            if min(-lo, hi) <= dead:
+                q[k] = lo if -lo <= hi else hi
+                continue
+            volumes = []
+            for end in (lo, hi):
+                state = np.zeros(len(self.parts))
+                state[k] = end
+                corners = self._moved_bounds(state)
+                volumes.append(float(np.prod(corners[1] - corners[0])))
+            q[k] = hi if volumes[1] < volumes[0] * (1 - 1e-6) else lo
+        return q
+
+    def _moved_bounds(self, q: np.ndarray) -> np.ndarray:
+        points = [
+            trimesh.transform_points(part.mesh.vertices, matrix)
+            for part, matrix in zip(self.parts, self.forward_kinematics(q), strict=True)
+        ]
+        return np.stack([np.min([p.min(0) for p in points], 0), np.max([p.max(0) for p in points], 0)])
+
+    def open(self, fraction: float = 1.0) -> np.ndarray:
+        """[K] the state ``fraction`` of the way from rest to the end farther from rest; continuous joints turn by 90 degrees."""
+        rest = self.rest()
+        q = rest.copy()
+        for k, joint in enumerate(self.joints):
+            lo, hi = joint.limits
+            if joint.type == "continuous":
+                q[k] = fraction * np.pi / 2
+            elif joint.type != "fixed":
+                far = hi if abs(hi - rest[k]) >= abs(lo - rest[k]) else lo
+                q[k] = rest[k] + fraction * (far - rest[k])
+        return q
+
+    def mesh(self, q: Sequence[float] | dict[str, float] | None = None) -> trimesh.Trimesh:
+        """All parts at state ``q`` as one mesh without appearance."""
+        moved = []
+        for part, matrix in zip(self.parts, self.forward_kinematics(q), strict=True):
+            vertices = trimesh.transform_points(part.mesh.vertices, matrix)
+            moved.append(trimesh.Trimesh(vertices, part.mesh.faces, process=False))
+        return trimesh.util.concatenate(moved)
+
+    def save(self, folder: str | Path, **options) -> Path:
+        """Write the asset folder (URDF, meshes, GLB, previews, report); see ``export.asset.save_asset``."""
+        from uniart_jax.export.asset import save_asset
+
+        return save_asset(self, folder, **options)

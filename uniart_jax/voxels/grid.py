@@ -1,0 +1,99 @@
+"""The unified voxel representation: active voxels with geometry, appearance, parts and joints on each.
+
+Grid of R^3 voxels over [-1/2, 1/2]^3; voxel (i, j, k) spans [i, i+1]/R - 1/2 along x, and so on. Each active voxel is cut into
+r^3 sub-cells sampled at their centres; sub-cells are ordered x-major, z fastest: index = (a * r + b) * r + c.
+
+Two forms of the same thing:
+
+* ``PartGrid``: part-valued attributes are ids into a table of parts. What voxelisation makes and records hold.
+* ``VoxelGrid``: every attribute lies on the voxel itself, no ids. What networks see and predict, and what ``assemble`` reads.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+SDF_CLIP = 3.0  # sub-cells
+
+
+@dataclasses.dataclass(frozen=True)
+class VoxelGrid:
+    """Active voxels with attributes; the paper's unified representation.
+
+    Attributes:
+      resolution: R.
+      subdivisions: r.
+      coords: [V, 3] int32 voxel indices, lexicographic order, unique.
+      sdf: [V, r^3] float32 truncated signed distance in units of one sub-cell, within +-SDF_CLIP, negative inside.
+      color: [V, r^3, 3] float32 linear RGB in [0, 1] of the nearest surface point.
+      own_box: [V, r^3, 6] float32 centre and size of the part whose surface is nearest to the sub-cell.
+      joint_code: [V, 9] float32 code of the part that owns most of the voxel's surface.
+      parent_box: [V, 6] float32 own box of that part's parent (the root repeats its own).
+    """
+
+    resolution: int
+    subdivisions: int
+    coords: np.ndarray
+    sdf: np.ndarray
+    color: np.ndarray
+    own_box: np.ndarray
+    joint_code: np.ndarray
+    parent_box: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class PartGrid:
+    """A voxelised object whose part-valued attributes are ids into tables.
+
+    Attributes:
+      resolution, subdivisions, coords, sdf, color: as in ``VoxelGrid``.
+      owner: [V, r^3] uint8 part id of each sub-cell.
+      voxel_part: [V] uint8 part that owns most of the voxel's surface.
+      boxes: [K, 6] float32 own box of every part.
+      codes: [K, 9] float32 joint code of every part (root: 0).
+      parents: [K] int32 parent of every part; the root is its own parent here.
+    """
+
+    resolution: int
+    subdivisions: int
+    coords: np.ndarray
+    sdf: np.ndarray
+    color: np.ndarray
+    owner: np.ndarray
+    voxel_part: np.ndarray
+    boxes: np.ndarray
+    codes: np.ndarray
+    parents: np.ndarray
+
+    def gather(self) -> VoxelGrid:
+        """The id-free form."""
+        return VoxelGrid(
+            self.resolution,
+            self.subdivisions,
+            self.coords,
+            self.sdf,
+            self.color,
+            self.boxes[self.owner].astype(np.float32),
+            self.codes[self.voxel_part].astype(np.float32),
+            self.boxes[self.parents[self.voxel_part]].astype(np.float32),
+        )
+
+
+def subcell_offsets(subdivisions: int) -> np.ndarray:
+    """[r^3, 3] centres of a voxel's sub-cells in units of one voxel, in [0, 1]."""
+    axis = (np.arange(subdivisions) + 0.5) / subdivisions
+    return np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+
+
+def subcell_centers(coords: np.ndarray, resolution: int, subdivisions: int) -> np.ndarray:
+    """[V, r^3, 3] centres of all sub-cells in object units."""
+    return (coords[:, None, :] + subcell_offsets(subdivisions)) / resolution - 0.5
+
+
+def occupancy(coords: np.ndarray, resolution: int) -> np.ndarray:
+    """[R, R, R] bool, true at the active voxels."""
+    dense = np.zeros((resolution,) * 3, bool)
+    dense[tuple(np.asarray(coords).T)] = True
+    return dense
