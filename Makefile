@@ -1,0 +1,39 @@
+# make sample · make test · make test-full · make lint · make bench     (each sets up .venv by itself; needs Python 3.11 or newer)
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do $$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+BIN := .venv/bin
+OUT ?= out/sample
+IMAGE ?= examples/images/cabinet.png
+
+.PHONY: sample test test-full lint format bench clean
+
+.venv/ready: requirements.lock pyproject.toml
+	@test -n "$(PYTHON)" || { echo "make: needs Python 3.11 or newer with venv on the PATH (or: make PYTHON=/path/to/python)"; exit 2; }
+	@echo "· setting up .venv with $(PYTHON) (once; about a minute)"
+	@$(PYTHON) -m venv .venv
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps -e .
+	@touch .venv/ready
+
+sample: .venv/ready
+	@echo "· $(IMAGE) -> $(OUT) with the shipped model"
+	@$(BIN)/python sample.py $(IMAGE) --out $(OUT) --overwrite
+
+test: .venv/ready
+	@echo "· the fast suite (CPU, no network); make test-full runs everything"
+	@$(BIN)/python -m pytest
+
+test-full: .venv/ready
+	@echo "· the whole suite; what a missing program would cover is skipped with the command that installs it"
+	@$(BIN)/python -m pytest -m "" -rs
+
+lint: .venv/ready
+	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright
+
+format: .venv/ready
+	@$(BIN)/ruff check --fix . && $(BIN)/ruff format .
+
+bench: .venv/ready
+	@for script in benchmarks/*.py; do echo "· $$script"; $(BIN)/python $$script || exit 1; done
+
+clean:
+	rm -rf .venv out
