@@ -1,0 +1,156 @@
+"""From an image file to what a network sees, one road for training, sampling and evaluation.
+
+    file -> RGBA (orientation, palettes, CMYK, 16 bit) -> foreground -> square crop -> [size, size, 3] on black
+
+The crop is TRELLIS's (bounding box of the foreground, enlarged, resampled, multiplied by alpha); the enlargement is ``MARGIN``.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import scipy.ndimage
+from PIL import Image, ImageOps, UnidentifiedImageError
+
+MARGIN = 1.1
+MAX_PIXELS = 100_000_000
+MIN_SIDE = 8
+_PLAIN_SPREAD = 12  # 8-bit steps: how far the border may stray from its median to count as plain
+_PLAIN_SHARE = 0.9
+
+
+def read_image(path: str | Path) -> np.ndarray:
+    """Read any common image file.
+
+    Returns:
+      [H, W, 4] uint8 straight-alpha sRGB, upright; alpha is 255 everywhere if the file has none.
+
+    Raises:
+      FileNotFoundError: there is no such file.
+      ValueError: empty, not an image, truncated, more than 100 megapixels or a side below 8 pixels.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"image '{path}': no such file")
+    if not path.is_file():
+        raise ValueError(f"image '{path}': not a file; give the path of an image")
+    if path.stat().st_size == 0:
+        raise ValueError(f"image '{path}': the file is empty")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path) as image:
+                width, height = image.size
+                if width * height > MAX_PIXELS:
+                    raise ValueError(
+                        f"image '{path}': {width * height / 1e6:.0f} megapixels; scale it below {MAX_PIXELS // 10**6}"
+                    )
+                if min(width, height) < MIN_SIDE:
+                    raise ValueError(
+                        f"image '{path}': {width}x{height} pixels is too small; {MIN_SIDE} a side at least"
+                    )
+                image.load()
+                return _to_rgba(ImageOps.exif_transpose(image))
+    except UnidentifiedImageError:
+        raise ValueError(
+            f"image '{path}': not an image that can be read (PNG, JPEG, WebP, ...)"
+        ) from None
+    except Image.DecompressionBombError:
+        raise ValueError(
+            f"image '{path}': too many pixels; scale it below {MAX_PIXELS // 10**6} megapixels"
+        ) from None
+    except (OSError, SyntaxError, EOFError, MemoryError) as error:
+        raise ValueError(f"image '{path}': truncated or damaged ({error})") from None
+
+
+def _to_rgba(image: Image.Image) -> np.ndarray:
+    if image.mode in (
+        "I;16",
+        "I;16B",
+        "I;16L",
+        "I",
+        "F",
+    ):  # 16 bit and float gray: scale to 8 bit, do not clip
+        values = np.asarray(image, dtype=np.float64)
+        peak = values.max() if image.mode == "F" and values.max() <= 1 else 65535.0
+        gray = np.clip(values / max(peak, 1e-9) * 255, 0, 255).astype(np.uint8)
+        image = Image.fromarray(gray)
+    return np.asarray(image.convert("RGBA"))
+
+
+def has_alpha(rgba: np.ndarray) -> bool:
+    """Whether the image already says what is foreground."""
+    return bool((rgba[..., 3] < 250).mean() > 0.001)
+
+
+def remove_plain_background(rgba: np.ndarray) -> np.ndarray | None:
+    """Cut away a background of one colour, seen from the border inwards.
+
+    Returns:
+      [H, W, 4] uint8 with alpha 0 on the background, or None if the border is not plain or nothing would be left.
+    """
+    rgb = rgba[..., :3].astype(np.int16)
+    border = np.concatenate([rgb[0], rgb[-1], rgb[:, 0], rgb[:, -1]])
+    color = np.median(border, axis=0)
+    if (np.abs(border - color).max(-1) <= _PLAIN_SPREAD).mean() < _PLAIN_SHARE:
+        return None
+    similar = np.abs(rgb - color).max(-1) <= 1.5 * _PLAIN_SPREAD
+    regions, _ = scipy.ndimage.label(similar)
+    at_border = np.unique(np.concatenate([regions[0], regions[-1], regions[:, 0], regions[:, -1]]))
+    background = np.isin(regions, at_border[at_border > 0])
+    if not 0.01 < (~background).mean() < 0.995:
+        return None
+    out = rgba.copy()
+    out[..., 3] = np.where(background, 0, out[..., 3])
+    return out
+
+
+def foreground(rgba: np.ndarray, name: str = "image") -> np.ndarray:
+    """The image with an alpha channel that says what is the object.
+
+    Alpha is kept where the file has it; a plain background is removed; else the whole image counts and a warning says so.
+
+    Raises:
+      ValueError: the image is transparent throughout.
+    """
+    if has_alpha(rgba):
+        if (rgba[..., 3] > 127).mean() < 1e-4:
+            raise ValueError(f"{name}: it is transparent throughout; nothing to reconstruct")
+        return rgba
+    cut = remove_plain_background(rgba)
+    if cut is not None:
+        return cut
+    warnings.warn(
+        f"{name}: no alpha channel and no plain background, so the whole image is taken as the object; "
+        "cut the object out for a better result",
+        stacklevel=2,
+    )
+    return rgba
+
+
+def crop(rgba: np.ndarray, size: int) -> np.ndarray:
+    """Square crop around the foreground, ``MARGIN`` times its longer side, resampled.
+
+    Args:
+      rgba: [H, W, 4] uint8 straight alpha.
+      size: side of the result, pixels.
+
+    Returns:
+      [size, size, 3] uint8 sRGB on black (colour times alpha, as TRELLIS).
+    """
+    rows = np.flatnonzero((rgba[..., 3] > 127).any(1))
+    columns = np.flatnonzero((rgba[..., 3] > 127).any(0))
+    if len(rows) == 0:
+        rows, columns = np.array([0, rgba.shape[0] - 1]), np.array([0, rgba.shape[1] - 1])
+    top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
+    half = max(bottom - top, right - left) / 2 * MARGIN
+    cy, cx = (top + bottom) / 2, (left + right) / 2
+    solid = rgba[..., :3].astype(np.float32) * (rgba[..., 3:].astype(np.float32) / 255)
+    image = Image.fromarray(np.round(solid).astype(np.uint8))
+    pad = int(np.ceil(half)) + 1
+    canvas = ImageOps.expand(image, border=pad, fill=0)
+    box = (cx - half + pad, cy - half + pad, cx + half + pad, cy + half + pad)
+    resampled = canvas.resize((size, size), Image.Resampling.LANCZOS, box=box, reducing_gap=3.0)
+    return np.asarray(resampled)

@@ -1,0 +1,129 @@
+"""Losses of the five networks as functions of arrays.
+
+    L_vae  = L_geo + lambda_1 L_art + lambda_2 L_kl        (the paper, section 4.2 and supplement)
+    L_geo  = occupancy (cross-entropy on the sign) + truncated distance + colour, per sub-cell
+    L_art  = Huber on joint codes modulo their gauges, on own boxes and on parent boxes
+    L_kl   = mean over elements of KL(q || N(0, 1))
+
+Means are taken per object first and then over objects, so that large objects do not outweigh small ones.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+
+from uniart_jax.voxels.joint_code import gauge_variants
+
+
+def masked_mean(values: jax.Array, weights: jax.Array) -> jax.Array:
+    """Weighted mean per item, then mean over items.
+
+    Args:
+      values: [B, ...] and weights: [B, ...] of the same shape; an item whose weights are all 0 counts as 0.
+    """
+    axes = tuple(range(1, values.ndim))
+    safe = jnp.where(weights > 0, values, 0.0)  # garbage at weight 0 must not turn into NaN
+    return jnp.mean((safe * weights).sum(axes) / jnp.maximum(weights.sum(axes), 1e-6))
+
+
+def huber(error: jax.Array, delta: float) -> jax.Array:
+    """Huber loss of an error, slope 1 beyond ``delta``: e^2 / (2 delta) inside, |e| - delta/2 outside."""
+    size = jnp.abs(error)
+    return jnp.where(size < delta, 0.5 * size**2 / delta, size - 0.5 * delta)
+
+
+def joint_code_loss(predicted: jax.Array, target: jax.Array, delta: float) -> jax.Array:
+    """[...] mean Huber over the nine entries of a joint code [..., 9], least over the target's gauges."""
+    variants = gauge_variants(target, xp=jnp)  # [..., G, 9]
+    return huber(predicted[..., None, :] - variants, delta).mean(-1).min(-1)
+
+
+def box_loss(predicted: jax.Array, target: jax.Array, delta: float) -> jax.Array:
+    """[...] mean Huber over a box [..., 6] (centre, size), measured on its lower and upper corners."""
+    corners = lambda box: jnp.concatenate(  # noqa: E731
+        [box[..., :3] - box[..., 3:] / 2, box[..., :3] + box[..., 3:] / 2], -1
+    )
+    return huber(corners(predicted) - corners(target), delta).mean(-1)
+
+
+def kl_loss(mean: jax.Array, logvar: jax.Array, mask: jax.Array) -> jax.Array:
+    """Mean per element of KL(N(mean, exp(logvar)) || N(0, 1)); arrays [B, V, C], mask [B, V]."""
+    divergence = 0.5 * (mean**2 + jnp.exp(logvar) - 1.0 - logvar)
+    return masked_mean(divergence.mean(-1), mask)
+
+
+def geometry_losses(
+    predicted: dict[str, jax.Array], sdf: jax.Array, color: jax.Array, weights: jax.Array
+) -> dict[str, jax.Array]:
+    """L_geo's three terms.
+
+    Args:
+      predicted: "sdf" [B, V, r^3] in sub-cells and "color" [B, V, r^3, 3] linear.
+      sdf, color: the truth, same shapes. weights: [B, V].
+
+    The sign's logit is -2 sdf: a cross-entropy that the distance itself answers for, so that head and surface agree.
+    Colour counts only within two sub-cells of the surface, where it is seen.
+    """
+    inside = (sdf < 0).astype(jnp.float32)
+    logit = -2.0 * predicted["sdf"]
+    occupancy = jnp.maximum(logit, 0) - logit * inside + jnp.log1p(jnp.exp(-jnp.abs(logit)))
+    near = (jnp.abs(sdf) < 2.0).astype(jnp.float32)
+    color_error = jnp.abs(predicted["color"] - color).mean(-1)
+    return {
+        "occupancy": masked_mean(occupancy.mean(-1), weights),
+        "sdf": masked_mean(huber(predicted["sdf"] - sdf, 0.5).mean(-1), weights),
+        "color": masked_mean((color_error * near).sum(-1) / jnp.maximum(near.sum(-1), 1.0), weights),
+    }
+
+
+def articulation_losses(
+    predicted: dict[str, jax.Array],
+    own_box: jax.Array,
+    joint_code: jax.Array,
+    parent_box: jax.Array,
+    weights: jax.Array,
+    delta: float,
+) -> dict[str, jax.Array]:
+    """L_art's three terms.
+
+    Args:
+      predicted: "own_box" [B, V, r^3, 6], "joint_code" [B, V, 9], "parent_box" [B, V, 6].
+      own_box, joint_code, parent_box: the truth, same shapes. weights: [B, V].
+    """
+    return {
+        "own_box": masked_mean(box_loss(predicted["own_box"], own_box, delta).mean(-1), weights),
+        "joint_code": masked_mean(joint_code_loss(predicted["joint_code"], joint_code, delta), weights),
+        "parent_box": masked_mean(box_loss(predicted["parent_box"], parent_box, delta), weights),
+    }
+
+
+def binary_cross_entropy(logits: jax.Array, target: jax.Array) -> jax.Array:
+    """Elementwise cross-entropy of logits against 0/1 targets."""
+    return jnp.maximum(logits, 0) - logits * target + jnp.log1p(jnp.exp(-jnp.abs(logits)))
+
+
+def dice_loss(logits: jax.Array, target: jax.Array) -> jax.Array:
+    """1 - soft Dice overlap per item, averaged; [B, ...]. Upstream: TRELLIS trainers/vae/sparse_structure_vae.py."""
+    probability = jax.nn.sigmoid(logits)
+    axes = tuple(range(1, logits.ndim))
+    overlap = 2 * (probability * target).sum(axes) + 1
+    return jnp.mean(1 - overlap / (probability.sum(axes) + target.sum(axes) + 1))
+
+
+def balanced_voxels(key: jax.Array, voxel_part: jax.Array, counts: jax.Array, number: int, max_parts: int) -> jax.Array:
+    """[B, number] voxel indices drawn so that every part of an object is drawn equally often (with replacement).
+
+    Args:
+      voxel_part: [B, V] part ids. counts: [B] valid voxels. max_parts: K.
+    """
+    valid = jnp.arange(voxel_part.shape[1])[None] < counts[:, None]
+
+    def draw(key, parts, valid):
+        sizes = jnp.zeros(max_parts).at[parts].add(valid.astype(jnp.float32))
+        weight = jnp.where(valid, 1.0 / jnp.maximum(sizes[parts], 1.0), 0.0)
+        cumulative = jnp.cumsum(weight)
+        points = jax.random.uniform(key, (number,)) * cumulative[-1]
+        return jnp.clip(jnp.searchsorted(cumulative, points), 0, jnp.maximum(valid.sum() - 1, 0))
+
+    return jax.vmap(draw)(jax.random.split(key, voxel_part.shape[0]), voxel_part, valid)
