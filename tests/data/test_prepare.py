@@ -1,0 +1,204 @@
+"""Prepared folders: kill and rerun, failures, settings, and the real thing at a small size."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hand_records import make_record
+
+from uniart_jax import procedural
+from uniart_jax.config import GridConfig
+from uniart_jax.data import card, folder, prepare, records
+
+GRID = GridConfig(8, 2, 8)
+
+
+@pytest.fixture
+def fake(monkeypatch):
+    """Objects by hand in place of generator, voxeliser and renderer; every seventh fails."""
+    made = []
+
+    def make_object(settings, index):
+        made.append(index)
+        family = settings.families[index % len(settings.families)]
+        row = {"family": family, "seed": settings.start_seed + index, "split": "train"}
+        out = []
+        for state in range(settings.states):
+            if index % 7 == 6:
+                out.append((b"", {**row, "id": f"{index}", "refused": 8, "error": "too close"}))
+                continue
+            data = records.to_bytes(make_record(100 * index + state))
+            facts = {"joints": "revolute:2", "parts": 3, "voxels": 40, "refused": 0, "error": ""}
+            out.append((data, {**row, **facts, "id": f"{index}-{state}", "state": state}))
+        return out
+
+    monkeypatch.setattr(prepare, "make_object", make_object)
+    monkeypatch.setattr(card, "write_contact_sheet", lambda folder, rows: None)
+    monkeypatch.setattr(procedural, "SEEN_FAMILIES", ("door", "drawer"), raising=False)
+    monkeypatch.setattr(procedural, "UNSEEN_FAMILIES", (), raising=False)
+    return made
+
+
+def run(out, count=20, **changes):
+    options = {"grid": GRID, "processes": 1, "shard_size": 6, "progress": False, **changes}
+    return prepare.prepare_procedural(out, count, **options)
+
+
+def digest(path: Path) -> dict[str, str]:
+    return {
+        str(p.relative_to(path)): hashlib.sha256(p.read_bytes()).hexdigest()
+        for p in sorted(path.rglob("*"))
+        if p.is_file()
+    }
+
+
+def test_rerun_after_a_kill_equals_an_unbroken_run(tmp_path, fake):
+    whole = digest(run(tmp_path / "a"))
+    out = run(tmp_path / "b")
+    (out / "records-00001.arrayrecord").unlink()  # killed before the rename of the shard
+    (out / ".records-00001.arrayrecord.pending").write_bytes(b"half")
+    (out / "records-00003.arrayrecord").unlink()
+    (out / "rows" / "00003.csv").unlink()
+    (out / "manifest.csv").unlink()
+    fake.clear()
+    run(out)
+    assert fake == [*range(6, 12), 18, 19]  # finished shards are kept
+    assert digest(out) == whole
+
+
+def test_growing_equals_one_larger_run(tmp_path, fake):
+    run(tmp_path / "a", count=8)
+    fake.clear()
+    run(tmp_path / "a")
+    assert fake == list(range(6, 20))  # the short last shard is made again
+    assert digest(tmp_path / "a") == digest(run(tmp_path / "b"))
+
+
+def test_manifest_follows_records_and_keeps_failures(tmp_path, fake):
+    out = run(tmp_path, states=2)
+    rows = folder.read_manifest(out)
+    assert [row["id"] for row in rows if row["error"]] == ["6", "6", "13", "13"]
+    source = records.RecordSource(out)
+    good = [row for row in rows if not row["error"]]
+    assert len(source) == len(good) == 36
+    for index in (0, 12, 35):
+        k, state = map(int, good[index]["id"].split("-"))
+        assert source[index].meta["id"] == f"hand-{100 * k + state}"
+    text = (out / "data-card.md").read_text()
+    assert "36 records, 4 failed" in text and "| door | 18 |" in text and "too close 4" in text
+    assert folder.read_metadata(out)["families"] == ["door", "drawer"]
+
+
+def test_a_shard_where_everything_fails(tmp_path, fake):
+    run(tmp_path, count=8, shard_size=1)
+    assert len(records.RecordSource(tmp_path)) == 7
+
+
+def test_other_settings_are_refused(tmp_path, fake):
+    run(tmp_path / "a", count=8)
+    with pytest.raises(ValueError, match=r"another setting: views 2 \(asked: 3\)") as caught:
+        run(tmp_path / "a", views=3)
+    assert "\n" not in str(caught.value)
+    with pytest.raises(ValueError, match="more than the 6 objects"):
+        run(tmp_path / "a", count=6)
+    (tmp_path / "b").mkdir()
+    (tmp_path / "b" / "thesis.doc").write_text("")
+    with pytest.raises(ValueError, match="holds no records of ours"):
+        run(tmp_path / "b")
+    with pytest.raises(ValueError, match="unknown families chair; known: door, drawer"):
+        run(tmp_path / "c", families=("chair",))
+    assert not (tmp_path / "c").exists()
+
+
+real = pytest.mark.skipif(not hasattr(procedural, "generate"), reason="no generators yet")
+
+
+@real
+def test_real_objects(tmp_path):
+    count = len(procedural.SEEN_FAMILIES)
+    out = run(tmp_path, count=count, grid=GridConfig(16, 2, 64), image_size=32, states=2)
+    rows = folder.read_manifest(out)
+    assert {row["family"] for row in rows} == set(procedural.SEEN_FAMILIES)
+    assert not [row["error"] for row in rows if row["error"]]
+    source = records.RecordSource(out)
+    assert len(source) == 2 * count
+    record = source[0]
+    assert record.meta["joint_types"][0] == "fixed" and record.resolution == 16
+    assert record.images.shape == (2, 32, 32, 4)
+    assert 0.02 < (record.images[..., 3] > 0).mean() < 0.98
+    assert set(np.unique(record.voxel_part)) == set(range(len(record.boxes)))
+    assert (out / "contact-sheet.png").stat().st_size > 1000
+
+
+@real
+def test_failures_do_not_stop_a_run(tmp_path, monkeypatch):
+    from uniart_jax.procedural import states
+
+    drawn = states.sample_state
+    calls = []
+
+    def sample_state(obj, rng):
+        calls.append(obj)
+        if len(calls) < 3:
+            raise ValueError("parts 'a' and 'b' have the same box")
+        if len(calls) == 4:
+            raise KeyError("broken")
+        return drawn(obj, rng)
+
+    monkeypatch.setattr(states, "sample_state", sample_state)
+    run(tmp_path, count=3, grid=GridConfig(16, 2, 64), image_size=16, views=1)
+    rows = folder.read_manifest(tmp_path)
+    assert [row["refused"] for row in rows] == ["2", "0", "0"]
+    assert [row["error"] for row in rows] == ["", "KeyError: 'broken'", ""]
+
+
+SCRIPT = """
+import sys
+from uniart_jax.config import GridConfig
+from uniart_jax.data.prepare import prepare_procedural
+if __name__ == "__main__":
+    prepare_procedural(sys.argv[1], 24, grid=GridConfig(16, 2, 64), image_size=32, views=1,
+                       processes=int(sys.argv[2]), shard_size=4, progress=False)
+"""
+
+
+def alive(group: int) -> bool:
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@real
+@pytest.mark.slow
+def test_kill_minus_nine(tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    out = tmp_path / "killed"
+    command = [sys.executable, str(script), str(out), "2"]
+    process = subprocess.Popen(command, start_new_session=True)
+    group = process.pid
+    deadline = time.monotonic() + 120
+    while not list(out.glob("records-*")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.kill()  # only the parent: its workers must notice
+    process.wait()
+    assert not (out / "manifest.csv").exists()
+    while alive(group) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not alive(group), "workers outlive their parent"
+    subprocess.run(command, check=True)
+    whole = tmp_path / "whole"
+    subprocess.run([sys.executable, str(script), str(whole), "1"], check=True)
+    assert digest(out) == digest(whole)
+    with (out / "manifest.csv").open(newline="") as file:
+        assert len(list(csv.DictReader(file))) == 24
