@@ -1,0 +1,215 @@
+"""Closed solids for parametric objects, and the assembly of parts.
+
+Every primitive is a ``manifold3d.Manifold`` in metres (z up, front at -x). A ``Shape`` groups solids by material: solids of one
+material are united exactly, materials stand side by side as separate closed shells that touch. So each part's mesh is
+closed, edge-manifold and outward-oriented, and every face knows its colour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import trimesh
+from manifold3d import CrossSection, Manifold, OpType
+from PIL import Image
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.procedural.materials import TEXTURE_SIZE, Material
+
+_AXIS_FRAMES = {  # columns: where local x, y, z of a body of revolution or an extrusion along z go
+    "x": np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),
+    "y": np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]),
+    "z": np.eye(3),
+}
+
+
+def box(lo: Sequence[float], hi: Sequence[float]) -> Manifold:
+    """The axis-aligned box between two corners.
+
+    Raises:
+      ValueError: ``hi`` is not above ``lo`` in every axis.
+    """
+    lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
+    if not np.all(hi - lo > 1e-9):
+        raise ValueError(f"box: expected lo < hi in every axis, got {lo.tolist()} and {hi.tolist()}")
+    return Manifold.cube(tuple(hi - lo)).translate(tuple(lo))
+
+
+def along(solid: Manifold, axis: str, at: Sequence[float]) -> Manifold:
+    """A solid made along z, turned so that z becomes ``axis``, and moved to ``at``."""
+    return solid.transform(np.column_stack([_AXIS_FRAMES[axis], np.asarray(at, dtype=np.float64)]))
+
+
+def cylinder(
+    axis: str, at: Sequence[float], length: float, radius: float, top: float | None = None, segments: int = 20
+) -> Manifold:
+    """A cylinder (or cone: other radius ``top`` at the far end) from ``at`` along +``axis``."""
+    return along(Manifold.cylinder(length, radius, radius if top is None else top, segments), axis, at)
+
+
+def tube(
+    axis: str, at: Sequence[float], length: float, radius: float, inner: float, segments: int = 24
+) -> Manifold:
+    """A hollow cylinder from ``at`` along +``axis``, open at both ends."""
+    outside = Manifold.cylinder(length, radius, radius, segments)
+    inside = Manifold.cylinder(length * 1.2, inner, inner, segments).translate((0, 0, -length * 0.1))
+    return along(outside - inside, axis, at)
+
+
+def ball(at: Sequence[float], radius: float, segments: int = 12) -> Manifold:
+    """A sphere."""
+    return Manifold.sphere(radius, segments).translate(tuple(np.asarray(at, dtype=np.float64)))
+
+
+def extrusion(polygon: np.ndarray, axis: str, at: Sequence[float], length: float) -> Manifold:
+    """A polygon [n, 2] pushed along +``axis``. Its plane is (y, z) for 'x', (z, x) for 'y', (x, y) for 'z'."""
+    section = CrossSection([np.asarray(polygon, dtype=np.float64)])
+    if section.area() <= 0:
+        section = CrossSection([np.asarray(polygon, dtype=np.float64)[::-1]])
+    return along(Manifold.extrude(section, length), axis, at)
+
+
+def revolution(profile: np.ndarray, axis: str, at: Sequence[float], segments: int = 24) -> Manifold:
+    """A profile [n, 2] of (radius, height along ``axis``), closed, turned about ``axis`` through ``at``."""
+    section = CrossSection([np.asarray(profile, dtype=np.float64)])
+    if section.area() <= 0:
+        section = CrossSection([np.asarray(profile, dtype=np.float64)[::-1]])
+    return along(Manifold.revolve(section, segments), axis, at)
+
+
+def hull(points: np.ndarray) -> Manifold:
+    """The convex hull of points [n, 3]."""
+    return Manifold.hull_points(np.asarray(points, dtype=np.float64))
+
+
+def union(solids: Iterable[Manifold]) -> Manifold:
+    """The exact union of solids."""
+    solids = list(solids)
+    return solids[0] if len(solids) == 1 else Manifold.batch_boolean(solids, OpType.Add)
+
+
+def cut(solid: Manifold, holes: Iterable[Manifold]) -> Manifold:
+    """``solid`` without ``holes``."""
+    holes = list(holes)
+    return Manifold.batch_boolean([solid, *holes], OpType.Subtract) if holes else solid
+
+
+def tray(lo: Sequence[float], hi: Sequence[float], wall: float, *, open_front: bool = False) -> Manifold:
+    """A box of walls ``wall`` thick, open at the top (and towards -x with ``open_front``): drawer boxes, racks, bins."""
+    lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
+    inner_lo = lo + wall
+    if open_front:
+        inner_lo[0] = lo[0] - wall
+    return box(lo, hi) - box(inner_lo, [hi[0] - wall, hi[1] - wall, hi[2] + wall])
+
+
+class Shape:
+    """Closed solids of several materials: one part's geometry while it is being built."""
+
+    def __init__(self) -> None:
+        self._solids: dict[Material, list[Manifold]] = {}
+
+    def add(self, solid: Manifold, material: Material) -> Shape:
+        """Add a solid. Solids of other materials may touch it but should not overlap it by more than a hair."""
+        self._solids.setdefault(material, []).append(solid)
+        return self
+
+    def join(self, other: Shape) -> Shape:
+        """Add all solids of another shape."""
+        for material, solids in other._solids.items():
+            self._solids.setdefault(material, []).extend(solids)
+        return self
+
+    def mesh(self) -> trimesh.Trimesh:
+        """One closed mesh with face colours, or with one atlas image and UVs if any material has an image."""
+        materials, vertices, faces = [], [], []
+        for material, solids in self._solids.items():
+            mesh = union(solids).to_mesh64()
+            if len(mesh.tri_verts) == 0:
+                continue
+            materials.append(material)
+            vertices.append(np.asarray(mesh.vert_properties)[:, :3])
+            faces.append(np.asarray(mesh.tri_verts).astype(np.int64))
+        starts = np.cumsum([0] + [len(v) for v in vertices[:-1]])
+        out = trimesh.Trimesh(
+            np.concatenate(vertices),
+            np.concatenate([f + s for f, s in zip(faces, starts, strict=True)]),
+            process=False,
+        )
+        if any(m.image is not None for m in materials):
+            out.visual = _atlas(materials, vertices)
+        else:
+            colors = np.array([[*m.color, 1.0] for m in materials])
+            counts = [len(f) for f in faces]
+            colors = np.repeat((colors * 255 + 0.5).astype(np.uint8), counts, axis=0)
+            out.visual = trimesh.visual.ColorVisuals(mesh=out, face_colors=colors)
+        return out
+
+
+def _atlas(materials: list[Material], vertices: list[np.ndarray]) -> trimesh.visual.TextureVisuals:
+    """One image with a band a material, and the UVs of every vertex (v up; one texel of margin against bleeding)."""
+    bands, spans, row = [], [], 0
+    for material in materials:
+        if material.image is not None:
+            band = material.image
+        else:
+            color = (np.array(material.color) * 255 + 0.5).astype(np.uint8)
+            band = np.broadcast_to(color, (4, TEXTURE_SIZE, 3))
+        bands.append(band)
+        spans.append((row, len(band)))
+        row += len(band)
+    uvs = []
+    for material, points, (start, height) in zip(materials, vertices, spans, strict=True):
+        local = np.full((len(points), 2), 0.5) if material.image is None else material.project(points)
+        u = (1 + local[:, 0] * (TEXTURE_SIZE - 2)) / TEXTURE_SIZE
+        v = 1 - (start + 1 + local[:, 1] * (height - 2)) / row
+        uvs.append(np.column_stack([u, v]))
+    image = Image.fromarray(np.ascontiguousarray(np.concatenate(bands)))
+    surface = trimesh.visual.material.PBRMaterial(
+        baseColorTexture=image, metallicFactor=0.0, roughnessFactor=0.8
+    )
+    return trimesh.visual.TextureVisuals(uv=np.concatenate(uvs), material=surface)
+
+
+class Assembly:
+    """Parts of one object while it is being built (metres, all joints at 0 in the closed state)."""
+
+    def __init__(self) -> None:
+        self.parts: list[Part] = []
+
+    def add(
+        self, name: str, shape: Shape, parent: int = -1, joint: Joint | None = None, label: str = ""
+    ) -> int:
+        """Add a part and return its index; a name already taken gets a number."""
+        taken = {p.name for p in self.parts}
+        count, unique = 1, name
+        while unique in taken:
+            count += 1
+            unique = f"{name}_{count}"
+        joint = Joint.fixed() if joint is None else joint
+        self.parts.append(Part(unique, shape.mesh(), parent, joint, label or name))
+        return len(self.parts) - 1
+
+    def object(self) -> ArticulatedObject:
+        """The finished object."""
+        return ArticulatedObject(tuple(self.parts))
+
+
+def hinge(at: Sequence[float], axis: Sequence[float], angle: float) -> Joint:
+    """A revolute joint through ``at`` about ``axis``, from closed (0) to ``angle`` radians (negative: the other way)."""
+    limits = (0.0, float(angle)) if angle >= 0 else (float(angle), 0.0)
+    return Joint(np.asarray(at, dtype=np.float64), np.asarray(axis, dtype=np.float64), angle=limits)
+
+
+def slide(axis: Sequence[float], length: float) -> Joint:
+    """A prismatic joint along ``axis``, from 0 to ``length`` metres."""
+    return Joint(np.zeros(3), np.asarray(axis, dtype=np.float64), travel=(0.0, float(length)))
+
+
+def turn(at: Sequence[float], axis: Sequence[float]) -> Joint:
+    """A continuous joint through ``at`` about ``axis``."""
+    return Joint(
+        np.asarray(at, dtype=np.float64), np.asarray(axis, dtype=np.float64), angle=(-np.pi, np.pi)
+    )
