@@ -1,0 +1,207 @@
+"""One texture for a whole object: simplified parts, xatlas charts over all of them, colours baked from any visual.
+
+Network output arrives as marching cubes with some 10^5 faces and a colour per vertex. Each closed part is simplified by
+manifold3d, which cannot open a surface; xatlas (github.com/jpcy/xatlas) lays the charts of all parts into one square; every texel is
+carried to the nearest point of the *source* surface and takes its colour, so that detail survives the simplification.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import igl
+import manifold3d
+import numpy as np
+import trimesh
+import xatlas
+from PIL import Image
+from scipy import ndimage
+
+from uniart_jax.objects.appearance import linear_to_srgb, sample_color
+from uniart_jax.objects.object import ArticulatedObject
+
+TEXTURE_SIZE = 1024  # texels a side, about: xatlas picks the exact size
+FACE_BUDGET = 10_000  # faces of all parts together
+# Fractions of the object's longest side, tried in turn until the budget is met: from 1/8 of a sub-cell at 128^3 to 2 sub-cells.
+TOLERANCES = tuple(2.0 ** (k / 2) / 1024 for k in range(9))
+PADDING = 3  # texels between charts
+
+
+@dataclasses.dataclass(frozen=True)
+class Surface:
+    """A part's exported surface: geometry and texture coordinates with indices of their own, as OBJ has them.
+
+    Attributes:
+      vertices: [v, 3] float64, no two in the same place; object frame at the shown state, object units.
+      faces: [f, 3] into ``vertices``; closed where the source is.
+      uv: [t, 2] in [0, 1], v up.
+      uv_faces: [f, 3] into ``uv``.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    uv: np.ndarray
+    uv_faces: np.ndarray
+
+    @property
+    def mesh(self) -> trimesh.Trimesh:
+        """The geometry alone."""
+        return trimesh.Trimesh(self.vertices, self.faces, process=False)
+
+    def textured(self, texture: Image.Image) -> trimesh.Trimesh:
+        """The surface as a renderer wants it: a vertex for each pair of position and texture coordinate."""
+        pairs = np.stack([self.faces.ravel(), self.uv_faces.ravel()], 1)
+        unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
+        mesh = trimesh.Trimesh(self.vertices[unique[:, 0]], inverse.reshape(-1, 3), process=False)
+        material = trimesh.visual.material.PBRMaterial(
+            name="material", baseColorTexture=texture, metallicFactor=0.0, roughnessFactor=0.8
+        )
+        mesh.visual = trimesh.visual.TextureVisuals(uv=self.uv[unique[:, 1]], material=material)
+        return mesh
+
+
+@dataclasses.dataclass(frozen=True)
+class Atlas:
+    """[K] surfaces, in the order of the object's parts, over one sRGB texture."""
+
+    surfaces: tuple[Surface, ...]
+    texture: Image.Image
+
+
+def make_atlas(obj: ArticulatedObject, size: int = TEXTURE_SIZE) -> Atlas:
+    """Simplify, unwrap and bake every part of ``obj`` into one atlas of about ``size`` texels a side."""
+    sources = [part.mesh for part in obj.parts]
+    side = float((obj.bounds[1] - obj.bounds[0]).max())
+    geometry = simplify(sources, side)
+    charts = xatlas.Atlas()
+    for vertices, faces in geometry:
+        charts.add_mesh(vertices.astype(np.float32) / side, faces.astype(np.uint32))
+    pack = xatlas.PackOptions()
+    pack.resolution, pack.padding = size, PADDING
+    charts.generate(xatlas.ChartOptions(), pack)
+    surfaces = []
+    for k, (vertices, faces) in enumerate(geometry):
+        _, uv_faces, uv = charts.get_mesh(k)
+        surfaces.append(
+            Surface(vertices, faces, np.asarray(uv, np.float64), uv_faces.astype(np.int64))
+        )
+    texture = bake(surfaces, sources, charts.width, charts.height)
+    return Atlas(tuple(surfaces), texture)
+
+
+def simplify(
+    meshes: list[trimesh.Trimesh], side: float, budget: int = FACE_BUDGET
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(vertices, faces) of every mesh, vertices merged, with about ``budget`` faces together.
+
+    Only closed manifolds are simplified, and only if that leaves them closed; no step moves a surface by more than the last of
+    ``TOLERANCES`` times ``side``, or an eighth of the part's thinnest extent. Within the budget nothing is touched.
+    """
+    merged = [_merged(np.asarray(m.vertices, np.float64), np.asarray(m.faces)) for m in meshes]
+    out = list(merged)
+    solids: dict[int, manifold3d.Manifold] = {}
+    if sum(len(f) for _, f in merged) > budget:
+        for k, (vertices, faces) in enumerate(merged):
+            solid = manifold3d.Manifold(
+                manifold3d.Mesh(vertices.astype(np.float32), faces.astype(np.uint32))
+            )
+            if solid.status() == manifold3d.Error.NoError and not solid.is_empty():
+                solids[k] = solid
+    for tolerance in TOLERANCES:
+        if not solids or sum(len(f) for _, f in out) <= budget:
+            break
+        for k, solid in solids.items():
+            thin = float(np.ptp(merged[k][0], axis=0).min())
+            solids[k] = solid.simplify(min(tolerance * side, thin / 8))
+            simple = solids[k].to_mesh()
+            candidate = _merged(
+                simple.vert_properties[:, :3].astype(np.float64), simple.tri_verts.astype(np.int64)
+            )
+            if len(candidate[1]) >= 4 and _closed(candidate[1]):
+                out[k] = candidate
+    return out
+
+
+def bake(
+    surfaces: list[Surface], sources: list[trimesh.Trimesh], width: int, height: int
+) -> Image.Image:
+    """sRGB image of the sources' colours under the surfaces' charts; texels outside all charts repeat the nearest inside."""
+    color = np.zeros((height, width, 3), np.float32)
+    filled = np.zeros((height, width), bool)
+    for surface, source in zip(surfaces, sources, strict=True):
+        rows, columns, faces, weights = rasterize(surface, width, height)
+        points = np.einsum("nk,nkc->nc", weights, surface.vertices[surface.faces[faces]])
+        color[rows, columns] = source_color(source, points)
+        filled[rows, columns] = True
+    nearest = ndimage.distance_transform_edt(~filled, return_distances=False, return_indices=True)
+    color = color[tuple(nearest)]
+    return Image.fromarray((linear_to_srgb(color) * 255 + 0.5).astype(np.uint8))
+
+
+def rasterize(
+    surface: Surface, width: int, height: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """(rows [n], columns [n], faces [n], barycentric weights [n, 3]) of the texels whose centre lies in a chart."""
+    corners = (surface.uv * [1, -1] + [0, 1])[surface.uv_faces] * [width, height] - 0.5
+    corners = corners.astype(np.float32)  # [f, 3, (x, y)]
+    # Scan lines: every row that crosses a triangle, then every texel between the crossings.
+    top = np.maximum(np.ceil(corners[..., 1].min(1)), 0).astype(int)
+    bottom = np.minimum(np.floor(corners[..., 1].max(1)), height - 1).astype(int)
+    face, row = _ranges(top, bottom)
+    left, right = np.full(len(row), np.inf), np.full(len(row), -np.inf)
+    for a, b in ((0, 1), (1, 2), (2, 0)):
+        (ax, ay), (bx, by) = corners[face, a].T, corners[face, b].T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = (row - ay) / (by - ay)
+        crossed = (t >= 0) & (t <= 1)
+        x = ax + t * (bx - ax)
+        left = np.where(crossed, np.minimum(left, x), left)
+        right = np.where(crossed, np.maximum(right, x), right)
+    empty = left > right
+    left[empty], right[empty] = 1, 0
+    line, column = _ranges(
+        np.maximum(np.ceil(left), 0).astype(int), np.minimum(np.floor(right), width - 1).astype(int)
+    )
+    face, row = face[line], row[line]
+    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    inverse = np.where(area != 0, 1 / np.where(area != 0, area, 1), 0)
+    x, y = column - a[face, 0], row - a[face, 1]
+    w1 = (x * v[face, 1] - y * v[face, 0]) * inverse[face]
+    w2 = (y * u[face, 0] - x * u[face, 1]) * inverse[face]
+    weights = np.clip(np.stack([1 - w1 - w2, w1, w2], 1), 0, 1)
+    return row, column, face, weights / weights.sum(1, keepdims=True)
+
+
+def _ranges(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(index i, value) of all integers of the closed ranges [first[i], last[i]], one range after the other."""
+    counts = np.maximum(last - first + 1, 0)
+    index = np.repeat(np.arange(len(first)), counts)
+    return index, first[index] + np.arange(len(index)) - (np.cumsum(counts) - counts)[index]
+
+
+def source_color(source: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
+    """[n, 3] linear RGB of the source surface nearest to each of ``points`` [n, 3]."""
+    vertices = np.asarray(source.vertices, np.float64)
+    faces = np.asarray(source.faces, np.int64)
+    _, hit, nearest = igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, faces)
+    hit = np.asarray(hit).ravel()
+    weights = trimesh.triangles.points_to_barycentric(vertices[faces[hit]], nearest)
+    return sample_color(source, hit, np.nan_to_num(np.clip(weights, 0, 1), nan=1 / 3))
+
+
+def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices in the same place made one, unused ones and collapsed faces dropped."""
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    kept = mesh.nondegenerate_faces() if not mesh.is_watertight else None
+    if kept is not None and kept.any() and not kept.all():
+        mesh.update_faces(kept)
+        mesh.remove_unreferenced_vertices()
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)
+
+
+def _closed(faces: np.ndarray) -> bool:
+    """Whether every edge has exactly two faces."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())

@@ -1,0 +1,230 @@
+"""Pictures of an asset: the input image beside the object at rest, open, and as coloured parts with their joint axes; and its motion.
+
+All tiles share one view. If the input image has transparency, the view is the one whose silhouette and colours at the shown state match
+it best, since generated objects stand in a canonical frame and the image's camera is not part of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from uniart_jax.objects.kinematics import Joint, rotation
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.render import PART_COLORS, Camera, fit, render
+
+TILE = 320  # pixels a side
+BACKGROUND = (244, 244, 246)
+INK = (70, 72, 80)
+DEFAULT_VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
+MATCH_SIZE = 32  # pixels a side of the pictures that are compared
+MOTION_SIZE = 256
+MOTION_FRAMES = 12  # from rest to open; played forth and back
+MOTION_SECONDS = 2.4
+
+
+def choose_view(obj: ArticulatedObject, image: Image.Image | None) -> Camera:
+    """The direction to look from: the input image's if it has transparency, else from the front left and above.
+
+    Coarse search over the view directions that training images have; both pictures are cropped to their silhouettes, so that
+    distance and framing do not matter.
+    """
+    target = None if image is None else _cropped(np.asarray(image.convert("RGBA")) / 255.0)
+    if target is None or target[..., 3].min() > 0.9:
+        return DEFAULT_VIEW
+    best = (np.inf, DEFAULT_VIEW)
+    for elevation in (8, 20, 32):
+        for azimuth in range(-50, 51, 10):
+            camera = Camera(np.deg2rad(azimuth), np.deg2rad(elevation), DEFAULT_VIEW.fov_degrees)
+            seen = _cropped(render(obj, fit(obj, camera), MATCH_SIZE + 16, samples=1))
+            if seen is None:
+                continue
+            error = float(np.abs(_premultiplied(seen) - _premultiplied(target)).mean())
+            best = min(best, (error, camera), key=lambda found: found[0])
+    return best[1]
+
+
+def write_preview(
+    obj: ArticulatedObject, path: Path, image: Image.Image | None, view: Camera
+) -> Path:
+    """A strip of square tiles: input (if any), rest, open, and the open parts in colours with their joint axes."""
+    staged = _staged(obj)
+    camera = fit(_swept(staged, 3), view, margin=1.06)
+    rest, opened = staged.rest(), staged.open()
+    tiles = []
+    if image is not None:
+        tiles.append(("input", _input_tile(image)))
+    tiles.append(("rest", _tile(render(staged, camera, TILE, q=rest))))
+    tiles.append(("open", _tile(render(staged, camera, TILE, q=opened))))
+    parts = _tile(render(staged, camera, TILE, q=opened, part_colors=True))
+    _draw_axes(parts, staged.shown_at(opened), camera)
+    tiles.append(("parts and axes", parts))
+    gap, caption = 8, 26
+    width = len(tiles) * (TILE + gap) + gap
+    sheet = Image.new("RGB", (width, TILE + caption + 2 * gap), BACKGROUND)
+    draw = ImageDraw.Draw(sheet)
+    font = ImageFont.load_default(size=15)
+    for i, (title, tile) in enumerate(tiles):
+        left = gap + i * (TILE + gap)
+        sheet.paste(tile, (left, gap + caption - 4))
+        draw.text((left + TILE / 2, gap + 8), title, fill=INK, font=font, anchor="mm")
+    sheet.save(path, compress_level=6)
+    return path
+
+
+def write_motion(obj: ArticulatedObject, path: Path, view: Camera) -> Path | None:
+    """An endless GIF from rest to open and back, joints one after the other; None (and no file) if nothing moves."""
+    staged = _staged(obj)
+    moving = [k for k, joint in enumerate(staged.joints) if k and joint.type != "fixed"]
+    if not moving:
+        return None
+    camera = fit(_swept(staged, 3), view, margin=1.06)
+    rest, opened = staged.rest(), staged.open()
+    frames = []
+    for time in np.linspace(0, 1, MOTION_FRAMES):
+        q = rest.copy()
+        for order, k in enumerate(moving):
+            q[k] += (opened[k] - rest[k]) * _eased(time, order, len(moving))
+        frames.append(_tile(render(staged, camera, MOTION_SIZE, q=q)))
+    middle = Image.new("RGB", (MOTION_SIZE, 2 * MOTION_SIZE))
+    middle.paste(frames[0], (0, 0))
+    middle.paste(frames[-1], (0, MOTION_SIZE))
+    palette = middle.quantize(colors=128, method=Image.Quantize.MEDIANCUT)
+    indexed = [f.quantize(palette=palette, dither=Image.Dither.NONE) for f in frames]
+    loop = indexed + indexed[-2:0:-1]
+    duration = [round(1000 * MOTION_SECONDS / len(loop) / 10) * 10] * len(loop)
+    duration[0] = duration[len(indexed) - 1] = 500  # stand still at both ends
+    loop[0].save(path, save_all=True, append_images=loop[1:], duration=duration, loop=0)
+    return path
+
+
+def _eased(time: float, order: int, count: int) -> float:
+    """How far joint ``order`` of ``count`` has opened at ``time`` in [0, 1]: each takes at least half of the time, staggered evenly."""
+    share = 1.0 if count == 1 else 0.55
+    start = 0.0 if count == 1 else (1 - share) * order / (count - 1)
+    t = float(np.clip((time - start) / share, 0, 1))
+    return t * t * (3 - 2 * t)
+
+
+def _staged(obj: ArticulatedObject) -> ArticulatedObject:
+    """The object moved and scaled so that all that it reaches between rest and open is centred in the unit box."""
+    lo, hi = _swept(obj, 3)
+    side = float((hi - lo).max())
+    matrix = np.eye(4)
+    matrix[:3, :3] /= side
+    matrix[:3, 3] = -(lo + hi) / (2 * side)
+    return obj.transformed(matrix)
+
+
+def _swept(obj: ArticulatedObject, steps: int) -> np.ndarray:
+    """[2, 3] box of the object over ``steps`` states from rest to open."""
+    corners = np.stack([obj.mesh(obj.open(f)).bounds for f in np.linspace(0, 1, steps)])
+    return np.stack([corners[:, 0].min(0), corners[:, 1].max(0)])
+
+
+def _tile(picture: np.ndarray) -> Image.Image:
+    """A rendered [n, n, 4] picture on the sheet's background."""
+    alpha = picture[..., 3:]
+    color = picture[..., :3] * alpha + np.array(BACKGROUND) / 255 * (1 - alpha)
+    return Image.fromarray((color * 255 + 0.5).astype(np.uint8))
+
+
+def _input_tile(image: Image.Image) -> Image.Image:
+    """The input image, transparency on the sheet's background, as large as a tile allows."""
+    rgba = image.convert("RGBA")
+    rgba.thumbnail((TILE, TILE), Image.Resampling.LANCZOS)
+    if max(rgba.size) < TILE:
+        factor = TILE / max(rgba.size)
+        size = (max(1, round(rgba.width * factor)), max(1, round(rgba.height * factor)))
+        rgba = rgba.resize(size, Image.Resampling.BICUBIC)
+    tile = Image.new("RGB", (TILE, TILE), BACKGROUND)
+    tile.paste(rgba, ((TILE - rgba.width) // 2, (TILE - rgba.height) // 2), rgba)
+    return tile
+
+
+def _cropped(picture: np.ndarray) -> np.ndarray | None:
+    """The silhouette's square neighbourhood at MATCH_SIZE, [n, n, 4] in [0, 1]; None if there is no silhouette."""
+    rows, columns = np.nonzero(picture[..., 3] > 0.5)
+    if len(rows) < 4:
+        return None
+    side = max(np.ptp(rows), np.ptp(columns)) + 1
+    top, left = (
+        (rows.min() + rows.max() + 1 - side) // 2,
+        (columns.min() + columns.max() + 1 - side) // 2,
+    )
+    crop = Image.fromarray((picture * 255 + 0.5).astype(np.uint8)).crop(
+        (left, top, left + side, top + side)
+    )
+    return np.asarray(crop.resize((MATCH_SIZE, MATCH_SIZE), Image.Resampling.BOX)) / 255.0
+
+
+def _premultiplied(picture: np.ndarray) -> np.ndarray:
+    """Half-weight colour beside alpha, so that the silhouette counts most."""
+    alpha = picture[..., 3:]
+    return np.concatenate([0.5 * picture[..., :3] * alpha, alpha], -1)
+
+
+def _draw_axes(tile: Image.Image, opened: ArticulatedObject, camera: Camera) -> None:
+    """Draw every joint's axis over the picture: an arrow along travel, a ring about rotation, in the part's colour."""
+    draw = ImageDraw.Draw(tile)
+    for k, part in enumerate(opened.parts):
+        if k == 0 or part.joint.type == "fixed":
+            continue
+        color = tuple(int(c * 165) for c in PART_COLORS[k % len(PART_COLORS)])
+        for line in _axis_lines(part.joint, part.box):
+            pixels = camera.project(line, TILE)
+            if np.isfinite(pixels).all():
+                points = [tuple(p) for p in pixels]
+                draw.line(points, fill="white", width=5, joint="curve")
+                draw.line(points, fill=color, width=2, joint="curve")
+
+
+def _axis_lines(joint: Joint, box: np.ndarray) -> list[np.ndarray]:
+    """[n, 3] polylines of a joint's symbol, beside its part."""
+    d = joint.direction
+    middle = joint.origin + d * float(d @ (box[:3] - joint.origin)) if joint.rotates else box[:3]
+    half = 0.5 * float(np.abs(d) @ box[3:]) + 0.06
+    ends = [middle - half * d, middle + half * d]
+    side = np.cross(d, [0.0, 0.0, 1.0] if abs(d[2]) < 0.9 else [1.0, 0.0, 0.0])
+    side /= np.linalg.norm(side)
+    lines = [np.stack(ends)]
+    if joint.rotates:
+        spokes = [rotation(d, a) @ side * 0.045 for a in np.linspace(0, 2 * np.pi, 25)]
+        lines.append(ends[1] - 0.03 * d + np.stack(spokes))
+    if joint.travels:  # the head points to where q grows
+        sign = 1.0 if joint.pitch > 0 else -1.0
+        tip = middle + sign * half * d
+        barbs = [tip - sign * 0.05 * d + 0.03 * side, tip, tip - sign * 0.05 * d - 0.03 * side]
+        lines.append(np.stack(barbs))
+    return lines
+
+
+def read_image(image: str | Path | np.ndarray | Image.Image) -> Image.Image:
+    """An input image as PIL: a path, an [h, w, 3 or 4] array (uint8, or floats in [0, 1]), or PIL itself.
+
+    Raises:
+      ValueError: not an image.
+    """
+    if isinstance(image, Image.Image):
+        return image
+    if isinstance(image, np.ndarray):
+        if image.ndim != 3 or image.shape[-1] not in (3, 4):
+            raise ValueError(f"preview: expected an image [h, w, 3 or 4], got shape {image.shape}")
+        if image.dtype != np.uint8:
+            image = (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
+        return Image.fromarray(image)
+    try:
+        with Image.open(image) as opened:
+            opened.load()
+            return opened
+    except OSError as error:
+        raise ValueError(f"preview: {image} cannot be read as an image ({error})") from None
+
+
+def with_meshes(obj: ArticulatedObject, meshes) -> ArticulatedObject:
+    """The object with other meshes of the same parts, such as the exported ones, so that previews show what was written."""
+    parts = [dataclasses.replace(p, mesh=m) for p, m in zip(obj.parts, meshes, strict=True)]
+    return dataclasses.replace(obj, parts=tuple(parts))

@@ -1,0 +1,64 @@
+"""``report.json``: what an asset holds, for people and scripts. Metres, kilograms, radians, object frame at the shown state."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import uniart_jax
+from uniart_jax.export.inertia import Inertial
+from uniart_jax.objects.object import ArticulatedObject
+
+
+def make_report(
+    obj: ArticulatedObject,
+    inertials: Sequence[Inertial],
+    watertight: Sequence[bool],
+    seed: int | None = None,
+    checkpoint: str = "",
+) -> dict:
+    """The report (docs/architecture.md, "What a user types") as plain JSON values.
+
+    Args:
+      obj: the object, in object units.
+      inertials, watertight: [K] of the exported parts.
+      seed, checkpoint: what made the object; None and "" if it was not sampled.
+
+    ``rest`` maps the name of every part that moves to the coordinate of its joint at rest. ``validation`` is absent until a physics
+    engine has run.
+    """
+    parts = []
+    for part, body, closed in zip(obj.parts, inertials, watertight, strict=True):
+        joint = None if part.parent < 0 else part.joint
+        parts.append(
+            {
+                "name": part.name,
+                "parent": None if joint is None else obj.parts[part.parent].name,
+                "type": None if joint is None else joint.type,
+                "origin": None if joint is None else [float(x * obj.scale) for x in joint.origin],
+                "direction": None if joint is None else [float(x) for x in joint.direction],
+                "angle": None if joint is None else list(joint.angle),
+                "travel": None if joint is None else [t * obj.scale for t in joint.travel],
+                "mass": float(body.mass),
+                "watertight": bool(closed),
+            }
+        )
+    rest = {}
+    for part, q in zip(obj.parts, obj.rest(), strict=True):
+        if part.parent >= 0 and part.joint.type != "fixed":
+            rest[part.name] = float(q if part.joint.rotates else q * obj.scale)
+    return {
+        "parts": parts,
+        "rest": rest,
+        "scale": float(obj.scale),
+        "seed": seed,
+        "checkpoint": checkpoint,
+        "version": uniart_jax.__version__,
+    }
+
+
+def write_report(report: dict, path: Path) -> Path:
+    """Write a report as indented JSON (no NaN or infinity)."""
+    path.write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    return path
