@@ -1,0 +1,187 @@
+"""Sub-cell distances and owners -> one closed, edge-manifold, coloured mesh per part.
+
+Marching cubes on phi_k = sdf where the owner is k, +max(|sdf|, 1/2) elsewhere, over the dense grid of sub-cells. What lies between
+the active voxels is unknown to the representation and is filled in first:
+
+* every connected component of inactive voxels takes the majority sign of the sub-cells that touch it, and the owner that most of
+  its negative touching sub-cells have; a component that touches the grid's border is outside, as is one layer around the grid;
+* its magnitude is max(1/2, 1 - |neighbour|), so that the surface lies where a linear distance would put it;
+* |phi| < 1e-4 becomes -1e-4: no vertex falls onto a lattice point, where several would coincide.
+
+So a solid block is solid, a sealed hollow box is hollow, and parts in contact share their faces. The classic tables of scikit-image
+(``method="lorensen"``) treat the two sides of an ambiguous face alike, so that every edge has exactly two triangles whatever the
+input; the Lewiner tables do not (measured: 11 of 150 random grids left open).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import trimesh
+from scipy import ndimage
+from skimage.measure import marching_cubes
+
+from uniart_jax.objects.appearance import linear_to_srgb
+from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid, occupancy
+
+ZERO = 1e-4  # sub-cells; distances below this count as just inside
+SPECK_CELLS = 16  # a loose piece of a part is dropped if it has fewer sub-cells than this
+SPECK_SHARE = 0.002  # and less than this share of the part's
+FACES = ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))  # axis and side of a cell's six faces
+
+
+@dataclasses.dataclass(frozen=True)
+class DenseField:
+    """All sub-cells of the grid with one layer of outside around: n = R r + 2 cells a side.
+
+    Attributes:
+      sdf: [n, n, n] float32 signed distance in sub-cells, never 0.
+      owner: [n, n, n] int16 part id; -1 where nothing is.
+      source: [n, n, n] int32 index into the grid's flattened sub-cells; -1 where unknown.
+    """
+
+    sdf: np.ndarray
+    owner: np.ndarray
+    source: np.ndarray
+
+
+def dense_field(grid: VoxelGrid, owner: np.ndarray) -> DenseField:
+    """Spread a grid's sub-cells over space and fill in what is unknown.
+
+    Args:
+      grid: active voxels; distances that are not finite count as outside.
+      owner: [V, r^3] part id of every sub-cell.
+    """
+    resolution, r = grid.resolution, grid.subdivisions
+    coords = np.asarray(grid.coords)
+    sdf = np.nan_to_num(np.asarray(grid.sdf, np.float32), nan=SDF_CLIP)
+    sdf = np.where(np.abs(sdf) < ZERO, -ZERO, np.clip(sdf, -SDF_CLIP, SDF_CLIP))
+    known = np.arange(sdf.size, dtype=np.int32).reshape(sdf.shape)
+
+    labels, inside, part = _components(coords, resolution, sdf, np.asarray(owner), r)
+    coarse_sign = np.where(inside, np.float32(-1), np.float32(1))[labels]
+    dense = _repeat(coarse_sign, r)
+    dense_owner = _repeat(part.astype(np.int16)[labels], r)
+    source = np.full(dense.shape, -1, np.int32)
+    for target, values in ((dense, sdf), (dense_owner, owner), (source, known)):
+        blocks = target.reshape(resolution, r, resolution, r, resolution, r).transpose(
+            0, 2, 4, 1, 3, 5
+        )
+        blocks[tuple(coords.T)] = np.asarray(values).reshape(-1, r, r, r)
+    dense = np.pad(dense, 1, constant_values=1)
+    source = np.pad(source, 1, constant_values=-1)
+    dense_owner = np.pad(dense_owner, 1, constant_values=-1)
+    _fill_magnitude(dense, source < 0)
+    return DenseField(dense, dense_owner, source)
+
+
+def part_mesh(
+    field: DenseField, part: int, window: tuple[slice, ...], colors: np.ndarray
+) -> trimesh.Trimesh:
+    """The closed surface of one part.
+
+    Args:
+      field: all sub-cells.
+      part: id.
+      window: slices that hold all cells of the part with negative distance.
+      colors: [V r^3, 3] sRGB of the grid's sub-cells.
+
+    Returns:
+      Mesh in object units with sRGB vertex colours.
+    """
+    window = tuple(
+        slice(s.start - 1, s.stop + 1) for s in window
+    )  # the layer around makes this safe
+    sdf, mine = field.sdf[window], field.owner[window] == part
+    phi = np.where(mine, sdf, np.maximum(np.abs(sdf), 0.5))
+    _drop_specks(phi)
+    vertices, faces, _, _ = marching_cubes(phi, 0.0, method="lorensen")
+    color = _vertex_colors(vertices, phi, field.source[window], colors)
+    start = np.array([s.start for s in window])
+    count = field.sdf.shape[0] - 2
+    points = (vertices.astype(np.float64) + start - 0.5) / count - 0.5
+    return trimesh.Trimesh(points, faces, vertex_colors=color, process=False)
+
+
+def _components(coords, resolution: int, sdf: np.ndarray, owner: np.ndarray, r: int):
+    """Labels [R, R, R] of the components of inactive voxels (0: active), and per label whether inside and whose."""
+    active = occupancy(coords, resolution)
+    labels, count = ndimage.label(~active)
+    flat = np.full(active.shape, -1, np.int32)
+    flat[tuple(coords.T)] = np.arange(len(coords))
+    parts = int(owner.max()) + 1
+    negative = np.zeros((count + 1) * parts, np.int64)
+    total = np.zeros(count + 1, np.int64)
+    border = np.zeros(count + 1, bool)
+    cells_sdf, cells_owner = sdf.reshape(-1, r, r, r), owner.reshape(-1, r, r, r)
+    for axis, side in FACES:
+        neighbour = coords.copy()
+        neighbour[:, axis] += side
+        valid = (neighbour[:, axis] >= 0) & (neighbour[:, axis] < resolution)
+        label = np.zeros(len(coords), np.int64)
+        label[valid] = labels[tuple(neighbour[valid].T)]
+        touching = np.nonzero(label)[0]
+        face = [slice(None)] * 3
+        face[axis] = r - 1 if side > 0 else 0
+        inside = cells_sdf[(touching, *face)].reshape(len(touching), r * r) < 0
+        whose = cells_owner[(touching, *face)].reshape(len(touching), r * r)
+        slot = label[touching][:, None] * parts + whose
+        negative += np.bincount(slot[inside], minlength=len(negative))
+        total += np.bincount(label[touching], minlength=len(total)) * r * r
+        edge = [slice(None)] * 3
+        edge[axis] = -1 if side > 0 else 0
+        border[np.unique(labels[tuple(edge)])] = True
+    negative = negative.reshape(count + 1, parts)
+    inside = (2 * negative.sum(1) > total) & ~border
+    return labels, inside, np.where(inside, negative.argmax(1), -1)
+
+
+def _repeat(values: np.ndarray, r: int) -> np.ndarray:
+    """[R, R, R] -> [R r, R r, R r]."""
+    return values.repeat(r, 0).repeat(r, 1).repeat(r, 2)
+
+
+def _fill_magnitude(dense: np.ndarray, unknown: np.ndarray) -> None:
+    """In place: unknown cells become +-max(1/2, 1 - |neighbour|) over their known neighbours of the other sign."""
+    magnitude = np.full(dense.shape, 0.5, np.float32)
+    for axis, side in FACES:
+        here, there = [slice(None)] * 3, [slice(None)] * 3
+        here[axis] = slice(None, -1) if side > 0 else slice(1, None)
+        there[axis] = slice(1, None) if side > 0 else slice(None, -1)
+        h, t = tuple(here), tuple(there)
+        crossing = unknown[h] & ~unknown[t] & ((dense[h] < 0) != (dense[t] < 0))
+        magnitude[h][crossing] = np.maximum(magnitude[h][crossing], 1 - np.abs(dense[t][crossing]))
+    dense[unknown] = np.sign(dense[unknown]) * magnitude[unknown]
+
+
+def _drop_specks(phi: np.ndarray) -> None:
+    """In place: loose pieces of fewer than 16 sub-cells and under .2 % of the part are made outside; the largest stays."""
+    labels, count = ndimage.label(phi < 0)
+    if count < 2:
+        return
+    sizes = np.bincount(labels.ravel())[1:]
+    drop = (sizes < SPECK_CELLS) & (sizes < SPECK_SHARE * sizes.sum())
+    drop[sizes.argmax()] = False
+    if drop.any():
+        speck = np.concatenate([[False], drop])[labels]
+        phi[speck] = np.maximum(-phi[speck], 0.5)
+
+
+def _vertex_colors(vertices, phi, source, colors) -> np.ndarray:
+    """[n, 4] uint8: the colour of the sub-cell inside the surface at each vertex, else of the one outside."""
+    low = np.floor(vertices).astype(int)
+    high = np.ceil(vertices).astype(int)
+    low_inside = phi[tuple(low.T)] < 0
+    inner = np.where(low_inside[:, None], low, high)
+    outer = np.where(low_inside[:, None], high, low)
+    index = source[tuple(inner.T)]
+    index = np.where(index >= 0, index, source[tuple(outer.T)])
+    rgb = np.full((len(vertices), 4), 255, np.uint8)
+    rgb[:, :3] = colors[index]
+    return rgb
+
+
+def srgb_bytes(color: np.ndarray) -> np.ndarray:
+    """[..., 3] uint8 sRGB of linear RGB; values that are not finite are black."""
+    return np.round(linear_to_srgb(np.nan_to_num(color)) * 255).astype(np.uint8)
