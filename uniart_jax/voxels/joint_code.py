@@ -23,13 +23,15 @@ Units: boxes and moments in object units, frame of the shown state. A box is [6]
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import networkx as nx
 import numpy as np
 
 from uniart_jax.objects.kinematics import ANGLE_DEAD_ZONE, TRAVEL_DEAD_ZONE, Joint
-from uniart_jax.objects.object import ArticulatedObject
+
+if TYPE_CHECKING:  # training reads codes on machines without trimesh
+    from uniart_jax.objects.object import ArticulatedObject
 
 KAPPA = 4.0  # weight of travel against angle / pi; part of the file format
 TIE = 1e-6  # components of d this close count as equal when the sign is chosen
