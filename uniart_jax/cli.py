@@ -1,0 +1,317 @@
+"""Command lines: ``uniart …``, ``train.py`` and ``sample.py``.
+
+Every mistake a user can make ends in one line on stderr and exit code 2. Heavy imports happen inside the commands.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import os
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from rich.console import Console
+
+from uniart_jax.config import NETWORKS, Config
+
+Stage = Literal["all", "image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow"]
+Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
+Overwrite = Annotated[bool, tyro.conf.arg(help="Replace OUT if it is not empty (swapped at the end).")]
+
+
+def guarded(command: Callable[[], int | None]) -> int:
+    """Run a command; user errors become one line and exit code 2, Ctrl-C becomes 130."""
+
+    def show(message, category, filename, lineno, file=None, line=None):
+        if issubclass(category, UserWarning):
+            print(f"warning: {message}", file=sys.stderr)
+
+    warnings.showwarning = show
+    try:
+        return command() or 0
+    except (ValueError, OSError) as error:
+        message = " ".join(str(error).split())
+        print(f"error: {message}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        return 130
+
+
+def sample(
+    images: Annotated[tuple[Path, ...], tyro.conf.Positional],
+    /,
+    out: Out,
+    checkpoint: str = "nano",
+    seed: int = 0,
+    num_samples: int = 1,
+    steps: int | None = None,
+    guidance: float | None = None,
+    multi_view: bool = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """One image in, a complete articulated object out.
+
+    Args:
+        images: Image files. With an alpha channel or a plain background the object is cut out by itself.
+        checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR.
+        seed: Same seed, same object.
+        num_samples: Samples an image.
+        steps: Solver steps of both flows (default: the checkpoint's).
+        guidance: Classifier-free guidance of both flows, 0 = none (default: the checkpoint's).
+        multi_view: The images are views of one object.
+    """
+    if not images:
+        raise ValueError("sample: give at least one image file")
+    if num_samples < 1:
+        raise ValueError(f"sample: --num-samples must be at least 1, got {num_samples}")
+    if steps is not None and steps < 1:
+        raise ValueError(f"sample: --steps must be at least 1, got {steps}")
+    from uniart_jax.data.images import read_image
+
+    pictures = [read_image(path) for path in images]  # all inputs are checked before any work
+    folders = sample_folders(images, out, num_samples, multi_view)
+    for folder in folders.values():
+        if folder.exists() and not folder.is_dir():
+            raise ValueError(f"output '{folder}': a file of that name exists; choose another --out")
+        if folder.is_dir() and any(folder.iterdir()) and not overwrite:
+            raise ValueError(f"output '{folder}': the folder is not empty; choose another --out or pass --overwrite")
+    from uniart_jax.pipeline import load
+
+    console = Console(stderr=True)
+    with console.status("loading the model") as status:
+        pipeline = load(checkpoint)
+        groups = [("object", list(zip(images, pictures, strict=True)))]
+        if not multi_view:
+            groups = [(path.name, [(path, picture)]) for path, picture in zip(images, pictures, strict=True)]
+        for g, (name, views) in enumerate(groups):
+            for i in range(num_samples):
+                status.update(f"{name}: sample {i + 1} of {num_samples}")
+                obj = pipeline(
+                    [picture for _, picture in views],
+                    seed=seed + i,
+                    steps=steps,
+                    guidance=guidance,
+                    name=views[0][0].stem,
+                    progress=lambda step, name=name: status.update(f"{name}: {step}"),
+                )
+                folder = folders[g, i]
+                obj.save(
+                    folder,
+                    image=views[0][1],
+                    seed=seed + i,
+                    checkpoint=checkpoint,
+                    overwrite=overwrite,
+                )
+                moving = [p.joint.type for p in obj.parts if p.joint.type != "fixed"]
+                kinds = ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving))) or "no moving joint"
+                console.print(f"{name}: {len(obj.parts)} parts ({kinds}) -> {folder}", highlight=False)
+
+
+def sample_folders(images, out: Path, num_samples: int, multi_view: bool) -> dict[tuple[int, int], Path]:
+    """(image or group, sample) -> folder: OUT itself for one object, else OUT/<stem>/sample-<i>.
+
+    Raises:
+      ValueError: two images have the same stem, so that their folders would be the same.
+    """
+    groups = images[:1] if multi_view else images
+    if len(groups) == 1 and num_samples == 1:
+        return {(0, 0): Path(out)}
+    stems = [Path(p).stem for p in groups]
+    if len(set(stems)) != len(stems):
+        repeated = next(s for s in stems if stems.count(s) > 1)
+        raise ValueError(f"sample: two images are called '{repeated}'; rename one, their folders would be the same")
+    return {(g, i): Path(out) / stem / f"sample-{i}" for g, stem in enumerate(stems) for i in range(num_samples)}
+
+
+def load_config(path: Path) -> Config:
+    """The ``config()`` of a configs/*.py file.
+
+    Raises:
+      FileNotFoundError, ValueError: no such file, or it has no function ``config`` that returns a ``Config``.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"config '{path}': no such file; see configs/")
+    spec = importlib.util.spec_from_file_location("uniart_config", path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"config '{path}': not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    config = module.config() if hasattr(module, "config") else None
+    if not isinstance(config, Config):
+        raise ValueError(f"config '{path}': it must define config() returning a uniart_jax.config.Config")
+    return config
+
+
+@dataclasses.dataclass
+class TrainArguments:
+    """Train one stage or all of them; resumes by itself if WORKDIR holds checkpoints."""
+
+    config: Path
+    """A file in configs/."""
+    stage: Stage = "all"
+    """Which network; 'all' runs them in order, encoding latents between."""
+    workdir: Path | None = None
+    """Where checkpoints, logs and the export go (default: runs/<config name>)."""
+
+
+def train(arguments: list[str]) -> None:
+    """Parse ``--config`` and friends, then any field of the config by its dotted name, and train."""
+    known, rest = tyro.cli(TrainArguments, args=arguments, return_unknown_args=True, prog="train.py")
+    default = load_config(known.config)
+    config = tyro.cli(Config, default=default, args=rest, prog="train.py --config …")
+    from uniart_jax.stages import run
+
+    stages = NETWORKS if known.stage == "all" else (known.stage,)
+    run(config, stages, known.workdir or Path("runs") / config.name)
+
+
+def prepare(
+    source: Annotated[Literal["procedural"], tyro.conf.Positional],
+    /,
+    out: Out,
+    count: int = 1000,
+    start_seed: int = 0,
+    families: tuple[str, ...] | None = None,
+    resolution: int = 32,
+    subdivisions: int = 4,
+    views: int = 2,
+    states: int = 1,
+    image_size: int = 128,
+    processes: int | None = None,
+) -> None:
+    """Make training records. Can be killed and run again: finished shards are kept.
+
+    Args:
+        source: Where objects come from.
+        count: Objects.
+        start_seed: Seed of the first object; seeds from 1,000,000 on are held out and never trained on.
+        families: Which families (default: all that are trained on).
+        resolution: Voxels a side.
+        subdivisions: Sub-cells a voxel side.
+        views: Rendered images a record.
+        states: Shown states an object.
+        image_size: Pixels a side.
+        processes: Worker processes (default: one a core).
+    """
+    from uniart_jax.config import GridConfig
+    from uniart_jax.data.prepare import prepare_procedural
+
+    options = {} if families is None else {"families": families}
+    prepare_procedural(
+        out,
+        count,
+        start_seed=start_seed,
+        grid=GridConfig(resolution, subdivisions),
+        views=views,
+        states=states,
+        image_size=image_size,
+        processes=processes or os.cpu_count() or 1,
+        **options,
+    )
+
+
+def reconstruct(
+    asset: Annotated[Path, tyro.conf.Positional],
+    /,
+    out: Out,
+    resolution: int = 32,
+    subdivisions: int = 4,
+    allow_outside: bool = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Object -> voxels -> object without any network: what the representation itself can hold.
+
+    Args:
+        asset: A URDF file, or a folder with one.
+        resolution: Voxels a side.
+        subdivisions: Sub-cells a voxel side.
+        allow_outside: Let the URDF name meshes outside its own folder.
+    """
+    from uniart_jax.evaluation.reconstruction import reconstruct_asset
+
+    reconstruct_asset(asset, out, resolution, subdivisions, allow_outside=allow_outside, overwrite=overwrite)
+
+
+def evaluate(
+    what: Annotated[Literal["procedural", "representation"], tyro.conf.Positional],
+    /,
+    out: Out,
+    checkpoint: str = "nano",
+    count: int = 128,
+    records: Path | None = None,
+    pictures: int = 16,
+    unseen: bool = False,
+) -> None:
+    """Measure a checkpoint on held-out procedural objects (or the representation alone) and write a table and pictures.
+
+    Args:
+        what: "procedural": image to object. "representation": truth to voxels to object, no network.
+        checkpoint: As for sample.py.
+        count: Held-out objects, seeds from 1,000,000 on.
+        records: Training records for the retrieval baseline; without them it is left out.
+        pictures: How many objects are drawn.
+        unseen: The families that are never trained on, instead of the trained ones.
+    """
+    from uniart_jax.evaluation import procedural
+
+    if what == "representation":
+        procedural.evaluate_representation(out, count=count, unseen=unseen)
+    else:
+        procedural.evaluate_checkpoint(
+            checkpoint, out, count=count, records=records, pictures=pictures, unseen=unseen
+        )
+
+
+def inspect(records: Annotated[Path, tyro.conf.Positional], /, out: Out, index: int = 0) -> None:
+    """Write a record back as an asset folder, to look at.
+
+    Args:
+        records: A folder made by ``uniart prepare``.
+        index: Which record.
+    """
+    from uniart_jax.data.records import RecordSource
+    from uniart_jax.evaluation.reconstruction import object_of_record
+
+    source = RecordSource(records)
+    if not 0 <= index < len(source):
+        raise ValueError(f"inspect: --index {index} is outside 0..{len(source) - 1}")
+    record = source[index]
+    object_of_record(record).save(out, image=record.images[0])
+
+
+COMMANDS = {
+    "prepare": prepare,
+    "sample": sample,
+    "reconstruct": reconstruct,
+    "evaluate": evaluate,
+    "inspect": inspect,
+}
+
+
+def main() -> None:
+    """The ``uniart`` program."""
+    if sys.argv[1:2] == ["train"]:
+        sys.exit(guarded(lambda: train(sys.argv[2:])))
+    sys.exit(
+        guarded(
+            lambda: tyro.extras.subcommand_cli_from_dict(
+                COMMANDS, prog="uniart", description="Articulated 3D objects from one image. Also: uniart train …"
+            )
+        )
+    )
+
+
+def sample_main() -> None:
+    """``sample.py``."""
+    sys.exit(guarded(lambda: tyro.cli(sample, prog="sample.py")))
+
+
+def train_main() -> None:
+    """``train.py``."""
+    sys.exit(guarded(lambda: train(sys.argv[1:])))
