@@ -20,6 +20,7 @@ TILE = 320  # pixels a side
 BACKGROUND = (244, 244, 246)
 INK = (70, 72, 80)
 DEFAULT_VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
+MARGIN = 1.08  # frame over object
 MATCH_SIZE = 32  # pixels a side of the pictures that are compared
 MOTION_SIZE = 256
 MOTION_FRAMES = 12  # from rest to open; played forth and back
@@ -51,8 +52,7 @@ def write_preview(
     obj: ArticulatedObject, path: Path, image: Image.Image | None, view: Camera
 ) -> Path:
     """A strip of square tiles: input (if any), rest, open, and the open parts in colours with their joint axes."""
-    staged = _staged(obj)
-    camera = fit(_swept(staged, 3), view, margin=1.06)
+    staged, camera = _framed(obj, view)
     rest, opened = staged.rest(), staged.open()
     tiles = []
     if image is not None:
@@ -60,7 +60,7 @@ def write_preview(
     tiles.append(("rest", _tile(render(staged, camera, TILE, q=rest))))
     tiles.append(("open", _tile(render(staged, camera, TILE, q=opened))))
     parts = _tile(render(staged, camera, TILE, q=opened, part_colors=True))
-    _draw_axes(parts, staged.shown_at(opened), camera)
+    _draw_axes(parts, staged.shown_at(opened), opened - rest, camera)
     tiles.append(("parts and axes", parts))
     gap, caption = 8, 26
     width = len(tiles) * (TILE + gap) + gap
@@ -77,11 +77,10 @@ def write_preview(
 
 def write_motion(obj: ArticulatedObject, path: Path, view: Camera) -> Path | None:
     """An endless GIF from rest to open and back, joints one after the other; None (and no file) if nothing moves."""
-    staged = _staged(obj)
+    staged, camera = _framed(obj, view)
     moving = [k for k, joint in enumerate(staged.joints) if k and joint.type != "fixed"]
     if not moving:
         return None
-    camera = fit(_swept(staged, 3), view, margin=1.06)
     rest, opened = staged.rest(), staged.open()
     frames = []
     for time in np.linspace(0, 1, MOTION_FRAMES):
@@ -109,20 +108,23 @@ def _eased(time: float, order: int, count: int) -> float:
     return t * t * (3 - 2 * t)
 
 
-def _staged(obj: ArticulatedObject) -> ArticulatedObject:
-    """The object moved and scaled so that all that it reaches between rest and open is centred in the unit box."""
-    lo, hi = _swept(obj, 3)
-    side = float((hi - lo).max())
+def _framed(obj: ArticulatedObject, view: Camera) -> tuple[ArticulatedObject, Camera]:
+    """The object moved, and the camera set back, so that all that is seen between rest and open just fills the frame."""
+    points = np.concatenate([obj.mesh(obj.open(f)).vertices for f in (0.0, 0.5, 1.0)])
+    axes = view.matrix()[:3, :3]
+    tangent = np.tan(np.deg2rad(view.fov_degrees) / 2)
+    seen = (points - (points.min(0) + points.max(0)) / 2) @ axes.T
+    for _ in range(4):  # where the middle is depends on the distance, hardly
+        reach = np.abs(seen[:, :2]).max(1) * MARGIN / tangent - seen[:, 2]
+        distance = max(float(reach.max()), 1e-3 - float(seen[:, 2].min()))
+        depth = seen[:, 2:] + distance
+        slope = seen[:, :2] / depth
+        nearest = float(depth.min())
+        seen[:, :2] -= (slope.min(0) + slope.max(0)) / 2 * (nearest + float(depth.mean())) / 2
     matrix = np.eye(4)
-    matrix[:3, :3] /= side
-    matrix[:3, 3] = -(lo + hi) / (2 * side)
-    return obj.transformed(matrix)
-
-
-def _swept(obj: ArticulatedObject, steps: int) -> np.ndarray:
-    """[2, 3] box of the object over ``steps`` states from rest to open."""
-    corners = np.stack([obj.mesh(obj.open(f)).bounds for f in np.linspace(0, 1, steps)])
-    return np.stack([corners[:, 0].min(0), corners[:, 1].max(0)])
+    matrix[:3, 3] = seen[0] @ axes - points[0]
+    reach = np.abs(seen[:, :2]).max(1) * MARGIN / tangent - seen[:, 2]
+    return obj.transformed(matrix), dataclasses.replace(view, distance=float(reach.max()))
 
 
 def _tile(picture: np.ndarray) -> Image.Image:
@@ -167,14 +169,16 @@ def _premultiplied(picture: np.ndarray) -> np.ndarray:
     return np.concatenate([0.5 * picture[..., :3] * alpha, alpha], -1)
 
 
-def _draw_axes(tile: Image.Image, opened: ArticulatedObject, camera: Camera) -> None:
-    """Draw every joint's axis over the picture: an arrow along travel, a ring about rotation, in the part's colour."""
+def _draw_axes(
+    tile: Image.Image, opened: ArticulatedObject, moved: np.ndarray, camera: Camera
+) -> None:
+    """Draw every joint's axis over the picture: an arrow along its opening travel, a ring about rotation, in the part's colour."""
     draw = ImageDraw.Draw(tile)
     for k, part in enumerate(opened.parts):
         if k == 0 or part.joint.type == "fixed":
             continue
         color = tuple(int(c * 165) for c in PART_COLORS[k % len(PART_COLORS)])
-        for line in _axis_lines(part.joint, part.box):
+        for line in _axis_lines(part.joint, part.box, moved[k]):
             pixels = camera.project(line, TILE)
             if np.isfinite(pixels).all():
                 points = [tuple(p) for p in pixels]
@@ -182,8 +186,8 @@ def _draw_axes(tile: Image.Image, opened: ArticulatedObject, camera: Camera) -> 
                 draw.line(points, fill=color, width=2, joint="curve")
 
 
-def _axis_lines(joint: Joint, box: np.ndarray) -> list[np.ndarray]:
-    """[n, 3] polylines of a joint's symbol, beside its part."""
+def _axis_lines(joint: Joint, box: np.ndarray, moved: float) -> list[np.ndarray]:
+    """[n, 3] polylines of the symbol, beside its part, of a joint that went through ``moved`` from rest to open."""
     d = joint.direction
     middle = joint.origin + d * float(d @ (box[:3] - joint.origin)) if joint.rotates else box[:3]
     half = 0.5 * float(np.abs(d) @ box[3:]) + 0.06
@@ -194,8 +198,8 @@ def _axis_lines(joint: Joint, box: np.ndarray) -> list[np.ndarray]:
     if joint.rotates:
         spokes = [rotation(d, a) @ side * 0.045 for a in np.linspace(0, 2 * np.pi, 25)]
         lines.append(ends[1] - 0.03 * d + np.stack(spokes))
-    if joint.travels:  # the head points to where q grows
-        sign = 1.0 if joint.pitch > 0 else -1.0
+    if joint.travels:  # the head points to where the part went
+        sign = 1.0 if joint.pitch * moved >= 0 else -1.0
         tip = middle + sign * half * d
         barbs = [tip - sign * 0.05 * d + 0.03 * side, tip, tip - sign * 0.05 * d - 0.03 * side]
         lines.append(np.stack(barbs))
