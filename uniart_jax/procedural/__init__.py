@@ -30,7 +30,9 @@ SEEN_FAMILIES: tuple[str, ...] = (
 UNSEEN_FAMILIES: tuple[str, ...] = ()
 HELD_OUT_SEED = 1_000_000
 MAX_PARTS = 16
-BOX_SEPARATION = 0.012  # L-inf of two own boxes' corners, a little above what the joint code refuses
+BOX_SEPARATION = (
+    0.012  # L-inf of two own boxes' corners, a little above what the joint code refuses
+)
 
 _ATTEMPTS = 50
 
@@ -52,7 +54,9 @@ def generate(family: str, seed: int) -> ArticulatedObject:
         raise ValueError(f"procedural: the seed must be 0 or more, got {seed}")
     module = importlib.import_module(f"uniart_jax.procedural.{family}")
     rng = np.random.default_rng([seed, zlib.crc32(family.encode())])
-    for _ in range(_ATTEMPTS):  # the generator moves on, so a redraw is another object and still a function of the seed
+    for _ in range(
+        _ATTEMPTS
+    ):  # the generator moves on, so a redraw is another object and still a function of the seed
         obj = module.build(rng).normalized()
         if len(obj.parts) <= MAX_PARTS and box_separation(obj) > BOX_SEPARATION:
             return dataclasses.replace(obj, name=f"{family}-{seed}", category=family)

@@ -7,13 +7,24 @@ behind the plane of its rear face or past the hinge line while it is open by 90 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 from manifold3d import Manifold
 
 from uniart_jax.procedural import shapes
 from uniart_jax.procedural.materials import Material
-from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, hinge, slide, turn, union
+from uniart_jax.procedural.shapes import (
+    Assembly,
+    Shape,
+    box,
+    cut,
+    cylinder,
+    hinge,
+    slide,
+    turn,
+    union,
+)
 
 PANELS = ("slab", "shaker", "raised", "glass", "slats", "border")
 HANDLES = ("bar", "round_bar", "arch", "knob", "lip", "recess", "latch", "none")
@@ -51,7 +62,9 @@ class FrontStyle:
     own_handle: bool = False
 
 
-def panel(lo, hi, style: FrontStyle, kind: str | None = None, holes: tuple[Manifold, ...] = ()) -> Shape:
+def panel(
+    lo, hi, style: FrontStyle, kind: str | None = None, holes: tuple[Manifold, ...] = ()
+) -> Shape:
     """A front slab between two corners in a style's manner; ``holes`` are cut out of its face."""
     kind = style.panel if kind is None else kind
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
@@ -81,7 +94,7 @@ def panel(lo, hi, style: FrontStyle, kind: str | None = None, holes: tuple[Manif
     edges = np.linspace(inner_lo[1], inner_hi[1], count + 1)
     grooves = [
         box([lo[0] - depth, inner_lo[0], a], [lo[0] + 0.4 * depth, inner_hi[0], a + 0.45 * (b - a)])
-        for a, b in zip(edges[:-1], edges[1:], strict=True)
+        for a, b in itertools.pairwise(edges)
     ]
     return shape.add(cut(slab, (*grooves, *holes)), style.face)
 
@@ -102,7 +115,11 @@ def handle(style: FrontStyle, face: float, at, along: str, length: float) -> Sha
     if style.handle == "arch":
         outer = np.array([[-half, 0], [-half + width, -reach], [half - width, -reach], [half, 0]])
         inner = np.array(
-            [[half - 1.4 * width, 0], [half - 2 * width, width - reach], [2 * width - half, width - reach]]
+            [
+                [half - 1.4 * width, 0],
+                [half - 2 * width, width - reach],
+                [2 * width - half, width - reach],
+            ]
         )
         outline = np.vstack([outer, inner, [[1.4 * width - half, 0]]])  # (along, x - face)
         if along == "z":
@@ -118,7 +135,11 @@ def handle(style: FrontStyle, face: float, at, along: str, length: float) -> Sha
         w = 0.45 * width
         solids.append(box([face - reach + 0.5 * width, py - w, pz - w], [face, py + w, pz + w]))
     if style.handle == "round_bar":
-        start = [face - reach + width / 2, y, z - half] if along == "z" else [face - reach + width / 2, y - half, z]
+        start = (
+            [face - reach + width / 2, y, z - half]
+            if along == "z"
+            else [face - reach + width / 2, y - half, z]
+        )
         solids.append(cylinder(along, start, length, width / 2, segments=12))
     else:
         ey, ez = (width / 2, half) if along == "z" else (half, width / 2)
@@ -140,7 +161,9 @@ def _lip(style: FrontStyle, lo, hi, edge: str) -> Shape:
     return Shape().add(box(lo, hi), style.hardware)
 
 
-def _front(asm: Assembly, parent: int, lo, hi, edge: str, joint, style: FrontStyle, name: str, **options) -> int:
+def _front(
+    asm: Assembly, parent: int, lo, hi, edge: str, joint, style: FrontStyle, name: str, **options
+) -> int:
     """A front with its handle near ``edge``. ``extra``: a shape welded to it; ``center``: handle amid the slab; ``kind``: panel."""
     extra, center, kind = options.get("extra"), options.get("center", False), options.get("kind")
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
@@ -152,7 +175,11 @@ def _front(asm: Assembly, parent: int, lo, hi, edge: str, joint, style: FrontSty
     if edge[1] == "y":
         y = hi[1] - inset if edge[0] == "+" else lo[1] + inset
         margin = length / 2 + inset
-        z = float(np.clip(style.reach, lo[2] + margin, hi[2] - margin)) if 2 * margin < height else z
+        z = (
+            float(np.clip(style.reach, lo[2] + margin, hi[2] - margin))
+            if 2 * margin < height
+            else z
+        )
     elif not center:
         z = hi[2] - inset if edge[0] == "+" else lo[2] + inset
     holes, grip = (), None
@@ -161,7 +188,8 @@ def _front(asm: Assembly, parent: int, lo, hi, edge: str, joint, style: FrontSty
         deep = lo[0] + 0.55 * (hi[0] - lo[0])
         holes = (box([lo[0] - 1, y - a, z - b], [deep, y + a, z + b]),)
         grip = Shape().add(
-            box([deep - 0.2 * (hi[0] - lo[0]), y - a, z - b], [deep, y + a, z + b]), style.face.darker(0.35)
+            box([deep - 0.2 * (hi[0] - lo[0]), y - a, z - b], [deep, y + a, z + b]),
+            style.face.darker(0.35),
         )
     elif style.handle == "lip":
         grip = _lip(style, lo, hi, edge)
@@ -189,15 +217,27 @@ def _latch(asm: Assembly, front: int, style: FrontStyle, at, along: str) -> int:
     boss = cylinder("x", [x - reach, y, z], reach - 0.001, radius, segments=14)
     w = width / 2
     if along == "z":
-        lever = box([x - reach, y - w, z - length * 0.8], [x - reach + width, y + w, z + length * 0.2])
+        lever = box(
+            [x - reach, y - w, z - length * 0.8], [x - reach + width, y + w, z + length * 0.2]
+        )
     else:
-        lever = box([x - reach, y - length * 0.5, z - w], [x - reach + width, y + length * 0.5, z + w])
+        lever = box(
+            [x - reach, y - length * 0.5, z - w], [x - reach + width, y + length * 0.5, z + w]
+        )
     joint = hinge(at, (1, 0, 0), np.pi / 2)
     return asm.add("latch", Shape().add(union([boss, lever]), style.hardware), front, joint)
 
 
 def add_door(
-    asm: Assembly, parent: int, lo, hi, hinge_edge: str, angle: float, style: FrontStyle, name: str = "door", **options
+    asm: Assembly,
+    parent: int,
+    lo,
+    hi,
+    hinge_edge: str,
+    angle: float,
+    style: FrontStyle,
+    name: str = "door",
+    **options,
 ) -> int:
     """A hinged front filling the box (lo, hi), its handle at the free edge.
 
@@ -220,7 +260,16 @@ def add_door(
 
 
 def add_drawer(
-    asm: Assembly, parent: int, lo, hi, bay_lo, bay_hi, travel: float, style: FrontStyle, name: str = "drawer", **options
+    asm: Assembly,
+    parent: int,
+    lo,
+    hi,
+    bay_lo,
+    bay_hi,
+    travel: float,
+    style: FrontStyle,
+    name: str = "drawer",
+    **options,
 ) -> int:
     """A drawer: front slab (lo, hi) with a box of walls behind it that fills most of the bay.
 
@@ -278,7 +327,9 @@ def add_knob(
     shape = Shape().add(body, material)
     if pointer:
         w = 0.2 * radius
-        ridge = box([x - 1.35 * reach, y - w, z - 0.75 * radius], [x - reach, y + w, z + 0.8 * radius])
+        ridge = box(
+            [x - 1.35 * reach, y - w, z - 0.75 * radius], [x - reach, y + w, z + 0.8 * radius]
+        )
         shape.add(ridge, mark)
     joint = turn((x, y, z), (1, 0, 0)) if sweep is None else hinge((x, y, z), (1, 0, 0), sweep)
     return asm.add(name, shape, parent, joint)

@@ -33,7 +33,9 @@ def box(lo: Sequence[float], hi: Sequence[float]) -> Manifold:
     """
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     if not np.all(hi - lo > 1e-9):
-        raise ValueError(f"box: expected lo < hi in every axis, got {lo.tolist()} and {hi.tolist()}")
+        raise ValueError(
+            f"box: expected lo < hi in every axis, got {lo.tolist()} and {hi.tolist()}"
+        )
     return Manifold.cube(tuple(hi - lo)).translate(tuple(lo))
 
 
@@ -43,10 +45,17 @@ def along(solid: Manifold, axis: str, at: Sequence[float]) -> Manifold:
 
 
 def cylinder(
-    axis: str, at: Sequence[float], length: float, radius: float, top: float | None = None, segments: int = 20
+    axis: str,
+    at: Sequence[float],
+    length: float,
+    radius: float,
+    top: float | None = None,
+    segments: int = 20,
 ) -> Manifold:
     """A cylinder (or cone: other radius ``top`` at the far end) from ``at`` along +``axis``."""
-    return along(Manifold.cylinder(length, radius, radius if top is None else top, segments), axis, at)
+    return along(
+        Manifold.cylinder(length, radius, radius if top is None else top, segments), axis, at
+    )
 
 
 def tube(
@@ -54,7 +63,9 @@ def tube(
 ) -> Manifold:
     """A hollow cylinder from ``at`` along +``axis``, open at both ends."""
     outside = Manifold.cylinder(length, radius, radius, segments)
-    inside = Manifold.cylinder(length * 1.2, inner, inner, segments).translate((0, 0, -length * 0.1))
+    inside = Manifold.cylinder(length * 1.2, inner, inner, segments).translate(
+        (0, 0, -length * 0.1)
+    )
     return along(outside - inside, axis, at)
 
 
@@ -96,7 +107,9 @@ def cut(solid: Manifold, holes: Iterable[Manifold]) -> Manifold:
     return Manifold.batch_boolean([solid, *holes], OpType.Subtract) if holes else solid
 
 
-def tray(lo: Sequence[float], hi: Sequence[float], wall: float, *, open_front: bool = False) -> Manifold:
+def tray(
+    lo: Sequence[float], hi: Sequence[float], wall: float, *, open_front: bool = False
+) -> Manifold:
     """A box of walls ``wall`` thick, open at the top (and towards -x with ``open_front``): drawer boxes, racks, bins."""
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     inner_lo = lo + wall
@@ -162,7 +175,9 @@ def _atlas(materials: list[Material], vertices: list[np.ndarray]) -> trimesh.vis
         row += len(band)
     uvs = []
     for material, points, (start, height) in zip(materials, vertices, spans, strict=True):
-        local = np.full((len(points), 2), 0.5) if material.image is None else material.project(points)
+        local = (
+            np.full((len(points), 2), 0.5) if material.image is None else material.project(points)
+        )
         u = (1 + local[:, 0] * (TEXTURE_SIZE - 2)) / TEXTURE_SIZE
         v = 1 - (start + 1 + local[:, 1] * (height - 2)) / row
         uvs.append(np.column_stack([u, v]))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
-from uniart_jax.procedural.fronts import FrontStyle, add_door, add_drawer
-from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, hull
+from uniart_jax.procedural.cabinet import Case, Cell, Fit
+from uniart_jax.procedural.fronts import FrontStyle
+from uniart_jax.procedural.shapes import Assembly, Shape, box, cylinder, hull
 
 MAX_MOVING = 9
 
@@ -24,22 +26,16 @@ _KINDS = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
-class _Cell:
-    """A rectangle of the front and what fills it: 'door', 'double', 'flap', 'drawer' or 'open'."""
-
-    y: tuple[float, float]
-    z: tuple[float, float]
-    kind: str
-
-
 def style(rng: np.random.Generator, unit: float, floor: float = 0.0) -> FrontStyle:
     """Fronts of one piece of furniture; ``floor``: height of the piece's z = 0 above the floor, metres."""
     face = materials.furniture(rng)
     accents = (face, face.darker(0.82), materials.furniture(rng))
     return FrontStyle(
         panel=str(
-            rng.choice(["slab", "shaker", "raised", "glass", "slats", "border"], p=[0.42, 0.22, 0.1, 0.1, 0.06, 0.1])
+            rng.choice(
+                ["slab", "shaker", "raised", "glass", "slats", "border"],
+                p=[0.42, 0.22, 0.1, 0.1, 0.06, 0.1],
+            )
         ),
         handle=str(
             rng.choice(
@@ -77,7 +73,9 @@ def split(rng: np.random.Generator, lo: float, hi: float, count: int, least: flo
     return lo + np.concatenate([[0.0], np.cumsum(sizes)])
 
 
-def _column(rng: np.random.Generator, y: tuple[float, float], z: tuple[float, float], least: float) -> list[_Cell]:
+def _column(
+    rng: np.random.Generator, y: tuple[float, float], z: tuple[float, float], least: float
+) -> list[Cell]:
     """Cells of one column by a random plan."""
     height, width = z[1] - z[0], y[1] - y[0]
     door = "double" if width > rng.uniform(0.55, 0.85) else "door"
@@ -100,44 +98,46 @@ def _column(rng: np.random.Generator, y: tuple[float, float], z: tuple[float, fl
     if plan == "drawers":
         most = max(1, min(5, int(height / max(least, 0.12))))
         borders = split(rng, *z, int(rng.integers(min(2, most), most + 1)), least)
-        return [_Cell(y, (a, b), "drawer") for a, b in zip(borders[:-1], borders[1:], strict=True)]
+        return [Cell(y, (a, b), "drawer") for a, b in itertools.pairwise(borders)]
     if plan == "drawer_door" and top - z[0] > least:
-        return [_Cell(y, (z[0], top), door), _Cell(y, (top, z[1]), "drawer")]
+        return [Cell(y, (z[0], top), door), Cell(y, (top, z[1]), "drawer")]
     if plan == "door_drawers" and z[1] - low > least:
         borders = split(rng, z[0], low, int(rng.integers(1, 3)), least)
-        drawers = [_Cell(y, (a, b), "drawer") for a, b in zip(borders[:-1], borders[1:], strict=True)]
-        return [*drawers, _Cell(y, (low, z[1]), door)]
+        drawers = [Cell(y, (a, b), "drawer") for a, b in itertools.pairwise(borders)]
+        return [*drawers, Cell(y, (low, z[1]), door)]
     if plan == "open_door":
-        return [_Cell(y, (z[0], middle), door), _Cell(y, (middle, z[1]), "open")]
+        return [Cell(y, (z[0], middle), door), Cell(y, (middle, z[1]), "open")]
     if plan == "door_open":
-        return [_Cell(y, (z[0], middle), "open"), _Cell(y, (middle, z[1]), door)]
+        return [Cell(y, (z[0], middle), "open"), Cell(y, (middle, z[1]), door)]
     if plan == "doors" and min(middle - z[0], z[1] - middle) > 1.5 * least:
-        return [_Cell(y, (z[0], middle), door), _Cell(y, (middle, z[1]), door)]
+        return [Cell(y, (z[0], middle), door), Cell(y, (middle, z[1]), door)]
     if plan == "flap":
         count = 2 if height > 0.6 else 1
         borders = split(rng, *z, count, least)
-        return [_Cell(y, (a, b), "flap") for a, b in zip(borders[:-1], borders[1:], strict=True)]
-    return [_Cell(y, z, "open" if plan == "open" else door)]
+        return [Cell(y, (a, b), "flap") for a, b in itertools.pairwise(borders)]
+    return [Cell(y, z, "open" if plan == "open" else door)]
 
 
-def _layout(rng: np.random.Generator, width: float, z: tuple[float, float], most: int, unit: float) -> list[_Cell]:
+def _layout(
+    rng: np.random.Generator, width: float, z: tuple[float, float], most: int, unit: float
+) -> list[Cell]:
     """Cells of the whole front: columns of rows, columns that mirror each other, or a top row over the rest."""
     least_y, least_z = max(0.22, 12 * unit), max(0.1, 9 * unit)
     most = max(1, min(most, int(width / least_y)))
     count = int(rng.integers(1, most + 1))
     half = width / 2
-    cells: list[_Cell] = []
+    cells: list[Cell] = []
     top = z[1]
     if count > 1 and rng.random() < 0.22:  # a row of its own across the top
         top = z[1] - max(least_z, rng.uniform(0.16, 0.28) * (z[1] - z[0]))
         borders = split(rng, -half, half, int(rng.integers(1, count + 1)), least_y)
         kind = "open" if rng.random() < 0.2 else "drawer"
-        pairs = zip(borders[:-1], borders[1:], strict=True)
-        cells += [_Cell((float(a), float(b)), (top, z[1]), kind) for a, b in pairs]
+        pairs = itertools.pairwise(borders)
+        cells += [Cell((float(a), float(b)), (top, z[1]), kind) for a, b in pairs]
     borders = split(rng, -half, half, count, least_y)
     if rng.random() < 0.4:
         borders = (borders - borders[::-1]) / 2  # symmetric
-    columns = [(float(a), float(b)) for a, b in zip(borders[:-1], borders[1:], strict=True)]
+    columns = [(float(a), float(b)) for a, b in itertools.pairwise(borders)]
     same = rng.random() < 0.4
     first = _column(rng, columns[0], (z[0], top), least_z)
     for i, y in enumerate(columns):
@@ -146,144 +146,80 @@ def _layout(rng: np.random.Generator, width: float, z: tuple[float, float], most
     return cells
 
 
-def _moving(cells: list[_Cell]) -> int:
-    return sum({"open": 0, "double": 2}.get(c.kind, 1) for c in cells)
-
-
 def build(rng: np.random.Generator) -> ArticulatedObject:
     """A piece of storage furniture, metres, closed."""
     names = list(_KINDS)
-    widths, heights, depths, most, _ = _KINDS[names[rng.choice(len(names), p=[k[-1] for k in _KINDS.values()])]]
+    widths, heights, depths, most, _ = _KINDS[
+        names[rng.choice(len(names), p=[k[-1] for k in _KINDS.values()])]
+    ]
     hung = widths == _KINDS["wall"][0]
     width, height, depth = (float(rng.uniform(*r)) for r in (widths, heights, depths))
     unit = max(width, height, depth) / 100
     look = style(rng, unit, floor=1.3 if hung else 0.0)
     wall = max(rng.uniform(0.018, 0.03), 1.7 * unit)
-    base = "none" if hung else str(rng.choice(["none", "plinth", "feet", "legs", "runners"], p=[0.2, 0.3, 0.2, 0.2, 0.1]))
-    legs = {"none": 0.0, "plinth": rng.uniform(0.05, 0.12), "feet": rng.uniform(0.03, 0.08), "legs": rng.uniform(0.1, 0.25), "runners": rng.uniform(0.05, 0.15)}[base]
+    base = (
+        "none"
+        if hung
+        else str(
+            rng.choice(["none", "plinth", "feet", "legs", "runners"], p=[0.2, 0.3, 0.2, 0.2, 0.1])
+        )
+    )
+    legs = {
+        "none": 0.0,
+        "plinth": rng.uniform(0.05, 0.12),
+        "feet": rng.uniform(0.03, 0.08),
+        "legs": rng.uniform(0.1, 0.25),
+        "runners": rng.uniform(0.05, 0.15),
+    }[base]
     legs = min(legs, 0.3 * height)
     top = 0.0 if hung or rng.random() < 0.35 else max(rng.uniform(0.018, 0.045), 1.6 * unit)
-    z = (legs, height - top)
+    side, z = (-width / 2, width / 2), (legs, height - top)
     for _ in range(100):
-        cells = _layout(rng, width, z, most, unit)
-        if 1 <= _moving(cells) <= (6 if look.own_handle or look.handle == "latch" else MAX_MOVING):
+        case = Case(side, z, 0.0, depth, wall, tuple(_layout(rng, width, z, most, unit)))
+        if 1 <= case.moving <= (6 if look.own_handle or look.handle == "latch" else MAX_MOVING):
             break
     else:
-        cells = [_Cell((-width / 2, width / 2), z, "door")]
+        case = Case(side, z, 0.0, depth, wall, (Cell(side, z, "door"),))
 
-    case = look.face if rng.random() < 0.5 else materials.furniture(rng)
-    if look.panel == "glass" and rng.random() < 0.3:
-        case = look.face
-    asm = Assembly()
-    body = Shape()
-    _stand(body, rng, base, legs, width, depth, unit, case, look)
+    finish = look.face if rng.random() < 0.5 else materials.furniture(rng)
+    fit = Fit.draw(rng, unit, wall)
+    asm, body = Assembly(), Shape()
+    _stand(body, rng, base, legs, width, depth, unit, finish, look)
     if top > 0:
-        slab = materials.stone(rng) if rng.random() < 0.2 else (case if rng.random() < 0.5 else materials.wood(rng))
+        slab = finish if rng.random() < 0.5 else materials.wood(rng)
+        slab = materials.stone(rng) if rng.random() < 0.2 else slab
         over = float(rng.choice([0.0, rng.uniform(0.01, 0.035)])) + look.thickness
         side = float(rng.choice([0.0, rng.uniform(0.01, 0.03)]))
-        body.add(box([-over, -width / 2 - side, z[1]], [depth, width / 2 + side, height]), slab.along("y"))
-
-    inset = rng.random() < 0.3
-    reveal = 0.0 if rng.random() < 0.5 else float(rng.uniform(0.15, 0.45)) * wall
-    seam = max(0.003, rng.uniform(0.15, 0.45) * unit)
-    swing = float(np.deg2rad(rng.uniform(80, 168)))
-    holes, fronts = [], []
-    for cell in cells:
-        bay_lo, bay_hi = _bay(cell, width, z, depth, wall)
-        holes += _cavities(rng, cell, bay_lo, bay_hi, wall)
-        fronts.append((cell, bay_lo, bay_hi))
-    body.add(cut(box([0, -width / 2, z[0]], [depth, width / 2, z[1]]), holes), case)
+        lo, hi = [-over, -width / 2 - side, z[1]], [depth, width / 2 + side, height]
+        body.add(box(lo, hi), slab.along("y"))
+    body.add(case.solid(rng), finish)
     root = asm.add("body", body)
-
-    fill, pull = float(rng.uniform(0.5, 0.9)), float(rng.uniform(0.45, 0.9))
-    centered, flap = rng.random() < 0.7, str(rng.choice(["+z", "-z"]))
-    mirror = rng.random() < 0.5
-    for i, (cell, bay_lo, bay_hi) in enumerate(fronts):
-        if cell.kind == "open":
-            continue
-        thick = look.thickness
-        if inset:
-            size = min(bay_hi[1] - bay_lo[1], bay_hi[2] - bay_lo[2])
-            air = max(0.003, 0.2 * unit) + thick**2 / size
-            lo = np.array([0.0, bay_lo[1] + air, bay_lo[2] + air])
-            hi = np.array([thick, bay_hi[1] - air, bay_hi[2] - air])
-        else:
-            air = seam / 2 + reveal
-            lo = np.array([-thick - 0.002, cell.y[0] + air, cell.z[0] + air])
-            hi = np.array([-0.002, cell.y[1] - air, cell.z[1] - air])
-        if cell.kind == "drawer":
-            add_drawer(
-                asm, root, lo, hi, bay_lo, bay_hi, pull, look, fill=fill, depth=0.96, center=centered,
-                kind="slab" if look.panel in ("glass", "slats") else None,
-            )  # fmt: skip
-        elif cell.kind == "flap":
-            add_door(asm, root, lo, hi, flap, min(swing, float(rng.uniform(1.3, 1.65))), look, name="flap")
-        elif cell.kind == "double":
-            middle, half = (lo[1] + hi[1]) / 2, max(seam, 0.003) / 2
-            for edge, a, b in (("+y", middle + half, hi[1]), ("-y", lo[1], middle - half)):
-                angle = _swing(edge, cell, width, inset, swing)
-                add_door(asm, root, [lo[0], a, lo[2]], [hi[0], b, hi[2]], edge, angle, look)
-        else:
-            edge = _hinge_edge(rng, cell, width, mirror, i)
-            add_door(asm, root, lo, hi, edge, _swing(edge, cell, width, inset, swing), look)
+    case.add_fronts(rng, asm, root, look, fit)
     return asm.object()
 
 
-def _hinge_edge(rng: np.random.Generator, cell: _Cell, width: float, mirror: bool, index: int) -> str:
-    """Hinges sit on the outer side of outer columns mostly, and anywhere on the others."""
-    left, right = cell.y[1] > width / 2 - 1e-6, cell.y[0] < -width / 2 + 1e-6
-    if left != right and rng.random() < 0.75:
-        return "+y" if left else "-y"
-    return "+y" if mirror == (index % 2 == 0 or rng.random() < 0.5) else "-y"
-
-
-def _swing(edge: str, cell: _Cell, width: float, inset: bool, swing: float) -> float:
-    """Doors hinged on the outside of the case may open wide; others stop before they meet a neighbour."""
-    outer = cell.y[1] > width / 2 - 1e-6 if edge == "+y" else cell.y[0] < -width / 2 + 1e-6
-    return swing if outer and not inset else min(swing, float(np.deg2rad(105)))
-
-
-def _bay(cell: _Cell, width: float, z: tuple[float, float], depth: float, wall: float):
-    """Corners of the room behind a cell: full walls outside, half a wall towards neighbours."""
-    lo, hi = [0.0, 0.0, 0.0], [depth - wall, 0.0, 0.0]
-    for axis, (a, b), (first, last) in ((1, cell.y, (-width / 2, width / 2)), (2, cell.z, z)):
-        lo[axis] = a + (wall if a < first + 1e-6 else wall / 2)
-        hi[axis] = b - (wall if b > last - 1e-6 else wall / 2)
-    return np.array(lo), np.array(hi)
-
-
-def _cavities(rng: np.random.Generator, cell: _Cell, lo: np.ndarray, hi: np.ndarray, wall: float) -> list:
-    """What to cut from the case for a cell: its bay, left in pieces where shelves run."""
-    start = np.array([-0.1, 0.0, 0.0])
-    height, shelf = hi[2] - lo[2], max(0.8 * wall, 0.016)
-    count = 0
-    if cell.kind in ("open", "door", "double"):
-        count = int(np.clip(rng.integers(0, 3) + (height > 0.9), 0, int(height / 0.25)))
-    back = 0.0 if cell.kind == "open" or count == 0 else float(rng.uniform(0.05, 0.3)) * hi[0]
-    borders = np.linspace(lo[2], hi[2], count + 2)
-    holes = []
-    for i, (a, b) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
-        a = a + (shelf / 2 if i else 0)
-        b = b - (shelf / 2 if i < count else 0)
-        holes.append(box([start[0], lo[1], a], [hi[0], hi[1], b]))
-    if count and (back > 0 or cell.kind != "open"):  # shelves stand back behind fronts, clear of an inset door
-        holes.append(box([start[0], lo[1], lo[2]], [max(back, 0.06), hi[1], hi[2]]))
-    return holes
-
-
-def _stand(body: Shape, rng, base: str, legs: float, width: float, depth: float, unit: float, case, look) -> None:
+def _stand(
+    body: Shape, rng, base: str, legs: float, width: float, depth: float, unit: float, finish, look
+) -> None:
     """Plinth, feet, legs or runners under the case, from the floor z = 0 to z = ``legs``."""
-    half, material = width / 2, case if rng.random() < 0.5 else look.hardware
+    half, material = width / 2, finish if rng.random() < 0.5 else look.hardware
     if base == "plinth":
         back = float(rng.uniform(0.0, 0.06))
-        body.add(box([back, -half + back, 0], [depth - back / 2, half - back, legs]), case.darker(0.6) if rng.random() < 0.6 else case)
+        body.add(
+            box([back, -half + back, 0], [depth - back / 2, half - back, legs]),
+            finish.darker(0.6) if rng.random() < 0.6 else finish,
+        )
     elif base == "runners":
         w = max(0.03, 2 * unit)
         for y in (-half + 0.02, half - 0.02 - w):
             body.add(box([0.02, y, 0], [depth - 0.02, y + w, legs]), material)
     elif base in ("feet", "legs"):
         r = max(rng.uniform(0.015, 0.03), 1.3 * unit)
-        edge, shape, splay = r + float(rng.uniform(0.01, 0.04)), rng.integers(3), float(rng.uniform(0, 0.25)) * legs
+        edge, shape, splay = (
+            r + float(rng.uniform(0.01, 0.04)),
+            rng.integers(3),
+            float(rng.uniform(0, 0.25)) * legs,
+        )
         for x in (edge, depth - edge):
             for y in (-half + edge, half - edge):
                 if shape == 0:

@@ -1,0 +1,166 @@
+"""Cases divided into cells, and the fronts that close the cells: the body of storage furniture and of desks' pedestals."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+
+import numpy as np
+from manifold3d import Manifold
+
+from uniart_jax.procedural.fronts import FrontStyle, add_door, add_drawer
+from uniart_jax.procedural.shapes import Assembly, box, cut
+
+
+@dataclasses.dataclass(frozen=True)
+class Cell:
+    """A rectangle of the front and what fills it: 'door', 'double', 'flap', 'drawer' or 'open'."""
+
+    y: tuple[float, float]
+    z: tuple[float, float]
+    kind: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """How fronts sit on their case: shared by all fronts of an object.
+
+    Attributes:
+      inset: fronts stand inside their bays, flush with the case; else they lie on it.
+      seam: air between neighbouring fronts, metres.
+      reveal: how much of the case shows around each front that lies on it, metres.
+      swing: widest opening of doors, radians.
+      fill: share of a bay's height that a drawer's box takes.
+      pull: share of its depth by which a drawer opens.
+      centered: drawer handles in the middle of the front, else near its top.
+      flap: hinge edge of flaps.
+      alternate: which way doors on inner columns turn.
+    """
+
+    inset: bool
+    seam: float
+    reveal: float
+    swing: float
+    fill: float
+    pull: float
+    centered: bool
+    flap: str
+    alternate: bool
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, unit: float, wall: float) -> Fit:
+        """A plausible fit; ``unit``: one percent of the object's longest side, ``wall``: of the case, metres."""
+        return cls(
+            inset=bool(rng.random() < 0.3),
+            seam=max(0.003, float(rng.uniform(0.35, 0.9)) * unit),
+            reveal=0.0 if rng.random() < 0.5 else float(rng.uniform(0.15, 0.45)) * wall,
+            swing=float(np.deg2rad(rng.uniform(80, 168))),
+            fill=float(rng.uniform(0.5, 0.9)),
+            pull=float(rng.uniform(0.45, 0.9)),
+            centered=bool(rng.random() < 0.7),
+            flap=str(rng.choice(["+z", "-z"])),
+            alternate=bool(rng.random() < 0.5),
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A hollow box with its front at x = ``front``, divided into cells (metres)."""
+
+    y: tuple[float, float]
+    z: tuple[float, float]
+    front: float
+    depth: float
+    wall: float
+    cells: tuple[Cell, ...]
+
+    @property
+    def moving(self) -> int:
+        """How many parts will move."""
+        return sum({"open": 0, "double": 2}.get(c.kind, 1) for c in self.cells)
+
+    def bay(self, cell: Cell) -> tuple[np.ndarray, np.ndarray]:
+        """Corners of the room behind a cell: full walls outside, half a wall towards neighbours."""
+        lo, hi = [self.front, 0.0, 0.0], [self.front + self.depth - self.wall, 0.0, 0.0]
+        for axis, (a, b), (first, last) in ((1, cell.y, self.y), (2, cell.z, self.z)):
+            lo[axis] = a + (self.wall if a < first + 1e-6 else self.wall / 2)
+            hi[axis] = b - (self.wall if b > last - 1e-6 else self.wall / 2)
+        return np.array(lo), np.array(hi)
+
+    def solid(self, rng: np.random.Generator) -> Manifold:
+        """The case with its bays and shelves."""
+        holes = [hole for cell in self.cells for hole in self._holes(rng, cell)]
+        front, back = self.front, self.front + self.depth
+        return cut(box([front, self.y[0], self.z[0]], [back, self.y[1], self.z[1]]), holes)
+
+    def _holes(self, rng: np.random.Generator, cell: Cell) -> list[Manifold]:
+        """What to cut from the case for a cell: its bay, left in pieces where shelves run."""
+        lo, hi = self.bay(cell)
+        height, shelf, outside = hi[2] - lo[2], max(0.8 * self.wall, 0.016), self.front - 0.1
+        count = 0
+        if cell.kind in ("open", "door", "double"):
+            count = int(np.clip(rng.integers(0, 3) + (height > 0.9), 0, int(height / 0.25)))
+        borders = np.linspace(lo[2], hi[2], count + 2)
+        holes = []
+        for i, (a, b) in enumerate(itertools.pairwise(borders)):
+            a, b = a + (shelf / 2 if i else 0), b - (shelf / 2 if i < count else 0)
+            holes.append(box([outside, lo[1], a], [hi[0], hi[1], b]))
+        if (
+            count and cell.kind != "open"
+        ):  # shelves stand back behind fronts, clear of an inset door
+            recess = max(0.06, float(rng.uniform(0.05, 0.3)) * self.depth)
+            holes.append(box([outside, lo[1], lo[2]], [self.front + recess, hi[1], hi[2]]))
+        return holes
+
+    def add_fronts(
+        self, rng: np.random.Generator, asm: Assembly, root: int, look: FrontStyle, fit: Fit
+    ) -> None:
+        """Add the doors, flaps and drawers of all cells as children of part ``root``."""
+        for i, cell in enumerate(self.cells):
+            if cell.kind == "open":
+                continue
+            bay_lo, bay_hi = self.bay(cell)
+            thick = look.thickness
+            if fit.inset:
+                size = min(bay_hi[1] - bay_lo[1], bay_hi[2] - bay_lo[2])
+                air = (
+                    max(0.003, 0.3 * look.unit) + thick**2 / size
+                )  # the far corner sweeps a wider arc
+                lo = np.array([self.front, bay_lo[1] + air, bay_lo[2] + air])
+                hi = np.array([self.front + thick, bay_hi[1] - air, bay_hi[2] - air])
+            else:
+                air = fit.seam / 2 + fit.reveal
+                lo = np.array([self.front - thick - 0.002, cell.y[0] + air, cell.z[0] + air])
+                hi = np.array([self.front - 0.002, cell.y[1] - air, cell.z[1] - air])
+            if cell.kind == "drawer":
+                add_drawer(
+                    asm, root, lo, hi, bay_lo, bay_hi, fit.pull, look, fill=fit.fill, center=fit.centered,
+                    kind="slab" if look.panel in ("glass", "slats") else None,
+                )  # fmt: skip
+            elif cell.kind == "flap":
+                angle = min(fit.swing, float(rng.uniform(1.3, 1.65)))
+                add_door(asm, root, lo, hi, fit.flap, angle, look, name="flap")
+            elif cell.kind == "double":
+                middle, half = (lo[1] + hi[1]) / 2, fit.seam / 2
+                for edge, a, b in (("+y", middle + half, hi[1]), ("-y", lo[1], middle - half)):
+                    angle = self._swing(edge, cell, fit)
+                    add_door(asm, root, [lo[0], a, lo[2]], [hi[0], b, hi[2]], edge, angle, look)
+            else:
+                edge = self._hinge_edge(rng, cell, fit, i)
+                add_door(asm, root, lo, hi, edge, self._swing(edge, cell, fit), look)
+
+    def _outer(self, cell: Cell) -> tuple[bool, bool]:
+        """Whether a cell touches the case's left (+y) and right (-y) side."""
+        return cell.y[1] > self.y[1] - 1e-6, cell.y[0] < self.y[0] + 1e-6
+
+    def _hinge_edge(self, rng: np.random.Generator, cell: Cell, fit: Fit, index: int) -> str:
+        """Hinges sit on the outer side of outer columns mostly, and anywhere on the others."""
+        left, right = self._outer(cell)
+        if left != right and rng.random() < 0.75:
+            return "+y" if left else "-y"
+        return "+y" if fit.alternate == (index % 2 == 0 or rng.random() < 0.5) else "-y"
+
+    def _swing(self, edge: str, cell: Cell, fit: Fit) -> float:
+        """Doors hinged on the outside of the case may open wide; others stop before they meet a neighbour."""
+        outer = self._outer(cell)[0 if edge == "+y" else 1]
+        return fit.swing if outer and not fit.inset else min(fit.swing, float(np.deg2rad(105)))
