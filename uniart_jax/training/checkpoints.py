@@ -1,0 +1,191 @@
+"""Checkpoints of a stage: the train state and the data iterator's state, saved together by Orbax.
+
+A run that is killed at any moment and resumed equals one that was not: a checkpoint is complete or absent, and holds the position
+in the data beside the weights. Leaves are stored under flat dotted names (``params.blocks.0.mlp.kernel``), so that a checkpoint of
+another config can be told apart name by name.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import json
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+import jax
+from orbax.checkpoint import v1 as ocp
+
+State = TypeVar("State")
+
+
+class CheckpointableIterator(Protocol):
+    """Anything that knows where it is: Grain's iterators, or a test's. A state is bytes or JSON-able."""
+
+    def get_state(self) -> Any: ...
+
+    def set_state(self, state: Any) -> None: ...
+
+
+class _Position:
+    """An iterator's state as an Orbax ``StatefulCheckpointable``: one JSON file a process, for each reads its own share."""
+
+    def __init__(self, state: Any = None):
+        self.state = state
+
+    async def save(self, directory: Any) -> Any:
+        raw = isinstance(self.state, bytes)
+        value = {"base64": base64.b64encode(self.state).decode()} if raw else {"json": self.state}
+        text = json.dumps(value, default=lambda number: number.item())  # numpy scalars
+
+        async def write() -> None:
+            path = await directory.await_creation()
+            await asyncio.to_thread((path / self._file()).write_text, text)
+
+        return write()
+
+    async def load(self, directory: Any) -> Any:
+        async def read() -> None:
+            value = json.loads(await asyncio.to_thread((directory / self._file()).read_text))
+            raw = "base64" in value
+            self.state = base64.b64decode(value["base64"]) if raw else value["json"]
+
+        return read()
+
+    @staticmethod
+    def _file() -> str:
+        return f"process_{jax.process_index()}.json"
+
+
+class Checkpoints:
+    """The newest ``keep`` checkpoints of one stage in ``folder``; a context manager, so that leaving waits for the last save."""
+
+    def __init__(self, folder: str | Path, keep: int = 2):
+        self.folder = Path(folder).absolute()
+        self._orbax = ocp.training.Checkpointer(
+            self.folder,
+            preservation_policy=ocp.training.preservation_policies.LatestN(max(keep, 1)),
+            cleanup_tmp_directories=True,
+        )
+
+    def __enter__(self) -> Checkpoints:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self._orbax.close()
+
+    @property
+    def steps(self) -> list[int]:
+        """Steps that have a complete checkpoint, ascending."""
+        return [checkpoint.step for checkpoint in self._orbax.checkpoints]
+
+    @property
+    def latest_step(self) -> int | None:
+        """Step of the newest complete checkpoint."""
+        return self.steps[-1] if self.steps else None
+
+    def save(
+        self,
+        step: int,
+        state: Any,
+        iterator: CheckpointableIterator | None = None,
+        *,
+        wait: bool = False,
+    ) -> None:
+        """Save in the background; the state may be donated and the iterator advanced as soon as this returns.
+
+        A step that is already saved is left as it is. A failure of an earlier save is raised here or on leaving.
+        """
+        if step not in self.steps:
+            items: dict[str, Any] = {"state": _flat(state)}
+            if iterator is not None:
+                items["data"] = _Position(iterator.get_state())
+            self._orbax.save_checkpointables_async(step, items, force=True)
+        if wait:
+            self.wait()
+
+    def wait(self) -> None:
+        """Until all saves are on disk."""
+        self._orbax.wait()
+
+    def restore(self, like: State, iterator: CheckpointableIterator | None = None) -> State | None:
+        """The newest good checkpoint, with ``iterator`` set to its place; None where there is none.
+
+        Args:
+          like: a state of the same structure; arrays or ShapeDtypeStructs, whose shardings the result takes.
+
+        A damaged checkpoint is moved aside (``damaged-<step>``) with a one-line warning, and the one before is taken.
+
+        Raises:
+          ValueError: the checkpoint is of another structure (missing, extra and mismatched names are listed), or all are damaged.
+        """
+        abstract = jax.tree.map(_abstract, like)
+        expected = _flat(abstract)
+        steps = self.steps
+        for step in reversed(steps):
+            try:
+                saved = dict(ocp.metadata(self.folder / str(step), "state").metadata)
+            except Exception as error:
+                self._set_aside(step, error)
+                continue
+            _compare(expected, saved, f"{self.folder}/{step}")
+            items: dict[str, Any] = {"state": expected}
+            if iterator is not None:
+                items["data"] = _Position()
+            try:
+                loaded = self._orbax.load_checkpointables(step, items)
+            except Exception as error:
+                self._set_aside(step, error)
+                continue
+            if iterator is not None:
+                iterator.set_state(loaded["data"].state)
+            leaves = [loaded["state"][name] for name in expected]
+            return jax.tree.unflatten(jax.tree.structure(abstract), leaves)
+        if steps:
+            raise ValueError(
+                f"{self.folder}: none of the checkpoints {steps} can be read; remove the folder to start anew"
+            )
+        return None
+
+    def _set_aside(self, step: int, error: Exception) -> None:
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
+        print(f"warning: checkpoint {self.folder}/{step} is damaged ({reason}); trying the one before", file=sys.stderr)  # fmt: skip
+        if jax.process_index() == 0:
+            source = self.folder / str(step)
+            if source.exists():
+                source.rename(self.folder / f"damaged-{step}")
+        self._orbax.reload()
+
+
+def _abstract(leaf: Any) -> jax.ShapeDtypeStruct:
+    return jax.ShapeDtypeStruct(leaf.shape, leaf.dtype, sharding=leaf.sharding)
+
+
+def _flat(tree: Any) -> dict[str, Any]:
+    leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
+    return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
+
+
+def _compare(expected: dict[str, Any], found: dict[str, Any], where: str) -> None:
+    def shown(names: Iterable[str]) -> str:
+        return ", ".join(sorted(names))
+
+    def kind(leaf: Any) -> str:
+        return f"{leaf.dtype}{list(leaf.shape)}"
+
+    common = expected.keys() & found.keys()
+    unlike = {n for n in common if kind(expected[n]) != kind(found[n])}
+    problems = []
+    if missing := expected.keys() - found.keys():
+        problems.append(f"missing: {shown(missing)}")
+    if extra := found.keys() - expected.keys():
+        problems.append(f"extra: {shown(extra)}")
+    if unlike:
+        listed = (f"{n} is {kind(found[n])}, expected {kind(expected[n])}" for n in unlike)
+        problems.append(f"mismatched: {shown(listed)}")
+    if problems:
+        raise ValueError(
+            f"{where} was made with another config; {'; '.join(problems)}; use that config or another workdir"
+        )
