@@ -36,6 +36,7 @@ if TYPE_CHECKING:  # training reads codes on machines without trimesh
 KAPPA = 4.0  # weight of travel against angle / pi; part of the file format
 TIE = 1e-6  # components of d this close count as equal when the sign is chosen
 SAME_BOX = 0.01  # own boxes closer than this cannot be told apart
+LARGEST = 1e3  # no sane code has a component above it
 FIXED_AXIS = 0.5  # a predicted |d| below this is a fixed joint (reference: nano prototype)
 CODE_SIZE = 9
 GAUGES = 6
@@ -134,8 +135,10 @@ def decode_joint(code: np.ndarray, part_center: np.ndarray) -> Joint:
       part_center: [3] centre of the part's own box; the origin returned is the point of the axis nearest to it.
     """
     code = np.asarray(code, dtype=np.float64).reshape(CODE_SIZE)
-    length = float(np.linalg.norm(code[1:4])) if np.all(np.isfinite(code)) else 0.0
-    if length < FIXED_AXIS:
+    finite = bool(np.isfinite(code).all())
+    code = np.clip(code, -LARGEST, LARGEST)
+    length = float(np.linalg.norm(code[1:4]))
+    if not finite or length < FIXED_AXIS:
         return Joint.fixed()
     phi = code[0] * np.pi / 2
     direction = code[1:4] / length
@@ -169,7 +172,7 @@ def decode_part(codes: np.ndarray, part_center: np.ndarray) -> Joint:
       part_center: [3] centre of the part's own box.
     """
     codes = np.asarray(codes, dtype=np.float64).reshape(-1, CODE_SIZE)
-    codes = codes[np.isfinite(codes).all(1)]
+    codes = canonical(codes[np.isfinite(codes).all(1)])
     if not len(codes):
         return Joint.fixed()
     # the medoid is a good first reference even where half of the codes lie in another gauge
@@ -183,8 +186,10 @@ def decode_part(codes: np.ndarray, part_center: np.ndarray) -> Joint:
     ends = spread[7:9].max()
     if abs(abs(middle[0]) - 1) <= 2 * spread[0]:
         middle[0] = np.sign(middle[0])
-    elif abs(middle[0]) < 0.5 and np.abs(middle[7:9] - [-1, 1]).max() <= 2 * ends:
-        middle[7:9] = -1, 1
+    elif np.abs(middle[7:9] - [-1, 1]).max() <= 2 * ends:
+        travel = 2 / KAPPA * abs(np.sin(middle[0] * np.pi / 2))
+        if travel < TRAVEL_DEAD_ZONE:
+            middle[[0, 7, 8]] = 0, -1, 1
     return decode_joint(middle, part_center)
 
 
@@ -239,8 +244,8 @@ def decode_tree(boxes: np.ndarray, parent_boxes: np.ndarray) -> list[int]:
     count = len(boxes)
     if count == 1:
         return [-1]
-    own = np.nan_to_num(box_corners(boxes), posinf=1e3, neginf=-1e3)
-    parent = np.nan_to_num(box_corners(parent_boxes), posinf=1e3, neginf=-1e3)
+    own = box_corners(np.clip(np.nan_to_num(boxes), -LARGEST, LARGEST))
+    parent = box_corners(np.clip(np.nan_to_num(parent_boxes), -LARGEST, LARGEST))
     cost = np.abs(own[:, None] - parent[None]).max(-1)  # [parent, child]
     bound = float(cost.sum()) + 1.0
     graph = nx.DiGraph()
