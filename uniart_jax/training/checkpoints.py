@@ -11,12 +11,13 @@ import asyncio
 import base64
 import json
 import sys
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import jax
 from orbax.checkpoint import v1 as ocp
+
+from uniart_jax.training.export import differences, flat_names
 
 State = TypeVar("State")
 
@@ -99,7 +100,7 @@ class Checkpoints:
         A step that is already saved is left as it is. A failure of an earlier save is raised here or on leaving.
         """
         if step not in self.steps:
-            items: dict[str, Any] = {"state": _flat(state)}
+            items: dict[str, Any] = {"state": flat_names(state)}
             if iterator is not None:
                 items["data"] = _Position(iterator.get_state())
             self._orbax.save_checkpointables_async(step, items, force=True)
@@ -122,7 +123,7 @@ class Checkpoints:
           ValueError: the checkpoint is of another structure (missing, extra and mismatched names are listed), or all are damaged.
         """
         abstract = jax.tree.map(_abstract, like)
-        expected = _flat(abstract)
+        expected = flat_names(abstract)
         steps = self.steps
         for step in reversed(steps):
             try:
@@ -130,7 +131,11 @@ class Checkpoints:
             except Exception as error:
                 self._set_aside(step, error)
                 continue
-            _compare(expected, saved, f"{self.folder}/{step}")
+            if problems := differences(_kinds(expected), _kinds(saved)):
+                raise ValueError(
+                    f"{self.folder}/{step} was made with another config; {'; '.join(problems)}; "
+                    "use that config or another workdir"
+                )
             items: dict[str, Any] = {"state": expected}
             if iterator is not None:
                 items["data"] = _Position()
@@ -163,29 +168,5 @@ def _abstract(leaf: Any) -> jax.ShapeDtypeStruct:
     return jax.ShapeDtypeStruct(leaf.shape, leaf.dtype, sharding=leaf.sharding)
 
 
-def _flat(tree: Any) -> dict[str, Any]:
-    leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
-    return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
-
-
-def _compare(expected: dict[str, Any], found: dict[str, Any], where: str) -> None:
-    def shown(names: Iterable[str]) -> str:
-        return ", ".join(sorted(names))
-
-    def kind(leaf: Any) -> str:
-        return f"{leaf.dtype}{list(leaf.shape)}"
-
-    common = expected.keys() & found.keys()
-    unlike = {n for n in common if kind(expected[n]) != kind(found[n])}
-    problems = []
-    if missing := expected.keys() - found.keys():
-        problems.append(f"missing: {shown(missing)}")
-    if extra := found.keys() - expected.keys():
-        problems.append(f"extra: {shown(extra)}")
-    if unlike:
-        listed = (f"{n} is {kind(found[n])}, expected {kind(expected[n])}" for n in unlike)
-        problems.append(f"mismatched: {shown(listed)}")
-    if problems:
-        raise ValueError(
-            f"{where} was made with another config; {'; '.join(problems)}; use that config or another workdir"
-        )
+def _kinds(leaves: dict[str, Any]) -> dict[str, str]:
+    return {name: f"{leaf.dtype}{list(leaf.shape)}" for name, leaf in leaves.items()}

@@ -21,7 +21,7 @@ AXES = ("data", "fsdp")
 MIN_SHARDED_SIZE = 2**16
 
 
-def make_mesh(config: MeshConfig = MeshConfig()) -> Mesh:
+def make_mesh(config: MeshConfig) -> Mesh:
     """The mesh over all devices of all processes; -1 for "all the rest".
 
     Raises:

@@ -1,0 +1,149 @@
+"""A toy stage for the tests: a two-layer network, Grain batches with their order recorded. Run as a program it trains in its own process:
+
+python toy_run.py WORKDIR STEPS SAVE_EVERY [--devices N --fsdp M] [--slow SECONDS] [--nan STEP] [--out FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import os
+import sys
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+
+def parse() -> argparse.Namespace:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("workdir", type=Path)
+    parser.add_argument("steps", type=int)
+    parser.add_argument("save_every", type=int)
+    parser.add_argument("--devices", type=int, default=1)
+    parser.add_argument("--fsdp", type=int, default=1)
+    parser.add_argument("--slow", type=float, default=0.0)
+    parser.add_argument("--nan", type=int, default=-1)
+    parser.add_argument("--out", type=Path)
+    return parser.parse_args()
+
+
+def init(key):
+    import jax
+    import jax.numpy as jnp
+
+    first, second = jax.random.split(key)
+    return {
+        "blocks": {0: {"kernel": jax.random.normal(first, (4, 16)) / 2, "bias": jnp.zeros(16)}},
+        "out": {"kernel": jax.random.normal(second, (16, 8)) / 4, "bias": jnp.zeros(8)},
+    }
+
+
+def loss_fn(params, batch, key):
+    import jax
+    import jax.numpy as jnp
+
+    block, out = params["blocks"][0], params["out"]
+    x = batch["x"] + 0.1 * jax.random.normal(key, batch["x"].shape)
+    y = jnp.tanh(x @ block["kernel"] + block["bias"]) @ out["kernel"] + out["bias"]
+    loss = jnp.mean((y - batch["y"]) ** 2)
+    return loss, {"error": jnp.sqrt(loss)}
+
+
+def make_batches(seen: list | None = None, nan_at: int = -1, slow: float = 0.0):
+    import grain
+    import numpy as np
+
+    rng = np.random.default_rng(0)
+    xs = rng.normal(size=(40, 4)).astype(np.float32)
+    weights = rng.normal(size=(4, 8)).astype(np.float32)
+
+    def item(index):
+        return {"x": xs[index], "y": np.tanh(xs[index] @ weights), "index": np.int32(index)}
+
+    dataset = grain.MapDataset.range(40).seed(3).shuffle().repeat().map(item).batch(8)
+    iterator = iter(dataset.to_iter_dataset())
+
+    class Recorded:
+        count = 0
+
+        def __iter__(self):
+            return self
+
+        def __next__(self):
+            batch = next(iterator)
+            time.sleep(slow)
+            if seen is not None:
+                seen.append(batch["index"].tolist())
+            self.count += 1
+            if self.count == nan_at:
+                batch["y"] = batch["y"] * np.nan
+            return batch
+
+        get_state = staticmethod(iterator.get_state)
+        set_state = staticmethod(iterator.set_state)
+
+    return Recorded()
+
+
+def make_stage(steps: int, save_every: int, **changes):
+    from uniart_jax.config import StageConfig
+
+    settings = {
+        "steps": steps, "save_every": save_every, "batch_size": 8, "learning_rate": 1e-2, "warmup_steps": 2, "log_every": 1,
+        "evaluate_every": 10**9, "keep_checkpoints": 3, "ema_decay": 0.9,
+    }  # fmt: skip
+    return StageConfig(**{**settings, **changes})
+
+
+def train(workdir, stage, batches, *, fsdp=1, **options):
+    import jax
+
+    from uniart_jax.config import MeshConfig
+    from uniart_jax.training.checkpoints import Checkpoints
+    from uniart_jax.training.loop import run_stage
+    from uniart_jax.training.sharding import make_mesh, put_batch
+    from uniart_jax.training.state import create_state, make_optimizer
+    from uniart_jax.training.step import make_train_step
+
+    mesh = make_mesh(MeshConfig(fsdp=fsdp))
+    optimizer = make_optimizer(stage)
+    with Checkpoints(workdir / "checkpoints" / "toy", keep=stage.keep_checkpoints) as checkpoints:
+        return run_stage(
+            "toy",
+            state=create_state(init, optimizer, jax.random.key(0), mesh),
+            train_step=make_train_step(loss_fn, optimizer, stage.ema_decay),
+            batches=batches,
+            put=functools.partial(put_batch, mesh=mesh),
+            key=jax.random.key(1),
+            checkpoints=checkpoints,
+            stage=stage,
+            workdir=workdir,
+            **options,
+        )
+
+
+def main() -> None:
+    args = parse()
+    os.environ["JAX_PLATFORMS"] = "cpu"
+    import jax
+    import numpy as np
+    from absl import flags
+
+    flags.FLAGS.mark_as_parsed()
+    jax.config.update("jax_num_cpu_devices", args.devices)
+    from uniart_jax.training import sharding
+    from uniart_jax.training.export import flat_names
+
+    sharding.MIN_SHARDED_SIZE = 1
+    batches = make_batches(nan_at=args.nan, slow=args.slow)
+    stage = make_stage(args.steps, args.save_every)
+    state = train(args.workdir, stage, batches, fsdp=args.fsdp)
+    if args.fsdp > 1:
+        assert not state.params["out"]["kernel"].sharding.is_fully_replicated
+    if args.out:
+        np.savez(args.out, **{k: np.asarray(v) for k, v in flat_names(state).items()})
+
+
+if __name__ == "__main__":
+    main()

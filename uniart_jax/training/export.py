@@ -1,0 +1,178 @@
+"""The folder that a finished stage leaves and that sampling loads: ``config.json`` and one ``<network>.safetensors`` a network.
+
+Averaged weights, flat dotted names, float16 on disk and float32 in memory. ``latent_stats.safetensors`` holds mean and standard
+deviation of each latent. A file is complete or absent (written beside, then renamed); nothing is unpickled.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import jax
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from uniart_jax.config import Config, from_json, to_json
+
+STATISTICS = "latent_stats.safetensors"
+
+
+def export_network(
+    folder: str | Path,
+    name: str,
+    params: Any,
+    dtype: Literal["float16", "float32"] = "float16",
+) -> Path:
+    """Write a network's (averaged) parameters to ``folder/<name>.safetensors``.
+
+    Raises:
+      ValueError: values are not finite, or too large for float16; all such names are listed.
+    """
+    tensors = {}
+    for key, leaf in flat_names(jax.device_get(params)).items():
+        with np.errstate(over="ignore"):
+            tensors[key] = np.ascontiguousarray(np.asarray(leaf).astype(dtype))
+    path = Path(folder) / f"{name}.safetensors"
+    if bad := _not_finite(tensors):
+        raise ValueError(f"{path}: not written, values are not finite as {dtype}: {', '.join(bad)}")
+    _write(path, lambda temporary: save_file(tensors, temporary))
+    return path
+
+
+def load_network(folder: str | Path, name: str, abstract: Any) -> Any:
+    """Parameters of a network as nested dict of float32 numpy arrays.
+
+    Args:
+      folder: an export folder or a training WORKDIR.
+      abstract: the expected structure, arrays or ShapeDtypeStructs (``Network.abstract()``).
+
+    Raises:
+      FileNotFoundError: no such file.
+      ValueError: truncated, of another config or not finite; every difference is listed.
+    """
+    path = find_export(folder, f"{name}.safetensors")
+    tensors = _read(path)
+    expected = flat_names(abstract)
+    problems = differences(
+        {name: list(leaf.shape) for name, leaf in expected.items()},
+        {name: list(leaf.shape) for name, leaf in tensors.items()},
+    )
+    if bad := _not_finite(tensors):
+        problems.append(f"not finite: {', '.join(bad)}")
+    if problems:
+        raise ValueError(
+            f"{path} does not fit this config; {'; '.join(problems)}; use the config.json it was made with"
+        )
+    leaves = [tensors[n].astype(np.float32) for n in expected]
+    return jax.tree.unflatten(jax.tree.structure(abstract), leaves)
+
+
+def write_config(folder: str | Path, config: Config) -> Path:
+    """Write ``folder/config.json``."""
+    path = Path(folder) / "config.json"
+    _write(path, lambda temporary: temporary.write_text(to_json(config) + "\n"))
+    return path
+
+
+def read_config(folder: str | Path) -> Config:
+    """The config of an export folder or WORKDIR.
+
+    Raises:
+      FileNotFoundError: no config.json.
+      ValueError: it is malformed; all unknown fields are listed.
+    """
+    path = find_export(folder, "config.json")
+    try:
+        return from_json(Config, path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def write_statistics(folder: str | Path, name: str, mean: Any, std: Any) -> Path:
+    """Add a latent's mean and standard deviation ([C] float32 each) to ``folder/latent_stats.safetensors``."""
+    path = Path(folder) / STATISTICS
+    tensors = _read(path) if path.exists() else {}
+    for key, value in (("mean", mean), ("std", std)):
+        tensors[f"{name}.{key}"] = np.array(value, dtype=np.float32)
+    if bad := _not_finite(tensors):
+        raise ValueError(f"{path}: not written, values are not finite: {', '.join(bad)}")
+    _write(path, lambda temporary: save_file(tensors, temporary))
+    return path
+
+
+def read_statistics(folder: str | Path, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and standard deviation of a latent, as ``write_statistics`` stored them.
+
+    Raises:
+      FileNotFoundError: no such file.
+      ValueError: truncated, not finite, or without this latent.
+    """
+    path = find_export(folder, STATISTICS)
+    tensors = _read(path)
+    keys = (f"{name}.mean", f"{name}.std")
+    if missing := [key for key in keys if key not in tensors]:
+        raise ValueError(f"{path}: missing: {', '.join(missing)}; train the stage that makes them")
+    if bad := _not_finite({key: tensors[key] for key in keys}):
+        raise ValueError(f"{path}: not finite: {', '.join(bad)}")
+    return tensors[keys[0]], tensors[keys[1]]
+
+
+def find_export(folder: str | Path, filename: str) -> Path:
+    """Path of an exported file: in ``folder`` itself or, where that is a WORKDIR, in ``folder/export``.
+
+    Raises:
+      FileNotFoundError: in neither.
+    """
+    folder = Path(folder)
+    for place in (folder, folder / "export"):
+        if (place / filename).is_file():
+            return place / filename
+    if not folder.is_dir():
+        raise FileNotFoundError(f"checkpoint {folder}: no such folder; give an export folder or a WORKDIR")  # fmt: skip
+    raise FileNotFoundError(f"checkpoint {folder}: no {filename} in it or in its export/; finish the training stage that writes it")  # fmt: skip
+
+
+def flat_names(tree: Any) -> dict[str, Any]:
+    """Leaves of a pytree by dotted name, in the tree's own order."""
+    leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
+    return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
+
+
+def differences(expected: dict[str, Any], found: dict[str, Any]) -> list[str]:
+    """How the named values that were found differ from those expected: missing, extra and mismatched names; empty if equal."""
+    common = sorted(expected.keys() & found.keys())
+    lists = {
+        "missing": sorted(expected.keys() - found.keys()),
+        "extra": sorted(found.keys() - expected.keys()),
+        "mismatched": [f"{n} is {found[n]}, expected {expected[n]}" for n in common if found[n] != expected[n]],
+    }  # fmt: skip
+    return [f"{kind}: {', '.join(names)}" for kind, names in lists.items() if names]
+
+
+def _not_finite(tensors: dict[str, np.ndarray]) -> list[str]:
+    return [name for name, value in sorted(tensors.items()) if not np.isfinite(value).all()]
+
+
+def _read(path: Path) -> dict[str, np.ndarray]:
+    try:
+        return load_file(path)
+    except SafetensorError as error:
+        raise ValueError(
+            f"{path}: truncated or not a safetensors file ({error}); copy or export it again"
+        ) from None
+
+
+def _write(path: Path, write: Callable[[Path], Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        write(temporary)
+        with open(temporary, "rb") as file:
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
