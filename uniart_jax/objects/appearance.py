@@ -1,11 +1,23 @@
-"""Reading colours off a mesh, whatever form its visual takes: texture with UVs, face colours or vertex colours."""
+"""Colours of meshes: reading them at surface points, and joining meshes without losing them.
+
+In memory every colour is sRGB, as in the files people write, and textures have v up and repeat (OBJ's convention; trimesh
+turns glTF's textures into it). What is computed with is linear RGB.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import trimesh
+from PIL import Image
+from trimesh.path import packing
+from trimesh.visual import ColorVisuals, TextureVisuals
+from trimesh.visual.material import SimpleMaterial
 
 GRAY = (0.6, 0.6, 0.6)
+MAX_ATLAS = 4096  # pixels on a side; larger sums of textures are shrunk
+SWATCH = 3  # pixels on a side of a plain colour in an atlas: its middle is exact under bilinear sampling
 
 
 def srgb_to_linear(srgb: np.ndarray) -> np.ndarray:
@@ -20,6 +32,9 @@ def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
+_LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)  # of 8-bit sRGB
+
+
 def sample_color(mesh: trimesh.Trimesh, faces: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
     """Linear RGB of surface points.
 
@@ -29,42 +44,46 @@ def sample_color(mesh: trimesh.Trimesh, faces: np.ndarray, barycentric: np.ndarr
       barycentric: [n, 3] weights of the face's three corners.
 
     Returns:
-      [n, 3] float32 linear RGB in [0, 1]. Textures are sampled bilinearly with repeat wrapping.
+      [n, 3] float32 linear RGB in [0, 1]. Textures are sampled bilinearly with repeat wrapping, after linearisation.
     """
     faces = np.asarray(faces)
     visual = mesh.visual
-    if isinstance(visual, trimesh.visual.TextureVisuals):
+    if isinstance(visual, TextureVisuals):
         factor, image = _material(visual.material)
         if image is None or visual.uv is None:
             return np.broadcast_to(srgb_to_linear(factor), (len(faces), 3)).astype(np.float32)
         uv = np.einsum("nk,nkc->nc", barycentric, np.asarray(visual.uv)[mesh.faces[faces]])
         return _bilinear(image, uv) * srgb_to_linear(factor).astype(np.float32)
     if visual.kind == "vertex":
-        colors = srgb_to_linear(np.asarray(visual.vertex_colors)[:, :3] / 255.0)
+        colors = _LINEAR[np.asarray(visual.vertex_colors)[:, :3]]
         return np.einsum("nk,nkc->nc", barycentric, colors[mesh.faces[faces]]).astype(np.float32)
     if visual.kind == "face":
-        return srgb_to_linear(np.asarray(visual.face_colors)[faces, :3] / 255.0).astype(np.float32)
+        return _LINEAR[np.asarray(visual.face_colors)[faces, :3]]
     return np.broadcast_to(srgb_to_linear(np.array(GRAY)), (len(faces), 3)).astype(np.float32)
 
 
 def _material(material) -> tuple[np.ndarray, np.ndarray | None]:
-    """(sRGB factor [3], sRGB image [h, w, 3] in [0, 1] or None) of a trimesh material."""
+    """(sRGB factor [3] in [0, 1], sRGB image [h, w, 3] uint8 or None) of a trimesh material.
+
+    An MTL's ``Kd`` beside a ``map_Kd`` is ignored, as most viewers do: exporters leave it at .8.
+    """
     image = getattr(material, "baseColorTexture", None)
     factor = getattr(material, "baseColorFactor", None)
     if image is None:
         image = getattr(material, "image", None)
     if factor is None and image is None:
         factor = getattr(material, "diffuse", None)
-    factor = np.ones(3) if factor is None else np.asarray(factor, dtype=np.float64)[:3]
-    if factor.max() > 1:
+    factor = np.ones(3) if factor is None else np.asarray(factor)[:3]
+    if factor.dtype == np.uint8 or factor.max() > 1:
         factor = factor / 255.0
     if image is None:
-        return factor, None
-    return factor, np.asarray(image.convert("RGB"), dtype=np.float32) / 255.0
+        return factor.astype(np.float64), None
+    image = image if image.mode == "RGB" else image.convert("RGB")
+    return factor.astype(np.float64), np.asarray(image)
 
 
 def _bilinear(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """[n, 3] linear RGB of an sRGB image at uv (v up, repeat wrapping)."""
+    """[n, 3] linear RGB of an 8-bit sRGB image at uv (v up, repeat wrapping)."""
     height, width = image.shape[:2]
     x = np.mod(uv[:, 0], 1.0) * width - 0.5
     y = (1.0 - np.mod(uv[:, 1], 1.0)) * height - 0.5
@@ -74,5 +93,160 @@ def _bilinear(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
     for dy, wy in ((0, 1 - fy), (1, fy)):
         for dx, wx in ((0, 1 - fx), (1, fx)):
             texel = image[(y0 + dy) % height, (x0 + dx) % width]
-            out += srgb_to_linear(texel) * (wx * wy)
+            out += _LINEAR[texel] * (wx * wy).astype(np.float32)
     return out
+
+
+def merge_meshes(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """Several meshes as one whose colours are theirs.
+
+    Plain and per-face colours stay per face, per-vertex colours per vertex; as soon as one mesh has a texture all are packed
+    into one atlas: images with a wrapped gutter, tiled as often as their UVs repeat, and a swatch for every plain colour.
+    Only vertex colours beside a texture lose detail (one colour a face). Textures that sum up to more than 4096 x 4096 shrink.
+
+    Raises:
+      ValueError: no meshes.
+    """
+    if not meshes:
+        raise ValueError("merge: there are no meshes")
+    if len(meshes) == 1:
+        return meshes[0]
+    textures = [_texture(m) for m in meshes]
+    if any(t is not None for t in textures):
+        return _merge_atlas(meshes, textures)
+    if any(m.visual.kind == "vertex" for m in meshes):
+        pieces = [_with_vertex_colors(m) for m in meshes]
+        vertices, faces = _stack([p.vertices for p in pieces], [p.faces for p in pieces])
+        colors = np.concatenate([p.visual.vertex_colors for p in pieces])
+        return _colored(vertices, faces, vertex_colors=colors)
+    vertices, faces = _stack([m.vertices for m in meshes], [m.faces for m in meshes])
+    colors = np.concatenate([_face_colors(m) for m in meshes])
+    return _colored(vertices, faces, face_colors=colors)
+
+
+def _colored(vertices, faces, **colors) -> trimesh.Trimesh:
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    mesh.visual = ColorVisuals(mesh, **colors)
+    return mesh
+
+
+def _stack(vertices: list[np.ndarray], faces: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    starts = np.cumsum([0, *[len(v) for v in vertices[:-1]]])
+    faces = [f + start for f, start in zip(faces, starts, strict=True)]
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def _texture(mesh: trimesh.Trimesh) -> np.ndarray | None:
+    """[h, w, 3] uint8 sRGB texture with the material's factor multiplied in, or None."""
+    if not isinstance(mesh.visual, TextureVisuals) or mesh.visual.uv is None:
+        return None
+    factor, image = _material(mesh.visual.material)
+    if image is not None and np.any(factor < 1):
+        linear = _LINEAR[image] * srgb_to_linear(factor)
+        image = np.round(linear_to_srgb(linear) * 255).astype(np.uint8)
+    return image
+
+
+def _face_colors(mesh: trimesh.Trimesh) -> np.ndarray:
+    """[F, 4] uint8 sRGB; textures are not read, vertex colours are averaged."""
+    visual = mesh.visual
+    if isinstance(visual, TextureVisuals):
+        color = np.append(_material(visual.material)[0], 1.0)
+    elif visual.kind == "face":
+        return np.asarray(visual.face_colors)
+    elif visual.kind == "vertex":
+        rgba = np.asarray(visual.vertex_colors)[mesh.faces]
+        rgb = linear_to_srgb(_LINEAR[rgba[..., :3]].mean(1))
+        return np.concatenate([np.round(rgb * 255).astype(np.uint8), rgba[:, :1, 3]], axis=1)
+    else:
+        color = np.array([*GRAY, 1.0])
+    return np.tile(np.round(color * 255).astype(np.uint8), (len(mesh.faces), 1))
+
+
+def _with_vertex_colors(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    if mesh.visual.kind == "vertex":
+        return mesh
+    colors = _face_colors(mesh)
+    if len(np.unique(colors, axis=0)) == 1:
+        return _colored(mesh.vertices, mesh.faces, vertex_colors=np.tile(colors[0], (len(mesh.vertices), 1)))
+    faces = np.arange(3 * len(mesh.faces)).reshape(-1, 3)  # corners of differently coloured faces part
+    return _colored(mesh.vertices[mesh.faces].reshape(-1, 3), faces, vertex_colors=np.repeat(colors, 3, axis=0))
+
+
+def _split(vertices: np.ndarray, faces: np.ndarray, key: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Vertices split where their faces' ``key`` [F, n] differ: (vertices, faces, source vertex, key of each vertex)."""
+    corner = np.column_stack([faces.reshape(-1), np.repeat(key, 3, axis=0)])
+    unique, inverse = np.unique(corner, axis=0, return_inverse=True)
+    source = unique[:, 0]
+    return vertices[source], inverse.reshape(-1, 3), source, unique[:, 1:]
+
+
+def _merge_atlas(meshes: Sequence[trimesh.Trimesh], textures: list[np.ndarray | None]) -> trimesh.Trimesh:
+    # Each tile: an image; each piece: vertices, faces, which tile, and UVs in that tile's pixels from its lower left.
+    tiles: list[np.ndarray] = []
+    tile_of: dict[bytes, int] = {}
+    palette = {
+        tuple(c)
+        for m, t in zip(meshes, textures, strict=True)
+        if t is None
+        for c in np.unique(_face_colors(m)[:, :3], axis=0)
+    }
+    palette = {color: i for i, color in enumerate(sorted(palette))}
+    side = int(np.ceil(np.sqrt(len(palette))))
+    if palette:
+        swatches = np.zeros((side * SWATCH, side * SWATCH, 3), np.uint8)
+        for color, i in palette.items():
+            row, column = divmod(i, side)
+            low = swatches.shape[0] - (row + 1) * SWATCH  # rows count from below, as v does
+            swatches[low : low + SWATCH, column * SWATCH : (column + 1) * SWATCH] = color
+        tiles.append(swatches)
+    pieces = []
+    for mesh, texture in zip(meshes, textures, strict=True):
+        faces = np.asarray(mesh.faces)
+        if texture is None:
+            index = np.array([palette[tuple(c)] for c in _face_colors(mesh)[:, :3]])
+            vertices, faces, _, key = _split(mesh.vertices, faces, index[:, None])
+            row, column = np.divmod(key[:, 0], side)
+            pixels = (np.column_stack([column, row]) + 0.5) * SWATCH
+            pieces.append((vertices, faces, 0, pixels / (side * SWATCH)))
+            continue
+        uv = np.nan_to_num(np.asarray(mesh.visual.uv, dtype=np.float64))
+        shift = np.floor(uv[faces].min(1) + 1e-9)
+        repeats = np.ceil((uv[faces] - shift[:, None]).max((0, 1)) - 1e-9).astype(int)
+        vertices, faces, source, key = _split(mesh.vertices, faces, shift.astype(np.int64))
+        image = _tiled(texture, np.maximum(repeats, 1))
+        identity = image.tobytes() + str(image.shape).encode()
+        if identity not in tile_of:
+            tile_of[identity] = len(tiles)
+            tiles.append(image)
+        pieces.append((vertices, faces, tile_of[identity], (uv[source] - key) / np.maximum(repeats, 1)))
+    atlas, boxes = _pack(tiles, fixed=1 if palette else 0)
+    vertices, faces = _stack([p[0] for p in pieces], [p[1] for p in pieces])
+    uv = np.concatenate([boxes[tile, :2] + local * boxes[tile, 2:] for _, _, tile, local in pieces])
+    visual = TextureVisuals(uv=uv, material=SimpleMaterial(image=atlas))
+    return trimesh.Trimesh(vertices, faces, visual=visual, process=False)
+
+
+def _tiled(image: np.ndarray, repeats: np.ndarray) -> np.ndarray:
+    """The image repeated (across, up); shrunk first if the result would be larger than an atlas."""
+    room = MAX_ATLAS / 2 / np.maximum(repeats, 1)
+    size = np.minimum([image.shape[1], image.shape[0]], np.maximum(np.floor(room), 1)).astype(int)
+    if (size[0], size[1]) != (image.shape[1], image.shape[0]):
+        image = np.asarray(Image.fromarray(image).resize((int(size[0]), int(size[1]))))
+        repeats = np.minimum(repeats, MAX_ATLAS // 2)
+    return np.tile(image, (int(repeats[1]), int(repeats[0]), 1))
+
+
+def _pack(tiles: list[np.ndarray], fixed: int) -> tuple[Image.Image, np.ndarray]:
+    """One image holding all tiles, and [n, 4] their (u, v, width, height) in it; the first ``fixed`` keep their size."""
+    area = sum(t.shape[0] * t.shape[1] for t in tiles)
+    shrink = min(1.0, np.sqrt(0.7 * MAX_ATLAS**2 / area))
+    padded = []
+    for i, tile in enumerate(tiles):
+        if shrink < 1 and i >= fixed:
+            width, height = (max(1, int(s * shrink)) for s in (tile.shape[1], tile.shape[0]))
+            tile = np.asarray(Image.fromarray(tile).resize((width, height)))
+        padded.append(np.pad(tile, ((1, 1), (1, 1), (0, 0)), mode="wrap"))
+    atlas, offsets = packing.images([Image.fromarray(p) for p in padded], seed=0, iterations=10)
+    sizes = np.array([(p.shape[1] - 2, p.shape[0] - 2) for p in padded])
+    return atlas, np.hstack([offsets + 1, sizes]) / np.tile(atlas.size, 2)

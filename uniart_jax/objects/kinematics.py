@@ -27,9 +27,11 @@ class Joint:
       direction: [3] axis direction; normalised when the joint is made.
       angle: (a0, a1) rotation at the lower and upper end of q, radians.
       travel: (t0, t1) travel along ``direction`` at the same two ends, object units; proportional to ``angle`` if both are non-zero.
+      dead_zone: travel below which there is none, object units; .005 in a normalised object, and it scales with the object, so
+        that a small object in metres keeps its joints.
 
-    Spans below the dead zones (1 degree, .005) become 0. A rotation span of 2 pi or more without travel is continuous and
-    stored as (-pi, pi). A joint without any span is fixed and stored with origin 0 and direction z.
+    Spans below the dead zones (1 degree, ``dead_zone``) become 0. A rotation span of 2 pi or more without travel is continuous
+    and stored as (-pi, pi). A joint without any span is fixed and stored with origin 0 and direction z.
 
     Raises:
       ValueError: zero or non-finite axis, limits that do not bracket 0, spans that are not proportional.
@@ -39,6 +41,7 @@ class Joint:
     direction: np.ndarray
     angle: tuple[float, float] = (0.0, 0.0)
     travel: tuple[float, float] = (0.0, 0.0)
+    dead_zone: float = TRAVEL_DEAD_ZONE
 
     def __post_init__(self):
         origin = np.array(self.origin, dtype=np.float64).reshape(3)
@@ -49,9 +52,11 @@ class Joint:
             raise ValueError("joint: origin, direction and limits must be finite numbers")
         if abs(a1 - a0) < ANGLE_DEAD_ZONE:
             a0 = a1 = 0.0
-        if abs(t1 - t0) < TRAVEL_DEAD_ZONE:
+        if abs(t1 - t0) < self.dead_zone * (1 - 1e-9):
             t0 = t1 = 0.0
         rotates, travels = a0 != a1, t0 != t1
+        if not rotates and t0 > t1:  # a left-handed screw whose rotation fell into the dead zone
+            t0, t1 = t1, t0
         if not rotates and not travels:
             origin, direction = np.zeros(3), np.array([0.0, 0.0, 1.0])
         lo, hi = (a0, a1) if rotates else (t0, t1)
@@ -126,7 +131,7 @@ class Joint:
         travel = (self.travel[0] * scale, self.travel[1] * scale)
         if det < 0 and self.rotates:  # a mirror turns a rotation about d into one about -Md
             direction, travel = -direction, (-travel[0], -travel[1])
-        return Joint(origin, direction, self.angle, travel)
+        return Joint(origin, direction, self.angle, travel, self.dead_zone * scale)
 
     def shown_at(self, q: float) -> Joint:
         """The same joint with its coordinate measured from ``q`` (its own axis is not moved by its own motion)."""
@@ -140,7 +145,7 @@ class Joint:
         t = q * self.pitch
         angle = (self.angle[0] - a, self.angle[1] - a) if self.rotates else (0.0, 0.0)
         travel = (self.travel[0] - t, self.travel[1] - t) if self.travels else (0.0, 0.0)
-        return Joint(self.origin, self.direction, angle, travel)
+        return Joint(self.origin, self.direction, angle, travel, self.dead_zone)
 
     def sample(self, rng: np.random.Generator) -> float:
         """A coordinate drawn uniformly within the limits."""

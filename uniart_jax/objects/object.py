@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from trimesh.visual import TextureVisuals
 
 from uniart_jax.objects.kinematics import (
     ANGLE_DEAD_ZONE,
@@ -20,6 +21,23 @@ from uniart_jax.objects.kinematics import (
     forward_kinematics,
     topological_order,
 )
+
+
+def moved_mesh(mesh: trimesh.Trimesh, matrix: np.ndarray) -> trimesh.Trimesh:
+    """A copy of ``mesh`` moved by [4, 4], mirrors included; it shares its material with the original.
+
+    ``Trimesh.copy`` would copy every texture, which costs more than all else when one object is shown at many states.
+    """
+    vertices = trimesh.transform_points(mesh.vertices, matrix)
+    mirrored = np.linalg.det(np.asarray(matrix)[:3, :3]) < 0
+    faces = np.ascontiguousarray(mesh.faces[:, ::-1]) if mirrored else np.array(mesh.faces)
+    visual = mesh.visual
+    if isinstance(visual, TextureVisuals):
+        uv = None if visual.uv is None else np.array(visual.uv)
+        visual = TextureVisuals(uv=uv, material=visual.material)
+    else:
+        visual = visual.copy()
+    return trimesh.Trimesh(vertices, faces, visual=visual, process=False)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,7 +145,10 @@ class ArticulatedObject:
             for name, value in q.items():
                 state[self.index(name)] = value
             return state
-        return np.asarray(q, dtype=np.float64)
+        state = np.asarray(q, dtype=np.float64)
+        if state.shape != (len(self.parts),):
+            raise ValueError(f"object: expected q of shape ({len(self.parts)},), got {state.shape}")
+        return state
 
     def forward_kinematics(self, q: Sequence[float] | dict[str, float] | None = None) -> np.ndarray:
         """[K, 4, 4] transforms from the shown state to state ``q``."""
@@ -137,8 +158,7 @@ class ArticulatedObject:
         """The object moved by a similarity [4, 4], mirrors included. ``scale`` is left as it is."""
         parts = []
         for part in self.parts:
-            mesh = part.mesh.copy()
-            mesh.apply_transform(matrix)
+            mesh = moved_mesh(part.mesh, matrix)
             parts.append(dataclasses.replace(part, mesh=mesh, joint=part.joint.transformed(matrix)))
         return dataclasses.replace(self, parts=tuple(parts))
 
@@ -148,8 +168,7 @@ class ArticulatedObject:
         moved = self.forward_kinematics(q)
         parts = []
         for k, part in enumerate(self.parts):
-            mesh = part.mesh.copy()
-            mesh.apply_transform(moved[k])
+            mesh = moved_mesh(part.mesh, moved[k])
             joint = part.joint
             if part.parent >= 0:
                 joint = joint.shown_at(q[k]).transformed(moved[part.parent])
@@ -165,7 +184,12 @@ class ArticulatedObject:
         matrix = np.eye(4)
         matrix[:3, :3] /= side
         matrix[:3, 3] = -(lo + hi) / (2 * side)
-        return dataclasses.replace(self.transformed(matrix), scale=self.scale * side)
+        moved = self.transformed(matrix)
+        parts = tuple(
+            dataclasses.replace(p, joint=dataclasses.replace(p.joint, dead_zone=TRAVEL_DEAD_ZONE))
+            for p in moved.parts
+        )
+        return dataclasses.replace(moved, parts=parts, scale=self.scale * side)
 
     def rest(self) -> np.ndarray:
         """[K] the rest state.
@@ -179,7 +203,7 @@ class ArticulatedObject:
             if part.parent < 0 or joint.type in ("fixed", "continuous"):
                 continue
             lo, hi = joint.limits
-            dead = ANGLE_DEAD_ZONE if joint.rotates else TRAVEL_DEAD_ZONE
+            dead = ANGLE_DEAD_ZONE if joint.rotates else joint.dead_zone
             if min(-lo, hi) <= dead:
                 q[k] = lo if -lo <= hi else hi
                 continue

@@ -1,0 +1,312 @@
+"""The meshes that a URDF names: found without leaving the asset's folder, loaded, coloured, one per link.
+
+**What may be read.** An asset's root is the folder of its URDF. A file is read if its real path (symbolic links followed) lies
+under the root, or if the caller passed ``allow_outside``; the same holds for the MTLs, textures and buffers that a mesh names.
+trimesh 5 reads side files only from the mesh's own folder and drops others without a word; PartNet-Mobility's textures
+lie in ``../images``, hence a resolver of our own.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import trimesh
+from PIL import Image
+from trimesh.resolvers import FilePathResolver
+from trimesh.visual import ColorVisuals, TextureVisuals
+from trimesh.visual.material import PBRMaterial, SimpleMaterial
+
+from uniart_jax.objects.appearance import linear_to_srgb, merge_meshes
+from uniart_jax.objects.urdf_read import Geometry, Link
+
+FORMATS = (".obj", ".stl", ".ply", ".dae", ".glb", ".gltf", ".off")
+MAX_MESH_BYTES = 256 * 2**20
+MAX_FACES = 5_000_000
+MAX_PIXELS = 100_000_000
+
+
+class OutsideError(ValueError):
+    """A file lies outside the asset's folder."""
+
+
+class AssetFiles:
+    """The files of one asset.
+
+    Attributes:
+      notes: side files that were missing or refused, one line each.
+    """
+
+    def __init__(self, root: Path, allow_outside: bool):
+        self.root = Path(root).resolve()
+        self.allow_outside = allow_outside
+        self.notes: list[str] = []
+        self.faces = 0
+        self._cache: dict[Path, list[trimesh.Trimesh]] = {}
+
+    def allowed(self, path: Path) -> bool:
+        """Whether a path may be read: it lies under the root once symbolic links are followed."""
+        return self.allow_outside or path.resolve().is_relative_to(self.root)
+
+    def find(self, uri: str) -> Path:
+        """The file that a URDF's ``filename`` means: a path relative to the URDF, absolute, ``file://`` or ``package://``.
+
+        A package's root is not known: ``package://NAME/REST`` is looked up as REST and NAME/REST under the asset's folder, then
+        (``allow_outside``) beside every folder above it.
+
+        Raises:
+          OutsideError: it exists or would exist outside the asset's folder.
+          FileNotFoundError: there is no such file.
+          ValueError: an address on the network.
+        """
+        scheme, rest = re.match(r"(?:([a-zA-Z][\w+.-]+)://)?(.*)", uri, re.DOTALL).groups()
+        scheme = (scheme or "").lower()
+        if scheme not in ("", "file", "package", "model"):
+            raise ValueError(f"'{uri}' is not a file: meshes are never fetched from a network")
+        package = scheme in ("package", "model")
+        outside = False
+        for name in dict.fromkeys([rest, unquote(rest), rest.replace("\\", "/")]):
+            for candidate in self._candidates(name, package):
+                if not self.allowed(candidate):
+                    outside = True
+                elif candidate.is_file():
+                    return candidate.resolve()
+        if outside:
+            raise OutsideError(
+                f"'{uri}' lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
+            )
+        hint = "" if self.allow_outside or not package else " (allow_outside=True, --allow-outside, looks above the folder too)"
+        raise FileNotFoundError(f"'{uri}' is missing{hint}")
+
+    def _candidates(self, name: str, package: bool) -> list[Path]:
+        if "\0" in name:
+            return []
+        if not package:
+            return [self.root / name]
+        name = name.lstrip("/")
+        above = self.root.parents if self.allow_outside else ()
+        return [folder / part for folder in (self.root, *above) for part in (name, name.partition("/")[2]) if part]
+
+    def meshes(self, path: Path) -> list[trimesh.Trimesh]:
+        """The meshes of a file in its own frame (a new list; treat the meshes as read-only).
+
+        Raises:
+          ValueError: not a mesh, empty, too large, or of an unknown format; without the file's name.
+        """
+        if path not in self._cache:
+            self._cache[path] = self._load(path)
+        found = self._cache[path]
+        self.faces += sum(len(m.faces) for m in found)
+        if self.faces > MAX_FACES:
+            raise ValueError(f"the asset has more than {MAX_FACES:,} faces")
+        return list(found)
+
+    def _load(self, path: Path) -> list[trimesh.Trimesh]:
+        kind = path.suffix.lower()
+        if kind not in FORMATS:
+            raise ValueError(f"format '{kind}' is not one of {', '.join(FORMATS)}")
+        if path.stat().st_size > MAX_MESH_BYTES:
+            raise ValueError(f"it has more than {MAX_MESH_BYTES // 2**20} MiB")
+        data = path.read_bytes()
+        if kind == ".dae" and (b"<!DOCTYPE" in data.replace(b"\0", b"")):
+            raise ValueError("it declares a document type (DTD, entities), which is refused")
+        resolver = _Resolver(path, self)
+        try:
+            with np.errstate(all="ignore"):
+                scene = trimesh.load_scene(io.BytesIO(data), file_type=kind[1:], resolver=resolver)
+        except Exception as error:  # every loader has its own ways to fail on a broken file
+            raise ValueError(f"it cannot be read as {kind[1:].upper()}: {type(error).__name__}: {error}") from None
+        meshes = []
+        faces = 0
+        for node in scene.graph.nodes_geometry:
+            matrix, name = scene.graph[node]
+            mesh = scene.geometry[name]
+            if not isinstance(mesh, trimesh.Trimesh):
+                continue
+            faces += len(mesh.faces)
+            if faces > MAX_FACES:
+                raise ValueError(f"it has more than {MAX_FACES:,} faces")
+            if not np.allclose(matrix, np.eye(4)):
+                mesh = mesh.copy().apply_transform(matrix)
+            mesh = self._sound(mesh, path)
+            if len(mesh.faces):
+                meshes.append(mesh)
+        if not meshes:
+            raise ValueError("it holds no faces")
+        unit = _unit(scene) if kind == ".dae" else 1.0
+        return [m.copy().apply_scale(unit) for m in meshes] if unit != 1 else meshes
+
+    def _sound(self, mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
+        """Without faces that touch a non-finite or absent vertex; textures in memory; colours sRGB."""
+        faces = np.asarray(mesh.faces)
+        good = np.all((faces >= 0) & (faces < len(mesh.vertices)), axis=1)
+        finite = np.isfinite(mesh.vertices).all(1)
+        good[good] &= finite[faces[good]].all(1)
+        if not good.all():
+            mesh = mesh.copy()
+            mesh.update_faces(good)
+            mesh.remove_unreferenced_vertices()
+            self._note(f"mesh '{path.name}': {np.sum(~good)} faces with non-finite or absent vertices were left out")
+        if isinstance(mesh.visual, TextureVisuals):
+            material, fault = _checked(mesh.visual.material, path.suffix.lower())
+            if fault:
+                self._note(f"mesh '{path.name}': {fault}")
+            uv = mesh.visual.uv
+            mesh.visual = TextureVisuals(uv=None if uv is None else np.array(uv), material=material)
+        return mesh
+
+    def _note(self, line: str) -> None:
+        if line not in self.notes:
+            self.notes.append(line)
+
+    def texture(self, uri: str) -> Image.Image | None:
+        """The image of a URDF's ``<texture>``; None and a note if it cannot be had."""
+        try:
+            image = Image.open(self.find(uri))
+            _decode(image)
+            return image.convert("RGB")
+        except (OSError, ValueError, SyntaxError) as error:
+            self._note(f"texture {error}" if f"'{uri}'" in str(error) else f"texture '{uri}': {error}")
+            return None
+
+
+class _Resolver(FilePathResolver):
+    """trimesh's resolver with the asset's root, not the mesh's folder, as its fence; it remembers what it could not give."""
+
+    def __init__(self, path: Path, files: AssetFiles):
+        super().__init__(str(path))
+        self.files = files
+
+    def absolute(self, name: str) -> Path:
+        path = (Path(self.parent) / name.strip().replace("\\", "/")).resolve()
+        if not self.files.allowed(path):
+            raise ValueError(f"'{name}' lies outside the asset's folder")
+        return path
+
+    def namespaced(self, namespace: str) -> _Resolver:
+        return _Resolver(Path(self.parent) / namespace / "_", self.files)
+
+    def get(self, name: str) -> bytes:
+        try:
+            data = super().get(name)
+        except (OSError, ValueError) as error:
+            why = "lies outside the asset's folder and was not read" if isinstance(error, ValueError) else "is missing"
+            self.files._note(f"mesh '{Path(self.clean).name}': its file '{name.strip()}' {why}")
+            raise FileNotFoundError(name) from None
+        if len(data) > MAX_MESH_BYTES:
+            raise ValueError(f"'{name}' is too large")
+        return data
+
+
+def _decode(image: Image.Image) -> None:
+    if image.width * image.height > MAX_PIXELS:
+        raise ValueError(f"an image of {image.width} x {image.height} pixels is too large")
+    image.load()
+
+
+def _checked(material, kind: str) -> tuple[PBRMaterial | SimpleMaterial, str]:
+    """The material with its image decoded or, if that fails, without it; and what was wrong."""
+    name = "baseColorTexture" if isinstance(material, PBRMaterial) else "image"
+    image = getattr(material, name, None)
+    fault = ""
+    if image is not None:
+        try:
+            _decode(image)
+        except (OSError, ValueError, SyntaxError) as error:
+            fault, image = f"its texture cannot be read ({error})", None
+    if not isinstance(material, PBRMaterial):
+        return SimpleMaterial(image=image, diffuse=getattr(material, "diffuse", None)), fault
+    factor = material.baseColorFactor
+    if factor is not None and kind in (".glb", ".gltf"):  # glTF's factors are linear, its textures are not
+        factor = np.array(factor)
+        factor[:3] = np.round(linear_to_srgb(factor[:3] / 255.0) * 255)
+    return PBRMaterial(baseColorTexture=image, baseColorFactor=factor), fault
+
+
+def _unit(scene: trimesh.Scene) -> float:
+    """Metres per unit of a COLLADA file, which trimesh reads but does not apply."""
+    try:
+        return float(trimesh.units.unit_conversion(scene.units, "meters")) if scene.units else 1.0
+    except (ValueError, KeyError, AttributeError):
+        return 1.0
+
+
+def link_mesh(link: Link, files: AssetFiles, notes: list[str]) -> trimesh.Trimesh | None:
+    """All visuals of a link as one mesh in the link's frame, colours kept; None for a link that has no geometry at all.
+
+    A mesh file that is missing or broken is left out (noted) if other geometry remains. A link whose visuals are all lost, or
+    that has none, is shown by its collision geometry (noted).
+
+    Raises:
+      ValueError: nothing remains of a link that should be seen, or a file outside the asset's folder; it names both.
+    """
+    lost: list[str] = []
+    for tag, shapes in (("visual", link.visuals), ("collision", link.collisions)):
+        pieces = []
+        for shape in shapes:
+            try:
+                pieces += _pieces(shape, files)
+            except OutsideError as error:
+                raise ValueError(f"link '{link.name}': mesh {error}") from None
+            except FileNotFoundError as error:
+                lost.append(f"mesh {error}")
+            except ValueError as error:
+                lost.append(f"mesh '{shape.filename}': {error}" if f"'{shape.filename}'" not in str(error) else str(error))
+        if pieces:
+            for line in dict.fromkeys(lost):
+                notes.append(f"link '{link.name}': {line}; left out")
+            if tag == "collision":
+                notes.append(f"link '{link.name}': no visual geometry; shown by its collision geometry")
+            return merge_meshes(pieces)
+    if lost:
+        raise ValueError(f"link '{link.name}': nothing is left of it: {'; '.join(dict.fromkeys(lost))}")
+    return None
+
+
+def _pieces(shape: Geometry, files: AssetFiles) -> list[trimesh.Trimesh]:
+    if shape.kind == "mesh":
+        loaded = files.meshes(files.find(shape.filename))
+        matrix = shape.origin @ np.diag([*shape.size, 1.0])
+    else:
+        loaded, matrix = [_primitive(shape)], shape.origin
+        files.faces += len(loaded[0].faces)
+    pieces = []
+    for mesh in loaded:
+        piece = mesh.copy()
+        piece.apply_transform(matrix)
+        _paint(piece, shape, files)
+        pieces.append(piece)
+    return pieces
+
+
+def _primitive(shape: Geometry) -> trimesh.Trimesh:
+    if shape.kind == "box":
+        return trimesh.creation.box(extents=shape.size)
+    if shape.kind == "sphere":
+        return trimesh.creation.icosphere(subdivisions=3, radius=shape.size[0])
+    if shape.kind == "cylinder":
+        return trimesh.creation.cylinder(radius=shape.size[0], height=shape.size[1], sections=48)
+    return trimesh.creation.capsule(radius=shape.size[0], height=shape.size[1], count=(24, 24))
+
+
+def _paint(mesh: trimesh.Trimesh, shape: Geometry, files: AssetFiles) -> None:
+    """A mesh's own texture or vertex colours win, then the URDF's material, then the mesh's plain colour (as in RViz)."""
+    visual = mesh.visual
+    uv = visual.uv if isinstance(visual, TextureVisuals) else None
+    if isinstance(visual, TextureVisuals):
+        own = getattr(visual.material, "image", None) or getattr(visual.material, "baseColorTexture", None)
+        if own is not None and uv is not None:
+            return
+    elif visual.kind in ("vertex", "face"):
+        return
+    if shape.texture and uv is not None:
+        image = files.texture(shape.texture)
+        if image is not None:
+            mesh.visual = TextureVisuals(uv=uv, material=SimpleMaterial(image=image))
+            return
+    if shape.color is not None:
+        rgba = np.round(shape.color * 255).astype(np.uint8)
+        mesh.visual = ColorVisuals(mesh, face_colors=np.tile(rgba, (len(mesh.faces), 1)))

@@ -1,0 +1,274 @@
+"""The text of a URDF as plain records: what it says, with what its numbers mean, before any of it is trusted.
+
+Parsed with lxml, not with yourdfpy: real files lack ``effort``, hold zero axes or an XML version of 0.0, and yourdfpy raises
+``TypeError`` there, reads DTDs, and opens meshes while it parses. Entities, DTDs and the network are refused.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+from lxml import etree
+from trimesh.transformations import euler_matrix
+
+MAX_BYTES = 16 * 2**20
+MOVING = ("revolute", "continuous", "prismatic")
+REFUSED = ("planar", "floating", "spherical")
+# Errors of libxml2 that leave the tree as written: an unknown version number, an undeclared name space.
+_HARMLESS = {"ERR_UNKNOWN_VERSION", "NS_ERR_UNDEFINED_NAMESPACE", "WAR_UNKNOWN_VERSION"}
+
+
+@dataclasses.dataclass
+class Geometry:
+    """One ``<visual>`` or ``<collision>``: a mesh file or a primitive in its link's frame."""
+
+    kind: str  # mesh, box, cylinder, sphere or capsule
+    size: np.ndarray  # box: 3 sides; cylinder, capsule: radius, length; sphere: radius; mesh: scale
+    origin: np.ndarray  # [4, 4]
+    filename: str = ""
+    color: np.ndarray | None = None  # [4] sRGB and alpha in [0, 1]
+    texture: str = ""
+
+
+@dataclasses.dataclass
+class Link:
+    name: str
+    visuals: list[Geometry]
+    collisions: list[Geometry]
+
+
+@dataclasses.dataclass
+class RawJoint:
+    """One ``<joint>`` as written."""
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    origin: np.ndarray  # [4, 4]
+    axis: np.ndarray  # [3] in the joint's frame
+    limits: tuple[float, float] | None
+    mimic: tuple[str, float, float] | None  # source joint, multiplier, offset
+
+
+@dataclasses.dataclass
+class Robot:
+    name: str
+    links: dict[str, Link]
+    joints: list[RawJoint]
+    notes: list[str]  # repairs
+
+
+def read_robot(data: bytes) -> Robot:
+    """Links and joints of a URDF.
+
+    Raises:
+      ValueError: not XML, not a URDF, a DTD, or an element that lacks what cannot be guessed; one line, without the file's name.
+    """
+    notes: list[str] = []
+    root = _parse_xml(data, notes)
+    materials = _materials(root)
+    robot = Robot((root.get("name") or "").strip(), {}, [], notes)
+    repeated: dict[str, list[Link]] = {}
+    for element in root.findall("link"):
+        name = _name(element, "link")
+        link = Link(
+            name,
+            _geometries(element, "visual", name, materials, notes),
+            _geometries(element, "collision", name, materials, notes),
+        )
+        repeated.setdefault(name, []).append(link)
+        robot.links.setdefault(name, link)
+    robot.joints = [_joint(e) for e in root.findall("joint")]
+    taken: set[str] = set()
+    for joint in robot.joints:
+        name, number = joint.name, 1
+        while joint.name in taken:
+            number += 1
+            joint.name = f"{name}_{number}"
+        taken.add(joint.name)
+        if joint.name != name:
+            notes.append(f"joint '{name}': the name is taken; renamed '{joint.name}'")
+    if not robot.links:
+        raise ValueError("it holds no <link>")
+    for name, links in repeated.items():
+        if len(links) > 1:
+            _rename(robot, name, links)
+    return robot
+
+
+def _parse_xml(data: bytes, notes: list[str]) -> etree._Element:
+    if not data.strip():
+        raise ValueError("the file is empty")
+    if len(data) > MAX_BYTES:
+        raise ValueError(f"the file has {len(data) / 2**20:.0f} MiB, more than the {MAX_BYTES // 2**20} a URDF may have")
+    if b"<!DOCTYPE" in data.replace(b"\0", b""):  # zeros: UTF-16
+        raise ValueError("it declares a document type (DTD, entities), which is refused")
+    options = {"resolve_entities": False, "no_network": True, "load_dtd": False, "huge_tree": False}
+    options |= {"remove_comments": True, "remove_pis": True}
+    parser = etree.XMLParser(recover=True, **options)
+    try:
+        root = etree.fromstring(data, parser)
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise ValueError(f"it is not XML: {error}") from None
+    faults = [e for e in parser.error_log if e.type_name not in _HARMLESS]
+    if root is None or faults:
+        fault = f"{faults[0].message} (line {faults[0].line})" if faults else "no element"
+        raise ValueError(f"it is not XML: {fault}")
+    if root.getroottree().docinfo.doctype:
+        raise ValueError("it declares a document type (DTD, entities), which is refused")
+    if parser.error_log:
+        notes.append(f"XML: {parser.error_log[0].message}: ignored")
+    if etree.QName(root).localname != "robot":
+        hint = " (MuJoCo's format)" if root.tag == "mujoco" else ""
+        raise ValueError(f"not a URDF: its root element is <{root.tag}>{hint}, not <robot>")
+    if any(e.prefix == "xacro" or "xacro" in str(e.tag) for e in root.iter()):
+        raise ValueError("it is a xacro macro file: expand it with `xacro FILE > object.urdf` first")
+    return root
+
+
+def _name(element: etree._Element, kind: str) -> str:
+    name = (element.get("name") or "").strip()
+    if not name:
+        raise ValueError(f"a <{kind}> in line {element.sourceline} has no name")
+    return name
+
+
+def _numbers(element, attribute: str, count: int, default, where: str) -> np.ndarray:
+    """``count`` finite numbers of an attribute; ``default`` if the element or the attribute is absent."""
+    text = None if element is None else element.get(attribute)
+    if text is None or not text.strip():
+        return np.array(default, dtype=np.float64)
+    try:
+        values = np.array([float(t) for t in re.split(r"[\s,]+", text.strip())])
+    except ValueError:
+        values = np.zeros(0)
+    if len(values) != count or not np.all(np.isfinite(values)):
+        raise ValueError(f"{where}: {attribute}='{text.strip()[:60]}' should be {count} finite number{'s' * (count > 1)}")
+    return values
+
+
+def _pose(element, where: str) -> np.ndarray:
+    """[4, 4] of an ``<origin xyz rpy>``; the identity if it is absent."""
+    rpy = _numbers(element, "rpy", 3, (0, 0, 0), where)
+    matrix = euler_matrix(*rpy, axes="sxyz") if rpy.any() else np.eye(4)
+    matrix[:3, 3] = _numbers(element, "xyz", 3, (0, 0, 0), where)
+    return matrix
+
+
+def _materials(root) -> dict[str, tuple[np.ndarray | None, str]]:
+    """Named materials wherever they are defined: at the top, or inside a visual and named again by another."""
+    found: dict[str, tuple[np.ndarray | None, str]] = {}
+    for element in root.iter("material"):
+        color, texture = _material(element)
+        name = element.get("name") or ""
+        if name and name not in found and (color is not None or texture):
+            found[name] = (color, texture)
+    return found
+
+
+def _material(element) -> tuple[np.ndarray | None, str]:
+    color, texture = element.find("color"), element.find("texture")
+    where = f"material '{element.get('name') or ''}'"
+    rgba = None
+    if color is not None and color.get("rgba"):
+        count = 3 if len(color.get("rgba").replace(",", " ").split()) == 3 else 4
+        rgba = np.clip(np.append(_numbers(color, "rgba", count, (), where), 1.0)[:4], 0, 1)
+    return rgba, "" if texture is None else (texture.get("filename") or "")
+
+
+def _geometries(element, tag: str, link: str, materials, notes: list[str]) -> list[Geometry]:
+    found = []
+    for child in element.findall(tag):
+        shape = next(iter(child.findall("geometry/*")), None)
+        if shape is None:
+            notes.append(f"link '{link}': a <{tag}> without geometry was left out")
+        else:
+            found.append(_geometry(child, shape, link, materials))
+    return found
+
+
+def _geometry(element, shape, link: str, materials) -> Geometry:
+    where, origin = f"link '{link}'", _pose(element.find("origin"), f"link '{link}'")
+    color, texture = None, ""
+    material = element.find("material")
+    if material is not None:
+        color, texture = _material(material)
+        if color is None and not texture:
+            color, texture = materials.get(material.get("name") or "", (None, ""))
+    filename = ""
+    if shape.tag == "mesh":
+        filename = (shape.get("filename") or "").strip()
+        if not filename:
+            raise ValueError(f"{where}: a <mesh> names no file")
+        count = 1 if len((shape.get("scale") or "").split()) == 1 else 3
+        size = np.broadcast_to(_numbers(shape, "scale", count, (1, 1, 1), where), 3)
+        if np.any(size == 0):
+            raise ValueError(f"{where}: the scale of mesh '{filename}' is zero")
+    elif shape.tag == "box":
+        size = _numbers(shape, "size", 3, (0, 0, 0), where)
+    elif shape.tag == "sphere":
+        size = _numbers(shape, "radius", 1, (0,), where)
+    elif shape.tag in ("cylinder", "capsule"):
+        size = np.append(_numbers(shape, "radius", 1, (0,), where), _numbers(shape, "length", 1, (0,), where))
+    else:
+        raise ValueError(f"{where}: unknown geometry <{shape.tag}>")
+    if shape.tag != "mesh" and np.any(size <= 0):
+        raise ValueError(f"{where}: the sizes of its {shape.tag} must be positive, got {size.tolist()}")
+    return Geometry(shape.tag, size, origin, filename, color, texture)
+
+
+def _joint(element) -> RawJoint:
+    name = _name(element, "joint")
+    where = f"joint '{name}'"
+    ends = []
+    for tag in ("parent", "child"):
+        end = element.find(tag)
+        link = "" if end is None else (end.get("link") or "").strip()
+        if not link:
+            raise ValueError(f"{where}: it names no {tag} link")
+        ends.append(link)
+    kind = (element.get("type") or "").strip().lower()
+    if kind not in ("fixed", *MOVING, *REFUSED):
+        raise ValueError(f"{where}: unknown type '{kind}'")
+    limits = None
+    limit = element.find("limit")
+    if limit is not None and (limit.get("lower") or limit.get("upper")):
+        lower, upper = (float(_numbers(limit, a, 1, (0,), where)[0]) for a in ("lower", "upper"))
+        limits = (lower, upper)
+    mimic = None
+    source = element.find("mimic")
+    if source is not None and source.get("joint"):
+        multiplier = float(_numbers(source, "multiplier", 1, (1,), where)[0])
+        offset = float(_numbers(source, "offset", 1, (0,), where)[0])
+        mimic = (source.get("joint").strip(), multiplier, offset)
+    axis = np.array([1.0, 0.0, 0.0])  # URDF's default
+    if element.find("axis") is not None and kind in MOVING:
+        axis = _axis(element.find("axis"), where)
+    return RawJoint(name, kind, *ends, _pose(element.find("origin"), where), axis, limits, mimic)
+
+
+def _axis(element, where: str) -> np.ndarray:
+    """[3] as written; one that cannot be read (PartNet-Mobility has 'None None None') is zero, as if none was known."""
+    try:
+        return _numbers(element, "xyz", 3, (1, 0, 0), where)
+    except ValueError:
+        if set((element.get("xyz") or "").lower().replace(",", " ").split()) <= {"none", "null", "nan"}:
+            return np.zeros(3)
+        raise
+
+
+def _rename(robot: Robot, name: str, links: list[Link]) -> None:
+    """Give links of the same name names of their own, where the joints tell which is meant: leaves, one joint each."""
+    joints = [j for j in robot.joints if j.child == name]
+    if len(joints) != len(links) or any(j.parent == name for j in robot.joints):
+        raise ValueError(f"{len(links)} links are named '{name}', and its joints do not tell them apart")
+    for number, (joint, link) in enumerate(zip(joints[1:], links[1:], strict=True), start=2):
+        fresh = f"{name}_{number}"
+        while fresh in robot.links:
+            fresh += "_"
+        joint.child = link.name = fresh
+        robot.links[fresh] = link
+    robot.notes.append(f"link '{name}': {len(links)} links had this name; numbered")
