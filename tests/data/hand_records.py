@@ -4,8 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
+from uniart_jax.config import (
+    FlowConfig,
+    GridConfig,
+    ImageEncoderConfig,
+    ModelConfig,
+    UniArtVAEConfig,
+)
 from uniart_jax.data import records
 from uniart_jax.voxels.joint_code import canonical
+
+MODEL = ModelConfig(
+    grid=GridConfig(8, 2, 8),
+    image_encoder=ImageEncoderConfig(image_size=16, target_resolution=4),
+    uniart_vae=UniArtVAEConfig(attention="serial", window=16),
+    latent_flow=FlowConfig(stem="patch", patch_size=4),
+)
 
 
 def make_record(

@@ -1,0 +1,109 @@
+"""Cached latents and the batches of the flow stages."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hand_records import MODEL
+
+from uniart_jax.config import DataConfig
+from uniart_jax.data import latents
+
+DATA = DataConfig(voxel_buckets=(32, 64), seed=2)
+
+
+def make_items(count=9, scale=1.0):
+    rng = np.random.default_rng(0)
+    for k in range(count):
+        flat = np.sort(rng.choice(512, 10 + 6 * k, replace=False))
+        yield {
+            "record": k // 2,
+            "mirrored": bool(k % 2),
+            "structure": rng.normal(2, 3, (2, 2, 2, 4)) * scale,
+            "coords": np.stack(np.unravel_index(flat, (8, 8, 8)), 1),
+            "latent": rng.normal(-1, 0.5, (len(flat), 6)),
+            "tokens": rng.normal(size=(2, 5, 7)) + np.array([0, 100]).reshape(2, 1, 1),
+            "volume": rng.normal(size=(2, 2, 2, 2, 3)),
+        }
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setattr(latents, "SHARD_ITEMS", 4)
+    latents.write_latents(tmp_path / "latents", make_items(), key="abc")
+    return tmp_path / "latents"
+
+
+def test_round_trip_and_statistics(cache):
+    source = latents.LatentSource(cache)
+    items = list(make_items())
+    assert len(source) == 9 and len(list(cache.glob("*.arrayrecord"))) == 3
+    for item, stored in zip(items, (source[i] for i in range(9)), strict=True):
+        assert stored["record"] == item["record"] and stored["mirrored"] == item["mirrored"]
+        for name in latents.FIELDS:
+            np.testing.assert_allclose(stored[name], item[name], rtol=1e-3, atol=1e-3)
+    found = latents.read_statistics(cache)
+    every = np.concatenate([item["latent"] for item in items])
+    np.testing.assert_allclose(found.latent_mean, every.mean(0), atol=1e-3)
+    np.testing.assert_allclose(found.latent_std, every.std(0), atol=1e-3)
+    assert found.structure_mean.shape == (4,) and latents.latents_key(cache) == "abc"
+
+
+def test_flow_batches(cache):
+    items = {len(item["coords"]): item for item in make_items()}
+    iterator = iter(latents.latent_batches(cache, DATA, MODEL, 2, stage="latent_flow"))
+    views = set()
+    for _ in range(8):
+        batch = next(iterator)
+        width = batch["coords"].shape[1]
+        assert width in DATA.voxel_buckets and set(batch["plans"]) == {"flow"}
+        for b, count in enumerate(batch["counts"]):
+            item = items[int(count)]
+            assert np.array_equal(batch["coords"][b, :count], item["coords"])
+            np.testing.assert_allclose(batch["latent"][b, :count], item["latent"], atol=2e-3)
+            assert not batch["latent"][b, count:].any() and not batch["coords"][b, count:].any()
+            view = int(batch["tokens"][b].mean() > 50)
+            views.add(view)
+            np.testing.assert_allclose(batch["volume"][b], item["volume"][view], atol=2e-3)
+    assert views == {0, 1}
+
+
+def test_structure_batches_resume(cache):
+    make = lambda: iter(latents.latent_batches(cache, DATA, MODEL, 4, stage="structure_flow"))  # noqa: E731
+    first = make()
+    batch = next(first)
+    assert set(batch) == {"structure", "tokens", "volume"}
+    assert batch["structure"].shape == (4, 2, 2, 2, 4) and batch["structure"].dtype == np.float32
+    second = make()
+    second.set_state(first.get_state())
+    for _ in range(4):
+        a, b = next(first), next(second)
+        assert all(np.array_equal(a[key], b[key]) for key in a)
+
+
+def test_complete_or_absent(cache, tmp_path):
+    def broken():
+        yield from make_items(5)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        latents.write_latents(tmp_path / "new", broken(), key="x")
+    assert not (tmp_path / "new").exists() and latents.latents_key(tmp_path / "new") is None
+    latents.write_latents(cache, make_items(4), key="y")
+    assert len(latents.LatentSource(cache)) == 4 and latents.latents_key(cache) == "y"
+
+
+def test_errors(cache, tmp_path):
+    with pytest.raises(ValueError, match="structure of record 0 is not finite"):
+        latents.write_latents(tmp_path / "new", make_items(scale=1e6), key="x")
+    with pytest.raises(ValueError, match="no items"):
+        latents.write_latents(tmp_path / "new", [], key="x")
+    with pytest.raises(FileNotFoundError, match=r"metadata\.json"):
+        latents.LatentSource(tmp_path / "new")
+    metadata = json.loads((cache / "metadata.json").read_text())
+    metadata["voxels"].pop()
+    (cache / "metadata.json").write_text(json.dumps(metadata))
+    with pytest.raises(ValueError, match="9 items, 8 expected"):
+        latents.LatentSource(cache)

@@ -1,0 +1,250 @@
+"""Grain pipelines from records to batches of plain numpy dictionaries, padded to a few static widths. No jax.
+
+A batch dictionary, B items of at most V voxels (a width of ``DataConfig.voxel_buckets``, the same for all items), K parts; valid
+entries first, padding zero:
+
+    coords [B, V, 3] i4 · counts [B] i4 · sdf [B, V, r^3] f4 · color [B, V, r^3, 3] f4 linear · owner [B, V, r^3] i4
+    voxel_part [B, V] i4 · boxes [B, K, 6] f4 · codes [B, K, 9] f4 · parents [B, K] i4 · part_counts [B] i4
+    image [B, H, W, 3] f4 in [0, 1], sRGB over black · plans: {name: nn.segments.Segments}
+
+Pipelines are ``grain.IterDataset``: ``iter(...)`` gives an iterator with exact ``get_state`` and ``set_state``.
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import grain
+import numpy as np
+
+from uniart_jax.config import DataConfig, GridConfig, ModelConfig
+from uniart_jax.data.folder import read_manifest
+from uniart_jax.data.mirror import mirror_record
+from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, fitting_width
+from uniart_jax.data.records import Record, RecordSource, decode_color, decode_sdf
+from uniart_jax.nn.segments import voxel_plans
+
+Batch = dict[str, Any]
+logger = logging.getLogger(__name__)
+
+
+def voxel_batches(
+    records: str | Path,
+    data: DataConfig,
+    model: ModelConfig,
+    batch_size: int,
+    *,
+    seed: int | None = None,
+    process_index: int = 0,
+    process_count: int = 1,
+) -> grain.IterDataset[Batch]:
+    """Endless shuffled batches for the UniArt VAE: a random view, mirrored with probability 1/2, with its attention plans.
+
+    Args:
+      records: a prepared folder.
+      data: voxel buckets, mirror, seed (unless ``seed`` is given) and workers (0: threads of this process).
+      batch_size: over all processes; each gets ``batch_size / process_count`` items, all of the same width.
+
+    Raises:
+      FileNotFoundError, ValueError: no records, another grid than the model's, fewer records than a batch, or a batch that the
+        processes cannot share equally.
+    """
+    source, sizes = open_records(records, model.grid)
+    seed = data.seed if seed is None else seed
+    order = ShuffledOrder(*usable(sizes, data, model.grid), batch_size, seed)
+    load = functools.partial(
+        _load_voxels,
+        source=source,
+        data=data,
+        model=model,
+        seed=seed,
+        rows=local_rows(batch_size, process_index, process_count),
+    )
+    return pipeline(order, load, data.workers)
+
+
+def record_batches(
+    records: str | Path,
+    data: DataConfig,
+    model: ModelConfig,
+    batch_size: int,
+    *,
+    mirrored: bool = False,
+) -> grain.IterDataset[Batch]:
+    """Every record once, ordered by width: for encoding and for evaluation.
+
+    Batches hold, beside the voxels and their plans, ``images`` [B, N, H, W, 3] of all views and ``record`` [B] i4, the index of
+    each record; -1 marks items that only fill up a batch (their counts are 0).
+
+    Args:
+      mirrored: mirror every record.
+    """
+    source, sizes = open_records(records, model.grid)
+    order = OnePass(*usable(sizes, data, model.grid), batch_size)
+    load = functools.partial(_load_records, source=source, model=model, mirrored=mirrored)
+    return pipeline(order, load, data.workers)
+
+
+def _load_voxels(
+    draw: Draw,
+    *,
+    source: RecordSource,
+    data: DataConfig,
+    model: ModelConfig,
+    seed: int,
+    rows: slice,
+) -> Batch:
+    rng = draw.generator(seed)
+    views, mirrors = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
+    items, images = [], []
+    for index, view, mirrored in zip(draw.records[rows], views[rows], mirrors[rows], strict=True):
+        record = source[int(index)]
+        if mirrored and data.mirror:
+            record = mirror_record(record)
+        items.append(record)
+        images.append(record.images[int(view * len(record.images))])
+    batch = collate(items, draw.width, model.grid)
+    batch["image"] = over_black(np.stack(images)).astype(np.float32) / 255
+    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+    return batch
+
+
+def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirrored: bool) -> Batch:
+    items: list[Record] = [source[int(index)] for index in draw.records if index >= 0]
+    if mirrored:
+        items = [mirror_record(record) for record in items]
+    batch = collate(items, draw.width, model.grid, size=len(draw.records))
+    images = np.zeros((len(draw.records), *items[0].images.shape[:-1], 3), np.float32)
+    images[: len(items)] = over_black(np.stack([record.images for record in items])) / np.float32(
+        255
+    )
+    batch["images"] = images
+    batch["record"] = draw.records.astype(np.int32)
+    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+    return batch
+
+
+def collate(
+    records: Sequence[Record], width: int, grid: GridConfig, size: int | None = None
+) -> Batch:
+    """Records as one padded batch of voxels and parts, without images and plans.
+
+    Args:
+      width: V, at least the largest count. size: B, at least ``len(records)``; missing items are all padding.
+
+    Raises:
+      ValueError: a record has more voxels than ``width``, more parts than ``grid.max_parts``, or lies on another grid.
+    """
+    size = len(records) if size is None else size
+    cells, parts = grid.subdivisions**3, grid.max_parts
+    batch = {
+        "coords": np.zeros((size, width, 3), np.int32),
+        "counts": np.zeros(size, np.int32),
+        "sdf": np.zeros((size, width, cells), np.float32),
+        "color": np.zeros((size, width, cells, 3), np.float32),
+        "owner": np.zeros((size, width, cells), np.int32),
+        "voxel_part": np.zeros((size, width), np.int32),
+        "boxes": np.zeros((size, parts, 6), np.float32),
+        "codes": np.zeros((size, parts, 9), np.float32),
+        "parents": np.zeros((size, parts), np.int32),
+        "part_counts": np.zeros(size, np.int32),
+    }
+    for b, record in enumerate(records):
+        count, known = len(record.coords), len(record.boxes)
+        if (record.resolution, record.subdivisions) != (grid.resolution, grid.subdivisions):
+            raise ValueError(_other_grid(record, grid))
+        if count > width or known > parts:
+            raise ValueError(
+                f"data: a record has {count} voxels and {known} parts; the batch holds {width} and {parts}"
+            )
+        batch["counts"][b], batch["part_counts"][b] = count, known
+        batch["sdf"][b, :count] = decode_sdf(record.sdf)
+        batch["color"][b, :count] = decode_color(record.color)
+        for key in ("coords", "owner", "voxel_part"):
+            batch[key][b, :count] = getattr(record, key)
+        for key in ("boxes", "codes", "parents"):
+            batch[key][b, :known] = getattr(record, key)
+    return batch
+
+
+def over_black(images: np.ndarray) -> np.ndarray:
+    """[..., 3] uint8 of straight-alpha images [..., 4] uint8 over black, in sRGB."""
+    weighted = images[..., :3].astype(np.uint16) * images[..., 3:]
+    return ((weighted + 127) // 255).astype(np.uint8)
+
+
+def open_records(folder: str | Path, grid: GridConfig) -> tuple[RecordSource, np.ndarray]:
+    """The records of a folder and their sizes [N, 2] (voxels, parts), checked against the model's grid.
+
+    Sizes come from the manifest; without one (a run of ``prepare`` still under way) every record is read once.
+    """
+    source = RecordSource(folder)
+    if not len(source):
+        raise ValueError(f"{folder}: its shards are empty; see the errors in its manifest.csv")
+    first = source[0]
+    if (first.resolution, first.subdivisions) != (grid.resolution, grid.subdivisions):
+        raise ValueError(f"{folder}: {_other_grid(first, grid)}")
+    rows: list[dict[str, str]] = []
+    if (Path(folder) / "manifest.csv").is_file():
+        rows = [row for row in read_manifest(folder) if not row["error"]]
+    if len(rows) == len(source):
+        sizes = [(int(row["voxels"]), int(row["parts"])) for row in rows]
+    else:
+        made = (source[i] for i in range(len(source)))
+        sizes = [(len(record.coords), len(record.boxes)) for record in made]
+    return source, np.array(sizes)
+
+
+def _other_grid(record: Record, grid: GridConfig) -> str:
+    return (
+        f"records of {record.resolution} voxels a side with {record.subdivisions} sub-cells, "
+        f"but the config asks for {grid.resolution} with {grid.subdivisions}; prepare records of that grid"
+    )
+
+
+def usable(sizes: np.ndarray, data: DataConfig, grid: GridConfig) -> tuple[np.ndarray, np.ndarray]:
+    """Indices [n] and padded widths [n] of the records that fit the largest bucket and ``max_parts``; says how many do not."""
+    largest = max(data.voxel_buckets)
+    fits = (sizes[:, 0] <= largest) & (sizes[:, 1] <= grid.max_parts)
+    records = np.flatnonzero(fits)
+    if len(records) < len(sizes):
+        logger.warning(
+            "data: %d of %d records left out: more than %d voxels or %d parts",
+            len(sizes) - len(records),
+            len(sizes),
+            largest,
+            grid.max_parts,
+        )
+    return records, fitting_width(sizes[records, 0], data.voxel_buckets)
+
+
+def local_rows(batch_size: int, process_index: int, process_count: int) -> slice:
+    """This process's items of a batch.
+
+    Raises:
+      ValueError: the batch does not divide into the processes.
+    """
+    if batch_size % process_count or not 0 <= process_index < process_count:
+        raise ValueError(
+            f"data: a batch of {batch_size} cannot be shared equally by {process_count} processes (this is {process_index})"
+        )
+    share = batch_size // process_count
+    return slice(process_index * share, (process_index + 1) * share)
+
+
+def pipeline(order, load: Callable[[Draw], Batch], workers: int) -> grain.IterDataset[Batch]:
+    """``load`` over ``order``, a few batches ahead, in order."""
+    from absl import flags
+
+    if not flags.FLAGS.is_parsed():  # programs without absl: Grain reads its flags on use
+        flags.FLAGS.mark_as_parsed()
+    batches = grain.MapDataset.source(order).map(load)
+    if workers:
+        ahead = grain.ReadOptions(num_threads=1, prefetch_buffer_size=1)
+        options = grain.MultiprocessingOptions(num_workers=workers, per_worker_buffer_size=2)
+        return batches.to_iter_dataset(ahead).mp_prefetch(options)
+    return batches.to_iter_dataset(grain.ReadOptions(num_threads=2, prefetch_buffer_size=4))

@@ -1,0 +1,186 @@
+"""Pictures and coarse structure of all records in memory: what the image encoder and the structure VAE train on, at thousands a second.
+
+One record takes about 100 KB (two views of 128 pixels, packed occupancy at 32^3, part ids at 16^3), so 10,000 fit in 1 GB.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from pathlib import Path
+
+import grain
+import numpy as np
+
+from uniart_jax.config import DataConfig, ModelConfig
+from uniart_jax.data.batches import Batch, local_rows, open_records, over_black, pipeline
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_dense, mirror_images
+from uniart_jax.data.order import Draw, OnePass, ShuffledOrder
+from uniart_jax.data.records import Record
+from uniart_jax.voxels.grid import SDF_CLIP, occupancy
+
+NO_PART = 255
+SURFACE = 0.87  # sub-cells: half the diagonal, so that a cell nearer than this may hold surface
+
+
+@dataclasses.dataclass(frozen=True)
+class ImageTable:
+    """All records of a folder, small.
+
+    Attributes:
+      resolution: R; target_resolution: T, a divisor of it.
+      images: [n, N, H, W, 3] uint8 sRGB over black.
+      occupied: [n, R^3 / 8] uint8 packed bits.
+      cell_parts: [n, T, T, T] uint8 part of each cell, ``NO_PART`` where no voxel is active.
+      boxes, codes, parents: [n, K, 6], [n, K, 9] float32 and [n, K] int32 tables of parts, zero beyond each record's own.
+    """
+
+    resolution: int
+    target_resolution: int
+    images: np.ndarray
+    occupied: np.ndarray
+    cell_parts: np.ndarray
+    boxes: np.ndarray
+    codes: np.ndarray
+    parents: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    def __repr__(self) -> str:
+        return f"ImageTable({len(self)} records)"
+
+    def take(self, records: np.ndarray, views: np.ndarray, mirrored: np.ndarray) -> Batch:
+        """A batch of these records: ``views`` [B] in [0, 1) choose among the images, ``mirrored`` [B] bool.
+
+        Returns:
+          image [B, H, W, 3] float32 in [0, 1]; occupancy [B, R, R, R] bool; cell_codes [B, T, T, T, 21] float32 (joint code, own
+          box, parent's box of the part that owns most surface in the cell, zero where the mask is false); cell_mask [B, T, T, T].
+        """
+        view = (np.asarray(views) * self.images.shape[1]).astype(int)
+        image = self.images[records, view]
+        count = self.resolution**3
+        occupied = np.unpackbits(self.occupied[records], axis=1, count=count).astype(bool)
+        occupied = occupied.reshape(-1, *(self.resolution,) * 3)
+        parts = self.cell_parts[records]
+        boxes, codes = self.boxes[records], self.codes[records]
+        for b in np.flatnonzero(mirrored):
+            image[b] = mirror_images(image[b])
+            occupied[b], parts[b] = mirror_dense(occupied[b]), mirror_dense(parts[b])
+            boxes[b], codes[b] = mirror_boxes(boxes[b]), mirror_codes(codes[b])
+        parent_boxes = np.take_along_axis(boxes, self.parents[records][..., None], 1)
+        # one more part, all zero, for cells without one
+        table = np.pad(np.concatenate([codes, boxes, parent_boxes], -1), ((0, 0), (0, 1), (0, 0)))
+        mask = parts != NO_PART
+        ids = np.where(mask, parts, table.shape[1] - 1)
+        rows = np.arange(len(ids))[:, None, None, None]
+        return {
+            "image": image.astype(np.float32) / np.float32(255),
+            "occupancy": occupied,
+            "cell_codes": table[rows, ids].astype(np.float32),
+            "cell_mask": mask,
+        }
+
+
+def cell_parts(record: Record, target_resolution: int) -> np.ndarray:
+    """[T, T, T] uint8 part that owns most sub-cells on the surface of each cell; ``NO_PART`` where no voxel is active.
+
+    A voxel whose sub-cells all miss the surface counts once for its own part.
+    """
+    factor = record.resolution // target_resolution
+    cell = (record.coords // factor).astype(np.int64)
+    flat = (cell[:, 0] * target_resolution + cell[:, 1]) * target_resolution + cell[:, 2]
+    known = len(record.boxes)
+    voxel, sub = np.nonzero(np.abs(record.sdf) <= int(SURFACE / SDF_CLIP * 127))
+    size = target_resolution**3 * known
+    votes = np.bincount(flat[voxel] * known + record.owner[voxel, sub], minlength=size)
+    votes = votes * 1000 + np.bincount(flat * known + record.voxel_part, minlength=size)
+    votes = votes.reshape(-1, known)
+    parts = np.where(votes.any(1), votes.argmax(1), NO_PART).astype(np.uint8)
+    return parts.reshape((target_resolution,) * 3)
+
+
+@functools.lru_cache(maxsize=2)  # two stages of one run read the same table
+def load_image_table(folder: str | Path, model: ModelConfig) -> ImageTable:
+    """Read every record of a folder once (about 8 ms each).
+
+    Raises:
+      FileNotFoundError, ValueError: no records, another grid or image size than the model's, or records with more parts than
+        ``max_parts``.
+    """
+    source, sizes = open_records(folder, model.grid)
+    resolution, target = model.grid.resolution, model.image_encoder.target_resolution
+    if resolution % target:
+        raise ValueError(f"config: target_resolution {target} must divide the grid's {resolution}")
+    parts = model.grid.max_parts
+    if sizes[:, 1].max() > parts:
+        raise ValueError(f"{folder}: a record has {sizes[:, 1].max()} parts, max_parts is {parts}")
+    n, views = len(source), source[0].images.shape[:-1]
+    if views[1:] != (model.image_encoder.image_size,) * 2:
+        raise ValueError(
+            f"{folder}: images of {views[1]} pixels, but the config asks for {model.image_encoder.image_size}; prepare with that size"
+        )
+    table = ImageTable(
+        resolution,
+        target,
+        np.zeros((n, *views, 3), np.uint8),
+        np.zeros((n, -(-(resolution**3) // 8)), np.uint8),
+        np.zeros((n, target, target, target), np.uint8),
+        np.zeros((n, parts, 6), np.float32),
+        np.zeros((n, parts, 9), np.float32),
+        np.zeros((n, parts), np.int32),
+    )
+    for i in range(n):
+        record = source[i]
+        known = len(record.boxes)
+        table.images[i] = over_black(record.images)
+        table.occupied[i] = np.packbits(occupancy(record.coords, resolution).reshape(-1))
+        table.cell_parts[i] = cell_parts(record, target)
+        table.boxes[i, :known] = record.boxes
+        table.codes[i, :known] = record.codes
+        table.parents[i, :known] = record.parents
+    return table
+
+
+def image_batches(
+    records: str | Path,
+    data: DataConfig,
+    model: ModelConfig,
+    batch_size: int,
+    *,
+    seed: int | None = None,
+    process_index: int = 0,
+    process_count: int = 1,
+) -> grain.IterDataset[Batch]:
+    """Endless shuffled batches of ``ImageTable.take``, a random view each, mirrored with probability 1/2.
+
+    Args and errors: as ``batches.voxel_batches``. ``data.workers`` is not used: the table is in this process.
+    """
+    table = load_image_table(records, model)
+    seed = data.seed if seed is None else seed
+    widths = np.zeros(len(table), np.int64)
+    order = ShuffledOrder(np.arange(len(table)), widths, batch_size, seed)
+    rows = local_rows(batch_size, process_index, process_count)
+    load = functools.partial(_load, table=table, mirror=data.mirror, seed=seed, rows=rows)
+    return pipeline(order, load, workers=0)
+
+
+def _load(draw: Draw, *, table: ImageTable, mirror: bool, seed: int, rows: slice) -> Batch:
+    rng = draw.generator(seed)
+    views, mirrors = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
+    return table.take(draw.records[rows], views[rows], (mirrors & mirror)[rows])
+
+
+def image_pass(
+    records: str | Path, model: ModelConfig, batch_size: int
+) -> grain.IterDataset[Batch]:
+    """Every record once, its first view, unmirrored, with ``record`` [B] i4; -1 marks items that fill up the last batch."""
+    table = load_image_table(records, model)
+    order = OnePass(np.arange(len(table)), np.zeros(len(table), np.int64), batch_size)
+    return pipeline(order, functools.partial(_load_pass, table=table), workers=0)
+
+
+def _load_pass(draw: Draw, *, table: ImageTable) -> Batch:
+    zeros = np.zeros(len(draw.records))
+    batch = table.take(np.maximum(draw.records, 0), zeros, zeros.astype(bool))
+    return {**batch, "record": draw.records.astype(np.int32)}

@@ -1,0 +1,242 @@
+"""Cached encodings of records, and the batches of both flow stages made of them.
+
+    OUT/latents-00000.arrayrecord   one item a (record, mirrored) pair, zip of .npy as records are
+    OUT/metadata.json               key, number of items, mean and std of both latents
+
+An item: ``structure`` [s, s, s, C] f2 latent mean of the structure VAE; ``coords`` [V, 3] u1 and ``latent`` [V, C'] f2 latent mean of
+the UniArt VAE; ``tokens`` [N, L, D] f2 and ``volume`` [N, v, v, v, C''] f2 of the image encoder for each of the N views. A folder
+is complete or absent.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+import json
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import grain
+import numpy as np
+
+from uniart_jax.config import DataConfig, ModelConfig
+from uniart_jax.data.batches import Batch, local_rows, pipeline, usable
+from uniart_jax.data.folder import read_metadata, write_text
+from uniart_jax.data.order import Draw, ShuffledOrder
+from uniart_jax.data.records import open_shards, pack_arrays, unpack_arrays, write_shard
+from uniart_jax.nn.grids import flow_plan
+
+FIELDS = ("structure", "coords", "latent", "tokens", "volume")
+SHARD_ITEMS = 256
+
+
+@dataclasses.dataclass(frozen=True)
+class LatentStatistics:
+    """Mean and standard deviation of each channel over all items (and voxels): what flows normalise by.
+
+    Attributes:
+      structure_mean, structure_std: [C]. latent_mean, latent_std: [C'].
+    """
+
+    structure_mean: np.ndarray
+    structure_std: np.ndarray
+    latent_mean: np.ndarray
+    latent_std: np.ndarray
+
+
+class _Moments:
+    def __init__(self):
+        self.count, self.sum, self.squares = 0, 0.0, 0.0
+
+    def add(self, values: np.ndarray) -> None:
+        values = np.asarray(values, np.float64).reshape(-1, values.shape[-1])
+        self.count += len(values)
+        self.sum = self.sum + values.sum(0)
+        self.squares = self.squares + (values**2).sum(0)
+
+    def mean_std(self) -> tuple[list[float], list[float]]:
+        mean = np.asarray(self.sum) / self.count
+        variance = np.asarray(self.squares) / self.count - mean**2
+        return mean.tolist(), np.sqrt(np.maximum(variance, 1e-12)).tolist()
+
+
+def write_latents(
+    out: str | Path, items: Iterable[Mapping[str, Any]], *, key: str
+) -> LatentStatistics:
+    """Write one item a (record, mirrored) pair and the statistics of all; replaces what an earlier pass left.
+
+    Args:
+      items: mappings with ``FIELDS`` (any float type; N views in tokens and volume) and ``record`` (index), ``mirrored`` (bool).
+      key: what the latents depend on, such as a digest of weights and records; ``latents_key`` reads it back.
+
+    Raises:
+      ValueError: a value is not finite in half precision, or there are no items.
+    """
+    out = Path(out)
+    temporary = out.with_name(f".{out.name}.tmp")
+    shutil.rmtree(temporary, ignore_errors=True)
+    temporary.mkdir(parents=True)
+    structure, latent = _Moments(), _Moments()
+    sizes: list[int] = []
+
+    def packed() -> Iterator[bytes]:
+        for item in items:
+            arrays = {name: np.asarray(item[name]) for name in FIELDS}
+            arrays["coords"] = arrays["coords"].astype(np.uint8)
+            for name in ("structure", "latent", "tokens", "volume"):
+                with np.errstate(over="ignore"):
+                    arrays[name] = arrays[name].astype(np.float16)
+                if not np.isfinite(arrays[name]).all():
+                    raise ValueError(
+                        f"latents: {name} of record {item['record']} is not finite in half precision; train its network longer"
+                    )
+            structure.add(arrays["structure"])
+            latent.add(arrays["latent"])
+            sizes.append(len(arrays["coords"]))
+            meta = {"record": int(item["record"]), "mirrored": bool(item["mirrored"])}
+            yield pack_arrays(arrays, meta)
+
+    stream = packed()
+    shard = 0
+    try:
+        while chunk := list(itertools.islice(stream, SHARD_ITEMS)):
+            write_shard(temporary / f"latents-{shard:05d}.arrayrecord", chunk)
+            shard += 1
+        if not sizes:
+            raise ValueError("latents: no items to write; are there records?")
+        structure_mean, structure_std = structure.mean_std()
+        latent_mean, latent_std = latent.mean_std()
+        metadata = {
+            "key": key,
+            "voxels": sizes,
+            "structure_mean": structure_mean,
+            "structure_std": structure_std,
+            "latent_mean": latent_mean,
+            "latent_std": latent_std,
+        }
+        write_text(temporary / "metadata.json", json.dumps(metadata))
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+    shutil.rmtree(out, ignore_errors=True)
+    temporary.rename(out)
+    return read_statistics(out)
+
+
+def latents_key(folder: str | Path) -> str | None:
+    """The key that a complete folder was written with; None where there is none."""
+    return read_metadata(folder).get("key") if (Path(folder) / "metadata.json").is_file() else None
+
+
+def read_statistics(folder: str | Path) -> LatentStatistics:
+    """The statistics of a folder of latents."""
+    metadata = read_metadata(folder)
+    names = [field.name for field in dataclasses.fields(LatentStatistics)]
+    missing = [name for name in names if name not in metadata]
+    if missing:
+        raise ValueError(
+            f"{folder}: metadata.json lacks {', '.join(missing)}; encode the records again"
+        )
+    return LatentStatistics(**{name: np.array(metadata[name], np.float32) for name in names})
+
+
+class LatentSource:
+    """Random access to the items of a folder of latents: ``source[i] -> {field: array}`` in stored types. Picklable."""
+
+    def __init__(self, folder: str | Path):
+        self.voxels = np.array(read_metadata(folder)["voxels"])
+        self._shards = open_shards(sorted(Path(folder).glob("latents-*.arrayrecord")))
+        if len(self.voxels) != len(self._shards):
+            raise ValueError(
+                f"{folder}: {len(self._shards)} items, {len(self.voxels)} expected; encode the records again"
+            )
+
+    def __len__(self) -> int:
+        return len(self._shards)
+
+    def __getitem__(self, index: int) -> dict[str, Any]:
+        arrays, meta = unpack_arrays(self._shards[index], "latents")
+        return {**arrays, **meta}
+
+    def __repr__(self) -> str:
+        return f"LatentSource({len(self)} items)"
+
+
+def latent_batches(
+    latents: str | Path,
+    data: DataConfig,
+    model: ModelConfig,
+    batch_size: int,
+    *,
+    stage: Literal["structure_flow", "latent_flow"],
+    seed: int | None = None,
+    process_index: int = 0,
+    process_count: int = 1,
+) -> grain.IterDataset[Batch]:
+    """Endless shuffled batches for a flow stage, a random view of each item.
+
+    Both stages: ``tokens`` [B, L, D] and ``volume`` [B, v, v, v, C''] float32. Structure flow: ``structure`` [B, s, s, s, C] float32.
+    Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and
+    ``plans["flow"]``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
+    ``data.mirror`` is decided by what ``write_latents`` was given.
+
+    Args and errors: as ``batches.voxel_batches``.
+    """
+    source = LatentSource(latents)
+    seed = data.seed if seed is None else seed
+    if stage == "latent_flow":
+        sizes = np.stack([source.voxels, np.zeros_like(source.voxels)], 1)
+        records, widths = usable(sizes, data, model.grid)
+    else:
+        records, widths = np.arange(len(source)), np.zeros(len(source), np.int64)
+    load = functools.partial(
+        _load_structure if stage == "structure_flow" else _load_latents,
+        source=source,
+        model=model,
+        seed=seed,
+        rows=local_rows(batch_size, process_index, process_count),
+    )
+    return pipeline(ShuffledOrder(records, widths, batch_size, seed), load, data.workers)
+
+
+def _draw_items(
+    draw: Draw, source: LatentSource, seed: int, rows: slice
+) -> tuple[list[dict[str, Any]], Batch]:
+    views = draw.generator(seed).random(len(draw.records))[rows]
+    items = [source[int(index)] for index in draw.records[rows]]
+    chosen = [int(view * len(item["tokens"])) for view, item in zip(views, items, strict=True)]
+    batch = {
+        name: np.stack([item[name][v] for v, item in zip(chosen, items, strict=True)]).astype(
+            np.float32
+        )
+        for name in ("tokens", "volume")
+    }
+    return items, batch
+
+
+def _load_structure(
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: slice
+) -> Batch:
+    items, batch = _draw_items(draw, source, seed, rows)
+    batch["structure"] = np.stack([item["structure"] for item in items]).astype(np.float32)
+    return batch
+
+
+def _load_latents(
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: slice
+) -> Batch:
+    items, batch = _draw_items(draw, source, seed, rows)
+    channels = items[0]["latent"].shape[-1]
+    batch["coords"] = np.zeros((len(items), draw.width, 3), np.int32)
+    batch["counts"] = np.array([len(item["coords"]) for item in items], np.int32)
+    batch["latent"] = np.zeros((len(items), draw.width, channels), np.float32)
+    for b, item in enumerate(items):
+        batch["coords"][b, : len(item["coords"])] = item["coords"]
+        batch["latent"][b, : len(item["coords"])] = item["latent"]
+    batch["plans"] = {
+        "flow": flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
+    }
+    return batch

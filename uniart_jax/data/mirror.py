@@ -1,0 +1,63 @@
+"""The left-right mirror y -> -y of a record: of its voxels, parts, joints, views and cameras. Exact on stored types.
+
+Codes (voxels.joint_code): a turn about p x d becomes the opposite turn about the mirrored line, travel stays travel along the
+mirrored direction, and a moment p x d is a pseudovector. With M = diag(1, -1, 1):
+
+    (tau, d, m, lo, hi)  ->  canonical(-tau, M d, -M m, -hi, -lo)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from uniart_jax.data.records import Record
+from uniart_jax.voxels.joint_code import canonical
+
+_CODE_SIGNS = np.array([-1, 1, -1, 1, -1, 1, -1, -1, -1], np.float32)
+_CODE_ORDER = np.array([0, 1, 2, 3, 4, 5, 6, 8, 7])
+_BOX_SIGNS = np.array([1, -1, 1, 1, 1, 1], np.float32)
+
+
+def mirror_boxes(boxes: np.ndarray) -> np.ndarray:
+    """Mirrored boxes [..., 6]."""
+    return boxes * _BOX_SIGNS
+
+
+def mirror_codes(codes: np.ndarray) -> np.ndarray:
+    """Mirrored joint codes [..., 9], canonical; a fixed joint stays exactly 0."""
+    return canonical(codes[..., _CODE_ORDER] * _CODE_SIGNS) + np.float32(0)
+
+
+def mirror_dense(grid: np.ndarray, first_axis: int = 0) -> np.ndarray:
+    """A mirrored view of dense cells [..., R, R, R, ...] whose x axis is ``first_axis``."""
+    return np.flip(grid, first_axis + 1)
+
+
+def mirror_images(images: np.ndarray) -> np.ndarray:
+    """A flipped view of images [..., H, W, C]: what the mirrored camera sees of the mirrored object."""
+    return images[..., ::-1, :]
+
+
+def mirror_record(record: Record) -> Record:
+    """The record of the mirrored object, voxels in lexicographic order again."""
+    resolution, r = record.resolution, record.subdivisions
+    coords = record.coords.copy()
+    coords[:, 1] = resolution - 1 - coords[:, 1]
+    order = np.lexsort(coords.T[::-1])
+    cells = np.arange(r**3).reshape(r, r, r)[:, ::-1].reshape(-1)
+    rows = order[:, None]
+    cameras = record.cameras * np.array([-1, 1, 1, 1], np.float32)
+    return dataclasses.replace(
+        record,
+        coords=coords[order],
+        sdf=record.sdf[rows, cells],
+        color=record.color[rows, cells],
+        owner=record.owner[rows, cells],
+        voxel_part=record.voxel_part[order],
+        boxes=mirror_boxes(record.boxes),
+        codes=mirror_codes(record.codes),
+        images=mirror_images(record.images),
+        cameras=cameras,
+    )
