@@ -68,7 +68,8 @@ def _solid(mesh: trimesh.Trimesh, density: float) -> tuple[float, np.ndarray, np
             solid = candidate()
         except Exception:  # qhull's error class for flat input is private
             continue
-        found = trimesh.triangles.mass_properties(np.asarray(solid.triangles), density=density)
+        with np.errstate(divide="ignore", invalid="ignore"):  # no volume: refused below
+            found = trimesh.triangles.mass_properties(np.asarray(solid.triangles), density=density)
         volume, center = abs(float(found["volume"])), np.asarray(found["center_mass"])
         tensor = np.asarray(found["inertia"]) * (1 if found["volume"] > 0 else -1)
         inside = np.all(center >= box[0] - 1e-9) and np.all(center <= box[1] + 1e-9)

@@ -21,7 +21,7 @@ BACKGROUND = (244, 244, 246)
 INK = (70, 72, 80)
 DEFAULT_VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
 MARGIN = 1.08  # frame over object
-MATCH_SIZE = 32  # pixels a side of the pictures that are compared
+MATCH_SIZE = 48  # pixels a side of the pictures that are compared
 MOTION_SIZE = 256
 MOTION_FRAMES = 12  # from rest to open; played forth and back
 MOTION_SECONDS = 2.4
@@ -36,16 +36,33 @@ def choose_view(obj: ArticulatedObject, image: Image.Image | None) -> Camera:
     target = None if image is None else _cropped(np.asarray(image.convert("RGBA")) / 255.0)
     if target is None or target[..., 3].min() > 0.9:
         return DEFAULT_VIEW
-    best = (np.inf, DEFAULT_VIEW)
-    for elevation in (8, 20, 32):
-        for azimuth in range(-50, 51, 10):
-            camera = Camera(np.deg2rad(azimuth), np.deg2rad(elevation), DEFAULT_VIEW.fov_degrees)
-            seen = _cropped(render(obj, fit(obj, camera), MATCH_SIZE + 16, samples=1))
-            if seen is None:
-                continue
-            error = float(np.abs(_premultiplied(seen) - _premultiplied(target)).mean())
-            best = min(best, (error, camera), key=lambda found: found[0])
-    return best[1]
+    best = (np.inf, 0.0, 0.0)
+    coarse = [(a, e) for e in (8, 20, 32) for a in range(-50, 51, 10)]
+    for azimuth, elevation in coarse:
+        best = min(best, (_mismatch(obj, target, azimuth, elevation), azimuth, elevation))
+    fine = [(best[1] + a, best[2] + e) for e in (-6, 0, 6) for a in (-5, 0, 5)]
+    for azimuth, elevation in fine:
+        best = min(best, (_mismatch(obj, target, azimuth, elevation), azimuth, elevation))
+    if not np.isfinite(best[0]):
+        return DEFAULT_VIEW
+    return _view(best[1], best[2])
+
+
+def _view(azimuth: float, elevation: float) -> Camera:
+    """The camera at angles in degrees."""
+    return Camera(np.deg2rad(azimuth), np.deg2rad(elevation), DEFAULT_VIEW.fov_degrees)
+
+
+def _mismatch(
+    obj: ArticulatedObject, target: np.ndarray, azimuth: float, elevation: float
+) -> float:
+    """Mean difference between the object seen from there (degrees) and the cropped image; infinite if nothing is seen."""
+    seen = _cropped(
+        render(obj, fit(obj, _view(azimuth, elevation)), MATCH_SIZE * 3 // 2, samples=1)
+    )
+    if seen is None:
+        return np.inf
+    return float(np.abs(_premultiplied(seen) - _premultiplied(target)).mean())
 
 
 def write_preview(
@@ -164,9 +181,9 @@ def _cropped(picture: np.ndarray) -> np.ndarray | None:
 
 
 def _premultiplied(picture: np.ndarray) -> np.ndarray:
-    """Half-weight colour beside alpha, so that the silhouette counts most."""
+    """Colour, black where there is nothing, beside alpha."""
     alpha = picture[..., 3:]
-    return np.concatenate([0.5 * picture[..., :3] * alpha, alpha], -1)
+    return np.concatenate([picture[..., :3] * alpha, alpha], -1)
 
 
 def _draw_axes(

@@ -1,0 +1,119 @@
+"""One texture for all parts: closed geometry, charts inside the texture, colours of the source."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from asset_objects import hollow_box, marching_cubes_block, painted_box, textured_plate
+
+from uniart_jax.export.atlas import FACE_BUDGET, Atlas, make_atlas, rasterize, simplify
+from uniart_jax.export.wavefront import TEXTURE_FILE, write_material, write_textured
+from uniart_jax.objects.appearance import linear_to_srgb, sample_color
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+
+def as_object(*meshes: trimesh.Trimesh) -> ArticulatedObject:
+    """Parts fixed to the first mesh."""
+    return ArticulatedObject(
+        tuple(Part(f"part{k}", mesh, 0 if k else -1) for k, mesh in enumerate(meshes))
+    )
+
+
+def color_errors(source: trimesh.Trimesh, result: trimesh.Trimesh) -> np.ndarray:
+    """[n, 3] sRGB differences, in [0, 1], between points of the result and the source surface nearest to them."""
+    points, faces = trimesh.sample.sample_surface(result, 2000, seed=0)
+    weights = trimesh.triangles.points_to_barycentric(result.triangles[faces], points)
+    nearest, _, triangle = trimesh.proximity.closest_point(source, points)
+    at = trimesh.triangles.points_to_barycentric(source.triangles[triangle], nearest)
+    seen = linear_to_srgb(sample_color(result, faces, weights))
+    return np.abs(seen - linear_to_srgb(sample_color(source, triangle, at)))
+
+
+@pytest.fixture(scope="module")
+def mixed() -> tuple[ArticulatedObject, Atlas]:
+    """Vertex colours, a texture, face colours and no colour at all, over one atlas."""
+    obj = as_object(
+        painted_box([0, 0, 0], [0.5, 0.4, 0.3]),
+        textured_plate([0.6, 0, 0], [1.0, 0.4, 0.1]),
+        hollow_box([0, 0.5, 0], [0.4, 1.0, 0.4], 0.03),
+        trimesh.creation.icosphere(2, 0.1),
+    )
+    return obj, make_atlas(obj, 512)
+
+
+def test_baked_colors_are_the_sources(mixed):
+    obj, atlas = mixed
+    for part, surface in zip(obj.parts, atlas.surfaces, strict=True):
+        errors = color_errors(part.mesh, surface.textured(atlas.texture))
+        assert errors.mean() < 0.02, part.name
+        if part.mesh.visual.kind in (
+            "face",
+            None,
+        ):  # flat colours have no edges to be blurred: no seam may bleed
+            assert errors.max() < 0.02, part.name
+
+
+def test_geometry_within_the_budget_is_untouched_and_closed(mixed):
+    obj, atlas = mixed
+    for part, surface in zip(obj.parts, atlas.surfaces, strict=True):
+        assert len(surface.faces) == len(part.mesh.faces)
+        assert surface.mesh.is_watertight
+        assert surface.mesh.volume == pytest.approx(part.mesh.volume)
+
+
+def test_charts_do_not_overlap_and_lie_inside(mixed):
+    _, atlas = mixed
+    width, height = atlas.texture.size
+    taken = np.zeros((height, width), int)
+    for surface in atlas.surfaces:
+        assert surface.uv.min() >= 0 and surface.uv.max() <= 1
+        rows, columns, _, weights = rasterize(surface, width, height)
+        np.testing.assert_allclose(weights.sum(1), 1, atol=1e-5)
+        np.add.at(taken, (rows, columns), 1)
+    assert (taken > 0).mean() > 0.3
+    assert (taken > 1).mean() < 0.01  # only texels on an edge that two triangles share
+
+
+def test_dense_surfaces_are_simplified_and_stay_closed():
+    block = marching_cubes_block(64)
+    assert len(block.faces) > FACE_BUDGET
+    atlas = make_atlas(as_object(block), 256)
+    surface = atlas.surfaces[0]
+    assert len(surface.faces) <= FACE_BUDGET
+    assert surface.mesh.is_watertight
+    assert surface.mesh.volume == pytest.approx(block.volume, rel=0.03)
+    np.testing.assert_allclose(surface.mesh.bounds, block.bounds, atol=1 / 64)
+    assert color_errors(block, surface.textured(atlas.texture)).mean() < 0.03
+
+
+def test_open_surfaces_are_kept_as_they_are():
+    block = marching_cubes_block(64)
+    block.update_faces(np.arange(len(block.faces)) > 0)
+    ((vertices, faces),) = simplify([block], 1.0)
+    assert len(faces) == len(block.faces)
+    np.testing.assert_array_equal(vertices[faces], block.triangles)
+
+
+def test_flat_and_degenerate_parts_get_texels():
+    sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    sliver = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], process=False)
+    atlas = make_atlas(as_object(sheet, sliver), 64)
+    assert len(atlas.surfaces[0].faces) == 2 and len(atlas.surfaces[1].faces) == 1
+    assert np.isfinite(np.concatenate([s.uv for s in atlas.surfaces])).all()
+
+
+def test_obj_files_are_closed_and_colored(mixed, tmp_path):
+    obj, atlas = mixed
+    write_material(tmp_path)
+    atlas.texture.save(tmp_path / TEXTURE_FILE)
+    for part, surface in zip(obj.parts, atlas.surfaces, strict=True):
+        write_textured(surface, tmp_path / f"{part.name}.obj", 2.0)
+        text = (tmp_path / f"{part.name}.obj").read_text()
+        assert text.count("\nv ") == len(surface.vertices)
+        assert text.count("\nvt ") == len(surface.uv)
+        loaded = trimesh.load_mesh(tmp_path / f"{part.name}.obj")
+        assert color_errors(part.mesh, loaded.copy().apply_scale(0.5)).mean() < 0.02
+        loaded.merge_vertices(merge_tex=True, merge_norm=True)
+        assert loaded.is_watertight
+        assert loaded.volume == pytest.approx(8 * part.mesh.volume, rel=1e-6)

@@ -1,0 +1,101 @@
+"""Previews: tiles, the view of the input image, and a small looping GIF."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from uniart_jax.export.preview import (
+    DEFAULT_VIEW,
+    TILE,
+    choose_view,
+    read_image,
+    write_motion,
+    write_preview,
+)
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.render import Camera, fit, render
+
+
+@pytest.fixture(scope="module")
+def shown(cabinet):
+    return cabinet.normalized()
+
+
+def picture(obj, azimuth: float, elevation: float) -> Image.Image:
+    camera = fit(obj, Camera(np.deg2rad(azimuth), np.deg2rad(elevation), 35), margin=1.3)
+    return Image.fromarray((render(obj, camera, 96) * 255).astype(np.uint8))
+
+
+@pytest.mark.parametrize("azimuth", [-40, 0, 25])
+def test_the_view_is_that_of_the_image(shown, azimuth):
+    view = choose_view(shown, picture(shown, azimuth, 22))
+    assert abs(np.rad2deg(view.azimuth) - azimuth) <= 10
+    assert abs(np.rad2deg(view.elevation) - 22) <= 14
+
+
+def test_an_image_without_transparency_gives_the_default_view(shown):
+    assert choose_view(shown, picture(shown, 30, 20).convert("RGB")) == DEFAULT_VIEW
+    assert choose_view(shown, None) == DEFAULT_VIEW
+    assert choose_view(shown, Image.new("RGBA", (50, 50))) == DEFAULT_VIEW
+
+
+def test_preview_shows_the_object_opened(shown, tmp_path):
+    image = picture(shown, -30, 20)
+    path = write_preview(shown, tmp_path / "preview.png", image, DEFAULT_VIEW)
+    sheet = np.asarray(Image.open(path).convert("RGB")).astype(int)
+    assert sheet.shape[1] > 4 * TILE
+    tiles = np.split(sheet[:, : sheet.shape[1] // 4 * 4], 4, axis=1)
+    background = sheet[0, 0]
+    for tile in tiles:
+        covered = (np.abs(tile - background).max(-1) > 8).mean()
+        assert 0.1 < covered < 0.9
+    assert np.abs(tiles[1] - tiles[2]).mean() > 2  # open is not rest
+    assert np.abs(tiles[2] - tiles[3]).mean() > 2  # parts are not textures
+    # nothing touches the frame: the border of every tile is background
+    assert (np.abs(sheet[-4:] - background).max(-1) <= 8).all()
+
+
+def test_motion_is_small_and_loops(shown, tmp_path):
+    path = write_motion(shown, tmp_path / "motion.gif", DEFAULT_VIEW)
+    assert path.stat().st_size < 1_000_000
+    with Image.open(path) as gif:
+        assert 16 <= gif.n_frames <= 24
+        assert gif.size == (256, 256)
+        assert gif.info["loop"] == 0
+        first = np.asarray(gif.convert("RGB")).astype(int)
+        gif.seek(gif.n_frames // 2)
+        middle = np.asarray(gif.convert("RGB")).astype(int)
+    assert np.abs(first - middle).mean() > 2
+
+
+def test_an_object_that_cannot_move_has_no_motion(shown, tmp_path):
+    alone = ArticulatedObject((dataclasses.replace(shown.parts[0]),))
+    assert write_motion(alone, tmp_path / "motion.gif", DEFAULT_VIEW) is None
+    assert not (tmp_path / "motion.gif").exists()
+    write_preview(alone, tmp_path / "preview.png", None, DEFAULT_VIEW)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 900), (2000, 3)])
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "L", "P", "CMYK", "I;16"])
+def test_any_image_makes_a_tile(shown, tmp_path, size, mode):
+    image = Image.new(mode, size)
+    view = choose_view(shown, image)
+    alone = ArticulatedObject((dataclasses.replace(shown.parts[0]),))
+    write_preview(alone, tmp_path / "preview.png", image, view)
+
+
+def test_read_image_takes_paths_arrays_and_pictures(tmp_path):
+    array = np.random.default_rng(0).random((5, 7, 4))
+    picture = read_image(array)
+    assert picture.size == (7, 5) and picture.mode == "RGBA"
+    picture.save(tmp_path / "a.png")
+    assert read_image(tmp_path / "a.png").size == (7, 5)
+    (tmp_path / "b.png").write_text("no image")
+    for bad in (tmp_path / "b.png", tmp_path / "absent.png", np.zeros((4, 4))):
+        with pytest.raises(ValueError, match="preview") as error:
+            read_image(bad)
+        assert "\n" not in str(error.value)
