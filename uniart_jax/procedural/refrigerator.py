@@ -1,0 +1,154 @@
+"""Refrigerators: one or two doors over each other, side by side, French doors over freezer drawers."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.procedural import appliances, materials
+from uniart_jax.procedural.fronts import add_door, add_drawer
+from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, tray
+
+
+def build(rng: np.random.Generator) -> ArticulatedObject:
+    """A refrigerator, metres, closed."""
+    plan = str(
+        rng.choice(
+            ["single", "top", "bottom", "bottom_drawer", "side", "french", "mini"],
+            p=[0.14, 0.2, 0.16, 0.1, 0.14, 0.16, 0.1],
+        )
+    )
+    wide = plan in ("side", "french")
+    width = float(rng.uniform(0.8, 0.95) if wide else rng.uniform(0.5, 0.75))
+    height = float(rng.uniform(0.5, 0.9) if plan == "mini" else rng.uniform(1.4, 1.95))
+    depth = float(rng.uniform(0.5, 0.7))
+    unit = max(width, height, depth) / 100
+    face = materials.appliance(rng)
+    look = appliances.style(
+        rng, unit, face, panels=("slab", "slab", "slab", "border", "raised"),
+        handles=("bar", "bar", "round_bar", "arch", "recess", "lip"),
+    )  # fmt: skip
+    if look.panel == "border":
+        look = dataclasses.replace(look, accent=face.darker(0.93))
+    thick = float(rng.uniform(0.045, 0.08))
+    look = dataclasses.replace(look, thickness=thick, handle_length=float(rng.uniform(0.25, 0.6)))
+    legs = float(rng.uniform(0.03, 0.08))
+    wall = max(float(rng.uniform(0.035, 0.055)), 1.8 * unit)
+    lining = materials.white_plastic(rng)
+
+    half, low = width / 2, legs
+    middle = low + (height - low) * {
+        "top": rng.uniform(0.62, 0.75), "bottom": rng.uniform(0.3, 0.45), "bottom_drawer": rng.uniform(0.3, 0.42),
+        "french": rng.uniform(0.32, 0.45),
+    }.get(plan, 0.5)  # fmt: skip
+    share = float(rng.choice([0.0, rng.uniform(-0.12, 0.12)])) * width
+    full = (-half, half)
+    # rectangles of the front with what closes them: hinge edge, or 'drawer'
+    single = "+y" if rng.random() < 0.5 else "-y"
+    if plan in ("single", "mini"):
+        cells = [(full, (low, height), single)]
+    elif plan in ("top", "bottom"):
+        cells = [(full, (low, middle), single), (full, (middle, height), single)]
+    elif plan == "bottom_drawer":
+        count = int(rng.integers(1, 4))
+        edges = np.linspace(low, middle, count + 1)
+        cells = [(full, (edges[i], edges[i + 1]), "drawer") for i in range(count)]
+        cells.append((full, (middle, height), single))
+    elif plan == "side":
+        cells = [((share, half), (low, height), "+y"), ((-half, share), (low, height), "-y")]
+        if rng.random() < 0.25:
+            cut_at = low + (height - low) * float(rng.uniform(0.35, 0.5))
+            cells = [(y, z, e) for y, _, e in cells for z in ((low, cut_at), (cut_at, height))]
+    else:
+        count = int(rng.integers(1, 3))
+        edges = np.linspace(low, middle, count + 1)
+        cells = [(full, (edges[i], edges[i + 1]), "drawer") for i in range(count)]
+        cells += [((0.0, half), (middle, height), "+y"), ((-half, 0.0), (middle, height), "-y")]
+
+    asm, body = Assembly(), Shape()
+    appliances.feet(body, rng, width, depth, legs, unit)
+    bays = [_bay(y, z, half, (low, height), depth, wall) for y, z, _ in cells]
+    shelves, holes = Shape(), []
+    together = plan == "french"  # the two doors share one room
+    for (y, _, edge), (lo, hi) in zip(cells, bays, strict=True):
+        lo, hi = lo.copy(), hi.copy()
+        if together and edge in ("+y", "-y"):
+            lo[1], hi[1] = -half + wall, half - wall
+            if y[0] < 0:  # cut once
+                continue
+        holes.append(box([-0.1, lo[1], lo[2]], hi))
+        if edge != "drawer":
+            _shelves(
+                rng, shelves, lo, hi, unit, depth, look.glass if rng.random() < 0.5 else lining
+            )
+    body.add(
+        cut(box([0, -half, low], [depth, half, height]), holes),
+        face if rng.random() < 0.7 else face.darker(0.85),
+    )
+    body.join(shelves)
+    root = asm.add("body", body)
+
+    seam = max(0.004, float(rng.uniform(0.35, 0.8)) * unit)
+    swing = float(np.deg2rad(rng.uniform(85, 150)))
+    bins = rng.random() < 0.55
+    for (y, z, edge), (lo, hi) in zip(cells, bays, strict=True):
+        front_lo = np.array([-thick - 0.002, y[0] + seam / 2, z[0] + seam / 2])
+        front_hi = np.array([-0.002, y[1] - seam / 2, z[1] - seam / 2])
+        if edge == "drawer":
+            add_drawer(
+                asm, root, front_lo, front_hi, lo, hi, float(rng.uniform(0.5, 0.85)),
+                dataclasses.replace(look, inside=lining), depth=0.9, fill=0.8, center=False,
+            )  # fmt: skip
+        else:
+            extra = _bins(rng, front_lo, front_hi, lo, hi, unit, lining) if bins else None
+            add_door(asm, root, front_lo, front_hi, edge, swing, look, extra=extra)
+    if rng.random() < 0.2 and plan == "side":
+        return asm.object()
+    return asm.object()
+
+
+def _bay(y, z, half: float, limits: tuple[float, float], depth: float, wall: float):
+    """Corners of the room behind a front: full walls outside, half a wall towards neighbours."""
+    lo = np.array(
+        [
+            0.0,
+            y[0] + (wall if y[0] < -half + 1e-6 else wall / 2),
+            z[0] + (wall if z[0] < limits[0] + 1e-6 else wall / 2),
+        ]
+    )
+    hi = np.array(
+        [
+            depth - wall,
+            y[1] - (wall if y[1] > half - 1e-6 else wall / 2),
+            z[1] - (wall if z[1] > limits[1] - 1e-6 else wall / 2),
+        ]
+    )
+    return lo, hi
+
+
+def _shelves(rng, shape: Shape, lo, hi, unit: float, depth: float, material) -> None:
+    """Shelves across a room, behind the room that the doors' bins need."""
+    count = int(np.clip((hi[2] - lo[2]) / rng.uniform(0.22, 0.4), 0, 4))
+    board = max(0.015, 1.6 * unit)
+    front = depth * float(rng.uniform(0.3, 0.4))
+    for k in range(count):
+        z = lo[2] + (k + 1) * (hi[2] - lo[2]) / (count + 1)
+        shape.add(box([front, lo[1], z - board / 2], [hi[0], hi[1], z + board / 2]), material)
+
+
+def _bins(rng, lo, hi, bay_lo, bay_hi, unit: float, material) -> Shape | None:
+    """Open bins on the rear of a door, far enough from its edges to swing past the walls."""
+    shape = Shape()
+    reach = float(rng.uniform(0.08, 0.13))
+    width = hi[1] - lo[1]
+    air = 0.03 + (reach + hi[0] - lo[0]) ** 2 / (2 * width)
+    y = (max(lo[1], bay_lo[1]) + air, min(hi[1], bay_hi[1]) - air)
+    wall, tall = max(0.014, 1.55 * unit), max(0.09, 7 * unit)
+    count = int(np.clip((bay_hi[2] - bay_lo[2]) / 0.35, 0, 4))
+    if y[1] - y[0] < 8 * unit or count == 0:
+        return None
+    for z in np.linspace(bay_lo[2] + 0.02, bay_hi[2] - tall - 0.06, count):
+        shape.add(tray([hi[0], y[0], z], [hi[0] + reach, y[1], z + tall], wall), material)
+    return shape
