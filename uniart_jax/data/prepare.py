@@ -37,7 +37,7 @@ from uniart_jax.data.folder import Row, Settings, claim, finished, rows_path, sh
 from uniart_jax.data.records import from_object, to_bytes, write_shard
 
 ATTEMPTS = 8  # shown states drawn before an object counts as failed
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "IGL_NUM_THREADS")
 
 
 def prepare_procedural(
