@@ -48,8 +48,12 @@ class ImageEncoderConfig:
 
 @dataclasses.dataclass(frozen=True)
 class StructureVAEConfig:
-    """Dense convolutional VAE, occupancy [R^3] <-> latent [(R / 2^(levels-1))^3, C]. Upstream: TRELLIS sparse_structure_vae."""
+    """Dense convolutional VAE, occupancy [R^3] <-> latent [(R / patch_size / 2^(levels-1))^3, C]. Upstream: TRELLIS sparse_structure_vae.
 
+    ``patch_size`` folds cubes of voxels into channels before the first convolution; 1 = none (TRELLIS).
+    """
+
+    patch_size: int = 1
     channels: tuple[int, ...] = (32, 128, 512)
     latent_channels: int = 8
     num_res_blocks: int = 2
@@ -145,6 +149,7 @@ class LossConfig:
     """Weights and details of the losses (docs/paper.md)."""
 
     kl: float = 1e-6
+    structure_kl: float = 1e-3
     articulation: float = 1.0  # the paper's lambda_1
     alignment: float = 0.0  # the supplement's reading of L_kl; its lambda_2 = 0.5
     color: float = 1.0
@@ -154,7 +159,7 @@ class LossConfig:
     time_std: float = 1.0
     noise_share: float = 0.0  # share of draws taken uniformly from t in (.9, 1)
     condition_drop: float = 0.1
-    draws_per_image: int = 1  # noise draws that share one image's condition
+    draws_per_image: int = 1  # structure flow: noise draws that share one image's condition
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,7 +167,10 @@ class DataConfig:
     """Where records are and how batches are made of them."""
 
     records: str = ""
-    held_out: str = ""
+    validation: str = ""
+    procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
+    validation_count: int = 64
+    validation_seed: int = 900_000  # never trained on, and not the held-out seeds of the evaluation either
     voxel_buckets: tuple[int, ...] = (8192, 16384, 32768)
     mirror: bool = True  # left-right mirror of object and image with probability 1/2
     seed: int = 0
@@ -246,7 +254,9 @@ def _build(cls: type, data: Any, path: str, strange: list[str]) -> Any:
             values[name] = value
             if value not in get_args(hint):
                 strange.append(f"{path}{name}={value!r}")
-        elif isinstance(value, bool) != (hint is bool) or not isinstance(value, (hint, int) if hint is float else hint):
+        elif isinstance(value, bool) != (hint is bool) or not isinstance(
+            value, (hint, int) if hint is float else hint
+        ):
             strange.append(f"{path}{name}={value!r}")
         else:
             values[name] = value

@@ -1,0 +1,142 @@
+"""Time of one training step (value and gradient) of every network at nano size, on this machine, with synthetic data.
+
+    OMP_NUM_THREADS=1 XLA_FLAGS=--xla_cpu_multi_thread_eigen=false taskset -c 0 python benchmarks/networks.py [network ...]
+
+Prints compile seconds, CPU ms a step (on one core of an idle machine: wall ms), samples a second, and the rate by XLA's flop count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import time
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from uniart_jax.config import NETWORKS, ModelConfig
+from uniart_jax.models.network import build
+from uniart_jax.nn.grids import flow_plan
+from uniart_jax.nn.segments import voxel_plans
+
+VOXELS = 6700  # usual active voxels of an object at 32^3
+
+
+def nano() -> ModelConfig:
+    """The model of ``configs/nano.py``."""
+    path = Path(__file__).parents[1] / "configs" / "nano.py"
+    spec = importlib.util.spec_from_file_location("nano", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.config.model
+
+
+def voxel_batch(model: ModelConfig, items: int, width: int, count: int, seed: int = 0) -> dict:
+    """A batch of ``items`` solid-ish objects of ``count`` voxels padded to ``width``, parts cut by x."""
+    rng = np.random.default_rng(seed)
+    side, cells = model.grid.resolution, model.grid.subdivisions**3
+    coords = np.zeros((items, width, 3), np.int32)
+    for b in range(items):
+        # whole random cubes of 4^3, as real surfaces are clustered
+        cubes = rng.permutation((side // 4) ** 3)[: -(-count // 48)]
+        base = np.stack(np.unravel_index(cubes, (side // 4,) * 3), -1) * 4
+        inner = np.stack(np.meshgrid(*[np.arange(4)] * 3, indexing="ij"), -1).reshape(-1, 3)
+        voxels = (base[:, None] + inner).reshape(-1, 3)
+        chosen = voxels[rng.permutation(len(voxels))[:count]]
+        coords[b, : len(chosen)] = chosen[np.lexsort(chosen.T[::-1])]
+    k = model.grid.max_parts
+    part = np.minimum(coords[..., 0] // 4, k - 1).astype(np.int32)
+    f = lambda *s: rng.normal(size=s).astype(np.float32)  # noqa: E731
+    batch = dict(
+        coords=coords,
+        counts=np.full(items, count, np.int32),
+        sdf=f(items, width, cells),
+        color=rng.random((items, width, cells, 3), np.float32),
+        owner=np.repeat(part[..., None], cells, -1),
+        voxel_part=part,
+        boxes=f(items, k, 6),
+        codes=f(items, k, 9),
+        parents=np.zeros((items, k), np.int32),
+        part_counts=np.full(items, min(k, side // 4), np.int32),
+    )
+    if model.uniart_vae.visual_channels:
+        batch["visual"] = f(items, width, model.uniart_vae.visual_channels)
+    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+    return batch
+
+
+def case(name: str, model: ModelConfig, items: int):
+    """(loss of parameters and inputs, inputs)."""
+    network = build(name, model)
+    key = jax.random.key(0)
+    normal = lambda *s: jax.random.normal(key, s)  # noqa: E731
+    mean_square = lambda tree: sum(jnp.square(x).mean() for x in jax.tree.leaves(tree))  # noqa: E731
+    e = model.image_encoder
+    if name == "image_encoder":
+        image = jnp.zeros((items, e.image_size, e.image_size, 3))
+        return network, lambda p, image: mean_square(network.apply(p, image)), (image,)
+    if name == "structure_vae":
+        occupancy = (normal(items, *[model.grid.resolution] * 3) > 0).astype(jnp.float32)
+        return network, lambda p, x: mean_square(network.apply(p, x, key)), (occupancy,)
+    width, count = 8192, VOXELS
+    if name == "uniart_vae":
+        batch = jax.tree.map(jnp.asarray, voxel_batch(model, items, width, count))
+        voxels = jax.random.randint(key, (items, 1024), 0, count)
+        return network, lambda p, b: mean_square(network.apply(p, b, key, voxels)), (batch,)
+    draws = 2
+    tokens = normal(items, (e.image_size // e.patch_size) ** 2, e.width)
+    volume = normal(items, *[e.volume_resolution] * 3, e.volume_channels)
+    t = jax.random.uniform(key, (items * draws,))
+    if name == "structure_flow":
+        s = model.structure_vae
+        side = model.grid.resolution // s.patch_size // 2 ** (len(s.channels) - 1)
+        x = normal(items * draws, side, side, side, s.latent_channels)
+        return network, lambda p, *a: mean_square(network.apply(p, *a)), (x, t, tokens, volume)
+    batch = voxel_batch(model, items, width, count)
+    plan = jax.tree.map(
+        jnp.asarray, flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
+    )
+    x = normal(items * draws, width, model.uniart_vae.latent_channels)
+    coords, counts = jnp.asarray(batch["coords"]), jnp.asarray(batch["counts"])
+    loss = lambda p, x, t, tokens, volume, coords, counts, plan: mean_square(  # noqa: E731
+        network.apply(p, x, t, tokens, volume, coords=coords, counts=counts, plan=plan)
+    )
+    return network, loss, (x, t, tokens, volume, coords, counts, plan)
+
+
+def measure(name: str, model: ModelConfig, items: int, repeats: int = 3) -> None:
+    network, loss, inputs = case(name, model, items)
+    params = jax.jit(network.init)(jax.random.key(0))
+    start = time.perf_counter()
+    step = jax.jit(jax.value_and_grad(loss)).lower(params, *inputs).compile()
+    compiled = time.perf_counter() - start
+    jax.block_until_ready(step(params, *inputs))
+    times = []
+    for _ in range(repeats):
+        start = time.process_time()  # others may share the core
+        jax.block_until_ready(step(params, *inputs))
+        times.append(time.process_time() - start)
+    samples = inputs[0].shape[0] if name != "uniart_vae" else items
+    size = sum(x.size for x in jax.tree.leaves(params)) / 1e6
+    flops = (step.cost_analysis() or {}).get("flops", 0.0)
+    best = min(times)
+    print(
+        f"{name:15s} {size:6.2f} M parameters   compile {compiled:5.1f} s   {1e3 * best:8.1f} ms/step   "
+        f"{samples / best:7.1f} samples/s   {flops / samples / 1e9:6.2f} GFLOP/sample   {flops / best / 1e9:6.1f} GF/s",
+        flush=True,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("networks", nargs="*", default=NETWORKS)
+    arguments = parser.parse_args()
+    items = dict(image_encoder=16, structure_vae=16, uniart_vae=2, structure_flow=16, latent_flow=4)
+    for name in arguments.networks or NETWORKS:
+        measure(name, nano(), items[name])
+
+
+if __name__ == "__main__":
+    main()

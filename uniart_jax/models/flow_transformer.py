@@ -1,0 +1,273 @@
+"""The two velocity networks: rectified-flow transformers with cross-attention to image tokens.
+
+Upstream: TRELLIS ``models/sparse_structure_flow.py`` and ``models/structured_latent_flow.py``. Ours, as config options: a 'patch' stem
+that makes one token of a cube of voxels, features of the image encoder's volume added to the tokens that they are aligned with, and
+prediction of the clean sample instead of the velocity.
+
+A call may carry several noise draws per image: x has n times the context's batch, item-major, and shares its image's condition.
+"""
+
+from __future__ import annotations
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+from flax import nnx
+
+from uniart_jax.config import FlowConfig, ModelConfig
+from uniart_jax.models.network import compute_dtype
+from uniart_jax.nn.blocks import (
+    LayerNorm,
+    ModulatedBlock,
+    TimestepEmbedder,
+    layer_norm,
+    linear,
+    modulation,
+    xavier,
+    zeros,
+)
+from uniart_jax.nn.convolution import SubmanifoldConv
+from uniart_jax.nn.embeddings import grid_coords, position_embedding, timestep_embedding
+from uniart_jax.nn.grids import FlowPlan
+from uniart_jax.nn.pooling import (
+    align_volume,
+    at_cells,
+    downsample,
+    from_cells,
+    occupied,
+    repeat_plan,
+    to_cells,
+    upsample,
+)
+
+T_MIN = 0.05  # below this time a predicted sample is turned into a velocity as if at this time
+
+
+class FlowTrunk(nnx.Module):
+    """What both flows share: time embedding, blocks, aligned volume. A base class, so that parameter names stay TRELLIS's."""
+
+    def _make_trunk(
+        self, c: FlowConfig, config: ModelConfig, grid_side: int, rngs: nnx.Rngs
+    ) -> None:
+        dtype, d = compute_dtype(config), c.model_channels
+        self.config, self.side = c, grid_side
+        self.t_embedder = TimestepEmbedder(d, rngs)
+        self.share_mod = c.share_mod
+        if c.share_mod:
+            self.adaLN_modulation = modulation(d, 6 * d, rngs, init=zeros, dtype=dtype)
+        if c.volume_channels:
+            joined = max(1, c.volume_resolution // grid_side) ** 3
+            self.volume_layer = linear(c.volume_channels * joined, d, rngs, dtype=dtype)
+        self.blocks = nnx.List(
+            [
+                ModulatedBlock(
+                    d,
+                    c.cond_channels,
+                    c.num_heads,
+                    c.mlp_ratio,
+                    rngs,
+                    qk_rms_norm=c.qk_rms_norm,
+                    share_mod=c.share_mod,
+                    kernel=config.kernel,
+                    dtype=dtype,
+                )
+                for _ in range(c.num_blocks)
+            ]
+        )
+
+    def embed_time(self, t: jax.Array) -> jax.Array:
+        return self.t_embedder(timestep_embedding(1000.0 * t))
+
+    def embed_volume(self, volume: jax.Array, draws: int) -> jax.Array:
+        """[B, Rv, Rv, Rv, C] -> [B draws, G, G, G, D]; a volume of zeros (no condition) gives the layer's bias."""
+        aligned = align_volume(layer_norm(volume, 1e-5), self.side)
+        return jnp.repeat(self.volume_layer(aligned), draws, axis=0)
+
+    def run_blocks(
+        self, h: jax.Array, time: jax.Array, context: jax.Array, lengths: jax.Array | None = None
+    ) -> jax.Array:
+        if self.share_mod:
+            time = self.adaLN_modulation["1"](jax.nn.silu(time))
+        for block in self.blocks:
+            h = block(h, time, context, lengths)
+        return h
+
+    def to_velocity(self, out: jax.Array, x: jax.Array, t: jax.Array) -> jax.Array:
+        """The network's output as a velocity: v = (x_t - x_0) / t where it predicts x_0."""
+        out = out.astype(jnp.float32)
+        if self.config.prediction == "velocity":
+            return out
+        return (x - out) / jnp.maximum(t, T_MIN).reshape(-1, *[1] * (x.ndim - 1))
+
+
+class StructureFlow(FlowTrunk):
+    """Velocity of the dense structure latent."""
+
+    def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
+        c, dtype = config.structure_flow, compute_dtype(config)
+        s = config.structure_vae
+        latent_side = config.grid.resolution // s.patch_size // 2 ** (len(s.channels) - 1)
+        channels = s.latent_channels * c.patch_size**3
+        self._make_trunk(c, config, latent_side // c.patch_size, rngs)
+        self.input_layer = linear(channels, c.model_channels, rngs, dtype=dtype)
+        self.out_layer = linear(c.model_channels, channels, rngs, init=zeros)
+
+    def position_embedding(self) -> jax.Array:
+        """[tokens, D]."""
+        return position_embedding(grid_coords(self.side), self.config.model_channels)
+
+    def __call__(
+        self, x: jax.Array, t: jax.Array, tokens: jax.Array, volume: jax.Array | None = None
+    ) -> jax.Array:
+        """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1], given tokens [B / n, M, D'] and volume [B / n, Rv, Rv, Rv, C']."""
+        h = self.input_layer(_patchify(x, self.config.patch_size))
+        h = h + self.position_embedding().astype(h.dtype)
+        if self.config.volume_channels:
+            added = self.embed_volume(_required(volume), x.shape[0] // tokens.shape[0])
+            h = h + added.reshape(h.shape)
+        h = self.run_blocks(h, self.embed_time(t), tokens)
+        out = self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
+        return self.to_velocity(_unpatchify(out, self.side, self.config.patch_size), x, t)
+
+
+class SparseResBlock(nnx.Module):
+    """TRELLIS's SparseResBlock3d: change of level first, then two submanifold convolutions with the time in between."""
+
+    def __init__(
+        self, inputs: int, outputs: int, emb: int, level: int, change: int, rngs: nnx.Rngs, dtype
+    ):
+        self.level, self.change = level, change  # level of the input; -1 = finer, +1 = coarser
+        self.norm1 = LayerNorm(inputs)
+        self.conv1 = nnx.Dict(conv=SubmanifoldConv(inputs, outputs, rngs, dtype=dtype))
+        self.conv2 = nnx.Dict(conv=SubmanifoldConv(outputs, outputs, rngs, zero=True, dtype=dtype))
+        self.emb_layers = modulation(emb, 2 * outputs, rngs, init=xavier, dtype=dtype)
+        self.skip_connection = (
+            linear(inputs, outputs, rngs, dtype=dtype) if inputs != outputs else None
+        )
+
+    def __call__(self, x: jax.Array, time: jax.Array, plan: FlowPlan) -> jax.Array:
+        if self.change > 0:
+            x = downsample(x, plan.pools[self.level])
+        elif self.change < 0:
+            x = upsample(x, plan.pools[self.level - 1])
+        neighbors = plan.neighbors[self.level + self.change]
+        scale, shift = jnp.split(self.emb_layers["1"](jax.nn.silu(time))[:, None, :], 2, -1)
+        h = self.conv1["conv"](jax.nn.silu(self.norm1(x)), neighbors)
+        h = layer_norm(h, 1e-6) * (1 + scale) + shift
+        h = self.conv2["conv"](jax.nn.silu(h), neighbors)
+        return h + (x if self.skip_connection is None else self.skip_connection(x))
+
+
+class LatentFlow(FlowTrunk):
+    """Velocity of the latents on the active voxels."""
+
+    def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
+        c, dtype = config.latent_flow, compute_dtype(config)
+        latent, d = config.uniart_vae.latent_channels, c.model_channels
+        self._make_trunk(c, config, config.grid.resolution // c.patch_size, rngs)
+        if c.stem == "patch":
+            slots = c.patch_size**3
+            self.input_layer = linear(slots * (latent + 1), d, rngs, dtype=dtype)
+            self.out_layer = linear(d, slots * latent, rngs, init=zeros)
+            return
+        if c.patch_size != 2 ** len(c.io_channels) or (c.share_mod and c.io_channels):
+            raise ValueError(
+                f"latent_flow: the conv stem halves once per io_channels {c.io_channels}, so patch_size must be "
+                f"{2 ** len(c.io_channels)}, not {c.patch_size}, and share_mod cannot be combined with it"
+            )
+        levels = (*c.io_channels, d)
+        self.input_layer = linear(latent, levels[0], rngs)
+        self.out_layer = linear(levels[0], latent, rngs, init=zeros)
+        joined = 2 if c.use_skip_connection else 1
+        down: list[nnx.Module] = []
+        up: list[nnx.Module] = []
+        for level, (here, below) in enumerate(itertools.pairwise(levels)):
+            plain = range(c.num_io_res_blocks - 1)
+            down += [SparseResBlock(here, here, d, level, 0, rngs, dtype) for _ in plain]
+            down.append(SparseResBlock(here, below, d, level, 1, rngs, dtype))
+            after = [SparseResBlock(here * joined, here, d, level, 0, rngs, dtype) for _ in plain]
+            up = [SparseResBlock(below * joined, here, d, level + 1, -1, rngs, dtype), *after, *up]
+        self.input_blocks, self.out_blocks = nnx.List(down), nnx.List(up)
+
+    def __call__(
+        self,
+        x: jax.Array,
+        t: jax.Array,
+        tokens: jax.Array,
+        volume: jax.Array | None = None,
+        *,
+        coords: jax.Array,
+        counts: jax.Array,
+        plan: FlowPlan,
+    ) -> jax.Array:
+        """Velocity at x [B, V, C] and time t [B] in [0, 1]; padding zero.
+
+        Args:
+          tokens: [B / n, M, D']. volume: [B / n, Rv, Rv, Rv, C'].
+          coords [B / m, V, 3], counts [B / m] and their plan (``nn.grids.flow_plan``): m draws in a row share them.
+        """
+        shared = x.shape[0] // coords.shape[0]
+        if shared > 1:
+            coords, counts = (jnp.repeat(a, shared, axis=0) for a in (coords, counts))
+            plan = repeat_plan(plan, shared)
+        valid = (jnp.arange(x.shape[1]) < counts[:, None])[..., None]
+        x = jnp.where(valid, x, 0)
+        time = self.embed_time(t)
+        draws = x.shape[0] // tokens.shape[0]
+        trunk = self._patch if self.config.stem == "patch" else self._convolve
+        out = trunk(x, time, tokens, volume, draws, coords, counts, plan)
+        return jnp.where(valid, self.to_velocity(out, x, t), 0)
+
+    def _middle(self, h, time, tokens, volume, draws, coords, counts):
+        h = h + position_embedding(coords, h.shape[-1]).astype(h.dtype)
+        if self.config.volume_channels:
+            h = h + at_cells(self.embed_volume(_required(volume), draws), coords)
+        return self.run_blocks(h, time, tokens, counts)
+
+    def _patch(self, x, time, tokens, volume, draws, coords, counts, plan):
+        (pool,) = plan.pools
+        cubes = to_cells(x, pool)
+        full = occupied(pool).astype(x.dtype)
+        h = self.input_layer(
+            jnp.concatenate([cubes.reshape(*cubes.shape[:2], -1), full * 2 - 1], -1)
+        )
+        h = self._middle(h, time, tokens, volume, draws, pool.coords, pool.counts)
+        out = self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
+        return from_cells(out.reshape(*cubes.shape), pool)
+
+    def _convolve(self, x, time, tokens, volume, draws, coords, counts, plan):
+        h = self.input_layer(x)
+        skips = []
+        for block in self.input_blocks:
+            h = block(h, time, plan)
+            skips.append(h)
+        if plan.pools:
+            coords, counts = plan.pools[-1].coords, plan.pools[-1].counts
+        h = self._middle(h, time, tokens, volume, draws, coords, counts)
+        for block, skip in zip(self.out_blocks, reversed(skips), strict=True):
+            h = block(
+                jnp.concatenate([h, skip], -1) if self.config.use_skip_connection else h, time, plan
+            )
+        return self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
+
+
+def _patchify(x: jax.Array, patch: int) -> jax.Array:
+    """[B, r, r, r, C] -> [B, tokens, C p^3], channels before positions (TRELLIS)."""
+    items, side, channels = x.shape[0], x.shape[1] // patch, x.shape[-1]
+    x = x.reshape(items, side, patch, side, patch, side, patch, channels)
+    return x.transpose(0, 1, 3, 5, 7, 2, 4, 6).reshape(items, side**3, -1)
+
+
+def _unpatchify(x: jax.Array, side: int, patch: int) -> jax.Array:
+    items, channels = x.shape[0], x.shape[-1] // patch**3
+    x = x.reshape(items, side, side, side, channels, patch, patch, patch)
+    return x.transpose(0, 1, 5, 2, 6, 3, 7, 4).reshape(items, *[side * patch] * 3, channels)
+
+
+def _required(volume: jax.Array | None) -> jax.Array:
+    if volume is None:
+        raise ValueError(
+            "flow: this model reads the image encoder's volume (volume_channels > 0); pass volume="
+        )
+    return volume

@@ -1,0 +1,118 @@
+"""A network as a pure function: ``apply(params, ...)`` over a plain nested dict of arrays.
+
+The modules are Flax NNX; here they are split into structure and parameters once, so that everything above works on plain pytrees
+under plain ``jax.jit``. Names in the dict mirror TRELLIS's modules: ``params["blocks"]["0"]["self_attn"]["to_qkv"]["kernel"]``.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from flax import nnx
+
+from uniart_jax.config import NETWORKS, ModelConfig
+
+Params = dict[str, Any]
+
+
+class Network:
+    """One network of a model: how to make its parameters and how to run it.
+
+    Attributes:
+      name: one of ``config.NETWORKS``.
+      config: the model that it belongs to.
+    """
+
+    def __init__(self, name: str, config: ModelConfig, make: Callable[[nnx.Rngs], nnx.Module]):
+        self.name, self.config, self._make = name, config, make
+
+    def init(self, key: jax.Array) -> Params:
+        """Fresh parameters; pure, so it may run under ``jax.jit`` with output shardings."""
+        state = nnx.state(self._make(nnx.Rngs(params=key)))
+        return _plain(nnx.to_pure_dict(state))
+
+    def apply(self, params: Params, *args, method: str = "__call__", **kwargs):
+        """Run a method of the network with these parameters.
+
+        Raises:
+          ValueError: the parameters' names or shapes are not the network's; all differences are listed.
+        """
+        graph, state = self._split
+        names = {_name(path): path for path, _ in nnx.to_flat_state(state)}
+        values = _flat(params)
+        if names.keys() != values.keys():
+            missing, extra = (
+                sorted(names.keys() - values.keys()),
+                sorted(values.keys() - names.keys()),
+            )
+            raise ValueError(
+                f"{self.name}: parameters do not match; missing {missing}, unexpected {extra}"
+            )
+        wrong = [
+            f"{_name(path)} {tuple(values[_name(path)].shape)} instead of {tuple(leaf.shape)}"
+            for path, leaf in nnx.to_flat_state(state)
+            if tuple(values[_name(path)].shape) != tuple(leaf.shape)
+        ]
+        if wrong:
+            raise ValueError(f"{self.name}: parameter shapes differ: {'; '.join(wrong)}")
+        filled = nnx.from_flat_state(
+            [(path, leaf.replace(values[_name(path)])) for path, leaf in nnx.to_flat_state(state)]
+        )
+        return getattr(nnx.merge(graph, filled), method)(*args, **kwargs)
+
+    def abstract(self) -> Params:
+        """The parameters as ``jax.ShapeDtypeStruct``."""
+        return jax.eval_shape(self.init, jax.random.key(0))
+
+    @functools.cached_property
+    def _split(self):
+        return nnx.split(nnx.eval_shape(lambda: self._make(nnx.Rngs(params=0))))
+
+
+def build(name: str, config: ModelConfig) -> Network:
+    """A network by name: 'image_encoder', 'structure_vae', 'uniart_vae', 'structure_flow' or 'latent_flow'.
+
+    Raises:
+      ValueError: the name is none of these.
+    """
+    if name == "image_encoder":
+        from uniart_jax.models.image_encoder import ImageEncoder as module
+    elif name == "structure_vae":
+        from uniart_jax.models.structure_vae import StructureVAE as module
+    elif name == "uniart_vae":
+        from uniart_jax.models.uniart_vae import UniArtVAE as module
+    elif name == "structure_flow":
+        from uniart_jax.models.flow_transformer import StructureFlow as module
+    elif name == "latent_flow":
+        from uniart_jax.models.flow_transformer import LatentFlow as module
+    else:
+        raise ValueError(f"network {name!r} is unknown; choose one of {', '.join(NETWORKS)}")
+    return Network(name, config, lambda rngs: module(config, rngs))
+
+
+def compute_dtype(config: ModelConfig):
+    """The dtype that matrix products run in; parameters and norms stay float32."""
+    return jnp.dtype(config.compute_dtype)
+
+
+def _name(path: tuple) -> str:
+    return ".".join(str(part) for part in path)
+
+
+def _flat(params: Params, prefix: str = "") -> dict[str, Any]:
+    flat = {}
+    for key, value in params.items():
+        flat.update(
+            _flat(value, f"{prefix}{key}.")
+            if isinstance(value, dict)
+            else {prefix + str(key): value}
+        )
+    return flat
+
+
+def _plain(state: dict) -> Params:
+    return {str(k): _plain(v) if isinstance(v, dict) else v for k, v in state.items()}

@@ -1,0 +1,243 @@
+"""UniArt VAE: voxel features <-> one latent per voxel (paper section 4.1; trunks as TRELLIS's SLAT encoder and decoder).
+
+Encoder front, the part-wise UniArt attention (equation numbers of design §6):
+
+    V_geo = [visual || Linear(sdf, colour, owner mask)]          V_art = Linear(part_feature) + Embed(voxel code)
+    F_art = Attention(Q = V_art, K = V = V_geo) + V_art          each voxel attending within its own part
+    V     = Concat(V_geo, F_art)
+
+The owner mask (which sub-cells belong to the voxel's own part) is ours: without it the latent could not hold the segmentation below
+a voxel. The paper's alternatives are ``UniArtVAEConfig.aggregation``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from flax import nnx
+
+from uniart_jax.config import ModelConfig
+from uniart_jax.models.network import compute_dtype
+from uniart_jax.models.structure_vae import sample_posterior
+from uniart_jax.nn.attention import attend, map_segments
+from uniart_jax.nn.blocks import SelfAttention, TransformerBlock, layer_norm, linear, zeros
+from uniart_jax.nn.embeddings import position_embedding
+
+CODE_CHANNELS = 21
+Batch = Mapping[str, Any]
+
+
+def voxel_codes(batch: Batch) -> jax.Array:
+    """[B, V, 21] full code of each voxel's part: joint code 9, own box 6, parent box 6; from ids and tables of the batch."""
+    part = batch["voxel_part"].astype(jnp.int32)
+    parent = jnp.take_along_axis(batch["parents"], part, axis=1, mode="clip")
+
+    def of(table: jax.Array, index: jax.Array) -> jax.Array:
+        return jnp.take_along_axis(table, index[..., None], axis=1, mode="clip")
+
+    boxes = batch["boxes"]
+    return jnp.concatenate([of(batch["codes"], part), of(boxes, part), of(boxes, parent)], -1)
+
+
+def subcell_boxes(batch: Batch, voxels: jax.Array | None = None) -> jax.Array:
+    """[B, Q, r^3, 6] box of each sub-cell's owner, at ``voxels`` [B, Q] or at all."""
+    owner = batch["owner"].astype(jnp.int32)
+    if voxels is not None:
+        owner = jnp.take_along_axis(owner, voxels[..., None], axis=1, mode="clip")
+    flat = owner.reshape(owner.shape[0], -1, 1)
+    return jnp.take_along_axis(batch["boxes"], flat, axis=1, mode="clip").reshape(*owner.shape, 6)
+
+
+def valid_tokens(counts: jax.Array, width: int) -> jax.Array:
+    """[B, V, 1] bool."""
+    return (jnp.arange(width) < counts[:, None])[..., None]
+
+
+class Trunk(nnx.Module):
+    """TRELLIS's SparseTransformerBase: Linear, APE, blocks that alternate two window plans, and, if asked, LN and Linear."""
+
+    def __init__(self, inputs: int, outputs: int | None, config: ModelConfig, rngs: nnx.Rngs):
+        c, dtype = config.uniart_vae, compute_dtype(config)
+        self.input_layer = linear(inputs, c.width, rngs, dtype=dtype)
+        self.blocks = nnx.List(
+            [
+                TransformerBlock(
+                    c.width, c.num_heads, c.mlp_ratio, rngs, kernel=config.kernel, dtype=dtype
+                )
+                for _ in range(c.num_blocks)
+            ]
+        )
+        self.out_layer = None if outputs is None else linear(c.width, outputs, rngs, init=zeros)
+
+    def __call__(self, x: jax.Array, coords: jax.Array, plans: Mapping[str, Any]) -> jax.Array:
+        h = self.input_layer(x)
+        h = h + position_embedding(coords, h.shape[-1]).astype(h.dtype)
+        for i, block in enumerate(self.blocks):
+            h = block(h, plans[f"window_{i % 2}"])
+        h = layer_norm(h.astype(jnp.float32), 1e-5)
+        return h if self.out_layer is None else self.out_layer(h)
+
+
+class Front(nnx.Module):
+    """Voxel attributes -> V [B, V, channels], by the configured aggregation of geometry and articulation."""
+
+    def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
+        c, dtype = config.uniart_vae, compute_dtype(config)
+        cells = config.grid.subdivisions**3
+        self.config, self.kernel = c, config.kernel
+        art, geo = c.articulation_channels, c.visual_channels + c.geometry_channels
+        # TRELLIS has heads of 64; ours keep the trunk's head width where it divides
+        self.heads = max(1, art * c.num_heads // c.width)
+        self.geometry = linear(cells * 5, c.geometry_channels, rngs, dtype=dtype)
+        self.code_in = linear(CODE_CHANNELS, art, rngs, dtype=dtype)
+        self.code_out = linear(art, art, rngs, dtype=dtype)
+        self.part_feature = (
+            linear(c.part_feature_channels, art, rngs, dtype=dtype)
+            if c.part_feature_channels
+            else None
+        )
+        self.channels = geo + art
+        if c.aggregation == "uniart":
+            self.to_q = linear(art, art, rngs, dtype=dtype)
+            self.to_kv = linear(geo, 2 * art, rngs, dtype=dtype)
+            self.to_out = linear(art, art, rngs, dtype=dtype)
+        elif c.aggregation == "self_attention":
+            heads = next(h for h in range(c.num_heads, 0, -1) if (geo + art) % h == 0)
+            self.self_attn = SelfAttention(
+                geo + art, heads, rngs, kernel=config.kernel, dtype=dtype
+            )
+        elif c.aggregation == "residual":
+            self.to_geometry = linear(art, geo, rngs, dtype=dtype)
+            self.channels = geo
+        elif c.aggregation == "pooling":
+            self.to_out = linear(geo, art, rngs, dtype=dtype)
+        else:
+            self.fuse = linear(geo + art, geo + art, rngs, dtype=dtype)
+
+    def __call__(self, batch: Batch) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """V [B, V, channels], V_geo and V_art."""
+        valid = valid_tokens(batch["counts"], batch["coords"].shape[1])
+        own = (batch["owner"] == batch["voxel_part"][..., None]).astype(jnp.float32)
+        color = batch["color"].reshape(*batch["color"].shape[:2], -1)
+        cells = jnp.concatenate([batch["sdf"], color * 2 - 1, own], -1)
+        geometry = self.geometry(jnp.where(valid, cells, 0))
+        if self.config.visual_channels:
+            visual = jnp.where(valid, batch["visual"], 0).astype(geometry.dtype)
+            geometry = jnp.concatenate([visual, geometry], -1)
+        code = jnp.where(valid, voxel_codes(batch), 0)
+        articulation = self.code_out(jax.nn.silu(self.code_in(code)))
+        if self.part_feature is not None:
+            articulation = articulation + self.part_feature(
+                jnp.where(valid, batch["part_feature"], 0)
+            )
+        return self.aggregate(geometry, articulation, batch["plans"]), geometry, articulation
+
+    def aggregate(
+        self, geometry: jax.Array, articulation: jax.Array, plans: Mapping[str, Any]
+    ) -> jax.Array:
+        kind = self.config.aggregation
+        if kind == "residual":
+            return geometry + self.to_geometry(articulation)
+        both = jnp.concatenate([geometry, articulation], -1)
+        if kind == "concat":
+            return jax.nn.silu(self.fuse(both))
+        if kind == "self_attention":
+            return both + self.self_attn(layer_norm(both, 1e-6), plans["window_0"])
+        function = self._attend if kind == "uniart" else self._pool
+        rows = both.reshape(-1, both.shape[-1])
+        fused = map_segments(function, rows, plans["parts"]).reshape(articulation.shape)
+        return jnp.concatenate([geometry, fused + articulation], -1)
+
+    def _split(self, rows: jax.Array) -> tuple[jax.Array, jax.Array]:
+        art = self.config.articulation_channels
+        return rows[..., :-art], rows[..., -art:]
+
+    def _attend(self, rows: jax.Array, length: jax.Array) -> jax.Array:
+        geometry, articulation = self._split(rows)
+        shape = (*rows.shape[:2], self.heads, -1)
+        q = self.to_q(articulation).reshape(shape)
+        k, v = (x.reshape(shape) for x in jnp.split(self.to_kv(geometry), 2, -1))
+        out = attend(q, k, v, length, query_lengths=length, kernel=self.kernel)
+        return self.to_out(out.reshape(articulation.shape))
+
+    def _pool(self, rows: jax.Array, length: jax.Array) -> jax.Array:
+        geometry, articulation = self._split(rows)
+        mean = geometry.sum(1, keepdims=True) / jnp.maximum(length, 1)[:, None, None].astype(
+            rows.dtype
+        )
+        return jnp.broadcast_to(self.to_out(mean), articulation.shape)
+
+
+class UniArtVAE(nnx.Module):
+    """Methods: ``encode``, ``decode``; calling runs both.
+
+    The batch's ``plans`` hold "parts" (encode with 'uniart' or 'pooling'), "window_0" and "window_1": ``nn.segments.voxel_plans``.
+    """
+
+    def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
+        c, dtype = config.uniart_vae, compute_dtype(config)
+        self.cells, self.features = config.grid.subdivisions**3, c.part_feature_channels
+        self.front = Front(config, rngs)
+        self.encoder = Trunk(self.front.channels, 2 * c.latent_channels, config, rngs)
+        self.decoder = Trunk(c.latent_channels, None, config, rngs)
+        self.geometry_head = linear(c.width, self.cells * 4, rngs, dtype=dtype)
+        self.segmentation_head = linear(c.width, 12 + self.cells, rngs, dtype=dtype)
+        self.articulation_head = linear(c.width, 15 + c.part_feature_channels, rngs, dtype=dtype)
+
+    def encode(self, batch: Batch) -> dict[str, jax.Array]:
+        """Batch -> {"mean", "logvar": [B, V, C]; "geometry", "articulation": the embeddings V_geo and V_art}; padding zero."""
+        valid = valid_tokens(batch["counts"], batch["coords"].shape[1])
+        features, geometry, articulation = self.front(batch)
+        out = self.encoder(features, batch["coords"], batch["plans"]).astype(jnp.float32)
+        mean, logvar = jnp.split(jnp.where(valid, out, 0), 2, -1)
+        return {"mean": mean, "logvar": logvar, "geometry": geometry, "articulation": articulation}
+
+    def decode(
+        self, latent: jax.Array, batch: Batch, voxels: jax.Array | None = None
+    ) -> dict[str, jax.Array]:
+        """Latent [B, V, C] -> attributes of every voxel, or only of ``voxels`` [B, Q] (indices; losses draw few).
+
+        Args:
+          batch: coords, counts and plans ("window_0", "window_1").
+
+        Returns:
+          sdf [B, Q, r^3] in sub-cells; color [B, Q, r^3, 3] linear in [0, 1]; own_box [B, Q, r^3, 6]; joint_code [B, Q, 9];
+          parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is zero.
+        """
+        valid = valid_tokens(batch["counts"], latent.shape[1])
+        h = self.decoder(jnp.where(valid, latent, 0), batch["coords"], batch["plans"])
+        if voxels is not None:
+            h = jnp.take_along_axis(h, voxels[..., None], axis=1, mode="clip")
+            valid = voxels[..., None] < batch["counts"][:, None, None]
+        h = jnp.where(valid, h, 0)
+        lead = h.shape[:2]
+        geometry = self.geometry_head(h).astype(jnp.float32)
+        color = jax.nn.sigmoid(geometry[..., self.cells :]).reshape(*lead, self.cells, 3)
+        # a voxel is on one part or shared by two: each sub-cell chooses between two boxes
+        segmentation = self.segmentation_head(h).astype(jnp.float32)
+        first, second = segmentation[..., None, :6], segmentation[..., None, 6:12]
+        choice = jax.nn.sigmoid(segmentation[..., 12:, None] - 2.0)
+        articulation = self.articulation_head(h).astype(jnp.float32)
+        out = {
+            "sdf": geometry[..., : self.cells],
+            "color": color,
+            "own_box": first + choice * (second - first),
+            "joint_code": articulation[..., :9],
+            "parent_box": articulation[..., 9:15],
+        }
+        if self.features:
+            out["part_feature"] = articulation[..., 15:]
+        return {
+            k: jnp.where(valid.reshape(*lead, *[1] * (x.ndim - 2)), x, 0) for k, x in out.items()
+        }
+
+    def __call__(
+        self, batch: Batch, key: jax.Array | None = None, voxels: jax.Array | None = None
+    ) -> dict[str, jax.Array]:
+        """Encode, sample the posterior if a key is given, decode: both methods' results and "latent"."""
+        encoded = self.encode(batch)
+        latent = sample_posterior(encoded["mean"], encoded["logvar"], key)
+        return {**encoded, "latent": latent, **self.decode(latent, batch, voxels)}

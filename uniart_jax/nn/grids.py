@@ -1,0 +1,112 @@
+"""Host-side plans between levels of a sparse voxel grid: pooling into larger cells, and neighbours for convolution. numpy only."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uniart_jax.config import FlowConfig, GridConfig
+
+
+class Pool(NamedTuple):
+    """Active voxels grouped into cells of f^3 voxels; cells in lexicographic order, as TRELLIS's SparseDownsample.
+
+    Attributes:
+      coords: [B, L, 3] int32 cell indices (voxel index // f); padding 0.
+      counts: [B] int32 active cells.
+      children: [B, L, f^3] int32 voxel in each slot of each cell, flat in [B * V]; empty slots and padding: B * V.
+        Slots are x-major, z fastest.
+      parent: [B, V] int32 slot of each voxel, flat in [B * L * f^3]; padding: B * L * f^3. ``children`` inverted.
+    """
+
+    coords: np.ndarray
+    counts: np.ndarray
+    children: np.ndarray
+    parent: np.ndarray
+
+
+class FlowPlan(NamedTuple):
+    """Levels of a latent flow's stem, finest first.
+
+    Attributes:
+      pools: one a level change; a single one of ``patch_size`` for the 'patch' stem.
+      neighbors: [B, V_i, 27] of every level ('conv' stem; else empty).
+    """
+
+    pools: tuple[Pool, ...]
+    neighbors: tuple[np.ndarray, ...]
+
+
+def plan_pool(coords: np.ndarray, counts: np.ndarray, factor: int, capacity: int) -> Pool:
+    """Group voxels [B, V, 3] into cells of ``factor``^3.
+
+    Raises:
+      ValueError: an item has more than ``capacity`` active cells.
+    """
+    items, width = coords.shape[:2]
+    slots = factor**3
+    cells = np.zeros((items, capacity, 3), np.int32)
+    cell_counts = np.zeros(items, np.int32)
+    children = np.full((items, capacity * slots), items * width, np.int32)
+    parent = np.full((items, width), items * capacity * slots, np.int32)
+    for b, count in enumerate(counts):
+        voxel = np.asarray(coords[b, :count], np.int64)
+        cell, local = voxel // factor, voxel % factor
+        span = int(cell.max(initial=0)) + 1
+        code, index = np.unique(
+            (cell[:, 0] * span + cell[:, 1]) * span + cell[:, 2], return_inverse=True
+        )
+        if len(code) > capacity:
+            raise ValueError(
+                f"pooling: item {b} has {len(code)} active cells of {factor}^3 voxels, more than the capacity {capacity}"
+            )
+        cells[b, : len(code)] = np.stack(np.unravel_index(code, (span,) * 3), -1) if count else 0
+        cell_counts[b] = len(code)
+        slot = index * slots + (local[:, 0] * factor + local[:, 1]) * factor + local[:, 2]
+        children[b, slot] = b * width + np.arange(count)
+        parent[b, :count] = b * capacity * slots + slot
+    return Pool(cells, cell_counts, children.reshape(items, capacity, slots), parent)
+
+
+def plan_neighbors(coords: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """[B, V, 27] int32 voxel at each offset (a-1, b-1, c-1), tap = (a * 3 + b) * 3 + c, flat in [B * V]; none: B * V.
+
+    The offsets and their order are those of a submanifold 3^3 cross-correlation.
+    """
+    items, width = coords.shape[:2]
+    span = int(np.asarray(coords).max(initial=0)) + 3
+    offsets = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), -1).reshape(27, 3)
+    neighbors = np.full((items, width, 27), items * width, np.int32)
+    for b, count in enumerate(counts):
+        voxel = np.asarray(coords[b, :count], np.int64) + 1
+        lookup = np.full(span**3, items * width, np.int32)
+        lookup[(voxel[:, 0] * span + voxel[:, 1]) * span + voxel[:, 2]] = b * width + np.arange(
+            count
+        )
+        near = voxel[:, None] + offsets - 1
+        neighbors[b, :count] = lookup[(near[..., 0] * span + near[..., 1]) * span + near[..., 2]]
+    return neighbors
+
+
+def flow_plan(
+    coords: np.ndarray, counts: np.ndarray, config: FlowConfig, grid: GridConfig
+) -> FlowPlan:
+    """The plan of the latent flow's stem for voxels [B, V, 3].
+
+    Capacity of a level: all cells of its grid or all voxels, whichever is less, so it always suffices.
+    """
+    width = coords.shape[1]
+
+    def capacity(factor: int) -> int:
+        return min(width, (grid.resolution // factor) ** 3)
+
+    if config.stem == "patch":
+        factor = config.patch_size
+        return FlowPlan((plan_pool(coords, counts, factor, capacity(factor)),), ())
+    pools, neighbors = [], [plan_neighbors(coords, counts)]
+    for level in range(len(config.io_channels)):
+        pools.append(plan_pool(coords, counts, 2, capacity(2 ** (level + 1))))
+        coords, counts = pools[-1].coords, pools[-1].counts
+        neighbors.append(plan_neighbors(coords, counts))
+    return FlowPlan(tuple(pools), tuple(neighbors))
