@@ -68,19 +68,16 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         look = dataclasses.replace(
             look, handle=str(rng.choice(["bar", "arch", "recess"])), panel="slab"
         )
-        door_hi = hi
-    else:
-        door_hi = hi
     angle = float(np.deg2rad(rng.uniform(70, 95)))
     if controls == "door":  # the handle below the controls
-        door = _door_below(asm, root, lo, door_hi, angle, look, extra, 0.15 * height, rng)
+        door = _door_below(asm, root, lo, hi, angle, look, extra, 0.15 * height, rng)
         if rng.random() < 0.4:
             r = max(0.022, 2.4 * unit)
             at = (front, (half - 3 * r) * rng.choice([-1, 1]), hi[2] - 0.07 * height)
             finish = materials.hardware(rng)
             add_knob(asm, door, at, r, max(0.022, 2.2 * unit), finish, finish.darker(0.4), None)
     else:
-        add_door(asm, root, lo, door_hi, "-z", angle, look)
+        add_door(asm, root, lo, hi, "-z", angle, look)
 
     count = int(rng.choice([0, 1, 2, 3], p=[0.12, 0.2, 0.5, 0.18]))
     wire = max(0.014, 1.6 * unit)

@@ -102,7 +102,7 @@ def panel(
 def handle(style: FrontStyle, face: float, at, along: str, length: float) -> Shape:
     """A handle on the plane x = ``face``, centred at ``at`` (y, z), its bar along 'y' or 'z'."""
     y, z = at
-    width = max(0.012, 1.0 * style.unit)
+    width = max(0.012, (1.5 if style.own_handle else 1.0) * style.unit)
     reach = max(0.032, 2.2 * style.unit)
     length = max(length, 4 * width)
     half = length / 2

@@ -152,7 +152,7 @@ def dark_glass(rng: np.random.Generator) -> Material:
 
 def dark(rng: np.random.Generator) -> Material:
     """Black or charcoal plastic and rubber."""
-    return plain(_hsv(rng, (0, 1), (0.0, 0.1), (0.06, 0.2)))
+    return plain(_hsv(rng, (0, 1), (0.0, 0.1), (0.09, 0.27)))
 
 
 def white_plastic(rng: np.random.Generator) -> Material:
@@ -179,7 +179,7 @@ def furniture(rng: np.random.Generator) -> Material:
 
 def appliance(rng: np.random.Generator) -> Material:
     """A finish for an appliance's outside: white, steel, black, or a retro colour."""
-    kind = rng.choice(4, p=[0.36, 0.36, 0.13, 0.15])
+    kind = rng.choice(4, p=[0.38, 0.36, 0.1, 0.16])
     if kind == 0:
         return white_plastic(rng)
     if kind == 1:

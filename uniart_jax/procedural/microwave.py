@@ -148,12 +148,12 @@ def _panel(
         )
         return []
     zs = (
-        np.linspace(z[0] + 0.18 * tall, z[0] + 0.62 * tall, count)
+        np.linspace(z[0] + 0.22 * tall, z[0] + 0.64 * tall, count)
         if count > 1
         else [z[0] + tall * float(rng.uniform(0.25, 0.55))]
     )
     return [
-        (middle, float(v), min(0.36 * width, 0.2 * tall if count < 3 else 0.1 * tall)) for v in zs
+        (middle, float(v), min(0.36 * width, 0.17 * tall if count < 3 else 0.1 * tall)) for v in zs
     ]
 
 

@@ -59,7 +59,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         holes.append(
             box([-0.1, -half + wall, a + wall / 2], [depth - wall, half - wall, b - wall / 2])
         )
-    enamel = materials.dark(rng) if rng.random() < 0.4 else face
+    enamel = materials.dark(rng) if rng.random() < 0.3 else face
     body.add(cut(box([0, -half, low], [depth, half, height]), holes), enamel)
     front = -thick - 0.002
     panel = look.face if rng.random() < 0.6 else materials.dark(rng)
@@ -74,7 +74,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
             face if panel_at == "front" else panel,
         )
     shelves = str(rng.choice(["none", "fixed", "slide"], p=[0.4, 0.35, 0.25]))
-    wire = max(0.014, 1.6 * unit)
+    wire = max(0.014, 1.8 * unit)
     steel = materials.metal(rng, brushed=False)
     racks = []
     for a, b, kind in rooms:

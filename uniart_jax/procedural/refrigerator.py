@@ -104,8 +104,6 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         else:
             extra = _bins(rng, front_lo, front_hi, lo, hi, unit, lining) if bins else None
             add_door(asm, root, front_lo, front_hi, edge, swing, look, extra=extra)
-    if rng.random() < 0.2 and plan == "side":
-        return asm.object()
     return asm.object()
 
 

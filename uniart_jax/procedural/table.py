@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
 
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.cabinet import Case, Cell, Fit
-from uniart_jax.procedural.shapes import Assembly, Shape, box, cylinder, hull, revolution
+from uniart_jax.procedural.shapes import (
+    Assembly,
+    Shape,
+    box,
+    cut,
+    cylinder,
+    hull,
+    revolution,
+    union,
+)
 from uniart_jax.procedural.storage_furniture import split, style
 
 MAX_MOVING = 8
@@ -25,6 +36,8 @@ _KINDS = {
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
     """A table with drawers, metres, closed."""
+    if rng.random() < 0.1:
+        return _adjustable(rng)
     names = list(_KINDS)
     kind = names[rng.choice(len(names), p=[k[-1] for k in _KINDS.values()])]
     width, height, depth = (float(rng.uniform(*r)) for r in _KINDS[kind][:3])
@@ -54,7 +67,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         if case.z[0] > 0 and case.y[1] - case.y[0] < 0.9 * width and case.z[0] < 0.4 * under:
             _feet(body, case, unit, finish)
     low = min([c.z[0] for c in cases if c.y[1] - c.y[0] > 0.9 * width], default=under)
-    _sides(rng, body, (left, right), width, depth, low, unit, finish, look.hardware)
+    _sides(rng, body, (left, right), cases, width, depth, under, unit, finish, look.hardware)
     inner = [c for c in cases if c.z[0] <= 0.4 * under]
     if kind == "desk" and rng.random() < 0.45:  # a modesty panel at the back
         a = max([c.y[1] for c in inner if c.y[1] < 0], default=-width / 2 + 4.5 * unit)
@@ -67,6 +80,60 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     fit = Fit.draw(rng, unit, wall)
     for case in cases:
         case.add_fronts(rng, asm, root, look, fit)
+    return asm.object()
+
+
+def _adjustable(rng: np.random.Generator) -> ArticulatedObject:
+    """A small table whose top turns up and down on a threaded column, with or without drawers under the top."""
+    width, height = float(rng.uniform(0.45, 0.8)), float(rng.uniform(0.42, 0.7))
+    depth = width * float(rng.uniform(0.7, 1.0))
+    unit = max(width, height) / 100
+    look = dataclasses.replace(style(rng, unit), own_handle=False)
+    thick, wall = max(0.022, 1.8 * unit), max(0.016, 1.7 * unit)
+    drawers = int(rng.choice([0, 1, 2], p=[0.35, 0.4, 0.25]))
+    row = max(0.09, 10 * unit) if drawers else 0.0
+    tall = height - thick - row  # of the column
+    radius = max(0.03, float(rng.uniform(3.5, 6.0)) * unit)
+    center = (depth / 2, 0.0)
+    finish, steel = materials.furniture(rng), materials.hardware(rng)
+
+    asm, base, top = Assembly(), Shape(), Shape()
+    column = cylinder("z", [*center, 0], tall - 0.004, radius, segments=20)
+    bore = cylinder("z", [*center, max(0.03, 2 * unit)], height, 0.6 * radius + 0.003, segments=20)
+    foot, spread = max(0.02, 1.8 * unit), float(rng.uniform(0.3, 0.48)) * depth
+    count, start = int(rng.choice([0, 3, 4, 5])), float(rng.uniform(0, 360))
+    plates = [cylinder("z", [*center, 0], foot, spread, 0.9 * spread, 24)]
+    if count:
+        arm = box([0, -0.5 * radius, 0], [1.2 * spread, 0.5 * radius, 1.5 * foot])
+        turns = [start + 360 / count * k for k in range(count)]
+        plates = [arm.rotate((0, 0, t)).translate((*center, 0)) for t in turns]
+    base.add(cut(union([column, *plates]), (bore,)), steel if rng.random() < 0.6 else finish)
+    root = asm.add("base", base)
+
+    if rng.random() < 0.5 and not drawers:
+        top.add(cylinder("z", [*center, height - thick], thick, width / 2, segments=36), finish)
+    else:
+        _top(rng, top, finish, (-look.thickness - 0.01, depth), width / 2, height - thick, height)
+    travel = float(rng.uniform(0.25, 0.6)) * tall
+    shaft = min(travel + 0.3 * tall, 0.9 * tall - 2 * foot)
+    top.add(cylinder("z", [*center, tall - shaft], shaft, 0.6 * radius, segments=18), steel)
+    case = None
+    if drawers:
+        edges = np.linspace(-0.44, 0.44, drawers + 1) * width
+        z = (tall, tall + row)
+        cells = tuple(Cell((float(a), float(b)), z, "drawer") for a, b in itertools.pairwise(edges))
+        case = Case((cells[0].y[0], cells[-1].y[1]), z, 0.0, depth * 0.96, wall, cells)
+        top.add(case.solid(rng), finish)
+    angle = 2 * np.pi * float(rng.uniform(0.6, 2.0))
+    if rng.random() < 0.5:  # a left-handed thread
+        screw = Joint(
+            np.array([*center, 0.0]), np.array([0, 0, -1.0]), (0.0, angle), (0.0, -travel)
+        )
+    else:
+        screw = Joint(np.array([*center, 0.0]), np.array([0, 0, 1.0]), (0.0, angle), (0.0, travel))
+    part = asm.add("top", top, root, screw)
+    if case is not None:
+        case.add_fronts(rng, asm, part, look, Fit.draw(rng, unit, wall))
     return asm.object()
 
 
@@ -171,9 +238,10 @@ def _sides(
     rng,
     body: Shape,
     supports,
+    cases: list[Case],
     width: float,
     depth: float,
-    high: float,
+    under: float,
     unit: float,
     finish,
     hardware,
@@ -189,6 +257,8 @@ def _sides(
     stretcher = rng.random() < 0.25
     for side, support in zip((1, -1), supports, strict=True):
         y = side * (half - inset)
+        # up to the row of drawers where there is one above, else to the top
+        high = min([c.z[0] for c in cases if c.y[0] - r < y < c.y[1] + r], default=under)
         if support == "panel":
             w = max(0.025, 1.8 * unit)
             lo, hi = sorted((side * half, side * (half - w)))

@@ -1,0 +1,188 @@
+"""What every parametric family promises: closed parts, sound trees, nothing inside anything, parts that can move.
+
+Intersections are measured as the exact volume of the boolean intersection (manifold3d) relative to the smaller part's volume.
+"""
+
+from __future__ import annotations
+
+import time
+
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+
+from uniart_jax.objects.appearance import sample_color
+from uniart_jax.procedural import (
+    BOX_SEPARATION,
+    HELD_OUT_SEED,
+    MAX_PARTS,
+    SEEN_FAMILIES,
+    UNSEEN_FAMILIES,
+    box_separation,
+    draw,
+    generate,
+)
+
+FAMILIES = SEEN_FAMILIES + UNSEEN_FAMILIES
+SEEDS = (*range(8), HELD_OUT_SEED)
+HAIR = 1e-3  # of the smaller part's volume
+REST_TOLERANCE = 1e-9
+
+
+def solid(mesh: trimesh.Trimesh, matrix: np.ndarray | None = None) -> manifold3d.Manifold:
+    """A part as a manifold3d solid; fails if it is not closed and edge-manifold."""
+    body = manifold3d.Manifold(
+        manifold3d.Mesh64(
+            vert_properties=np.asarray(mesh.vertices, dtype=np.float64),
+            tri_verts=np.asarray(mesh.faces, dtype=np.uint64),
+        )
+    )
+    assert body.status() == manifold3d.Error.NoError
+    return body if matrix is None else body.transform(matrix[:3])
+
+
+def overlap(a: manifold3d.Manifold, b: manifold3d.Manifold) -> float:
+    """Volume of the intersection relative to the smaller solid."""
+    box_a, box_b = np.array(a.bounding_box()), np.array(b.bounding_box())
+    if np.any(box_a[:3] >= box_b[3:]) or np.any(box_b[:3] >= box_a[3:]):
+        return 0.0
+    return (a ^ b).volume() / min(a.volume(), b.volume())
+
+
+def descendants(obj, k: int) -> list[int]:
+    below = [k]
+    for i, parent in enumerate(obj.parents):
+        if parent in below:
+            below.append(i)
+    return below
+
+
+@pytest.fixture(scope="module")
+def objects():
+    start = time.perf_counter()
+    made = {family: [generate(family, seed) for seed in SEEDS] for family in FAMILIES}
+    per_object = (time.perf_counter() - start) / (len(FAMILIES) * len(SEEDS))
+    print(f"\nprocedural: {1000 * per_object:.1f} ms an object")
+    return made
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_closed_parts(objects, family):
+    for obj in objects[family]:
+        for part in obj.parts:
+            where = f"{obj.name} {part.name}"
+            assert part.mesh.is_watertight, where
+            assert part.mesh.is_winding_consistent, where
+            assert part.mesh.volume > 0, where
+            for shell in part.mesh.split(only_watertight=False):
+                assert shell.is_watertight and shell.volume > 0, where
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_sound_trees(objects, family):
+    moving = 0
+    for obj in objects[family]:
+        assert obj.category == family and obj.name.startswith(f"{family}-")
+        assert 1 <= len(obj.parts) <= MAX_PARTS
+        assert box_separation(obj) > BOX_SEPARATION
+        lo, hi = obj.bounds
+        np.testing.assert_allclose(lo + hi, 0, atol=REST_TOLERANCE)
+        np.testing.assert_allclose((hi - lo).max(), 1, atol=REST_TOLERANCE)
+        assert 0.01 < obj.scale < 5
+        for part in obj.parts:
+            low, high = part.joint.limits
+            assert low <= 0 <= high
+            if part.parent < 0:
+                assert part.joint.type == "fixed"
+            elif part.joint.type != "fixed":
+                moving += 1
+                if part.joint.type != "continuous":
+                    assert low == 0 or high == 0, (
+                        f"{obj.name} {part.name}: not at an end of its range"
+                    )
+    assert moving >= len(SEEDS) // 2
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_parts_do_not_intersect_at_rest(objects, family):
+    for obj in objects[family]:
+        solids = [solid(part.mesh) for part in obj.parts]
+        for a in range(len(solids)):
+            for b in range(a):
+                shared = overlap(solids[a], solids[b])
+                assert shared < HAIR, (
+                    f"{obj.name}: {obj.parts[a].name} in {obj.parts[b].name}: {shared:.2g}"
+                )
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_moving_parts_clear_their_parents(objects, family):
+    for obj in objects[family]:
+        solids = [solid(part.mesh) for part in obj.parts]
+        for k, part in enumerate(obj.parts):
+            if part.parent < 0 or part.joint.type == "fixed":
+                continue
+            low, high = part.joint.limits
+            far = np.pi if part.joint.type == "continuous" else (high if high > -low else low)
+            for share in (0.25, 0.5, 1.0):
+                q = np.zeros(len(obj.parts))
+                q[k] = share * far
+                moved = obj.forward_kinematics(q)
+                for i in descendants(obj, k):
+                    there = solids[i].transform(moved[i][:3])
+                    shared = overlap(there, solids[part.parent])
+                    assert shared < HAIR, (
+                        f"{obj.name}: {obj.parts[i].name} at {share:.0%}: {shared:.2g}"
+                    )
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_seeds_decide(family):
+    a, b, other = generate(family, 5), generate(family, 5), generate(family, 6)
+    assert [p.name for p in a.parts] == [p.name for p in b.parts]
+    for p, q in zip(a.parts, b.parts, strict=True):
+        np.testing.assert_array_equal(p.mesh.vertices, q.mesh.vertices)
+        np.testing.assert_array_equal(p.mesh.faces, q.mesh.faces)
+        assert p.joint.limits == q.joint.limits
+        np.testing.assert_array_equal(p.joint.origin, q.joint.origin)
+        faces = np.arange(len(p.mesh.faces))
+        middle = np.full((len(faces), 3), 1 / 3)
+        np.testing.assert_array_equal(
+            sample_color(p.mesh, faces, middle), sample_color(q.mesh, faces, middle)
+        )
+    different = len(a.parts) != len(other.parts) or not np.allclose(a.boxes, other.boxes)
+    assert different
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_colors_are_read_everywhere(objects, family):
+    seen = []
+    for obj in objects[family]:
+        for part in obj.parts:
+            faces = np.arange(len(part.mesh.faces))
+            color = sample_color(part.mesh, faces, np.full((len(faces), 3), 1 / 3))
+            assert color.shape == (len(faces), 3)
+            assert np.all(np.isfinite(color)) and color.min() >= 0 and color.max() <= 1
+            seen.append(color.mean(0))
+    assert np.ptp(np.array(seen), axis=0).max() > 0.1  # not all gray
+
+
+def test_every_joint_type_of_appliances_and_depth_three():
+    found, deepest = set(), 0
+    for seed in range(40):
+        obj = draw(seed)
+        found |= {joint.type for joint in obj.joints[1:]}
+        depth = {-1: 0}
+        for k, parent in enumerate(obj.parents):
+            depth[k] = depth[parent] + 1
+        deepest = max(deepest, *depth.values())
+    assert {"revolute", "prismatic", "continuous"} <= found
+    assert deepest >= 3
+
+
+def test_unknown_family_and_negative_seed():
+    with pytest.raises(ValueError, match="no family 'sofa'"):
+        generate("sofa", 0)
+    with pytest.raises(ValueError, match="seed"):
+        generate("table", -1)
