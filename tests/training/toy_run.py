@@ -90,29 +90,42 @@ def make_stage(steps: int, save_every: int, **changes):
     from uniart_jax.config import StageConfig
 
     settings = {
-        "steps": steps, "save_every": save_every, "batch_size": 8, "learning_rate": 1e-2, "warmup_steps": 2, "log_every": 1,
+        "steps": steps, "save_every": save_every, "batch_size": 8, "learning_rate": 1e-2, "warmup_steps": 1, "log_every": 1,
         "evaluate_every": 10**9, "keep_checkpoints": 3, "ema_decay": 0.9,
     }  # fmt: skip
     return StageConfig(**{**settings, **changes})
 
 
+@functools.cache
+def program(stage, fsdp):
+    """Mesh, optimizer and step; made once for all runs of a process, since compiling is most of a toy run's time."""
+    from uniart_jax.config import MeshConfig
+    from uniart_jax.training.sharding import make_mesh
+    from uniart_jax.training.state import make_optimizer
+    from uniart_jax.training.step import make_train_step
+
+    optimizer = make_optimizer(stage)
+    step = make_train_step(loss_fn, optimizer, stage.ema_decay)
+    return make_mesh(MeshConfig(fsdp=fsdp)), optimizer, step
+
+
 def train(workdir, stage, batches, *, fsdp=1, **options):
     import jax
 
-    from uniart_jax.config import MeshConfig
     from uniart_jax.training.checkpoints import Checkpoints
     from uniart_jax.training.loop import run_stage
-    from uniart_jax.training.sharding import make_mesh, put_batch
-    from uniart_jax.training.state import create_state, make_optimizer
-    from uniart_jax.training.step import make_train_step
+    from uniart_jax.training.sharding import put_batch
+    from uniart_jax.training.state import create_state
 
-    mesh = make_mesh(MeshConfig(fsdp=fsdp))
-    optimizer = make_optimizer(stage)
+    # With a constant rate the number of steps says only when to stop.
+    assert stage.schedule == "constant" and stage.steps > stage.warmup_steps
+    shared = make_stage(100, 1, warmup_steps=stage.warmup_steps)
+    mesh, optimizer, train_step = program(shared, fsdp)
     with Checkpoints(workdir / "checkpoints" / "toy", keep=stage.keep_checkpoints) as checkpoints:
         return run_stage(
             "toy",
             state=create_state(init, optimizer, jax.random.key(0), mesh),
-            train_step=make_train_step(loss_fn, optimizer, stage.ema_decay),
+            train_step=train_step,
             batches=batches,
             put=functools.partial(put_batch, mesh=mesh),
             key=jax.random.key(1),

@@ -1,0 +1,146 @@
+"""Checkpoints: state and data position together, newest good one first, differences by name."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from uniart_jax.training.checkpoints import Checkpoints
+
+
+class Counter:
+    """An iterator whose state is whatever it is given."""
+
+    def __init__(self, state):
+        self.state = state
+
+    def get_state(self):
+        return self.state
+
+    def set_state(self, state):
+        self.state = state
+
+
+def make_state(value: float):
+    return {"params": {0: {"kernel": jnp.full((64, 48), value), "bias": jnp.arange(3) + value}}, "step": jnp.int32(value)}  # fmt: skip
+
+
+def fill(folder, steps):
+    with Checkpoints(folder, keep=3) as checkpoints:
+        for step in steps:
+            checkpoints.save(step, make_state(step), Counter({"next": step}))
+
+
+def restore(folder, like=None):
+    data = Counter(None)
+    with Checkpoints(folder, keep=3) as checkpoints:
+        return checkpoints.restore(like or make_state(0), data), data.state
+
+
+def value(state) -> float:
+    assert len({float(v) for v in np.asarray(state["params"][0]["kernel"]).ravel()}) == 1
+    return float(state["params"][0]["kernel"][0, 0])
+
+
+@pytest.mark.parametrize("state", [{"next": np.int64(7)}, b"\x00\xff", [1, {"a": 2}], 5])
+def test_iterator_states_come_back(tmp_path, state):
+    with Checkpoints(tmp_path) as checkpoints:
+        checkpoints.save(1, make_state(1), Counter(state))
+    assert restore(tmp_path)[1] == state
+
+
+def test_keeps_the_newest_and_is_none_when_empty(tmp_path):
+    assert restore(tmp_path / "empty") == (None, None)
+    fill(tmp_path / "full", [1, 2, 3, 4, 5])
+    with Checkpoints(tmp_path / "full", keep=3) as checkpoints:
+        assert checkpoints.steps == [3, 4, 5]
+        assert checkpoints.latest_step == 5
+    state, data = restore(tmp_path / "full")
+    assert (value(state), data) == (5, {"next": 5})
+
+
+def test_a_state_changed_after_save_is_saved_as_it_was(tmp_path):
+    change = jax.jit(lambda tree: jax.tree.map(lambda x: x * 0 - 1, tree), donate_argnums=0)
+    state, data = make_state(3), Counter({"next": 3})
+    with Checkpoints(tmp_path) as checkpoints:
+        checkpoints.save(3, state, data)
+        change(state)
+        data.state["next"] = 99
+    state, position = restore(tmp_path)
+    assert (value(state), position) == (3, {"next": 3})
+
+
+def truncate(folder):
+    for path in folder.rglob("*"):
+        if path.is_file() and "/d/" in str(path):
+            path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def flip(folder):
+    for path in folder.rglob("*"):
+        if path.is_file() and "/d/" in str(path):
+            data = bytearray(path.read_bytes())
+            data[len(data) // 2] ^= 0xFF
+            path.write_bytes(bytes(data))
+
+
+def no_position(folder):
+    for path in (folder / "data").iterdir():
+        path.unlink()
+
+
+def no_metadata(folder):
+    for path in (folder / "state").iterdir():
+        if path.is_file():
+            path.unlink()
+
+
+def emptied(folder):
+    for path in folder.rglob("*"):
+        if path.is_file():
+            path.write_bytes(b"")
+
+
+@pytest.mark.parametrize("damage", [truncate, flip, no_position, no_metadata, emptied])
+def test_a_damaged_newest_falls_back_and_saving_goes_on(tmp_path, damage, capsys):
+    fill(tmp_path, [1, 2])
+    damage(tmp_path / "2")
+    capsys.readouterr()
+    state, data = restore(tmp_path)
+    assert (value(state), data) == (1, {"next": 1})
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and "2 is damaged" in err, err
+    fill(tmp_path, [2, 3])
+    assert value(restore(tmp_path)[0]) == 3
+
+
+def test_all_damaged_is_an_error(tmp_path):
+    fill(tmp_path, [1, 2])
+    truncate(tmp_path)
+    with pytest.raises(ValueError, match=r"none of the checkpoints \[1, 2\] can be read"):
+        restore(tmp_path)
+
+
+def test_another_structure_lists_every_name_and_touches_nothing(tmp_path):
+    fill(tmp_path, [1, 2])
+    like = make_state(0)
+    like["params"][1] = like["params"].pop(0)
+    like["params"][1]["bias"] = jnp.zeros(4)
+    like["step"] = jnp.float32(0)
+    with pytest.raises(ValueError) as error:
+        restore(tmp_path, like)
+    text = str(error.value)
+    assert "\n" not in text
+    assert "missing: params.1.bias, params.1.kernel;" in text
+    assert "extra: params.0.bias, params.0.kernel;" in text
+    assert "mismatched: step is int32[], expected float32[];" in text
+    assert value(restore(tmp_path)[0]) == 2
+
+
+def test_restores_from_shapes_alone(tmp_path):
+    fill(tmp_path, [1])
+    sharding = jax.sharding.SingleDeviceSharding(jax.devices()[0])
+    like = jax.tree.map(
+        lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=sharding), make_state(0)
+    )
+    assert value(restore(tmp_path, like)[0]) == 1

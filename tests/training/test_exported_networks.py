@@ -1,0 +1,112 @@
+"""The exported folder: exact names, float16 on disk, float32 in memory, one error that lists what differs."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from safetensors.numpy import load_file
+
+from uniart_jax.config import Config, GridConfig, ModelConfig
+from uniart_jax.training import export
+
+RNG = np.random.default_rng(0)
+PARAMS = {
+    "blocks": {i: {"kernel": RNG.normal(size=(3, 4)).astype(np.float32)} for i in range(11)},
+    "bias": jnp.asarray([0.1, -2.0]),
+}
+ABSTRACT = jax.eval_shape(lambda: jax.tree.map(jnp.asarray, PARAMS))
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [("float16", 2**-11), ("float32", 0)])
+def test_weights_come_back(tmp_path, dtype, tolerance):
+    path = export.export_network(tmp_path / "export", "latent_flow", PARAMS, dtype)
+    assert path == tmp_path / "export/latent_flow.safetensors"
+    stored = load_file(path)
+    assert "blocks.10.kernel" in stored
+    assert {str(value.dtype) for value in stored.values()} == {dtype}
+    for folder in (tmp_path, tmp_path / "export"):  # a WORKDIR or the export folder
+        loaded = export.load_network(folder, "latent_flow", ABSTRACT)
+        assert jax.tree.structure(loaded) == jax.tree.structure(PARAMS)
+        for ours, theirs in zip(jax.tree.leaves(loaded), jax.tree.leaves(PARAMS), strict=True):
+            assert ours.dtype == np.float32
+            np.testing.assert_allclose(ours, theirs, rtol=tolerance, atol=0)
+
+
+def test_every_difference_is_listed_in_one_line(tmp_path):
+    export.export_network(tmp_path, "net", {"a": np.ones((2, 3)), "b": np.ones(2), "c": np.ones(1)})
+    other = {"a": np.ones((3, 3)), "b": np.ones(2), "d": np.ones(1)}
+    with pytest.raises(ValueError) as error:
+        export.load_network(tmp_path, "net", other)
+    text = str(error.value)
+    assert "missing: d; extra: c; mismatched: a is [2, 3], expected [3, 3];" in text
+    assert "net.safetensors" in text and "\n" not in text
+
+
+def test_values_that_are_not_finite_are_neither_written_nor_read(tmp_path):
+    from safetensors.numpy import save_file
+
+    bad = {"a": {"x": np.array([1.0, np.nan])}, "b": np.array([1e6]), "c": np.ones(1)}
+    with pytest.raises(ValueError, match=r"not finite as float16: a\.x, b"):
+        export.export_network(tmp_path, "net", bad)
+    assert list(tmp_path.iterdir()) == []
+    save_file({"a": np.array([1.0, np.inf]), "b": np.ones(1)}, tmp_path / "net.safetensors")
+    with pytest.raises(ValueError, match="not finite: a;"):
+        export.load_network(tmp_path, "net", {"a": np.ones(2), "b": np.ones(1)})
+
+
+@pytest.mark.parametrize("keep", [0, 4, 100, -1])
+def test_a_truncated_file_is_told(tmp_path, keep):
+    path = export.export_network(tmp_path, "net", PARAMS)
+    path.write_bytes(path.read_bytes()[:keep])
+    with pytest.raises(ValueError, match=r"net\.safetensors: truncated or not a safetensors file"):
+        export.load_network(tmp_path, "net", ABSTRACT)
+
+
+def test_what_is_not_there_is_told(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no such folder"):
+        export.load_network(tmp_path / "none", "net", ABSTRACT)
+    with pytest.raises(FileNotFoundError, match=r"no net\.safetensors in it or in its export/"):
+        export.load_network(tmp_path, "net", ABSTRACT)
+    with pytest.raises(FileNotFoundError, match=r"no config\.json"):
+        export.read_config(tmp_path)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+    path = export.export_network(tmp_path, "net", PARAMS)
+    before = path.read_bytes()
+
+    def full(_tensors, temporary):
+        temporary.write_bytes(b"half")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(export, "save_file", full)
+    with pytest.raises(OSError, match="no space"):
+        export.export_network(tmp_path, "net", PARAMS)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["net.safetensors"]
+
+
+def test_configs_come_back_and_bad_ones_are_told(tmp_path):
+    config = Config(name="x", model=ModelConfig(grid=GridConfig(resolution=32)))
+    path = export.write_config(tmp_path / "export", config)
+    assert export.read_config(tmp_path) == config
+    path.write_text(path.read_text().replace('"resolution"', '"resolutoin"'))
+    with pytest.raises(ValueError, match=r"config\.json: .*model\.grid\.resolutoin"):
+        export.read_config(tmp_path)
+    path.write_text("{")
+    with pytest.raises(ValueError, match=r"config\.json: config: not valid JSON"):
+        export.read_config(tmp_path)
+
+
+def test_statistics_of_several_latents_share_a_file(tmp_path):
+    folder = tmp_path / "export"
+    export.write_statistics(folder, "structure_vae", np.arange(8.0), np.ones(8))
+    export.write_statistics(folder, "uniart_vae", np.zeros(16), np.full(16, 2.0))
+    mean, std = export.read_statistics(tmp_path, "structure_vae")
+    np.testing.assert_array_equal(mean, np.arange(8.0))
+    np.testing.assert_array_equal(std, np.ones(8))
+    assert export.read_statistics(tmp_path, "uniart_vae")[1].dtype == np.float32
+    with pytest.raises(ValueError, match=r"missing: other\.mean, other\.std"):
+        export.read_statistics(tmp_path, "other")
+    with pytest.raises(ValueError, match=r"not finite: x\.std"):
+        export.write_statistics(folder, "x", np.zeros(1), np.array([np.nan]))

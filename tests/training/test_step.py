@@ -1,0 +1,124 @@
+"""State, optimizer and one step: schedules, what decays, what moves, the key, the average, values that are not finite."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from uniart_jax.config import MeshConfig, StageConfig
+from uniart_jax.training.sharding import make_mesh
+from uniart_jax.training.state import create_state, make_optimizer, make_schedule
+from uniart_jax.training.step import make_train_step
+
+
+def init(key):
+    return {"kernel": jax.random.normal(key, (3, 2)), "bias": jnp.zeros(2)}
+
+
+def quadratic(params, batch, key):
+    noise = jax.random.normal(key, (2,))
+    loss = jnp.mean((batch @ params["kernel"] + params["bias"]) ** 2)
+    return loss, {"noise": noise[0]}
+
+
+def fresh(stage, loss_fn=quadratic, **options):
+    optimizer = make_optimizer(stage)
+    state = create_state(init, optimizer, jax.random.key(0), make_mesh(MeshConfig()))
+    return state, make_train_step(loss_fn, optimizer, stage.ema_decay, **options)
+
+
+def test_schedules():
+    stage = StageConfig(steps=100, warmup_steps=10, learning_rate=2.0)
+    constant = make_schedule(stage)
+    assert [float(constant(i)) for i in (0, 10, 99)] == pytest.approx([0.2, 2.0, 2.0])
+    cosine = make_schedule(StageConfig(100, warmup_steps=10, learning_rate=2.0, schedule="cosine"))
+    assert [float(cosine(i)) for i in (0, 10, 55, 100)] == pytest.approx([0.2, 2.0, 1.0, 0.0])
+    short = make_schedule(StageConfig(steps=1, warmup_steps=1000, learning_rate=2.0))
+    assert float(short(0)) == pytest.approx(2.0)
+
+
+def test_only_kernels_decay():
+    optimizer = make_optimizer(StageConfig(learning_rate=1.0, warmup_steps=0, weight_decay=0.5))
+    params = {"kernel": jnp.ones((2, 2)), "bias": jnp.ones(2)}
+    updates, _ = optimizer.update(
+        jax.tree.map(jnp.zeros_like, params), optimizer.init(params), params
+    )
+    assert float(updates["kernel"][0, 0]) == pytest.approx(-0.5)
+    assert float(updates["bias"][0]) == 0
+
+
+def test_gradients_are_clipped_by_their_global_norm():
+    def moment(clip, scale):
+        optimizer = make_optimizer(StageConfig(gradient_clip=clip, betas=(0.0, 0.999)))
+        params = {"kernel": jnp.ones((2, 2))}
+        _, state = optimizer.update({"kernel": jnp.full((2, 2), scale)}, optimizer.init(params), params)  # fmt: skip
+        (mu,) = [leaf for leaf in jax.tree.leaves(state) if leaf.shape == (2, 2)][:1]
+        return float(jnp.linalg.norm(mu))
+
+    assert moment(1.0, 100.0) == pytest.approx(1.0)
+    assert moment(1.0, 0.1) == pytest.approx(0.2)
+    assert moment(0.0, 100.0) == pytest.approx(200.0)
+
+
+def test_a_step_moves_averages_and_reports():
+    state, step = fresh(StageConfig(learning_rate=0.1, warmup_steps=0, ema_decay=0.999))
+    before = jax.tree.map(np.array, state)
+    batch = jnp.ones((4, 3))
+    after, metrics = step(state, batch, jax.random.key(5))
+    assert int(after.step) == 1
+    decay = 2 / 11  # of the first step, min(.999, (1 + 1) / (10 + 1))
+    for name in ("kernel", "bias"):
+        expected = decay * before.ema[name] + (1 - decay) * np.asarray(after.params[name])
+        np.testing.assert_allclose(after.ema[name], expected, rtol=1e-6)
+        assert np.abs(np.asarray(after.params[name]) - before.params[name]).max() > 0.05
+    grads = jax.grad(lambda p: quadratic(p, batch, jax.random.key(0))[0])(before.params)
+    norm = np.sqrt(sum(float((g**2).sum()) for g in jax.tree.leaves(grads)))
+    assert float(metrics["grad_norm"]) == pytest.approx(norm, rel=1e-5)
+    assert set(metrics) == {"loss", "grad_norm", "finite", "noise"}
+    assert bool(metrics["finite"])
+
+
+def test_the_key_follows_the_step_and_nothing_else():
+    key = jax.random.key(5)
+    state, step = fresh(StageConfig())
+    noises = []
+    for _ in range(3):
+        state, metrics = step(state, jnp.ones((4, 3)), key)
+        noises.append(float(metrics["noise"]))
+    expected = [float(jax.random.normal(jax.random.fold_in(key, i), (2,))[0]) for i in range(3)]
+    assert noises == expected
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_values_that_are_not_finite_leave_the_state_as_it_was(value):
+    state, step = fresh(StageConfig())
+    state, _ = step(state, jnp.ones((4, 3)), jax.random.key(0))
+    before = jax.tree.map(np.array, state)
+    after, metrics = step(state, jnp.full((4, 3), value), jax.random.key(0))
+    assert not bool(metrics["finite"])
+    jax.tree.map(np.testing.assert_array_equal, before, jax.tree.map(np.asarray, after))
+
+
+def test_frozen_arrays_are_read_and_not_trained():
+    def loss_fn(params, batch, key, frozen):
+        return jnp.sum((params["kernel"] * frozen["scale"]) ** 2) + batch.sum() * 0, {}
+
+    stage = StageConfig(weight_decay=0.0)
+    state, step = fresh(stage, loss_fn, frozen={"scale": jnp.array([1.0, 0.0])})
+    before = np.array(state.params["kernel"])
+    state, _ = step(state, jnp.ones(1), jax.random.key(0))
+    moved = np.abs(np.asarray(state.params["kernel"]) - before).max(axis=0)
+    assert moved[0] > 0 and moved[1] == 0
+
+
+def test_the_step_compiles_once():
+    traces = []
+
+    def loss_fn(params, batch, key):
+        traces.append(1)
+        return quadratic(params, batch, key)
+
+    state, step = fresh(StageConfig(), loss_fn)
+    for _ in range(3):
+        state, _ = step(state, np.ones((4, 3), np.float32), jax.random.key(0))
+    assert len(traces) == 1
