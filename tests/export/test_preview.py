@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from uniart_jax.export import preview
 from uniart_jax.export.preview import (
     DEFAULT_VIEW,
     TILE,
@@ -81,7 +82,8 @@ def test_an_object_that_cannot_move_has_no_motion(shown, tmp_path):
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 900), (2000, 3)])
 @pytest.mark.parametrize("mode", ["RGB", "RGBA", "L", "P", "CMYK", "I;16"])
-def test_any_image_makes_a_tile(shown, tmp_path, size, mode):
+def test_any_image_makes_a_tile(shown, tmp_path, size, mode, monkeypatch):
+    monkeypatch.setattr(preview, "TILE", 32)
     image = Image.new(mode, size)
     view = choose_view(shown, image)
     alone = ArticulatedObject((dataclasses.replace(shown.parts[0]),))

@@ -20,7 +20,6 @@ from PIL import Image
 from uniart_jax.export.atlas import make_atlas
 from uniart_jax.export.collision import collision_pieces
 from uniart_jax.export.glb import write_glb
-from uniart_jax.export.inertia import inertial
 from uniart_jax.export.preview import (
     choose_view,
     read_image,
@@ -36,7 +35,7 @@ from uniart_jax.export.wavefront import (
     write_textured,
 )
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.objects.urdf import write_urdf
+from uniart_jax.objects.urdf import mesh_inertial, write_urdf
 
 
 def save_asset(
@@ -87,7 +86,7 @@ def _write(
     visual_files, collision_files, inertials, watertight = [], [], [], []
     for name, surface in zip(_file_names(obj), atlas.surfaces, strict=True):
         write_textured(surface, meshes / f"{name}.obj", obj.scale)
-        visual_files.append(f"meshes/{name}.obj")
+        visual_files.append([f"meshes/{name}.obj"])
         solid = surface.mesh
         pieces = collision_pieces(solid)
         files = []
@@ -97,13 +96,13 @@ def _write(
             files.append(f"meshes/{path.name}")
         collision_files.append(files)
         watertight.append(solid.is_watertight)
-        inertials.append(inertial(solid.copy().apply_scale(obj.scale)))
+        inertials.append(mesh_inertial(solid, obj.scale))
     write_urdf(
         obj,
         folder,
         visual_files,
         collision_files=collision_files,
-        inertials=[(body.mass, body.center, body.inertia) for body in inertials],
+        inertials=inertials,
     )
     textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
     write_glb(obj, textured, folder / "object.glb")
@@ -112,7 +111,8 @@ def _write(
     write_preview(shown, folder / "preview.png", image, view)
     if motion:
         write_motion(shown, folder / "motion.gif", view)
-    write_report(make_report(obj, inertials, watertight, seed, checkpoint), folder / "report.json")
+    masses = [mass for mass, _, _ in inertials]
+    write_report(make_report(obj, masses, watertight, seed, checkpoint), folder / "report.json")
 
 
 def _file_names(obj: ArticulatedObject) -> list[str]:

@@ -98,7 +98,6 @@ def simplify(
     ``TOLERANCES`` times ``side``, or an eighth of the part's thinnest extent. Within the budget nothing is touched.
     """
     merged = [_merged(np.asarray(m.vertices, np.float64), np.asarray(m.faces)) for m in meshes]
-    out = list(merged)
     solids: dict[int, manifold3d.Manifold] = {}
     if sum(len(f) for _, f in merged) > budget:
         for k, (vertices, faces) in enumerate(merged):
@@ -107,18 +106,21 @@ def simplify(
             )
             if solid.status() == manifold3d.Error.NoError and not solid.is_empty():
                 solids[k] = solid
+    rest = sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
     for tolerance in TOLERANCES:
-        if not solids or sum(len(f) for _, f in out) <= budget:
+        if rest + sum(solid.num_tri() for solid in solids.values()) <= budget:
             break
         for k, solid in solids.items():
             thin = float(np.ptp(merged[k][0], axis=0).min())
             solids[k] = solid.simplify(min(tolerance * side, thin / 8))
-            simple = solids[k].to_mesh()
-            candidate = _merged(
-                simple.vert_properties[:, :3].astype(np.float64), simple.tri_verts.astype(np.int64)
-            )
-            if len(candidate[1]) >= 4 and _closed(candidate[1]):
-                out[k] = candidate
+    out = list(merged)
+    for k, solid in solids.items():
+        simple = solid.to_mesh()
+        vertices, faces = _merged(
+            simple.vert_properties[:, :3].astype(np.float64), simple.tri_verts.astype(np.int64)
+        )
+        if len(faces) >= 4 and _closed(faces):  # places that touch may have become one
+            out[k] = vertices, faces
     return out
 
 

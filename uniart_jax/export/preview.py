@@ -23,7 +23,7 @@ DEFAULT_VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_deg
 MARGIN = 1.08  # frame over object
 MATCH_SIZE = 48  # pixels a side of the pictures that are compared
 MOTION_SIZE = 256
-MOTION_FRAMES = 12  # from rest to open; played forth and back
+MOTION_FRAMES = 10  # from rest to open; played forth and back
 MOTION_SECONDS = 2.4
 
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import uniart_jax
-from uniart_jax.export.inertia import Inertial
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.urdf import joint_name
 
 
 def make_report(
     obj: ArticulatedObject,
-    inertials: Sequence[Inertial],
+    masses: Sequence[float],
     watertight: Sequence[bool],
     seed: int | None = None,
     checkpoint: str = "",
@@ -22,14 +22,14 @@ def make_report(
 
     Args:
       obj: the object, in object units.
-      inertials, watertight: [K] of the exported parts.
+      masses, watertight: [K] of the exported parts; kg.
       seed, checkpoint: what made the object; None and "" if it was not sampled.
 
-    ``rest`` maps the name of every part that moves to the coordinate of its joint at rest. ``validation`` is absent until a physics
+    ``rest`` maps every moving joint, by its name in the URDF, to its coordinate at rest. ``validation`` is absent until a physics
     engine has run.
     """
     parts = []
-    for part, body, closed in zip(obj.parts, inertials, watertight, strict=True):
+    for part, mass, closed in zip(obj.parts, masses, watertight, strict=True):
         joint = None if part.parent < 0 else part.joint
         parts.append(
             {
@@ -40,14 +40,14 @@ def make_report(
                 "direction": None if joint is None else [float(x) for x in joint.direction],
                 "angle": None if joint is None else list(joint.angle),
                 "travel": None if joint is None else [t * obj.scale for t in joint.travel],
-                "mass": float(body.mass),
+                "mass": float(mass),
                 "watertight": bool(closed),
             }
         )
     rest = {}
     for part, q in zip(obj.parts, obj.rest(), strict=True):
         if part.parent >= 0 and part.joint.type != "fixed":
-            rest[part.name] = float(q if part.joint.rotates else q * obj.scale)
+            rest[joint_name(part)] = float(q if part.joint.rotates else q * obj.scale)
     return {
         "parts": parts,
         "rest": rest,

@@ -1,0 +1,325 @@
+"""The asset folder: complete or absent, and what other people's loaders read from it is what we meant."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import os
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+import yourdfpy
+from asset_objects import painted_box
+from PIL import Image
+
+import uniart_jax
+from uniart_jax.export import asset as asset_module
+from uniart_jax.export import preview
+from uniart_jax.export.asset import save_asset
+from uniart_jax.export.atlas import make_atlas
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.objects.urdf import joint_name, load_object
+
+FILES = {"object.urdf", "object.glb", "meshes", "preview.png", "motion.gif", "report.json"}
+Q_SEEDS = range(4)
+
+
+@pytest.fixture
+def block(monkeypatch) -> ArticulatedObject:
+    """Two boxes, and small pictures: quick to write."""
+    monkeypatch.setattr(asset_module, "make_atlas", functools.partial(make_atlas, size=64))
+    monkeypatch.setattr(preview, "TILE", 48)
+    monkeypatch.setattr(preview, "MOTION_SIZE", 48)
+    lid = Part(
+        "lid", painted_box([0, 0, 1], [1, 1, 1.1], 0), 0, Joint([0, 0, 1], [0, 1, 0], (-2, 0))
+    )
+    return ArticulatedObject((Part("base", painted_box([0, 0, 0], [1, 1, 1], 0)), lid))
+
+
+def random_q(obj: ArticulatedObject, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    return np.array([joint.sample(rng) for joint in obj.joints])
+
+
+def metric_states(obj: ArticulatedObject, q: np.ndarray) -> dict[str, float]:
+    """URDF joint -> coordinate in metres and radians, the travel of screws included."""
+    states = {}
+    for part, value in zip(obj.parts[1:], q[1:], strict=True):
+        joint = part.joint
+        states[joint_name(part)] = value if joint.rotates else value * obj.scale
+        if joint.type == "screw":
+            states[f"{part.name}_travel"] = value * joint.pitch * obj.scale
+    return states
+
+
+def moved_points(obj: ArticulatedObject, q: np.ndarray) -> dict[str, np.ndarray]:
+    """Part -> its vertices at state q, metres."""
+    return {
+        part.name: trimesh.transform_points(part.mesh.vertices, matrix) * obj.scale
+        for part, matrix in zip(obj.parts, obj.forward_kinematics(q), strict=True)
+    }
+
+
+def test_folder_is_complete(asset):
+    assert {p.name for p in asset.iterdir()} == FILES
+    assert os.stat(asset).st_mode & 0o555 == 0o555  # others can read it
+    assert [p for p in asset.parent.iterdir() if p != asset] == []
+
+
+def test_meshes_are_watertight_on_disk(cabinet, asset):
+    for stem, part in zip(asset_module._file_names(cabinet), cabinet.parts, strict=True):
+        mesh = trimesh.load_mesh(asset / "meshes" / f"{stem}.obj", process=False)
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
+        assert mesh.is_watertight
+        np.testing.assert_allclose(mesh.bounds, part.mesh.bounds * cabinet.scale, atol=1e-6)
+
+
+def test_load_object_reads_the_same_object(cabinet, asset):
+    loaded = load_object(asset)
+    assert all("knob" in line for line in loaded.provenance)  # the screw's two joints are one again
+    assert {p.name for p in loaded.parts} == {p.name for p in cabinet.parts}
+    for part in cabinet.parts:
+        twin = loaded.parts[loaded.index(part.name)]
+        assert twin.joint.type == part.joint.type
+        assert twin.mesh.visual.kind == "texture"
+        np.testing.assert_allclose(twin.mesh.bounds, part.mesh.bounds * cabinet.scale, atol=1e-6)
+    for seed in Q_SEEDS:
+        q = random_q(cabinet, seed)
+        meant = moved_points(cabinet, q)
+        units = [1 if j.rotates else cabinet.scale for j in cabinet.joints]
+        state = {p.name: v * u for p, v, u in zip(cabinet.parts, q, units, strict=True)}
+        for part, matrix in zip(loaded.parts, loaded.forward_kinematics(state), strict=True):
+            seen = trimesh.transform_points(part.mesh.vertices, matrix)
+            expected = meant[part.name]
+            np.testing.assert_allclose(
+                [seen.min(0), seen.max(0)], [expected.min(0), expected.max(0)], atol=1e-6
+            )
+
+
+@pytest.mark.parametrize("seed", Q_SEEDS)
+def test_yourdfpy_moves_the_parts_as_we_do(cabinet, asset, seed):
+    robot = yourdfpy.URDF.load(
+        str(asset / "object.urdf"), build_collision_scene_graph=True, load_collision_meshes=True
+    )
+    assert set(robot.actuated_joint_names) == {
+        joint_name(p) for p in cabinet.parts if p.joint.type != "fixed"
+    }
+    q = random_q(cabinet, seed)
+    states = metric_states(cabinet, q)
+    robot.update_cfg({name: states[name] for name in robot.actuated_joint_names})
+    meant = moved_points(cabinet, q)
+    seen = {}
+    for node in robot.scene.graph.nodes_geometry:
+        matrix, geometry = robot.scene.graph[node]
+        link = robot.scene.graph.transforms.parents[node]
+        seen[link] = trimesh.transform_points(robot.scene.geometry[geometry].vertices, matrix)
+    for name, expected in meant.items():
+        np.testing.assert_allclose(seen[name].min(0), expected.min(0), atol=1e-6)
+        np.testing.assert_allclose(seen[name].max(0), expected.max(0), atol=1e-6)
+
+
+@pytest.mark.parametrize("seed", Q_SEEDS)
+def test_mujoco_moves_the_parts_as_we_do(cabinet, asset, seed):
+    model = mujoco.MjModel.from_xml_path(str(asset / "object.urdf"))
+    q = random_q(cabinet, seed)
+    states = metric_states(cabinet, q)
+    names = {model.joint(j).name for j in range(model.njnt)}
+    assert names == {n for n in states if n != "foot_joint"}  # the fixed one is no joint
+    data = mujoco.MjData(model)
+    for name in names:
+        data.qpos[model.joint(name).qposadr[0]] = states[name]
+    mujoco.mj_kinematics(model, data)
+    for part, matrix in zip(cabinet.parts, cabinet.forward_kinematics(q), strict=True):
+        body = data.body(part.name)
+        frame = body.xmat.reshape(3, 3)
+        np.testing.assert_allclose(frame, matrix[:3, :3], atol=1e-6)
+        if part.joint.type != "fixed":  # a fixed part's frame is its parent's
+            origin = trimesh.transform_points([part.joint.origin], matrix)[0] * cabinet.scale
+            np.testing.assert_allclose(body.xpos, origin, atol=1e-6)
+
+
+def test_mujoco_reads_masses_limits_and_collision(cabinet, asset):
+    model = mujoco.MjModel.from_xml_path(str(asset / "object.urdf"))
+    report = json.loads((asset / "report.json").read_text())
+    for entry in report["parts"]:
+        assert model.body(entry["name"]).mass[0] == pytest.approx(entry["mass"], rel=1e-6)
+    assert model.joint("drawer_joint").range == pytest.approx([0, 0.4 * cabinet.scale])
+    assert model.joint("door_joint").range == pytest.approx([-0.4, 1.6])
+    assert model.ngeom == 10  # five walls of the body, one hull for each other part
+
+
+def test_an_open_cabinet_can_be_simulated(cabinet, asset):
+    """Gravity for half a second moves nothing far: no contact throws the parts apart."""
+    model = mujoco.MjModel.from_xml_path(str(asset / "object.urdf"))
+    data = mujoco.MjData(model)
+    for _ in range(250):
+        mujoco.mj_step(model, data)
+    assert np.isfinite(data.qpos).all()
+    assert np.abs(data.qvel).max() < 10
+
+
+def test_report(cabinet, asset):
+    report = json.loads((asset / "report.json").read_text())
+    assert set(report) == {"parts", "rest", "scale", "seed", "checkpoint", "version"}
+    assert report["seed"] == 7 and report["checkpoint"] == "x"
+    assert report["version"] == uniart_jax.__version__
+    assert report["scale"] == cabinet.scale
+    parts = {p["name"]: p for p in report["parts"]}
+    keys = {
+        "name",
+        "parent",
+        "type",
+        "origin",
+        "direction",
+        "angle",
+        "travel",
+        "mass",
+        "watertight",
+    }
+    assert all(set(p) == keys for p in parts.values())
+    assert all(p["watertight"] and p["mass"] > 0 for p in parts.values())
+    assert [v for k, v in parts["body"].items() if k not in ("name", "mass", "watertight")] == [
+        None
+    ] * 6
+    assert parts["knob"]["parent"] == "door" and parts["knob"]["type"] == "screw"
+    assert parts["drawer"]["travel"] == pytest.approx([0, 0.4 * cabinet.scale])
+    assert parts["door"]["angle"] == pytest.approx([-0.4, 1.6])
+    assert parts["door"]["origin"] == pytest.approx(cabinet.parts[1].joint.origin * cabinet.scale)
+    rest = cabinet.rest() * [1 if j.rotates else cabinet.scale for j in cabinet.joints]
+    expected = {
+        joint_name(p): pytest.approx(q)
+        for p, q in zip(cabinet.parts, rest, strict=True)
+        if p.joint.type != "fixed"
+    }
+    assert report["rest"] == expected
+
+
+def test_the_texture_is_the_only_one(asset):
+    with Image.open(asset / "meshes" / "texture.png") as texture:
+        assert texture.mode == "RGB" and 512 <= max(texture.size) <= 2048
+    assert len(list((asset / "meshes").glob("*.mtl"))) == 1
+
+
+def test_a_folder_in_use_is_refused_and_kept(block, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "mine.txt").write_text("mine")
+    with pytest.raises(ValueError, match="not empty") as error:
+        save_asset(block, tmp_path / "out")
+    assert "\n" not in str(error.value)
+    assert [p.name for p in tmp_path.rglob("*")] == ["out", "mine.txt"]
+
+
+def test_overwrite_replaces_the_whole_folder(block, tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "old.txt").write_text("old")
+    assert save_asset(block, tmp_path / "out", overwrite=True) == tmp_path / "out"
+    assert {p.name for p in (tmp_path / "out").iterdir()} == FILES
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_an_empty_folder_is_taken(block, tmp_path):
+    (tmp_path / "out").mkdir()
+    save_asset(block, tmp_path / "out", motion=False)
+    assert {p.name for p in (tmp_path / "out").iterdir()} == FILES - {"motion.gif"}
+
+
+def test_a_folder_behind_a_link_is_written_where_it_leads(block, tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    save_asset(block, tmp_path / "link", motion=False)
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real" / "object.urdf").is_file()
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+@pytest.mark.parametrize("stage", ["write_urdf", "write_glb", "write_report", "_swap"])
+def test_a_failure_leaves_everything_as_it_was(block, tmp_path, monkeypatch, stage, overwrite):
+    def fail(*_, **__):
+        raise OSError("disk full")
+
+    old = tmp_path / "out"
+    if overwrite:
+        old.mkdir()
+        (old / "old.txt").write_text("old")
+    target = old if overwrite else tmp_path / "new" / "deep" / "out"
+    monkeypatch.setattr(asset_module, stage, fail)
+    with pytest.raises(OSError, match="disk full"):
+        save_asset(block, target, overwrite=overwrite, motion=False)
+    left = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*")}
+    assert left == ({"out", "out/old.txt"} if overwrite else set())
+
+
+def test_the_old_folder_comes_back_if_the_new_one_cannot_take_its_place(
+    block, tmp_path, monkeypatch
+):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "old.txt").write_text("old")
+    rename = asset_module.Path.rename
+
+    def fail_once(self, target):
+        if ".new-" in self.name:
+            raise OSError("no")
+        return rename(self, target)
+
+    monkeypatch.setattr(asset_module.Path, "rename", fail_once)
+    with pytest.raises(OSError):
+        save_asset(block, tmp_path / "out", overwrite=True, motion=False)
+    assert (tmp_path / "out" / "old.txt").read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_bad_targets_and_images_are_one_line(block, tmp_path):
+    (tmp_path / "file").write_text("x")
+    for folder, image in (
+        (tmp_path / "file", None),
+        (tmp_path / "file" / "under", None),
+        (tmp_path / "out", tmp_path / "absent.png"),
+        (tmp_path / "out", tmp_path / "file"),
+    ):
+        with pytest.raises(ValueError) as error:
+            save_asset(block, folder, image=image)
+        assert "\n" not in str(error.value)
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_strange_names_make_plain_files(block, tmp_path):
+    names = ["../../etc/passwd", "a b/c", "A_B_C", "Tür & Angel", "", "x" * 300]
+    base = block.parts[0]
+    parts = [
+        Part(name, base.mesh.copy().apply_translation([2 * k, 0, 0]), 0 if k else -1)
+        for k, name in enumerate(names)
+    ]
+    folder = save_asset(ArticulatedObject(tuple(parts)), tmp_path / "out", motion=False)
+    assert all(p.parent == folder / "meshes" for p in folder.rglob("*.obj"))
+    assert len(list(folder.rglob("*_collision0.obj"))) == len(names)
+
+
+def test_flat_open_and_tiny_parts_load_in_mujoco(block, tmp_path):
+    sheet = trimesh.Trimesh([[0, 0, 2], [1, 0, 2], [1, 1, 2], [0, 1, 2]], [[0, 1, 2], [0, 2, 3]])
+    lid = block.parts[1]
+    for name, mesh in (
+        ("sheet", sheet),
+        ("triangle", trimesh.Trimesh(sheet.vertices[:3], [[0, 1, 2]])),
+        ("speck", trimesh.creation.box([1e-4] * 3)),
+    ):
+        obj = dataclasses.replace(
+            block, parts=(block.parts[0], dataclasses.replace(lid, mesh=mesh))
+        )
+        folder = save_asset(obj, tmp_path / name, motion=False)
+        model = mujoco.MjModel.from_xml_path(str(folder / "object.urdf"))
+        assert model.njnt == 1
+        report = json.loads((folder / "report.json").read_text())
+        assert report["parts"][1]["watertight"] == (name == "speck")
+
+
+def test_save_method_and_image(block, tmp_path):
+    image = np.zeros((40, 60, 4), np.uint8)
+    image[10:30, 10:50] = 255
+    folder = block.save(tmp_path / "out", image=image, motion=False)
+    with_image = Image.open(folder / "preview.png").width
+    block.save(folder, overwrite=True, motion=False)
+    assert Image.open(folder / "preview.png").width < with_image
