@@ -79,6 +79,14 @@ def test_closed_parts(objects, family):
                 assert shell.is_watertight and shell.volume > 0, where
 
 
+@pytest.mark.parametrize("family", SEEN_FAMILIES)
+def test_parts_stay_closed_when_a_reader_merges_vertices(objects, family):
+    for obj in objects[family]:
+        for part in obj.parts:
+            merged = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=True)
+            assert merged.is_watertight, f"{obj.name} {part.name}"
+
+
 @pytest.mark.parametrize("family", FAMILIES)
 def test_sound_trees(objects, family):
     moving = 0

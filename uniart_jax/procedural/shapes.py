@@ -18,11 +18,18 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.procedural.materials import TEXTURE_SIZE, Material
 
+HAIR = 3e-5  # metres between the shells of two materials
+
 _AXIS_FRAMES = {  # columns: where local x, y, z of a body of revolution or an extrusion along z go
     "x": np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),
     "y": np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]),
     "z": np.eye(3),
 }
+
+
+def _exact(values: Sequence[float]) -> np.ndarray:
+    """Coordinates on a binary grid of about a micrometre: sums and differences are then exact, and faces that should be flush are."""
+    return np.round(np.asarray(values, dtype=np.float64) * 2.0**20) / 2.0**20
 
 
 def box(lo: Sequence[float], hi: Sequence[float]) -> Manifold:
@@ -31,7 +38,7 @@ def box(lo: Sequence[float], hi: Sequence[float]) -> Manifold:
     Raises:
       ValueError: ``hi`` is not above ``lo`` in every axis.
     """
-    lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
+    lo, hi = _exact(lo), _exact(hi)
     if not np.all(hi - lo > 1e-9):
         raise ValueError(
             f"box: expected lo < hi in every axis, got {lo.tolist()} and {hi.tolist()}"
@@ -41,7 +48,7 @@ def box(lo: Sequence[float], hi: Sequence[float]) -> Manifold:
 
 def along(solid: Manifold, axis: str, at: Sequence[float]) -> Manifold:
     """A solid made along z, turned so that z becomes ``axis``, and moved to ``at``."""
-    return solid.transform(np.column_stack([_AXIS_FRAMES[axis], np.asarray(at, dtype=np.float64)]))
+    return solid.transform(np.column_stack([_AXIS_FRAMES[axis], _exact(at)]))
 
 
 def cylinder(
@@ -142,8 +149,9 @@ class Shape:
             mesh = union(solids).to_mesh64()
             if len(mesh.tri_verts) == 0:
                 continue
+            points = np.asarray(mesh.vert_properties)[:, :3]
+            vertices.append(_shrunk(points, len(materials) * HAIR))
             materials.append(material)
-            vertices.append(np.asarray(mesh.vert_properties)[:, :3])
             faces.append(np.asarray(mesh.tri_verts).astype(np.int64))
         starts = np.cumsum([0] + [len(v) for v in vertices[:-1]])
         out = trimesh.Trimesh(
@@ -159,6 +167,13 @@ class Shape:
             colors = np.repeat((colors * 255 + 0.5).astype(np.uint8), counts, axis=0)
             out.visual = trimesh.visual.ColorVisuals(mesh=out, face_colors=colors)
         return out
+
+
+def _shrunk(points: np.ndarray, hair: float) -> np.ndarray:
+    """Points with each side of their box drawn in by ``hair``: readers that merge equal vertices must not weld shells that touch."""
+    lo, hi = points.min(0), points.max(0)
+    center = (lo + hi) / 2
+    return center + (points - center) * (1 - 2 * hair / np.maximum(hi - lo, 1e-3))
 
 
 def _atlas(materials: list[Material], vertices: list[np.ndarray]) -> trimesh.visual.TextureVisuals:

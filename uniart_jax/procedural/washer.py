@@ -172,6 +172,9 @@ def _round_door(
             [[0, 0], [radius, 0], [radius, -0.7 * thick], [0.93 * radius, -thick], [0, -thick]]
         )
         plate = revolution(profile, "x", [back, y, z], 28)
+        h = 0.22 * radius  # a hinge block, so that the hinged side shows
+        b0, b1 = sorted((y + sign * 0.9 * radius, y + sign * 1.02 * radius))
+        plate = union([plate, box([front, b0, z - h], [back, b1, z + h])])
     shape.add(cut(plate, (window,)), ring)
     bulge = thick * float(rng.uniform(0.0, 0.5)) + 0.001
     dome = np.array(
@@ -194,13 +197,6 @@ def _round_door(
         ),
         grip,
     )
-    if not square:  # a hinge block, so that the hinged side shows
-        h = 0.22 * radius
-        b0, b1 = sorted((y + sign * 0.9 * radius, y + sign * 1.02 * radius))
-        shape.add(
-            cut(box([front, b0, z - h], [back, b1, z + h]), (plate, window)),
-            look.hardware.darker(0.9),
-        )
     axis = [front, y + sign * (radius * (1.0 if square else 1.02)), z]
     angle = float(np.deg2rad(rng.uniform(85, 165)))
     return asm.add("door", shape, root, hinge(axis, (0, 0, -sign), angle))
