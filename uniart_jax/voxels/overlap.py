@@ -96,35 +96,36 @@ def _edge_functions(triangles, edges, normal, axis: int):
 
 def clipped_areas(triangles: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """[P] area of each triangle [P, 3, 3] inside its own cell [P, 3]: Sutherland-Hodgman on all pairs at once."""
-    corners = triangles - cells[:, None]
-    polygon = np.zeros((len(corners), 10, 3))  # a triangle cut by six planes has at most 9 corners
-    polygon[:, :3] = corners
-    count = np.full(len(corners), 3)
+    polygon = triangles - cells[:, None]
     for axis in range(3):
-        polygon, count = _cut(polygon, count, polygon[..., axis])
-        polygon, count = _cut(polygon, count, 1 - polygon[..., axis])
-    valid = np.arange(10) < count[:, None]
-    spokes = np.where(valid[..., None], polygon - polygon[:, :1], 0)
+        polygon = _cut(polygon, polygon[..., axis])
+        polygon = _cut(polygon, 1 - polygon[..., axis])
+    spokes = polygon[:, 1:] - polygon[:, :1]
     return np.linalg.norm(np.cross(spokes[:, :-1], spokes[:, 1:]).sum(1), axis=-1) / 2
 
 
-def _cut(polygon: np.ndarray, count: np.ndarray, height: np.ndarray):
-    """Polygons [P, 10, 3] with ``count`` corners, cut to where ``height`` [P, 10] >= 0."""
-    index = np.arange(polygon.shape[1])
-    valid = index < count[:, None]
-    following = np.where(index + 1 < count[:, None], index + 1, 0)
-    height_next = np.take_along_axis(height, following, 1)
-    inside, inside_next = height >= 0, height_next >= 0
-    crossing = valid & (inside != inside_next)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = np.where(crossing, height / (height - height_next), 0)
-    next_corner = np.take_along_axis(polygon, following[..., None], 1)
-    cut = polygon + t[..., None] * (next_corner - polygon)
-    kept = valid & inside_next
-    slots = np.stack([crossing, kept], -1).reshape(len(polygon), -1)
-    points = np.stack([cut, next_corner], 2).reshape(len(polygon), -1, 3)
-    position = np.cumsum(slots, 1) - 1
-    out = np.zeros_like(polygon)
-    rows, columns = np.nonzero(slots)
-    out[rows, position[rows, columns]] = points[rows, columns]
-    return out, slots.sum(1)
+def _cut(polygon: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """[P, n + 1, 3] convex polygons [P, n, 3] cut to where ``height`` [P, n] >= 0; short ones repeat a corner, empty ones are 0."""
+    inside = height >= 0
+    if inside.all():
+        return polygon
+    inside_next = np.roll(inside, -1, 1)
+    # Each edge yields its crossing, if it has one, and then its end, if that is inside.
+    row, edge = np.nonzero(inside | inside_next)
+    end = (edge + 1) % polygon.shape[1]
+    start_height, end_height = height[row, edge], height[row, end]
+    crosses, keeps = inside[row, edge] != inside[row, end], inside[row, end]
+    gap = np.where(crosses, start_height - end_height, 1)
+    begin, stop = polygon[row, edge], polygon[row, end]
+    cut = begin + (start_height / gap)[:, None] * (stop - begin)
+    emitted = np.stack([crosses, keeps], 1)
+    owner = np.repeat(row, 2)[emitted.ravel()]
+    points = np.stack([cut, stop], 1)[emitted]
+    count = np.bincount(owner, minlength=len(polygon))
+    first = np.cumsum(count) - count
+    slot = np.arange(len(owner)) - first[owner]
+    out = np.zeros((len(polygon), polygon.shape[1] + 1, 3))
+    filled = np.flatnonzero(count)
+    out[filled] = points[first[filled], None]
+    out[owner, slot] = points
+    return out

@@ -11,16 +11,27 @@ import igl
 import numpy as np
 import scipy.sparse
 import trimesh
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
 
+from uniart_jax.voxels.grid import subcell_centers
 from uniart_jax.voxels.overlap import cells_in_ranges
 
 BRUTE_FORCE_FACES = 256  # below this many faces the exact sum beats the hierarchy
+RAY_OFFSET = 1e-5  # of rays from the face they leave
 # Columns are shifted by this much of a sub-cell off the lattice, so that they miss edges and corners of axis-aligned models.
 NUDGE = (1.3e-6, 0.7e-6)
 
 
 class Solid:
-    """Winding numbers of one mesh [vertices, faces], object units."""
+    """Winding numbers of one mesh, object units.
+
+    Attributes:
+      closed: its triangles bound an oriented volume.
+      outward: closed, and the volume is positive.
+      doubled: [F] another face has the same three corners.
+      bounds: [2, 3] of the faces.
+    """
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray):
         _, welded = trimesh.grouping.unique_rows(vertices, digits=9)
@@ -32,6 +43,10 @@ class Solid:
         corner = self.vertices[self.faces]
         volume = np.einsum("fc,fc->f", corner[:, 0], np.cross(corner[:, 1], corner[:, 2])).sum()
         self.outward = self.closed and volume > 0
+        _, shared, uses = np.unique(
+            np.sort(welded_faces, axis=1), axis=0, return_inverse=True, return_counts=True
+        )
+        self.doubled = uses[shared.reshape(-1)] > 1
         self._pieces = self._split(welded_faces) if self.closed else [(self.faces, self.bounds)]
 
     def _split(self, welded_faces: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -64,25 +79,62 @@ class Solid:
                 winding[near] += count(self.vertices, faces, query)
         return np.abs(winding) > 0.5
 
-    def contains_lattice(self, coords: np.ndarray, cells: int) -> np.ndarray:
-        """[n] bool at the centres of sub-cells ``coords`` [n, 3] int of the lattice with ``cells`` a side over [-1/2, 1/2]^3."""
-        inside = np.zeros(len(coords), bool)
-        low = np.floor((self.bounds[0] + 0.5) * cells).astype(np.int64)
-        high = np.floor((self.bounds[1] + 0.5) * cells).astype(np.int64)
-        near = np.flatnonzero(((coords >= low) & (coords <= high)).all(1))
-        if not len(near):
-            return inside
-        if self.closed:
-            low, high = coords[near].min(0), coords[near].max(0)
-            block = self._crossings(low, high, cells)
-            inside[near] = block[tuple((coords[near] - low).T)] != 0
-        else:
-            inside[near] = self.contains((coords[near] + 0.5) / cells - 0.5)
-        return inside
+    def thicker(self, faces: np.ndarray, points: np.ndarray, length: float) -> np.ndarray:
+        """[n] bool: going in from points on faces, along the normal, the part goes on for ``length``.
 
-    def _crossings(self, low: np.ndarray, high: np.ndarray, cells: int) -> np.ndarray:
-        """Winding numbers on the lattice block low..high: signed crossings below each point of a column, summed up."""
-        shape = high - low + 1
+        It must still be there after half of the length and after all of it. Where the part is no outward-oriented volume, either side
+        may be the inner one. Rays answer first: beneath a face of an outward volume that meets nothing for ``length`` all is inside.
+        """
+        corner = self.vertices[self.faces[faces]]
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+        thick = np.zeros(len(faces), bool)
+        left = np.arange(len(faces))
+        if self.outward:
+            scene = EmbreeScene(robust=True)
+            TriangleMesh(scene, self.vertices[self.faces].astype(np.float32))
+            start = (points - RAY_OFFSET * normal).astype(np.float32)
+            free = scene.run(start, -normal.astype(np.float32), query="DISTANCE") > length
+            thick = free & ~self.doubled[faces]
+            left = np.flatnonzero(~thick)
+        for side in (-1,) if self.outward else (-1, 1):
+            step = side * length * normal[left]
+            there = np.flatnonzero(self.contains(points[left] + step))
+            there = there[self.contains(points[left[there]] + step[there] / 2)]
+            thick[left[there]] = True
+            left = np.flatnonzero(~thick)
+        return thick
+
+    def contains_subcells(
+        self, coords: np.ndarray, resolution: int, subdivisions: int
+    ) -> np.ndarray:
+        """Inside or not at all sub-cell centres of the voxels that meet this part's box.
+
+        Args:
+          coords: [V, 3] int voxels of the grid over [-1/2, 1/2]^3.
+
+        Returns:
+          (voxels [n] that meet the box, inside [n, r^3] bool).
+        """
+        low, high = np.floor((self.bounds + 0.5) * resolution).astype(np.int64)
+        voxels = np.flatnonzero(((coords >= low) & (coords <= high)).all(1))
+        if not len(voxels):
+            return voxels, np.zeros((0, subdivisions**3), bool)
+        near = coords[voxels].astype(np.int64)
+        if not self.closed:
+            centers = subcell_centers(near, resolution, subdivisions)
+            return voxels, self.contains(centers.reshape(-1, 3)).reshape(len(voxels), -1)
+        low = near.min(0)
+        shape = near.max(0) - low + 1
+        inside = self._crossings(
+            low * subdivisions, shape * subdivisions, resolution * subdivisions
+        )
+        inside = inside.reshape([n for s in shape for n in (s, subdivisions)])
+        inside = inside.transpose(0, 2, 4, 1, 3, 5)
+        return voxels, inside[tuple((near - low).T)].reshape(len(voxels), -1)
+
+    def _crossings(self, low: np.ndarray, shape: np.ndarray, cells: int) -> np.ndarray:
+        """[shape] bool, winding number != 0 on a block of the lattice: signed crossings below each point of a column, summed up."""
         corner = (
             (self.vertices[self.faces] + 0.5) * cells - 0.5 - low
         )  # lattice points are integers
@@ -97,25 +149,26 @@ class Solid:
         corner[..., 1] -= NUDGE[1]
         side = np.roll(corner, -1, 1) - corner  # edge e from corner e to e + 1
         double_area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
-        steps = np.zeros((shape[a], shape[b], shape[up] + 1), np.int32)
         use = np.flatnonzero(double_area)
-        for item, column in cells_in_ranges(first[use][:, [a, b]], last[use][:, [a, b]]):
-            face = use[item]
-            weight = []
+        corner, side = corner[use], side[use] / double_area[use, None, None]
+        sign = np.where(double_area[use] > 0, -1, 1).astype(np.int32)
+        constant = side[..., 1] * corner[..., 0] - side[..., 0] * corner[..., 1]
+        # Edge e's weight belongs to the corner opposite to it; heights are linear in the weights, hence in the column.
+        steps = np.zeros((shape[a], shape[b], shape[up] + 1), np.int32)
+        flat = steps.reshape(-1)
+        for face, column in cells_in_ranges(first[use][:, [a, b]], last[use][:, [a, b]]):
+            x, y = column[:, 0], column[:, 1]
+            height = np.zeros(len(face))
+            hit = np.ones(len(face), bool)
             for e in range(3):
-                x = column[:, 0] - corner[face, e, 0]
-                y = column[:, 1] - corner[face, e, 1]
-                weight.append((side[face, e, 0] * y - side[face, e, 1] * x) / double_area[face])
-            hit = (weight[0] > 0) & (weight[1] > 0) & (weight[2] > 0)
-            face, column = face[hit], column[hit]
-            heights = corner[face, :, 2]
-            # edge e's weight belongs to the corner opposite to it
-            height = sum(weight[e][hit] * heights[:, (e + 2) % 3] for e in range(3))
-            level = np.ceil(height).astype(np.int64).clip(0, shape[up])
-            sign = -np.sign(double_area[face]).astype(np.int32)
-            np.add.at(steps, (column[:, 0], column[:, 1], level), sign)
-        winding = np.cumsum(steps[..., :-1], axis=-1, dtype=np.int32)
-        return np.moveaxis(winding, (0, 1, 2), (a, b, up))
+                weight = side[face, e, 0] * y - side[face, e, 1] * x + constant[face, e]
+                hit &= weight > 0
+                height += weight * corner[face, (e + 2) % 3, 2]
+            level = np.ceil(height[hit]).astype(np.int64).clip(0, shape[up])
+            index = (x[hit] * shape[b] + y[hit]) * (shape[up] + 1) + level
+            np.add.at(flat, index, sign[face[hit]])
+        winding = np.cumsum(steps[..., :-1], axis=-1, dtype=np.int16)
+        return np.moveaxis(winding != 0, (0, 1, 2), (a, b, up))
 
 
 def _bounds_volume(faces: np.ndarray) -> bool:

@@ -15,14 +15,14 @@ from __future__ import annotations
 
 import dataclasses
 
-import igl
 import numpy as np
-import trimesh
+import scipy.ndimage
 
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.voxels.grid import SDF_CLIP, PartGrid, subcell_offsets
+from uniart_jax.voxels.grid import SDF_CLIP, PartGrid, subcell_centers
 from uniart_jax.voxels.joint_code import encode_object
+from uniart_jax.voxels.nearest import Triangles, nearest_faces, tree_query
 from uniart_jax.voxels.overlap import clipped_areas, touched_cells
 from uniart_jax.voxels.solid import Solid
 
@@ -40,6 +40,9 @@ class _Surface:
     faces: np.ndarray
     face_part: np.ndarray
     first: np.ndarray
+    triangles: Triangles
+    varied: np.ndarray  # [K] bool: colours vary over a face
+    proper: np.ndarray  # [F] bool: the triangle has an area
 
 
 def voxelize(obj: ArticulatedObject, resolution: int = 32, subdivisions: int = 4) -> PartGrid:
@@ -74,8 +77,10 @@ def voxelize(obj: ArticulatedObject, resolution: int = 32, subdivisions: int = 4
     voxel_part = _largest_parts(obj, surface, resolution, face, cell, voxel, len(keys))
     solids = [Solid(part.mesh.vertices, part.mesh.faces) for part in obj.parts]
     thin = _thin_voxels(surface, solids, resolution, subdivisions, face, cell)
-    sdf, owner, nearest, point = _distances(surface, solids, thin, coords, resolution, subdivisions)
-    color = _colors(obj, surface, owner, nearest, point)
+    sdf, owner, nearest, weight = _distances(
+        surface, solids, thin, coords, resolution, subdivisions
+    )
+    color = _colors(obj, surface, owner, nearest, weight)
     shape = (len(coords), subdivisions**3)
     return PartGrid(
         resolution,
@@ -94,15 +99,18 @@ def voxelize(obj: ArticulatedObject, resolution: int = 32, subdivisions: int = 4
 def _join(obj: ArticulatedObject) -> _Surface:
     counts = [len(p.mesh.faces) for p in obj.parts]
     starts = np.cumsum([0] + [len(p.mesh.vertices) for p in obj.parts])
+    vertices = np.concatenate([p.mesh.vertices for p in obj.parts]).astype(np.float64)
+    faces = np.concatenate([p.mesh.faces + s for p, s in zip(obj.parts, starts[:-1], strict=True)])
+    corner = vertices[faces]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     return _Surface(
-        np.ascontiguousarray(
-            np.concatenate([p.mesh.vertices for p in obj.parts]), dtype=np.float64
-        ),
-        np.concatenate(
-            [p.mesh.faces + s for p, s in zip(obj.parts, starts[:-1], strict=True)]
-        ).astype(np.int64),
+        vertices,
+        faces.astype(np.int64),
         np.repeat(np.arange(len(counts)), counts),
         np.cumsum([0, *counts]),
+        Triangles(vertices, faces),
+        np.array([p.mesh.visual.kind in ("texture", "vertex") for p in obj.parts]),
+        np.linalg.norm(normal, axis=1) > 1e-14,
     )
 
 
@@ -139,108 +147,101 @@ def _largest_parts(obj, surface, resolution, face, cell, voxel, count) -> np.nda
 
 
 def _thin_voxels(surface, solids, resolution, subdivisions, face, cell) -> np.ndarray:
-    """[K, R^3] bool: the part is thinner than ``THIN`` somewhere in the voxel.
-
-    One probe for each triangle in each voxel: going in along the normal, the part must still be there after half of ``THIN`` and after
-    all of it. Where a part is no outward-oriented volume, either side may be the inner one.
-    """
+    """[K, R^3] bool: the part is thinner than ``THIN`` somewhere in the voxel. One probe for each triangle in each voxel."""
     thin = np.zeros((len(solids), resolution**3), bool)
     length = 1 / (resolution * subdivisions)
     corner = surface.vertices[surface.faces[face]]
-    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    size = np.linalg.norm(normal, axis=1)
-    use = np.flatnonzero(size > 1e-14)
-    corner, normal = corner[use], normal[use] / size[use, None]
-    center = (cell[use] + 0.5) / resolution - 0.5
-    point = trimesh.triangles.closest_point(corner, center)
+    center = (cell + 0.5) / resolution - 0.5
+    weight = surface.triangles.barycentric(face, center.astype(np.float32))
+    point = np.einsum("nk,nkc->nc", weight, corner)
     inwards = corner.mean(1) - point
     reach = np.linalg.norm(inwards, axis=1, keepdims=True)
     point = point + inwards * np.minimum(1, INSET * length / np.maximum(reach, 1e-12))
-    key = np.ravel_multi_index(tuple(cell[use].T), (resolution,) * 3)
-    part = surface.face_part[face[use]]
+    key = np.ravel_multi_index(tuple(cell.T), (resolution,) * 3)
+    part = surface.face_part[face]
     for k, solid in enumerate(solids):
-        mine = np.flatnonzero(part == k)
-        thick = _reaches(solid, point[mine], -normal[mine] * length)
-        if not solid.outward:
-            left = np.flatnonzero(~thick)
-            thick[left] = _reaches(solid, point[mine[left]], normal[mine[left]] * length)
+        mine = np.flatnonzero((part == k) & surface.proper[face])
+        thick = solid.thicker(face[mine] - surface.first[k], point[mine], THIN * length)
         thin[k, key[mine[~thick]]] = True
     return thin
 
 
-def _reaches(solid: Solid, point: np.ndarray, step: np.ndarray) -> np.ndarray:
-    inside = solid.contains(point + THIN * step)
-    there = np.flatnonzero(inside)
-    inside[there] = solid.contains(point[there] + HALF_THIN * step[there])
-    return inside
-
-
 def _distances(surface, solids, thin, coords, resolution, subdivisions):
-    """(sdf, owner, nearest face of the owner, nearest point on it) of all sub-cells, in one long row; sdf in sub-cells."""
+    """(sdf, owner, nearest face of the owner, weights of its corners at the nearest point) [n ..] of all sub-cells; sdf in sub-cells.
+
+    The weights are there only where they matter: a part with thin places, or with colours that vary over a face.
+    """
     cells = resolution * subdivisions
-    offsets = (subcell_offsets(subdivisions) * subdivisions - 0.5).round().astype(np.int64)
-    lattice = (coords[:, None].astype(np.int64) * subdivisions + offsets).reshape(-1, 3)
-    center = (lattice + 0.5) / cells - 0.5
-    squared, face, point = _query(surface.vertices, surface.faces, center)
-    distance = np.sqrt(squared) * cells
+    distance, face = nearest_faces(
+        surface.vertices, surface.faces, surface.triangles, coords, resolution, subdivisions
+    )
+    distance, face = distance.reshape(-1) * np.float32(cells), face.reshape(-1)
+    center = subcell_centers(coords, resolution, subdivisions).astype(np.float32).reshape(-1, 3)
     owner = surface.face_part[face]
-    thin_here = thin[owner, _voxel_key(point, resolution)]
+    has_thin = thin.any(1)
+    weight = np.zeros((len(owner), 3), np.float32)
+    need = np.flatnonzero((has_thin | surface.varied)[owner])
+    weight[need] = surface.triangles.barycentric(face[need], center[need])
+    is_thin = np.zeros(len(owner), bool)
+    need = np.flatnonzero(has_thin[owner])
+    is_thin[need] = _is_thin(surface, thin, owner[need], face[need], weight[need], resolution)
+
     value = distance.copy()
-    rivals: list[tuple[int, np.ndarray, np.ndarray]] = []
-    free = np.ones(len(lattice), bool)  # outside every part
+    rivals: list[tuple[int, np.ndarray, bool]] = []
+    free = np.ones(len(owner), bool)  # outside every part
     for k, solid in enumerate(solids):
-        inside = np.flatnonzero(solid.contains_lattice(lattice, cells))
-        free[inside] = False
-        own = owner[inside] == k
-        value[inside[own]] *= -1
-        rivals.append((k, inside[~own], np.ones(np.count_nonzero(~own), bool)))
-    value = np.where(thin_here, np.minimum(value, distance - HALF_THIN), value)
-    open_to_thin = ~thin_here & (free | (distance < HALF_THIN / 2))
-    for k in np.flatnonzero(thin.any(1)):
-        near = np.flatnonzero(open_to_thin & (owner != k))
-        places = np.stack(np.unravel_index(np.flatnonzero(thin[k]), (resolution,) * 3), -1)
-        low, high = places.min(0) * subdivisions, (places.max(0) + 1) * subdivisions
-        reach = int(np.ceil(SDF_CLIP + HALF_THIN))
-        close = ((lattice[near] >= low - reach) & (lattice[near] < high + reach)).all(1)
-        rivals.append((int(k), near[close], np.zeros(np.count_nonzero(close), bool)))
+        voxels, inside = solid.contains_subcells(coords, resolution, subdivisions)
+        row, subcell = np.nonzero(inside)
+        where = voxels[row] * subdivisions**3 + subcell
+        free[where] = False
+        own = owner[where] == k
+        value[where[own]] *= -1
+        rivals.append((k, where[~own], True))
+    value[is_thin] = np.minimum(value, distance - HALF_THIN)[is_thin]
+    if has_thin.any():
+        open_to_thin = ~is_thin & (free | (distance < HALF_THIN / 2))
+        for k in np.flatnonzero(has_thin):
+            where = np.flatnonzero(open_to_thin & (owner != k))
+            rivals.append((int(k), _close(thin[k], coords, where, resolution, subdivisions), False))
     for k, where, inside in rivals:
         if not len(where):
             continue
         begin, end = surface.first[k], surface.first[k + 1]
-        squared, its_face, its_point = _query(
-            surface.vertices, surface.faces[begin:end], center[where]
+        squared, its_face, _ = tree_query(
+            surface.vertices, surface.faces[begin:end], center[where].astype(np.float64)
         )
-        its_distance = np.sqrt(squared) * cells
-        its_value = np.where(inside, -its_distance, its_distance)
-        its_thin = thin[k, _voxel_key(its_point, resolution)]
-        its_value = np.where(its_thin, np.minimum(its_value, its_distance - HALF_THIN), its_value)
+        its_face += begin
+        its_distance = (np.sqrt(squared) * cells).astype(np.float32)
+        its_value = -its_distance if inside else its_distance.copy()
+        its_weight = surface.triangles.barycentric(its_face, center[where])
+        its_thin = _is_thin(surface, thin, k, its_face, its_weight, resolution)
+        its_value[its_thin] = np.minimum(its_value, its_distance - HALF_THIN)[its_thin]
         wins = its_value < value[where]
         where = where[wins]
         value[where], owner[where] = its_value[wins], k
-        face[where], point[where] = its_face[wins] + begin, its_point[wins]
-    return value, owner, face, point
+        face[where], weight[where] = its_face[wins], its_weight[wins]
+    return value, owner, face, weight
 
 
-def _query(vertices, faces, points):
-    """(squared distance, face, nearest point) by igl's box tree."""
-    tree = igl.AABB()
-    tree.init(vertices, faces)
-    return tree.squared_distance(vertices, faces, np.ascontiguousarray(points))
-
-
-def _voxel_key(point: np.ndarray, resolution: int) -> np.ndarray:
+def _is_thin(surface, thin, part, face, weight, resolution) -> np.ndarray:
+    """[n] bool: the voxel of the surface point is one of the part's thin ones."""
+    point = np.einsum("nk,nkc->nc", weight, surface.vertices[surface.faces[face]])
     index = np.clip(((point + 0.5) * resolution).astype(np.int64), 0, resolution - 1)
-    return (index[:, 0] * resolution + index[:, 1]) * resolution + index[:, 2]
+    return thin[part, (index[:, 0] * resolution + index[:, 1]) * resolution + index[:, 2]]
 
 
-def _colors(obj, surface, owner, face, point) -> np.ndarray:
+def _close(thin_voxels, coords, where, resolution, subdivisions) -> np.ndarray:
+    """Those sub-cells of ``where`` whose value thin places of one part can reach: by voxels, a margin of one clipped shell around."""
+    reach = int(np.ceil((SDF_CLIP + HALF_THIN) / subdivisions))
+    mask = thin_voxels.reshape((resolution,) * 3)
+    mask = scipy.ndimage.maximum_filter(mask, size=2 * reach + 1, mode="constant")
+    return where[mask[tuple(coords[where // subdivisions**3].T)]]
+
+
+def _colors(obj, surface, owner, face, weight) -> np.ndarray:
     """[n, 3] float32 linear RGB of surface points."""
     color = np.empty((len(owner), 3), np.float32)
     for k, part in enumerate(obj.parts):
         mine = np.flatnonzero(owner == k)
-        corner = surface.vertices[surface.faces[face[mine]]]
-        barycentric = trimesh.triangles.points_to_barycentric(corner, point[mine])
-        color[mine] = sample_color(
-            part.mesh, face[mine] - surface.first[k], np.clip(barycentric, 0, 1)
-        )
+        color[mine] = sample_color(part.mesh, face[mine] - surface.first[k], weight[mine])
     return color
