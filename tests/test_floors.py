@@ -14,7 +14,7 @@ FLOORS = [
     {"voxels", "procedural", "render", "flow"},
     {"data", "models"},
     {"weights", "export"},
-    {"training", "pipeline", "stages"},
+    {"training", "pipeline", "validation", "stages"},
     {"simulation", "evaluation", "viewer"},
     {"cli"},
 ]
@@ -25,9 +25,11 @@ SAME_FLOOR = {
     ("render", "voxels"),
     ("procedural", "voxels"),
     ("procedural", "render"),
-    ("stages", "training"),
-    ("stages", "pipeline"),
     ("pipeline", "training"),
+    ("validation", "pipeline"),
+    ("validation", "training"),
+    ("stages", "training"),
+    ("stages", "validation"),
 }
 NO_JAX = ["objects", "voxels", "procedural", "data", "export"]
 BARE = ["nn", "models", "flow", "training"]

@@ -19,9 +19,13 @@ from rich.console import Console
 
 from uniart_jax.config import NETWORKS, Config
 
-Stage = Literal["all", "image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow"]
+Stage = Literal[
+    "all", "image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow"
+]
 Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
-Overwrite = Annotated[bool, tyro.conf.arg(help="Replace OUT if it is not empty (swapped at the end).")]
+Overwrite = Annotated[
+    bool, tyro.conf.arg(help="Replace OUT if it is not empty (swapped at the end).")
+]
 
 
 def guarded(command: Callable[[], int | None]) -> int:
@@ -80,7 +84,9 @@ def sample(
         if folder.exists() and not folder.is_dir():
             raise ValueError(f"output '{folder}': a file of that name exists; choose another --out")
         if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-            raise ValueError(f"output '{folder}': the folder is not empty; choose another --out or pass --overwrite")
+            raise ValueError(
+                f"output '{folder}': the folder is not empty; choose another --out or pass --overwrite"
+            )
     from uniart_jax.pipeline import load
 
     console = Console(stderr=True)
@@ -88,7 +94,10 @@ def sample(
         pipeline = load(checkpoint)
         groups = [("object", list(zip(images, pictures, strict=True)))]
         if not multi_view:
-            groups = [(path.name, [(path, picture)]) for path, picture in zip(images, pictures, strict=True)]
+            groups = [
+                (path.name, [(path, picture)])
+                for path, picture in zip(images, pictures, strict=True)
+            ]
         for g, (name, views) in enumerate(groups):
             for i in range(num_samples):
                 status.update(f"{name}: sample {i + 1} of {num_samples}")
@@ -109,11 +118,18 @@ def sample(
                     overwrite=overwrite,
                 )
                 moving = [p.joint.type for p in obj.parts if p.joint.type != "fixed"]
-                kinds = ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving))) or "no moving joint"
-                console.print(f"{name}: {len(obj.parts)} parts ({kinds}) -> {folder}", highlight=False)
+                kinds = (
+                    ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving)))
+                    or "no moving joint"
+                )
+                console.print(
+                    f"{name}: {len(obj.parts)} parts ({kinds}) -> {folder}", highlight=False
+                )
 
 
-def sample_folders(images, out: Path, num_samples: int, multi_view: bool) -> dict[tuple[int, int], Path]:
+def sample_folders(
+    images, out: Path, num_samples: int, multi_view: bool
+) -> dict[tuple[int, int], Path]:
     """(image or group, sample) -> folder: OUT itself for one object, else OUT/<stem>/sample-<i>.
 
     Raises:
@@ -125,8 +141,14 @@ def sample_folders(images, out: Path, num_samples: int, multi_view: bool) -> dic
     stems = [Path(p).stem for p in groups]
     if len(set(stems)) != len(stems):
         repeated = next(s for s in stems if stems.count(s) > 1)
-        raise ValueError(f"sample: two images are called '{repeated}'; rename one, their folders would be the same")
-    return {(g, i): Path(out) / stem / f"sample-{i}" for g, stem in enumerate(stems) for i in range(num_samples)}
+        raise ValueError(
+            f"sample: two images are called '{repeated}'; rename one, their folders would be the same"
+        )
+    return {
+        (g, i): Path(out) / stem / f"sample-{i}"
+        for g, stem in enumerate(stems)
+        for i in range(num_samples)
+    }
 
 
 def load_config(path: Path) -> Config:
@@ -144,7 +166,9 @@ def load_config(path: Path) -> Config:
     spec.loader.exec_module(module)
     config = module.config() if hasattr(module, "config") else None
     if not isinstance(config, Config):
-        raise ValueError(f"config '{path}': it must define config() returning a uniart_jax.config.Config")
+        raise ValueError(
+            f"config '{path}': it must define config() returning a uniart_jax.config.Config"
+        )
     return config
 
 
@@ -162,7 +186,9 @@ class TrainArguments:
 
 def train(arguments: list[str]) -> None:
     """Parse ``--config`` and friends, then any field of the config by its dotted name, and train."""
-    known, rest = tyro.cli(TrainArguments, args=arguments, return_unknown_args=True, prog="train.py")
+    known, rest = tyro.cli(
+        TrainArguments, args=arguments, return_unknown_args=True, prog="train.py"
+    )
     default = load_config(known.config)
     config = tyro.cli(Config, default=default, args=rest, prog="train.py --config …")
     from uniart_jax.stages import run
@@ -235,7 +261,9 @@ def reconstruct(
     """
     from uniart_jax.evaluation.reconstruction import reconstruct_asset
 
-    reconstruct_asset(asset, out, resolution, subdivisions, allow_outside=allow_outside, overwrite=overwrite)
+    reconstruct_asset(
+        asset, out, resolution, subdivisions, allow_outside=allow_outside, overwrite=overwrite
+    )
 
 
 def evaluate(
@@ -301,7 +329,9 @@ def main() -> None:
     sys.exit(
         guarded(
             lambda: tyro.extras.subcommand_cli_from_dict(
-                COMMANDS, prog="uniart", description="Articulated 3D objects from one image. Also: uniart train …"
+                COMMANDS,
+                prog="uniart",
+                description="Articulated 3D objects from one image. Also: uniart train …",
             )
         )
     )

@@ -170,7 +170,9 @@ class DataConfig:
     validation: str = ""
     procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
     validation_count: int = 64
-    validation_seed: int = 900_000  # never trained on, and not the held-out seeds of the evaluation either
+    validation_seed: int = (
+        900_000  # never trained on, and not the held-out seeds of the evaluation either
+    )
     voxel_buckets: tuple[int, ...] = (8192, 16384, 32768)
     mirror: bool = True  # left-right mirror of object and image with probability 1/2
     seed: int = 0

@@ -23,21 +23,20 @@ def test_contract_and_values(folder):
     batch = table.take(np.array([4, 9]), np.array([0.0, 0.9]), np.array([False, False]))
     assert batch["image"].shape == (2, 16, 16, 3) and batch["image"].dtype == np.float32
     assert batch["occupancy"].shape == (2, 8, 8, 8) and batch["occupancy"].dtype == bool
-    assert batch["cell_codes"].shape == (2, 4, 4, 4, 21) and batch["cell_codes"].dtype == np.float32
+    assert batch["cell_part"].shape == (2, 4, 4, 4) and batch["cell_part"].dtype == np.int32
     for b, index in enumerate((4, 9)):
         record = source[index]
         dense = occupancy(record.coords, 8)
         assert np.array_equal(batch["occupancy"][b], dense)
         coarse = dense.reshape(4, 2, 4, 2, 4, 2).any((1, 3, 5))
-        assert np.array_equal(batch["cell_mask"][b], coarse)
+        assert np.array_equal(batch["cell_part"][b] >= 0, coarse)
         parts = image_table.cell_parts(record, 4)
         assert np.array_equal(parts != NO_PART, coarse)
-        where = parts[coarse]
-        expected = np.concatenate(
-            [record.codes[where], record.boxes[where], record.boxes[record.parents[where]]], -1
-        )
-        assert np.array_equal(batch["cell_codes"][b][coarse], expected)
-        assert not batch["cell_codes"][b][~coarse].any()
+        assert np.array_equal(batch["cell_part"][b][coarse], parts[coarse])
+        known = len(record.boxes)
+        assert np.array_equal(batch["boxes"][b][:known], record.boxes)
+        assert np.array_equal(batch["codes"][b][:known], record.codes)
+        assert np.array_equal(batch["parents"][b][:known], record.parents)
 
 
 def test_cell_belongs_to_the_part_with_most_surface():

@@ -57,7 +57,7 @@ def test_one_pixel_and_huge(tmp_path):
 def test_modes_keep_bright_and_dark(tmp_path, mode):
     ramp = np.linspace(0, 255, 64).astype(np.uint8)[None].repeat(32, 0)
     if mode == "I;16":
-        image = Image.fromarray((ramp.astype(np.uint16) * 257))
+        image = Image.fromarray(ramp.astype(np.uint16) * 257)
     else:
         image = Image.fromarray(ramp).convert(mode)
     path = tmp_path / ("x.tif" if mode == "CMYK" else "x.png")

@@ -5,7 +5,7 @@ entries first, padding zero:
 
     coords [B, V, 3] i4 · counts [B] i4 · sdf [B, V, r^3] f4 · color [B, V, r^3, 3] f4 linear · owner [B, V, r^3] i4
     voxel_part [B, V] i4 · boxes [B, K, 6] f4 · codes [B, K, 9] f4 · parents [B, K] i4 · part_counts [B] i4
-    image [B, H, W, 3] f4 in [0, 1], sRGB over black · plans: {name: nn.segments.Segments}
+    image [B, H, W, 3] f4 in [0, 1], sRGB, cropped to the object, over black · plans: {name: nn.segments.Segments}
 
 Pipelines are ``grain.IterDataset``: ``iter(...)`` gives an iterator with exact ``get_state`` and ``set_state``.
 """
@@ -23,6 +23,7 @@ import numpy as np
 
 from uniart_jax.config import DataConfig, GridConfig, ModelConfig
 from uniart_jax.data.folder import read_manifest
+from uniart_jax.data.images import crop
 from uniart_jax.data.mirror import mirror_record
 from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, fitting_width
 from uniart_jax.data.records import Record, RecordSource, decode_color, decode_sdf
@@ -108,7 +109,7 @@ def _load_voxels(
         items.append(record)
         images.append(record.images[int(view * len(record.images))])
     batch = collate(items, draw.width, model.grid)
-    batch["image"] = over_black(np.stack(images)).astype(np.float32) / 255
+    batch["image"] = seen_images(np.stack(images)).astype(np.float32) / 255
     batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
     return batch
 
@@ -119,7 +120,7 @@ def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirro
         items = [mirror_record(record) for record in items]
     batch = collate(items, draw.width, model.grid, size=len(draw.records))
     images = np.zeros((len(draw.records), *items[0].images.shape[:-1], 3), np.float32)
-    images[: len(items)] = over_black(np.stack([record.images for record in items])) / np.float32(
+    images[: len(items)] = np.stack([seen_images(record.images) for record in items]) / np.float32(
         255
     )
     batch["images"] = images
@@ -165,16 +166,15 @@ def collate(
         batch["sdf"][b, :count] = decode_sdf(record.sdf)
         batch["color"][b, :count] = decode_color(record.color)
         for key in ("coords", "owner", "voxel_part"):
-            batch[key][b, :count] = getattr(record, key)
+            batch[key][b, -count:] = getattr(record, key)
         for key in ("boxes", "codes", "parents"):
             batch[key][b, :known] = getattr(record, key)
     return batch
 
 
-def over_black(images: np.ndarray) -> np.ndarray:
-    """[..., 3] uint8 of straight-alpha images [..., 4] uint8 over black, in sRGB."""
-    weighted = images[..., :3].astype(np.uint16) * images[..., 3:]
-    return ((weighted + 127) // 255).astype(np.uint8)
+def seen_images(images: np.ndarray) -> np.ndarray:
+    """[N, S, S, 3] uint8: rendered views [N, S, S, 4] as networks see them, cropped to the object over black (``images.crop``)."""
+    return np.stack([crop(image, image.shape[0]) for image in images])
 
 
 def open_records(folder: str | Path, grid: GridConfig) -> tuple[RecordSource, np.ndarray]:

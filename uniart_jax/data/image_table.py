@@ -13,7 +13,7 @@ import grain
 import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
-from uniart_jax.data.batches import Batch, local_rows, open_records, over_black, pipeline
+from uniart_jax.data.batches import Batch, local_rows, open_records, pipeline, seen_images
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_dense, mirror_images
 from uniart_jax.data.order import Draw, OnePass, ShuffledOrder
 from uniart_jax.data.records import Record
@@ -54,8 +54,8 @@ class ImageTable:
         """A batch of these records: ``views`` [B] in [0, 1) choose among the images, ``mirrored`` [B] bool.
 
         Returns:
-          image [B, H, W, 3] float32 in [0, 1]; occupancy [B, R, R, R] bool; cell_codes [B, T, T, T, 21] float32 (joint code, own
-          box, parent's box of the part that owns most surface in the cell, zero where the mask is false); cell_mask [B, T, T, T].
+          image [B, H, W, 3] float32 in [0, 1]; occupancy [B, R, R, R] bool; cell_part [B, T, T, T] int32, the part that owns most
+          surface in the cell, -1 where no voxel is active; boxes [B, K, 6], codes [B, K, 9], parents [B, K] tables of the parts.
         """
         view = (np.asarray(views) * self.images.shape[1]).astype(int)
         image = self.images[records, view]
@@ -68,17 +68,13 @@ class ImageTable:
             image[b] = mirror_images(image[b])
             occupied[b], parts[b] = mirror_dense(occupied[b]), mirror_dense(parts[b])
             boxes[b], codes[b] = mirror_boxes(boxes[b]), mirror_codes(codes[b])
-        parent_boxes = np.take_along_axis(boxes, self.parents[records][..., None], 1)
-        # one more part, all zero, for cells without one
-        table = np.pad(np.concatenate([codes, boxes, parent_boxes], -1), ((0, 0), (0, 1), (0, 0)))
-        mask = parts != NO_PART
-        ids = np.where(mask, parts, table.shape[1] - 1)
-        rows = np.arange(len(ids))[:, None, None, None]
         return {
             "image": image.astype(np.float32) / np.float32(255),
             "occupancy": occupied,
-            "cell_codes": table[rows, ids].astype(np.float32),
-            "cell_mask": mask,
+            "cell_part": np.where(parts == NO_PART, -1, parts.astype(np.int32)),
+            "boxes": boxes,
+            "codes": codes,
+            "parents": self.parents[records],
         }
 
 
@@ -133,7 +129,7 @@ def load_image_table(folder: str | Path, model: ModelConfig) -> ImageTable:
     for i in range(n):
         record = source[i]
         known = len(record.boxes)
-        table.images[i] = over_black(record.images)
+        table.images[i] = seen_images(record.images)
         table.occupied[i] = np.packbits(occupancy(record.coords, resolution).reshape(-1))
         table.cell_parts[i] = cell_parts(record, target)
         table.boxes[i, :known] = record.boxes

@@ -14,7 +14,9 @@ SURFACE_POINTS = 20_000
 VOLUME_POINTS = 20_000
 
 
-def surface_points(mesh: trimesh.Trimesh, number: int = SURFACE_POINTS, seed: int = 0) -> np.ndarray:
+def surface_points(
+    mesh: trimesh.Trimesh, number: int = SURFACE_POINTS, seed: int = 0
+) -> np.ndarray:
     """[number, 3] points uniform on the surface, deterministic by seed."""
     points, _ = trimesh.sample.sample_surface(mesh, number, seed=seed)
     return np.asarray(points)
@@ -62,12 +64,17 @@ def _visible_points(obj: ArticulatedObject, seed: int) -> np.ndarray:
     return np.asarray(points[visible] if visible.any() else points)
 
 
-def mesh_iou(a: trimesh.Trimesh, b: trimesh.Trimesh, number: int = VOLUME_POINTS, seed: int = 0) -> float:
+def mesh_iou(
+    a: trimesh.Trimesh, b: trimesh.Trimesh, number: int = VOLUME_POINTS, seed: int = 0
+) -> float:
     """Volumetric overlap by winding number at ``number`` points uniform in the union of the two boxes."""
     lo, hi = np.minimum(a.bounds[0], b.bounds[0]), np.maximum(a.bounds[1], b.bounds[1])
     points = np.random.default_rng(seed).uniform(lo, hi, (number, 3))
     inside = [
-        igl.fast_winding_number(np.asarray(m.vertices, float), np.asarray(m.faces, np.int64), points) > 0.5
+        igl.fast_winding_number(
+            np.asarray(m.vertices, float), np.asarray(m.faces, np.int64), points
+        )
+        > 0.5
         for m in (a, b)
     ]
     union = (inside[0] | inside[1]).sum()

@@ -29,7 +29,9 @@ RIGHT_PIVOT = 0.05
 
 def corners(boxes: np.ndarray) -> np.ndarray:
     """[..., 6] (centre, size) to [..., 6] (lower, upper)."""
-    return np.concatenate([boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2], -1)
+    return np.concatenate(
+        [boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2], -1
+    )
 
 
 def match_parts(predicted: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -18,7 +18,9 @@ from uniart_jax.voxels.grid import PartGrid
 from uniart_jax.voxels.voxelize import voxelize
 
 
-def reconstruct(obj: ArticulatedObject, resolution: int = 32, subdivisions: int = 4) -> ArticulatedObject:
+def reconstruct(
+    obj: ArticulatedObject, resolution: int = 32, subdivisions: int = 4
+) -> ArticulatedObject:
     """A normalised object through the voxels and back; scale and name kept.
 
     Raises:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import jax
+from jax.experimental import multihost_utils
 from orbax.checkpoint import v1 as ocp
 
 from uniart_jax.training.export import differences, flat_names
@@ -161,6 +162,8 @@ class Checkpoints:
             source = self.folder / str(step)
             if source.exists():
                 source.rename(self.folder / f"damaged-{step}")
+        if jax.process_count() > 1:
+            multihost_utils.sync_global_devices("damaged checkpoint set aside")
         self._orbax.reload()
 
 

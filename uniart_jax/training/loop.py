@@ -19,6 +19,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from jax.experimental import multihost_utils
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from tensorboardX import SummaryWriter
@@ -195,8 +196,6 @@ class _Signals:
             return self._received
         if not meeting:
             return None
-        from jax.experimental import multihost_utils
-
         everyone = multihost_utils.process_allgather(np.asarray(self._received or 0))
         return int(np.max(everyone)) or None
 

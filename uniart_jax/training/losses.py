@@ -41,8 +41,10 @@ def joint_code_loss(predicted: jax.Array, target: jax.Array, delta: float) -> ja
 
 def box_loss(predicted: jax.Array, target: jax.Array, delta: float) -> jax.Array:
     """[...] mean Huber over a box [..., 6] (centre, size), measured on its lower and upper corners."""
-    corners = lambda box: jnp.concatenate(  # noqa: E731
-        [box[..., :3] - box[..., 3:] / 2, box[..., :3] + box[..., 3:] / 2], -1
+    corners = (
+        lambda box: jnp.concatenate(  # noqa: E731
+            [box[..., :3] - box[..., 3:] / 2, box[..., :3] + box[..., 3:] / 2], -1
+        )
     )
     return huber(corners(predicted) - corners(target), delta).mean(-1)
 
@@ -73,7 +75,9 @@ def geometry_losses(
     return {
         "occupancy": masked_mean(occupancy.mean(-1), weights),
         "sdf": masked_mean(huber(predicted["sdf"] - sdf, 0.5).mean(-1), weights),
-        "color": masked_mean((color_error * near).sum(-1) / jnp.maximum(near.sum(-1), 1.0), weights),
+        "color": masked_mean(
+            (color_error * near).sum(-1) / jnp.maximum(near.sum(-1), 1.0), weights
+        ),
     }
 
 
@@ -93,7 +97,9 @@ def articulation_losses(
     """
     return {
         "own_box": masked_mean(box_loss(predicted["own_box"], own_box, delta).mean(-1), weights),
-        "joint_code": masked_mean(joint_code_loss(predicted["joint_code"], joint_code, delta), weights),
+        "joint_code": masked_mean(
+            joint_code_loss(predicted["joint_code"], joint_code, delta), weights
+        ),
         "parent_box": masked_mean(box_loss(predicted["parent_box"], parent_box, delta), weights),
     }
 
@@ -111,7 +117,9 @@ def dice_loss(logits: jax.Array, target: jax.Array) -> jax.Array:
     return jnp.mean(1 - overlap / (probability.sum(axes) + target.sum(axes) + 1))
 
 
-def balanced_voxels(key: jax.Array, voxel_part: jax.Array, counts: jax.Array, number: int, max_parts: int) -> jax.Array:
+def balanced_voxels(
+    key: jax.Array, voxel_part: jax.Array, counts: jax.Array, number: int, max_parts: int
+) -> jax.Array:
     """[B, number] voxel indices drawn so that every part of an object is drawn equally often (with replacement).
 
     Args:

@@ -66,7 +66,9 @@ def summarize_readings(rows: list[dict[str, float]]) -> dict[str, float]:
     """Means of "found", "right", "type", "box" and medians of "axis", "pivot" over rows; empty without rows."""
     if not rows:
         return {}
-    summary = {name: float(np.mean([r[name] for r in rows])) for name in ("found", "right", "type", "box")}
+    summary = {
+        name: float(np.mean([r[name] for r in rows])) for name in ("found", "right", "type", "box")
+    }
     for name in ("axis", "pivot"):
         values = np.array([r[name] for r in rows])
         values = values[~np.isnan(values)]

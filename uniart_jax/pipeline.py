@@ -1,0 +1,360 @@
+"""Image -> articulated object: the networks of a checkpoint and the voxel decoder behind one call.
+
+    image -> crop -> image encoder -> tokens, volume
+    structure flow -> structure VAE decoder -> active voxels
+    latent flow on them -> UniArt VAE decoder -> voxels with everything on them -> assemble -> object
+
+Each step is a method, so that evaluation can start from the truth at any of them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from uniart_jax.config import NETWORKS, Config, ModelConfig, SampleConfig
+from uniart_jax.data.images import crop, foreground, read_image
+from uniart_jax.flow.guidance import guide
+from uniart_jax.flow.solvers import euler
+from uniart_jax.models.network import build
+from uniart_jax.nn.grids import flow_plan
+from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.training.export import load_network, read_config, read_statistics
+from uniart_jax.voxels.assemble import assemble
+from uniart_jax.voxels.grid import PartGrid, VoxelGrid
+
+PRETRAINED = Path(__file__).parent / "pretrained"
+LATENTS = ("structure", "latent")
+
+
+class Condition(NamedTuple):
+    """What the flows see of an image.
+
+    Attributes:
+      tokens: [B, L, D]. volume: [B, Rv, Rv, Rv, C].
+    """
+
+    tokens: Any
+    volume: Any
+
+
+def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
+    """Jitted (params, (mean, std), condition, key) -> structure latents [B, s, s, s, C]."""
+    network = build("structure_flow", model)
+    vae = model.structure_vae
+    side = model.grid.resolution // vae.patch_size // 2 ** (len(vae.channels) - 1)
+
+    @jax.jit
+    def run(params, statistics, condition, key):
+        mean, std = statistics
+        noise = jax.random.normal(
+            key, (condition.tokens.shape[0], side, side, side, vae.latent_channels)
+        )
+
+        def velocity(x, t, seen):
+            return network.apply(params, x, t, seen.tokens, seen.volume)
+
+        nothing = jax.tree.map(jnp.zeros_like, condition)
+        guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
+        return euler(guided, noise, options.steps, options.rescale_t) * std + mean
+
+    return run
+
+
+def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
+    """Jitted (params, (mean, std), condition, key, voxels, twice) -> UniArt latents [B, V, C], padding zero.
+
+    ``voxels`` and ``twice`` are of ``flow_inputs``: guidance runs both conditions as one batch.
+    """
+    network = build("latent_flow", model)
+    channels = model.uniart_vae.latent_channels
+
+    @jax.jit
+    def run(params, statistics, condition, key, voxels, twice):
+        mean, std = statistics
+        coords, counts = voxels["coords"], voxels["counts"]
+        valid = (jnp.arange(coords.shape[1]) < counts[:, None])[..., None]
+        noise = jnp.where(valid, jax.random.normal(key, (*coords.shape[:2], channels)), 0)
+
+        def velocity(x, t, seen):
+            here = voxels if x.shape[0] == coords.shape[0] else twice
+            return network.apply(params, x, t, seen.tokens, seen.volume, **here)
+
+        nothing = jax.tree.map(jnp.zeros_like, condition)
+        guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
+        sample = euler(guided, noise, options.steps, options.rescale_t)
+        return jnp.where(valid, sample * std + mean, 0)
+
+    return run
+
+
+def pad_coords(
+    coords: Sequence[np.ndarray], buckets: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Voxel lists [V_i, 3] as padded coords [B, V, 3] and counts [B]; V is the smallest bucket that holds all.
+
+    Raises:
+      ValueError: a list is longer than the largest bucket.
+    """
+    longest = max(len(c) for c in coords)
+    fitting = [b for b in sorted(buckets) if b >= longest]
+    if not fitting:
+        raise ValueError(
+            f"voxels: {longest} active voxels, the largest bucket holds {max(buckets)}"
+        )
+    padded = np.zeros((len(coords), fitting[0], 3), np.int32)
+    for row, voxels in zip(padded, coords, strict=True):
+        row[: len(voxels)] = voxels
+    return padded, np.array([len(c) for c in coords], np.int32)
+
+
+def flow_inputs(
+    coords: np.ndarray, counts: np.ndarray, model: ModelConfig
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The latent flow's arguments for a padded batch, and for the same batch twice over (guidance)."""
+    both = []
+    for times in (1, 2):
+        c, n = np.concatenate([coords] * times), np.concatenate([counts] * times)
+        both.append(
+            {"coords": c, "counts": n, "plan": flow_plan(c, n, model.latent_flow, model.grid)}
+        )
+    return both[0], both[1]
+
+
+class Pipeline:
+    """A trained model.
+
+    Attributes:
+      config: of the checkpoint.
+      parameters: network name -> nested dict of float32 arrays.
+      statistics: "structure", "latent" -> (mean, std).
+    """
+
+    def __init__(self, config: Config, parameters: dict[str, Any], statistics: dict[str, Any]):
+        self.config, self.parameters, self.statistics = config, parameters, statistics
+
+    def __call__(
+        self,
+        image: str | Path | np.ndarray | Sequence[str | Path | np.ndarray],
+        *,
+        seed: int = 0,
+        steps: int | None = None,
+        guidance: float | None = None,
+        name: str = "object",
+        progress: Callable[[str], None] = lambda step: None,
+    ) -> ArticulatedObject:
+        """One image (or several views of one object) to an object.
+
+        Args:
+          image: path, or [H, W, 3 or 4] uint8 sRGB; a sequence of them = several views.
+          seed: same seed, same object.
+          steps, guidance: of both flows; None = the checkpoint's own.
+          progress: called with the name of each step.
+
+        Raises:
+          FileNotFoundError, ValueError: an image cannot be used, or no object was found in it.
+        """
+        views = image if isinstance(image, (list, tuple)) else [image]
+        structure_options, latent_options = self.options(steps, guidance)
+        progress("looking at the image")
+        pixels = np.stack([self.prepare(view) for view in views])
+        condition = join_views(self.encode_images(pixels))
+        keys = jax.random.split(jax.random.key(seed))
+        progress("structure")
+        coords = self.sample_structure(condition, keys[0], structure_options)[0]
+        if len(coords) == 0:
+            raise ValueError(
+                f"{name}: the model found no object in the image; crop to the object or try another seed"
+            )
+        progress(f"{len(coords)} voxels")
+        latent = self.sample_latents([coords], condition, keys[1], latent_options)[0]
+        progress("parts and joints")
+        grid = self.decode([coords], [latent])[0]
+        return assemble(grid, name=name)
+
+    def options(
+        self, steps: int | None, guidance: float | None
+    ) -> tuple[SampleConfig, SampleConfig]:
+        """The checkpoint's sampling options, changed where asked."""
+        changes: dict[str, Any] = {}
+        if steps is not None:
+            changes["steps"] = steps
+        if guidance is not None:
+            changes["guidance"] = guidance
+        both = (self.config.sample_structure, self.config.sample_latent)
+        return tuple(dataclasses.replace(o, **changes) for o in both)  # type: ignore[return-value]
+
+    def prepare(self, image: str | Path | np.ndarray) -> np.ndarray:
+        """[S, S, 3] float32 in [0, 1]: read, foreground, square crop, on black."""
+        name = "image" if isinstance(image, np.ndarray) else f"image '{image}'"
+        pixels = image if isinstance(image, np.ndarray) else read_image(image)
+        if pixels.ndim != 3 or pixels.shape[-1] not in (3, 4) or pixels.dtype != np.uint8:
+            raise ValueError(
+                f"{name}: expected [H, W, 3 or 4] uint8, got {pixels.shape} {pixels.dtype}"
+            )
+        if pixels.shape[-1] == 3:
+            pixels = np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)])
+        cut = crop(foreground(pixels, name), self.config.model.image_encoder.image_size)
+        return cut.astype(np.float32) / 255
+
+    def encode_images(self, images: np.ndarray) -> Condition:
+        """[B, S, S, 3] in [0, 1] -> tokens and volume."""
+        seen = self._encode_images(self.parameters["image_encoder"], images)
+        return Condition(seen["tokens"], seen["volume"])
+
+    def sample_structure(
+        self, condition: Condition, key: jax.Array, options: SampleConfig | None = None
+    ) -> list[np.ndarray]:
+        """Active voxels [V_i, 3] of each item; at most as many as the largest bucket holds, the most certain first."""
+        sampler = self._structure_sampler(options or self.config.sample_structure)
+        latent = sampler(
+            self.parameters["structure_flow"], self.statistics["structure"], condition, key
+        )
+        logits = np.asarray(self._decode_structure(self.parameters["structure_vae"], latent))
+        most = max(self.config.data.voxel_buckets)
+        found = []
+        for item in logits:
+            if (item > 0).sum() > most:
+                item = np.where(item >= np.partition(item, -most, axis=None)[-most], item, -1.0)
+            found.append(np.argwhere(item > 0).astype(np.int32)[:most])
+        return found
+
+    def sample_latents(
+        self,
+        coords: Sequence[np.ndarray],
+        condition: Condition,
+        key: jax.Array,
+        options: SampleConfig | None = None,
+    ) -> list[np.ndarray]:
+        """UniArt latents [V_i, C] on the active voxels of each item."""
+        padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
+        voxels, twice = flow_inputs(padded, counts, self.config.model)
+        sampler = self._latent_sampler(options or self.config.sample_latent)
+        parameters = self.parameters["latent_flow"]
+        latent = np.asarray(
+            sampler(parameters, self.statistics["latent"], condition, key, voxels, twice)
+        )
+        return [row[:count] for row, count in zip(latent, counts, strict=True)]
+
+    def encode_voxels(self, grid: PartGrid) -> np.ndarray:
+        """UniArt latent mean [V, C] of a true grid."""
+        model = self.config.model
+        coords, counts = pad_coords([grid.coords], self.config.data.voxel_buckets)
+        width, count = coords.shape[1], counts[0]
+        parts = len(grid.boxes)
+
+        def pad(values, rows, dtype):
+            return np.concatenate([values, np.zeros((rows - len(values), *values.shape[1:]))])[
+                None
+            ].astype(dtype)
+
+        batch: dict[str, Any] = {"coords": coords, "counts": counts}
+        for key, dtype in (("sdf", "f4"), ("color", "f4"), ("owner", "i4"), ("voxel_part", "i4")):
+            batch[key] = pad(getattr(grid, key), width, dtype)
+        for key, dtype in (("boxes", "f4"), ("codes", "f4"), ("parents", "i4")):
+            batch[key] = pad(getattr(grid, key), model.grid.max_parts, dtype)
+        if parts > model.grid.max_parts:
+            raise ValueError(f"voxels: {parts} parts, the model holds {model.grid.max_parts}")
+        batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+        return np.asarray(self._encode_voxels(self.parameters["uniart_vae"], batch))[0, :count]
+
+    def decode(
+        self, coords: Sequence[np.ndarray], latents: Sequence[np.ndarray]
+    ) -> list[VoxelGrid]:
+        """Latents [V_i, C] on voxels [V_i, 3] -> voxel grids."""
+        model = self.config.model
+        padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
+        latent = np.zeros((*padded.shape[:2], model.uniart_vae.latent_channels), np.float32)
+        for row, values in zip(latent, latents, strict=True):
+            row[: len(values)] = values
+        batch: dict[str, Any] = {"coords": padded, "counts": counts}
+        batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, parts=False)
+        out = jax.device_get(self._decode_voxels(self.parameters["uniart_vae"], latent, batch))
+        names = ("sdf", "color", "own_box", "joint_code", "parent_box")
+        return [
+            VoxelGrid(
+                model.grid.resolution,
+                model.grid.subdivisions,
+                padded[b, :count],
+                *(out[name][b, :count] for name in names),
+            )
+            for b, count in enumerate(counts)
+        ]
+
+    @functools.cached_property
+    def _encode_images(self):
+        return jax.jit(build("image_encoder", self.config.model).apply)
+
+    @functools.cached_property
+    def _decode_structure(self):
+        return jax.jit(
+            functools.partial(build("structure_vae", self.config.model).apply, method="decode")
+        )
+
+    @functools.cached_property
+    def _decode_voxels(self):
+        return jax.jit(
+            functools.partial(build("uniart_vae", self.config.model).apply, method="decode")
+        )
+
+    @functools.cached_property
+    def _encode_voxels(self):
+        network = build("uniart_vae", self.config.model)
+        return jax.jit(lambda params, batch: network.apply(params, batch, method="encode")["mean"])
+
+    @functools.lru_cache(maxsize=4)  # noqa: B019  one pipeline lives as long as the program
+    def _structure_sampler(self, options: SampleConfig):
+        return make_structure_sampler(self.config.model, options)
+
+    @functools.lru_cache(maxsize=4)  # noqa: B019
+    def _latent_sampler(self, options: SampleConfig):
+        return make_latent_sampler(self.config.model, options)
+
+
+def join_views(condition: Condition) -> Condition:
+    """Several views [M, ...] of one object as one condition [1, ...]: tokens side by side, volumes (aligned with the object) averaged."""
+    tokens, volume = condition
+    return Condition(tokens.reshape(1, -1, tokens.shape[-1]), volume.mean(0, keepdims=True))
+
+
+def load(checkpoint: str | Path = "nano") -> Pipeline:
+    """A model by name (shipped: "nano"), export folder or training WORKDIR.
+
+    Raises:
+      FileNotFoundError: no such checkpoint, or a network is missing in it.
+      ValueError: it is truncated, of another config, or not finite; all differences are listed.
+    """
+    shipped = PRETRAINED / str(checkpoint)
+    folder = shipped if not os.path.isdir(checkpoint) and shipped.is_dir() else Path(checkpoint)
+    if not folder.is_dir():
+        known = (
+            ", ".join(sorted(p.name for p in PRETRAINED.iterdir() if p.is_dir()))
+            if PRETRAINED.is_dir()
+            else ""
+        )
+        raise FileNotFoundError(
+            f"checkpoint '{checkpoint}': neither a folder nor a shipped model (shipped: {known or 'none'})"
+        )
+    config = read_config(folder)
+    parameters = {
+        name: load_network(folder, name, build(name, config.model).abstract()) for name in NETWORKS
+    }
+    statistics = {name: read_statistics(folder, name) for name in LATENTS}
+    return Pipeline(config, parameters, statistics)
+
+
+def enable_compilation_cache() -> None:
+    """Keep compiled programs between runs, in the user's cache folder; programs call this, the library does not."""
+    if jax.config.jax_compilation_cache_dir is None:
+        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
+        jax.config.update("jax_compilation_cache_dir", str(base / "uniart_jax" / "xla"))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)

@@ -1,0 +1,272 @@
+"""Training from records to an exported checkpoint: what each stage reads, minimises and is judged by.
+
+    image_encoder   images -> coarse occupancy, boxes, joints            (then frozen)
+    structure_vae   occupancy <-> dense latent
+    uniart_vae      voxels with everything on them <-> latent per voxel
+    (encode)        all records through the three, once
+    structure_flow  noise -> structure latent, given the image
+    latent_flow     noise on the active voxels -> UniArt latent, given the image
+
+WORKDIR holds ``config.json``, ``checkpoints/<stage>``, ``metrics``, ``tensorboard``, ``latents`` and ``export``, the checkpoint that sampling
+loads. Every stage resumes by itself; a finished one is skipped.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from uniart_jax.config import NETWORKS, Config, GridConfig, ModelConfig
+from uniart_jax.data import latents as latent_store
+from uniart_jax.data.batches import record_batches, voxel_batches
+from uniart_jax.data.image_table import image_batches
+from uniart_jax.data.prepare import prepare_procedural
+from uniart_jax.data.records import RecordSource
+from uniart_jax.models.network import build
+from uniart_jax.training import objectives
+from uniart_jax.training.checkpoints import Checkpoints
+from uniart_jax.training.export import (
+    export_network,
+    load_network,
+    read_config,
+    write_config,
+    write_statistics,
+)
+from uniart_jax.training.loop import run_stage
+from uniart_jax.training.sharding import make_mesh, put_batch
+from uniart_jax.training.state import create_state, make_optimizer
+from uniart_jax.training.step import make_train_step
+from uniart_jax.validation import make_evaluation
+
+ENCODED = ("image_encoder", "structure_vae", "uniart_vae")  # what latents depend on
+ENCODE_KEYS = (
+    "coords",
+    "counts",
+    "sdf",
+    "color",
+    "owner",
+    "voxel_part",
+    "boxes",
+    "codes",
+    "parents",
+    "plans",
+)
+ENCODE_BATCH = 4
+
+console = Console(stderr=True, highlight=False)
+
+
+def run(config: Config, stages: Sequence[str], workdir: Path) -> None:
+    """Train ``stages`` in their order; prepares the config's own procedural records first if they are not there.
+
+    Raises:
+      ValueError: WORKDIR belongs to another model, records are missing, or an earlier stage has not been trained.
+      FloatingPointError: loss or gradients are not finite.
+    """
+    workdir = Path(workdir)
+    claim(config, workdir)
+    if workers := jax.process_count() - 1:
+        console.print(f"training on {jax.device_count()} devices of {workers + 1} processes")
+    ensure_records(config)
+    for name in (n for n in NETWORKS if n in stages):
+        train_network(name, config, workdir)
+
+
+def claim(config: Config, workdir: Path) -> None:
+    """Make WORKDIR this config's, or check that it is: one folder holds one model."""
+    if (workdir / "config.json").is_file():
+        found = read_config(workdir)
+        if found.model != config.model:
+            raise ValueError(
+                f"workdir '{workdir}' holds a model of another size (config '{found.name}'); choose another --workdir"
+            )
+    workdir.mkdir(parents=True, exist_ok=True)
+    write_config(workdir, config)
+    write_config(workdir / "export", config)
+
+
+def ensure_records(config: Config) -> None:
+    """Prepare the training and validation records that the config describes, where they are not there yet."""
+    data, grid = config.data, config.model.grid
+    if not data.records:
+        raise ValueError(
+            "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
+        )
+    if not data.procedural:
+        return
+    options: dict[str, Any] = {
+        "grid": GridConfig(grid.resolution, grid.subdivisions),
+        "image_size": config.model.image_encoder.image_size,
+    }
+    for folder, count, seed in (
+        (data.records, data.procedural, 0),
+        (data.validation, data.validation_count, data.validation_seed),
+    ):
+        if folder and not (Path(folder) / "manifest.csv").is_file():
+            console.print(f"preparing {count} procedural objects in {folder}")
+            prepare_procedural(Path(folder), count, start_seed=seed, **options)
+
+
+def train_network(name: str, config: Config, workdir: Path) -> None:
+    """One stage, from its checkpoint or from scratch, to ``WORKDIR/export/<name>.safetensors``."""
+    stage = getattr(config, name)
+    network = build(name, config.model)
+    mesh = make_mesh(config.mesh)
+    statistics = None
+    if name.endswith("_flow"):
+        statistics = encode_all(config, workdir)
+    share = {"process_index": jax.process_index(), "process_count": jax.process_count()}
+    if name in ("image_encoder", "structure_vae"):
+        batches = image_batches(
+            config.data.records, config.data, config.model, stage.batch_size, **share
+        )
+    elif name == "uniart_vae":
+        batches = voxel_batches(
+            config.data.records, config.data, config.model, stage.batch_size, **share
+        )
+    else:
+        batches = latent_store.latent_batches(
+            workdir / "latents", config.data, config.model, stage.batch_size, stage=name, **share
+        )
+    make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
+    loss_fn = make_loss(network, config, *(statistics or {}).get(name.removesuffix("_flow"), ()))
+    key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
+    optimizer = make_optimizer(stage)
+    with Checkpoints(workdir / "checkpoints" / name, stage.keep_checkpoints) as checkpoints:
+        state = run_stage(
+            name,
+            state=create_state(network.init, optimizer, key, mesh),
+            train_step=make_train_step(loss_fn, optimizer, stage.ema_decay),
+            batches=iter(batches),
+            put=lambda batch: put_batch(select(name, batch), mesh),
+            key=jax.random.fold_in(key, 1),
+            checkpoints=checkpoints,
+            stage=stage,
+            workdir=workdir,
+            evaluate=make_evaluation(name, config, workdir, statistics),
+        )
+    if jax.process_index() == 0:
+        export_network(workdir / "export", name, state.ema)
+
+
+def select(name: str, batch: dict[str, Any]) -> dict[str, Any]:
+    """What a stage's loss reads of a host batch: nothing else travels to the device."""
+    unused = {"image"} if name == "uniart_vae" else set()
+    return {key: value for key, value in batch.items() if key not in unused}
+
+
+def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """All records, and their mirror images, through the three frozen networks; again only if weights or records changed."""
+    parameters = {
+        name: load_network(workdir, name, build(name, config.model).abstract()) for name in ENCODED
+    }
+    jobs = [
+        (
+            config.data.records,
+            workdir / "latents",
+            (False, True) if config.data.mirror else (False,),
+        )
+    ]
+    if config.data.validation:
+        jobs.append((config.data.validation, workdir / "latents-validation", (False,)))
+    for records, out, mirrors in jobs:
+        key = digest(config, workdir, Path(records))
+        if latent_store.latents_key(out) != key:
+            console.print(f"encoding {records}")
+            latent_store.write_latents(
+                out, encode_records(config, parameters, records, mirrors), key=key
+            )
+    found = latent_store.read_statistics(workdir / "latents")
+    statistics = {
+        "structure": (found.structure_mean, found.structure_std),
+        "latent": (found.latent_mean, found.latent_std),
+    }
+    for part, (mean, std) in statistics.items():
+        write_statistics(workdir / "export", part, mean, std)
+    return statistics
+
+
+def digest(config: Config, workdir: Path, records: Path) -> str:
+    """What latents depend on: the exported weights, the records' settings and manifest, and mirroring."""
+    total = hashlib.sha256(
+        repr((config.model, config.data.mirror, config.data.voxel_buckets)).encode()
+    )
+    for path in [workdir / "export" / f"{name}.safetensors" for name in ENCODED]:
+        total.update(path.read_bytes())
+    for path in (records / "metadata.json", records / "manifest.csv"):
+        total.update(path.read_bytes() if path.is_file() else b"")
+    return total.hexdigest()
+
+
+def encode_records(
+    config: Config, parameters: dict[str, Any], records: str | Path, mirrors: Sequence[bool]
+) -> Iterator[dict[str, Any]]:
+    """Items for ``latents.write_latents``: latent means of every record, and the image encoder's output for every view."""
+    encode = make_encoder(config.model)
+    number = len(RecordSource(records)) // ENCODE_BATCH
+    for mirrored in mirrors:
+        batches = record_batches(
+            records, config.data, config.model, ENCODE_BATCH, mirrored=mirrored
+        )
+        what = "mirrored" if mirrored else "records"
+        for batch in track(batches, what, total=number, console=console, transient=True):
+            views = batch["images"].shape[1]
+            images = batch["images"].reshape(-1, *batch["images"].shape[2:])
+            voxels = {key: batch[key] for key in ENCODE_KEYS}
+            out = jax.device_get(encode(parameters, voxels, images))
+            for b, record in enumerate(batch["record"]):
+                if record >= 0:
+                    count = batch["counts"][b]
+                    chosen = slice(b * views, (b + 1) * views)
+                    yield {
+                        "record": int(record),
+                        "mirrored": mirrored,
+                        "structure": out["structure"][b],
+                        "coords": batch["coords"][b, :count],
+                        "latent": out["latent"][b, :count],
+                        "tokens": out["tokens"][chosen],
+                        "volume": out["volume"][chosen],
+                    }
+
+
+def dense_occupancy(coords: jax.Array, counts: jax.Array, resolution: int) -> jax.Array:
+    """[B, R, R, R] float32, 1 at the active voxels of padded coords [B, V, 3]."""
+    valid = (jnp.arange(coords.shape[1]) < counts[:, None]).astype(jnp.float32)
+
+    def one(coords, valid):
+        return jnp.zeros((resolution,) * 3).at[coords[:, 0], coords[:, 1], coords[:, 2]].max(valid)
+
+    return jax.vmap(one)(coords, valid)
+
+
+def make_encoder(
+    model: ModelConfig,
+) -> Callable[[dict[str, Any], dict[str, Any], Any], dict[str, jax.Array]]:
+    """Jitted (parameters of the three networks, voxel batch, images [B N, H, W, 3]) -> structure, latent, tokens, volume."""
+    structure_vae, uniart_vae, image_encoder = (
+        build(n, model) for n in ("structure_vae", "uniart_vae", "image_encoder")
+    )
+
+    @functools.partial(jax.jit)
+    def encode(parameters, voxels, images):
+        occupancy = dense_occupancy(voxels["coords"], voxels["counts"], model.grid.resolution)
+        structure, _ = structure_vae.apply(parameters["structure_vae"], occupancy, method="encode")
+        latent = uniart_vae.apply(parameters["uniart_vae"], voxels, method="encode")["mean"]
+        seen = image_encoder.apply(parameters["image_encoder"], images)
+        return {
+            "structure": structure,
+            "latent": latent,
+            "tokens": seen["tokens"],
+            "volume": seen["volume"],
+        }
+
+    return encode

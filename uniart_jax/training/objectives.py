@@ -1,0 +1,231 @@
+"""What each network minimises: ``make_*`` gives ``loss_fn(params, batch, key) -> (loss, scalar metrics)``.
+
+Batches are those of ``data.batches``; every loss is a mean per object, then over objects.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from uniart_jax.config import Config
+from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
+from uniart_jax.models.network import Network
+from uniart_jax.models.uniart_vae import subcell_boxes, valid_tokens, voxel_codes
+from uniart_jax.training.losses import (
+    articulation_losses,
+    balanced_voxels,
+    binary_cross_entropy,
+    box_loss,
+    dice_loss,
+    geometry_losses,
+    joint_code_loss,
+    kl_loss,
+    masked_mean,
+)
+
+LossFn = Callable[[Any, dict[str, Any], jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
+
+
+def part_weights(parts: jax.Array, mask: jax.Array, max_parts: int) -> jax.Array:
+    """[B, n] weights, half of them uniform over rows and half uniform over parts, so that small parts are heard.
+
+    Args:
+      parts: [B, n] part ids. mask: [B, n] 1 where the row counts.
+    """
+
+    def of_item(parts, mask):
+        sizes = jnp.zeros(max_parts).at[parts].add(mask)
+        present = jnp.maximum((sizes > 0).sum(), 1)
+        uniform = mask / jnp.maximum(mask.sum(), 1.0)
+        balanced = mask / jnp.maximum(sizes[parts], 1.0) / present
+        return 0.5 * (uniform + balanced)
+
+    return jax.vmap(of_item)(parts, mask)
+
+
+def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
+    """Regression of coarse structure from the image: occupancy [R^3], joint codes and boxes at the target resolution."""
+    delta = config.loss.huber_delta
+
+    def loss_fn(params, batch, key):
+        out = network.apply(params, batch["image"])
+        occupancy = batch["occupancy"].astype(jnp.float32)
+        items = occupancy.shape[0]
+        entropy = binary_cross_entropy(out["occupancy"], occupancy).mean()
+        overlap = dice_loss(out["occupancy"], occupancy)
+        codes = out["codes"].reshape(items, -1, out["codes"].shape[-1])
+        part = batch["cell_part"].reshape(items, -1)
+        mask = (part >= 0).astype(jnp.float32)
+        part = jnp.maximum(part, 0)
+        weights = part_weights(part, mask, config.model.grid.max_parts)
+        gather = jax.vmap(lambda table, index: table[index])
+        own = gather(batch["boxes"], part)
+        parent = gather(batch["boxes"], gather(batch["parents"], part))
+        joint = gather(batch["codes"], part)
+        terms = {
+            "joint_code": masked_mean(joint_code_loss(codes[..., :9], joint, delta), weights),
+            "own_box": masked_mean(box_loss(codes[..., 9:15], own, delta), weights),
+            "parent_box": masked_mean(box_loss(codes[..., 15:21], parent, delta), weights),
+        }
+        loss = entropy + 0.2 * overlap + 4.0 * sum(terms.values())
+        predicted = out["occupancy"] > 0
+        truth = occupancy > 0.5
+        axes = (1, 2, 3)
+        iou = (predicted & truth).sum(axes) / jnp.maximum((predicted | truth).sum(axes), 1)
+        return loss, {"entropy": entropy, "dice": overlap, "iou": iou.mean(), **terms}
+
+    return loss_fn
+
+
+def make_structure_vae_loss(network: Network, config: Config) -> LossFn:
+    """Occupancy through the dense VAE: cross-entropy + Dice + KL. Upstream: TRELLIS ``trainers/vae/sparse_structure_vae.py``."""
+
+    def loss_fn(params, batch, key):
+        occupancy = batch["occupancy"].astype(jnp.float32)
+        out = network.apply(params, occupancy, key)
+        entropy = binary_cross_entropy(out["logits"], occupancy).mean()
+        overlap = dice_loss(out["logits"], occupancy)
+        mean, logvar = (
+            out[k].reshape(occupancy.shape[0], -1, out[k].shape[-1]) for k in ("mean", "logvar")
+        )
+        kl = kl_loss(mean, logvar, jnp.ones(mean.shape[:2]))
+        loss = entropy + overlap + config.loss.structure_kl * kl
+        predicted, truth = out["logits"] > 0, occupancy > 0.5
+        axes = (1, 2, 3)
+        iou = (predicted & truth).sum(axes) / jnp.maximum((predicted | truth).sum(axes), 1)
+        return loss, {"entropy": entropy, "dice": overlap, "kl": kl, "iou": iou.mean()}
+
+    return loss_fn
+
+
+def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
+    """L_geo + lambda_1 L_art + lambda_2 L_kl (+ the supplement's alignment), on all voxels or on some drawn equally from all parts."""
+    weights, max_parts = config.loss, config.model.grid.max_parts
+
+    def loss_fn(params, batch, key):
+        draw_key, noise_key = jax.random.split(key)
+        valid = valid_tokens(batch["counts"], batch["coords"].shape[1])[..., 0].astype(jnp.float32)
+        voxels, mask = None, valid
+        if weights.voxels_per_object:
+            voxels = balanced_voxels(
+                draw_key, batch["voxel_part"], batch["counts"], weights.voxels_per_object, max_parts
+            )
+            mask = jnp.ones(voxels.shape)
+        out = network.apply(params, batch, noise_key, voxels)
+
+        def at(values: jax.Array) -> jax.Array:
+            if voxels is None:
+                return values
+            index = voxels.reshape(*voxels.shape, *[1] * (values.ndim - 2))
+            return jnp.take_along_axis(values, index, axis=1)
+
+        codes = at(voxel_codes(batch))
+        geometry = geometry_losses(out, at(batch["sdf"]), at(batch["color"]), mask)
+        articulation = articulation_losses(
+            out,
+            subcell_boxes(batch, voxels),
+            codes[..., :9],
+            codes[..., 15:21],
+            mask,
+            weights.huber_delta,
+        )
+        kl = kl_loss(out["mean"], out["logvar"], valid)
+        loss = geometry["occupancy"] + geometry["sdf"] + weights.color * geometry["color"]
+        loss = loss + weights.articulation * sum(articulation.values()) + weights.kl * kl
+        metrics = {**geometry, **articulation, "kl": kl}
+        if weights.alignment:
+            metrics["alignment"] = alignment_loss(out["geometry"], out["articulation"], valid)
+            loss = loss + weights.alignment * metrics["alignment"]
+        return loss, metrics
+
+    return loss_fn
+
+
+def alignment_loss(geometry: jax.Array, articulation: jax.Array, valid: jax.Array) -> jax.Array:
+    """The supplement's "structure alignment" between the two embeddings, of which it gives no formula: 1 - CKA.
+
+    Linear centred kernel alignment compares two sets of vectors of different widths without another layer; 0 where each is a rotation
+    and scaling of the other. Arrays [B, V, C1], [B, V, C2], valid [B, V].
+    """
+
+    def one(a, b, mask):
+        mask = mask[:, None]
+        count = jnp.maximum(mask.sum(), 1.0)
+        a, b = (jnp.where(mask > 0, x, 0) for x in (a, b))
+        a, b = ((x - x.sum(0) / count) * mask for x in (a, b))
+        cross = jnp.sum((a.T @ b) ** 2)
+        return 1 - cross / jnp.maximum(jnp.linalg.norm(a.T @ a) * jnp.linalg.norm(b.T @ b), 1e-9)
+
+    return jax.vmap(one)(geometry, articulation, valid).mean()
+
+
+def normalize(latent: jax.Array, mean: Any, std: Any) -> jax.Array:
+    """Channels of a latent [..., C] to mean 0 and deviation 1."""
+    return (latent - jnp.asarray(mean)) / jnp.asarray(std)
+
+
+def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> LossFn:
+    """Rectified flow of the dense structure latent; ``draws_per_image`` noise draws share one image's condition."""
+    flow, weights = config.model.structure_flow, config.loss
+
+    def loss_fn(params, batch, key):
+        x0 = jnp.repeat(normalize(batch["structure"], mean, std), weights.draws_per_image, axis=0)
+        t, noise, tokens, volume = draw(batch, x0, key, config)
+        x = interpolate(x0, noise, t)
+        v = network.apply(params, x, t, tokens, volume)
+        error = flow_loss(v, x0, noise)
+        return summarize_flow(error, v, x, x0, t, None, flow.prediction)
+
+    return loss_fn
+
+
+def make_latent_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> LossFn:
+    """Rectified flow of the UniArt latents on the active voxels."""
+    flow = config.model.latent_flow
+
+    def loss_fn(params, batch, key):
+        coords, counts = batch["coords"], batch["counts"]
+        mask = valid_tokens(counts, coords.shape[1])[..., 0]
+        x0 = jnp.where(mask[..., None], normalize(batch["latent"], mean, std), 0)
+        t, noise, tokens, volume = draw(batch, x0, key, config)
+        x = interpolate(x0, noise, t)
+        v = network.apply(
+            params, x, t, tokens, volume, coords=coords, counts=counts, plan=batch["plans"]["flow"]
+        )
+        error = flow_loss(v, x0, noise, mask)
+        return summarize_flow(error, v, x, x0, t, mask, flow.prediction)
+
+    return loss_fn
+
+
+def draw(batch, x0: jax.Array, key: jax.Array, config: Config):
+    """Times [B n], noise like x0, and the condition [B, ...] with some items' dropped to zero for guidance."""
+    weights = config.loss
+    time_key, noise_key, drop_key = jax.random.split(key, 3)
+    t = sample_times(
+        time_key, x0.shape[:1], weights.time_mean, weights.time_std, weights.noise_share
+    )
+    noise = jax.random.normal(noise_key, x0.shape)
+    keep = jax.random.uniform(drop_key, batch["tokens"].shape[:1]) >= weights.condition_drop
+    tokens = jnp.where(keep[:, None, None], batch["tokens"], 0)
+    volume = jnp.where(keep[:, None, None, None, None], batch["volume"], 0)
+    return t, noise, tokens, volume
+
+
+def summarize_flow(error, v, x, x0, t, mask, prediction):
+    """Loss and metrics. A network that predicts the clean sample is judged on it: the velocity's error times t^2."""
+    loss = jnp.mean(error * t**2 if prediction == "data" else error)
+    miss = jnp.square(predicted_sample(x, v, t) - x0).mean(-1)
+    miss = miss if mask is None else jnp.where(mask, miss, 0)
+    axes = tuple(range(1, miss.ndim))
+    miss = miss.mean(axes) if mask is None else miss.sum(axes) / jnp.maximum(mask.sum(axes), 1)
+    late = t > 0.95
+    # of a variance of 1: near 1 means that the image is ignored, whatever the loss says
+    at_noise = (
+        jnp.where(late, miss, 0).sum() / late.sum()
+    )  # NaN without such a draw: left out of means
+    return loss, {"velocity": error.mean(), "x0_error": miss.mean(), "x0_error_at_noise": at_noise}

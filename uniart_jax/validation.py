@@ -1,0 +1,238 @@
+"""How each stage is judged while it trains, on records that it never sees: part-level readings beside the losses.
+
+Validation seeds are neither training seeds nor the held-out seeds of the evaluation, so that nothing is tuned on the latter.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from uniart_jax.config import Config
+from uniart_jax.data.batches import record_batches
+from uniart_jax.data.image_table import image_pass
+from uniart_jax.data.latents import LatentSource
+from uniart_jax.data.records import Record, RecordSource
+from uniart_jax.models.network import build
+from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.pipeline import (
+    Condition,
+    flow_inputs,
+    make_latent_sampler,
+    make_structure_sampler,
+    pad_coords,
+)
+from uniart_jax.training.export import load_network
+from uniart_jax.training.metrics import part_readings, summarize_readings
+from uniart_jax.training.state import TrainState
+
+Evaluation = Callable[[TrainState, int], tuple[dict[str, float], dict[str, np.ndarray]]]
+IMAGE_BATCH = 16
+VOXEL_BATCH = 2
+OBJECTS = 48  # of the validation records; enough to see a trend, few enough to look often
+
+
+def make_evaluation(
+    name: str,
+    config: Config,
+    workdir: Path,
+    statistics: dict[str, tuple[np.ndarray, np.ndarray]] | None,
+) -> Evaluation | None:
+    """The evaluation hook of a stage (``training.loop``), judging the averaged weights; None without validation records."""
+    if not config.data.validation:
+        return None
+    if name.endswith("_flow"):
+        return {"structure_flow": _structure_flow, "latent_flow": _latent_flow}[name](
+            config, workdir, statistics or {}
+        )
+    return {
+        "image_encoder": _image_encoder,
+        "structure_vae": _structure_vae,
+        "uniart_vae": _uniart_vae,
+    }[name](config)
+
+
+def iou(predicted: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """[B] overlap of dense occupancies [B, R, R, R]."""
+    axes = (1, 2, 3)
+    return (predicted & truth).sum(axes) / np.maximum((predicted | truth).sum(axes), 1)
+
+
+def _image_encoder(config: Config) -> Evaluation:
+    apply = jax.jit(build("image_encoder", config.model).apply)
+    tables = RecordSource(config.data.validation)
+
+    def evaluate(state, step):
+        overlaps, rows, pictures = [], [], []
+        for batch in image_pass(config.data.validation, config.model, IMAGE_BATCH):
+            out = jax.device_get(apply(state.ema, batch["image"]))
+            truth = np.asarray(batch["occupancy"], bool)
+            for b, index in enumerate(batch["record"]):
+                if index < 0 or len(overlaps) >= OBJECTS:
+                    continue
+                overlaps.append(iou(out["occupancy"][b : b + 1] > 0, truth[b : b + 1])[0])
+                part = batch["cell_part"][b]
+                mask = part >= 0
+                codes, record = out["codes"][b][mask], tables[int(index)]
+                rows += part_readings(
+                    codes[:, :9],
+                    codes[:, 9:15],
+                    part[mask],
+                    record.boxes,
+                    record.codes,
+                    record.parents,
+                )
+                if len(pictures) < 4:
+                    pictures.append(
+                        _silhouettes(batch["image"][b], truth[b], out["occupancy"][b] > 0)
+                    )
+        return {"iou": float(np.mean(overlaps)), **summarize_readings(rows)}, {
+            "occupancy": np.concatenate(pictures)
+        }
+
+    return evaluate
+
+
+def _structure_vae(config: Config) -> Evaluation:
+    network = build("structure_vae", config.model)
+    apply = jax.jit(lambda params, occupancy: network.apply(params, occupancy)["logits"])
+
+    def evaluate(state, step):
+        overlaps = []
+        for batch in image_pass(config.data.validation, config.model, IMAGE_BATCH):
+            truth = np.asarray(batch["occupancy"], bool)
+            logits = np.asarray(apply(state.ema, batch["occupancy"].astype(np.float32)))
+            overlaps += list(iou(logits > 0, truth)[batch["record"] >= 0])
+        return {"iou": float(np.mean(overlaps))}, {}
+
+    return evaluate
+
+
+def _uniart_vae(config: Config) -> Evaluation:
+    network = build("uniart_vae", config.model)
+
+    @jax.jit
+    def apply(params, batch):
+        latent = network.apply(params, batch, method="encode")["mean"]
+        return network.apply(params, latent, batch, method="decode")
+
+    def evaluate(state, step):
+        rows, inside, colors = [], [], []
+        seen = 0
+        for batch in record_batches(config.data.validation, config.data, config.model, VOXEL_BATCH):
+            if seen >= OBJECTS:
+                break
+            out = jax.device_get(
+                apply(state.ema, {k: v for k, v in batch.items() if k not in ("images", "record")})
+            )
+            for b, index in enumerate(batch["record"]):
+                if index < 0:
+                    continue
+                seen += 1
+                count = batch["counts"][b]
+                part, known = batch["voxel_part"][b, :count], batch["part_counts"][b]
+                rows += part_readings(
+                    out["joint_code"][b, :count],
+                    out["own_box"][b, :count].mean(1),
+                    part,
+                    batch["boxes"][b, :known],
+                    batch["codes"][b, :known],
+                    batch["parents"][b, :known],
+                )
+                truth, guess = batch["sdf"][b, :count] < 0, out["sdf"][b, :count] < 0
+                inside.append((truth & guess).sum() / max((truth | guess).sum(), 1))
+                colors.append(np.abs(out["color"][b, :count] - batch["color"][b, :count]).mean())
+        figures = {"inside_iou": float(np.mean(inside)), "color_error": float(np.mean(colors))}
+        return {**figures, **summarize_readings(rows)}, {}
+
+    return evaluate
+
+
+def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> Evaluation:
+    source = LatentSource(workdir / "latents-validation")
+    sampler = make_structure_sampler(config.model, config.sample_structure)
+    vae = build("structure_vae", config.model)
+    parameters = load_network(workdir, "structure_vae", vae.abstract())
+    decode = jax.jit(functools.partial(vae.apply, method="decode"))
+
+    def evaluate(state, step):
+        overlaps = []
+        number = min(OBJECTS, len(source)) // IMAGE_BATCH * IMAGE_BATCH or len(source)
+        for start in range(0, number, IMAGE_BATCH):
+            items = [source[i] for i in range(start, min(start + IMAGE_BATCH, number))]
+            condition = _condition(items)
+            latent = sampler(state.ema, statistics["structure"], condition, jax.random.key(start))
+            truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
+            for row, item in zip(truth, items, strict=True):
+                row[tuple(item["coords"].astype(int).T)] = True
+            overlaps += list(iou(np.asarray(decode(parameters, latent)) > 0, truth))
+        return {"iou": float(np.mean(overlaps))}, {}
+
+    return evaluate
+
+
+def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> Evaluation:
+    source = LatentSource(workdir / "latents-validation")
+    records = RecordSource(config.data.validation)
+    sampler = make_latent_sampler(config.model, config.sample_latent)
+    vae = build("uniart_vae", config.model)
+    parameters = load_network(workdir, "uniart_vae", vae.abstract())
+    decode = jax.jit(functools.partial(vae.apply, method="decode"))
+
+    def evaluate(state, step):
+        rows, inside = [], []
+        for index in range(min(OBJECTS, len(source))):
+            item = source[index]
+            record: Record = records[int(item["record"])]
+            coords, counts = pad_coords(
+                [item["coords"].astype(np.int32)], config.data.voxel_buckets
+            )
+            voxels, twice = flow_inputs(coords, counts, config.model)
+            key = jax.random.key(index)
+            latent = sampler(
+                state.ema, statistics["latent"], _condition([item]), key, voxels, twice
+            )
+            batch = {"coords": coords, "counts": counts}
+            batch["plans"] = voxel_plans(
+                batch, config.model.uniart_vae, config.model.grid, parts=False
+            )
+            out, count = jax.device_get(decode(parameters, latent, batch)), counts[0]
+            rows += part_readings(
+                out["joint_code"][0, :count],
+                out["own_box"][0, :count].mean(1),
+                record.voxel_part,
+                record.boxes,
+                record.codes,
+                record.parents,
+            )
+            truth, guess = record.sdf < 0, out["sdf"][0, :count] < 0
+            inside.append((truth & guess).sum() / max((truth | guess).sum(), 1))
+        return {"inside_iou": float(np.mean(inside)), **summarize_readings(rows)}, {}
+
+    return evaluate
+
+
+def _condition(items: list[dict[str, Any]]) -> Condition:
+    first = [(item["tokens"][0], item["volume"][0]) for item in items]
+    tokens, volume = (np.stack(values).astype(np.float32) for values in zip(*first, strict=True))
+    return Condition(jnp.asarray(tokens), jnp.asarray(volume))
+
+
+def _silhouettes(image: np.ndarray, truth: np.ndarray, guess: np.ndarray) -> np.ndarray:
+    """[S, 5 S, 3]: the image, then front and side depth of the true and of the predicted occupancy."""
+    size = image.shape[0]
+
+    def depth(grid: np.ndarray, axis: int) -> np.ndarray:
+        first = np.where(grid.any(axis), 1 - grid.argmax(axis) / grid.shape[axis], 0)
+        picture = first.T[::-1]
+        times = size // picture.shape[0]
+        return np.repeat(np.kron(picture, np.ones((times, times)))[..., None], 3, -1)
+
+    tiles = [depth(grid, axis) for axis in (0, 1) for grid in (truth, guess)]
+    return np.concatenate([image, *tiles], 1)
