@@ -166,7 +166,7 @@ def collate(
         batch["sdf"][b, :count] = decode_sdf(record.sdf)
         batch["color"][b, :count] = decode_color(record.color)
         for key in ("coords", "owner", "voxel_part"):
-            batch[key][b, -count:] = getattr(record, key)
+            batch[key][b, :count] = getattr(record, key)
         for key in ("boxes", "codes", "parents"):
             batch[key][b, :known] = getattr(record, key)
     return batch
