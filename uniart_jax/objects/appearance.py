@@ -11,13 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 from PIL import Image
-from trimesh.path import packing
 from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import SimpleMaterial
 
 GRAY = (0.6, 0.6, 0.6)
 MAX_ATLAS = 4096  # pixels on a side; larger sums of textures are shrunk
-SWATCH = 3  # pixels on a side of a plain colour in an atlas: its middle is exact under bilinear sampling
+SWATCH = (
+    3  # pixels on a side of a plain colour in an atlas: its middle is exact under bilinear sampling
+)
 
 
 def srgb_to_linear(srgb: np.ndarray) -> np.ndarray:
@@ -112,6 +113,12 @@ def merge_meshes(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
     if len(meshes) == 1:
         return meshes[0]
     textures = [_texture(m) for m in meshes]
+    if textures[0] is not None and all(_same_image(t, textures[0]) for t in textures):
+        vertices, faces = _stack([m.vertices for m in meshes], [m.faces for m in meshes])
+        uv = np.concatenate([m.visual.uv for m in meshes])
+        material = SimpleMaterial(image=Image.fromarray(textures[0]))
+        visual = TextureVisuals(uv=uv, material=material)
+        return trimesh.Trimesh(vertices, faces, visual=visual, process=False)
     if any(t is not None for t in textures):
         return _merge_atlas(meshes, textures)
     if any(m.visual.kind == "vertex" for m in meshes):
@@ -147,6 +154,10 @@ def _texture(mesh: trimesh.Trimesh) -> np.ndarray | None:
     return image
 
 
+def _same_image(a: np.ndarray | None, b: np.ndarray | None) -> bool:
+    return a is not None and b is not None and a.shape == b.shape and bool(np.array_equal(a, b))
+
+
 def _face_colors(mesh: trimesh.Trimesh) -> np.ndarray:
     """[F, 4] uint8 sRGB; textures are not read, vertex colours are averaged."""
     visual = mesh.visual
@@ -168,9 +179,15 @@ def _with_vertex_colors(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
         return mesh
     colors = _face_colors(mesh)
     if len(np.unique(colors, axis=0)) == 1:
-        return _colored(mesh.vertices, mesh.faces, vertex_colors=np.tile(colors[0], (len(mesh.vertices), 1)))
-    faces = np.arange(3 * len(mesh.faces)).reshape(-1, 3)  # corners of differently coloured faces part
-    return _colored(mesh.vertices[mesh.faces].reshape(-1, 3), faces, vertex_colors=np.repeat(colors, 3, axis=0))
+        return _colored(
+            mesh.vertices, mesh.faces, vertex_colors=np.tile(colors[0], (len(mesh.vertices), 1))
+        )
+    faces = np.arange(3 * len(mesh.faces)).reshape(
+        -1, 3
+    )  # corners of differently coloured faces part
+    return _colored(
+        mesh.vertices[mesh.faces].reshape(-1, 3), faces, vertex_colors=np.repeat(colors, 3, axis=0)
+    )
 
 
 def _split(vertices: np.ndarray, faces: np.ndarray, key: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -181,7 +198,9 @@ def _split(vertices: np.ndarray, faces: np.ndarray, key: np.ndarray) -> tuple[np
     return vertices[source], inverse.reshape(-1, 3), source, unique[:, 1:]
 
 
-def _merge_atlas(meshes: Sequence[trimesh.Trimesh], textures: list[np.ndarray | None]) -> trimesh.Trimesh:
+def _merge_atlas(
+    meshes: Sequence[trimesh.Trimesh], textures: list[np.ndarray | None]
+) -> trimesh.Trimesh:
     # Each tile: an image; each piece: vertices, faces, which tile, and UVs in that tile's pixels from its lower left.
     tiles: list[np.ndarray] = []
     tile_of: dict[bytes, int] = {}
@@ -219,7 +238,9 @@ def _merge_atlas(meshes: Sequence[trimesh.Trimesh], textures: list[np.ndarray | 
         if identity not in tile_of:
             tile_of[identity] = len(tiles)
             tiles.append(image)
-        pieces.append((vertices, faces, tile_of[identity], (uv[source] - key) / np.maximum(repeats, 1)))
+        pieces.append(
+            (vertices, faces, tile_of[identity], (uv[source] - key) / np.maximum(repeats, 1))
+        )
     atlas, boxes = _pack(tiles, fixed=1 if palette else 0)
     vertices, faces = _stack([p[0] for p in pieces], [p[1] for p in pieces])
     uv = np.concatenate([boxes[tile, :2] + local * boxes[tile, 2:] for _, _, tile, local in pieces])
@@ -247,6 +268,27 @@ def _pack(tiles: list[np.ndarray], fixed: int) -> tuple[Image.Image, np.ndarray]
             width, height = (max(1, int(s * shrink)) for s in (tile.shape[1], tile.shape[0]))
             tile = np.asarray(Image.fromarray(tile).resize((width, height)))
         padded.append(np.pad(tile, ((1, 1), (1, 1), (0, 0)), mode="wrap"))
-    atlas, offsets = packing.images([Image.fromarray(p) for p in padded], seed=0, iterations=10)
-    sizes = np.array([(p.shape[1] - 2, p.shape[0] - 2) for p in padded])
-    return atlas, np.hstack([offsets + 1, sizes]) / np.tile(atlas.size, 2)
+    sizes = np.array([(p.shape[1], p.shape[0]) for p in padded])
+    corners, width, height = _shelves(sizes)
+    atlas = np.zeros((height, width, 3), np.uint8)
+    for (x, y), tile in zip(corners, padded, strict=True):
+        atlas[y : y + tile.shape[0], x : x + tile.shape[1]] = tile
+    below = np.column_stack([corners[:, 0], height - corners[:, 1] - sizes[:, 1]])
+    boxes = np.hstack([below + 1, sizes - 2]) / [width, height, width, height]
+    return Image.fromarray(atlas), boxes
+
+
+def _shelves(sizes: np.ndarray) -> tuple[np.ndarray, int, int]:
+    """Upper left corners [n, 2] of rectangles laid in rows, highest first, and the sheet's width and height.
+
+    trimesh.path.packing loses rectangles on some inputs.
+    """
+    width = max(int(sizes[:, 0].max()), int(np.ceil(np.sqrt(np.prod(sizes, axis=1).sum() * 1.1))))
+    corners = np.zeros_like(sizes)
+    x = y = row = 0
+    for i in np.lexsort((np.arange(len(sizes)), -sizes[:, 1])):
+        if x + sizes[i, 0] > width:
+            x, y, row = 0, y + row, 0
+        corners[i] = x, y
+        x, row = x + int(sizes[i, 0]), max(row, int(sizes[i, 1]))
+    return corners, width, y + row

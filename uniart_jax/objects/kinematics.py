@@ -61,7 +61,9 @@ class Joint:
             origin, direction = np.zeros(3), np.array([0.0, 0.0, 1.0])
         lo, hi = (a0, a1) if rotates else (t0, t1)
         if not lo <= 1e-9 or not hi >= -1e-9:
-            raise ValueError(f"joint: limits must bracket the shown state 0, got ({lo:.6g}, {hi:.6g})")
+            raise ValueError(
+                f"joint: limits must bracket the shown state 0, got ({lo:.6g}, {hi:.6g})"
+            )
         if rotates and travels and abs(a0 * t1 - a1 * t0) > 1e-6 * max(1.0, abs(a1 - a0)):
             raise ValueError(f"joint: angle {a0, a1} and travel {t0, t1} are not proportional")
         if rotates and not travels and a1 - a0 >= 2 * np.pi - 1e-9:
@@ -184,7 +186,9 @@ def topological_order(parents: Sequence[int]) -> list[int]:
     return order
 
 
-def forward_kinematics(parents: Sequence[int], joints: Sequence[Joint], q: np.ndarray) -> np.ndarray:
+def forward_kinematics(
+    parents: Sequence[int], joints: Sequence[Joint], q: np.ndarray
+) -> np.ndarray:
     """Where every part stands at joint state ``q``.
 
     Args:
@@ -197,7 +201,9 @@ def forward_kinematics(parents: Sequence[int], joints: Sequence[Joint], q: np.nd
     """
     q = np.asarray(q, dtype=np.float64)
     if q.shape != (len(parents),):
-        raise ValueError(f"forward kinematics: expected q of shape ({len(parents)},), got {q.shape}")
+        raise ValueError(
+            f"forward kinematics: expected q of shape ({len(parents)},), got {q.shape}"
+        )
     transforms = np.tile(np.eye(4), (len(parents), 1, 1))
     for k in topological_order(parents):
         if parents[k] >= 0:

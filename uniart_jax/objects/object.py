@@ -22,6 +22,8 @@ from uniart_jax.objects.kinematics import (
     topological_order,
 )
 
+State = Sequence[float] | np.ndarray | dict[str, float]  # [K] coordinates, or part name -> q
+
 
 def moved_mesh(mesh: trimesh.Trimesh, matrix: np.ndarray) -> trimesh.Trimesh:
     """A copy of ``mesh`` moved by [4, 4], mirrors included; it shares its material with the original.
@@ -101,7 +103,8 @@ class ArticulatedObject:
         if order != list(range(len(parts))):
             position = {old: new for new, old in enumerate(order)}
             parts = tuple(
-                dataclasses.replace(parts[old], parent=position.get(parts[old].parent, -1)) for old in order
+                dataclasses.replace(parts[old], parent=position.get(parts[old].parent, -1))
+                for old in order
             )
         object.__setattr__(self, "parts", parts)
 
@@ -136,7 +139,7 @@ class ArticulatedObject:
                 return i
         raise ValueError(f"object: no part is named '{name}'")
 
-    def coordinates(self, q: Sequence[float] | dict[str, float] | None) -> np.ndarray:
+    def coordinates(self, q: State | None) -> np.ndarray:
         """[K] joint coordinates from an array, a dictionary part name -> q, or None (the shown state)."""
         if q is None:
             return np.zeros(len(self.parts))
@@ -150,7 +153,7 @@ class ArticulatedObject:
             raise ValueError(f"object: expected q of shape ({len(self.parts)},), got {state.shape}")
         return state
 
-    def forward_kinematics(self, q: Sequence[float] | dict[str, float] | None = None) -> np.ndarray:
+    def forward_kinematics(self, q: State | None = None) -> np.ndarray:
         """[K, 4, 4] transforms from the shown state to state ``q``."""
         return forward_kinematics(self.parents, self.joints, self.coordinates(q))
 
@@ -162,7 +165,7 @@ class ArticulatedObject:
             parts.append(dataclasses.replace(part, mesh=mesh, joint=part.joint.transformed(matrix)))
         return dataclasses.replace(self, parts=tuple(parts))
 
-    def shown_at(self, q: Sequence[float] | dict[str, float]) -> ArticulatedObject:
+    def shown_at(self, q: State) -> ArticulatedObject:
         """The same object whose shown state is ``q``: meshes moved, axes moved by their ancestors, coordinates measured from q."""
         q = self.coordinates(q)
         moved = self.forward_kinematics(q)
@@ -221,7 +224,9 @@ class ArticulatedObject:
             trimesh.transform_points(part.mesh.vertices, matrix)
             for part, matrix in zip(self.parts, self.forward_kinematics(q), strict=True)
         ]
-        return np.stack([np.min([p.min(0) for p in points], 0), np.max([p.max(0) for p in points], 0)])
+        return np.stack(
+            [np.min([p.min(0) for p in points], 0), np.max([p.max(0) for p in points], 0)]
+        )
 
     def open(self, fraction: float = 1.0) -> np.ndarray:
         """[K] the state ``fraction`` of the way from rest to the end farther from rest; continuous joints turn by 90 degrees."""
@@ -236,7 +241,7 @@ class ArticulatedObject:
                 q[k] = rest[k] + fraction * (far - rest[k])
         return q
 
-    def mesh(self, q: Sequence[float] | dict[str, float] | None = None) -> trimesh.Trimesh:
+    def mesh(self, q: State | None = None) -> trimesh.Trimesh:
         """All parts at state ``q`` as one mesh without appearance."""
         moved = []
         for part, matrix in zip(self.parts, self.forward_kinematics(q), strict=True):

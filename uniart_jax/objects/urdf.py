@@ -1,7 +1,7 @@
 """URDF: reading any sane one, repairing what real ones get wrong, and writing ours.
 
-Reading goes in four steps, a file each: ``urdf_read`` (XML to records), ``urdf_mesh`` (the files they name, without leaving the
-asset's folder), ``urdf_tree`` (one tree, one screw an edge) and ``load_object`` here. Every repair is one line of
+Reading goes in steps, a file each: ``urdf_read`` (XML to records), ``urdf_mesh`` (the files they name, without leaving the
+asset's folder), ``urdf_tree`` with ``urdf_motion`` (one tree, one screw an edge) and ``load_object`` here. Every repair is one line of
 ``ArticulatedObject.provenance``. The URDF's world frame at the shown state becomes the object frame, metres.
 
 Writing puts every link's frame at its joint's origin with the object frame's axes. A screw, which URDF cannot say, becomes a
@@ -22,6 +22,7 @@ from lxml import etree
 from uniart_jax.objects.kinematics import TRAVEL_DEAD_ZONE, Joint
 from uniart_jax.objects.object import ArticulatedObject, Part, moved_mesh
 from uniart_jax.objects.urdf_mesh import AssetFiles, link_mesh
+from uniart_jax.objects.urdf_motion import lowered
 from uniart_jax.objects.urdf_read import MAX_BYTES, read_robot
 from uniart_jax.objects.urdf_tree import Tree
 
@@ -51,9 +52,13 @@ def find_urdf(path: str | Path) -> Path:
     found = sorted(path.glob("*.urdf"))
     if len(found) > 1:
         names = ", ".join(f.name for f in found[:4])
-        raise ValueError(f"{path}: the folder holds {len(found)} URDFs ({names} ...): name one of them")
+        raise ValueError(
+            f"{path}: the folder holds {len(found)} URDFs ({names} ...): name one of them"
+        )
     if not found:
-        raise FileNotFoundError(f"{path}: the folder holds no URDF (object.urdf, mobility.urdf or one *.urdf)")
+        raise FileNotFoundError(
+            f"{path}: the folder holds no URDF (object.urdf, mobility.urdf or one *.urdf)"
+        )
     return found[0]
 
 
@@ -91,8 +96,12 @@ def load_object(path: str | Path, *, allow_outside: bool = False) -> Articulated
         parts = []
         for name in tree.names:
             parent = tree.parents[name]
-            joint = tree.joint(name, moved[name], TRAVEL_DEAD_ZONE * side)
-            parts.append(Part(name, moved[name], -1 if parent is None else tree.names.index(parent), joint))
+            joint = lowered(
+                name, tree.chains[name], moved[name], TRAVEL_DEAD_ZONE * side, robot.notes
+            )
+            parts.append(
+                Part(name, moved[name], -1 if parent is None else tree.names.index(parent), joint)
+            )
         notes = tuple(_one_line(n) for n in dict.fromkeys([*robot.notes, *files.notes]))
         return ArticulatedObject(tuple(parts), name=robot.name or path.stem, provenance=notes)
     except (ValueError, OSError, RuntimeError, OverflowError) as error:
@@ -130,14 +139,24 @@ def write_urdf(
       ValueError: lists of another length than the parts, or a name that XML cannot hold.
     """
     count = len(obj.parts)
-    for what, given in (("mesh_files", mesh_files), ("collision_files", collision_files), ("inertials", inertials)):
+    for what, given in (
+        ("mesh_files", mesh_files),
+        ("collision_files", collision_files),
+        ("inertials", inertials),
+    ):
         if given is not None and len(given) != count:
             raise ValueError(f"write_urdf: {what} has {len(given)} entries for {count} parts")
     if any(isinstance(f, str) for f in [*mesh_files, *(collision_files or ())]):
-        raise ValueError("write_urdf: mesh_files holds a list of files for every part, not one file")
+        raise ValueError(
+            "write_urdf: mesh_files holds a list of files for every part, not one file"
+        )
     inertials = inertials or [mesh_inertial(p.mesh, obj.scale) for p in obj.parts]
     try:
         robot = etree.Element("robot", name=obj.name or "object")
+        # MuJoCo before 4.0 strips the folders from mesh files, and any MuJoCo merges fixed links unless told not to. It shows
+        # the collision shapes: visuals stay discarded, its default, since it refuses flat ones.
+        compiler = {"strippath": "false", "fusestatic": "false"}
+        etree.SubElement(etree.SubElement(robot, "mujoco"), "compiler", compiler)
         frames = _frames(obj)
         taken = {p.name for p in obj.parts}
         for k, part in enumerate(obj.parts):
@@ -145,8 +164,8 @@ def write_urdf(
             mass, center, inertia = inertials[k]
             _inertial(link, mass, np.asarray(center) - frames[k], np.asarray(inertia))
             for tag, files in (("visual", mesh_files), ("collision", collision_files)):
-                for file in files[k] if files is not None else ():
-                    shape = etree.SubElement(link, tag)
+                for i, file in enumerate(files[k] if files is not None else ()):
+                    shape = etree.SubElement(link, tag, name=f"{part.name}_{tag}{i}")
                     _origin(shape, -frames[k])
                     etree.SubElement(etree.SubElement(shape, "geometry"), "mesh", filename=file)
         for k, part in enumerate(obj.parts):
@@ -154,7 +173,9 @@ def write_urdf(
                 parent = obj.parts[part.parent].name
                 _joint(robot, part, parent, frames[k] - frames[part.parent], obj.scale, taken)
     except ValueError as error:
-        raise ValueError(_one_line(f"write_urdf: a name or file name cannot stand in XML: {error}")) from None
+        raise ValueError(
+            _one_line(f"write_urdf: a name or file name cannot stand in XML: {error}")
+        ) from None
     path = Path(path)
     if path.suffix.lower() != ".urdf":
         path = path / "object.urdf"
@@ -186,7 +207,9 @@ def _frames(obj: ArticulatedObject) -> list[np.ndarray]:
     return frames
 
 
-def _joint(robot, part: Part, parent: str, origin: np.ndarray, scale: float, taken: set[str]) -> None:
+def _joint(
+    robot, part: Part, parent: str, origin: np.ndarray, scale: float, taken: set[str]
+) -> None:
     joint, name = part.joint, joint_name(part)
     travel = (joint.travel[0] * scale, joint.travel[1] * scale)
     if joint.type == "screw":
@@ -198,7 +221,9 @@ def _joint(robot, part: Part, parent: str, origin: np.ndarray, scale: float, tak
         _inertial(link, 10 * MIN_MASS, np.zeros(3), 10 * MIN_MASS * np.eye(3) * 1e-4)
         _element(robot, name, "revolute", parent, carrier, origin, joint, joint.angle)
         slide = f"{part.name}_travel"
-        element = _element(robot, slide, "prismatic", carrier, part.name, np.zeros(3), joint, tuple(sorted(travel)))
+        element = _element(
+            robot, slide, "prismatic", carrier, part.name, np.zeros(3), joint, tuple(sorted(travel))
+        )
         pitch = (travel[1] - travel[0]) / (joint.angle[1] - joint.angle[0])
         etree.SubElement(element, "mimic", joint=name, multiplier=_number(pitch), offset="0")
         return
@@ -206,7 +231,9 @@ def _joint(robot, part: Part, parent: str, origin: np.ndarray, scale: float, tak
     _element(robot, name, joint.type, parent, part.name, origin, joint, limits)
 
 
-def _element(robot, name: str, kind: str, parent: str, child: str, origin: np.ndarray, joint: Joint, limits):
+def _element(
+    robot, name: str, kind: str, parent: str, child: str, origin: np.ndarray, joint: Joint, limits
+):
     element = etree.SubElement(robot, "joint", name=name, type=kind)
     _origin(element, origin)
     etree.SubElement(element, "parent", link=parent)
@@ -257,14 +284,14 @@ def mesh_inertial(mesh: trimesh.Trimesh, scale: float = 1.0, density: float = DE
       (kg, [3] m, [3, 3] kg m^2), object frame; positive definite with a + b > c for the principal moments, at least 1 g.
     """
     solid = trimesh.Trimesh(mesh.vertices * scale, mesh.faces)  # merges the seams of a texture
-    if not solid.is_volume:
+    if not _is_solid(solid):
+        extents, center = np.maximum(solid.extents, MIN_GYRATION), solid.bounds.mean(0)
         try:
             solid = solid.convex_hull
-        except Exception:  # qhull on a flat or tiny mesh
-            solid = trimesh.creation.box(bounds=solid.bounds)
-    if not solid.is_volume or not solid.volume > 0:
-        extents = np.maximum(solid.extents, MIN_GYRATION)
-        solid = trimesh.creation.box(extents, transform=trimesh.transformations.translation_matrix(solid.bounds.mean(0)))
+        except Exception:  # qhull on a flat or tiny mesh; the check below sees it
+            solid = trimesh.Trimesh()
+        if not _is_solid(solid):
+            solid = trimesh.creation.box(extents).apply_translation(center)
     properties = solid.mass_properties
     mass = max(float(properties.mass) * density, MIN_MASS)
     inertia = np.asarray(properties.inertia) * (mass / float(properties.mass))
@@ -273,3 +300,8 @@ def mesh_inertial(mesh: trimesh.Trimesh, scale: float = 1.0, density: float = DE
     values, vectors = np.linalg.eigh((second + second.T) / 2)
     second = (vectors * np.maximum(values, mass * MIN_GYRATION**2)) @ vectors.T
     return mass, np.asarray(properties.center_mass), np.trace(second) * np.eye(3) - second
+
+
+def _is_solid(mesh: trimesh.Trimesh) -> bool:
+    with np.errstate(all="ignore"):  # a flat mesh has no centre of mass
+        return bool(len(mesh.faces)) and bool(mesh.is_volume) and mesh.volume > MIN_GYRATION**3

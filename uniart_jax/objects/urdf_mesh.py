@@ -9,7 +9,6 @@ lie in ``../images``, hence a resolver of our own.
 from __future__ import annotations
 
 import io
-import re
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -18,19 +17,21 @@ import trimesh
 from PIL import Image
 from trimesh.resolvers import FilePathResolver
 from trimesh.visual import ColorVisuals, TextureVisuals
-from trimesh.visual.material import PBRMaterial, SimpleMaterial
+from trimesh.visual.material import PBRMaterial, SimpleMaterial, empty_material
 
 from uniart_jax.objects.appearance import linear_to_srgb, merge_meshes
+from uniart_jax.objects.object import moved_mesh
 from uniart_jax.objects.urdf_read import Geometry, Link
 
 FORMATS = (".obj", ".stl", ".ply", ".dae", ".glb", ".gltf", ".off")
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp")
 MAX_MESH_BYTES = 256 * 2**20
 MAX_FACES = 5_000_000
 MAX_PIXELS = 100_000_000
 
 
-class OutsideError(ValueError):
-    """A file lies outside the asset's folder."""
+class RefusedError(ValueError):
+    """A file that is not read on purpose: it lies outside the asset's folder, on a network, or is too large."""
 
 
 class AssetFiles:
@@ -58,14 +59,14 @@ class AssetFiles:
         (``allow_outside``) beside every folder above it.
 
         Raises:
-          OutsideError: it exists or would exist outside the asset's folder.
+          RefusedError: it exists or would exist outside the asset's folder.
           FileNotFoundError: there is no such file.
           ValueError: an address on the network.
         """
-        scheme, rest = re.match(r"(?:([a-zA-Z][\w+.-]+)://)?(.*)", uri, re.DOTALL).groups()
-        scheme = (scheme or "").lower()
+        scheme, separator, rest = uri.partition("://")
+        scheme, rest = (scheme.lower(), rest) if separator else ("", uri)
         if scheme not in ("", "file", "package", "model"):
-            raise ValueError(f"'{uri}' is not a file: meshes are never fetched from a network")
+            raise RefusedError(f"'{uri}' is not a file: meshes are never fetched from a network")
         package = scheme in ("package", "model")
         outside = False
         for name in dict.fromkeys([rest, unquote(rest), rest.replace("\\", "/")]):
@@ -75,10 +76,14 @@ class AssetFiles:
                 elif candidate.is_file():
                     return candidate.resolve()
         if outside:
-            raise OutsideError(
+            raise RefusedError(
                 f"'{uri}' lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
             )
-        hint = "" if self.allow_outside or not package else " (allow_outside=True, --allow-outside, looks above the folder too)"
+        hint = (
+            ""
+            if self.allow_outside or not package
+            else " (allow_outside=True, --allow-outside, looks above the folder too)"
+        )
         raise FileNotFoundError(f"'{uri}' is missing{hint}")
 
     def _candidates(self, name: str, package: bool) -> list[Path]:
@@ -88,7 +93,12 @@ class AssetFiles:
             return [self.root / name]
         name = name.lstrip("/")
         above = self.root.parents if self.allow_outside else ()
-        return [folder / part for folder in (self.root, *above) for part in (name, name.partition("/")[2]) if part]
+        return [
+            folder / part
+            for folder in (self.root, *above)
+            for part in (name, name.partition("/")[2])
+            if part
+        ]
 
     def meshes(self, path: Path) -> list[trimesh.Trimesh]:
         """The meshes of a file in its own frame (a new list; treat the meshes as read-only).
@@ -101,7 +111,7 @@ class AssetFiles:
         found = self._cache[path]
         self.faces += sum(len(m.faces) for m in found)
         if self.faces > MAX_FACES:
-            raise ValueError(f"the asset has more than {MAX_FACES:,} faces")
+            raise RefusedError(f"the asset has more than {MAX_FACES:,} faces")
         return list(found)
 
     def _load(self, path: Path) -> list[trimesh.Trimesh]:
@@ -109,7 +119,7 @@ class AssetFiles:
         if kind not in FORMATS:
             raise ValueError(f"format '{kind}' is not one of {', '.join(FORMATS)}")
         if path.stat().st_size > MAX_MESH_BYTES:
-            raise ValueError(f"it has more than {MAX_MESH_BYTES // 2**20} MiB")
+            raise RefusedError(f"it has more than {MAX_MESH_BYTES // 2**20} MiB")
         data = path.read_bytes()
         if kind == ".dae" and (b"<!DOCTYPE" in data.replace(b"\0", b"")):
             raise ValueError("it declares a document type (DTD, entities), which is refused")
@@ -118,7 +128,9 @@ class AssetFiles:
             with np.errstate(all="ignore"):
                 scene = trimesh.load_scene(io.BytesIO(data), file_type=kind[1:], resolver=resolver)
         except Exception as error:  # every loader has its own ways to fail on a broken file
-            raise ValueError(f"it cannot be read as {kind[1:].upper()}: {type(error).__name__}: {error}") from None
+            raise ValueError(
+                f"it cannot be read as {kind[1:].upper()}: {type(error).__name__}: {error}"
+            ) from None
         meshes = []
         faces = 0
         for node in scene.graph.nodes_geometry:
@@ -128,7 +140,7 @@ class AssetFiles:
                 continue
             faces += len(mesh.faces)
             if faces > MAX_FACES:
-                raise ValueError(f"it has more than {MAX_FACES:,} faces")
+                raise RefusedError(f"it has more than {MAX_FACES:,} faces")
             if not np.allclose(matrix, np.eye(4)):
                 mesh = mesh.copy().apply_transform(matrix)
             mesh = self._sound(mesh, path)
@@ -149,16 +161,21 @@ class AssetFiles:
             mesh = mesh.copy()
             mesh.update_faces(good)
             mesh.remove_unreferenced_vertices()
-            self._note(f"mesh '{path.name}': {np.sum(~good)} faces with non-finite or absent vertices were left out")
-        if isinstance(mesh.visual, TextureVisuals):
+            self.note(
+                f"mesh '{path.name}': {np.sum(~good)} faces with non-finite or absent vertices were left out"
+            )
+        if isinstance(mesh.visual, TextureVisuals) and _is_blank(mesh.visual.material):
+            mesh.visual = ColorVisuals(mesh)
+        elif isinstance(mesh.visual, TextureVisuals):
             material, fault = _checked(mesh.visual.material, path.suffix.lower())
             if fault:
-                self._note(f"mesh '{path.name}': {fault}")
+                self.note(f"mesh '{path.name}': {fault}")
             uv = mesh.visual.uv
             mesh.visual = TextureVisuals(uv=None if uv is None else np.array(uv), material=material)
         return mesh
 
-    def _note(self, line: str) -> None:
+    def note(self, line: str) -> None:
+        """Record a repair once."""
         if line not in self.notes:
             self.notes.append(line)
 
@@ -169,7 +186,9 @@ class AssetFiles:
             _decode(image)
             return image.convert("RGB")
         except (OSError, ValueError, SyntaxError) as error:
-            self._note(f"texture {error}" if f"'{uri}'" in str(error) else f"texture '{uri}': {error}")
+            self.note(
+                f"texture {error}" if f"'{uri}'" in str(error) else f"texture '{uri}': {error}"
+            )
             return None
 
 
@@ -193,11 +212,22 @@ class _Resolver(FilePathResolver):
         try:
             data = super().get(name)
         except (OSError, ValueError) as error:
-            why = "lies outside the asset's folder and was not read" if isinstance(error, ValueError) else "is missing"
-            self.files._note(f"mesh '{Path(self.clean).name}': its file '{name.strip()}' {why}")
+            why = (
+                "lies outside the asset's folder and was not read"
+                if isinstance(error, ValueError)
+                else "is missing"
+            )
+            self.files.note(f"mesh '{Path(self.clean).name}': its file '{name.strip()}' {why}")
             raise FileNotFoundError(name) from None
         if len(data) > MAX_MESH_BYTES:
             raise ValueError(f"'{name}' is too large")
+        if name.strip().lower().endswith(IMAGES):
+            try:
+                Image.open(io.BytesIO(data))
+            except (OSError, ValueError, SyntaxError):  # trimesh would drop it without a word
+                self.files.note(
+                    f"mesh '{Path(self.clean).name}': its file '{name.strip()}' is not an image"
+                )
         return data
 
 
@@ -220,10 +250,20 @@ def _checked(material, kind: str) -> tuple[PBRMaterial | SimpleMaterial, str]:
     if not isinstance(material, PBRMaterial):
         return SimpleMaterial(image=image, diffuse=getattr(material, "diffuse", None)), fault
     factor = material.baseColorFactor
-    if factor is not None and kind in (".glb", ".gltf"):  # glTF's factors are linear, its textures are not
+    if factor is not None and kind in (
+        ".glb",
+        ".gltf",
+    ):  # glTF's factors are linear, its textures are not
         factor = np.array(factor)
         factor[:3] = np.round(linear_to_srgb(factor[:3] / 255.0) * 255)
     return PBRMaterial(baseColorTexture=image, baseColorFactor=factor), fault
+
+
+def _is_blank(material) -> bool:
+    """Whether trimesh made the material up: a gray image of four pixels stands for "UVs but no material"."""
+    blank = empty_material().image
+    image = getattr(material, "image", None)
+    return image is not None and image.size == blank.size and image.tobytes() == blank.tobytes()
 
 
 def _unit(scene: trimesh.Scene) -> float:
@@ -249,21 +289,28 @@ def link_mesh(link: Link, files: AssetFiles, notes: list[str]) -> trimesh.Trimes
         for shape in shapes:
             try:
                 pieces += _pieces(shape, files)
-            except OutsideError as error:
-                raise ValueError(f"link '{link.name}': mesh {error}") from None
-            except FileNotFoundError as error:
-                lost.append(f"mesh {error}")
-            except ValueError as error:
-                lost.append(f"mesh '{shape.filename}': {error}" if f"'{shape.filename}'" not in str(error) else str(error))
+            except RefusedError as error:
+                raise ValueError(f"link '{link.name}': {_named(shape, error)}") from None
+            except (ValueError, FileNotFoundError) as error:
+                lost.append(_named(shape, error))
         if pieces:
             for line in dict.fromkeys(lost):
                 notes.append(f"link '{link.name}': {line}; left out")
             if tag == "collision":
-                notes.append(f"link '{link.name}': no visual geometry; shown by its collision geometry")
+                notes.append(
+                    f"link '{link.name}': no visual geometry; shown by its collision geometry"
+                )
             return merge_meshes(pieces)
     if lost:
-        raise ValueError(f"link '{link.name}': nothing is left of it: {'; '.join(dict.fromkeys(lost))}")
+        raise ValueError(
+            f"link '{link.name}': nothing is left of it: {'; '.join(dict.fromkeys(lost))}"
+        )
     return None
+
+
+def _named(shape: Geometry, error: Exception) -> str:
+    text = str(error)
+    return f"mesh {text}" if f"'{shape.filename}'" in text else f"mesh '{shape.filename}': {text}"
 
 
 def _pieces(shape: Geometry, files: AssetFiles) -> list[trimesh.Trimesh]:
@@ -275,8 +322,7 @@ def _pieces(shape: Geometry, files: AssetFiles) -> list[trimesh.Trimesh]:
         files.faces += len(loaded[0].faces)
     pieces = []
     for mesh in loaded:
-        piece = mesh.copy()
-        piece.apply_transform(matrix)
+        piece = moved_mesh(mesh, matrix)
         _paint(piece, shape, files)
         pieces.append(piece)
     return pieces
@@ -297,7 +343,9 @@ def _paint(mesh: trimesh.Trimesh, shape: Geometry, files: AssetFiles) -> None:
     visual = mesh.visual
     uv = visual.uv if isinstance(visual, TextureVisuals) else None
     if isinstance(visual, TextureVisuals):
-        own = getattr(visual.material, "image", None) or getattr(visual.material, "baseColorTexture", None)
+        own = getattr(visual.material, "image", None) or getattr(
+            visual.material, "baseColorTexture", None
+        )
         if own is not None and uv is not None:
             return
     elif visual.kind in ("vertex", "face"):

@@ -103,7 +103,9 @@ def _parse_xml(data: bytes, notes: list[str]) -> etree._Element:
     if not data.strip():
         raise ValueError("the file is empty")
     if len(data) > MAX_BYTES:
-        raise ValueError(f"the file has {len(data) / 2**20:.0f} MiB, more than the {MAX_BYTES // 2**20} a URDF may have")
+        raise ValueError(
+            f"the file has {len(data) / 2**20:.0f} MiB, more than the {MAX_BYTES // 2**20} a URDF may have"
+        )
     if b"<!DOCTYPE" in data.replace(b"\0", b""):  # zeros: UTF-16
         raise ValueError("it declares a document type (DTD, entities), which is refused")
     options = {"resolve_entities": False, "no_network": True, "load_dtd": False, "huge_tree": False}
@@ -125,7 +127,9 @@ def _parse_xml(data: bytes, notes: list[str]) -> etree._Element:
         hint = " (MuJoCo's format)" if root.tag == "mujoco" else ""
         raise ValueError(f"not a URDF: its root element is <{root.tag}>{hint}, not <robot>")
     if any(e.prefix == "xacro" or "xacro" in str(e.tag) for e in root.iter()):
-        raise ValueError("it is a xacro macro file: expand it with `xacro FILE > object.urdf` first")
+        raise ValueError(
+            "it is a xacro macro file: expand it with `xacro FILE > object.urdf` first"
+        )
     return root
 
 
@@ -146,7 +150,9 @@ def _numbers(element, attribute: str, count: int, default, where: str) -> np.nda
     except ValueError:
         values = np.zeros(0)
     if len(values) != count or not np.all(np.isfinite(values)):
-        raise ValueError(f"{where}: {attribute}='{text.strip()[:60]}' should be {count} finite number{'s' * (count > 1)}")
+        raise ValueError(
+            f"{where}: {attribute}='{text.strip()[:60]}' should be {count} finite number{'s' * (count > 1)}"
+        )
     return values
 
 
@@ -212,24 +218,28 @@ def _geometry(element, shape, link: str, materials) -> Geometry:
     elif shape.tag == "sphere":
         size = _numbers(shape, "radius", 1, (0,), where)
     elif shape.tag in ("cylinder", "capsule"):
-        size = np.append(_numbers(shape, "radius", 1, (0,), where), _numbers(shape, "length", 1, (0,), where))
+        size = np.append(
+            _numbers(shape, "radius", 1, (0,), where), _numbers(shape, "length", 1, (0,), where)
+        )
     else:
         raise ValueError(f"{where}: unknown geometry <{shape.tag}>")
     if shape.tag != "mesh" and np.any(size <= 0):
-        raise ValueError(f"{where}: the sizes of its {shape.tag} must be positive, got {size.tolist()}")
+        raise ValueError(
+            f"{where}: the sizes of its {shape.tag} must be positive, got {size.tolist()}"
+        )
     return Geometry(shape.tag, size, origin, filename, color, texture)
 
 
 def _joint(element) -> RawJoint:
     name = _name(element, "joint")
     where = f"joint '{name}'"
-    ends = []
+    ends = {}
     for tag in ("parent", "child"):
         end = element.find(tag)
         link = "" if end is None else (end.get("link") or "").strip()
         if not link:
             raise ValueError(f"{where}: it names no {tag} link")
-        ends.append(link)
+        ends[tag] = link
     kind = (element.get("type") or "").strip().lower()
     if kind not in ("fixed", *MOVING, *REFUSED):
         raise ValueError(f"{where}: unknown type '{kind}'")
@@ -247,7 +257,16 @@ def _joint(element) -> RawJoint:
     axis = np.array([1.0, 0.0, 0.0])  # URDF's default
     if element.find("axis") is not None and kind in MOVING:
         axis = _axis(element.find("axis"), where)
-    return RawJoint(name, kind, *ends, _pose(element.find("origin"), where), axis, limits, mimic)
+    return RawJoint(
+        name,
+        kind,
+        ends["parent"],
+        ends["child"],
+        _pose(element.find("origin"), where),
+        axis,
+        limits,
+        mimic,
+    )
 
 
 def _axis(element, where: str) -> np.ndarray:
@@ -255,7 +274,11 @@ def _axis(element, where: str) -> np.ndarray:
     try:
         return _numbers(element, "xyz", 3, (1, 0, 0), where)
     except ValueError:
-        if set((element.get("xyz") or "").lower().replace(",", " ").split()) <= {"none", "null", "nan"}:
+        if set((element.get("xyz") or "").lower().replace(",", " ").split()) <= {
+            "none",
+            "null",
+            "nan",
+        }:
             return np.zeros(3)
         raise
 
@@ -264,7 +287,9 @@ def _rename(robot: Robot, name: str, links: list[Link]) -> None:
     """Give links of the same name names of their own, where the joints tell which is meant: leaves, one joint each."""
     joints = [j for j in robot.joints if j.child == name]
     if len(joints) != len(links) or any(j.parent == name for j in robot.joints):
-        raise ValueError(f"{len(links)} links are named '{name}', and its joints do not tell them apart")
+        raise ValueError(
+            f"{len(links)} links are named '{name}', and its joints do not tell them apart"
+        )
     for number, (joint, link) in enumerate(zip(joints[1:], links[1:], strict=True), start=2):
         fresh = f"{name}_{number}"
         while fresh in robot.links:

@@ -1,0 +1,351 @@
+"""What a URDF's joints do: sane limits, and several joints on one edge of the tree lowered to one screw.
+
+An edge is a chain of URDF joints through links without a mesh (design: one rotation and one travel, driven by one coordinate):
+joints coupled by ``<mimic>`` add up, so a revolute and a prismatic joint along one line are a screw (that is how ``write_urdf``
+writes them); an independent turn and travel become one proportional screw if both are bounded; else the larger motion is kept.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import trimesh
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.urdf_read import MOVING, RawJoint, Robot
+
+DEGREES_FROM = 2 * np.pi * 1.05
+
+
+@dataclasses.dataclass
+class Edge:
+    """A moving URDF joint at the shown state. Its coordinate is ``rate`` times that of ``driver`` (mimic), itself otherwise."""
+
+    raw: RawJoint
+    origin: np.ndarray  # world
+    direction: np.ndarray  # world, unit
+    lo: float  # relative to the shown state; infinite if unbounded
+    hi: float
+    driver: str
+    rate: float
+
+
+@dataclasses.dataclass
+class Motion:
+    """One degree of freedom of an edge: per unit of its coordinate in [lo, hi], so much angle and travel along one direction."""
+
+    names: list[str]
+    origin: np.ndarray
+    direction: np.ndarray
+    angle: float
+    travel: float
+    lo: float
+    hi: float
+
+    @property
+    def bounded(self) -> bool:
+        return bool(np.isfinite(self.lo) and np.isfinite(self.hi))
+
+    def spans(self) -> tuple[np.ndarray, np.ndarray]:
+        """(angle, travel) at both ends; the rotation is positive along ``direction``, or the travel if it does not rotate."""
+        ends = np.array([self.lo, self.hi])
+        return ends * self.angle, ends * self.travel
+
+
+def lowered(
+    name: str,
+    chain: list[Edge | RawJoint],
+    mesh: trimesh.Trimesh,
+    dead_zone: float,
+    notes: list[str],
+) -> Joint:
+    """The joints between a link and its parent as one screw.
+
+    Args:
+      name: the link.
+      chain: its joints, from the parent down.
+      mesh: the link's own mesh in the world at the shown state; it tells which of two motions is the larger.
+      dead_zone: travel below which there is none.
+      notes: takes up one line for everything that is not as written.
+
+    Raises:
+      ValueError: a planar, floating or spherical joint.
+    """
+    for entry in chain:
+        if isinstance(entry, RawJoint):
+            raise ValueError(
+                f"joint '{entry.name}' is {entry.type}: one rotation and one travel about a line are all a joint can do"
+            )
+    edges = [e for e in chain if isinstance(e, Edge)]
+    if not edges:
+        return Joint.fixed()
+    motion = _one_motion(name, edges, mesh, notes)
+    if motion is None:
+        return Joint.fixed()
+    if not motion.bounded:
+        if motion.angle and motion.travel:  # a screw without an end turns and travels for ever
+            motion = dataclasses.replace(motion, travel=0.0)
+            notes.append(
+                f"joint {_quoted(motion.names)}: a screw without limits; its travel was dropped"
+            )
+        if motion.angle:
+            motion = dataclasses.replace(motion, lo=-np.pi, hi=np.pi, angle=1.0)
+        else:
+            along = np.ptp(mesh.vertices @ motion.direction) / 2
+            motion = dataclasses.replace(motion, lo=-along, hi=along, travel=1.0)
+            notes.append(
+                f"joint {_quoted(motion.names)}: prismatic without limits; half its part's length either way"
+            )
+    angle, travel = motion.spans()
+    direction = motion.direction
+    if (angle if motion.angle else travel)[1] < 0 or (angle if motion.angle else travel)[0] > 0:
+        direction, angle, travel = -direction, -angle, -travel
+    joint = Joint(motion.origin, direction, tuple(angle), tuple(travel), dead_zone)
+    if joint.type == "fixed" and motion.hi > motion.lo:
+        notes.append(
+            f"joint {_quoted(motion.names)}: it moves by less than the dead zone; read as fixed"
+        )
+    return joint
+
+
+def _one_motion(
+    name: str, edges: list[Edge], mesh: trimesh.Trimesh, notes: list[str]
+) -> Motion | None:
+    groups: dict[str, list[Edge]] = {}
+    inside = {e.raw.name for e in edges}
+    for edge in edges:
+        if edge.driver not in inside:  # it mimics a joint of another edge
+            if edge.driver != edge.raw.name:
+                notes.append(
+                    f"joint '{edge.raw.name}': it mimics '{edge.driver}' of another link; read as independent"
+                )
+            edge = dataclasses.replace(edge, driver=edge.raw.name, rate=1.0)
+        groups.setdefault(edge.driver, []).append(edge)
+    motions = [_coupled(group, mesh, notes) for group in groups.values()]
+    motions = _added([m for m in motions if m.angle or m.travel])
+    if not motions:  # mimics that undo each other
+        return None
+    if len(motions) == 1:
+        motion = motions[0]
+        if len(edges) > 1 and len(motion.names) == len(edges):
+            kind = "screw" if motion.angle and motion.travel else "joint"
+            notes.append(f"joints {_quoted(motion.names)} of link '{name}' are one {kind}")
+        return motion
+    screw = _screw(motions)
+    if screw is not None:
+        notes.append(
+            f"joints {_quoted(screw.names)} of link '{name}' turn and travel independently; lowered to one proportional screw"
+        )
+        return screw
+    return _largest(motions, mesh, notes)
+
+
+def _largest(motions: list[Motion], mesh: trimesh.Trimesh, notes: list[str]) -> Motion:
+    kept = max(motions, key=lambda m: _reach(m, mesh))
+    lost = [n for m in motions if m is not kept for n in m.names]
+    notes.append(
+        f"joint {_quoted(lost)}: dropped beside joint {_quoted(kept.names)}, whose motion is larger"
+    )
+    return kept
+
+
+def _coupled(edges: list[Edge], mesh: trimesh.Trimesh, notes: list[str]) -> Motion:
+    """Joints driven by one coordinate (mimic) as one motion: a sum of parallel rotations and of travels."""
+    lo, hi = _range([e for e in edges if e.raw.name == e.driver] or edges)
+    if not np.isfinite(hi - lo):  # a continuous driver: the followers' limits hold it
+        lo, hi = _range(edges)
+    turning = [e for e in edges if e.raw.type != "prismatic"]
+    slide = np.sum(
+        [e.rate * e.direction for e in edges if e.raw.type == "prismatic"], axis=0
+    ) + np.zeros(3)
+    axis = turning[0].direction if turning else slide / max(np.linalg.norm(slide), 1e-12)
+    angle = float(sum(e.rate * (e.direction @ axis) for e in turning))
+    travel = float(slide @ axis)
+    names = [e.raw.name for e in edges]
+    coaxial = all(_same_line(e.origin, e.direction, turning[0].origin, axis) for e in turning)
+    if coaxial and np.linalg.norm(slide - travel * axis) <= 1e-6 * max(1.0, np.linalg.norm(slide)):
+        return Motion(names, (turning or edges)[0].origin, axis, angle, travel, lo, hi)
+    alone = [Motion([e.raw.name], e.origin, e.direction, *_rates(e), lo, hi) for e in edges]
+    return _largest(alone, mesh, notes)
+
+
+def _rates(edge: Edge) -> tuple[float, float]:
+    return (0.0, edge.rate) if edge.raw.type == "prismatic" else (edge.rate, 0.0)
+
+
+def _range(edges: list[Edge]) -> tuple[float, float]:
+    """The coordinates of the common driver that all of them allow."""
+    ends = [sorted((e.lo / e.rate, e.hi / e.rate)) for e in edges]
+    return max(e[0] for e in ends), min(e[1] for e in ends)
+
+
+def _quoted(names: list[str]) -> str:
+    return " and ".join(f"'{n}'" for n in names)
+
+
+def _parallel(a: np.ndarray, b: np.ndarray) -> bool:
+    return float(np.linalg.norm(np.cross(a, b))) < 1e-4
+
+
+def _same_line(p: np.ndarray, d: np.ndarray, origin: np.ndarray, axis: np.ndarray) -> bool:
+    between = p - origin
+    return _parallel(d, axis) and float(np.linalg.norm(between - (between @ axis) * axis)) < 1e-5
+
+
+def _added(motions: list[Motion]) -> list[Motion]:
+    """Independent travels along one direction, or turns about one line, added up: a drawer on telescopic rails."""
+    kept: list[Motion] = []
+    for motion in motions:
+        for i, other in enumerate(kept):
+            pure = bool(motion.angle) == bool(other.angle) and bool(motion.travel) == bool(
+                other.travel
+            )
+            if (
+                not pure
+                or (motion.angle and motion.travel)
+                or not _parallel(motion.direction, other.direction)
+            ):
+                continue
+            if motion.angle and not _same_line(
+                motion.origin, motion.direction, other.origin, other.direction
+            ):
+                continue
+            sign = np.sign(motion.direction @ other.direction)
+            rate = (motion.angle or motion.travel) / (other.angle or other.travel) * sign
+            ends = sorted((motion.lo * rate, motion.hi * rate))
+            kept[i] = dataclasses.replace(
+                other,
+                names=other.names + motion.names,
+                lo=other.lo + ends[0],
+                hi=other.hi + ends[1],
+            )
+            break
+        else:
+            kept.append(motion)
+    return kept
+
+
+def _screw(motions: list[Motion]) -> Motion | None:
+    """One proportional screw from an independent turn and travel, both bounded, along parallel axes; else None.
+
+    The travel keeps its ends; the turn is spread over them in proportion, lower end to lower end.
+    """
+    if len(motions) != 2 or not all(m.bounded for m in motions):
+        return None
+    turn, slide = sorted(motions, key=lambda m: m.angle == 0)
+    if (
+        turn.travel
+        or slide.angle
+        or not turn.angle
+        or not slide.travel
+        or not _parallel(turn.direction, slide.direction)
+    ):
+        return None
+    span = float(np.ptp(slide.spans()[1]))
+    if span < 1e-9:
+        return dataclasses.replace(turn, names=turn.names + slide.names)
+    sign = float(np.sign(turn.direction @ slide.direction))
+    ends = np.sort(slide.spans()[1] * sign)  # travel along the turn's direction
+    pitch = float(np.ptp(turn.spans()[0])) / span
+    return Motion(
+        turn.names + slide.names, turn.origin, turn.direction, pitch, 1.0, ends[0], ends[1]
+    )
+
+
+def _reach(motion: Motion, mesh: trimesh.Trimesh) -> float:
+    """How far the motion carries the farthest point of the mesh; endless turns count once."""
+    between = mesh.vertices - motion.origin
+    radius = np.linalg.norm(
+        between - (between @ motion.direction)[:, None] * motion.direction, axis=1
+    ).max()
+    span = min(motion.hi - motion.lo, 1e9)
+    return float(max(min(abs(motion.angle) * span, 2 * np.pi) * radius, abs(motion.travel) * span))
+
+
+def drivers(robot: Robot) -> dict[str, tuple[str, float]]:
+    """Joint -> (joint that drives it, multiplier), through chains of mimics; itself and 1 for all others."""
+    by_name = {j.name: j for j in reversed(robot.joints)}
+    found = {}
+    for joint in robot.joints:
+        current, rate, visited = joint, 1.0, set()
+        while (
+            current.mimic
+            and current.name not in visited
+            and current.mimic[0] in by_name
+            and current.mimic[1]
+        ):
+            visited.add(current.name)
+            rate *= current.mimic[1]
+            current = by_name[current.mimic[0]]
+        found[joint.name] = (joint.name, 1.0) if current.name in visited else (current.name, rate)
+    return found
+
+
+def coordinates(robot: Robot) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """(coordinate at the shown state, sane limits) of every moving joint; repairs are noted."""
+    by_name = {j.name: j for j in reversed(robot.joints)}
+    limits: dict[str, tuple[float, float]] = {}
+    for joint in robot.joints:
+        if joint.type in MOVING:
+            limits[joint.name] = _limits(joint, by_name, robot)
+    shown: dict[str, float] = {}
+    driven = drivers(robot)
+
+    def show(joint: RawJoint) -> float:
+        if joint.name in shown or joint.name not in limits:
+            return shown.get(joint.name, 0.0)
+        lo, hi = limits[joint.name]
+        wanted = 0.0
+        if joint.mimic:
+            source, multiplier, offset = joint.mimic
+            if driven[joint.name][0] == joint.name:
+                robot.notes.append(
+                    f"joint '{joint.name}': it mimics '{source}', which cannot drive it; read as independent"
+                )
+            else:
+                wanted = multiplier * show(by_name[source]) + offset
+        shown[joint.name] = float(np.clip(wanted, lo, hi))
+        if abs(shown[joint.name] - wanted) > 1e-9:
+            robot.notes.append(
+                f"joint '{joint.name}': its limits ({lo:.4g}, {hi:.4g}) exclude {wanted:.4g}; shown at {shown[joint.name]:.4g}"
+            )
+        return shown[joint.name]
+
+    for joint in robot.joints:
+        show(joint)
+    return shown, limits
+
+
+def _limits(joint: RawJoint, by_name: dict[str, RawJoint], robot: Robot) -> tuple[float, float]:
+    if joint.type == "continuous":
+        return -np.inf, np.inf
+    if joint.limits is None:
+        if joint.type == "revolute":
+            robot.notes.append(f"joint '{joint.name}': revolute without limits; read as continuous")
+        return -np.inf, np.inf
+    lo, hi = joint.limits
+    if lo > hi:
+        robot.notes.append(
+            f"joint '{joint.name}': lower limit {lo:.4g} is above upper {hi:.4g}; swapped"
+        )
+        lo, hi = hi, lo
+    if (
+        joint.type == "revolute"
+        and max(abs(lo), abs(hi)) > DEGREES_FROM
+        and not _turns_a_screw(joint, by_name)
+    ):
+        robot.notes.append(
+            f"joint '{joint.name}': limits ({lo:.4g}, {hi:.4g}) can only be degrees; converted"
+        )
+        lo, hi = np.deg2rad(lo), np.deg2rad(hi)
+    return lo, hi
+
+
+def _turns_a_screw(joint: RawJoint, by_name: dict[str, RawJoint]) -> bool:
+    """Whether a prismatic joint mimics this revolute one, or is mimicked by it: a cap may well turn many times."""
+    if joint.mimic and joint.mimic[0] in by_name and by_name[joint.mimic[0]].type == "prismatic":
+        return True
+    return any(
+        j.type == "prismatic" and j.mimic and j.mimic[0] == joint.name for j in by_name.values()
+    )
