@@ -198,11 +198,11 @@ def _front(
     shape = panel(lo, hi, style, kind, holes)
     if extra is not None:
         shape.join(extra)
-    own = style.own_handle and grip is not None and style.handle not in ("lip", "recess")
+    own = style.own_handle and style.handle not in ("lip", "recess")
     if grip is not None and not own:
         shape.join(grip)
     front = asm.add(name, shape, parent, joint)
-    if own:
+    if grip is not None and own:
         asm.add(f"{name}_handle", grip, front, label="handle")
     if style.handle == "latch":
         _latch(asm, front, style, (float(lo[0]), y, z), along)

@@ -7,11 +7,12 @@ closed, edge-manifold and outward-oriented, and every face knows its colour.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 import trimesh
 from manifold3d import CrossSection, Manifold, OpType
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from uniart_jax.objects.kinematics import Joint
@@ -27,12 +28,12 @@ _AXIS_FRAMES = {  # columns: where local x, y, z of a body of revolution or an e
 }
 
 
-def _exact(values: Sequence[float]) -> np.ndarray:
+def _exact(values: ArrayLike) -> np.ndarray:
     """Coordinates on a binary grid of about a micrometre: sums and differences are then exact, and faces that should be flush are."""
     return np.round(np.asarray(values, dtype=np.float64) * 2.0**20) / 2.0**20
 
 
-def box(lo: Sequence[float], hi: Sequence[float]) -> Manifold:
+def box(lo: ArrayLike, hi: ArrayLike) -> Manifold:
     """The axis-aligned box between two corners.
 
     Raises:
@@ -46,14 +47,14 @@ def box(lo: Sequence[float], hi: Sequence[float]) -> Manifold:
     return Manifold.cube(tuple(hi - lo)).translate(tuple(lo))
 
 
-def along(solid: Manifold, axis: str, at: Sequence[float]) -> Manifold:
+def along(solid: Manifold, axis: str, at: ArrayLike) -> Manifold:
     """A solid made along z, turned so that z becomes ``axis``, and moved to ``at``."""
     return solid.transform(np.column_stack([_AXIS_FRAMES[axis], _exact(at)]))
 
 
 def cylinder(
     axis: str,
-    at: Sequence[float],
+    at: ArrayLike,
     length: float,
     radius: float,
     top: float | None = None,
@@ -66,7 +67,7 @@ def cylinder(
 
 
 def tube(
-    axis: str, at: Sequence[float], length: float, radius: float, inner: float, segments: int = 24
+    axis: str, at: ArrayLike, length: float, radius: float, inner: float, segments: int = 24
 ) -> Manifold:
     """A hollow cylinder from ``at`` along +``axis``, open at both ends."""
     outside = Manifold.cylinder(length, radius, radius, segments)
@@ -76,12 +77,12 @@ def tube(
     return along(outside - inside, axis, at)
 
 
-def ball(at: Sequence[float], radius: float, segments: int = 12) -> Manifold:
+def ball(at: ArrayLike, radius: float, segments: int = 12) -> Manifold:
     """A sphere."""
     return Manifold.sphere(radius, segments).translate(tuple(np.asarray(at, dtype=np.float64)))
 
 
-def extrusion(polygon: np.ndarray, axis: str, at: Sequence[float], length: float) -> Manifold:
+def extrusion(polygon: np.ndarray, axis: str, at: ArrayLike, length: float) -> Manifold:
     """A polygon [n, 2] pushed along +``axis``. Its plane is (y, z) for 'x', (z, x) for 'y', (x, y) for 'z'."""
     section = CrossSection([np.asarray(polygon, dtype=np.float64)])
     if section.area() <= 0:
@@ -89,7 +90,7 @@ def extrusion(polygon: np.ndarray, axis: str, at: Sequence[float], length: float
     return along(Manifold.extrude(section, length), axis, at)
 
 
-def revolution(profile: np.ndarray, axis: str, at: Sequence[float], segments: int = 24) -> Manifold:
+def revolution(profile: np.ndarray, axis: str, at: ArrayLike, segments: int = 24) -> Manifold:
     """A profile [n, 2] of (radius, height along ``axis``), closed, turned about ``axis`` through ``at``."""
     section = CrossSection([np.asarray(profile, dtype=np.float64)])
     if section.area() <= 0:
@@ -114,9 +115,7 @@ def cut(solid: Manifold, holes: Iterable[Manifold]) -> Manifold:
     return Manifold.batch_boolean([solid, *holes], OpType.Subtract) if holes else solid
 
 
-def tray(
-    lo: Sequence[float], hi: Sequence[float], wall: float, *, open_front: bool = False
-) -> Manifold:
+def tray(lo: ArrayLike, hi: ArrayLike, wall: float, *, open_front: bool = False) -> Manifold:
     """A box of walls ``wall`` thick, open at the top (and towards -x with ``open_front``): drawer boxes, racks, bins."""
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     inner_lo = lo + wall
@@ -227,18 +226,18 @@ class Assembly:
         return ArticulatedObject(tuple(self.parts))
 
 
-def hinge(at: Sequence[float], axis: Sequence[float], angle: float) -> Joint:
+def hinge(at: ArrayLike, axis: ArrayLike, angle: float) -> Joint:
     """A revolute joint through ``at`` about ``axis``, from closed (0) to ``angle`` radians (negative: the other way)."""
     limits = (0.0, float(angle)) if angle >= 0 else (float(angle), 0.0)
     return Joint(np.asarray(at, dtype=np.float64), np.asarray(axis, dtype=np.float64), angle=limits)
 
 
-def slide(axis: Sequence[float], length: float) -> Joint:
+def slide(axis: ArrayLike, length: float) -> Joint:
     """A prismatic joint along ``axis``, from 0 to ``length`` metres."""
     return Joint(np.zeros(3), np.asarray(axis, dtype=np.float64), travel=(0.0, float(length)))
 
 
-def turn(at: Sequence[float], axis: Sequence[float]) -> Joint:
+def turn(at: ArrayLike, axis: ArrayLike) -> Joint:
     """A continuous joint through ``at`` about ``axis``."""
     return Joint(
         np.asarray(at, dtype=np.float64), np.asarray(axis, dtype=np.float64), angle=(-np.pi, np.pi)
