@@ -110,6 +110,9 @@ def test_a_damaged_newest_falls_back_and_saving_goes_on(tmp_path, damage, capsys
     assert (value(state), data) == (1, {"next": 1})
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and "2 is damaged" in err, err
+    fill(tmp_path, [2])
+    damage(tmp_path / "2")
+    assert value(restore(tmp_path)[0]) == 1
     fill(tmp_path, [2, 3])
     assert value(restore(tmp_path)[0]) == 3
 

@@ -1,5 +1,6 @@
 """The mesh, where arrays go, and that any split of the devices trains the same network."""
 
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -52,6 +53,27 @@ def test_every_split_of_eight(tmp_path, one_device, fsdp):
 def test_a_checkpoint_of_one_device_goes_on_on_eight(tmp_path, one_device):
     toy_run.train(tmp_path, toy_run.make_stage(2, 2), toy_run.make_batches())
     check(one_device, on_eight(tmp_path, 4))
+
+
+@pytest.mark.slow
+def test_two_processes_equal_one_and_resume(tmp_path, one_device):
+    def run(steps: int) -> None:
+        with socket.socket() as probe:
+            probe.bind(("localhost", 0))
+            port = str(probe.getsockname()[1])
+        program = [sys.executable, toy_run.__file__, str(tmp_path / "run"), str(steps), "100"]
+        program += ["--devices", "2", "--fsdp", "2", "--processes", "2", "--port", port]
+        outs = [["--process", str(i), "--out", str(tmp_path / f"{i}.npz")] for i in range(2)]
+        processes = [subprocess.Popen([*program, *out]) for out in outs]
+        assert [process.wait(timeout=300) for process in processes] == [0, 0]
+
+    run(2)
+    assert len(list((tmp_path / "run/checkpoints/toy/2/data").glob("process_*.json"))) == 2
+    run(5)
+    for i in range(2):
+        check(one_device, dict(np.load(tmp_path / f"{i}.npz")))
+    steps = [line.split(",")[0] for line in (tmp_path / "run/metrics/toy.jsonl").open()]
+    assert steps == [f'{{"step": {i}' for i in range(1, 6)]
 
 
 def test_state_is_split_over_its_largest_axis_that_divides():

@@ -1,6 +1,6 @@
 """A toy stage for the tests: a two-layer network, Grain batches with their order recorded. Run as a program it trains in its own process:
 
-python toy_run.py WORKDIR STEPS SAVE_EVERY [--devices N --fsdp M] [--slow SECONDS] [--nan STEP] [--out FILE]
+python toy_run.py WORKDIR STEPS SAVE_EVERY [--devices N --fsdp M] [--slow SECONDS] [--nan STEP] [--out FILE] [--processes N --process I --port P]
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--slow", type=float, default=0.0)
     parser.add_argument("--nan", type=int, default=-1)
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--process", type=int, default=0)
+    parser.add_argument("--port", type=int, default=0)
     return parser.parse_args()
 
 
@@ -50,7 +53,7 @@ def loss_fn(params, batch, key):
     return loss, {"error": jnp.sqrt(loss)}
 
 
-def make_batches(seen: list | None = None, nan_at: int = -1, slow: float = 0.0):
+def make_batches(seen=None, nan_at=-1, slow=0.0, share=slice(None)):
     import grain
     import numpy as np
 
@@ -71,7 +74,7 @@ def make_batches(seen: list | None = None, nan_at: int = -1, slow: float = 0.0):
             return self
 
         def __next__(self):
-            batch = next(iterator)
+            batch = {name: value[share] for name, value in next(iterator).items()}
             time.sleep(slow)
             if seen is not None:
                 seen.append(batch["index"].tolist())
@@ -145,17 +148,27 @@ def main() -> None:
 
     flags.FLAGS.mark_as_parsed()
     jax.config.update("jax_num_cpu_devices", args.devices)
+    share = slice(None)
+    if args.processes > 1:
+        jax.config.update("jax_cpu_collectives_implementation", "gloo")
+        address = f"localhost:{args.port}"
+        jax.distributed.initialize(address, args.processes, args.process)
+        size = 8 // args.processes
+        share = slice(args.process * size, (args.process + 1) * size)
     from uniart_jax.training import sharding
     from uniart_jax.training.export import flat_names
 
     sharding.MIN_SHARDED_SIZE = 1
-    batches = make_batches(nan_at=args.nan, slow=args.slow)
+    batches = make_batches(nan_at=args.nan, slow=args.slow, share=share)
     stage = make_stage(args.steps, args.save_every)
     state = train(args.workdir, stage, batches, fsdp=args.fsdp)
     if args.fsdp > 1:
         assert not state.params["out"]["kernel"].sharding.is_fully_replicated
     if args.out:
-        np.savez(args.out, **{k: np.asarray(v) for k, v in flat_names(state).items()})
+        whole = jax.jit(
+            lambda tree: tree, out_shardings=sharding.replicated(state.step.sharding.mesh)
+        )
+        np.savez(args.out, **{k: np.asarray(v) for k, v in flat_names(whole(state)).items()})
 
 
 if __name__ == "__main__":

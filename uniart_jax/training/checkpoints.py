@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import json
+import shutil
 import sys
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -25,6 +26,8 @@ State = TypeVar("State")
 
 class CheckpointableIterator(Protocol):
     """Anything that knows where it is: Grain's iterators, or a test's. A state is bytes or JSON-able."""
+
+    def __next__(self) -> Any: ...
 
     def get_state(self) -> Any: ...
 
@@ -160,8 +163,10 @@ class Checkpoints:
         print(f"warning: checkpoint {self.folder}/{step} is damaged ({reason}); trying the one before", file=sys.stderr)  # fmt: skip
         if jax.process_index() == 0:
             source = self.folder / str(step)
+            aside = self.folder / f"damaged-{step}"
+            shutil.rmtree(aside, ignore_errors=True)
             if source.exists():
-                source.rename(self.folder / f"damaged-{step}")
+                source.rename(aside)
         if jax.process_count() > 1:
             multihost_utils.sync_global_devices("damaged checkpoint set aside")
         self._orbax.reload()

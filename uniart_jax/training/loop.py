@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -25,7 +25,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tensorboardX import SummaryWriter
 
 from uniart_jax.config import StageConfig
-from uniart_jax.training.checkpoints import Checkpoints
+from uniart_jax.training.checkpoints import CheckpointableIterator, Checkpoints
 from uniart_jax.training.state import TrainState
 from uniart_jax.training.step import TrainStep
 
@@ -40,7 +40,7 @@ def run_stage(
     *,
     state: TrainState,
     train_step: TrainStep,
-    batches: Iterator[Any],
+    batches: CheckpointableIterator,
     put: Callable[[Any], Any],
     key: jax.Array,
     checkpoints: Checkpoints,
@@ -80,9 +80,10 @@ def run_stage(
             report.say(f"{name}: resumed at step {step}")
         window = _Window(name)
         while step < stage.steps:
-            batch = next(batches, None)
-            if batch is None:
-                raise ValueError(f"{name}: the data ended at step {step}; give more or repeat it")
+            try:
+                batch = next(batches)
+            except StopIteration:
+                raise ValueError(f"{name}: the data ended at step {step}; repeat it") from None
             state, metrics = train_step(state, put(batch), key)
             step += 1
             last = step == stage.steps
@@ -218,8 +219,9 @@ class _Reporter:
         self.board = SummaryWriter(str(workdir / "tensorboard" / name), purge_step=step + 1)
         if self.console.is_terminal:
             columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())  # fmt: skip
-            self._bar = Progress(*columns, TextColumn("{task.fields[info]}"), console=self.console)
-            self._task = self._bar.add_task(name, total=stage.steps, completed=step, info="")
+            bar = Progress(*columns, TextColumn("{task.fields[info]}"), console=self.console)
+            self._task = bar.add_task(name, total=stage.steps, completed=step, info="")
+            self._bar = bar
 
     def __enter__(self) -> _Reporter:
         if self._bar is not None:
