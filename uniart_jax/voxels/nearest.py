@@ -79,8 +79,12 @@ class Triangles:
 
     def _local(self, faces, centers, offsets):
         frame = self.frame[faces]
-        middle = np.matmul(frame, centers[:, :, None])[..., 0] - self.origin[faces]
-        local = np.matmul(frame.reshape(-1, 3), offsets.T).reshape(len(faces), 3, -1)
+        x, y, z = centers.T[:, :, None]
+        middle = frame[:, :, 0] * x + frame[:, :, 1] * y + frame[:, :, 2] * z - self.origin[faces]
+        if len(offsets) == 1:
+            middle += frame @ offsets[0]
+            return middle[:, 0:1], middle[:, 1:2], middle[:, 2:3]
+        local = (frame.reshape(-1, 3) @ offsets.T).reshape(len(faces), 3, -1)
         local += middle[..., None]
         return local[:, 0], local[:, 1], local[:, 2]
 

@@ -42,6 +42,7 @@ class _Surface:
     first: np.ndarray
     triangles: Triangles
     varied: np.ndarray  # [K] bool: colours vary over a face
+    corners: np.ndarray  # [F, 3, 3] float32
     proper: np.ndarray  # [F] bool: the triangle has an area
 
 
@@ -110,6 +111,7 @@ def _join(obj: ArticulatedObject) -> _Surface:
         np.cumsum([0, *counts]),
         Triangles(vertices, faces),
         np.array([p.mesh.visual.kind in ("texture", "vertex") for p in obj.parts]),
+        corner.astype(np.float32),
         np.linalg.norm(normal, axis=1) > 1e-14,
     )
 
@@ -179,11 +181,17 @@ def _distances(surface, solids, thin, coords, resolution, subdivisions):
     center = subcell_centers(coords, resolution, subdivisions).astype(np.float32).reshape(-1, 3)
     owner = surface.face_part[face]
     has_thin = thin.any(1)
+    may_be_thin = np.zeros(len(owner), bool)
+    for k in np.flatnonzero(has_thin):
+        around = _within(
+            thin[k], coords, resolution, 2
+        )  # voxels: the nearest point is within sqrt(3)
+        may_be_thin |= np.repeat(around, subdivisions**3) & (owner == k)
     weight = np.zeros((len(owner), 3), np.float32)
-    need = np.flatnonzero((has_thin | surface.varied)[owner])
+    need = np.flatnonzero(may_be_thin | surface.varied[owner])
     weight[need] = surface.triangles.barycentric(face[need], center[need])
     is_thin = np.zeros(len(owner), bool)
-    need = np.flatnonzero(has_thin[owner])
+    need = np.flatnonzero(may_be_thin)
     is_thin[need] = _is_thin(surface, thin, owner[need], face[need], weight[need], resolution)
 
     value = distance.copy()
@@ -199,10 +207,12 @@ def _distances(surface, solids, thin, coords, resolution, subdivisions):
         rivals.append((k, where[~own], True))
     value[is_thin] = np.minimum(value, distance - HALF_THIN)[is_thin]
     if has_thin.any():
+        reach = int(np.ceil((SDF_CLIP + HALF_THIN) / subdivisions))
         open_to_thin = ~is_thin & (free | (distance < HALF_THIN / 2))
         for k in np.flatnonzero(has_thin):
-            where = np.flatnonzero(open_to_thin & (owner != k))
-            rivals.append((int(k), _close(thin[k], coords, where, resolution, subdivisions), False))
+            around = np.repeat(_within(thin[k], coords, resolution, reach), subdivisions**3)
+            where = np.flatnonzero(open_to_thin & (owner != k) & around)
+            rivals.append((int(k), where, False))
     for k, where, inside in rivals:
         if not len(where):
             continue
@@ -225,17 +235,18 @@ def _distances(surface, solids, thin, coords, resolution, subdivisions):
 
 def _is_thin(surface, thin, part, face, weight, resolution) -> np.ndarray:
     """[n] bool: the voxel of the surface point is one of the part's thin ones."""
-    point = np.einsum("nk,nkc->nc", weight, surface.vertices[surface.faces[face]])
-    index = np.clip(((point + 0.5) * resolution).astype(np.int64), 0, resolution - 1)
+    corner = surface.corners[face]
+    point = (
+        corner[:, 0] * weight[:, :1] + corner[:, 1] * weight[:, 1:2] + corner[:, 2] * weight[:, 2:]
+    )
+    index = np.clip(((point + 0.5) * resolution).astype(np.int32), 0, resolution - 1)
     return thin[part, (index[:, 0] * resolution + index[:, 1]) * resolution + index[:, 2]]
 
 
-def _close(thin_voxels, coords, where, resolution, subdivisions) -> np.ndarray:
-    """Those sub-cells of ``where`` whose value thin places of one part can reach: by voxels, a margin of one clipped shell around."""
-    reach = int(np.ceil((SDF_CLIP + HALF_THIN) / subdivisions))
-    mask = thin_voxels.reshape((resolution,) * 3)
-    mask = scipy.ndimage.maximum_filter(mask, size=2 * reach + 1, mode="constant")
-    return where[mask[tuple(coords[where // subdivisions**3].T)]]
+def _within(voxels, coords, resolution, reach) -> np.ndarray:
+    """[V] bool: one of ``voxels`` [R^3] bool is at most ``reach`` away along every axis."""
+    mask = voxels.reshape((resolution,) * 3)
+    return scipy.ndimage.maximum_filter(mask, size=2 * reach + 1, mode="constant")[tuple(coords.T)]
 
 
 def _colors(obj, surface, owner, face, weight) -> np.ndarray:
