@@ -82,6 +82,22 @@ def test_growing_equals_one_larger_run(tmp_path, fake):
     assert digest(tmp_path / "a") == digest(run(tmp_path / "b"))
 
 
+def test_killed_while_growing(tmp_path, fake, monkeypatch):
+    run(tmp_path / "a", count=8)
+    write_rows = prepare.write_rows
+
+    def killed(path, rows):
+        write_rows(path, rows)
+        raise KeyboardInterrupt
+
+    # killed when the rows are there and the longer shard has no name yet
+    monkeypatch.setattr(prepare, "write_rows", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "a")
+    monkeypatch.setattr(prepare, "write_rows", write_rows)
+    assert digest(run(tmp_path / "a")) == digest(run(tmp_path / "b"))
+
+
 def test_manifest_follows_records_and_keeps_failures(tmp_path, fake):
     out = run(tmp_path, states=2)
     rows = folder.read_manifest(out)
