@@ -37,6 +37,14 @@ def test_parts_are_where_they_were(cabinet, glb):
         np.testing.assert_allclose(seen.bounds, meant.bounds, atol=1e-5)
 
 
+def test_up_is_y_and_the_front_faces_z(cabinet, glb):
+    scene = trimesh.load_scene(glb)
+    ours, theirs = cabinet.bounds * cabinet.scale, scene.bounds
+    np.testing.assert_allclose(theirs[:, 1], ours[:, 2], atol=1e-5)
+    np.testing.assert_allclose(theirs[:, 2], -ours[::-1, 0], atol=1e-5)
+    assert np.linalg.det(scene.graph["body"][0][:3, :3]) == pytest.approx(1)
+
+
 def test_nodes_are_the_kinematic_tree(cabinet, tree):
     nodes = {node["name"]: node for node in tree["nodes"]}
     for part in cabinet.parts:

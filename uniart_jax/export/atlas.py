@@ -136,7 +136,8 @@ def bake(
         color[rows, columns] = source_color(source, points)
         filled[rows, columns] = True
     nearest = ndimage.distance_transform_edt(~filled, return_distances=False, return_indices=True)
-    color = color[tuple(nearest)]
+    rows, columns = np.asarray(nearest)
+    color = color[rows, columns]
     return Image.fromarray((linear_to_srgb(color) * 255 + 0.5).astype(np.uint8))
 
 

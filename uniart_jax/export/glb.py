@@ -1,7 +1,7 @@
 """One GLB with the kinematic tree as node hierarchy.
 
 Every part is a node named after it, child of its parent's node and placed at its joint's origin, so that turning the node about
-its own origin is what the joint does. glTF is y-up: one node above the root carries our z-up frame into it (x, y, z) -> (x, z, -y).
+its own origin is what the joint does. glTF is y-up and faces +z: one node above the root turns our z-up frame, which faces -x, into it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import trimesh
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 
-Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+Y_UP = np.array([[0.0, -1, 0, 0], [0, 0, 1, 0], [-1, 0, 0, 0], [0, 0, 0, 1]])
 
 
 def write_glb(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh], path: Path) -> Path:
