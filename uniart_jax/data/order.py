@@ -34,8 +34,8 @@ class Draw:
 
 def fitting_width(voxels: np.ndarray, widths: Sequence[int]) -> np.ndarray:
     """[N] the smallest of ``widths`` that holds each count; the largest where none does."""
-    widths = np.sort(np.asarray(widths))
-    return widths[np.minimum(np.searchsorted(widths, voxels), len(widths) - 1)]
+    rising = np.sort(np.asarray(widths))
+    return rising[np.minimum(np.searchsorted(rising, voxels), len(rising) - 1)]
 
 
 class ShuffledOrder:

@@ -14,7 +14,7 @@ import multiprocessing
 import multiprocessing.connection
 import os
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -197,7 +197,7 @@ def _reason(error: Exception) -> str:
 
 def _make_all(
     settings: Settings, indices: Sequence[int], processes: int
-) -> Iterator[list[tuple[bytes, Row]]]:
+) -> Generator[list[tuple[bytes, Row]], None, None]:
     """Results of ``make_object`` in order; workers stay a bounded number of objects ahead."""
     if processes == 1 or len(indices) < 2:
         for index in indices:
