@@ -11,7 +11,7 @@ from scipy import ndimage
 from uniart_jax.objects.kinematics import Joint, topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid
-from uniart_jax.voxels.isosurface import dense_field, part_mesh, srgb_bytes
+from uniart_jax.voxels.isosurface import FACE_BUDGET, dense_field, part_mesh, simplify, srgb_bytes
 from uniart_jax.voxels.joint_code import box_corners, canonical, decode_part, decode_tree
 from uniart_jax.voxels.segment import Segmentation, segment
 
@@ -104,7 +104,10 @@ def mesh_parts(grid: VoxelGrid, parts: Segmentation) -> list[trimesh.Trimesh]:
     cells = np.where(field.sdf < 0, field.owner + 1, 0)
     windows = ndimage.find_objects(cells, max_label=len(parts.boxes))
     colors = srgb_bytes(grid.color).reshape(-1, 3)
-    return [part_mesh(field, k, window, colors) for k, window in enumerate(windows)]
+    meshes = [part_mesh(field, k, window, colors) for k, window in enumerate(windows)]
+    share = FACE_BUDGET / sum(len(mesh.faces) for mesh in meshes)
+    cell = 1 / (grid.resolution * grid.subdivisions)
+    return [simplify(mesh, cell, int(share * len(mesh.faces))) for mesh in meshes]
 
 
 def _every_part_has_a_cell(grid: VoxelGrid, parts: Segmentation) -> tuple[np.ndarray, np.ndarray]:

@@ -11,12 +11,16 @@ the active voxels is unknown to the representation and is filled in first:
 So a solid block is solid, a sealed hollow box is hollow, and parts in contact share their faces. The classic tables of scikit-image
 (``method="lorensen"``) treat the two sides of an ambiguous face alike, so that every edge has exactly two triangles whatever the
 input; the Lewiner tables do not (measured: 11 of 150 random grids left open).
+
+Flat stretches are then merged by Manifold's edge collapse, which moves the surface by less than a tolerance and keeps it manifold.
+Colour rides on vertices, so triangles of unlike colour are not merged while the face budget allows.
 """
 
 from __future__ import annotations
 
 import dataclasses
 
+import manifold3d
 import numpy as np
 import trimesh
 from scipy import ndimage
@@ -28,6 +32,9 @@ from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid, occupancy
 ZERO = 1e-4  # sub-cells; distances below this count as just inside
 SPECK_CELLS = 16  # a loose piece of a part is dropped if it has fewer sub-cells than this
 SPECK_SHARE = 0.002  # and less than this share of the part's
+FACE_BUDGET = 60_000  # of all parts together
+# (colour step in sRGB levels or None, tolerance in sub-cells), tried in turn until the budget is met
+SIMPLIFICATIONS = ((32, 0.05), (64, 0.1), (None, 0.2), (None, 0.5), (None, 1.0))
 FACES = ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))  # axis and side of a cell's six faces
 
 
@@ -102,6 +109,54 @@ def part_mesh(
     count = field.sdf.shape[0] - 2
     points = (vertices.astype(np.float64) + start - 0.5) / count - 0.5
     return trimesh.Trimesh(points, faces, vertex_colors=color, process=False)
+
+
+def simplify(mesh: trimesh.Trimesh, cell: float, budget: int) -> trimesh.Trimesh:
+    """The same closed surface with fewer faces; vertices are a subset of the given ones and keep their colours.
+
+    Args:
+      mesh: closed, edge-manifold, with vertex colours.
+      cell: side of a sub-cell, the unit of the tolerances.
+      budget: faces aimed at; the coarsest simplification is returned if none meets it.
+    """
+    rgb = np.asarray(mesh.visual.vertex_colors)[:, :3]
+    vertices = np.concatenate([mesh.vertices / cell, rgb], axis=1)
+    faces = mesh.faces.astype(np.uint64)
+    best = mesh
+    for step, tolerance in SIMPLIFICATIONS:
+        groups = None if step is None else _color_groups(rgb, mesh.faces, step)
+        solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces, face_id=groups))
+        if solid.status() != manifold3d.Error.NoError:
+            break
+        simple = _to_trimesh(solid.simplify(tolerance).to_mesh64(), cell)
+        if simple is None or len(simple.faces) >= len(best.faces):
+            continue
+        best = simple
+        if len(best.faces) <= budget:
+            break
+    return best
+
+
+def _color_groups(rgb: np.ndarray, faces: np.ndarray, step: int) -> np.ndarray:
+    """[F] an id per triangle: the quantised colour of its corners' median."""
+    levels = rgb.astype(np.int64) // step
+    key = (levels[:, 0] * 256 + levels[:, 1]) * 256 + levels[:, 2]
+    return np.sort(key[faces], axis=1)[:, 1].astype(np.uint64)
+
+
+def _to_trimesh(out: manifold3d.Mesh64, cell: float) -> trimesh.Trimesh | None:
+    """Back from Manifold; None if corners that coincide would leave the mesh open once they are merged by a reader."""
+    target = np.arange(len(out.vert_properties))
+    target[np.asarray(out.merge_from_vert, np.int64)] = np.asarray(out.merge_to_vert, np.int64)
+    used, faces = np.unique(target[np.asarray(out.tri_verts, np.int64)], return_inverse=True)
+    properties = np.asarray(out.vert_properties)[used]
+    colors = np.full((len(used), 4), 255, np.uint8)
+    colors[:, :3] = np.clip(np.round(properties[:, 3:]), 0, 255)
+    points, faces = properties[:, :3] * cell, faces.reshape(-1, 3)
+    merged = trimesh.Trimesh(points, faces, process=True)
+    if len(faces) < 4 or not merged.is_watertight or len(merged.faces) != len(faces):
+        return None
+    return trimesh.Trimesh(points, faces, vertex_colors=colors, process=False)
 
 
 def _components(coords, resolution: int, sdf: np.ndarray, owner: np.ndarray, r: int):
