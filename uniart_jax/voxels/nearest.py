@@ -5,7 +5,7 @@ smallest one. So candidates are kept per voxel, then per half voxel (..), and on
 for objects of flat parts, several times faster than asking a box tree half a million times. Meshes so fine that listing candidates
 costs more than the tree go to ``igl.AABB``.
 
-Distances are float32 with ties (within 1e-5 of the value) won by the lowest face, so that noise does not speckle shared borders.
+Distances are float32 with ties won by the lowest face, so that noise does not speckle shared borders.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ MAX_LISTED = (
     128  # (triangle, cell) pairs to list per voxel; beyond, the box tree is faster (measured)
 )
 VALUES_AT_ONCE = 1 << 14  # distances measured in one go: what stays in the first-level cache
-TIE_BITS = np.uint32(0x7F)  # of a float32's mantissa, ignored when distances squared are compared
+TIE = 1e-5  # squared distances this close, relative or absolute, are ties
+TIE_FLOOR = 1e-13
 
 
 class Triangles:
@@ -33,11 +34,15 @@ class Triangles:
         corner = np.take_along_axis(corner, order[..., None], 1)
         base, rest = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         b = np.linalg.norm(base, axis=1)
-        x = base / np.maximum(b, 1e-30)[:, None]
+        x = np.where(b[:, None] > 0, base / np.maximum(b, 1e-30)[:, None], [1.0, 0, 0])
         cx = (rest * x).sum(1)
         up = rest - cx[:, None] * x
         cy = np.linalg.norm(up, axis=1)
-        y = up / np.maximum(cy, 1e-30)[:, None]
+        needle = cy <= 1e-8 * b  # a segment or a point: any frame about it
+        cy[needle] = 0
+        least = np.eye(3)[np.argmin(np.abs(x), axis=1)]
+        up = np.where(needle[:, None], least - (least * x).sum(1, keepdims=True) * x, up)
+        y = up / np.linalg.norm(up, axis=1, keepdims=True)
         frame = np.stack([x, y, np.cross(x, y)], 1)
         origin = np.einsum("fac,fc->fa", frame, corner[:, 0])
         squares = np.stack([(b - cx) ** 2 + cy**2, cx**2 + cy**2], 1)
@@ -157,14 +162,17 @@ def nearest_faces(
         order = np.argsort(block, kind="stable")
         block, face = block[order], face[order]
         center = (center[:, None] + offsets).reshape(-1, 3)
-    key = (squared.view(np.uint32) & ~TIE_BITS).astype(np.uint64) << np.uint64(32)
-    key |= face.astype(np.uint64)[:, None]
-    best = np.minimum.reduceat(key, starts).reshape(len(coords), *(s for s in sides for _ in "xyz"))
+    best = np.minimum.reduceat(squared, starts)
+    tied = squared <= best[block] * (1 + TIE) + TIE_FLOOR  # every block has candidates
+    names = np.where(tied, face[:, None].astype(np.int32), np.iinfo(np.int32).max)
+    chosen = np.minimum.reduceat(names, starts)
+    shape = (len(coords), *(s for s in sides for _ in "xyz"))
     levels = len(sides)
     axes = [0] + [1 + 3 * i + a for a in range(3) for i in range(levels)]
-    best = best.transpose(axes).reshape(len(coords), -1)
-    distance = np.sqrt((best >> np.uint64(32)).astype(np.uint32).view(np.float32))
-    return distance, (best & np.uint64(0xFFFFFFFF)).astype(np.int64)
+    best, chosen = (
+        a.reshape(shape).transpose(axes).reshape(len(coords), -1) for a in (best, chosen)
+    )
+    return np.sqrt(best), chosen.astype(np.int64)
 
 
 def _voxel_candidates(vertices, faces, triangles, coords, center, resolution, rho):

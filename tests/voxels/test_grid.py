@@ -1,0 +1,43 @@
+import numpy as np
+
+from uniart_jax.voxels.grid import PartGrid, occupancy, subcell_centers, subcell_offsets
+
+
+def test_subcells_are_x_major_with_z_fastest():
+    offsets = subcell_offsets(2)
+    np.testing.assert_allclose(offsets[1] - offsets[0], [0, 0, 0.5])
+    np.testing.assert_allclose(offsets[4] - offsets[0], [0.5, 0, 0])
+    np.testing.assert_allclose(offsets.mean(0), 0.5)
+
+
+def test_subcell_centers_fill_their_voxel():
+    centers = subcell_centers(np.array([[0, 3, 1]]), resolution=4, subdivisions=3)[0]
+    low = np.array([0, 3, 1]) / 4 - 0.5
+    np.testing.assert_allclose(centers.min(0), low + 1 / 24)
+    np.testing.assert_allclose(centers.max(0), low + 1 / 4 - 1 / 24)
+
+
+def test_occupancy_is_true_at_the_voxels_only():
+    coords = np.array([[0, 1, 2], [3, 3, 3]])
+    dense = occupancy(coords, 4)
+    np.testing.assert_array_equal(np.argwhere(dense), coords)
+
+
+def test_gather_turns_ids_into_attributes():
+    boxes = np.arange(12, dtype=np.float32).reshape(2, 6)
+    codes = np.arange(18, dtype=np.float32).reshape(2, 9)
+    grid = PartGrid(
+        resolution=4,
+        subdivisions=1,
+        coords=np.array([[0, 0, 0], [1, 0, 0]], np.int32),
+        sdf=np.zeros((2, 1), np.float32),
+        color=np.zeros((2, 1, 3), np.float32),
+        owner=np.array([[1], [0]], np.uint8),
+        voxel_part=np.array([1, 0], np.uint8),
+        boxes=boxes,
+        codes=codes,
+        parents=np.array([0, 0], np.int32),
+    ).gather()
+    np.testing.assert_array_equal(grid.own_box[:, 0], boxes[[1, 0]])
+    np.testing.assert_array_equal(grid.joint_code, codes[[1, 0]])
+    np.testing.assert_array_equal(grid.parent_box, boxes[[0, 0]])
