@@ -90,23 +90,35 @@ def plan_neighbors(coords: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def flow_plan(
-    coords: np.ndarray, counts: np.ndarray, config: FlowConfig, grid: GridConfig
+    coords: np.ndarray,
+    counts: np.ndarray,
+    config: FlowConfig,
+    grid: GridConfig,
+    *,
+    round_to: int = 0,
 ) -> FlowPlan:
     """The plan of the latent flow's stem for voxels [B, V, 3].
 
-    Capacity of a level: all cells of its grid or all voxels, whichever is less, so it always suffices.
+    Capacity of a level: all cells of its grid or all voxels, whichever is less, so it always suffices. With ``round_to`` it is the
+    most cells of an item of this batch, rounded up to a multiple: less padding, a few more shapes to compile.
     """
-    width = coords.shape[1]
+    side = grid.resolution
 
-    def capacity(factor: int) -> int:
-        return min(width, (grid.resolution // factor) ** 3)
+    def pool(coords: np.ndarray, counts: np.ndarray, factor: int) -> Pool:
+        most = min(coords.shape[1], (-(-side // factor)) ** 3)
+        if round_to:
+            cells = [
+                np.unique(c[:n] // factor, axis=0) for c, n in zip(coords, counts, strict=True)
+            ]
+            active = max([1, *map(len, cells)])
+            most = min(most, -(-active // round_to) * round_to)
+        return plan_pool(coords, counts, factor, most)
 
     if config.stem == "patch":
-        factor = config.patch_size
-        return FlowPlan((plan_pool(coords, counts, factor, capacity(factor)),), ())
+        return FlowPlan((pool(coords, counts, config.patch_size),), ())
     pools, neighbors = [], [plan_neighbors(coords, counts)]
-    for level in range(len(config.io_channels)):
-        pools.append(plan_pool(coords, counts, 2, capacity(2 ** (level + 1))))
-        coords, counts = pools[-1].coords, pools[-1].counts
+    for _ in config.io_channels:
+        pools.append(pool(coords, counts, 2))
+        coords, counts, side = pools[-1].coords, pools[-1].counts, -(-side // 2)
         neighbors.append(plan_neighbors(coords, counts))
     return FlowPlan(tuple(pools), tuple(neighbors))
