@@ -262,13 +262,13 @@ class _Reporter:
 
     def progress(self, step: int, latest: Scalars) -> None:
         """The bar, or a line now and then."""
-        if not self.writes:
+        if not self.writes or not latest:
             return
         now = time.perf_counter()
         begin, start = self._start
         rate = (step - begin) / max(now - start, 1e-9)
         info = (
-            f"loss {latest.get('loss', math.nan):.4g}  {rate * self.stage.batch_size:.3g} samples/s"
+            f"loss {latest['loss']:.4g}  {rate * self.stage.batch_size:.3g} samples/s"
         )
         if self._bar is not None:
             self._bar.update(self._task, completed=step, info=info)
