@@ -289,6 +289,17 @@ def test_colours_of_urdf_mtl_and_texture_live_together(load, tmp_path):
     assert obj.provenance == ()
 
 
+def test_factors_of_gltf_are_linear(load, tmp_path):
+    body = trimesh.creation.box()
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[128, 0, 255, 255])
+    uv = np.zeros((len(body.vertices), 2))
+    body.visual = trimesh.visual.TextureVisuals(uv=uv, material=material)
+    (tmp_path / "a.glb").write_bytes(body.export(file_type="glb"))
+    read = load(link("base", mesh("a.glb"))).parts[0].mesh
+    color = sample_color(read, np.array([0]), np.full((1, 3), 1 / 3))
+    np.testing.assert_allclose(color, [[128 / 255, 0, 1]], atol=5e-3)
+
+
 def test_package_addresses_are_found_in_the_folder(load, tmp_path):
     (tmp_path / "meshes").mkdir()
     trimesh.creation.box().export(tmp_path / "meshes" / "b.stl")

@@ -14,6 +14,7 @@ from lxml import etree
 from trimesh.transformations import euler_matrix
 
 MAX_BYTES = 16 * 2**20
+MAX_NUMBER = 1e9  # beyond it squares and products overflow; no asset is a million kilometres wide
 MOVING = ("revolute", "continuous", "prismatic")
 REFUSED = ("planar", "floating", "spherical")
 # Errors of libxml2 that leave the tree as written: an unknown version number, an undeclared name space.
@@ -141,7 +142,7 @@ def _name(element: etree._Element, kind: str) -> str:
 
 
 def _numbers(element, attribute: str, count: int, default, where: str) -> np.ndarray:
-    """``count`` finite numbers of an attribute; ``default`` if the element or the attribute is absent."""
+    """``count`` numbers of an attribute; ``default`` if the element or the attribute is absent."""
     text = None if element is None else element.get(attribute)
     if text is None or not text.strip():
         return np.array(default, dtype=np.float64)
@@ -149,7 +150,7 @@ def _numbers(element, attribute: str, count: int, default, where: str) -> np.nda
         values = np.array([float(t) for t in re.split(r"[\s,]+", text.strip())])
     except ValueError:
         values = np.zeros(0)
-    if len(values) != count or not np.all(np.isfinite(values)):
+    if len(values) != count or not np.all(np.abs(values) <= MAX_NUMBER):
         raise ValueError(
             f"{where}: {attribute}='{text.strip()[:60]}' should be {count} finite number{'s' * (count > 1)}"
         )
