@@ -1,0 +1,35 @@
+"""Reading a URDF written in the test itself."""
+
+from __future__ import annotations
+
+import pytest
+from urdf_texts import robot
+
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.urdf import load_object
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Write a URDF's text and read it."""
+
+    def read(*elements: str, **options) -> ArticulatedObject:
+        text = elements[0] if elements[0].startswith(("<?", "<robot", "<!")) else robot(*elements)
+        (tmp_path / "a.urdf").write_text(text)
+        return load_object(tmp_path / "a.urdf", **options)
+
+    return read
+
+
+@pytest.fixture
+def refuse(load):
+    """The one line with which a URDF is refused."""
+
+    def read(*elements: str, **options) -> str:
+        with pytest.raises(ValueError) as caught:
+            load(*elements, **options)
+        line = str(caught.value)
+        assert "\n" not in line and "a.urdf" in line
+        return line
+
+    return read

@@ -1,0 +1,148 @@
+"""Repairs of what real URDFs get wrong, each told once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from urdf_texts import BOX, joint, limit, link, mesh, notes, robot
+
+from uniart_jax.objects.appearance import sample_color
+
+
+@pytest.mark.parametrize(
+    ("inner", "kind", "limits", "words"),
+    [
+        (f'<axis xyz="0 0 5"/>{limit(0, 1)}', "revolute", (0, 1), "has length 5"),
+        (f'<axis xyz="0 0 0"/>{limit(0, 1)}', "fixed", (0, 0), "axis is zero"),
+        (f'<axis xyz="None None None"/>{limit(0, 1)}', "fixed", (0, 0), "axis is zero"),
+        (limit(1, -1), "revolute", (-1, 1), "swapped"),
+        ("", "continuous", (-np.pi, np.pi), "without limits"),
+        ('<limit effort="1" velocity="1"/>', "continuous", (-np.pi, np.pi), "without limits"),
+        (limit(0, 90), "revolute", (0, np.pi / 2), "degrees"),
+        (limit(0.5, 1), "revolute", (0, 0.5), "shown at 0.5"),
+        (limit(-2, -0.5), "revolute", (-1.5, 0), "shown at -0.5"),
+        (limit(0, 0.01), "fixed", (0, 0), "less than the dead zone"),
+        (limit(0, 1) + '<mimic joint="nobody"/>', "revolute", (0, 1), "cannot drive it"),
+    ],
+)
+def test_joints_are_repaired(load, inner, kind, limits, words):
+    obj = load(link("base"), link("door"), joint("revolute", "door", inner))
+    assert obj.parts[1].joint.type == kind
+    np.testing.assert_allclose(obj.parts[1].joint.limits, limits, atol=1e-9)
+    found = notes(obj, words)
+    assert len(found) == 1 and "'door_joint'" in found[0] and len(obj.provenance) == 1
+
+
+def test_a_joint_clamped_to_its_limit_is_shown_there(load):
+    obj = load(link("base"), link("drawer"), joint("prismatic", "drawer", limit(2, 3)))
+    np.testing.assert_allclose(obj.parts[1].box[:3], [2, 0, 0])
+    obj = load(
+        link("base"),
+        link("door"),
+        joint("revolute", "door", '<origin xyz="0 0 1"/><axis xyz="0 0 1"/>' + limit(1, 2)),
+    )
+    corner = obj.parts[1].mesh.vertices.max(0)[0]
+    assert corner == pytest.approx(0.5 * (np.cos(1) + np.sin(1)))
+
+
+def test_a_prismatic_joint_without_limits_gets_its_parts_length(load):
+    obj = load(link("base"), link("drawer"), joint("prismatic", "drawer"))
+    np.testing.assert_allclose(obj.parts[1].joint.travel, (-0.5, 0.5))
+    assert notes(obj, "prismatic without limits")
+
+
+def test_cyclic_mimics_are_independent(load):
+    obj = load(
+        link("base"), link("a"), link("b"),
+        joint("revolute", "a", limit(0, 1) + '<mimic joint="b_joint"/>'),
+        joint("revolute", "b", limit(0, 1) + '<mimic joint="a_joint"/>'),
+    )  # fmt: skip
+    assert [j.type for j in obj.joints[1:]] == ["revolute", "revolute"]
+    assert len(notes(obj, "cannot drive it")) == 2
+
+
+def test_names_that_repeat_are_told_apart_where_that_is_possible(load, refuse):
+    obj = load(
+        link("base"),
+        link("knob"),
+        link("knob"),
+        joint("fixed", "knob"),
+        joint("fixed", "knob", '<origin xyz="5 0 0"/>'),
+    )
+    assert [p.name for p in obj.parts] == ["base", "knob", "knob_2"]
+    assert obj.parts[2].box[0] == 5 and notes(obj, "had this name") and notes(obj, "renamed")
+    assert "2 links are named 'a'" in refuse(link("a"), link("a"))
+
+
+def test_harmless_faults_of_the_xml_are_passed_over(load):
+    obj = load(f'<?xml version="0.0"?>{robot("<gz:plugin/>", link("a b"), link("unused", ""))}')
+    assert obj.parts[0].name == "a b"
+    assert notes(obj, "XML") and notes(obj, "'unused'")
+
+
+def test_missing_meshes(load, refuse):
+    obj = load(link("base", mesh("gone.glb") + BOX))
+    assert notes(obj, "link 'base': mesh 'gone.glb' is missing; left out")
+    collision = BOX.replace("visual", "collision")
+    assert notes(
+        load(link("base", mesh("gone.glb") + collision)), "shown by its collision geometry"
+    )
+    line = refuse(link("base"), link("door", mesh("gone.obj")), joint("fixed", "door"))
+    assert "link 'door'" in line and "'gone.obj' is missing" in line
+    assert "package://x/y.dae" in refuse(link("base", mesh("package://x/y.dae")))
+    assert "no link has a mesh" in refuse(link("base", ""))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.obj", b"", "no faces"),
+        ("a.obj", b"v 0 0 0\nf 1 2 3\n", "'a.obj'"),
+        ("a.stl", b"solid nothing", "'a.stl'"),
+        ("a.ply", b"ply\nformat ascii 1.0\n", "'a.ply'"),
+        ("a.glb", b"glTF\0\0\0\0", "cannot be read as GLB"),
+        ("a.dae", b'<!DOCTYPE a [<!ENTITY b "c">]><COLLADA/>', "document type"),
+        ("a.txt", b"hello", "format '.txt'"),
+    ],
+)
+def test_broken_meshes(refuse, load, tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    line = refuse(link("base", mesh(name)))
+    assert words in line and "link 'base'" in line
+    assert notes(load(link("base", mesh(name) + BOX)), "left out")
+
+
+@pytest.mark.parametrize(("old", "new"), [("<f4", np.nan), ("<u4", 99)])
+def test_faces_at_nowhere_are_left_out(load, tmp_path, old, new):
+    body = trimesh.creation.box()
+    data = bytearray(body.export(file_type="glb"))
+    first = body.vertices[0, 0] if old == "<f4" else body.faces
+    place = data.find(np.asarray(first).astype(old).tobytes())
+    data[place : place + 4] = np.array(new).astype(old).tobytes()
+    (tmp_path / "a.glb").write_bytes(data)
+    obj = load(link("base", mesh("a.glb")))
+    np.testing.assert_allclose(obj.bounds, body.bounds, atol=1e-6)
+    assert notes(obj, "non-finite or absent vertices")
+
+
+def test_textures_that_are_absent_or_broken_leave_the_urdf_colour(load, tmp_path):
+    quad = (
+        "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
+    )
+    (tmp_path / "a.obj").write_text(quad)
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd t.png\n")
+    red = mesh("a.obj").replace(
+        "</visual>", '<material name="r"><color rgba="1 0 0 1"/></material></visual>'
+    )
+    for content, words in (
+        (None, "'t.png' is missing"),
+        (b"not an image", "'t.png' is not an image"),
+    ):
+        if content is not None:
+            (tmp_path / "t.png").write_bytes(content)
+        obj = load(link("base", red))
+        np.testing.assert_allclose(
+            sample_color(obj.parts[0].mesh, [0], np.full((1, 3), 1 / 3)), [[1, 0, 0]], atol=1e-5
+        )
+        assert notes(obj, words)
