@@ -1,0 +1,88 @@
+"""Every stage in about a minute on one CPU core, to see that the road holds; the result is noise.
+
+Command: python train.py --config configs/debug.py
+"""
+
+from uniart_jax.config import (
+    Config,
+    DataConfig,
+    FlowConfig,
+    GridConfig,
+    ImageEncoderConfig,
+    LossConfig,
+    ModelConfig,
+    SampleConfig,
+    StageConfig,
+    StructureVAEConfig,
+    UniArtVAEConfig,
+)
+
+
+def config() -> Config:
+    stage = StageConfig(
+        steps=4,
+        batch_size=2,
+        learning_rate=1e-3,
+        warmup_steps=1,
+        log_every=2,
+        evaluate_every=4,
+        save_every=4,
+    )
+    flow = FlowConfig(
+        model_channels=48,
+        num_blocks=1,
+        num_heads=2,
+        cond_channels=48,
+        patch_size=2,
+        volume_channels=8,
+        volume_resolution=8,
+        prediction="data",
+    )
+    return Config(
+        name="debug",
+        model=ModelConfig(
+            grid=GridConfig(resolution=32, subdivisions=2, max_parts=16),
+            image_encoder=ImageEncoderConfig(
+                image_size=64,
+                patch_size=16,
+                stem_channels=(8, 16, 32),
+                width=48,
+                num_blocks=1,
+                num_heads=2,
+                volume_blocks=1,
+                volume_channels=8,
+            ),
+            structure_vae=StructureVAEConfig(
+                patch_size=2, channels=(8, 16), num_res_blocks=1, num_res_blocks_middle=1
+            ),
+            uniart_vae=UniArtVAEConfig(
+                width=32,
+                num_blocks=2,
+                num_heads=2,
+                latent_channels=4,
+                attention="serial",
+                window=64,
+                visual_channels=0,
+                geometry_channels=16,
+                articulation_channels=16,
+                part_segment=64,
+            ),
+            structure_flow=flow,
+            latent_flow=FlowConfig(**{**flow.__dict__, "stem": "patch", "patch_size": 4}),
+        ),
+        data=DataConfig(
+            records="data-cache/debug",
+            validation="data-cache/debug-validation",
+            procedural=14,
+            validation_count=7,
+            voxel_buckets=(18432,),
+        ),
+        loss=LossConfig(voxels_per_object=128),
+        image_encoder=stage,
+        structure_vae=stage,
+        uniart_vae=stage,
+        structure_flow=stage,
+        latent_flow=stage,
+        sample_structure=SampleConfig(steps=2),
+        sample_latent=SampleConfig(steps=2),
+    )

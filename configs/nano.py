@@ -1,0 +1,98 @@
+"""The shipped model: procedural furniture and appliances at 32^3 voxels with 4^3 sub-cells, small enough to train on a laptop.
+
+Command: python train.py --config configs/nano.py
+Hardware, time and the held-out numbers it gives: README.md, "The shipped model".
+"""
+
+import dataclasses
+
+from uniart_jax.config import (
+    Config,
+    DataConfig,
+    FlowConfig,
+    GridConfig,
+    ImageEncoderConfig,
+    LossConfig,
+    ModelConfig,
+    SampleConfig,
+    StageConfig,
+    StructureVAEConfig,
+    UniArtVAEConfig,
+)
+
+
+def config() -> Config:
+    flow = FlowConfig(
+        model_channels=192,
+        num_blocks=4,
+        num_heads=4,
+        cond_channels=256,
+        volume_channels=32,
+        volume_resolution=8,
+        prediction="data",
+    )
+    stage = StageConfig(
+        steps=10_000,
+        batch_size=16,
+        learning_rate=5e-4,
+        warmup_steps=200,
+        ema_decay=0.999,
+        log_every=50,
+        evaluate_every=1000,
+        save_every=500,
+    )
+    return Config(
+        name="nano",
+        model=ModelConfig(
+            grid=GridConfig(resolution=32, subdivisions=4, max_parts=16),
+            image_encoder=ImageEncoderConfig(
+                image_size=128,
+                patch_size=16,
+                width=256,
+                num_blocks=3,
+                num_heads=4,
+                volume_tokens=4,
+                volume_blocks=5,
+                volume_channels=32,
+            ),
+            structure_vae=StructureVAEConfig(
+                patch_size=2, channels=(32, 96), num_res_blocks=1, num_res_blocks_middle=1
+            ),
+            uniart_vae=UniArtVAEConfig(
+                width=96,
+                num_blocks=2,
+                num_heads=4,
+                latent_channels=16,
+                attention="serial",
+                window=128,
+                visual_channels=0,
+                geometry_channels=64,
+                articulation_channels=64,
+                part_segment=256,
+            ),
+            structure_flow=dataclasses.replace(
+                flow, model_channels=256, num_blocks=5, patch_size=2
+            ),
+            latent_flow=dataclasses.replace(flow, patch_size=4, stem="patch"),
+        ),
+        data=DataConfig(
+            records="data-cache/nano",
+            validation="data-cache/nano-validation",
+            procedural=4200,
+            validation_count=70,
+            voxel_buckets=(4096, 6144, 8192, 12288, 18432),
+        ),
+        loss=LossConfig(
+            kl=1e-4,
+            voxels_per_object=1024,
+            noise_share=0.5,
+            draws_per_image=2,
+        ),
+        image_encoder=dataclasses.replace(stage, steps=3000),
+        structure_vae=dataclasses.replace(stage, steps=600, learning_rate=1e-3, evaluate_every=300),
+        uniart_vae=dataclasses.replace(stage, steps=2500, batch_size=2, learning_rate=1e-3),
+        structure_flow=dataclasses.replace(stage, steps=3000),
+        latent_flow=dataclasses.replace(stage, steps=3000, batch_size=8),
+        sample_structure=SampleConfig(steps=10, guidance=1.0, rescale_t=3.0),
+        sample_latent=SampleConfig(steps=10, guidance=0.0, rescale_t=3.0),
+    )
