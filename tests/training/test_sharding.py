@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import toy_run
 from jax.sharding import AbstractMesh, AxisType
+from safetensors.numpy import load_file
 
 from uniart_jax.config import MeshConfig
 from uniart_jax.training.export import flat_names
@@ -72,6 +73,9 @@ def test_two_processes_equal_one_and_resume(tmp_path, one_device):
     run(5)
     for i in range(2):
         check(one_device, dict(np.load(tmp_path / f"{i}.npz")))
+    exported = load_file(tmp_path / "run/export/toy.safetensors")
+    averaged = {n[4:]: v for n, v in one_device.items() if n.startswith("ema.")}
+    check(averaged, exported)
     steps = [line.split(",")[0] for line in (tmp_path / "run/metrics/toy.jsonl").open()]
     assert steps == [f'{{"step": {i}' for i in range(1, 6)]
 

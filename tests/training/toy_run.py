@@ -156,7 +156,7 @@ def main() -> None:
         size = 8 // args.processes
         share = slice(args.process * size, (args.process + 1) * size)
     from uniart_jax.training import sharding
-    from uniart_jax.training.export import flat_names
+    from uniart_jax.training.export import export_network, flat_names
 
     sharding.MIN_SHARDED_SIZE = 1
     batches = make_batches(nan_at=args.nan, slow=args.slow, share=share)
@@ -165,10 +165,10 @@ def main() -> None:
     if args.fsdp > 1:
         assert not state.params["out"]["kernel"].sharding.is_fully_replicated
     if args.out:
-        whole = jax.jit(
-            lambda tree: tree, out_shardings=sharding.replicated(state.step.sharding.mesh)
-        )
+        mesh = state.step.sharding.mesh
+        whole = jax.jit(lambda tree: tree, out_shardings=sharding.replicated(mesh))
         np.savez(args.out, **{k: np.asarray(v) for k, v in flat_names(whole(state)).items()})
+        export_network(args.workdir / "export", "toy", state.ema, "float32")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import jax
 import numpy as np
+from jax.experimental import multihost_utils
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
@@ -29,17 +30,24 @@ def export_network(
 ) -> Path:
     """Write a network's (averaged) parameters to ``folder/<name>.safetensors``.
 
+    Parameters that are split over several processes are gathered first, so call it on all of them; the first one writes.
+
     Raises:
       ValueError: values are not finite, or too large for float16; all such names are listed.
     """
     tensors = {}
-    for key, leaf in flat_names(jax.device_get(params)).items():
+    for key, leaf in flat_names(params).items():
+        if isinstance(leaf, jax.Array) and not (
+            leaf.is_fully_addressable or leaf.is_fully_replicated
+        ):
+            leaf = multihost_utils.process_allgather(leaf, tiled=True)
         with np.errstate(over="ignore"):
             tensors[key] = np.ascontiguousarray(np.asarray(leaf).astype(dtype))
     path = Path(folder) / f"{name}.safetensors"
     if bad := _not_finite(tensors):
         raise ValueError(f"{path}: not written, values are not finite as {dtype}: {', '.join(bad)}")
-    _write(path, lambda temporary: save_file(tensors, temporary))
+    if jax.process_index() == 0:
+        _write(path, lambda temporary: save_file(tensors, temporary))
     return path
 
 

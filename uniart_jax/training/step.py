@@ -19,7 +19,7 @@ import optax
 from uniart_jax.training.state import Params, TrainState
 
 Metrics = dict[str, jax.Array]
-LossFn = Callable[..., tuple[jax.Array, Metrics]]
+LossFn = Callable[[Params, Any, jax.Array], tuple[jax.Array, Metrics]]
 TrainStep = Callable[[TrainState, Any, jax.Array], tuple[TrainState, Metrics]]
 
 
@@ -27,27 +27,22 @@ def make_train_step(
     loss_fn: LossFn,
     optimizer: optax.GradientTransformation,
     ema_decay: float,
-    *,
-    frozen: Any = None,
 ) -> TrainStep:
     """Build ``step(state, batch, key) -> (state, metrics)``; ``state`` is donated, so use only the returned one.
 
     Args:
-      loss_fn: (params, batch, key) -> (scalar loss, dict of scalar metrics); with ``frozen`` (params, batch, key, frozen).
+      loss_fn: (params, batch, key) -> (scalar loss, dict of scalar metrics).
       ema_decay: of the averaged parameters.
-      frozen: arrays that the loss reads and nobody trains, such as another network's parameters. An argument of the compiled
-        program, where a closure would bake a copy of them into it.
 
     The metrics are the loss function's, ``loss``, ``grad_norm`` (before clipping) and ``finite`` (1 or 0). ``key`` is the run's
     and the same at every step. The returned state keeps the shardings of the state first given.
     """
 
-    def update(state: TrainState, batch: Any, key: jax.Array, frozen: Any):
+    def update(state: TrainState, batch: Any, key: jax.Array):
         key = jax.random.fold_in(key, state.step)
-        extra = () if frozen is None else (frozen,)
 
         def loss_of(params: Params):
-            return loss_fn(params, batch, key, *extra)
+            return loss_fn(params, batch, key)
 
         (loss, metrics), grads = jax.value_and_grad(loss_of, has_aux=True)(state.params)
         grad_norm = optax.tree.norm(grads)
@@ -69,6 +64,6 @@ def make_train_step(
             # Pinned, because the compiler may otherwise choose others for its outputs and compile the second step anew.
             shardings = jax.tree.map(lambda leaf: leaf.sharding, state)
             compiled = jax.jit(update, donate_argnums=0, out_shardings=(shardings, None))
-        return compiled(state, batch, key, frozen)
+        return compiled(state, batch, key)
 
     return train_step
