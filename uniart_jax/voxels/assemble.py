@@ -12,7 +12,7 @@ from uniart_jax.objects.kinematics import Joint, topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid
 from uniart_jax.voxels.isosurface import FACE_BUDGET, dense_field, part_mesh, simplify, srgb_bytes
-from uniart_jax.voxels.joint_code import box_corners, canonical, decode_part, decode_tree
+from uniart_jax.voxels.joint_code import LARGEST, box_corners, canonical, decode_part, decode_tree
 from uniart_jax.voxels.segment import Segmentation, segment
 
 EXPLAINED = (
@@ -34,13 +34,11 @@ def assemble(grid: VoxelGrid, *, scale: float = 1.0, name: str = "") -> Articula
     Raises:
       ValueError: the grid holds no voxels.
     """
+    grid = _finite(grid)
     parts = segment(grid)
     count = len(parts.boxes)
     voters = joint_voters(grid, parts)
-    with np.errstate(all="ignore"):
-        parent_boxes = np.stack(
-            [np.nanmedian(np.asarray(grid.parent_box, np.float64)[v], 0) for v in voters]
-        )
+    parent_boxes = np.stack([np.median(grid.parent_box[v], axis=0) for v in voters])
     parents = decode_tree(parts.boxes, parent_boxes)
     joints = [
         Joint.fixed()
@@ -63,6 +61,18 @@ def assemble(grid: VoxelGrid, *, scale: float = 1.0, name: str = "") -> Articula
         ),
         scale=scale,
         name=name,
+    )
+
+
+def _finite(grid: VoxelGrid) -> VoxelGrid:
+    """Without values that are not finite, or beyond all reason: unknown distances are outside, other values 0."""
+    return dataclasses.replace(
+        grid,
+        sdf=np.clip(np.nan_to_num(grid.sdf, nan=SDF_CLIP), -SDF_CLIP, SDF_CLIP),
+        color=np.clip(np.nan_to_num(grid.color), 0, 1),
+        own_box=np.clip(np.nan_to_num(grid.own_box), -2, 2),
+        joint_code=np.clip(np.nan_to_num(grid.joint_code), -LARGEST, LARGEST),
+        parent_box=np.clip(np.nan_to_num(grid.parent_box), -2, 2),
     )
 
 
@@ -116,13 +126,13 @@ def _every_part_has_a_cell(grid: VoxelGrid, parts: Segmentation) -> tuple[np.nda
     Its own with the smallest distance, else the one whose box is nearest, but never another part's only one.
     """
     shape = parts.owner.shape
-    sdf = np.nan_to_num(np.asarray(grid.sdf, np.float32), nan=SDF_CLIP).ravel()
+    sdf = np.asarray(grid.sdf).ravel()
     owner = parts.owner.ravel()
     counts = np.bincount(owner[sdf < 0], minlength=len(parts.boxes))
     missing = np.nonzero(counts == 0)[0]
     if len(missing):
         sdf, owner = sdf.copy(), owner.copy()
-        votes = box_corners(np.nan_to_num(grid.own_box)).reshape(-1, 6)
+        votes = box_corners(grid.own_box).reshape(-1, 6)
     for k in missing:
         distance = np.abs(votes - box_corners(parts.boxes[k])).max(1)
         cost = np.where(owner == k, sdf, 10 + distance)

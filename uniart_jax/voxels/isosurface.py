@@ -27,7 +27,7 @@ from scipy import ndimage
 from skimage.measure import marching_cubes
 
 from uniart_jax.objects.appearance import linear_to_srgb
-from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid, occupancy
+from uniart_jax.voxels.grid import VoxelGrid, occupancy
 
 ZERO = 1e-4  # sub-cells; distances below this count as just inside
 SPECK_CELLS = 16  # a loose piece of a part is dropped if it has fewer sub-cells than this
@@ -57,13 +57,13 @@ def dense_field(grid: VoxelGrid, owner: np.ndarray) -> DenseField:
     """Spread a grid's sub-cells over space and fill in what is unknown.
 
     Args:
-      grid: active voxels; distances that are not finite count as outside.
+      grid: active voxels, finite.
       owner: [V, r^3] part id of every sub-cell.
     """
     resolution, r = grid.resolution, grid.subdivisions
     coords = np.asarray(grid.coords)
-    sdf = np.nan_to_num(np.asarray(grid.sdf, np.float32), nan=SDF_CLIP)
-    sdf = np.where(np.abs(sdf) < ZERO, -ZERO, np.clip(sdf, -SDF_CLIP, SDF_CLIP))
+    sdf = np.asarray(grid.sdf, np.float32)
+    sdf = np.where(np.abs(sdf) < ZERO, np.float32(-ZERO), sdf)
     known = np.arange(sdf.size, dtype=np.int32).reshape(sdf.shape)
 
     labels, inside, part = _components(coords, resolution, sdf, np.asarray(owner), r)
@@ -130,6 +130,8 @@ def simplify(mesh: trimesh.Trimesh, cell: float, budget: int) -> trimesh.Trimesh
             break
         simple = _to_trimesh(solid.simplify(tolerance).to_mesh64(), cell)
         if simple is None or len(simple.faces) >= len(best.faces):
+            continue
+        if not 0.7 < simple.volume / mesh.volume < 1.4:  # thinner than the tolerance
             continue
         best = simple
         if len(best.faces) <= budget:
@@ -238,5 +240,5 @@ def _vertex_colors(vertices, phi, source, colors) -> np.ndarray:
 
 
 def srgb_bytes(color: np.ndarray) -> np.ndarray:
-    """[..., 3] uint8 sRGB of linear RGB; values that are not finite are black."""
-    return np.round(linear_to_srgb(np.nan_to_num(color)) * 255).astype(np.uint8)
+    """[..., 3] uint8 sRGB of linear RGB."""
+    return np.round(linear_to_srgb(color) * 255).astype(np.uint8)

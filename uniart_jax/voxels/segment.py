@@ -31,7 +31,7 @@ RADIUS = 0.06  # of a density peak
 APART = 0.08  # centers of two parts are at least this far apart
 AGREEMENT = 0.06  # between a small part's box and its voters' bounding box
 LARGE = 20  # voxels of a cluster that needs no agreement
-SMALL = 8  # voxels of the smallest part that noisy votes can show
+SMALL = 4  # voxels of the smallest part that noisy votes can show
 MOST_POINTS = 8192  # handed to HDBSCAN; more voters are thinned
 MOST = 64  # parts; more distinct boxes than this are noise
 MANY = 4 * MOST
@@ -61,7 +61,8 @@ def segment(grid: VoxelGrid) -> Segmentation:
     """
     if len(grid.coords) == 0:
         raise ValueError("assemble: the voxel grid is empty; nothing was generated")
-    votes = np.nan_to_num(box_corners(grid.own_box)).astype(np.float32)
+    own_box = np.clip(np.nan_to_num(np.asarray(grid.own_box, np.float32)), -2, 2)
+    votes = box_corners(own_box)
     flat = votes.reshape(-1, 6)
     centers = _exact_centers(flat)
     if centers is None:

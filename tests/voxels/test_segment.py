@@ -1,0 +1,97 @@
+"""Clustering of boxes into parts: exact on true codes, steady on noisy ones."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from solids import box_of, box_sdf, grid_of
+
+from uniart_jax.voxels.grid import PartGrid
+from uniart_jax.voxels.joint_code import box_corners
+from uniart_jax.voxels.segment import nearest, segment
+
+
+def make_cabinet(resolution=16) -> PartGrid:
+    """A body, two doors and a small knob."""
+    solids = [
+        ((-0.3, -0.5, -0.5), (0.4, 0.5, 0.5)),
+        ((-0.4, -0.5, -0.5), (-0.3, 0.0, 0.5)),
+        ((-0.4, 0.0, -0.5), (-0.3, 0.5, 0.5)),
+        ((-0.5, 0.1, -0.05), (-0.4, 0.2, 0.05)),
+    ]
+    distances = [lambda p, s=s: box_sdf(p, *s) for s in solids]
+    return grid_of(
+        distances, [box_of(*s) for s in solids], parents=[0, 0, 0, 2], resolution=resolution
+    )
+
+
+def matched(grid: PartGrid, found) -> np.ndarray:
+    """[K] the true part of each part found."""
+    distance = np.abs(box_corners(found.boxes)[:, None] - box_corners(grid.boxes)[None]).max(-1)
+    return distance.argmin(1)
+
+
+def test_true_codes_are_segmented_exactly():
+    grid = make_cabinet()
+    found = segment(grid.gather())
+    assert len(found.boxes) == 4
+    match = matched(grid, found)
+    assert sorted(match) == [0, 1, 2, 3] and match[0] == 0  # largest first
+    assert np.array_equal(match[found.owner], grid.owner)
+    assert np.allclose(found.boxes, grid.boxes[match], atol=1e-6)
+    assert np.array_equal(found.pure, (grid.owner == grid.owner[:, :1]).all(1))
+
+
+@settings(max_examples=15)
+@given(st.integers(2, 64), st.integers(0, 10**6))
+def test_one_sub_cell_is_enough_on_true_codes(count, seed):
+    rng = np.random.default_rng(seed)
+    boxes = np.concatenate(
+        [rng.uniform(-0.4, 0.4, (count, 3)), rng.uniform(0.02, 0.2, (count, 3))], 1
+    )
+    corners = box_corners(boxes)
+    distance = np.abs(corners[:, None] - corners[None]).max(-1) + np.eye(count)
+    if distance.min() < 0.011:
+        return
+    grid = make_cabinet(8)
+    owner = np.zeros(grid.owner.shape, int)
+    owner.flat[rng.choice(owner.size, count, replace=False)] = np.arange(count)
+    votes = dataclasses.replace(grid.gather(), own_box=boxes[owner].astype(np.float32))
+    found = segment(votes)
+    assert len(found.boxes) == count
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_network_like_votes_give_the_same_parts(seed):
+    """Bias per part, noise per voxel and sub-cell, and border voxels whose boxes lie between their parts'."""
+    rng = np.random.default_rng(seed)
+    grid = make_cabinet()
+    true = grid.boxes[grid.owner].astype(float)
+    mixed = (grid.owner != grid.owner[:, :1]).any(1)
+    blend = np.where(mixed, rng.uniform(0.2, 0.8, len(true)), 0)[:, None, None]
+    votes = true + blend * (true.mean(1, keepdims=True) - true)
+    votes += rng.normal(0, 0.01, grid.boxes.shape)[grid.owner]
+    votes += rng.normal(0, 0.01, (len(true), 1, 6)) + rng.normal(0, 0.003, true.shape)
+    found = segment(dataclasses.replace(grid.gather(), own_box=votes.astype(np.float32)))
+    match = matched(grid, found)
+    assert sorted(match) == [0, 1, 2, 3]
+    assert np.abs(found.boxes - grid.boxes[match]).max() < 0.04
+    assert (match[found.owner] == grid.owner).mean() > 0.97
+
+
+@pytest.mark.parametrize("noise", [0.001, 0.01, 0.03])
+def test_one_noisy_part_stays_one(noise):
+    rng = np.random.default_rng(0)
+    low, high = (-0.5, -0.3, -0.3), (0.5, 0.3, 0.3)
+    grid = grid_of([lambda p: box_sdf(p, low, high)], [box_of(low, high)], resolution=16).gather()
+    votes = grid.own_box + rng.normal(0, noise, (len(grid.coords), 1, 6)).astype(np.float32)
+    votes = votes + rng.normal(0, 1e-3, grid.own_box.shape).astype(np.float32)
+    found = segment(dataclasses.replace(grid, own_box=votes))
+    assert len(found.boxes) == 1 and not found.owner.any() and found.pure.all()
+
+
+def test_nearest_prefers_the_first_of_equals():
+    centers = np.array([[0.0] * 6, [1.0] * 6])
+    assert nearest(np.array([[0.5] * 6, [0.6] * 6], np.float32), centers).tolist() == [0, 1]
