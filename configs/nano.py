@@ -80,7 +80,7 @@ def config() -> Config:
             validation="data-cache/nano-validation",
             procedural=4200,
             validation_count=70,
-            voxel_buckets=(4096, 6144, 8192, 12288, 18432),
+            voxel_buckets=(5120, 8192, 12288),
         ),
         loss=LossConfig(
             kl=1e-4,

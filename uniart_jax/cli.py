@@ -38,7 +38,7 @@ def guarded(command: Callable[[], int | None]) -> int:
     warnings.showwarning = show
     try:
         return command() or 0
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, FloatingPointError) as error:
         message = " ".join(str(error).split())
         print(f"error: {message}", file=sys.stderr)
         return 2
@@ -87,8 +87,9 @@ def sample(
             raise ValueError(
                 f"output '{folder}': the folder is not empty; choose another --out or pass --overwrite"
             )
-    from uniart_jax.pipeline import load
+    from uniart_jax.pipeline import enable_compilation_cache, load
 
+    enable_compilation_cache()
     console = Console(stderr=True)
     with console.status("loading the model") as status:
         pipeline = load(checkpoint)
@@ -191,8 +192,10 @@ def train(arguments: list[str]) -> None:
     )
     default = load_config(known.config)
     config = tyro.cli(Config, default=default, args=rest, prog="train.py --config …")
+    from uniart_jax.pipeline import enable_compilation_cache
     from uniart_jax.stages import run
 
+    enable_compilation_cache()
     stages = NETWORKS if known.stage == "all" else (known.stage,)
     run(config, stages, known.workdir or Path("runs") / config.name)
 
@@ -287,7 +290,9 @@ def evaluate(
         unseen: The families that are never trained on, instead of the trained ones.
     """
     from uniart_jax.evaluation import procedural
+    from uniart_jax.pipeline import enable_compilation_cache
 
+    enable_compilation_cache()
     if what == "representation":
         procedural.evaluate_representation(out, count=count, unseen=unseen)
     else:

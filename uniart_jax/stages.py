@@ -154,8 +154,7 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
             workdir=workdir,
             evaluate=make_evaluation(name, config, workdir, statistics),
         )
-    if jax.process_index() == 0:
-        export_network(workdir / "export", name, state.ema)
+    export_network(workdir / "export", name, state.ema)  # every process calls it, the first one writes
 
 
 def select(name: str, batch: dict[str, Any]) -> dict[str, Any]:
@@ -248,6 +247,7 @@ def dense_occupancy(coords: jax.Array, counts: jax.Array, resolution: int) -> ja
     return jax.vmap(one)(coords, valid)
 
 
+@functools.lru_cache(maxsize=2)  # records and validation share one program
 def make_encoder(
     model: ModelConfig,
 ) -> Callable[[dict[str, Any], dict[str, Any], Any], dict[str, jax.Array]]:

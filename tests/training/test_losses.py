@@ -1,0 +1,109 @@
+"""Losses: gauges, padding, balance."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uniart_jax.training import losses
+from uniart_jax.training.objectives import alignment_loss, part_weights
+from uniart_jax.voxels.joint_code import gauge_variants
+
+CODE = st.lists(st.floats(-1, 1, width=32), min_size=9, max_size=9).map(np.float32)
+
+
+@given(CODE, CODE)
+def test_joint_code_loss_is_blind_to_the_gauge(predicted, target):
+    values = [float(losses.joint_code_loss(predicted, v, 0.3)) for v in gauge_variants(target)[:2]]
+    assert values[0] == pytest.approx(values[1], abs=1e-6)
+    assert float(losses.joint_code_loss(gauge_variants(target)[1], target, 0.3)) == pytest.approx(
+        0, abs=1e-6
+    )
+
+
+def test_a_wrong_opening_direction_costs():
+    opens_out = np.float32([0, 0, 0, 1, 0, 0, 0, 0, 0.5])
+    opens_in = np.float32([0, 0, 0, 1, 0, 0, 0, -0.5, 0])
+    assert float(losses.joint_code_loss(opens_in, opens_out, 0.3)) > 0.05
+
+
+def test_masked_mean_ignores_garbage_and_weighs_objects_equally():
+    values = jnp.array([[1.0, 3.0, jnp.nan], [10.0, jnp.inf, jnp.nan]])
+    weights = jnp.array([[1.0, 1, 0], [1, 0, 0]])
+    assert float(losses.masked_mean(values, weights)) == pytest.approx((2 + 10) / 2)
+    gradient = jax.grad(lambda v: losses.masked_mean(v, weights))(values)
+    assert np.isfinite(gradient).all() and not gradient[weights == 0].any()
+
+
+def test_huber_and_boxes_by_hand():
+    np.testing.assert_allclose(losses.huber(jnp.array([0.1, -1.0]), 0.5), [0.01, 0.75], atol=1e-6)
+    a = jnp.array([0.0, 0, 0, 2, 2, 2])
+    b = jnp.array([1.0, 0, 0, 2, 2, 2])  # both x corners moved by 1
+    assert float(losses.box_loss(a, b, 0.5)) == pytest.approx(2 * 0.75 / 6)
+
+
+def test_kl_is_zero_at_the_prior_and_by_hand():
+    mask = jnp.array([[1.0, 0.0]])
+    zero = jnp.zeros((1, 2, 3))
+    assert float(losses.kl_loss(zero, zero, mask)) == 0
+    mean = zero.at[0, 0].set(2.0).at[0, 1].set(jnp.nan)
+    assert float(losses.kl_loss(mean, zero, mask)) == pytest.approx(2.0)
+
+
+def test_geometry_losses_vanish_on_the_truth():
+    rng = np.random.default_rng(0)
+    sdf = np.float32(rng.choice([-3, 3], (2, 5, 8)))
+    color = np.float32(rng.random((2, 5, 8, 3)))
+    found = losses.geometry_losses(
+        {"sdf": jnp.array(sdf), "color": jnp.array(color)}, sdf, color, jnp.ones((2, 5))
+    )
+    assert (
+        float(found["sdf"]) == 0 and float(found["color"]) == 0 and float(found["occupancy"]) < 0.01
+    )
+    wrong = losses.geometry_losses(
+        {"sdf": jnp.array(-sdf), "color": jnp.array(color)}, sdf, color, jnp.ones((2, 5))
+    )
+    assert float(wrong["occupancy"]) > 3 and float(wrong["sdf"]) > 3
+
+
+def test_balanced_voxels_hear_small_parts_and_never_padding():
+    part = np.zeros((2, 1000), np.int32)
+    part[0, 990:995] = 3  # five voxels of one part among 995
+    part[1, :] = 1
+    counts = np.array([995, 10])
+    drawn = np.asarray(losses.balanced_voxels(jax.random.key(0), part, counts, 4000, 8))
+    assert drawn[0].max() < 995 and drawn[1].max() < 10
+    assert 0.45 < (part[0][drawn[0]] == 3).mean() < 0.55
+
+
+def test_part_weights_halve_between_rows_and_parts():
+    parts = jnp.array([[0, 0, 0, 1, 1]])
+    mask = jnp.array([[1.0, 1, 1, 1, 0]])
+    weights = part_weights(parts, mask, 4)[0]
+    np.testing.assert_allclose(
+        weights, [0.5 * (1 / 4 + 1 / 6)] * 3 + [0.5 * (1 / 4 + 1 / 2), 0], atol=1e-6
+    )
+    assert float(weights.sum()) == pytest.approx(1)
+
+
+def test_alignment_loss_knows_rotations():
+    rng = np.random.default_rng(0)
+    a = np.float32(rng.normal(size=(1, 50, 4)))
+    turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    valid = np.ones((1, 50), np.float32)
+    assert float(alignment_loss(a, np.float32(a @ turn * 3), valid)) == pytest.approx(0, abs=1e-4)
+    assert float(alignment_loss(a, np.float32(rng.normal(size=(1, 50, 4))), valid)) > 0.5
+    garbage = a.copy()
+    garbage[:, 40:] = np.nan
+    valid[:, 40:] = 0
+    assert np.isfinite(float(alignment_loss(garbage, garbage, valid)))
+
+
+def test_dice_and_cross_entropy():
+    target = jnp.array([[1.0, 0.0, 1.0]])
+    sure = jnp.array([[20.0, -20.0, 20.0]])
+    assert float(losses.dice_loss(sure, target)) == pytest.approx(0, abs=1e-5)
+    assert float(losses.binary_cross_entropy(sure, target).max()) < 1e-6
+    assert float(losses.binary_cross_entropy(-sure, target).min()) > 10
