@@ -7,7 +7,7 @@ import pytest
 import trimesh
 from asset_objects import hollow_box, marching_cubes_block, painted_box, textured_plate
 
-from uniart_jax.export.atlas import FACE_BUDGET, Atlas, make_atlas, rasterize, simplify
+from uniart_jax.export.atlas import FACE_BUDGET, Atlas, make_atlas, rasterize
 from uniart_jax.export.wavefront import TEXTURE_FILE, write_material, write_textured
 from uniart_jax.objects.appearance import linear_to_srgb, sample_color
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -87,12 +87,29 @@ def test_dense_surfaces_are_simplified_and_stay_closed():
     assert color_errors(block, surface.textured(atlas.texture)).mean() < 0.03
 
 
-def test_open_surfaces_are_kept_as_they_are():
+def test_dense_open_surfaces_are_thinned_too():
     block = marching_cubes_block(64)
     block.update_faces(np.arange(len(block.faces)) > 0)
-    ((vertices, faces),) = simplify([block], 1.0)
-    assert len(faces) == len(block.faces)
-    np.testing.assert_array_equal(vertices[faces], block.triangles)
+    atlas = make_atlas(as_object(block), 256)
+    mesh = atlas.surfaces[0].mesh
+    assert 1000 < len(mesh.faces) <= FACE_BUDGET
+    np.testing.assert_allclose(mesh.bounds, block.bounds, atol=1 / 64)
+    assert mesh.area == pytest.approx(block.area, rel=0.05)
+
+
+def test_rough_surfaces_do_not_keep_xatlas_busy():
+    ball = trimesh.creation.icosphere(5, 0.5)
+    rng = np.random.default_rng(0)
+    ball.vertices *= 1 + 0.08 * rng.normal(size=(len(ball.vertices), 1))
+    color = np.concatenate(
+        [128 + 90 * np.sin(ball.vertices * 4), np.full((len(ball.vertices), 1), 255)], 1
+    )
+    ball.visual = trimesh.visual.ColorVisuals(ball, vertex_colors=color.astype(np.uint8))
+    atlas = make_atlas(as_object(ball))
+    (surface,) = atlas.surfaces
+    assert len(surface.uv) == 3 * len(surface.faces)  # a chart for every triangle
+    assert surface.mesh.is_watertight
+    assert color_errors(ball, surface.textured(atlas.texture)).mean() < 0.03
 
 
 def test_flat_and_degenerate_parts_get_texels():

@@ -1,13 +1,15 @@
 """One texture for a whole object: simplified parts, xatlas charts over all of them, colours baked from any visual.
 
 Network output arrives as marching cubes with some 10^5 faces and a colour per vertex. Each closed part is simplified by
-manifold3d, which cannot open a surface; xatlas (github.com/jpcy/xatlas) lays the charts of all parts into one square; every texel is
+manifold3d, which cannot open a surface; xatlas (github.com/jpcy/xatlas) lays the charts of all parts into one square (surfaces too
+rough for it get a chart for every triangle); every texel is
 carried to the nearest point of the *source* surface and takes its colour, so that detail survives the simplification.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import igl
 import manifold3d
@@ -25,6 +27,9 @@ FACE_BUDGET = 10_000  # faces of all parts together
 # Fractions of the object's longest side, tried in turn until the budget is met: from 1/8 of a sub-cell at 128^3 to 2 sub-cells.
 TOLERANCES = tuple(2.0 ** (k / 2) / 1024 for k in range(9))
 PADDING = 3  # texels between charts
+ROUGH_EDGES = 6000  # fewer edges are no trouble, however sharp
+ROUGH_ANGLE = 0.6  # radians between the faces of a sharp edge
+ROUGH_SHARE = 0.35  # of edges that are sharp
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,19 +78,10 @@ def make_atlas(obj: ArticulatedObject, size: int = TEXTURE_SIZE) -> Atlas:
     sources = [part.mesh for part in obj.parts]
     side = float((obj.bounds[1] - obj.bounds[0]).max())
     geometry = simplify(sources, side)
-    charts = xatlas.Atlas()
-    for vertices, faces in geometry:
-        charts.add_mesh(vertices.astype(np.float32) / side, faces.astype(np.uint32))
-    pack = xatlas.PackOptions()
-    pack.resolution, pack.padding = size, PADDING
-    charts.generate(xatlas.ChartOptions(), pack)
-    surfaces = []
-    for k, (vertices, faces) in enumerate(geometry):
-        _, uv_faces, uv = charts.get_mesh(k)
-        surfaces.append(
-            Surface(vertices, faces, np.asarray(uv, np.float64), uv_faces.astype(np.int64))
-        )
-    texture = bake(surfaces, sources, charts.width, charts.height)
+    charts = _grid_charts if _is_rough(geometry) else _xatlas_charts
+    layout, width, height = charts(geometry, side, size)
+    surfaces = [Surface(*g, *uv) for g, uv in zip(geometry, layout, strict=True)]
+    texture = bake(surfaces, sources, width, height)
     return Atlas(tuple(surfaces), texture)
 
 
@@ -94,8 +90,9 @@ def simplify(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """(vertices, faces) of every mesh, vertices merged, with about ``budget`` faces together.
 
-    Only closed manifolds are simplified, and only if that leaves them closed; no step moves a surface by more than the last of
-    ``TOLERANCES`` times ``side``, or an eighth of the part's thinnest extent. Within the budget nothing is touched.
+    Within the budget nothing is touched. Closed manifolds are simplified first, and only if that leaves them closed; no step moves
+    a surface by more than the last of ``TOLERANCES`` times ``side``, or an eighth of the part's thinnest extent. Surfaces that are
+    not closed have their vertices clustered, if they alone are still too many.
     """
     merged = [_merged(np.asarray(m.vertices, np.float64), np.asarray(m.faces)) for m in meshes]
     solids: dict[int, manifold3d.Manifold] = {}
@@ -121,7 +118,86 @@ def simplify(
         )
         if len(faces) >= 4 and _closed(faces):  # places that touch may have become one
             out[k] = vertices, faces
+    rest = sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
+    for k, (vertices, faces) in enumerate(merged):
+        share = budget * len(faces) / max(rest, budget)
+        if k not in solids and len(faces) > share:
+            out[k] = _clustered(vertices, faces, side, share)
     return out
+
+
+def _clustered(
+    vertices: np.ndarray, faces: np.ndarray, side: float, budget: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """A surface that is not closed with about ``budget`` faces: vertices in one cell of a grid made one (Rossignac and Borrel)."""
+    cell = side / 1024
+    out = vertices, faces
+    while len(out[1]) > budget and cell < side / 16:
+        _, first, cluster = np.unique(
+            np.floor(vertices / cell), axis=0, return_index=True, return_inverse=True
+        )
+        corners = cluster.reshape(-1)[faces]
+        a, b, c = corners.T
+        corners = corners[(a != b) & (b != c) & (a != c)]
+        _, kept = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)
+        if len(kept) == 0:
+            break
+        out = _merged(vertices[first], corners[np.sort(kept)])
+        cell *= 2**0.5
+    return out
+
+
+Geometry = list[tuple[np.ndarray, np.ndarray]]
+Layout = tuple[list[tuple[np.ndarray, np.ndarray]], int, int]
+
+
+def _xatlas_charts(geometry: Geometry, side: float, size: int) -> Layout:
+    """([K] (uv, uv_faces), width, height): few charts with little distortion."""
+    charts = xatlas.Atlas()
+    for vertices, faces in geometry:
+        charts.add_mesh(vertices.astype(np.float32) / side, faces.astype(np.uint32))
+    pack = xatlas.PackOptions()
+    pack.resolution, pack.padding = size, PADDING
+    charts.generate(xatlas.ChartOptions(), pack)
+    layout = []
+    for k in range(len(geometry)):
+        _, uv_faces, uv = charts.get_mesh(k)
+        layout.append((np.asarray(uv, np.float64), uv_faces.astype(np.int64)))
+    return layout, charts.width, charts.height
+
+
+def _grid_charts(geometry: Geometry, side: float, size: int) -> Layout:
+    """As ``_xatlas_charts``, in no time: every triangle is a chart of its own, two in a cell of a grid."""
+    del side
+    counts = [len(faces) for _, faces in geometry]
+    columns = int(np.ceil(np.sqrt(np.ceil(sum(counts) / 2))))
+    cell = max(size // columns, 8)
+    near, far = (
+        1.5,
+        cell - 3.5,
+    )  # texels, so that no two triangles share one when sampled bilinearly
+    lower = np.array([[near, near], [far, near], [near, far]])
+    index = np.arange(sum(counts))
+    origin = np.stack([index // 2 % columns, index // 2 // columns], 1) * cell
+    corners = np.where((index % 2)[:, None, None] == 0, lower, cell - lower) + origin[:, None]
+    uv = corners / (columns * cell)
+    starts = np.cumsum([0, *counts])
+    layout = [
+        (uv[a:b].reshape(-1, 2), np.arange(3 * (b - a)).reshape(-1, 3))
+        for a, b in itertools.pairwise(starts)
+    ]
+    return layout, columns * cell, columns * cell
+
+
+def _is_rough(geometry: Geometry) -> bool:
+    """Whether xatlas would cut thousands of charts, which takes it many seconds: much geometry, full of sharp edges."""
+    sharp = total = 0
+    for vertices, faces in geometry:
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        angles = mesh.face_adjacency_angles
+        sharp += int((angles > ROUGH_ANGLE).sum())
+        total += len(angles)
+    return total > ROUGH_EDGES and sharp > ROUGH_SHARE * total
 
 
 def bake(
