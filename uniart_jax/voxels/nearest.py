@@ -63,7 +63,7 @@ class Triangles:
         for begin in range(0, len(faces), step):
             part = slice(begin, begin + step)
             x, y, z = self._local(faces[part], centers[part], offsets)
-            out[part] = self._planar(faces[part], x, y)[0] + z * z
+            out[part] = self._planar(faces[part], x, y) + z * z
         return out
 
     def barycentric(self, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -73,7 +73,7 @@ class Triangles:
             part = slice(begin, begin + VALUES_AT_ONCE)
             face = faces[part]
             x, y, _ = self._local(face, points[part], np.zeros((1, 3), np.float32))
-            _, x, y = self._planar(face, x, y, want_point=True)
+            x, y = self._nearest(face, x, y)
             b, cx, cy = (s[face] for s in self.shape[:3])
             third = np.where(cy > 0, y[:, 0] / np.maximum(cy, 1e-30), 0)
             second = np.where(b > 0, (x[:, 0] - third * cx) / np.maximum(b, 1e-30), 0)
@@ -93,8 +93,24 @@ class Triangles:
         local += middle[..., None]
         return local[:, 0], local[:, 1], local[:, 2]
 
-    def _planar(self, faces, x, y, want_point: bool = False):
-        """Squared distance from the triangle within its plane, and the nearest point there."""
+    def _planar(self, faces, x, y):
+        """Squared distance from the triangle within its plane."""
+        inside, (ab, bc, ac), _, _ = self._sides(faces, x, y)
+        squared = np.minimum(np.minimum(ab, bc), ac)
+        squared[inside] = 0
+        return squared
+
+    def _nearest(self, faces, x, y):
+        """The triangle's nearest point within its plane."""
+        b, cx, cy = (s[faces][:, None] for s in self.shape[:3])
+        inside, (ab, bc, ac), s, t = self._sides(faces, x, y)
+        choice = [inside, (ab <= bc) & (ab <= ac), bc <= ac]
+        qx = np.select(choice, [x, np.clip(x, 0, b), b + s * (cx - b)], t * cx)
+        qy = np.select(choice, [y, np.zeros_like(y), s * cy], t * cy)
+        return qx, qy
+
+    def _sides(self, faces, x, y):
+        """(inside, squared distances from the sides AB, BC, AC, share of the way along BC, along AC) of points in the plane."""
         b, cx, cy, inverse_bc, inverse_ac = (s[faces][:, None] for s in self.shape)
         zero, one = np.float32(0), np.float32(1)
         dx = x - np.minimum(np.maximum(x, zero), b)
@@ -107,14 +123,7 @@ class Triangles:
         dx, dy = x - t * cx, y - t * cy
         ac = dx * dx + dy * dy
         inside = (y > zero) & (ux * y > cy * px) & (x * cy > y * cx)
-        squared = np.minimum(np.minimum(ab, bc), ac)
-        squared[inside] = 0
-        if not want_point:
-            return squared, None, None
-        choice = [inside, (ab <= bc) & (ab <= ac), bc <= ac]
-        qx = np.select(choice, [x, np.clip(x, 0, b), b + s * ux], t * cx)
-        qy = np.select(choice, [y, np.zeros_like(y), s * cy], t * cy)
-        return squared, qx, qy
+        return inside, (ab, bc, ac), s, t
 
 
 def nearest_faces(

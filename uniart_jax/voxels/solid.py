@@ -107,7 +107,7 @@ class Solid:
 
     def contains_subcells(
         self, coords: np.ndarray, resolution: int, subdivisions: int
-    ) -> np.ndarray:
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Inside or not at all sub-cell centres of the voxels that meet this part's box.
 
         Args:

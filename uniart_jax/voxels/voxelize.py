@@ -159,7 +159,7 @@ def _thin_voxels(surface, solids, resolution, subdivisions, face, cell) -> np.nd
     inwards = corner.mean(1) - point
     reach = np.linalg.norm(inwards, axis=1, keepdims=True)
     point = point + inwards * np.minimum(1, INSET * length / np.maximum(reach, 1e-12))
-    key = np.ravel_multi_index(tuple(cell.T), (resolution,) * 3)
+    key = cell @ np.array([resolution**2, resolution, 1])
     part = surface.face_part[face]
     for k, solid in enumerate(solids):
         mine = np.flatnonzero((part == k) & surface.proper[face])
