@@ -27,7 +27,18 @@ SEEN_FAMILIES: tuple[str, ...] = (
     "washer",
     "microwave",
 )
-UNSEEN_FAMILIES: tuple[str, ...] = ()
+UNSEEN_FAMILIES: tuple[str, ...] = (
+    "toilet",
+    "laptop",
+    "trash_can",
+    "bottle",
+    "swivel_chair",
+    "scissors",
+    "faucet",
+    "box",
+    "sliding_window",
+    "door",
+)
 HELD_OUT_SEED = 1_000_000
 MAX_PARTS = 16
 BOX_SEPARATION = (

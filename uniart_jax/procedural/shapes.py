@@ -7,6 +7,7 @@ closed, edge-manifold and outward-oriented, and every face knows its colour.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 
 import numpy as np
@@ -242,3 +243,52 @@ def turn(at: ArrayLike, axis: ArrayLike) -> Joint:
     return Joint(
         np.asarray(at, dtype=np.float64), np.asarray(axis, dtype=np.float64), angle=(-np.pi, np.pi)
     )
+
+
+def screw(
+    at: ArrayLike, axis: ArrayLike, turns: float, travel: float, *, left_handed: bool = False
+) -> Joint:
+    """A screw joint: ``turns`` about ``axis`` through ``at`` carry the part by ``travel`` metres along +``axis``.
+
+    Right-handed: counter-clockwise, seen against the axis. Left-handed: the other way round, the coordinate from
+    ``-2 pi turns`` to 0.
+    """
+    angle = 2 * np.pi * float(turns)
+    at, axis = np.asarray(at, dtype=np.float64), np.asarray(axis, dtype=np.float64)
+    if left_handed:
+        return Joint(at, axis, angle=(-angle, 0.0), travel=(float(travel), 0.0))
+    return Joint(at, axis, angle=(0.0, angle), travel=(0.0, float(travel)))
+
+
+def rounded(width: float, height: float, radius: float, corner: int = 5) -> np.ndarray:
+    """A rectangle [n, 2] about 0 with its corners rounded by ``radius``; ``corner`` points each."""
+    radius = min(radius, 0.499 * width, 0.499 * height)
+    turns = np.linspace(0, np.pi / 2, corner)
+    points = []
+    for k, (sx, sy) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+        center = np.array([sx * (width / 2 - radius), sy * (height / 2 - radius)])
+        angle = turns + k * np.pi / 2
+        points.append(center + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+    return np.vstack(points)
+
+
+def egg(front: float, rear: float, half: float, power: float = 2.0, points: int = 32) -> np.ndarray:
+    """An outline [points, 2]: ``front`` towards -x and ``rear`` towards +x of 0, ``half`` wide; above 2, ``power`` squares its rear."""
+    angle = np.linspace(0, 2 * np.pi, points, endpoint=False)
+    c, s = np.cos(angle), np.sin(angle)
+    p = np.where(c > 0, power, 2.0)
+    x = np.where(c > 0, rear, front) * np.sign(c) * np.abs(c) ** (2 / p)
+    return np.column_stack([x, half * np.sign(s) * np.abs(s) ** (2 / p)])
+
+
+def loft(below: np.ndarray, above: np.ndarray, z0: float, z1: float) -> Manifold:
+    """The convex body between two convex outlines [n, 2] of (x, y) at heights ``z0`` and ``z1``."""
+    low = np.column_stack([below, np.full(len(below), z0)])
+    high = np.column_stack([above, np.full(len(above), z1)])
+    return hull(np.vstack([low, high]))
+
+
+def pipe(points: ArrayLike, radius: float, segments: int = 12) -> Manifold:
+    """A round bar of ``radius`` along a polyline [n, 3], rounded at its bends and ends."""
+    balls = [ball(p, radius, segments) for p in np.asarray(points, dtype=np.float64)]
+    return union([Manifold.batch_hull([a, b]) for a, b in itertools.pairwise(balls)])
