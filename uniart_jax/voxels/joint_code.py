@@ -40,6 +40,7 @@ LARGEST = 1e3  # no sane code has a component above it
 FIXED_AXIS = 0.5  # a predicted |d| below this is a fixed joint (reference: nano prototype)
 CODE_SIZE = 9
 GAUGES = 6
+SPREADS = 3.0  # median absolute deviations; how far noisy codes are drawn to the pure motions
 
 
 def canonical(code: Any, xp: Any = np) -> Any:
@@ -163,9 +164,9 @@ def decode_joint(code: np.ndarray, part_center: np.ndarray) -> Joint:
 def decode_part(codes: np.ndarray, part_center: np.ndarray) -> Joint:
     """The joint of a part from the codes of its voxels: their median once all are in one gauge.
 
-    Two readings are widened by the codes' own spread (median absolute deviation; 0 on true codes, so that these decode exactly):
-    tau within 2 spreads of +-1 is pure travel, because 1 degree of rotation over a drawer's travel is a tau of only .003, and
-    a pure rotation whose ends lie within 2 spreads of -1 and 1 is continuous.
+    Noisy codes are drawn to the pure motions, because 1 degree of rotation over a drawer's travel is a tau of only .003: within
+    3 spreads (median absolute deviations over the part) tau snaps to 0 or +-1, and the ends of a pure rotation to -1 and 1. True
+    codes have no spread and decode exactly. The price is paid by screws of tau near 0 (docs/joint_code_noise.md).
 
     Args:
       codes: [n, 9], any gauge each; rows that are not finite are left out.
@@ -182,14 +183,12 @@ def decode_part(codes: np.ndarray, part_center: np.ndarray) -> Joint:
     aligned = align(codes, np.median(align(codes, medoid), axis=0))
     middle = np.median(aligned, axis=0)
     spread = np.median(np.abs(aligned - middle), axis=0)
-    middle, spread = canonical(middle), np.maximum(spread, 1e-9)
-    ends = spread[7:9].max()
-    if abs(abs(middle[0]) - 1) <= 2 * spread[0]:
-        middle[0] = np.sign(middle[0])
-    elif np.abs(middle[7:9] - [-1, 1]).max() <= 2 * ends:
-        travel = 2 / KAPPA * abs(np.sin(middle[0] * np.pi / 2))
-        if travel < TRAVEL_DEAD_ZONE:
-            middle[[0, 7, 8]] = 0, -1, 1
+    middle, reach = canonical(middle), SPREADS * np.maximum(spread, 1e-9)
+    if abs(middle[0] - np.round(middle[0])) <= reach[0]:
+        middle[0] = np.round(middle[0])
+    travel = 2 / KAPPA * abs(np.sin(middle[0] * np.pi / 2))  # over a full turn
+    if travel < TRAVEL_DEAD_ZONE and np.abs(middle[7:9] - [-1, 1]).max() <= reach[7:9].max():
+        middle[[0, 7, 8]] = 0, -1, 1
     return decode_joint(middle, part_center)
 
 
