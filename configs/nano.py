@@ -52,7 +52,7 @@ def config() -> Config:
                 num_blocks=3,
                 num_heads=4,
                 volume_tokens=4,
-                volume_blocks=5,
+                volume_blocks=4,
                 volume_channels=32,
             ),
             structure_vae=StructureVAEConfig(
@@ -70,9 +70,7 @@ def config() -> Config:
                 articulation_channels=64,
                 part_segment=256,
             ),
-            structure_flow=dataclasses.replace(
-                flow, model_channels=256, num_blocks=5, patch_size=2
-            ),
+            structure_flow=dataclasses.replace(flow, num_blocks=5, patch_size=2),
             latent_flow=dataclasses.replace(flow, patch_size=4, stem="patch"),
         ),
         data=DataConfig(

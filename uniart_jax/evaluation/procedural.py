@@ -73,7 +73,12 @@ class HeldOut:
 
 
 def held_out(
-    count: int, *, unseen: bool = False, resolution: int = 32, subdivisions: int = 4
+    count: int,
+    *,
+    unseen: bool = False,
+    resolution: int = 32,
+    subdivisions: int = 4,
+    image_size: int = 128,
 ) -> Iterator[HeldOut]:
     """Test objects, deterministic; a shown state that cannot be encoded (two equal boxes) is drawn again."""
     families = procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
@@ -89,7 +94,7 @@ def held_out(
             except ValueError:
                 if attempt == ATTEMPTS - 1:
                     raise
-        picture = render(obj, sample_camera(rng, obj.bounds), size=128, samples=4)
+        picture = render(obj, sample_camera(rng), size=image_size, samples=4)  # as data.prepare draws them
         yield HeldOut(family, seed, obj, grid, np.round(picture * 255).astype(np.uint8))
 
 
@@ -149,9 +154,13 @@ def evaluate_checkpoint(
     )
     rows = {name: Row(name) for name in names}
     overlaps: list[float] = []
-    grid = pipeline.config.model.grid
+    model = pipeline.config.model
     tests = held_out(
-        count, unseen=unseen, resolution=grid.resolution, subdivisions=grid.subdivisions
+        count,
+        unseen=unseen,
+        resolution=model.grid.resolution,
+        subdivisions=model.grid.subdivisions,
+        image_size=model.image_encoder.image_size,
     )
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)

@@ -44,7 +44,8 @@ def object_of_record(record: Record) -> ArticulatedObject:
         record.codes,
         record.parents,
     )
-    return assemble(grid.gather(), name=str(record.meta.get("family", "")))
+    scale = float(record.meta.get("scale", 1.0))
+    return assemble(grid.gather(), scale=scale, name=str(record.meta.get("family", "")))
 
 
 def score_reconstruction(obj: ArticulatedObject, copy: ArticulatedObject) -> dict[str, float]:
