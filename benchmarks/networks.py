@@ -30,7 +30,7 @@ def nano() -> ModelConfig:
     spec = importlib.util.spec_from_file_location("nano", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.config.model
+    return module.config().model
 
 
 def voxel_batch(model: ModelConfig, items: int, width: int, count: int, seed: int = 0) -> dict:

@@ -1,0 +1,110 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from uniart_jax.flow.guidance import guide
+from uniart_jax.flow.rectified import (
+    flow_loss,
+    interpolate,
+    predicted_sample,
+    sample_times,
+    velocity_target,
+)
+from uniart_jax.flow.solvers import euler, heun, time_steps
+
+
+def normal(*shape, seed=0):
+    return jax.random.normal(jax.random.key(seed), shape)
+
+
+@pytest.mark.parametrize("sigma", [0.0, 1e-5, 0.1])
+def test_target_is_the_paths_derivative_and_leads_back(sigma):
+    x0, noise, t = normal(3, 4, 2), normal(3, 4, 2, seed=1), jnp.array([0.1, 0.5, 0.9])
+    slope = jax.jvp(lambda t: interpolate(x0, noise, t, sigma), (t,), (jnp.ones(3),))[1]
+    v = velocity_target(x0, noise, sigma)
+    np.testing.assert_allclose(slope, v, atol=1e-6)
+    x = interpolate(x0, noise, t, sigma)
+    np.testing.assert_allclose(predicted_sample(x, v, t, sigma), x0, atol=1e-5)
+    np.testing.assert_allclose(interpolate(x0, noise, jnp.ones(3)), noise, atol=1e-6)
+
+
+def test_loss_is_a_mean_per_object_over_valid_voxels():
+    x0, noise = normal(3, 6, 2), normal(3, 6, 2, seed=1)
+    v = velocity_target(x0, noise) + jnp.array([1.0, 2.0, 5.0])[:, None, None]
+    mask = jnp.arange(6) < jnp.array([6, 2, 0])[:, None]
+    np.testing.assert_allclose(flow_loss(v, x0, noise, mask), [1, 4, 0], rtol=1e-5)
+    np.testing.assert_allclose(flow_loss(v, x0, noise), [1, 4, 25], rtol=1e-5)
+    dirty = [jnp.where(mask[..., None], a, jnp.nan) for a in (v, x0, noise)]
+    gradient = jax.grad(lambda v: flow_loss(v, *dirty[1:], mask).sum())(dirty[0])
+    assert np.isfinite(gradient).all() and not np.asarray(gradient)[~np.asarray(mask)].any()
+
+
+def test_times_are_logit_normal_with_a_share_of_noise():
+    t = sample_times(jax.random.key(0), (20_000,), mean=1.0, std=1.0)
+    assert abs(jnp.median(t) - jax.nn.sigmoid(1.0)) < 0.01 and (t > 0).all() and (t < 1).all()
+    late = sample_times(jax.random.key(0), (20_000,), mean=-20.0, noise_share=0.25)
+    assert abs((late > 0.9).mean() - 0.25) < 0.02
+
+
+def test_time_steps_are_trelliss():
+    np.testing.assert_allclose(time_steps(4), [1, 0.75, 0.5, 0.25, 0])
+    expected = [3 * t / (1 + 2 * t) for t in np.linspace(1, 0, 13)]
+    np.testing.assert_allclose(time_steps(12, 3.0), expected)
+    with pytest.raises(ValueError, match="at least 1"):
+        time_steps(0)
+
+
+def test_euler_is_exact_on_straight_paths():
+    x0, noise = normal(3, 4), normal(3, 4, seed=1)
+    for steps in (1, 7):
+        out = euler(lambda x, t: noise - x0, noise, steps, rescale_t=3.0)
+        np.testing.assert_allclose(out, x0, atol=1e-6)
+
+
+def test_orders_of_convergence():
+    exact = np.exp(-1.0)  # dx/dt = x from t = 1 to 0
+
+    def error(solver, steps):
+        return abs(float(solver(lambda x, t: x, jnp.ones(1), steps)[0]) - exact)
+
+    assert 1.8 < error(euler, 10) / error(euler, 20) < 2.2
+    assert 3.5 < error(heun, 10) / error(heun, 20) < 4.5
+
+
+def test_guidance_extrapolates_within_its_interval():
+    calls = []
+
+    def velocity(x, t, condition):
+        calls.append(x.shape[0])
+        assert t.shape == (x.shape[0],)
+        return x * 0 + condition
+
+    condition, negative = jnp.arange(2.0)[:, None], jnp.full((2, 1), 10.0)
+    x = jnp.zeros((2, 3))
+    guided = guide(velocity, condition, negative, 2.0, (0.5, 1.0))
+    inside, outside = guided(x, jnp.float32(0.5)), guided(x, jnp.float32(0.4))
+    np.testing.assert_allclose(inside[:, 0], [0 + 2 * (0 - 10), 1 + 2 * (1 - 10)])
+    np.testing.assert_allclose(outside[:, 0], [0, 1])
+    calls.clear()
+    none = guide(velocity, condition, negative, 0.0)
+    np.testing.assert_allclose(none(x, jnp.float32(0.7))[:, 0], [0, 1])
+    assert calls == [2]
+
+
+def test_trelliss_sampler_numbers():
+    import sys
+    from pathlib import Path
+
+    sys.path.append(str(Path(__file__).parents[1] / "models"))
+    from trellis_fixtures import load
+
+    _, ops = load("ops")
+    np.testing.assert_allclose(time_steps(12, 3.0), ops["out/t_seq_12_r3"], rtol=1e-6)
+    x0, noise, t = (ops[f"in/fm_{k}"] for k in ("x0", "eps", "t"))
+    np.testing.assert_allclose(
+        interpolate(x0, noise, t, 1e-5), ops["out/fm_xt"], rtol=1e-5, atol=1e-6
+    )
+    np.testing.assert_allclose(
+        velocity_target(x0, noise, 1e-5), ops["out/fm_v"], rtol=1e-5, atol=1e-6
+    )

@@ -1,0 +1,170 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from uniart_jax.config import GridConfig, UniArtVAEConfig
+from uniart_jax.nn.grids import flow_plan, plan_neighbors, plan_pool
+from uniart_jax.nn.segments import (
+    capacities_for,
+    fit_capacities,
+    morton,
+    plan_segments,
+    segment_lengths,
+    serial_ids,
+    voxel_plans,
+    window_ids,
+)
+
+
+def voxels(seed, items, width, side):
+    """Random sorted unique coords, padded."""
+    rng = np.random.default_rng(seed)
+    counts = rng.integers(0, min(width, side**3) + 1, items).astype(np.int32)
+    coords = np.zeros((items, width, 3), np.int32)
+    for b, n in enumerate(counts):
+        chosen = np.sort(rng.choice(side**3, n, replace=False))
+        coords[b, :n] = np.stack(np.unravel_index(chosen, (side,) * 3), -1)
+    return coords, counts
+
+
+def members(plan, total):
+    """Every segment as a list of flat tokens; checks the plan's own consistency on the way."""
+    flat = np.concatenate([bucket.index.reshape(-1) for bucket in plan.buckets])
+    tokens = np.flatnonzero(plan.inverse < len(flat))
+    np.testing.assert_array_equal(flat[plan.inverse[tokens]], tokens)
+    assert (flat < total).sum() == len(tokens)
+    out = []
+    for bucket in plan.buckets:
+        for row, length in zip(bucket.index, bucket.length, strict=True):
+            assert (row[:length] < total).all() and (row[length:] == total).all()
+            if length:
+                out.append(row[:length])
+    return out
+
+
+@given(st.integers(0, 10_000), st.integers(1, 3), st.integers(1, 40), st.integers(1, 6))
+def test_every_valid_token_is_in_one_segment_of_equal_ids(seed, items, width, kinds):
+    rng = np.random.default_rng(seed)
+    ids = rng.integers(0, kinds, (items, width))
+    counts = rng.integers(0, width + 1, items)
+    plan = plan_segments(ids, counts, ((items * kinds, 5), (items * (width // 5 + kinds), 10)))
+    segments = members(plan, items * width)
+    tokens = np.sort(np.concatenate([*segments, np.zeros(0, int)]))
+    valid = np.arange(width) < counts[:, None]
+    np.testing.assert_array_equal(tokens, np.flatnonzero(valid))
+    pieces = {}
+    for segment in segments:
+        labels = {(t // width, ids[t // width, t % width]) for t in segment}
+        assert len(labels) == 1
+        pieces.setdefault(labels.pop(), []).append(len(segment))
+    for lengths in pieces.values():  # cut only where longer than the largest bucket
+        assert len(lengths) == -(-sum(lengths) // 10)
+
+
+@given(
+    st.integers(0, 10_000),
+    st.sampled_from(["serial", "swin"]),
+    st.sampled_from([4, 6]),
+    st.sampled_from([0, 3, 16]),
+)
+def test_voxel_plans_always_fit(seed, attention, window, part_segment):
+    config = UniArtVAEConfig(attention=attention, window=window, part_segment=part_segment)
+    grid = GridConfig(resolution=8, max_parts=7)
+    coords, counts = voxels(seed, 3, 60, 8)
+    rng = np.random.default_rng(seed)
+    part = rng.choice(7, (3, 60), p=rng.dirichlet(np.ones(7) * 0.3))
+    batch = dict(coords=coords, counts=counts, voxel_part=part)
+    plans = voxel_plans(batch, config, grid)
+    fixed = capacities_for(config, grid, 3, 60)
+    for name, plan in plans.items():
+        assert sum(map(len, members(plan, 180))) == counts.sum()
+        if fixed[name] is not None:  # shapes do not depend on the content
+            assert tuple(b.index.shape for b in plan.buckets) == fixed[name]
+    assert set(voxel_plans(batch, config, grid, parts=False)) == {"window_0", "window_1"}
+
+
+def test_too_many_segments_is_an_error():
+    with pytest.raises(ValueError, match="capacities"):
+        plan_segments(np.arange(6)[None], np.array([6]), ((5, 4),))
+
+
+def test_fitted_capacities_hold_and_are_rounded():
+    lengths = np.array([1, 3, 4, 5, 8, 8, 8, 8, 8, 16])
+    assert fit_capacities(lengths, (4, 8, 16)) == ((3, 4), (6, 8), (1, 16))
+    assert segment_lengths(np.array([[0, 0, 0, 1]]), np.array([4]), 2).tolist() == [2, 1, 1]
+
+
+def test_serial_runs_are_exact_and_shifted_by_half():
+    coords, counts = voxels(3, 2, 200, 6)
+    for shift in (0, 4):
+        ids = serial_ids(coords, counts, 8, shift)
+        for b, n in enumerate(counts):
+            lengths = np.bincount(ids[b, :n])
+            assert (lengths[1:-1] == 8).all() and lengths[0] == min(8 - shift, n)
+            order = np.argsort(morton(coords[b, :n]))
+            assert (np.diff(ids[b, order]) >= 0).all()
+
+
+def test_morton_interleaves_bits():
+    assert morton(np.array([1, 0, 0])) == 4 and morton(np.array([0, 1, 0])) == 2
+    assert morton(np.array([31, 31, 31])) == 32**3 - 1
+    grid = np.stack(np.meshgrid(*[np.arange(8)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    assert sorted(morton(grid)) == list(range(512))
+
+
+def test_windows_are_trelliss():
+    coords = np.array([[[0, 0, 0], [3, 3, 3], [4, 0, 0], [7, 7, 7], [8, 0, 0]]])
+    same = window_ids(coords, 8)[0]
+    assert same[0] == same[3] != same[4]
+    shifted = window_ids(coords, 8, 4)[0]
+    assert shifted[0] == shifted[1] != shifted[2] and shifted[2] == shifted[4] != shifted[3]
+
+
+@given(st.integers(0, 10_000), st.sampled_from([2, 4]))
+def test_pool_groups_each_voxel_once(seed, factor):
+    coords, counts = voxels(seed, 2, 50, 8)
+    pool = plan_pool(coords, counts, factor, 50)
+    slots = factor**3
+    for b, n in enumerate(counts):
+        cell, slot = np.divmod(pool.parent[b, :n] - b * 50 * slots, slots)
+        np.testing.assert_array_equal(pool.coords[b][cell], coords[b, :n] // factor)
+        local = np.stack(np.unravel_index(slot, (factor,) * 3), -1)
+        np.testing.assert_array_equal(local, coords[b, :n] % factor)
+        np.testing.assert_array_equal(pool.children[b, cell, slot], b * 50 + np.arange(n))
+        assert pool.counts[b] == len(np.unique(coords[b, :n] // factor, axis=0))
+        assert (pool.parent[b, n:] == 2 * 50 * slots).all()
+        assert ((pool.children[b] < 100).any(-1) == (np.arange(50) < pool.counts[b])).all()
+    assert (pool.children < 100).sum() == counts.sum()
+
+
+def test_pool_beyond_capacity_names_the_item():
+    coords, counts = voxels(0, 2, 50, 8)
+    with pytest.raises(ValueError, match="item"):
+        plan_pool(coords, np.array([50, 50]), 2, 3)
+
+
+@given(st.integers(0, 10_000))
+def test_neighbors_are_mutual(seed):
+    coords, counts = voxels(seed, 2, 40, 4)
+    near = plan_neighbors(coords, counts)
+    for b, n in enumerate(counts):
+        assert (near[b, :n, 13] == b * 40 + np.arange(n)).all()
+        for i in range(n):
+            for tap in np.flatnonzero(near[b, i] < 80):
+                j = near[b, i, tap] - b * 40
+                step = np.array(np.unravel_index(tap, (3, 3, 3))) - 1
+                np.testing.assert_array_equal(coords[b, j], coords[b, i] + step)
+                assert near[b, j, 26 - tap] == b * 40 + i
+    assert (near[np.arange(40) >= counts[:, None]] == 80).all()
+
+
+def test_flow_plan_can_be_fitted_to_the_batch():
+    from uniart_jax.config import FlowConfig
+
+    coords, counts = voxels(5, 2, 60, 8)
+    config, grid = FlowConfig(stem="patch", patch_size=4), GridConfig(resolution=8)
+    full = flow_plan(coords, counts, config, grid).pools[0]
+    fitted = flow_plan(coords, counts, config, grid, round_to=3).pools[0]
+    assert full.coords.shape[1] == 8
+    assert fitted.coords.shape[1] in (3, 6, 8) and fitted.counts.tolist() == full.counts.tolist()

@@ -1,0 +1,216 @@
+"""Convolutions and pooling against XLA's and against loops, and TRELLIS's single operations."""
+
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flax import nnx
+
+from uniart_jax.nn.blocks import RMSNorm
+from uniart_jax.nn.convolution import (
+    Halve,
+    SubmanifoldConv,
+    conv3,
+    depth_to_space,
+    gather_neighbors,
+    space_to_depth,
+)
+from uniart_jax.nn.embeddings import position_embedding, timestep_embedding
+from uniart_jax.nn.grids import FlowPlan, plan_neighbors, plan_pool
+from uniart_jax.nn.pooling import (
+    align_volume,
+    at_cells,
+    downsample,
+    from_cells,
+    repeat_plan,
+    to_cells,
+    upsample,
+)
+
+sys.path.append(str(Path(__file__).parents[1] / "models"))
+from trellis_fixtures import load, pad
+
+from uniart_jax.nn.segments import window_ids
+
+CLOSE = dict(rtol=1e-4, atol=1e-5)
+DENSE = ("NDHWC", "DHWIO", "NDHWC")
+
+
+def normal(*shape, seed=0):
+    return jax.random.normal(jax.random.key(seed), shape)
+
+
+def test_conv3_is_xlas():
+    x, kernel = normal(2, 5, 4, 6, 3), normal(3, 3, 3, 3, 7, seed=1)
+
+    def xla(x, kernel):
+        return jax.lax.conv_general_dilated(x, kernel, (1,) * 3, "SAME", dimension_numbers=DENSE)
+
+    np.testing.assert_allclose(conv3(x, kernel), xla(x, kernel), **CLOSE)
+    ours, theirs = (
+        jax.grad(lambda x, k: jnp.sin(f(x, k)).sum(), (0, 1))(x, kernel)  # noqa: B023
+        for f in (conv3, xla)
+    )
+    for a, b in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-4)
+
+
+def test_halving_is_xlas_stride_two():
+    x, layer = normal(2, 4, 6, 8, 3), Halve(3, 5, nnx.Rngs(0))
+    expected = jax.lax.conv_general_dilated(
+        x, layer.kernel[...], (2,) * 3, "VALID", dimension_numbers=DENSE
+    )
+    np.testing.assert_allclose(layer(x), expected + layer.bias[...], **CLOSE)
+
+
+def test_space_to_depth_orders():
+    x = normal(1, 4, 4, 4, 3)
+    folded = space_to_depth(x, 2).reshape(1, 2, 2, 2, 2, 2, 2, 3)
+    np.testing.assert_array_equal(folded[0, 1, 0, 1, 0, 1, 1], x[0, 2, 1, 3])
+    again = depth_to_space(space_to_depth(x[..., :1], 2), 2)
+    np.testing.assert_array_equal(again, x[..., :1])
+
+
+def sparse(seed=0, items=2, width=60, side=4, channels=5):
+    rng = np.random.default_rng(seed)
+    counts = np.array([width - 7, width // 2], np.int32)[:items]
+    coords = np.zeros((items, width, 3), np.int32)
+    for b, n in enumerate(counts):
+        chosen = np.sort(rng.choice(side**3, n, replace=False))
+        coords[b, :n] = np.stack(np.unravel_index(chosen, (side,) * 3), -1)
+    x = rng.normal(size=(items, width, channels)).astype(np.float32)
+    x[np.arange(width) >= counts[:, None]] = 0
+    return coords, counts, jnp.asarray(x)
+
+
+def test_submanifold_conv_is_the_dense_one_at_active_voxels():
+    coords, counts, x = sparse()
+    layer = SubmanifoldConv(5, 6, nnx.Rngs(0))
+    out = layer(x, jnp.asarray(plan_neighbors(coords, counts)))
+    for b, n in enumerate(counts):
+        dense = np.zeros((1, 4, 4, 4, 5), np.float32)
+        dense[(0, *coords[b, :n].T)] = x[b, :n]
+        expected = conv3(jnp.asarray(dense), layer.kernel[...].reshape(3, 3, 3, 5, 6))
+        expected = np.asarray(expected + layer.bias[...])[(0, *coords[b, :n].T)]
+        np.testing.assert_allclose(out[b, :n], expected, **CLOSE)
+
+
+def test_gathers_have_the_gradients_of_plain_indexing():
+    coords, counts, x = sparse()
+    neighbors = jnp.asarray(plan_neighbors(coords, counts).reshape(-1, 27))
+    pool = jax.tree.map(jnp.asarray, plan_pool(coords, counts, 2, 8))
+    rows = x.reshape(-1, 5)
+
+    def plain(index):
+        return lambda r: jnp.take(r, index, axis=0, mode="fill", fill_value=0)
+
+    pairs = [
+        (lambda r: gather_neighbors(r, neighbors), plain(neighbors)),
+        (lambda r: to_cells(r.reshape(x.shape), pool), plain(pool.children)),
+    ]
+    for ours, reference in pairs:
+        weights = normal(*reference(rows).shape)
+        a, b = (jax.grad(lambda r: (f(r) * weights).sum())(rows) for f in (ours, reference))  # noqa: B023
+        valid = (np.arange(60) < counts[:, None]).reshape(-1)
+        np.testing.assert_allclose(a[valid], b[valid], **CLOSE)
+
+
+def test_pooling_round_trip_and_its_odd_mean():
+    coords, counts, x = sparse()
+    pool = plan_pool(coords, counts, 2, 8)
+    np.testing.assert_array_equal(from_cells(to_cells(x, pool), pool), x)
+    cells = np.asarray(downsample(x, pool))
+    for b, n in enumerate(counts):
+        for i, cell in enumerate(pool.coords[b, : pool.counts[b]]):
+            inside = np.asarray(x[b, :n])[(coords[b, :n] // 2 == cell).all(-1)]
+            np.testing.assert_allclose(cells[b, i], inside.sum(0) / (len(inside) + 1), **CLOSE)
+    back = np.asarray(upsample(cells, pool))
+    assert not back[np.arange(60) >= counts[:, None]].any()
+    parent = (coords[0, 0] // 2 == pool.coords[0, : pool.counts[0]]).all(-1).argmax()
+    np.testing.assert_array_equal(back[0, 0], cells[0, parent])
+
+
+def test_repeated_plan_is_the_plan_of_the_repeated_batch():
+    coords, counts, _ = sparse()
+    plan = FlowPlan((plan_pool(coords, counts, 2, 8),), (plan_neighbors(coords, counts),))
+    again = np.repeat(coords, 3, axis=0), np.repeat(counts, 3)
+    expected = FlowPlan((plan_pool(*again, 2, 8),), (plan_neighbors(*again),))
+    jax.tree.map(np.testing.assert_array_equal, repeat_plan(plan, 3), expected)
+
+
+def test_volume_is_aligned():
+    volume = normal(2, 4, 4, 4, 3)
+    assert align_volume(volume, 4) is not None
+    joined = align_volume(volume, 2)
+    np.testing.assert_array_equal(joined[0, 1, 0, 1, :3], volume[0, 2, 0, 2])
+    finer = align_volume(volume, 8)
+    np.testing.assert_array_equal(finer[1, 7, 2, 5], volume[1, 3, 1, 2])
+    coords = jnp.array([[[3, 1, 2]], [[0, 0, 1]]])
+    np.testing.assert_array_equal(at_cells(volume, coords)[1, 0], volume[1, 0, 0, 1])
+
+
+def test_padding_never_matters_to_convolution_and_pooling():
+    coords, counts, x = sparse()
+    wide = np.pad(coords, ((0, 0), (0, 9), (0, 0)))
+    dirty = jnp.pad(x, ((0, 0), (0, 9), (0, 0)))
+    dirty = jnp.where((jnp.arange(69) < counts[:, None])[..., None], dirty, jnp.nan)
+    layer = SubmanifoldConv(5, 6, nnx.Rngs(0))
+    a = layer(x, jnp.asarray(plan_neighbors(coords, counts)))
+    b = layer(dirty, jnp.asarray(plan_neighbors(wide, counts)))
+    pools = plan_pool(coords, counts, 2, 8), plan_pool(wide, counts, 2, 20)
+    c, d = downsample(x, pools[0]), downsample(dirty, pools[1])
+    for i, n in enumerate(counts):
+        np.testing.assert_array_equal(a[i, :n], b[i, :n])
+        m = pools[0].counts[i]
+        np.testing.assert_array_equal(c[i, :m], d[i, :m])
+    assert np.isfinite(np.asarray(d)).all()
+
+
+def test_trelliss_single_operations():
+    _, ops = load("ops")
+    # rounding in cos and sin of angles up to 1000
+    np.testing.assert_allclose(
+        timestep_embedding(ops["in/t"]), ops["out/timestep_embedding_256"], atol=2e-4
+    )
+    for width in (96, 768, 1024):
+        ours = position_embedding(ops["in/ape_coords"], width)
+        np.testing.assert_allclose(ours, ops[f"out/ape_{width}"], **CLOSE)
+    norm = RMSNorm(4, 8)
+    norm.gamma[...] = jnp.asarray(ops["in/rms_gamma"])
+    np.testing.assert_allclose(norm(ops["in/rms_x"]), ops["out/rms"], **CLOSE)
+    shuffled = depth_to_space(np.moveaxis(ops["in/shuffle_x"], 1, -1), 2)
+    np.testing.assert_array_equal(np.moveaxis(shuffled, -1, 1), ops["out/pixel_shuffle_3d_2"])
+
+
+def test_trelliss_sparse_operations():
+    _, ops = load("ops")
+    coords, feats, counts, rows = pad(ops["in/sp_coords"], ops["in/sp_feats"])
+    layer = SubmanifoldConv(5, 6, nnx.Rngs(0))
+    layer.kernel[...] = jnp.asarray(
+        ops["in/conv3_weight_KRSC"].transpose(1, 2, 3, 4, 0).reshape(27, 5, 6)
+    )
+    layer.bias[...] = jnp.asarray(ops["in/conv3_bias"])
+    out = layer(jnp.asarray(feats), jnp.asarray(plan_neighbors(coords, counts)))
+    np.testing.assert_allclose(np.asarray(out)[rows], ops["out/conv3"], **CLOSE)
+    pool = plan_pool(coords, counts, 2, 600)
+    cells = downsample(jnp.asarray(feats), pool)
+    valid = np.arange(600) < pool.counts[:, None]
+    np.testing.assert_array_equal(pool.coords[valid], ops["out/down_coords"][:, 1:])
+    np.testing.assert_allclose(np.asarray(cells)[valid], ops["out/down_feats"], **CLOSE)
+    up = np.asarray(upsample(cells, pool))[rows]
+    np.testing.assert_allclose(up, ops["out/up_feats"], **CLOSE)
+    for shift in (0, 4):
+        ours = window_ids(coords, 8, shift)[rows]
+        theirs = ops[f"out/win8_s{shift}_id"]
+        pairs = {(b, o, t) for b, o, t in zip(rows[0], ours, theirs, strict=True)}
+        assert len(pairs) == len(set(theirs)) == len({(b, o) for b, o, _ in pairs})
+
+
+@pytest.mark.parametrize("width", [5, 7, 96])
+def test_position_embedding_pads_with_zeros(width):
+    out = np.asarray(position_embedding(np.ones((2, 3)), width))
+    used = 6 * (width // 3 // 2)
+    assert out.shape == (2, width) and not out[:, used:].any()
