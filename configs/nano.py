@@ -56,7 +56,7 @@ def config() -> Config:
                 volume_channels=32,
             ),
             structure_vae=StructureVAEConfig(
-                patch_size=2, channels=(32, 96), num_res_blocks=1, num_res_blocks_middle=1
+                patch_size=2, channels=(16, 48), num_res_blocks=1, num_res_blocks_middle=1
             ),
             uniart_vae=UniArtVAEConfig(
                 width=96,
@@ -86,8 +86,8 @@ def config() -> Config:
             noise_share=0.5,
             draws_per_image=2,
         ),
-        image_encoder=dataclasses.replace(stage, steps=3000),
-        structure_vae=dataclasses.replace(stage, steps=600, learning_rate=1e-3, evaluate_every=300),
+        image_encoder=dataclasses.replace(stage, steps=2000),
+        structure_vae=dataclasses.replace(stage, steps=500, learning_rate=2e-3, evaluate_every=250),
         uniart_vae=dataclasses.replace(stage, steps=2500, batch_size=2, learning_rate=1e-3),
         structure_flow=dataclasses.replace(stage, steps=3000),
         latent_flow=dataclasses.replace(stage, steps=3000, batch_size=8),

@@ -187,9 +187,11 @@ class TrainArguments:
 
 def train(arguments: list[str]) -> None:
     """Parse ``--config`` and friends, then any field of the config by its dotted name, and train."""
-    known, rest = tyro.cli(
-        TrainArguments, args=arguments, return_unknown_args=True, prog="train.py"
-    )
+    # with a config given, --help belongs to its fields
+    fields = "--config" in " ".join(arguments) and bool({"-h", "--help"} & set(arguments))
+    first = [a for a in arguments if not (fields and a in ("-h", "--help"))]
+    known, rest = tyro.cli(TrainArguments, args=first, return_unknown_args=True, prog="train.py")
+    rest += ["--help"] if fields else []
     default = load_config(known.config)
     config = tyro.cli(Config, default=default, args=rest, prog="train.py --config …")
     from uniart_jax.pipeline import enable_compilation_cache
@@ -301,7 +303,13 @@ def evaluate(
         )
 
 
-def inspect(records: Annotated[Path, tyro.conf.Positional], /, out: Out, index: int = 0) -> None:
+def inspect(
+    records: Annotated[Path, tyro.conf.Positional],
+    /,
+    out: Out,
+    index: int = 0,
+    overwrite: Overwrite = False,
+) -> None:
     """Write a record back as an asset folder, to look at.
 
     Args:
@@ -315,7 +323,7 @@ def inspect(records: Annotated[Path, tyro.conf.Positional], /, out: Out, index: 
     if not 0 <= index < len(source):
         raise ValueError(f"inspect: --index {index} is outside 0..{len(source) - 1}")
     record = source[index]
-    object_of_record(record).save(out, image=record.images[0])
+    object_of_record(record).save(out, image=record.images[0], overwrite=overwrite)
 
 
 COMMANDS = {

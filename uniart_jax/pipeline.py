@@ -31,6 +31,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.training.export import load_network, read_config, read_statistics
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid
+from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 LATENTS = ("structure", "latent")
@@ -179,7 +180,7 @@ class Pipeline:
         latent = self.sample_latents([coords], condition, keys[1], latent_options)[0]
         progress("parts and joints")
         grid = self.decode([coords], [latent])[0]
-        return assemble(grid, name=name)
+        return assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
 
     def options(
         self, steps: int | None, guidance: float | None

@@ -74,8 +74,12 @@ def run(config: Config, stages: Sequence[str], workdir: Path) -> None:
     """
     workdir = Path(workdir)
     claim(config, workdir)
-    if workers := jax.process_count() - 1:
-        console.print(f"training on {jax.device_count()} devices of {workers + 1} processes")
+    alone = [n for n in stages if n not in ("image_encoder", "structure_vae")]
+    if jax.process_count() > 1 and alone:
+        # segment plans index one process's own tokens, and latents are written by one process
+        raise ValueError(
+            f"stage {alone[0]}: trains on one process (all its devices); start it without jax.distributed"
+        )
     ensure_records(config)
     for name in (n for n in NETWORKS if n in stages):
         train_network(name, config, workdir)
@@ -154,7 +158,9 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
             workdir=workdir,
             evaluate=make_evaluation(name, config, workdir, statistics),
         )
-    export_network(workdir / "export", name, state.ema)  # every process calls it, the first one writes
+    export_network(
+        workdir / "export", name, state.ema
+    )  # every process calls it, the first one writes
 
 
 def select(name: str, batch: dict[str, Any]) -> dict[str, Any]:

@@ -253,3 +253,16 @@ def test_parts_with_one_box_are_refused_by_name():
     obj = make_object([-1, 0, 0], [Joint.fixed()] * 3, boxes)
     with pytest.raises(ValueError, match="'part_1' and 'part_2'"):
         encode_object(obj)
+
+
+def test_tolerance_reads_predicted_codes_as_pure_motions_and_keeps_caps():
+    rng = np.random.default_rng(0)
+    center = np.zeros(3)
+    drawer = Joint([0, 0, 0], [1, 0, 0], travel=(-0.3, 0))
+    door = Joint([0, 0.5, 0], [0, 0, 1], angle=(0, 1.6))
+    knob = Joint([0, 0, 0], [1, 0, 0], angle=(-np.pi, np.pi))
+    cap = Joint([0, 0, 0], [0, 0, 1], angle=(0, 4 * np.pi), travel=(0, 0.1))
+    for joint in (drawer, door, knob, cap):
+        shared = encode_joint(joint, center) + 0.04 * rng.choice([-1, 1], 9)
+        codes = shared + 0.002 * rng.normal(size=(40, 9))
+        assert decode_part(codes, center, 0.1).type == joint.type

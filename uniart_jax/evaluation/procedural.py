@@ -12,6 +12,7 @@ One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown st
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -36,6 +37,7 @@ from uniart_jax.procedural.states import sample_state
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.grid import PartGrid, occupancy
+from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.voxelize import voxelize
 
 ATTEMPTS = 20
@@ -191,17 +193,18 @@ def predict_all(
     """The object of every station, and the IoU of the sampled structure with the true one."""
     predicted = {"representation": assemble(test.grid.gather())}
     coords = test.grid.coords
-    predicted["vae"] = assemble(pipeline.decode([coords], [pipeline.encode_voxels(test.grid)])[0])
+    build = functools.partial(assemble, tolerance=NETWORK_TOLERANCE)
+    predicted["vae"] = build(pipeline.decode([coords], [pipeline.encode_voxels(test.grid)])[0])
     pixels = pipeline.prepare(test.image)
     condition = pipeline.encode_images(pixels[None])
     keys = jax.random.split(jax.random.key(seed))
     latent = pipeline.sample_latents([coords], condition, keys[1])[0]
-    predicted["latent_flow"] = assemble(pipeline.decode([coords], [latent])[0])
+    predicted["latent_flow"] = build(pipeline.decode([coords], [latent])[0])
     found = pipeline.sample_structure(condition, keys[0])[0]
     if len(found) == 0:  # a failure counts: an object of one speck
         found = np.array([[pipeline.config.model.grid.resolution // 2] * 3], np.int32)
     latent = pipeline.sample_latents([found], condition, keys[1])[0]
-    predicted["image_to_object"] = assemble(pipeline.decode([found], [latent])[0])
+    predicted["image_to_object"] = build(pipeline.decode([found], [latent])[0])
     if retrieve is not None:
         predicted["retrieval"] = retrieve(pixels)
     dense = [occupancy(c, test.grid.resolution) for c in (found, coords)]

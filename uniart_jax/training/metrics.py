@@ -1,6 +1,6 @@
 """Part-level readings of voxel predictions under the true segmentation: what mean losses hide.
 
-A loss can look fine while every door is read as fixed (measured twice by prototypes), so every stage that predicts boxes or joints logs
+A loss can look fine while every door is read as fixed, so every stage that predicts boxes or joints logs
 these on held-out objects. Clustering is left out here on purpose: given the true voxels of each part, are its box and joint right?
 """
 
@@ -10,7 +10,12 @@ import numpy as np
 
 from uniart_jax.objects.joint_errors import signed_axis_error
 from uniart_jax.objects.kinematics import line_distance
-from uniart_jax.voxels.joint_code import box_corners, decode_joint, decode_part
+from uniart_jax.voxels.joint_code import (
+    NETWORK_TOLERANCE,
+    box_corners,
+    decode_joint,
+    decode_part,
+)
 
 MIN_VOXELS = 3
 
@@ -43,7 +48,7 @@ def part_readings(
         if truth.type == "fixed":
             continue
         box = np.median(own_boxes[mine], axis=0)
-        joint = decode_part(codes[mine], box[:3])
+        joint = decode_part(codes[mine], box[:3], NETWORK_TOLERANCE)
         error = float(np.abs(box_corners(box) - box_corners(true_boxes[k])).max())
         same = joint.type == truth.type
         axis = signed_axis_error(joint, truth) if same else float("nan")

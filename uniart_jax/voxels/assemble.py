@@ -20,13 +20,16 @@ EXPLAINED = (
 )
 
 
-def assemble(grid: VoxelGrid, *, scale: float = 1.0, name: str = "") -> ArticulatedObject:
+def assemble(
+    grid: VoxelGrid, *, scale: float = 1.0, name: str = "", tolerance: float = 0.0
+) -> ArticulatedObject:
     """Rebuild an articulated object from its voxels. Deterministic; never crashes on what a network emits.
 
     Args:
       grid: attributes on active voxels, true or predicted.
       scale: metres per object unit.
       name: name of the object.
+      tolerance: of ``joint_code.decode_part``: 0 for true grids, ``NETWORK_TOLERANCE`` for predicted ones.
 
     Returns:
       Object with parts 'base', 'link_1', ... (parents first, larger first); every mesh is closed and edge-manifold.
@@ -43,7 +46,7 @@ def assemble(grid: VoxelGrid, *, scale: float = 1.0, name: str = "") -> Articula
     joints = [
         Joint.fixed()
         if parents[k] < 0
-        else decode_part(grid.joint_code[voters[k]], parts.boxes[k, :3])
+        else decode_part(grid.joint_code[voters[k]], parts.boxes[k, :3], tolerance)
         for k in range(count)
     ]
     meshes = mesh_parts(grid, parts)

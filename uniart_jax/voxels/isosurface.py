@@ -104,7 +104,7 @@ def part_mesh(
     phi = np.where(mine, sdf, np.maximum(np.abs(sdf), 0.5))
     _drop_specks(phi)
     vertices, faces, _, _ = marching_cubes(phi, 0.0, method="lorensen")
-    color = _vertex_colors(vertices, phi, field.source[window], colors)
+    color = _vertex_colors(vertices, phi, mine, field.source[window], colors)
     start = np.array([s.start for s in window])
     count = field.sdf.shape[0] - 2
     points = (vertices.astype(np.float64) + start - 0.5) / count - 0.5
@@ -225,17 +225,20 @@ def _drop_specks(phi: np.ndarray) -> None:
         phi[speck] = np.maximum(-phi[speck], 0.5)
 
 
-def _vertex_colors(vertices, phi, source, colors) -> np.ndarray:
-    """[n, 4] uint8: the colour of the sub-cell inside the surface at each vertex, else of the one outside."""
+def _vertex_colors(vertices, phi, mine, source, colors) -> np.ndarray:
+    """[n, 4] uint8: the colour of the sub-cell just outside the surface, else of the one just inside.
+
+    From outside the nearest surface is the one that is seen; from inside it may be what lies under a thin inlay. Outside counts
+    only where the part itself is nearest, not where another part touches it.
+    """
     low = np.floor(vertices).astype(int)
     high = np.ceil(vertices).astype(int)
     low_inside = phi[tuple(low.T)] < 0
-    inner = np.where(low_inside[:, None], low, high)
-    outer = np.where(low_inside[:, None], high, low)
-    index = source[tuple(inner.T)]
-    index = np.where(index >= 0, index, source[tuple(outer.T)])
+    inner = tuple(np.where(low_inside[:, None], low, high).T)
+    outer = tuple(np.where(low_inside[:, None], high, low).T)
+    seen = (mine[outer] & (source[outer] >= 0)) | (source[inner] < 0)
     rgb = np.full((len(vertices), 4), 255, np.uint8)
-    rgb[:, :3] = colors[index]
+    rgb[:, :3] = colors[np.where(seen, source[outer], source[inner])]
     return rgb
 
 

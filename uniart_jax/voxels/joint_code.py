@@ -38,6 +38,8 @@ TIE = 1e-6  # components of d this close count as equal when the sign is chosen
 SAME_BOX = 0.01  # own boxes closer than this cannot be told apart
 LARGEST = 1e3  # no sane code has a component above it
 FIXED_AXIS = 0.5  # a predicted |d| below this is a fixed joint (reference: nano prototype)
+NETWORK_TOLERANCE = 0.1  # of ``decode_part`` for predicted codes
+FULL_TURN = 2.0  # in units of a limit, pi radians
 CODE_SIZE = 9
 GAUGES = 6
 SPREADS = 3.0  # median absolute deviations; how far noisy codes are drawn to the pure motions
@@ -161,7 +163,7 @@ def decode_joint(code: np.ndarray, part_center: np.ndarray) -> Joint:
     return Joint(origin, direction, (angle[0], angle[1]), (travel[0], travel[1]))
 
 
-def decode_part(codes: np.ndarray, part_center: np.ndarray) -> Joint:
+def decode_part(codes: np.ndarray, part_center: np.ndarray, tolerance: float = 0.0) -> Joint:
     """The joint of a part from the codes of its voxels: their median once all are in one gauge.
 
     Noisy codes are drawn to the pure motions, because 1 degree of rotation over a drawer's travel is a tau of only .003: within
@@ -171,6 +173,8 @@ def decode_part(codes: np.ndarray, part_center: np.ndarray) -> Joint:
     Args:
       codes: [n, 9], any gauge each; rows that are not finite are left out.
       part_center: [3] centre of the part's own box.
+      tolerance: the error that all voxels of a part may share, which their spread cannot show: 0 for true codes,
+        ``NETWORK_TOLERANCE`` for predicted ones. Within it tau snaps as well, unless the joint makes more than a full turn.
     """
     codes = np.asarray(codes, dtype=np.float64).reshape(-1, CODE_SIZE)
     codes = canonical(codes[np.isfinite(codes).all(1)])
@@ -184,10 +188,13 @@ def decode_part(codes: np.ndarray, part_center: np.ndarray) -> Joint:
     middle = np.median(aligned, axis=0)
     spread = np.median(np.abs(aligned - middle), axis=0)
     middle, reach = canonical(middle), SPREADS * np.maximum(spread, 1e-9)
-    if abs(middle[0] - np.round(middle[0])) <= reach[0]:
+    turns_once = middle[8] - middle[7] <= FULL_TURN + tolerance
+    near = max(reach[0], tolerance if turns_once else 0.0)
+    if abs(middle[0] - np.round(middle[0])) <= near:
         middle[0] = np.round(middle[0])
     travel = 2 / KAPPA * abs(np.sin(middle[0] * np.pi / 2))  # over a full turn
-    if travel < TRAVEL_DEAD_ZONE and np.abs(middle[7:9] - [-1, 1]).max() <= reach[7:9].max():
+    ends = max(reach[7:9].max(), tolerance)
+    if travel < TRAVEL_DEAD_ZONE and np.abs(middle[7:9] - [-1, 1]).max() <= ends:
         middle[[0, 7, 8]] = 0, -1, 1
     return decode_joint(middle, part_center)
 
