@@ -87,7 +87,7 @@ def config() -> Config:
             draws_per_image=2,
         ),
         image_encoder=dataclasses.replace(stage, steps=2000),
-        structure_vae=dataclasses.replace(stage, steps=500, learning_rate=2e-3, evaluate_every=250),
+        structure_vae=dataclasses.replace(stage, steps=300, learning_rate=2e-3, evaluate_every=300),
         uniart_vae=dataclasses.replace(stage, steps=2500, batch_size=2, learning_rate=1e-3),
         structure_flow=dataclasses.replace(stage, steps=3000),
         latent_flow=dataclasses.replace(stage, steps=3000, batch_size=8),

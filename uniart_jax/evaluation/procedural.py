@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import importlib
+import importlib.util
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -96,7 +98,9 @@ def held_out(
             except ValueError:
                 if attempt == ATTEMPTS - 1:
                     raise
-        picture = render(obj, sample_camera(rng), size=image_size, samples=4)  # as data.prepare draws them
+        picture = render(
+            obj, sample_camera(rng), size=image_size, samples=4
+        )  # as data.prepare draws them
         yield HeldOut(family, seed, obj, grid, np.round(picture * 255).astype(np.uint8))
 
 
@@ -156,6 +160,7 @@ def evaluate_checkpoint(
     )
     rows = {name: Row(name) for name in names}
     overlaps: list[float] = []
+    loads: list[dict[str, bool]] = []
     model = pipeline.config.model
     tests = held_out(
         count,
@@ -172,6 +177,9 @@ def evaluate_checkpoint(
         for name, obj in predicted.items():
             rows[name].add(obj, test)
         if k < pictures:
+            loads.append(
+                check_asset(predicted["image_to_object"], out / "assets" / f"{k:03d}-{test.family}")
+            )
             write_comparison(
                 out / "pictures" / f"{k:03d}-{test.family}.png", test.image, test.obj, predicted
             )
@@ -180,6 +188,9 @@ def evaluate_checkpoint(
         "unseen": unseen,
         "checkpoint": str(checkpoint),
         "structure_iou": float(np.mean(overlaps)),
+        "assets": {
+            name: float(np.mean([load[name] for load in loads])) for name in (loads or [{}])[0]
+        },
     }
     return write_results(out, list(rows.values()), extra)
 
@@ -211,6 +222,27 @@ def predict_all(
     return predicted, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum())
 
 
+def check_asset(obj: ArticulatedObject, folder: Path) -> dict[str, bool]:
+    """Write an object as an asset and open it as its users do: yourdfpy, and MuJoCo where it is installed; all parts closed."""
+    import yourdfpy
+
+    obj.save(folder, overwrite=True, motion=False)
+    found = {"watertight": all(part.mesh.is_watertight for part in obj.parts)}
+    path = str(folder / "object.urdf")
+    openers: dict[str, Callable[[], Any]] = {"yourdfpy": lambda: yourdfpy.URDF.load(path)}
+    if importlib.util.find_spec("mujoco"):
+        mujoco = importlib.import_module("mujoco")
+        openers["mujoco"] = lambda: mujoco.MjModel.from_xml_path(path)
+    for name, opener in openers.items():
+        try:
+            opener()
+            found[name] = True
+        except Exception as error:  # whatever a foreign loader raises is a failure to be counted
+            console.print(f"{folder.name}: {name} refused it ({error})")
+            found[name] = False
+    return found
+
+
 def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], ArticulatedObject]:
     """Image [S, S, 3] in [0, 1] -> object of the training record whose image is nearest by cosine of mean token features.
 
@@ -236,7 +268,7 @@ def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], 
     index = np.concatenate(chunks)
 
     def retrieve(pixels: np.ndarray) -> ArticulatedObject:
-        query = features(np.repeat(pixels[None], 32, 0))[0]
+        query = features(pixels[None])[0]
         nearest = int(np.argmax(index.astype(np.float32) @ query))
         return object_of_record(source[nearest // table.images.shape[1]])
 
@@ -267,6 +299,9 @@ def write_results(out: Path, rows: list[Row], extra: dict[str, Any]) -> dict[str
         lines.append("| " + " | ".join([row.name, *cells]) + " |")
     if "structure_iou" in extra:
         lines += ["", f"Structure IoU {extra['structure_iou']:.3f} over {extra['count']} objects."]
+        if extra["assets"]:
+            shares = ", ".join(f"{name} {share:.0%}" for name, share in extra["assets"].items())
+            lines += [f"Assets written and opened again: {shares}."]
     (out / "table.md").write_text("\n".join(lines) + "\n")
     console.print(table)
     if "structure_iou" in extra:

@@ -41,11 +41,12 @@ def joint_code_loss(predicted: jax.Array, target: jax.Array, delta: float) -> ja
 
 def box_loss(predicted: jax.Array, target: jax.Array, delta: float) -> jax.Array:
     """[...] mean Huber over a box [..., 6] (centre, size), measured on its lower and upper corners."""
-    corners = (
-        lambda box: jnp.concatenate(  # noqa: E731
+
+    def corners(box: jax.Array) -> jax.Array:
+        return jnp.concatenate(
             [box[..., :3] - box[..., 3:] / 2, box[..., :3] + box[..., 3:] / 2], -1
         )
-    )
+
     return huber(corners(predicted) - corners(target), delta).mean(-1)
 
 
