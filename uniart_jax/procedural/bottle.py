@@ -19,6 +19,7 @@ from uniart_jax.procedural.shapes import (
     revolution,
     rounded,
     screw,
+    tidy,
     union,
 )
 
@@ -83,14 +84,14 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         label = (solid ^ band) - core
         stripe = box([-1, -1, lo + 0.38 * (hi - lo)], [1, 1, lo + 0.62 * (hi - lo)])
         if not label.is_empty():
-            body.add(label - stripe, accent)
-            body.add(label ^ stripe, materials.paint(rng))
+            body.add(tidy(label - stripe), accent)
+            body.add(tidy(label ^ stripe), materials.paint(rng))
             solid = solid - label
     elif kind == "flask":
         foot = solid ^ box([-1, -1, -1], [1, 1, 0.12 * shoulder])
         body.add(foot, accent)
         solid = solid - foot
-    body.add(solid, skin)
+    body.add(tidy(solid), skin)
     if (kind == "flask" and rng.random() < 0.6) or (kind == "jar" and rng.random() < 0.15):
         reach, r = radius + float(rng.uniform(0.3, 0.5)) * radius, max(1.6 * unit, 0.004)
         a, b = 0.25 * shoulder, 0.8 * shoulder
@@ -209,6 +210,8 @@ def _cap(rng, asm: Assembly, root: int, kind, height, rise, neck, unit, radius) 
         finish = materials.dark(rng)
     turns = np.linspace(0, 2 * np.pi, 96, endpoint=False)
     style = str(rng.choice(["ridges", "hexagon", "plain", "wings"], p=[0.45, 0.15, 0.2, 0.2]))
+    if style == "wings" and kind in ("flask", "jar"):  # thumb wings belong to small caps
+        style = "ridges"
     if style == "ridges":
         teeth = int(rng.integers(10, 20))
         r = outer + 0.6 * unit * (np.cos(teeth * turns) > 0)

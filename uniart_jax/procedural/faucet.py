@@ -19,6 +19,7 @@ from uniart_jax.procedural.shapes import (
     revolution,
     rounded,
     slide,
+    tidy,
     turn,
     union,
 )
@@ -86,7 +87,7 @@ def _spout(
     bar -= box([-0.1, -0.1, z - 1], [0.1, 0.1, z + _AIR])
     mouth = tip[2]
     bar -= box([tip[0] - 2 * r, -0.1, mouth - 2 * r], [tip[0] + 2 * r, 0.1, mouth])
-    shape.add(union([collar, bar]), finish)
+    shape.add(tidy(union([collar, bar])), finish)
     if not pull:
         nozzle = cylinder("z", [tip[0], 0, mouth - 0.012], 0.012, 1.05 * r, segments=18)
         shape.add(nozzle, finish.darker(0.6))

@@ -8,7 +8,7 @@ from manifold3d import CrossSection, Manifold
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material
-from uniart_jax.procedural.shapes import Assembly, Shape, cylinder, extrusion, hinge, union
+from uniart_jax.procedural.shapes import Assembly, Shape, cylinder, extrusion, hinge, tidy, union
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
@@ -38,18 +38,18 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     placed = _frame(rng)
     asm, lower = Assembly(), Shape()
     flat, ring = halves[0]
-    body = extrusion_of(flat, 0.0, thick)
+    body = _extruded(flat, 0.0, thick)
     spindle = cylinder("z", [0, 0, 0], 2 * thick + 2 * gap, pin, segments=16)
-    loop = extrusion_of(ring, 0.0, 2 * thick + gap)
-    lower.add(placed(union([body - loop, spindle])), steel).add(placed(loop), grip)
+    loop = _extruded(ring, 0.0, 2 * thick + gap)
+    lower.add(tidy(placed(union([body - loop, spindle]))), steel).add(tidy(placed(loop)), grip)
     root = asm.add("half", lower)
 
     upper = Shape()
     flat, ring = (s.mirror((0, 1)) for s in halves[1])
-    body = extrusion_of(flat, thick + gap, thick)
-    loop = extrusion_of(ring, 0.0, 2 * thick + gap)
+    body = _extruded(flat, thick + gap, thick)
+    loop = _extruded(ring, 0.0, 2 * thick + gap)
     bore = cylinder("z", [0, 0, -1], 3, pin + 0.35 * unit, segments=16)
-    upper.add(placed((body - loop) - bore), steel).add(placed(loop), grip)
+    upper.add(tidy(placed((body - loop) - bore)), steel).add(tidy(placed(loop)), grip)
     axis = placed.turn @ np.array([0.0, 0, 1])
     swing = float(np.deg2rad(rng.uniform(45, 85)))
     asm.add("half", upper, root, hinge((0, 0, 0), axis, swing))
@@ -66,7 +66,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     return asm.object()
 
 
-def extrusion_of(section: CrossSection, low: float, height: float) -> Manifold:
+def _extruded(section: CrossSection, low: float, height: float) -> Manifold:
     """A plane figure pushed along w from ``low``."""
     return Manifold.extrude(section, height).translate((0, 0, low))
 

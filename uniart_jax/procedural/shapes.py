@@ -292,3 +292,9 @@ def pipe(points: ArrayLike, radius: float, segments: int = 12) -> Manifold:
     """A round bar of ``radius`` along a polyline [n, 3], rounded at its bends and ends."""
     balls = [ball(p, radius, segments) for p in np.asarray(points, dtype=np.float64)]
     return union([Manifold.batch_hull([a, b]) for a, b in itertools.pairwise(balls)])
+
+
+def tidy(solid: Manifold, tolerance: float = 1e-5) -> Manifold:
+    """``solid`` without slivers: edges below ``tolerance`` metres closed up, crumbs of no volume dropped."""
+    pieces = [p for p in solid.simplify(tolerance).decompose() if p.volume() > tolerance**2]
+    return Manifold.compose(pieces)

@@ -21,6 +21,7 @@ from uniart_jax.procedural.shapes import (
     pipe,
     rounded,
     slide,
+    tidy,
     union,
 )
 
@@ -143,7 +144,7 @@ def _bowl(rng, front, rear, half, power, rim, tank_x, wall_hung):
         solids.append(box([0.3 * rear, -0.42 * half, 0.03], [back - 0.03, 0.42 * half, rim - 0.08]))
     water = egg(0.3 * front, 0.35 * rear, 0.35 * half)
     hollow = loft(water, egg(0.76 * front, 0.7 * rear, 0.72 * half, 2.2), rim - 0.19, rim + 0.001)
-    return cut(union(solids), (hollow,))
+    return tidy(cut(union(solids), (hollow,)))
 
 
 def _cistern(rng, body: Shape, ceramic: Material, x: float, half: float, rim, wall_hung, flush):
@@ -182,13 +183,13 @@ def _cistern(rng, body: Shape, ceramic: Material, x: float, half: float, rim, wa
     lid = extrusion(lid, "z", [x + deep / 2 + 0.003, 0, high - cover], cover)
     place = (x, wide - 0.05, high - cover - 0.05)
     if not count:
-        body.add(union([tank, lid]), ceramic)
+        body.add(tidy(union([tank, lid])), ceramic)
         return [], place
     r = float(rng.uniform(0.024, 0.032))
     at = [x + deep / 2, 0.0, high - 0.017]
     disc = cylinder("z", at, 0.029, r, segments=20)
     well = cylinder("z", [at[0], 0, high - 0.032], 1.0, r + 0.003, segments=20)
-    body.add(cut(union([tank, lid]), (well,)), ceramic)
+    body.add(tidy(cut(union([tank, lid]), (well,))), ceramic)
     if count == 1:
         return [(disc, (0, 0, -1))], place
     parts = [

@@ -1,0 +1,69 @@
+"""What the unseen families add: screws of both hands, fixed parts, trees three deep, and parts that survive the voxels."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, UNSEEN_FAMILIES, draw, generate
+from uniart_jax.procedural.shapes import screw
+from uniart_jax.voxels.assemble import assemble
+from uniart_jax.voxels.voxelize import voxelize
+
+
+def kind(joint) -> str:
+    """A joint's type; screws by their hand."""
+    return joint.type if joint.type != "screw" else f"screw {'+' if joint.pitch > 0 else '-'}"
+
+
+def test_no_family_is_both_seen_and_unseen():
+    assert len(UNSEEN_FAMILIES) >= 8 and not set(SEEN_FAMILIES) & set(UNSEEN_FAMILIES)
+
+
+def test_every_joint_type_and_trees_three_deep():
+    found, deepest = set(), 0
+    for seed in range(HELD_OUT_SEED, HELD_OUT_SEED + 60):
+        obj = draw(seed, UNSEEN_FAMILIES)
+        found |= {kind(joint) for joint in obj.joints[1:]}
+        depth = {-1: 0}
+        for k, parent in enumerate(obj.parents):
+            depth[k] = depth[parent] + 1
+        deepest = max(deepest, *depth.values())
+    assert found == {"fixed", "revolute", "continuous", "prismatic", "screw +", "screw -"}
+    assert deepest >= 3
+
+
+@pytest.mark.parametrize("left_handed", [False, True])
+def test_a_screw_rises_by_its_travel(left_handed):
+    joint = screw((0.1, 0.2, 0), (0, 0, 1), 2.5, 0.02, left_handed=left_handed)
+    low, high = joint.limits
+    far = low if left_handed else high
+    assert abs(far) == pytest.approx(5 * np.pi)
+    np.testing.assert_allclose(joint.motion(far)[2, 3], 0.02)
+    quarter = joint.motion(0.1 * far)  # a quarter turn: x goes to y, or to -y
+    np.testing.assert_allclose(quarter[:2, 0], [0, -1 if left_handed else 1], atol=1e-12)
+
+
+@pytest.mark.parametrize("family", UNSEEN_FAMILIES)
+def test_the_voxels_keep_parts_and_joints(family):
+    obj = generate(family, HELD_OUT_SEED)
+    copy = assemble(voxelize(obj, 32, 4).gather())
+    assert sorted(map(kind, copy.joints[1:])) == sorted(map(kind, obj.joints[1:]))
+
+
+def test_caps_keep_their_turns():
+    for seed in range(3):
+        obj = generate("bottle", seed)
+        copy = assemble(voxelize(obj, 32, 4).gather())
+        cap, back = obj.joints[1], copy.joints[1]
+        assert np.ptp(back.angle) == pytest.approx(np.ptp(cap.angle), rel=1e-3)
+        assert back.pitch == pytest.approx(cap.pitch, rel=1e-3)
+
+
+@pytest.mark.parametrize("family", UNSEEN_FAMILIES)
+def test_parts_stay_closed_when_a_reader_merges_vertices(family):
+    for seed in range(3):
+        for part in generate(family, seed).parts:
+            merged = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=True)
+            assert merged.is_watertight, f"{family}-{seed} {part.name}"
