@@ -38,8 +38,8 @@ def guarded(command: Callable[[], int | None]) -> int:
     warnings.showwarning = show
     try:
         return command() or 0
-    except (ValueError, OSError, FloatingPointError) as error:
-        message = " ".join(str(error).split())
+    except (ValueError, OSError, ArithmeticError, MemoryError) as error:
+        message = " ".join(str(error).split()) or type(error).__name__
         print(f"error: {message}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
@@ -72,6 +72,8 @@ def sample(
     """
     if not images:
         raise ValueError("sample: give at least one image file")
+    if not 0 <= seed < 2**31:
+        raise ValueError(f"sample: --seed must be in 0..{2**31 - 1}, got {seed}")
     if num_samples < 1:
         raise ValueError(f"sample: --num-samples must be at least 1, got {num_samples}")
     if steps is not None and steps < 1:
@@ -81,12 +83,7 @@ def sample(
     pictures = [read_image(path) for path in images]  # all inputs are checked before any work
     folders = sample_folders(images, out, num_samples, multi_view)
     for folder in folders.values():
-        if folder.exists() and not folder.is_dir():
-            raise ValueError(f"output '{folder}': a file of that name exists; choose another --out")
-        if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-            raise ValueError(
-                f"output '{folder}': the folder is not empty; choose another --out or pass --overwrite"
-            )
+        check_out(folder, overwrite)
     from uniart_jax.pipeline import enable_compilation_cache, load
 
     enable_compilation_cache()
@@ -128,6 +125,21 @@ def sample(
                 )
 
 
+def check_out(folder: Path, overwrite: bool) -> None:
+    """Refuse, before any work, an output folder that cannot be written.
+
+    Raises:
+      ValueError: it or a parent is a file, or it is not empty and may not be replaced.
+    """
+    for place in (folder, *folder.parents):
+        if place.exists() and not place.is_dir():
+            raise ValueError(f"output '{place}': a file of that name exists; choose another --out")
+    if folder.is_dir() and any(folder.iterdir()) and not overwrite:
+        raise ValueError(
+            f"output '{folder}': the folder is not empty; choose another --out or pass --overwrite"
+        )
+
+
 def sample_folders(
     images, out: Path, num_samples: int, multi_view: bool
 ) -> dict[tuple[int, int], Path]:
@@ -164,8 +176,11 @@ def load_config(path: Path) -> Config:
     if spec is None or spec.loader is None:
         raise ValueError(f"config '{path}': not a Python file")
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    config = module.config() if hasattr(module, "config") else None
+    try:
+        spec.loader.exec_module(module)
+        config = module.config() if hasattr(module, "config") else None
+    except Exception as error:  # the user's own code
+        raise ValueError(f"config '{path}': {type(error).__name__}: {error}") from error
     if not isinstance(config, Config):
         raise ValueError(
             f"config '{path}': it must define config() returning a uniart_jax.config.Config"
@@ -264,6 +279,11 @@ def reconstruct(
         subdivisions: Sub-cells a voxel side.
         allow_outside: Let the URDF name meshes outside its own folder.
     """
+    check_out(out, overwrite)
+    if not 1 <= resolution <= 256 or not 1 <= subdivisions <= 8:
+        raise ValueError(
+            f"reconstruct: --resolution must be in 1..256 and --subdivisions in 1..8, got {resolution}, {subdivisions}"
+        )
     from uniart_jax.evaluation.reconstruction import reconstruct_asset
 
     reconstruct_asset(
@@ -291,6 +311,9 @@ def evaluate(
         pictures: How many objects are drawn.
         unseen: The families that are never trained on, instead of the trained ones.
     """
+    if count < 1:
+        raise ValueError(f"evaluate: --count must be at least 1, got {count}")
+    check_out(out, overwrite=True)
     from uniart_jax.evaluation import procedural
     from uniart_jax.pipeline import enable_compilation_cache
 
@@ -316,6 +339,7 @@ def inspect(
         records: A folder made by ``uniart prepare``.
         index: Which record.
     """
+    check_out(out, overwrite)
     from uniart_jax.data.records import RecordSource
     from uniart_jax.evaluation.reconstruction import object_of_record
 

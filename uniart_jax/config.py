@@ -43,6 +43,8 @@ class ImageEncoderConfig:
     volume_resolution: int = 8  # a side, of the features handed to the flows
     volume_channels: int = 32
     target_resolution: int = 16  # a side, of the regressed boxes and joints
+    thumbnail: int = 32  # pixels a side of the image seen whole by an MLP that gives the volume its first guess; 0 = none
+    thumbnail_width: int = 384
     mlp_ratio: float = 4.0
 
 

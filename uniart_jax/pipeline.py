@@ -35,6 +35,10 @@ from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 LATENTS = ("structure", "latent")
+CELL_STEP = (
+    128  # cells of the latent flow are padded to multiples of this: little waste, few shapes
+)
+WIDTH_STEP = 4096  # likewise for voxels beyond the largest bucket
 
 
 class Condition(NamedTuple):
@@ -72,23 +76,19 @@ def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callabl
 
 
 def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
-    """Jitted (params, (mean, std), condition, key, voxels, twice) -> UniArt latents [B, V, C], padding zero.
-
-    ``voxels`` and ``twice`` are of ``flow_inputs``: guidance runs both conditions as one batch.
-    """
+    """Jitted (params, (mean, std), condition, key, voxels) -> UniArt latents [B, V, C], padding zero; ``voxels`` of ``flow_inputs``."""
     network = build("latent_flow", model)
     channels = model.uniart_vae.latent_channels
 
     @jax.jit
-    def run(params, statistics, condition, key, voxels, twice):
+    def run(params, statistics, condition, key, voxels):
         mean, std = statistics
         coords, counts = voxels["coords"], voxels["counts"]
         valid = (jnp.arange(coords.shape[1]) < counts[:, None])[..., None]
         noise = jnp.where(valid, jax.random.normal(key, (*coords.shape[:2], channels)), 0)
 
         def velocity(x, t, seen):
-            here = voxels if x.shape[0] == coords.shape[0] else twice
-            return network.apply(params, x, t, seen.tokens, seen.volume, **here)
+            return network.apply(params, x, t, seen.tokens, seen.volume, **voxels)
 
         nothing = jax.tree.map(jnp.zeros_like, condition)
         guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
@@ -101,34 +101,21 @@ def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[.
 def pad_coords(
     coords: Sequence[np.ndarray], buckets: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Voxel lists [V_i, 3] as padded coords [B, V, 3] and counts [B]; V is the smallest bucket that holds all.
-
-    Raises:
-      ValueError: a list is longer than the largest bucket.
-    """
+    """Voxel lists [V_i, 3] as padded coords [B, V, 3] and counts [B]; V is the smallest bucket that holds all, or beyond the largest
+    the next multiple of ``WIDTH_STEP``."""
     longest = max(len(c) for c in coords)
-    fitting = [b for b in sorted(buckets) if b >= longest]
-    if not fitting:
-        raise ValueError(
-            f"voxels: {longest} active voxels, the largest bucket holds {max(buckets)}"
-        )
-    padded = np.zeros((len(coords), fitting[0], 3), np.int32)
+    beyond = -(-longest // WIDTH_STEP) * WIDTH_STEP
+    width = min((b for b in buckets if b >= longest), default=beyond)
+    padded = np.zeros((len(coords), width, 3), np.int32)
     for row, voxels in zip(padded, coords, strict=True):
         row[: len(voxels)] = voxels
     return padded, np.array([len(c) for c in coords], np.int32)
 
 
-def flow_inputs(
-    coords: np.ndarray, counts: np.ndarray, model: ModelConfig
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The latent flow's arguments for a padded batch, and for the same batch twice over (guidance)."""
-    both = []
-    for times in (1, 2):
-        c, n = np.concatenate([coords] * times), np.concatenate([counts] * times)
-        both.append(
-            {"coords": c, "counts": n, "plan": flow_plan(c, n, model.latent_flow, model.grid)}
-        )
-    return both[0], both[1]
+def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> dict[str, Any]:
+    """The latent flow's arguments for a padded batch."""
+    plan = flow_plan(coords, counts, model.latent_flow, model.grid, round_to=CELL_STEP)
+    return {"coords": coords, "counts": counts, "plan": plan}
 
 
 class Pipeline:
@@ -238,12 +225,10 @@ class Pipeline:
     ) -> list[np.ndarray]:
         """UniArt latents [V_i, C] on the active voxels of each item."""
         padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
-        voxels, twice = flow_inputs(padded, counts, self.config.model)
+        voxels = flow_inputs(padded, counts, self.config.model)
         sampler = self._latent_sampler(options or self.config.sample_latent)
         parameters = self.parameters["latent_flow"]
-        latent = np.asarray(
-            sampler(parameters, self.statistics["latent"], condition, key, voxels, twice)
-        )
+        latent = np.asarray(sampler(parameters, self.statistics["latent"], condition, key, voxels))
         return [row[:count] for row, count in zip(latent, counts, strict=True)]
 
     def encode_voxels(self, grid: PartGrid) -> np.ndarray:
@@ -251,7 +236,8 @@ class Pipeline:
         model = self.config.model
         coords, counts = pad_coords([grid.coords], self.config.data.voxel_buckets)
         width, count = coords.shape[1], counts[0]
-        parts = len(grid.boxes)
+        if (parts := len(grid.boxes)) > model.grid.max_parts:
+            raise ValueError(f"voxels: {parts} parts, the model holds {model.grid.max_parts}")
 
         def pad(values, rows, dtype):
             return np.concatenate([values, np.zeros((rows - len(values), *values.shape[1:]))])[
@@ -263,8 +249,6 @@ class Pipeline:
             batch[key] = pad(getattr(grid, key), width, dtype)
         for key, dtype in (("boxes", "f4"), ("codes", "f4"), ("parents", "i4")):
             batch[key] = pad(getattr(grid, key), model.grid.max_parts, dtype)
-        if parts > model.grid.max_parts:
-            raise ValueError(f"voxels: {parts} parts, the model holds {model.grid.max_parts}")
         batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
         return np.asarray(self._encode_voxels(self.parameters["uniart_vae"], batch))[0, :count]
 

@@ -13,8 +13,10 @@ loads. Every stage resumes by itself; a finished one is skipped.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
+import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -28,9 +30,10 @@ from rich.progress import track
 from uniart_jax.config import NETWORKS, Config, GridConfig, ModelConfig
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.batches import record_batches, voxel_batches
+from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.image_table import image_batches
 from uniart_jax.data.prepare import prepare_procedural
-from uniart_jax.data.records import RecordSource
+from uniart_jax.data.records import RecordSource, shard_paths
 from uniart_jax.models.network import build
 from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
@@ -73,6 +76,10 @@ def run(config: Config, stages: Sequence[str], workdir: Path) -> None:
       FloatingPointError: loss or gradients are not finite.
     """
     workdir = Path(workdir)
+    if not config.data.records:
+        raise ValueError(
+            "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
+        )
     claim(config, workdir)
     alone = [n for n in stages if n not in ("image_encoder", "structure_vae")]
     if jax.process_count() > 1 and alone:
@@ -89,9 +96,14 @@ def claim(config: Config, workdir: Path) -> None:
     """Make WORKDIR this config's, or check that it is: one folder holds one model."""
     if (workdir / "config.json").is_file():
         found = read_config(workdir)
-        if found.model != config.model:
+        runtime = {"kernel": config.model.kernel, "compute_dtype": config.model.compute_dtype}
+        other = dataclasses.replace(found.model, **runtime)
+        parts = [f.name for f in dataclasses.fields(other)]
+        differ = [n for n in parts if getattr(other, n) != getattr(config.model, n)]
+        if differ:
             raise ValueError(
-                f"workdir '{workdir}' holds a model of another size (config '{found.name}'); choose another --workdir"
+                f"workdir '{workdir}' holds another model (different: {', '.join(f'model.{n}' for n in differ)}); "
+                "choose another --workdir"
             )
     workdir.mkdir(parents=True, exist_ok=True)
     write_config(workdir, config)
@@ -101,23 +113,27 @@ def claim(config: Config, workdir: Path) -> None:
 def ensure_records(config: Config) -> None:
     """Prepare the training and validation records that the config describes, where they are not there yet."""
     data, grid = config.data, config.model.grid
-    if not data.records:
-        raise ValueError(
-            "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
-        )
     if not data.procedural:
         return
     options: dict[str, Any] = {
         "grid": GridConfig(grid.resolution, grid.subdivisions),
         "image_size": config.model.image_encoder.image_size,
+        "processes": os.cpu_count() or 1,
     }
     for folder, count, seed in (
         (data.records, data.procedural, 0),
         (data.validation, data.validation_count, data.validation_seed),
     ):
-        if folder and not (Path(folder) / "manifest.csv").is_file():
+        if folder and prepared_objects(Path(folder)) < count:
             console.print(f"preparing {count} procedural objects in {folder}")
             prepare_procedural(Path(folder), count, start_seed=seed, **options)
+
+
+def prepared_objects(folder: Path) -> int:
+    """How many objects the manifest of a complete prepared folder names; 0 without one."""
+    if not (folder / "manifest.csv").is_file():
+        return 0
+    return len({(row["family"], row["seed"]) for row in read_manifest(folder)})
 
 
 def train_network(name: str, config: Config, workdir: Path) -> None:
@@ -125,32 +141,26 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
     stage = getattr(config, name)
     network = build(name, config.model)
     mesh = make_mesh(config.mesh)
-    statistics = None
+    folder = workdir / "checkpoints" / name
+    statistics: dict[str, Any] | None = None
     if name.endswith("_flow"):
         statistics = encode_all(config, workdir)
-    share = {"process_index": jax.process_index(), "process_count": jax.process_count()}
-    if name in ("image_encoder", "structure_vae"):
-        batches = image_batches(
-            config.data.records, config.data, config.model, stage.batch_size, **share
-        )
-    elif name == "uniart_vae":
-        batches = voxel_batches(
-            config.data.records, config.data, config.model, stage.batch_size, **share
-        )
-    else:
-        batches = latent_store.latent_batches(
-            workdir / "latents", config.data, config.model, stage.batch_size, stage=name, **share
-        )
+        claim_latents(folder, latent_store.latents_key(workdir / "latents"))
+        for part, (mean, std) in statistics.items():
+            write_statistics(workdir / "export", part, mean, std)
     make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
     loss_fn = make_loss(network, config, *(statistics or {}).get(name.removesuffix("_flow"), ()))
     key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
     optimizer = make_optimizer(stage)
-    with Checkpoints(workdir / "checkpoints" / name, stage.keep_checkpoints) as checkpoints:
+    with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
+        if max(checkpoints.steps, default=0) >= stage.steps and exported(workdir, name):
+            console.print(f"{name}: already trained ({stage.steps} steps); skipped")
+            return
         state = run_stage(
             name,
             state=create_state(network.init, optimizer, key, mesh),
             train_step=make_train_step(loss_fn, optimizer, stage.ema_decay),
-            batches=iter(batches),
+            batches=iter(stage_batches(name, config, workdir)),
             put=lambda batch: put_batch(select(name, batch), mesh),
             key=jax.random.fold_in(key, 1),
             checkpoints=checkpoints,
@@ -158,15 +168,49 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
             workdir=workdir,
             evaluate=make_evaluation(name, config, workdir, statistics),
         )
-    export_network(
-        workdir / "export", name, state.ema
-    )  # every process calls it, the first one writes
+    export_network(workdir / "export", name, state.ema)  # on every process; the first one writes
+
+
+def stage_batches(name: str, config: Config, workdir: Path) -> Any:
+    """The endless Grain pipeline of a stage; ``batch_size`` is over all processes."""
+    batch_size = getattr(config, name).batch_size
+    share = {"process_index": jax.process_index(), "process_count": jax.process_count()}
+    if name in ("image_encoder", "structure_vae"):
+        return image_batches(config.data.records, config.data, config.model, batch_size, **share)
+    if name == "uniart_vae":
+        return voxel_batches(config.data.records, config.data, config.model, batch_size, **share)
+    latents = workdir / "latents"
+    return latent_store.latent_batches(
+        latents, config.data, config.model, batch_size, stage=name, **share
+    )
+
+
+def exported(workdir: Path, name: str) -> bool:
+    """Whether the stage has left its weights."""
+    return (workdir / "export" / f"{name}.safetensors").is_file()
+
+
+def claim_latents(folder: Path, key: str | None) -> None:
+    """Tie a flow's checkpoints to the latents that it trains on.
+
+    Raises:
+      ValueError: the checkpoints belong to other latents; a flow finished on them would not fit the networks exported beside it.
+    """
+    note = folder.with_name(f"{folder.name}.latents")
+    trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
+    if trained and note.is_file() and note.read_text() != key:
+        raise ValueError(
+            f"{folder} was trained on other latents (records or an earlier network changed since); "
+            "remove that folder to train this flow on the new ones"
+        )
+    note.parent.mkdir(parents=True, exist_ok=True)
+    note.write_text(str(key))
 
 
 def select(name: str, batch: dict[str, Any]) -> dict[str, Any]:
     """What a stage's loss reads of a host batch: nothing else travels to the device."""
-    unused = {"image"} if name == "uniart_vae" else set()
-    return {key: value for key, value in batch.items() if key not in unused}
+    wanted = {"structure_vae": {"occupancy"}}.get(name, batch.keys())
+    return {key: value for key, value in batch.items() if key in wanted}
 
 
 def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -191,24 +235,23 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
                 out, encode_records(config, parameters, records, mirrors), key=key
             )
     found = latent_store.read_statistics(workdir / "latents")
-    statistics = {
+    return {
         "structure": (found.structure_mean, found.structure_std),
         "latent": (found.latent_mean, found.latent_std),
     }
-    for part, (mean, std) in statistics.items():
-        write_statistics(workdir / "export", part, mean, std)
-    return statistics
 
 
 def digest(config: Config, workdir: Path, records: Path) -> str:
-    """What latents depend on: the exported weights, the records' settings and manifest, and mirroring."""
-    total = hashlib.sha256(
-        repr((config.model, config.data.mirror, config.data.voxel_buckets)).encode()
-    )
+    """What latents depend on: the encoders' sizes and exported weights, the records, and mirroring."""
+    model = config.model
+    sizes = (model.grid, model.image_encoder, model.structure_vae, model.uniart_vae)
+    total = hashlib.sha256(repr((sizes, config.data.mirror)).encode())
     for path in [workdir / "export" / f"{name}.safetensors" for name in ENCODED]:
         total.update(path.read_bytes())
     for path in (records / "metadata.json", records / "manifest.csv"):
         total.update(path.read_bytes() if path.is_file() else b"")
+    for path in shard_paths(records):
+        total.update(f"{path.name} {path.stat().st_size}".encode())
     return total.hexdigest()
 
 

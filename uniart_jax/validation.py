@@ -64,6 +64,11 @@ def iou(predicted: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return (predicted & truth).sum(axes) / np.maximum((predicted | truth).sum(axes), 1)
 
 
+def spread(number: int, wanted: int) -> list[int]:
+    """At most ``wanted`` of ``number`` indices at even distances: stored items are ordered by size."""
+    return np.unique(np.linspace(0, number - 1, min(number, wanted)).astype(int)).tolist()
+
+
 def _image_encoder(config: Config) -> Evaluation:
     apply = jax.jit(build("image_encoder", config.model).apply)
     tables = RecordSource(config.data.validation)
@@ -74,7 +79,7 @@ def _image_encoder(config: Config) -> Evaluation:
             out = jax.device_get(apply(state.ema, batch["image"]))
             truth = np.asarray(batch["occupancy"], bool)
             for b, index in enumerate(batch["record"]):
-                if index < 0 or len(overlaps) >= OBJECTS:
+                if index < 0:
                     continue
                 overlaps.append(iou(out["occupancy"][b : b + 1] > 0, truth[b : b + 1])[0])
                 part = batch["cell_part"][b]
@@ -124,17 +129,13 @@ def _uniart_vae(config: Config) -> Evaluation:
 
     def evaluate(state, step):
         rows, inside, colors = [], [], []
-        seen = 0
         for batch in record_batches(config.data.validation, config.data, config.model, VOXEL_BATCH):
-            if seen >= OBJECTS:
-                break
             out = jax.device_get(
                 apply(state.ema, {k: v for k, v in batch.items() if k not in ("images", "record")})
             )
             for b, index in enumerate(batch["record"]):
                 if index < 0:
                     continue
-                seen += 1
                 count = batch["counts"][b]
                 part, known = batch["voxel_part"][b, :count], batch["part_counts"][b]
                 rows += part_readings(
@@ -164,8 +165,9 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
     def evaluate(state, step):
         overlaps = []
         number = min(OBJECTS, len(source)) // IMAGE_BATCH * IMAGE_BATCH or len(source)
+        chosen = spread(len(source), number)
         for start in range(0, number, IMAGE_BATCH):
-            items = [source[i] for i in range(start, min(start + IMAGE_BATCH, number))]
+            items = [source[i] for i in chosen[start : start + IMAGE_BATCH]]
             condition = _condition(items)
             latent = sampler(state.ema, statistics["structure"], condition, jax.random.key(start))
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
@@ -187,17 +189,15 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
 
     def evaluate(state, step):
         rows, inside = [], []
-        for index in range(min(OBJECTS, len(source))):
+        for index in spread(len(source), OBJECTS):
             item = source[index]
             record: Record = records[int(item["record"])]
             coords, counts = pad_coords(
                 [item["coords"].astype(np.int32)], config.data.voxel_buckets
             )
-            voxels, twice = flow_inputs(coords, counts, config.model)
+            voxels = flow_inputs(coords, counts, config.model)
             key = jax.random.key(index)
-            latent = sampler(
-                state.ema, statistics["latent"], _condition([item]), key, voxels, twice
-            )
+            latent = sampler(state.ema, statistics["latent"], _condition([item]), key, voxels)
             batch = {"coords": coords, "counts": counts}
             batch["plans"] = voxel_plans(
                 batch, config.model.uniart_vae, config.model.grid, parts=False

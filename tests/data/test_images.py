@@ -110,4 +110,23 @@ def test_crop_commutes_with_mirroring():
     image = np.zeros((50, 70, 4), np.uint8)
     image[10:30, 13:40, :3] = rng.integers(0, 255, (20, 27, 3))
     image[10:30, 13:40, 3] = 255
-    np.testing.assert_allclose(crop(image[:, ::-1], 32).astype(int), crop(image, 32)[:, ::-1].astype(int), atol=3)
+    np.testing.assert_allclose(
+        crop(image[:, ::-1], 32).astype(int), crop(image, 32)[:, ::-1].astype(int), atol=3
+    )
+
+
+def test_a_long_panorama_needs_no_square_of_its_length():
+    image = np.zeros((40, 60_000, 4), np.uint8)
+    image[10:30, 100:59_900] = 255
+    out = crop(image, 64)  # a square canvas of this would hold 3.6 billion pixels
+    assert out.shape == (64, 64, 3) and out[31:33, 8:56].max() > 10
+
+
+def test_pixels_outside_the_foreground_do_not_matter():
+    rng = np.random.default_rng(0)
+    image = np.zeros((80, 90, 4), np.uint8)
+    image[20:60, 30:70, :3] = rng.integers(0, 255, (40, 40, 3))
+    image[20:60, 30:70, 3] = 255
+    larger = np.zeros((200, 300, 4), np.uint8)
+    larger[50:130, 60:150] = image
+    np.testing.assert_array_equal(crop(image, 32), crop(larger, 32))

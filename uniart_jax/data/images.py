@@ -17,6 +17,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 MARGIN = 1.1
 MAX_PIXELS = 100_000_000
 MIN_SIDE = 8
+MAX_CANVAS = 8  # a crop of more than this many times its result's side is shrunk first
 _PLAIN_SPREAD = 12  # 8-bit steps: how far the border may stray from its median to count as plain
 _PLAIN_SHARE = 0.9
 
@@ -146,9 +147,14 @@ def crop(rgba: np.ndarray, size: int) -> np.ndarray:
         rows, columns = np.array([0, rgba.shape[0] - 1]), np.array([0, rgba.shape[1] - 1])
     top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
     half = max(bottom - top, right - left) / 2 * MARGIN
-    cy, cx = (top + bottom) / 2, (left + right) / 2
-    solid = rgba[..., :3].astype(np.float32) * (rgba[..., 3:].astype(np.float32) / 255)
-    image = Image.fromarray(np.round(solid).astype(np.uint8))
+    object_only = Image.fromarray(np.ascontiguousarray(rgba[top:bottom, left:right]))
+    black = Image.new("RGB", object_only.size)
+    image = Image.composite(object_only.convert("RGB"), black, object_only.getchannel("A"))
+    # a long or huge image is shrunk before it is padded to a square
+    factor = max(1, int(2 * half / (MAX_CANVAS * size)))
+    if factor > 1:
+        image, half = image.reduce(factor), half / factor
+    cy, cx = image.height / 2, image.width / 2
     pad = int(np.ceil(half)) + 1
     canvas = ImageOps.expand(image, border=pad, fill=0)
     box = (cx - half + pad, cy - half + pad, cx + half + pad, cy + half + pad)

@@ -16,6 +16,7 @@ import functools
 import importlib
 import importlib.util
 import json
+import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -244,7 +245,7 @@ def check_asset(obj: ArticulatedObject, folder: Path) -> dict[str, bool]:
 
 
 def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], ArticulatedObject]:
-    """Image [S, S, 3] in [0, 1] -> object of the training record whose image is nearest by cosine of mean token features.
+    """Image [S, S, 3] in [0, 1] -> object of the training record whose image is nearest by cosine of its features.
 
     The features are the model's own image encoder's: pre-trained on joints and boxes, hence as strong a retriever as we have.
     """
@@ -264,12 +265,12 @@ def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], 
         chunk = views[start : start + 32]
         padded = np.zeros((32, *views.shape[1:]), np.float32)
         padded[: len(chunk)] = chunk / np.float32(255)
-        chunks.append(features(padded)[: len(chunk)].astype(np.float16))
+        chunks.append(features(padded)[: len(chunk)].astype(np.float32))
     index = np.concatenate(chunks)
 
     def retrieve(pixels: np.ndarray) -> ArticulatedObject:
         query = features(pixels[None])[0]
-        nearest = int(np.argmax(index.astype(np.float32) @ query))
+        nearest = int(np.argmax(index @ query))
         return object_of_record(source[nearest // table.images.shape[1]])
 
     return retrieve
@@ -278,6 +279,13 @@ def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], 
 def unit(x: np.ndarray) -> np.ndarray:
     """Rows [n, d] at length 1."""
     return x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), 1e-9)
+
+
+def without_nan(value: Any) -> Any:
+    """Nested dictionaries of figures with NaN as None: JSON has no NaN."""
+    if isinstance(value, dict):
+        return {key: without_nan(item) for key, item in value.items()}
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def write_results(out: Path, rows: list[Row], extra: dict[str, Any]) -> dict[str, Any]:
@@ -289,7 +297,7 @@ def write_results(out: Path, rows: list[Row], extra: dict[str, Any]) -> dict[str
         "families": {f: {row.name: row.summary(f) for row in rows} for f in families},
     }
     out.mkdir(parents=True, exist_ok=True)
-    (out / "metrics.json").write_text(json.dumps(results, indent=2) + "\n")
+    (out / "metrics.json").write_text(json.dumps(without_nan(results), indent=2) + "\n")
     header = ["", *COLUMNS.values()]
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     table = Table(*header)

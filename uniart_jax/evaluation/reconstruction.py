@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 
-from uniart_jax.data.records import Record, decode_color, decode_sdf
+from uniart_jax.data.records import Record
 from uniart_jax.evaluation.geometry import object_chamfer, part_iou
 from uniart_jax.evaluation.parts import compare_parts, summarize
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.urdf import load_object
 from uniart_jax.voxels.assemble import assemble
-from uniart_jax.voxels.grid import PartGrid
 from uniart_jax.voxels.voxelize import voxelize
 
 
@@ -32,20 +31,8 @@ def reconstruct(
 
 def object_of_record(record: Record) -> ArticulatedObject:
     """The object that a training record stands for, assembled from its voxels."""
-    grid = PartGrid(
-        record.meta["resolution"],
-        record.meta["subdivisions"],
-        record.coords.astype(np.int32),
-        decode_sdf(record.sdf),
-        decode_color(record.color),
-        record.owner,
-        record.voxel_part,
-        record.boxes,
-        record.codes,
-        record.parents,
-    )
     scale = float(record.meta.get("scale", 1.0))
-    return assemble(grid.gather(), scale=scale, name=str(record.meta.get("family", "")))
+    return assemble(record.grid().gather(), scale=scale, name=str(record.meta.get("family", "")))
 
 
 def score_reconstruction(obj: ArticulatedObject, copy: ArticulatedObject) -> dict[str, float]:
@@ -86,7 +73,8 @@ def reconstruct_asset(
         figures = score_reconstruction(obj, copy)
         status.update(f"writing {out}")
         folder = copy.save(out, overwrite=overwrite)
-        (folder / "reconstruction.json").write_text(json.dumps(figures, indent=2) + "\n")
+        finite = {k: v if math.isfinite(v) else None for k, v in figures.items()}
+        (folder / "reconstruction.json").write_text(json.dumps(finite, indent=2) + "\n")
     console.print(
         f"{len(obj.parts)} parts in, {len(copy.parts)} out; parts right {figures['parts_right']:.2f}, "
         f"axis {figures['axis_median']:.3f} deg, Chamfer {figures['chamfer']:.4f} (open {figures['chamfer_open']:.4f}), "

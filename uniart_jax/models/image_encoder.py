@@ -1,6 +1,6 @@
 """Nano image encoder: convolutional stem, ViT, and a decoder from image tokens to a volume aligned with the object's grid.
 
-Pre-trained by regressing coarse occupancy, boxes and joints from the image (design §6), then frozen: trained jointly with a flow from
+Pre-trained by regressing coarse occupancy, boxes and joints from the image (docs/architecture.md), then frozen: trained jointly with a flow from
 scratch, an image encoder of this size is ignored while the loss falls.
 """
 
@@ -13,12 +13,13 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import ModelConfig
-from uniart_jax.models.network import compute_dtype
 from uniart_jax.nn.blocks import CrossBlock, LayerNorm, TransformerBlock, layer_norm, linear
 from uniart_jax.nn.embeddings import grid_coords, plane_embedding, position_embedding
+from uniart_jax.nn.precision import compute_dtype
 
 CODE_CHANNELS = 21  # joint code 9, own box 6, parent box 6
 _HEAD_WIDTH = 128
+_SKETCH_CHANNELS = 64
 
 
 class ImageEncoder(nnx.Module):
@@ -52,6 +53,12 @@ class ImageEncoder(nnx.Module):
         )
         self.norm = LayerNorm(c.width)
         self.queries = nnx.Param(position_embedding(grid_coords(c.volume_tokens), c.width))
+        widths = (c.thumbnail**2 * 3, c.thumbnail_width, c.thumbnail_width)
+        widths += (c.volume_tokens**3 * _SKETCH_CHANNELS,)
+        pairs = list(itertools.pairwise(widths)) + [(_SKETCH_CHANNELS, c.width)]
+        self.sketch = nnx.List(
+            [linear(a, b, rngs, dtype=dtype) for a, b in pairs] if c.thumbnail else []
+        )
         self.volume_blocks = nnx.List(
             [
                 CrossBlock(c.width, c.num_heads, c.mlp_ratio, rngs, **block)
@@ -100,6 +107,15 @@ class ImageEncoder(nnx.Module):
             self.coarse,
         )
         return {"tokens": tokens, "volume": volume, "occupancy": occupancy[..., 0], "codes": codes}
+
+    def draw_sketch(self, image: jax.Array) -> jax.Array:
+        """[B, H, W, 3] -> [B, volume tokens, D] by an MLP on the whole thumbnail: a coarse volume that learns in minutes."""
+        c = self.config
+        first, second, out, lift = self.sketch
+        small = jax.image.resize(image, (image.shape[0], c.thumbnail, c.thumbnail, 3), "linear")
+        h = jax.nn.gelu(first(small.reshape(image.shape[0], -1) * 2 - 1))
+        h = h + jax.nn.gelu(second(h))
+        return lift(out(h).reshape(image.shape[0], -1, _SKETCH_CHANNELS))
 
     def tokens(self, image: jax.Array) -> jax.Array:
         """[B, H, W, 3] -> [B, (H / patch)^2, D] normalised tokens, for cross-attention."""
