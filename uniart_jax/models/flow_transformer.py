@@ -16,7 +16,6 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import FlowConfig, ModelConfig
-from uniart_jax.models.network import compute_dtype
 from uniart_jax.nn.blocks import (
     LayerNorm,
     ModulatedBlock,
@@ -40,6 +39,7 @@ from uniart_jax.nn.pooling import (
     to_cells,
     upsample,
 )
+from uniart_jax.nn.precision import compute_dtype
 
 T_MIN = 0.05  # below this time a predicted sample is turned into a velocity as if at this time
 

@@ -11,7 +11,6 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import NETWORKS, ModelConfig
@@ -92,11 +91,6 @@ def build(name: str, config: ModelConfig) -> Network:
     else:
         raise ValueError(f"network {name!r} is unknown; choose one of {', '.join(NETWORKS)}")
     return Network(name, config, lambda rngs: module(config, rngs))
-
-
-def compute_dtype(config: ModelConfig):
-    """The dtype that matrix products run in; parameters and norms stay float32."""
-    return jnp.dtype(config.compute_dtype)
 
 
 def _name(path: tuple) -> str:

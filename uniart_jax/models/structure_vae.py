@@ -10,9 +10,9 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import ModelConfig
-from uniart_jax.models.network import compute_dtype
 from uniart_jax.nn.blocks import LayerNorm
 from uniart_jax.nn.convolution import Conv3d, Halve, depth_to_space, space_to_depth
+from uniart_jax.nn.precision import compute_dtype
 
 
 class ResBlock(nnx.Module):

@@ -1,6 +1,6 @@
 """UniArt VAE: voxel features <-> one latent per voxel (paper section 4.1; trunks as TRELLIS's SLAT encoder and decoder).
 
-Encoder front, the part-wise UniArt attention (equation numbers of design §6):
+Encoder front, the part-wise UniArt attention (see docs/architecture.md):
 
     V_geo = [visual || Linear(sdf, colour, owner mask)]          V_art = Linear(part_feature) + Embed(voxel code)
     F_art = Attention(Q = V_art, K = V = V_geo) + V_art          each voxel attending within its own part
@@ -20,11 +20,11 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import ModelConfig
-from uniart_jax.models.network import compute_dtype
 from uniart_jax.models.structure_vae import sample_posterior
 from uniart_jax.nn.attention import attend, map_segments
 from uniart_jax.nn.blocks import SelfAttention, TransformerBlock, layer_norm, linear, zeros
 from uniart_jax.nn.embeddings import position_embedding
+from uniart_jax.nn.precision import compute_dtype
 
 CODE_CHANNELS = 21
 Batch = Mapping[str, Any]

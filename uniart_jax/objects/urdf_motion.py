@@ -1,6 +1,6 @@
 """What a URDF's joints do: sane limits, and several joints on one edge of the tree lowered to one screw.
 
-An edge is a chain of URDF joints through links without a mesh (design: one rotation and one travel, driven by one coordinate):
+An edge is a chain of URDF joints through links without a mesh. It has one rotation and one travel, driven by one coordinate:
 joints coupled by ``<mimic>`` add up, so a revolute and a prismatic joint along one line are a screw (that is how ``write_urdf``
 writes them); an independent turn and travel become one proportional screw if both are bounded; else the larger motion is kept.
 """
