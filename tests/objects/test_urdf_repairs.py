@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 from urdf_texts import BOX, joint, limit, link, mesh, notes, robot
 
 from uniart_jax.objects.appearance import sample_color
+from uniart_jax.objects.urdf_mesh import AssetFiles
 
 
 @pytest.mark.parametrize(
@@ -146,3 +148,17 @@ def test_textures_that_are_absent_or_broken_leave_the_urdf_colour(load, tmp_path
             sample_color(obj.parts[0].mesh, [0], np.full((1, 3), 1 / 3)), [[1, 0, 0]], atol=1e-5
         )
         assert notes(obj, words)
+
+
+def test_images_of_absurd_dimensions_are_left_out(load, tmp_path, monkeypatch):
+    """What Pillow takes for a decompression bomb: in a URDF's material, and in a mesh's own."""
+    Image.new("RGB", (8, 8)).save(tmp_path / "t.png")
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 10)
+    files = AssetFiles(tmp_path, allow_outside=False)
+    assert files.texture("t.png") is None
+    assert files.notes and files.notes[0].startswith("texture 't.png': ")
+    (tmp_path / "a.obj").write_text(
+        "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n"
+    )
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd t.png\n")
+    assert notes(load(link("base", mesh("a.obj"))), "'t.png' is not an image that can be read")

@@ -28,6 +28,8 @@ IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp")
 MAX_MESH_BYTES = 256 * 2**20
 MAX_FACES = 5_000_000
 MAX_PIXELS = 100_000_000
+# What Pillow raises on a file that is no image, a broken one, or one of absurd dimensions.
+IMAGE_ERRORS = (OSError, ValueError, SyntaxError, Image.DecompressionBombError)
 
 
 class RefusedError(ValueError):
@@ -185,7 +187,7 @@ class AssetFiles:
             image = Image.open(self.find(uri))
             _decode(image)
             return image.convert("RGB")
-        except (OSError, ValueError, SyntaxError) as error:
+        except IMAGE_ERRORS as error:
             self.note(
                 f"texture {error}" if f"'{uri}'" in str(error) else f"texture '{uri}': {error}"
             )
@@ -224,9 +226,9 @@ class _Resolver(FilePathResolver):
         if name.strip().lower().endswith(IMAGES):
             try:
                 Image.open(io.BytesIO(data))
-            except (OSError, ValueError, SyntaxError):  # trimesh would drop it without a word
+            except IMAGE_ERRORS:  # trimesh would drop it without a word
                 self.files.note(
-                    f"mesh '{Path(self.clean).name}': its file '{name.strip()}' is not an image"
+                    f"mesh '{Path(self.clean).name}': its file '{name.strip()}' is not an image that can be read"
                 )
         return data
 
@@ -245,7 +247,7 @@ def _checked(material, kind: str) -> tuple[PBRMaterial | SimpleMaterial, str]:
     if image is not None:
         try:
             _decode(image)
-        except (OSError, ValueError, SyntaxError) as error:
+        except IMAGE_ERRORS as error:
             fault, image = f"its texture cannot be read ({error})", None
     if not isinstance(material, PBRMaterial):
         return SimpleMaterial(image=image, diffuse=getattr(material, "diffuse", None)), fault
