@@ -42,7 +42,7 @@ def block(monkeypatch) -> ArticulatedObject:
 
 def random_q(obj: ArticulatedObject, seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
-    return np.array([joint.sample(rng) for joint in obj.joints])
+    return np.array([rng.uniform(*joint.limits) for joint in obj.joints])
 
 
 def metric_states(obj: ArticulatedObject, q: np.ndarray) -> dict[str, float]:

@@ -65,10 +65,6 @@ class ShuffledOrder:
     def __len__(self) -> int:
         return ENDLESS
 
-    @property
-    def batches_per_epoch(self) -> int:
-        return self._length
-
     def __getitem__(self, number: int) -> Draw:
         epoch, index = divmod(int(number), self._length)
         current = self._epoch

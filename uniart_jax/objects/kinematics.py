@@ -149,10 +149,6 @@ class Joint:
         travel = (self.travel[0] - t, self.travel[1] - t) if self.travels else (0.0, 0.0)
         return Joint(self.origin, self.direction, angle, travel, self.dead_zone)
 
-    def sample(self, rng: np.random.Generator) -> float:
-        """A coordinate drawn uniformly within the limits."""
-        return float(rng.uniform(*self.limits)) if self.type != "fixed" else 0.0
-
 
 def rotation(direction: np.ndarray, angle: float) -> np.ndarray:
     """[3, 3] rotation by ``angle`` radians about the unit vector ``direction`` (Rodrigues' formula)."""

@@ -47,7 +47,6 @@ def run_stage(
     stage: StageConfig,
     workdir: str | Path,
     evaluate: Evaluate | None = None,
-    on_log: Callable[[int, Scalars], None] | None = None,
 ) -> TrainState:
     """Train one network from where it stands to ``stage.steps`` and return its state.
 
@@ -61,7 +60,6 @@ def run_stage(
       checkpoints: where this stage is saved every ``save_every`` steps and at its end.
       workdir: gets ``tensorboard/<name>`` and ``metrics/<name>.jsonl``.
       evaluate: (state, step) -> (scalars, images [H, W, 3] in [0, 1] or uint8), every ``evaluate_every`` steps and at the end.
-      on_log: (step, mean scalars since the last call) every ``log_every`` steps.
 
     A stage whose last step is saved is only restored. SIGTERM and SIGINT save and raise SystemExit(128 + signal).
 
@@ -95,10 +93,7 @@ def run_stage(
             if log or test or save:
                 window.pause()
             if log or last:
-                scalars = window.means(stage.batch_size)
-                report.log(step, "train", scalars)
-                if on_log is not None:
-                    on_log(step, scalars)
+                report.log(step, "train", window.means(stage.batch_size))
             if save:
                 checkpoints.save(step, state, batches, wait=last or stop is not None)
             if stop is not None:
@@ -267,9 +262,7 @@ class _Reporter:
         now = time.perf_counter()
         begin, start = self._start
         rate = (step - begin) / max(now - start, 1e-9)
-        info = (
-            f"loss {latest['loss']:.4g}  {rate * self.stage.batch_size:.3g} samples/s"
-        )
+        info = f"loss {latest['loss']:.4g}  {rate * self.stage.batch_size:.3g} samples/s"
         if self._bar is not None:
             self._bar.update(self._task, completed=step, info=info)
         elif now >= self._next_line or step == self.stage.steps:
