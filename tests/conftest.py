@@ -1,4 +1,4 @@
-"""Settings of the whole suite: CPU, strict ranks, few threads, deterministic hypothesis."""
+"""Settings of the whole suite: JAX on the CPU; hypothesis draws the same examples every time, without deadlines."""
 
 import os
 

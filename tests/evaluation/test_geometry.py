@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from uniart_jax.evaluation.geometry import chamfer, mesh_iou, object_chamfer, outer_chamfer, part_iou
+from uniart_jax.evaluation.geometry import (
+    chamfer,
+    mesh_iou,
+    object_chamfer,
+    outer_chamfer,
+    part_iou,
+)
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -14,11 +20,15 @@ def box(size, center):
 
 
 def test_chamfer_of_two_points():
-    assert chamfer(np.array([[0.0, 0, 0]]), np.array([[0.0, 0, 2], [0, 0, 4]])) == pytest.approx((2 + 3) / 2)
+    assert chamfer(np.array([[0.0, 0, 0]]), np.array([[0.0, 0, 2], [0, 0, 4]])) == pytest.approx(
+        (2 + 3) / 2
+    )
 
 
 def test_iou_of_shifted_cubes():
-    assert mesh_iou(box((1, 1, 1), (0, 0, 0)), box((1, 1, 1), (0.5, 0, 0))) == pytest.approx(1 / 3, abs=0.02)
+    assert mesh_iou(box((1, 1, 1), (0, 0, 0)), box((1, 1, 1), (0.5, 0, 0))) == pytest.approx(
+        1 / 3, abs=0.02
+    )
     assert mesh_iou(box((1, 1, 1), (0, 0, 0)), box((1, 1, 1), (0, 0, 0))) == 1.0
 
 
@@ -26,7 +36,9 @@ def test_object_distances():
     obj = ArticulatedObject(
         (
             Part("body", box((1, 1, 1), (0, 0, 0))),
-            Part("lid", box((1, 1, 0.1), (0, 0, 0.55)), 0, Joint([0, 0, 0], [0, 0, 1], travel=(0, 1))),
+            Part(
+                "lid", box((1, 1, 0.1), (0, 0, 0.55)), 0, Joint([0, 0, 0], [0, 0, 1], travel=(0, 1))
+            ),
         )
     )
     assert object_chamfer(obj, obj) < 0.02  # sampling noise only

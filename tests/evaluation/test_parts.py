@@ -21,7 +21,12 @@ def cabinet(door: Joint, shift=(0.0, 0.0, 0.0)) -> ArticulatedObject:
         (
             Part("body", box((0.5, 1, 1), (0.05, 0, 0))),
             Part("door", box((0.04, 1, 0.5), np.add((-0.25, 0, 0.25), shift)), 0, door),
-            Part("drawer", box((0.04, 1, 0.4), (-0.25, 0, -0.25)), 0, Joint([0, 0, 0], [-1, 0, 0], travel=(0, 0.3))),
+            Part(
+                "drawer",
+                box((0.04, 1, 0.4), (-0.25, 0, -0.25)),
+                0,
+                Joint([0, 0, 0], [-1, 0, 0], travel=(0, 0.3)),
+            ),
         )
     )
 
@@ -60,8 +65,18 @@ def test_continuous_joints_have_no_wrong_way():
 @pytest.mark.parametrize(
     ("door", "shift", "found", "right"),
     [
-        (Joint([-0.25, 0.5, 0], [0, np.sin(0.1), np.cos(0.1)], angle=(0, 1.5)), (0, 0, 0), True, True),
-        (Joint([-0.25, 0.5, 0], [0, np.sin(0.3), np.cos(0.3)], angle=(0, 1.5)), (0, 0, 0), True, False),
+        (
+            Joint([-0.25, 0.5, 0], [0, np.sin(0.1), np.cos(0.1)], angle=(0, 1.5)),
+            (0, 0, 0),
+            True,
+            True,
+        ),
+        (
+            Joint([-0.25, 0.5, 0], [0, np.sin(0.3), np.cos(0.3)], angle=(0, 1.5)),
+            (0, 0, 0),
+            True,
+            False,
+        ),
         (Joint([-0.25, 0.44, 0], [0, 0, 1], angle=(0, 1.5)), (0, 0, 0), True, False),
         (DOOR, (0, 0, 0.15), True, False),
         (DOOR, (0, 0, 0.25), False, False),
