@@ -88,6 +88,8 @@ class ImageEncoder(nnx.Module):
         h = jnp.broadcast_to(self.queries[...], (image.shape[0], *self.queries.shape)).astype(
             tokens.dtype
         )
+        if self.sketch:
+            h = h + self.draw_sketch(image)
         for block in self.volume_blocks:
             h = block(h, tokens)
         h = layer_norm(h, 1e-6)

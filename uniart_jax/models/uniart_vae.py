@@ -193,6 +193,7 @@ class UniArtVAE(nnx.Module):
         features, geometry, articulation = self.front(batch)
         out = self.encoder(features, batch["coords"], batch["plans"]).astype(jnp.float32)
         mean, logvar = jnp.split(jnp.where(valid, out, 0), 2, -1)
+        geometry, articulation = (jnp.where(valid, x, 0) for x in (geometry, articulation))
         return {"mean": mean, "logvar": logvar, "geometry": geometry, "articulation": articulation}
 
     def decode(
