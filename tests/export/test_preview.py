@@ -38,6 +38,17 @@ def test_the_view_is_that_of_the_image(shown, azimuth):
     assert abs(np.rad2deg(view.elevation) - 22) <= 14
 
 
+def test_a_large_image_is_looked_at_small(shown, monkeypatch):
+    seen = []
+    cropped = preview._cropped
+    monkeypatch.setattr(preview, "_cropped", lambda p: (seen.append(p.shape), cropped(p))[1])
+    image = picture(shown, 25, 22).resize((2000, 1500))
+    before = image.tobytes()
+    choose_view(shown, image)
+    assert seen[0] == (192, 256, 4)
+    assert image.size == (2000, 1500) and image.tobytes() == before
+
+
 def test_an_image_without_transparency_gives_the_default_view(shown):
     assert choose_view(shown, picture(shown, 30, 20).convert("RGB")) == DEFAULT_VIEW
     assert choose_view(shown, None) == DEFAULT_VIEW

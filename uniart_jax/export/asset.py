@@ -11,7 +11,7 @@ import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +37,8 @@ from uniart_jax.export.wavefront import (
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.urdf import mesh_inertial, write_urdf
 
+MARKS = ("object.urdf", "report.json")  # what a folder must hold to be replaced
+
 
 def save_asset(
     obj: ArticulatedObject,
@@ -55,15 +57,17 @@ def save_asset(
       folder: where to; made with its parents. It appears complete or not at all.
       image: the picture that the object was made from, shown beside it in ``preview.png``.
       seed, checkpoint: what made the object, for the report.
-      overwrite: replace a folder that is not empty; the old one stands until the new one is complete.
+      overwrite: replace a folder that holds an asset; the old one stands until the new one is complete.
       motion: also write ``motion.gif`` (if anything moves).
 
     Returns:
       The folder.
 
     Raises:
-      ValueError: the folder is not empty, is a file or cannot be made, or ``image`` cannot be read.
+      ValueError: ``check_target`` refuses the folder, it cannot be made, or ``image`` cannot be read.
     """
+    inputs = [image] if isinstance(image, str | Path) else []
+    check_target(folder, overwrite, inputs)
     picture = None if image is None else read_image(image)
     with complete_folder(folder, overwrite) as target:
         _write(obj, target, picture, seed, checkpoint, motion)
@@ -128,18 +132,50 @@ def _file_names(obj: ArticulatedObject) -> list[str]:
     return stems
 
 
+def check_target(
+    folder: str | Path, overwrite: bool = False, inputs: Sequence[str | Path] = ()
+) -> Path:
+    """The folder that an asset may be written to, made absolute with links followed. Touches nothing.
+
+    Args:
+      overwrite: a folder that holds an asset may be replaced; no other that is not empty ever is.
+      inputs: files that the asset is made from; a folder that holds one of them would take it along.
+
+    Raises:
+      ValueError: the folder is a file, holds the working or home directory or an input, is a file system's root, or is not empty
+        and may not be replaced.
+    """
+    final = Path(folder).resolve()
+    if final.exists() and not final.is_dir():
+        raise ValueError(f"{folder}: it is a file; choose another --out")
+    for name, find in (("working", Path.cwd), ("home", Path.home)):
+        with contextlib.suppress(OSError, RuntimeError):  # there is none
+            if find().resolve().is_relative_to(final):
+                raise ValueError(f"{folder}: it holds the {name} directory; choose another --out")
+    if os.path.ismount(final):
+        raise ValueError(f"{folder}: it is the root of a file system; choose another --out")
+    for path in inputs:
+        if Path(path).resolve().is_relative_to(final):
+            raise ValueError(f"{folder}: it holds the input {path}; choose another --out")
+    if not final.is_dir() or not any(final.iterdir()):
+        return final
+    if not overwrite:
+        raise ValueError(f"{folder}: the folder is not empty; choose another --out, or --overwrite")
+    if not any((final / name).is_file() for name in MARKS):
+        raise ValueError(
+            f"{folder}: it is not empty and holds no asset, so it is not replaced; choose another --out"
+        )
+    return final
+
+
 @contextlib.contextmanager
 def complete_folder(folder: str | Path, overwrite: bool = False) -> Iterator[Path]:
     """A temporary folder beside ``folder`` that takes its place when the block ends, and vanishes if the block fails.
 
     Raises:
-      ValueError: ``folder`` is not empty and ``overwrite`` is False, is a file, or cannot be made.
+      ValueError: ``check_target`` refuses ``folder``, before the block or after it, or it cannot be made.
     """
-    final = Path(folder).resolve()
-    if final.exists() and not final.is_dir():
-        raise ValueError(f"{folder}: it is a file; give the name of a folder")
-    if final.is_dir() and any(final.iterdir()) and not overwrite:
-        raise ValueError(f"{folder}: the folder is not empty; give another one, or --overwrite")
+    final = check_target(folder, overwrite)
     made = _make_parents(final.parent, folder)
     try:
         try:
@@ -151,6 +187,7 @@ def complete_folder(folder: str | Path, overwrite: bool = False) -> Iterator[Pat
             mask = os.umask(0)
             os.umask(mask)
             work.chmod(0o777 & ~mask)  # mkdtemp makes it private
+            check_target(folder, overwrite)  # minutes may have passed
             _swap(work, final)
         finally:
             shutil.rmtree(work, ignore_errors=True)

@@ -22,6 +22,7 @@ INK = (70, 72, 80)
 DEFAULT_VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
 MARGIN = 1.08  # frame over object
 MATCH_SIZE = 48  # pixels a side of the pictures that are compared
+SEARCH_SIZE = 256  # pixels a side, at most, of the input image that they are cut from
 MOTION_SIZE = 256
 MOTION_FRAMES = 10  # from rest to open; played forth and back
 MOTION_SECONDS = 2.4
@@ -33,7 +34,11 @@ def choose_view(obj: ArticulatedObject, image: Image.Image | None) -> Camera:
     Coarse search over the view directions that training images have; both pictures are cropped to their silhouettes, so that
     distance and framing do not matter.
     """
-    target = None if image is None else _cropped(np.asarray(image.convert("RGBA")) / 255.0)
+    if image is None or not image.has_transparency_data:
+        return DEFAULT_VIEW
+    small = image.convert("RGBA")
+    small.thumbnail((SEARCH_SIZE, SEARCH_SIZE))
+    target = _cropped(np.asarray(small, np.float32) / 255)
     if target is None or target[..., 3].min() > 0.9:
         return DEFAULT_VIEW
     best = (np.inf, 0.0, 0.0)
@@ -241,7 +246,7 @@ def read_image(image: str | Path | np.ndarray | Image.Image) -> Image.Image:
         with Image.open(image) as opened:
             opened.load()
             return opened
-    except OSError as error:
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         raise ValueError(f"preview: {image} cannot be read as an image ({error})") from None
 
 
