@@ -13,7 +13,7 @@ from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.grid import VoxelGrid
-from uniart_jax.voxels.isosurface import FACE_BUDGET, dense_field
+from uniart_jax.voxels.isosurface import FACE_BUDGET, DenseField, dense_field, part_mesh
 from uniart_jax.voxels.joint_code import encode_joint
 
 CELL = 1 / 32  # of the small grids here
@@ -205,6 +205,19 @@ def test_garbage_gives_closed_parts(resolution, r, share, parts, noise, kind, se
     for part in obj.parts:
         assert_closed(part.mesh)
         assert np.abs(part.mesh.bounds).max() <= 0.5 + 1 / (resolution * r)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7])
+def test_every_ambiguous_cube_is_closed(share):
+    """Random signs hold every way in which a cube's corners can lie; before anything is simplified."""
+    rng = np.random.default_rng(0)
+    for trial in range(8):
+        size = rng.uniform(1e-4, 3, (12, 12, 12)) if trial % 2 else 0.5  # unknown cells often tie at 1/2
+        sdf = np.where(rng.random((12, 12, 12)) < share, -1, 1) * size
+        field = np.pad(sdf.astype(np.float32), 1, constant_values=1)
+        dense = DenseField(field, np.zeros(field.shape, np.int16), np.zeros(field.shape, np.int32))
+        window = (slice(1, 13),) * 3
+        assert_closed(part_mesh(dense, 0, window, np.zeros((1, 3), np.uint8)))
 
 
 def test_fine_noise_keeps_the_face_budget():

@@ -81,6 +81,17 @@ def test_network_like_votes_give_the_same_parts(seed):
     assert (match[found.owner] == grid.owner).mean() > 0.97
 
 
+def test_voxels_on_a_border_do_not_vote():
+    """All border voxels say the same wrong thing, half way between their parts: many, dense, and no part."""
+    rng = np.random.default_rng(0)
+    grid = make_cabinet()
+    true = grid.boxes[grid.owner].astype(float)
+    votes = true + 0.5 * (true.mean(1, keepdims=True) - true)
+    votes += rng.normal(0, 0.003, (len(true), 1, 6)) + rng.normal(0, 0.001, true.shape)
+    found = segment(dataclasses.replace(grid.gather(), own_box=votes.astype(np.float32)))
+    assert sorted(matched(grid, found)) == [0, 1, 2, 3]
+
+
 @pytest.mark.parametrize("noise", [0.001, 0.01, 0.03])
 def test_one_noisy_part_stays_one(noise):
     rng = np.random.default_rng(0)
