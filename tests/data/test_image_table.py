@@ -89,9 +89,30 @@ def test_pass_sees_each_once(folder):
     assert seen == [*range(11), -1]
 
 
+def test_records_of_too_many_parts_are_left_out_and_keep_their_index(folder, caplog):
+    """Every third record has four parts; nothing else moves to its place."""
+    model = dataclasses.replace(MODEL, grid=GridConfig(8, 2, 3))
+    source, kept = records.RecordSource(folder), [0, 1, 3, 4, 6, 7, 9, 10]
+    seen = []
+    for batch in image_table.image_pass(folder, model, 3):
+        for b, index in enumerate(batch["record"].tolist()):
+            if index >= 0:
+                seen.append(index)
+                assert np.array_equal(batch["occupancy"][b], occupancy(source[index].coords, 8))
+                known = len(source[index].boxes)
+                assert np.array_equal(batch["boxes"][b][:known], source[index].boxes)
+    assert seen == kept
+    assert caplog.text.count("3 of 11 records left out: more than 3 parts") == 1
+    batches = iter(image_table.image_batches(folder, DATA, model, 8))
+    truth = {occupancy(source[i].coords, 8).sum() for i in kept}  # every record has its own count
+    assert {int(o.sum()) for o in next(batches)["occupancy"]} == truth
+    with pytest.raises(ValueError, match="8 records are fewer than one batch of 9"):
+        image_table.image_batches(folder, DATA, model, 9)
+
+
 def test_errors(folder):
-    with pytest.raises(ValueError, match="a record has 4 parts, max_parts is 3"):
-        image_table.load_image_table(folder, dataclasses.replace(MODEL, grid=GridConfig(8, 2, 3)))
+    with pytest.raises(ValueError, match="every record has more than max_parts = 1 parts"):
+        image_table.load_image_table(folder, dataclasses.replace(MODEL, grid=GridConfig(8, 2, 1)))
     encoder = dataclasses.replace(MODEL.image_encoder, image_size=32)
     with pytest.raises(ValueError, match="images of 16 pixels, but the config asks for 32"):
         image_table.load_image_table(folder, dataclasses.replace(MODEL, image_encoder=encoder))

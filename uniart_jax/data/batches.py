@@ -5,7 +5,7 @@ entries first, padding zero:
 
     coords [B, V, 3] i4 · counts [B] i4 · sdf [B, V, r^3] f4 · color [B, V, r^3, 3] f4 linear · owner [B, V, r^3] i4
     voxel_part [B, V] i4 · boxes [B, K, 6] f4 · codes [B, K, 9] f4 · parents [B, K] i4 · part_counts [B] i4
-    image [B, H, W, 3] f4 in [0, 1], sRGB, cropped to the object, over black · plans: {name: nn.segments.Segments}
+    plans: {name: nn.segments.Segments}
 
 Pipelines are ``grain.IterDataset``: ``iter(...)`` gives an iterator with exact ``get_state`` and ``set_state``.
 """
@@ -27,6 +27,7 @@ from uniart_jax.data.images import crop
 from uniart_jax.data.mirror import mirror_record
 from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, fitting_width
 from uniart_jax.data.records import Record, RecordSource, decode_color, decode_sdf
+from uniart_jax.data.windows import choose_windows
 from uniart_jax.nn.segments import voxel_plans
 
 Batch = dict[str, Any]
@@ -43,7 +44,8 @@ def voxel_batches(
     process_index: int = 0,
     process_count: int = 1,
 ) -> grain.IterDataset[Batch]:
-    """Endless shuffled batches for the UniArt VAE: a random view, mirrored with probability 1/2, with its attention plans.
+    """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2, with its attention plans;
+    of each object some windows where ``data.voxel_crop`` says so (``data.windows``).
 
     Args:
       records: a prepared folder.
@@ -56,7 +58,10 @@ def voxel_batches(
     """
     source, sizes = open_records(records, model.grid)
     seed = data.seed if seed is None else seed
-    order = ShuffledOrder(*usable(sizes, data, model.grid), batch_size, seed)
+    known, widths = usable(sizes, data, model.grid)
+    if data.voxel_crop:
+        widths = np.full_like(widths, data.voxel_crop)
+    order = ShuffledOrder(known, widths, batch_size, seed)
     load = functools.partial(
         _load_voxels,
         source=source,
@@ -100,16 +105,16 @@ def _load_voxels(
     rows: slice,
 ) -> Batch:
     rng = draw.generator(seed)
-    views, mirrors = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
-    items, images = [], []
-    for index, view, mirrored in zip(draw.records[rows], views[rows], mirrors[rows], strict=True):
+    mirrors = rng.random(len(draw.records)) < 0.5
+    seeds = rng.integers(2**31, size=len(draw.records))
+    items = []
+    for index, mirrored, own in zip(draw.records[rows], mirrors[rows], seeds[rows], strict=True):
         record = source[int(index)]
-        if mirrored and data.mirror:
-            record = mirror_record(record)
-        items.append(record)
-        images.append(record.images[int(view * len(record.images))])
+        if data.voxel_crop:
+            window = model.uniart_vae.window
+            record = choose_windows(record, data.voxel_crop, window, np.random.default_rng(own))
+        items.append(mirror_record(record) if mirrored and data.mirror else record)
     batch = collate(items, draw.width, model.grid)
-    batch["image"] = seen_images(np.stack(images)).astype(np.float32) / 255
     batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
     return batch
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import logging
 from pathlib import Path
 
 import grain
@@ -19,15 +20,17 @@ from uniart_jax.data.order import Draw, OnePass, ShuffledOrder
 from uniart_jax.data.records import Record
 from uniart_jax.voxels.grid import SDF_CLIP, occupancy
 
+logger = logging.getLogger(__name__)
 NO_PART = 255
 SURFACE = 0.87  # sub-cells: half the diagonal, so that a cell nearer than this may hold surface
 
 
 @dataclasses.dataclass(frozen=True)
 class ImageTable:
-    """All records of a folder, small.
+    """All records of a folder, small. Row i is record i of the folder, whatever is left out.
 
     Attributes:
+      usable: [m] indices of the records that have at most ``max_parts`` parts; the others' tables of parts are empty.
       resolution: R; target_resolution: T, a divisor of it.
       images: [n, N, H, W, 3] uint8 sRGB over black.
       occupied: [n, R^3 / 8] uint8 packed bits.
@@ -35,6 +38,7 @@ class ImageTable:
       boxes, codes, parents: [n, K, 6], [n, K, 9] float32 and [n, K] int32 tables of parts, zero beyond each record's own.
     """
 
+    usable: np.ndarray
     resolution: int
     target_resolution: int
     images: np.ndarray
@@ -98,25 +102,31 @@ def cell_parts(record: Record, target_resolution: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=2)  # two stages of one run read the same table
 def load_image_table(folder: str | Path, model: ModelConfig) -> ImageTable:
-    """Read every record of a folder once (about 8 ms each).
+    """Read every record of a folder once (about 8 ms each); says how many have more than ``max_parts`` parts.
 
     Raises:
-      FileNotFoundError, ValueError: no records, another grid or image size than the model's, or records with more parts than
-        ``max_parts``.
+      FileNotFoundError, ValueError: no records, another grid or image size than the model's, or no record with so few parts.
     """
     source, sizes = open_records(folder, model.grid)
     resolution, target = model.grid.resolution, model.image_encoder.target_resolution
     if resolution % target:
         raise ValueError(f"config: target_resolution {target} must divide the grid's {resolution}")
     parts = model.grid.max_parts
-    if sizes[:, 1].max() > parts:
-        raise ValueError(f"{folder}: a record has {sizes[:, 1].max()} parts, max_parts is {parts}")
+    usable = np.flatnonzero(sizes[:, 1] <= parts)
+    if not len(usable):
+        raise ValueError(f"{folder}: every record has more than max_parts = {parts} parts")
+    if len(usable) < len(sizes):
+        left = len(sizes) - len(usable)
+        logger.warning(
+            "data: %d of %d records left out: more than %d parts", left, len(sizes), parts
+        )
     n, views = len(source), source[0].images.shape[:-1]
     if views[1:] != (model.image_encoder.image_size,) * 2:
         raise ValueError(
             f"{folder}: images of {views[1]} pixels, but the config asks for {model.image_encoder.image_size}; prepare with that size"
         )
     table = ImageTable(
+        usable,
         resolution,
         target,
         np.zeros((n, *views, 3), np.uint8),
@@ -128,13 +138,14 @@ def load_image_table(folder: str | Path, model: ModelConfig) -> ImageTable:
     )
     for i in range(n):
         record = source[i]
-        known = len(record.boxes)
         table.images[i] = seen_images(record.images)
         table.occupied[i] = np.packbits(occupancy(record.coords, resolution).reshape(-1))
         table.cell_parts[i] = cell_parts(record, target)
-        table.boxes[i, :known] = record.boxes
-        table.codes[i, :known] = record.codes
-        table.parents[i, :known] = record.parents
+        known = len(record.boxes)
+        if known <= parts:
+            table.boxes[i, :known] = record.boxes
+            table.codes[i, :known] = record.codes
+            table.parents[i, :known] = record.parents
     return table
 
 
@@ -154,8 +165,8 @@ def image_batches(
     """
     table = load_image_table(records, model)
     seed = data.seed if seed is None else seed
-    widths = np.zeros(len(table), np.int64)
-    order = ShuffledOrder(np.arange(len(table)), widths, batch_size, seed)
+    widths = np.zeros(len(table.usable), np.int64)
+    order = ShuffledOrder(table.usable, widths, batch_size, seed)
     rows = local_rows(batch_size, process_index, process_count)
     load = functools.partial(_load, table=table, mirror=data.mirror, seed=seed, rows=rows)
     return pipeline(order, load, workers=0)
@@ -170,9 +181,12 @@ def _load(draw: Draw, *, table: ImageTable, mirror: bool, seed: int, rows: slice
 def image_pass(
     records: str | Path, model: ModelConfig, batch_size: int
 ) -> grain.IterDataset[Batch]:
-    """Every record once, its first view, unmirrored, with ``record`` [B] i4; -1 marks items that fill up the last batch."""
+    """Every usable record once, its first view, unmirrored, with ``record`` [B] i4, its index in the folder.
+
+    -1 marks items that fill up the last batch.
+    """
     table = load_image_table(records, model)
-    order = OnePass(np.arange(len(table)), np.zeros(len(table), np.int64), batch_size)
+    order = OnePass(table.usable, np.zeros(len(table.usable), np.int64), batch_size)
     return pipeline(order, functools.partial(_load_pass, table=table), workers=0)
 
 
