@@ -118,13 +118,53 @@ def test_a_shard_where_everything_fails(tmp_path, fake):
     assert len(records.RecordSource(tmp_path)) == 7
 
 
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"count": 0}, "count must be at least 1, got 0"),
+        ({"start_seed": -1}, "start seed must be at least 0, got -1"),
+        ({"grid": GridConfig(257, 2, 8)}, "resolution must be in 1..256, got 257"),
+        ({"grid": GridConfig(0, 2, 8)}, "resolution must be in 1..256, got 0"),
+        ({"grid": GridConfig(8, 9, 8)}, "subdivisions must be in 1..8, got 9"),
+        ({"image_size": 7}, "image size must be at least 8, got 7"),
+        ({"views": 0}, "views must be at least 1"),
+        ({"states": 0}, "states must be at least 1"),
+        ({"processes": 0}, "processes must be at least 1"),
+    ],
+)
+def test_settings_are_checked_before_anything_is_made(tmp_path, fake, changes, words):
+    with pytest.raises(ValueError, match=f"^prepare: {words}"):
+        run(tmp_path / "a", **changes)
+    assert not (tmp_path / "a").exists() and not fake
+
+
+def test_failures_are_told_and_all_failing_is_an_error(tmp_path, fake, capsys, monkeypatch):
+    run(tmp_path / "a", states=2)
+    assert "prepare: 2 of 20 objects failed; see" in capsys.readouterr().err
+    run(tmp_path / "b", count=6)
+    assert capsys.readouterr().err == ""
+    ((nothing, row),) = prepare.make_object(prepare.Settings(("door",), 0, 8, 2, 8, 1, 16, 1, 6), 6)
+    fails = lambda settings, index: [(nothing, {**row, "seed": index})]  # noqa: E731
+    monkeypatch.setattr(prepare, "make_object", fails)
+    for _ in range(2):  # again on the finished folder
+        with pytest.raises(
+            ValueError, match=r"none of 3 objects succeeded.*because: too close"
+        ) as e:
+            run(tmp_path / "c", count=3)
+        assert "\n" not in str(e.value)
+    assert len(folder.read_manifest(tmp_path / "c")) == 3
+
+
 def test_other_settings_are_refused(tmp_path, fake):
     run(tmp_path / "a", count=8)
     with pytest.raises(ValueError, match=r"another setting: views 2 \(asked: 3\)") as caught:
         run(tmp_path / "a", views=3)
     assert "\n" not in str(caught.value)
-    with pytest.raises(ValueError, match="more than the 6 objects"):
-        run(tmp_path / "a", count=6)
+    before = digest(tmp_path / "a")
+    for count in (6, 7):  # one shard less, and a shorter last shard
+        with pytest.raises(ValueError, match=f"holds 8 objects, more than the {count} asked for"):
+            run(tmp_path / "a", count=count)
+    assert digest(tmp_path / "a") == before
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "thesis.doc").write_text("")
     with pytest.raises(ValueError, match="holds no records of ours"):

@@ -81,7 +81,11 @@ def read_manifest(folder: str | Path) -> list[dict[str, str]]:
 
 
 def claim(out: Path, settings: Settings, count: int) -> None:
-    """Make ``out`` ours, or check that it is."""
+    """Make ``out`` ours, or check that it is. Removes nothing.
+
+    Raises:
+      ValueError: it holds records of other settings, records of more objects than ``count``, or other files.
+    """
     wanted = json.loads(json.dumps(dataclasses.asdict(settings)))
     if (out / "metadata.json").exists():
         found = read_metadata(out)
@@ -94,11 +98,10 @@ def claim(out: Path, settings: Settings, count: int) -> None:
             raise ValueError(
                 f"{out}: holds records of another setting: {'; '.join(different)}; choose another folder"
             )
-        shards = -(-count // settings.shard_size)
-        extra = [p for p in sorted(out.glob(SHARD_PATTERN)) if _shard_number(p) >= shards]
-        if extra:
+        held = _held(out, settings)
+        if held > count:
             raise ValueError(
-                f"{out}: holds more than the {count} objects asked for; choose another folder"
+                f"{out}: holds {held} objects, more than the {count} asked for; ask for {held} or more, or choose another folder"
             )
         return
     if out.exists() and (
@@ -109,8 +112,17 @@ def claim(out: Path, settings: Settings, count: int) -> None:
     write_text(out / "metadata.json", json.dumps(wanted, indent=2) + "\n")
 
 
-def _shard_number(path: Path) -> int:
-    return int(path.stem.removeprefix("records-"))
+def _held(out: Path, settings: Settings) -> int:
+    """Objects up to the last one in a finished shard."""
+    held = 0
+    for path in out.glob(SHARD_PATTERN):
+        number = int(path.stem.removeprefix("records-"))
+        held = max(held, number * settings.shard_size + 1)  # though its rows be lost
+        if rows_path(out, number).is_file():
+            with rows_path(out, number).open(newline="") as file:
+                seeds = [int(row["seed"]) for row in csv.DictReader(file)]
+            held = max([held, *(seed - settings.start_seed + 1 for seed in seeds)])
+    return held
 
 
 def shard_path(out: Path, number: int) -> Path:

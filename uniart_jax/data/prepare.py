@@ -13,6 +13,7 @@ import csv
 import multiprocessing
 import multiprocessing.connection
 import os
+import sys
 import threading
 from collections.abc import Generator, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -69,20 +70,32 @@ def prepare_procedural(
       The folder.
 
     Raises:
-      ValueError: ``out`` holds records of other settings, more objects than ``count``, or other files; unknown families.
+      ValueError: a setting is out of range or a family unknown; ``out`` holds records of other settings, more objects than
+        ``count``, or other files; a worker died; or no object succeeded.
     """
     from uniart_jax import procedural
 
+    for name, value, low, high in (
+        ("count", count, 1, None),
+        ("start seed", start_seed, 0, None),
+        ("resolution", grid.resolution, 1, 256),
+        ("subdivisions", grid.subdivisions, 1, 8),
+        ("max_parts", grid.max_parts, 1, 255),
+        ("views", views, 1, None),
+        ("image size", image_size, 8, None),
+        ("states", states, 1, None),
+        ("shard size", shard_size, 1, None),
+        ("processes", processes, 1, None),
+    ):
+        if value < low or (high is not None and value > high):
+            span = f"at least {low}" if high is None else f"in {low}..{high}"
+            raise ValueError(f"prepare: {name} must be {span}, got {value}")
     families = tuple(procedural.SEEN_FAMILIES if families is None else families)
     known = (*procedural.SEEN_FAMILIES, *procedural.UNSEEN_FAMILIES)
     unknown = [name for name in families if name not in known]
     if unknown or not families:
         raise ValueError(
             f"prepare: unknown families {', '.join(unknown) or '(none given)'}; known: {', '.join(known)}"
-        )
-    if count < 1 or views < 1 or states < 1 or image_size < 1 or shard_size < 1 or processes < 1:
-        raise ValueError(
-            "prepare: count, views, states, image size, shard size and processes must be at least 1"
         )
     settings = Settings(
         families,
@@ -114,9 +127,9 @@ def prepare_procedural(
 def _write_shard(out: Path, number: int, items: Iterator[bytes], rows: list[Row]) -> None:
     """Write the shard, then its rows, then give the shard its name."""
     path = shard_path(out, number)
-    path.unlink(missing_ok=True)  # a short last shard of a smaller run
     pending = path.with_name(f".{path.name}.pending")
     write_shard(pending, items)
+    path.unlink(missing_ok=True)  # a smaller run's short last shard: the new one begins with it
     write_rows(rows_path(out, number), rows)
     os.replace(pending, path)
 
@@ -278,7 +291,11 @@ def _bar(progress: bool, total: int, done: int):
 
 
 def _finish(out: Path, settings: Settings, count: int) -> None:
-    """Manifest, data card and contact sheet of a complete folder."""
+    """Manifest, data card and contact sheet of a complete folder; says on stderr how many objects failed.
+
+    Raises:
+      ValueError: all of them.
+    """
     from uniart_jax.data.card import write_contact_sheet, write_data_card
 
     rows: list[dict[str, str]] = []
@@ -288,3 +305,12 @@ def _finish(out: Path, settings: Settings, count: int) -> None:
     write_rows(out / "manifest.csv", rows)
     write_data_card(out, rows)
     write_contact_sheet(out, rows)
+    failed = [row for row in rows if row["error"]]
+    if not failed:
+        return
+    if len(failed) == len(rows):
+        raise ValueError(
+            f"{out}: none of {count} objects succeeded, the first because: {failed[0]['error']}; choose other settings and another folder"
+        )
+    objects = len({row["seed"] for row in failed})
+    print(f"prepare: {objects} of {count} objects failed; see the column error of {out}/manifest.csv", file=sys.stderr)  # fmt: skip
