@@ -139,7 +139,7 @@ def test_pool_groups_each_voxel_once(seed, factor):
 
 
 def test_pool_beyond_capacity_names_the_item():
-    coords, counts = voxels(0, 2, 50, 8)
+    coords, _ = voxels(0, 2, 50, 8)
     with pytest.raises(ValueError, match="item"):
         plan_pool(coords, np.array([50, 50]), 2, 3)
 
