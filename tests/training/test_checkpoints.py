@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from uniart_jax.training import checkpoints as checkpoints_module
 from uniart_jax.training.checkpoints import Checkpoints
 
 
@@ -54,7 +55,6 @@ def test_keeps_the_newest_and_is_none_when_empty(tmp_path):
     fill(tmp_path / "full", [1, 2, 3, 4, 5])
     with Checkpoints(tmp_path / "full", keep=3) as checkpoints:
         assert checkpoints.steps == [3, 4, 5]
-        assert checkpoints.latest_step == 5
     state, data = restore(tmp_path / "full")
     assert (value(state), data) == (5, {"next": 5})
 
@@ -120,8 +120,50 @@ def test_a_damaged_newest_falls_back_and_saving_goes_on(tmp_path, damage, capsys
 def test_all_damaged_is_an_error(tmp_path):
     fill(tmp_path, [1, 2])
     truncate(tmp_path)
-    with pytest.raises(ValueError, match=r"none of the checkpoints \[1, 2\] can be read"):
-        restore(tmp_path)
+    for _ in range(2):  # the second time they are already aside: still no fresh start
+        with pytest.raises(
+            ValueError, match=r"none of the checkpoints \[1, 2\] can be read"
+        ) as error:
+            restore(tmp_path)
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        PermissionError(13, "Permission denied"),
+        OSError(24, "Too many open files"),
+        ValueError("PERMISSION_DENIED: Error opening d/1"),
+        RuntimeError("RESOURCE_EXHAUSTED: Out of memory"),
+    ],
+    ids=str,
+)
+def test_what_says_nothing_about_a_checkpoint(error):
+    assert checkpoints_module._of_the_machine(error)
+    assert checkpoints_module._of_the_machine(ExceptionGroup("two", [ValueError("x"), error]))
+    with pytest.raises(ValueError) as wrapped:
+        raise ValueError("while reading") from error
+    assert checkpoints_module._of_the_machine(wrapped.value)
+
+
+@pytest.mark.parametrize("error", [FileNotFoundError(2, "absent"), ValueError("DATA_LOSS: x")])
+def test_what_is_damage(error):
+    assert not checkpoints_module._of_the_machine(error)
+
+
+@pytest.mark.parametrize("method", ["metadata", "training.Checkpointer.load_checkpointables"])
+def test_what_is_no_damage_is_raised_and_touches_nothing(tmp_path, monkeypatch, method):
+    fill(tmp_path, [1, 2])
+
+    def fail(*_, **__):
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(f"orbax.checkpoint.v1.{method}", fail)
+        with pytest.raises(MemoryError):
+            restore(tmp_path)
+    assert value(restore(tmp_path)[0]) == 2
 
 
 def test_another_structure_lists_every_name_and_touches_nothing(tmp_path):
@@ -129,14 +171,15 @@ def test_another_structure_lists_every_name_and_touches_nothing(tmp_path):
     like = make_state(0)
     like["params"][1] = like["params"].pop(0)
     like["params"][1]["bias"] = jnp.zeros(4)
-    like["step"] = jnp.float32(0)
+    like["step"] = jnp.float32(0)  # told only where the parameters agree
     with pytest.raises(ValueError) as error:
         restore(tmp_path, like)
     text = str(error.value)
     assert "\n" not in text
     assert "missing: params.1.bias, params.1.kernel;" in text
     assert "extra: params.0.bias, params.0.kernel;" in text
-    assert "mismatched: step is int32[], expected float32[];" in text
+    with pytest.raises(ValueError, match=r"mismatched: step is int32\[\], expected float32\[\];"):
+        restore(tmp_path, {**make_state(0), "step": jnp.float32(0)})
     assert value(restore(tmp_path)[0]) == 2
 
 

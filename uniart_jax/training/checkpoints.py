@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import errno
 import json
+import re
 import shutil
 import sys
 from pathlib import Path
@@ -22,6 +24,8 @@ from orbax.checkpoint import v1 as ocp
 from uniart_jax.training.export import differences, flat_names
 
 State = TypeVar("State")
+_ASIDE = "damaged-"
+_ABSENT = (None, errno.ENOENT, errno.ENOTDIR, errno.EISDIR)
 
 
 class CheckpointableIterator(Protocol):
@@ -86,11 +90,6 @@ class Checkpoints:
         """Steps that have a complete checkpoint, ascending."""
         return [checkpoint.step for checkpoint in self._orbax.checkpoints]
 
-    @property
-    def latest_step(self) -> int | None:
-        """Step of the newest complete checkpoint."""
-        return self.steps[-1] if self.steps else None
-
     def save(
         self,
         step: int,
@@ -121,15 +120,16 @@ class Checkpoints:
         Args:
           like: a state of the same structure; arrays or ShapeDtypeStructs, whose shardings the result takes.
 
-        A damaged checkpoint is moved aside (``damaged-<step>``) with a one-line warning, and the one before is taken.
+        A damaged checkpoint is moved aside (``damaged-<step>``) with a one-line warning, and the one before is taken. Failures that
+        say nothing about the checkpoint, such as too little memory or a missing permission, are raised as they are.
 
         Raises:
-          ValueError: the checkpoint is of another structure (missing, extra and mismatched names are listed), or all are damaged.
+          ValueError: the checkpoint is of another structure (missing, extra and mismatched names are listed), or all are damaged,
+            those moved aside before included.
         """
         abstract = jax.tree.map(_abstract, like)
         expected = flat_names(abstract)
-        steps = self.steps
-        for step in reversed(steps):
+        for step in reversed(self.steps):
             try:
                 saved = dict(ocp.metadata(self.folder / str(step), "state").metadata)
             except Exception as error:
@@ -155,24 +155,42 @@ class Checkpoints:
                 iterator.set_state(loaded["data"].state)
             leaves = [loaded["state"][name] for name in expected]
             return jax.tree.unflatten(jax.tree.structure(abstract), leaves)
-        if steps:
+        names = [p.name.removeprefix(_ASIDE) for p in self.folder.glob(f"{_ASIDE}*")]
+        aside = sorted(int(name) for name in names if name.isdigit())
+        if aside:
             raise ValueError(
-                f"{self.folder}: none of the checkpoints {steps} can be read; remove the folder to start anew"
+                f"{self.folder}: none of the checkpoints {aside} can be read; remove the folder to start anew"
             )
         return None
 
     def _set_aside(self, step: int, error: Exception) -> None:
+        if _of_the_machine(error):
+            raise error
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
         print(f"warning: checkpoint {self.folder}/{step} is damaged ({reason}); trying the one before", file=sys.stderr)  # fmt: skip
         if jax.process_index() == 0:
             source = self.folder / str(step)
-            aside = self.folder / f"damaged-{step}"
+            aside = self.folder / f"{_ASIDE}{step}"
             shutil.rmtree(aside, ignore_errors=True)
             if source.exists():
                 source.rename(aside)
         if jax.process_count() > 1:
             multihost_utils.sync_global_devices("damaged checkpoint set aside")
         self._orbax.reload()
+
+
+def _of_the_machine(error: BaseException | None) -> bool:
+    """Whether reading failed for want of memory, access or a working disk, and so says nothing about what was to be read."""
+    if error is None:
+        return False
+    if isinstance(error, MemoryError) or (
+        isinstance(error, OSError) and error.errno not in _ABSENT
+    ):
+        return True
+    if re.search("RESOURCE_EXHAUSTED|PERMISSION_DENIED", str(error)):  # of XLA and TensorStore
+        return True
+    causes = (error.__cause__ or error.__context__, *getattr(error, "exceptions", ()))
+    return any(_of_the_machine(cause) for cause in causes)
 
 
 def _abstract(leaf: Any) -> jax.ShapeDtypeStruct:
