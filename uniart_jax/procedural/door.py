@@ -7,7 +7,17 @@ import numpy as np
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.fronts import FrontStyle, panel
-from uniart_jax.procedural.shapes import Assembly, Shape, ball, box, cylinder, hinge, turn, union
+from uniart_jax.procedural.shapes import (
+    Assembly,
+    Shape,
+    ball,
+    box,
+    cylinder,
+    hinge,
+    tidy,
+    turn,
+    union,
+)
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
@@ -158,7 +168,7 @@ def _leaf(
                     [lo[0] - 0.06, handle_y + w, handle_z + 0.026],
                 )
             )
-        asm.add("handle", Shape().add(union(solids), look.hardware), leaf, joint)
+        asm.add("handle", Shape().add(tidy(union(solids)), look.hardware), leaf, joint)
         if rng.random() < 0.4 and not second:  # the knob of a bolt above
             z = handle_z + 0.2
             knob = cylinder("x", [lo[0] - 0.03, handle_y, z], 0.0285, 0.026, segments=18)

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import trimesh
-from manifold3d import CrossSection, Manifold, OpType
+from manifold3d import CrossSection, Manifold, Mesh64, OpType
 from numpy.typing import ArrayLike
 from PIL import Image
 
@@ -282,10 +282,24 @@ def egg(front: float, rear: float, half: float, power: float = 2.0, points: int 
 
 
 def loft(below: np.ndarray, above: np.ndarray, z0: float, z1: float) -> Manifold:
-    """The convex body between two convex outlines [n, 2] of (x, y) at heights ``z0`` and ``z1``."""
+    """The body between two convex outlines [n, 2] of (x, y), counter-clockwise, at heights ``z0`` and ``z1``.
+
+    Outlines of one length are joined point by point; hulls of many coplanar points may come out with folds.
+    """
     low = np.column_stack([below, np.full(len(below), z0)])
     high = np.column_stack([above, np.full(len(above), z1)])
-    return hull(np.vstack([low, high]))
+    if len(low) != len(high):
+        return hull(np.vstack([low, high]))
+    n = len(low)
+    i, j = np.arange(n), np.roll(np.arange(n), -1)
+    bottom, top = np.full(n, 2 * n), np.full(n, 2 * n + 1)
+    faces = [[i, j, n + j], [i, n + j, n + i], [bottom, j, i], [top, n + i, n + j]]
+    return Manifold(
+        Mesh64(
+            vert_properties=np.vstack([low, high, low.mean(0), high.mean(0)]),
+            tri_verts=np.concatenate([np.column_stack(f) for f in faces]).astype(np.uint64),
+        )
+    )
 
 
 def pipe(points: ArrayLike, radius: float, segments: int = 12) -> Manifold:

@@ -89,10 +89,12 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
                 ),
                 hardware,
             )
-        joint = slide((0, way, 0), share * (wide - lap)) if moves else None
+        laps = 2 if count == 3 and tracks == 2 else 1  # two stop short of the next on their track
+        room = wide - laps * lap
+        joint = slide((0, way, 0), share * room) if moves else None
         part = asm.add("pane" if moves else "fixed_pane", pane, root, joint)
         if moves and latches and reach:
-            _latch(rng, asm, part, x, grip_y, grip_z, unit, hardware)
+            _latch(asm, part, way, x, grip_y, grip_z, unit, hardware)
     return asm.object()
 
 
@@ -115,12 +117,12 @@ def _sash(lo, hi, wide: float, bars: tuple[int, int]) -> tuple[Manifold, Manifol
 
 
 def _latch(
-    rng, asm: Assembly, pane: int, x: float, y: float, z: float, unit: float, finish: Material
+    asm: Assembly, pane: int, way: int, x: float, y: float, z: float, unit: float, finish: Material
 ) -> None:
-    """A lever on the upright of a pane."""
+    """A lever on the upright of a pane; it turns towards the pane's middle, on the side ``way``."""
     reach, w = 2.2 * unit, 0.85 * unit
     long = max(5 * unit, 0.07)
     boss = cylinder("x", [x - reach, y, z], reach - 0.001, 1.5 * unit, segments=14)
     lever = box([x - reach, y - w, z - long], [x - reach + 1.7 * unit, y + w, z])
-    joint = hinge((x, y, z), (1, 0, 0), float(rng.choice([-1, 1])) * np.pi / 2)
+    joint = hinge((x, y, z), (1, 0, 0), way * np.pi / 2)
     asm.add("latch", Shape().add(union([boss, lever]), finish), pane, joint)

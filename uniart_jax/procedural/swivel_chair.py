@@ -41,13 +41,15 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     fabric = _fabric(rng)
     steel = materials.metal(rng, brushed=False)
 
+    thick = float(rng.uniform(0.05, 0.09))
+    seat_z = max(seat_z, thick + 0.36)
+    plate = seat_z - thick - 0.06  # underside of the mechanism
+
     asm = Assembly()
-    sleeve_z, sleeve = _base(rng, asm, frame, seat_z, legs_wood)
+    sleeve_z, sleeve = _base(rng, asm, frame, plate - 0.04, legs_wood)
     root = 0
     travel = float(rng.uniform(0.08, 0.13))
     rod = sleeve - 0.009
-    thick = float(rng.uniform(0.05, 0.09))
-    plate = seat_z - thick - 0.06  # underside of the mechanism
     column = Shape()
     low = max(0.09, sleeve_z - 0.15)
     column.add(cylinder("z", [0, 0, low], plate - low - 0.002, rod, segments=18), steel)
@@ -84,12 +86,12 @@ def _fabric(rng: np.random.Generator) -> Material:
     return materials.paint(rng) if kind == 1 else plain(rng.uniform([0.1] * 3, [0.8, 0.5, 0.6]))
 
 
-def _base(rng, asm: Assembly, frame: Material, seat_z: float, wooden: bool) -> tuple[float, float]:
-    """The star of legs with its sleeve, and its castors; returns the sleeve's top and its inner radius."""
+def _base(rng, asm: Assembly, frame: Material, top: float, wooden: bool) -> tuple[float, float]:
+    """The star of legs with its sleeve, and its castors; returns the sleeve's top and its inner radius; it ends below ``top``."""
     legs = 4 if rng.random() < 0.2 else 5
     reach = float(rng.uniform(0.27, 0.34))
     inner, outer = 0.03, 0.043
-    sleeve_z = float(rng.uniform(0.24, 0.28))
+    sleeve_z = min(float(rng.uniform(0.24, 0.28)), top)
     casters = not wooden and rng.random() < 0.75
     own = casters and rng.random() < 0.45  # castors that swivel by themselves
     floor = 0.07 if casters else 0.0

@@ -169,7 +169,7 @@ def _cistern(rng, body: Shape, ceramic: Material, x: float, half: float, rim, wa
             (box([x - 0.012, y - size[0], h - size[1]], [x + 0.013, y + size[0], h + size[1]]), (1, 0, 0))
             for y, h in spots
         ]  # fmt: skip
-        return press, None
+        return press, (x, 0.0, high)
     wide, deep = float(rng.uniform(0.17, 0.235)), float(rng.uniform(0.15, 0.2))
     high = rim + float(rng.uniform(0.3, 0.4))
     cover = float(rng.uniform(0.025, 0.045))
