@@ -19,6 +19,7 @@ Colour rides on vertices, so triangles of unlike colour are not merged while the
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import manifold3d
 import numpy as np
@@ -164,7 +165,7 @@ def _to_trimesh(out: manifold3d.Mesh64, cell: float) -> trimesh.Trimesh | None:
 def _components(coords, resolution: int, sdf: np.ndarray, owner: np.ndarray, r: int):
     """Labels [R, R, R] of the components of inactive voxels (0: active), and per label whether inside and whose."""
     active = occupancy(coords, resolution)
-    labels, count = ndimage.label(~active)
+    labels, count = _pieces(~active)
     flat = np.full(active.shape, -1, np.int32)
     flat[tuple(coords.T)] = np.arange(len(coords))
     parts = int(owner.max()) + 1
@@ -179,19 +180,26 @@ def _components(coords, resolution: int, sdf: np.ndarray, owner: np.ndarray, r: 
         label = np.zeros(len(coords), np.int64)
         label[valid] = labels[tuple(neighbour[valid].T)]
         touching = np.nonzero(label)[0]
-        face = [slice(None)] * 3
+        face: list[Any] = [slice(None)] * 3
         face[axis] = r - 1 if side > 0 else 0
         inside = cells_sdf[(touching, *face)].reshape(len(touching), r * r) < 0
         whose = cells_owner[(touching, *face)].reshape(len(touching), r * r)
         slot = label[touching][:, None] * parts + whose
         negative += np.bincount(slot[inside], minlength=len(negative))
         total += np.bincount(label[touching], minlength=len(total)) * r * r
-        edge = [slice(None)] * 3
+        edge: list[Any] = [slice(None)] * 3
         edge[axis] = -1 if side > 0 else 0
-        border[np.unique(labels[tuple(edge)])] = True
+        border[labels[tuple(edge)].ravel()] = True
     negative = negative.reshape(count + 1, parts)
     inside = (2 * negative.sum(1) > total) & ~border
     return labels, inside, np.where(inside, negative.argmax(1), -1)
+
+
+def _pieces(mask: np.ndarray) -> tuple[np.ndarray, int]:
+    """Labels of the face-connected pieces of a mask, from 1, and how many there are."""
+    labels: Any = np.zeros(mask.shape, np.int32)
+    count: Any = ndimage.label(mask, output=labels)
+    return labels, int(count)
 
 
 def _repeat(values: np.ndarray, r: int) -> np.ndarray:
@@ -214,7 +222,7 @@ def _fill_magnitude(dense: np.ndarray, unknown: np.ndarray) -> None:
 
 def _drop_specks(phi: np.ndarray) -> None:
     """In place: loose pieces of fewer than 16 sub-cells and under .2 % of the part are made outside; the largest stays."""
-    labels, count = ndimage.label(phi < 0)
+    labels, count = _pieces(phi < 0)
     if count < 2:
         return
     sizes = np.bincount(labels.ravel())[1:]
