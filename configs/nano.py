@@ -81,6 +81,7 @@ def config() -> Config:
             procedural=4200,
             validation_count=70,
             voxel_buckets=(5120, 8192, 12288),
+            voxel_crop=2048,
         ),
         loss=LossConfig(
             kl=1e-4,
@@ -90,9 +91,9 @@ def config() -> Config:
         ),
         image_encoder=dataclasses.replace(stage, steps=1800),
         structure_vae=dataclasses.replace(stage, steps=500, learning_rate=2e-3, evaluate_every=250),
-        uniart_vae=dataclasses.replace(stage, steps=560, batch_size=2, learning_rate=2e-3, warmup_steps=50),
-        structure_flow=dataclasses.replace(stage, steps=3000),
-        latent_flow=dataclasses.replace(stage, steps=3000, batch_size=8),
+        uniart_vae=dataclasses.replace(stage, steps=1500, batch_size=4, learning_rate=2e-3, evaluate_every=500),
+        structure_flow=dataclasses.replace(stage, steps=1400),
+        latent_flow=dataclasses.replace(stage, steps=600, batch_size=8),
         sample_structure=SampleConfig(steps=10, guidance=1.0, rescale_t=3.0),
         sample_latent=SampleConfig(steps=10, guidance=0.0, rescale_t=3.0),
     )

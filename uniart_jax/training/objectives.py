@@ -27,6 +27,8 @@ from uniart_jax.training.losses import (
     masked_mean,
 )
 
+OCCUPANCY_WEIGHT = 10.0  # of the image encoder's occupancy against boxes and joints
+
 LossFn = Callable[[Any, dict[str, Any], jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
 
 
@@ -56,7 +58,6 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
         occupancy = batch["occupancy"].astype(jnp.float32)
         items = occupancy.shape[0]
         entropy = binary_cross_entropy(out["occupancy"], occupancy).mean()
-        overlap = dice_loss(out["occupancy"], occupancy)
         codes = out["codes"].reshape(items, -1, out["codes"].shape[-1])
         part = batch["cell_part"].reshape(items, -1)
         mask = (part >= 0).astype(jnp.float32)
@@ -71,12 +72,13 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
             "own_box": masked_mean(box_loss(codes[..., 9:15], own, delta), weights),
             "parent_box": masked_mean(box_loss(codes[..., 15:21], parent, delta), weights),
         }
-        loss = entropy + 0.2 * overlap + 4.0 * sum(terms.values())
+        # boxes and joints learn early and, weighted like occupancy, keep it from being learnt at all; Dice does too
+        loss = OCCUPANCY_WEIGHT * entropy + sum(terms.values())
         predicted = out["occupancy"] > 0
         truth = occupancy > 0.5
         axes = (1, 2, 3)
         iou = (predicted & truth).sum(axes) / jnp.maximum((predicted | truth).sum(axes), 1)
-        return loss, {"entropy": entropy, "dice": overlap, "iou": iou.mean(), **terms}
+        return loss, {"entropy": entropy, "iou": iou.mean(), **terms}
 
     return loss_fn
 
