@@ -225,7 +225,7 @@ def test_only_an_asset_is_replaced(block, tmp_path):
     """Not a folder of other things, though asked to; and no folder that holds what is in use."""
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "thesis.doc").write_text("mine")
-    with pytest.raises(ValueError, match="holds no asset.*; choose another --out") as error:
+    with pytest.raises(ValueError, match=r"holds no asset.*; choose another --out") as error:
         save_asset(block, tmp_path / "out", overwrite=True)
     assert "\n" not in str(error.value)
     assert [p.name for p in tmp_path.rglob("*")] == ["out", "thesis.doc"]

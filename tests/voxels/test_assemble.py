@@ -212,7 +212,9 @@ def test_every_ambiguous_cube_is_closed(share):
     """Random signs hold every way in which a cube's corners can lie; before anything is simplified."""
     rng = np.random.default_rng(0)
     for trial in range(8):
-        size = rng.uniform(1e-4, 3, (12, 12, 12)) if trial % 2 else 0.5  # unknown cells often tie at 1/2
+        size = (
+            rng.uniform(1e-4, 3, (12, 12, 12)) if trial % 2 else 0.5
+        )  # unknown cells often tie at 1/2
         sdf = np.where(rng.random((12, 12, 12)) < share, -1, 1) * size
         field = np.pad(sdf.astype(np.float32), 1, constant_values=1)
         dense = DenseField(field, np.zeros(field.shape, np.int16), np.zeros(field.shape, np.int32))
