@@ -7,6 +7,7 @@ scratch, an image encoder of this size is ignored while the loss falls.
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -44,7 +45,7 @@ class ImageEncoder(nnx.Module):
         self.stem_norm = nnx.List([LayerNorm(b) for b in channels[1:]])
         side = c.image_size // c.patch_size
         self.pos_embed = nnx.Param(jnp.asarray(plane_embedding(side, c.width)))
-        block = dict(kernel=config.kernel, dtype=dtype)
+        block: dict[str, Any] = {"kernel": config.kernel, "dtype": dtype}
         self.blocks = nnx.List(
             [
                 TransformerBlock(c.width, c.num_heads, c.mlp_ratio, rngs, **block)

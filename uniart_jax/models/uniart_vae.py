@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 from flax import nnx
 
-from uniart_jax.config import ModelConfig
+from uniart_jax.config import Kernel, ModelConfig
 from uniart_jax.models.structure_vae import sample_posterior
 from uniart_jax.nn.attention import attend, map_segments
 from uniart_jax.nn.blocks import SelfAttention, TransformerBlock, layer_norm, linear, zeros
@@ -87,7 +87,8 @@ class Front(nnx.Module):
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.uniart_vae, compute_dtype(config)
         cells = config.grid.subdivisions**3
-        self.config, self.kernel = c, config.kernel
+        self.config = c
+        self.kernel: Kernel = config.kernel
         art, geo = c.articulation_channels, c.visual_channels + c.geometry_channels
         # TRELLIS has heads of 64; ours keep the trunk's head width where it divides
         self.heads = max(1, art * c.num_heads // c.width)

@@ -155,8 +155,7 @@ _block.defvjp(_block_forward, _block_backward)
 def _chunked(q: jax.Array, k: jax.Array, v: jax.Array, lengths: jax.Array | None) -> jax.Array:
     rows, queries, heads, size = q.shape
     keys = k.shape[1]
-    if lengths is None:
-        lengths = jnp.full((rows,), keys, jnp.int32)
+    limit = jnp.full((rows,), keys, jnp.int32) if lengths is None else lengths
 
     def chunks(x: jax.Array) -> jax.Array:
         x = jnp.pad(x, ((0, 0), (0, -x.shape[1] % CHUNK), (0, 0), (0, 0)))
@@ -170,7 +169,7 @@ def _chunked(q: jax.Array, k: jax.Array, v: jax.Array, lengths: jax.Array | None
         query, out, peak, total = carry
         key, value, start = chunk
         logits = jnp.einsum("slnh,smnh->snlm", query, key, preferred_element_type=jnp.float32)
-        valid = start + jnp.arange(CHUNK) < lengths[:, None]
+        valid = start + jnp.arange(CHUNK) < limit[:, None]
         logits = jnp.where(valid[:, None, None, :], logits, _MASKED)
         new_peak = jax.lax.stop_gradient(jnp.maximum(peak, logits.max(-1)))
         weights = jnp.exp(logits - new_peak[..., None])

@@ -89,7 +89,8 @@ class SelfAttention(nnx.Module):
         kernel: Kernel = "xla",
         dtype=jnp.float32,
     ):
-        self.heads, self.kernel = heads, kernel
+        self.heads = heads
+        self.kernel: Kernel = kernel
         self.to_qkv = linear(width, 3 * width, rngs, dtype=dtype)
         if qk_rms_norm:
             self.q_rms_norm = RMSNorm(heads, width // heads)
@@ -124,7 +125,8 @@ class CrossAttention(nnx.Module):
         kernel: Kernel = "xla",
         dtype=jnp.float32,
     ):
-        self.heads, self.kernel = heads, kernel
+        self.heads = heads
+        self.kernel: Kernel = kernel
         self.to_q = linear(width, width, rngs, dtype=dtype)
         self.to_kv = linear(context, 2 * width, rngs, dtype=dtype)
         self.to_out = linear(width, width, rngs, dtype=dtype)
