@@ -78,12 +78,14 @@ def sample(
         raise ValueError(f"sample: --num-samples must be at least 1, got {num_samples}")
     if steps is not None and steps < 1:
         raise ValueError(f"sample: --steps must be at least 1, got {steps}")
-    from uniart_jax.data.images import read_image
+    from uniart_jax.data.images import check_visible, read_image
 
     pictures = [read_image(path) for path in images]  # all inputs are checked before any work
+    for path, picture in zip(images, pictures, strict=True):
+        check_visible(picture, f"image '{path}'")
     folders = sample_folders(images, out, num_samples, multi_view)
     for folder in folders.values():
-        check_out(folder, overwrite)
+        check_out(folder, overwrite, images)
     from uniart_jax.pipeline import enable_compilation_cache, load
 
     enable_compilation_cache()
@@ -125,19 +127,18 @@ def sample(
                 )
 
 
-def check_out(folder: Path, overwrite: bool) -> None:
-    """Refuse, before any work, an output folder that cannot be written.
+def check_out(folder: Path, overwrite: bool, inputs: tuple[Path, ...] = ()) -> None:
+    """Refuse, before any work, an output folder that cannot be written or that holds an input.
 
     Raises:
       ValueError: it or a parent is a file, or it is not empty and may not be replaced.
     """
+    from uniart_jax.export.asset import check_target
+
     for place in (folder, *folder.parents):
         if place.exists() and not place.is_dir():
             raise ValueError(f"output '{place}': a file of that name exists; choose another --out")
-    if folder.is_dir() and any(folder.iterdir()) and not overwrite:
-        raise ValueError(
-            f"output '{folder}': the folder is not empty; choose another --out or pass --overwrite"
-        )
+    check_target(folder, overwrite, inputs=inputs)
 
 
 def sample_folders(
@@ -279,7 +280,7 @@ def reconstruct(
         subdivisions: Sub-cells a voxel side.
         allow_outside: Let the URDF name meshes outside its own folder.
     """
-    check_out(out, overwrite)
+    check_out(out, overwrite, (asset,))
     if not 1 <= resolution <= 256 or not 1 <= subdivisions <= 8:
         raise ValueError(
             f"reconstruct: --resolution must be in 1..256 and --subdivisions in 1..8, got {resolution}, {subdivisions}"
@@ -313,7 +314,8 @@ def evaluate(
     """
     if count < 1:
         raise ValueError(f"evaluate: --count must be at least 1, got {count}")
-    check_out(out, overwrite=True)
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"output '{out}': a file of that name exists; choose another --out")
     from uniart_jax.evaluation import procedural
     from uniart_jax.pipeline import enable_compilation_cache
 

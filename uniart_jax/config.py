@@ -176,7 +176,9 @@ class DataConfig:
         900_000  # never trained on, and not the held-out seeds of the evaluation either
     )
     voxel_buckets: tuple[int, ...] = (8192, 16384, 32768)
-    voxel_crop: int = 0  # UniArt VAE: voxels of an object that a training step sees (``data.windows``); 0 = all
+    voxel_crop: int = (
+        0  # UniArt VAE: voxels of an object that a training step sees (``data.windows``); 0 = all
+    )
     mirror: bool = True  # left-right mirror of object and image with probability 1/2
     seed: int = 0
     workers: int = 0

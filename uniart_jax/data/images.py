@@ -86,6 +86,12 @@ def has_alpha(rgba: np.ndarray) -> bool:
     return bool((rgba[..., 3] < 250).mean() > 0.001)
 
 
+def check_visible(rgba: np.ndarray, name: str = "image") -> None:
+    """Raise ValueError if the image is transparent throughout."""
+    if (rgba[..., 3] > 127).mean() < 1e-4:
+        raise ValueError(f"{name}: it is transparent throughout; nothing to reconstruct")
+
+
 def remove_plain_background(rgba: np.ndarray) -> np.ndarray | None:
     """Cut away a background of one colour, seen from the border inwards.
 
@@ -116,9 +122,8 @@ def foreground(rgba: np.ndarray, name: str = "image") -> np.ndarray:
     Raises:
       ValueError: the image is transparent throughout.
     """
+    check_visible(rgba, name)
     if has_alpha(rgba):
-        if (rgba[..., 3] > 127).mean() < 1e-4:
-            raise ValueError(f"{name}: it is transparent throughout; nothing to reconstruct")
         return rgba
     cut = remove_plain_background(rgba)
     if cut is not None:
