@@ -25,7 +25,7 @@ from uniart_jax.data.images import crop, foreground, read_image
 from uniart_jax.flow.guidance import guide
 from uniart_jax.flow.solvers import euler
 from uniart_jax.models.network import build
-from uniart_jax.nn.grids import flow_plan
+from uniart_jax.nn.grids import CELL_STEP, flow_plan
 from uniart_jax.nn.segments import voxel_plans
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.training.export import load_network, read_config, read_statistics

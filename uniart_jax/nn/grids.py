@@ -9,6 +9,11 @@ import numpy as np
 from uniart_jax.config import FlowConfig, GridConfig
 
 
+CELL_STEP = (
+    64  # cells of a batch are padded to multiples of this: little waste, few shapes to compile
+)
+
+
 class Pool(NamedTuple):
     """Active voxels grouped into cells of f^3 voxels; cells in lexicographic order, as TRELLIS's SparseDownsample.
 
