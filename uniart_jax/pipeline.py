@@ -35,9 +35,6 @@ from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 LATENTS = ("structure", "latent")
-CELL_STEP = (
-    128  # cells of the latent flow are padded to multiples of this: little waste, few shapes
-)
 WIDTH_STEP = 4096  # likewise for voxels beyond the largest bucket
 
 
