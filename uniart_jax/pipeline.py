@@ -35,7 +35,7 @@ from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 LATENTS = ("structure", "latent")
-WIDTH_STEP = 4096  # likewise for voxels beyond the largest bucket
+WIDTH_STEP = 4096  # voxels beyond the largest bucket are padded to multiples of this
 
 
 class Condition(NamedTuple):

@@ -8,7 +8,6 @@ import numpy as np
 
 from uniart_jax.config import FlowConfig, GridConfig
 
-
 CELL_STEP = (
     64  # cells of a batch are padded to multiples of this: little waste, few shapes to compile
 )
