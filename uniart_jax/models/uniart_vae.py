@@ -27,6 +27,7 @@ from uniart_jax.nn.embeddings import position_embedding
 from uniart_jax.nn.precision import compute_dtype
 
 CODE_CHANNELS = 21
+LOGVAR_START = -6.0
 Batch = Mapping[str, Any]
 
 
@@ -183,6 +184,10 @@ class UniArtVAE(nnx.Module):
         self.cells, self.features = config.grid.subdivisions**3, c.part_feature_channels
         self.front = Front(config, rngs)
         self.encoder = Trunk(self.front.channels, 2 * c.latent_channels, config, rngs)
+        # a posterior that starts narrow: with TRELLIS's start (variance 1) the code drowns in noise for hundreds of steps
+        assert self.encoder.out_layer is not None
+        bias = self.encoder.out_layer.bias
+        bias.set_value(bias.get_value().at[c.latent_channels :].set(LOGVAR_START))
         self.decoder = Trunk(c.latent_channels, None, config, rngs)
         self.geometry_head = linear(c.width, self.cells * 4, rngs, dtype=dtype)
         self.segmentation_head = linear(c.width, 12 + self.cells, rngs, dtype=dtype)
