@@ -249,17 +249,16 @@ def prepare(
     from uniart_jax.config import GridConfig
     from uniart_jax.data.prepare import prepare_procedural
 
-    options = {} if families is None else {"families": families}
     prepare_procedural(
         out,
         count,
+        families=families,
         start_seed=start_seed,
         grid=GridConfig(resolution, subdivisions),
         views=views,
         states=states,
         image_size=image_size,
         processes=processes or os.cpu_count() or 1,
-        **options,
     )
 
 

@@ -253,7 +253,7 @@ def _build(cls: type, data: Any, path: str, strange: list[str]) -> Any:
         hint = hints.get(name)
         if hint is None:
             strange.append(path + name)
-        elif dataclasses.is_dataclass(hint):
+        elif isinstance(hint, type) and dataclasses.is_dataclass(hint):
             values[name] = _build(hint, value, f"{path}{name}.", strange)
         elif get_origin(hint) is tuple and isinstance(value, list):
             values[name] = tuple(value)

@@ -148,7 +148,8 @@ class Pipeline:
         Raises:
           FileNotFoundError, ValueError: an image cannot be used, or no object was found in it.
         """
-        views = image if isinstance(image, (list, tuple)) else [image]
+        single = isinstance(image, (str, Path, np.ndarray))
+        views: list[Any] = [image] if single else list(image)
         structure_options, latent_options = self.options(steps, guidance)
         progress("looking at the image")
         pixels = np.stack([self.prepare(view) for view in views])
@@ -256,8 +257,8 @@ class Pipeline:
         model = self.config.model
         padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
         latent = np.zeros((*padded.shape[:2], model.uniart_vae.latent_channels), np.float32)
-        for row, values in zip(latent, latents, strict=True):
-            row[: len(values)] = values
+        for b, values in enumerate(latents):
+            latent[b, : len(values)] = values
         batch: dict[str, Any] = {"coords": padded, "counts": counts}
         batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, parts=False)
         out = jax.device_get(self._decode_voxels(self.parameters["uniart_vae"], latent, batch))

@@ -179,9 +179,9 @@ def stage_batches(name: str, config: Config, workdir: Path) -> Any:
         return image_batches(config.data.records, config.data, config.model, batch_size, **share)
     if name == "uniart_vae":
         return voxel_batches(config.data.records, config.data, config.model, batch_size, **share)
-    latents = workdir / "latents"
+    flow: Any = name
     return latent_store.latent_batches(
-        latents, config.data, config.model, batch_size, stage=name, **share
+        workdir / "latents", config.data, config.model, batch_size, stage=flow, **share
     )
 
 

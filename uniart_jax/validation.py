@@ -198,7 +198,7 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
             voxels = flow_inputs(coords, counts, config.model)
             key = jax.random.key(index)
             latent = sampler(state.ema, statistics["latent"], _condition([item]), key, voxels)
-            batch = {"coords": coords, "counts": counts}
+            batch: dict[str, Any] = {"coords": coords, "counts": counts}
             batch["plans"] = voxel_plans(
                 batch, config.model.uniart_vae, config.model.grid, parts=False
             )

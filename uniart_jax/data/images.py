@@ -104,7 +104,8 @@ def remove_plain_background(rgba: np.ndarray) -> np.ndarray | None:
     if (np.abs(border - color).max(-1) <= _PLAIN_SPREAD).mean() < _PLAIN_SHARE:
         return None
     similar = np.abs(rgb - color).max(-1) <= 1.5 * _PLAIN_SPREAD
-    regions, _ = scipy.ndimage.label(similar)
+    regions = np.zeros(similar.shape, np.int32)
+    scipy.ndimage.label(similar, output=regions)
     at_border = np.unique(np.concatenate([regions[0], regions[-1], regions[:, 0], regions[:, -1]]))
     background = np.isin(regions, at_border[at_border > 0])
     if not 0.01 < (~background).mean() < 0.995:

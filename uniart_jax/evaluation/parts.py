@@ -133,7 +133,7 @@ def summarize(scores: list[PartScores]) -> dict[str, float]:
     return {
         "recall": over(found, moving),
         "parts_right": over(join("right"), moving),
-        "all_parts_right": float(np.mean([s.right.all() and s.count_right for s in scores])),
+        "all_parts_right": float(np.mean([bool(s.right.all()) and s.count_right for s in scores])),
         "count": float(np.mean([s.count_right for s in scores])),
         "tree": float(np.mean([s.tree_right for s in scores])),
         "type_accuracy": over(join("type_right"), moving & matched),
