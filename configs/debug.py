@@ -44,7 +44,7 @@ def config() -> Config:
             grid=GridConfig(resolution=32, subdivisions=2, max_parts=16),
             image_encoder=ImageEncoderConfig(
                 image_size=64,
-                patch_size=16,
+                stem_size=32,
                 stem_channels=(8, 16, 32),
                 width=48,
                 num_blocks=1,

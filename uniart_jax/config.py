@@ -27,14 +27,19 @@ class GridConfig:
 
 @dataclasses.dataclass(frozen=True)
 class ImageEncoderConfig:
-    """A small ViT with a volume decoder, pre-trained by regressing coarse occupancy, boxes and joints from the image.
+    """A small convolutional network with tokens and a volume decoder, pre-trained by regressing coarse occupancy, boxes and joints from the image.
 
     It gives ``tokens`` for cross-attention and a ``volume`` of features aligned with the object's grid.
     """
 
-    image_size: int = 128
-    patch_size: int = 16
-    stem_channels: tuple[int, ...] = (32, 64, 128)
+    image_size: int = 128  # pixels a side of the images in the records
+    stem_size: int = 128  # pixels a side at which the network looks at them
+    stem_channels: tuple[int, ...] = (
+        32,
+        64,
+        128,
+        128,
+    )  # each stage halves; the last gives the tokens
     width: int = 256
     num_blocks: int = 4
     num_heads: int = 4
@@ -43,8 +48,9 @@ class ImageEncoderConfig:
     volume_resolution: int = 8  # a side, of the features handed to the flows
     volume_channels: int = 32
     target_resolution: int = 16  # a side, of the regressed boxes and joints
-    thumbnail: int = 32  # pixels a side of the image seen whole by an MLP that gives the volume its first guess; 0 = none
-    thumbnail_width: int = 384
+    sketch_width: int = (
+        384  # of the MLP that turns the whole feature map into a first volume; 0 = none
+    )
     mlp_ratio: float = 4.0
 
 
@@ -69,6 +75,7 @@ class UniArtVAEConfig:
     ``attention``: 'swin' cuts shifted windows of ``window`` voxels a side; 'serial' cuts the Morton order of the voxels into runs
     of exactly ``window`` tokens, shifted by half a run in every other block (no padding waste: the laptop's choice).
     ``part_segment``: parts longer than this are attended in pieces of this many voxels; 0 = never cut.
+    ``linear_path``: a linear layer past each trunk (TRELLIS has none).
     """
 
     width: int = 768
@@ -84,6 +91,7 @@ class UniArtVAEConfig:
     geometry_channels: int = 128
     articulation_channels: int = 128
     part_segment: int = 0
+    linear_path: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,6 +188,9 @@ class DataConfig:
         0  # UniArt VAE: voxels of an object that a training step sees (``data.windows``); 0 = all
     )
     mirror: bool = True  # left-right mirror of object and image with probability 1/2
+    mirror_latents: bool = (
+        True  # so in the flows too, whose latents then take twice as long to encode
+    )
     seed: int = 0
     workers: int = 0
 

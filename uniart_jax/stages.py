@@ -214,7 +214,7 @@ def select(name: str, batch: dict[str, Any]) -> dict[str, Any]:
 
 
 def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """All records, and their mirror images, through the three frozen networks; again only if weights or records changed."""
+    """All records, and their mirror images if asked for, through the three frozen networks; again only if weights or records changed."""
     parameters = {
         name: load_network(workdir, name, build(name, config.model).abstract()) for name in ENCODED
     }
@@ -222,7 +222,7 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
         (
             config.data.records,
             workdir / "latents",
-            (False, True) if config.data.mirror else (False,),
+            (False, True) if config.data.mirror_latents else (False,),
         )
     ]
     if config.data.validation:
@@ -245,7 +245,7 @@ def digest(config: Config, workdir: Path, records: Path) -> str:
     """What latents depend on: the encoders' sizes and exported weights, the records, and mirroring."""
     model = config.model
     sizes = (model.grid, model.image_encoder, model.structure_vae, model.uniart_vae)
-    total = hashlib.sha256(repr((sizes, config.data.mirror)).encode())
+    total = hashlib.sha256(repr((sizes, config.data.mirror_latents)).encode())
     for path in [workdir / "export" / f"{name}.safetensors" for name in ENCODED]:
         total.update(path.read_bytes())
     for path in (records / "metadata.json", records / "manifest.csv"):

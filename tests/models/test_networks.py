@@ -34,7 +34,7 @@ MODEL = ModelConfig(
     grid=GridConfig(resolution=8, subdivisions=2, max_parts=4),
     image_encoder=ImageEncoderConfig(
         image_size=32,
-        patch_size=8,
+        stem_size=16,
         stem_channels=(4, 8),
         width=16,
         num_blocks=1,
@@ -44,8 +44,7 @@ MODEL = ModelConfig(
         volume_resolution=4,
         volume_channels=5,
         target_resolution=8,
-        thumbnail=8,
-        thumbnail_width=12,
+        sketch_width=12,
     ),
     structure_vae=StructureVAEConfig(
         patch_size=2, channels=(6, 8), latent_channels=3, num_res_blocks=1, num_res_blocks_middle=1
@@ -170,9 +169,12 @@ def test_structure_vae():
     assert np.abs(out["latent"] - out["mean"]).max() > 0
 
 
-@pytest.mark.parametrize("attention", ["serial", "swin"])
-def test_uniart_vae_ignores_padding(attention):
-    model = vae_config(attention=attention, window=16 if attention == "serial" else 4)
+@pytest.mark.parametrize(
+    ("attention", "linear_path"), [("serial", True), ("swin", False)], ids=["serial", "swin"]
+)
+def test_uniart_vae_ignores_padding(attention, linear_path):
+    window = 16 if attention == "serial" else 4
+    model = vae_config(attention=attention, window=window, linear_path=linear_path)
     network = build("uniart_vae", model)
     params = init(network)
     voxels = jnp.asarray([[0, 5, 60], [36, 2, 2]])

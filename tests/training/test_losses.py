@@ -78,6 +78,15 @@ def test_balanced_voxels_hear_small_parts_and_never_padding():
     assert 0.45 < (part[0][drawn[0]] == 3).mean() < 0.55
 
 
+def test_rows_are_drawn_by_weight_and_never_without():
+    weights = jnp.array([[0.0, 1, 0, 3, 0], [0, 0, 2, 0, 0]])
+    drawn = np.asarray(losses.draw_rows(jax.random.key(0), weights, 4000))
+    assert set(drawn[0]) == {1, 3} and set(drawn[1]) == {2}
+    assert 0.7 < (drawn[0] == 3).mean() < 0.8
+    nothing = np.asarray(losses.draw_rows(jax.random.key(0), jnp.zeros((1, 5)), 10))
+    assert ((0 <= nothing) & (nothing < 5)).all()
+
+
 def test_part_weights_halve_between_rows_and_parts():
     parts = jnp.array([[0, 0, 0, 1, 1]])
     mask = jnp.array([[1.0, 1, 1, 1, 0]])

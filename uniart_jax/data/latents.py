@@ -181,7 +181,7 @@ def latent_batches(
     Both stages: ``tokens`` [B, L, D] and ``volume`` [B, v, v, v, C''] float32. Structure flow: ``structure`` [B, s, s, s, C] float32.
     Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and
     ``plans["flow"]``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
-    ``data.mirror`` is decided by what ``write_latents`` was given.
+    ``data.mirror_latents`` is decided by what ``write_latents`` was given.
 
     Args and errors: as ``batches.voxel_batches``.
     """

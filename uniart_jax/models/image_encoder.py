@@ -1,7 +1,12 @@
-"""Nano image encoder: convolutional stem, ViT, and a decoder from image tokens to a volume aligned with the object's grid.
+"""Nano image encoder: a small convolutional network, image tokens from it, and a volume aligned with the object's grid.
+
+    image -> residual convolutions -> feature map -> tokens (a few transformer blocks), for cross-attention
+                                          |
+                                     MLP on all of it -> coarse volume -> blocks that look at the tokens -> volume -> occupancy, codes
 
 Pre-trained by regressing coarse occupancy, boxes and joints from the image (docs/architecture.md), then frozen: trained jointly with a flow from
-scratch, an image encoder of this size is ignored while the loss falls.
+scratch, an image encoder of this size is ignored while the loss falls. Convolutions, because with some thousand objects a transformer on patches
+learns ten times more slowly.
 """
 
 from __future__ import annotations
@@ -19,8 +24,27 @@ from uniart_jax.nn.embeddings import grid_coords, plane_embedding, position_embe
 from uniart_jax.nn.precision import compute_dtype
 
 CODE_CHANNELS = 21  # joint code 9, own box 6, parent box 6
-_HEAD_WIDTH = 128
+_HEAD_WIDTH = 64
 _SKETCH_CHANNELS = 64
+
+
+class StemStage(nnx.Module):
+    """Halves the picture: a strided convolution, then a residual pair."""
+
+    def __init__(self, inputs: int, outputs: int, rngs: nnx.Rngs, dtype):
+        def convolution(channels: int, strides: int) -> nnx.Conv:
+            padding = ((1, 1), (1, 1))
+            return nnx.Conv(
+                channels, outputs, (3, 3), strides=strides, padding=padding, dtype=dtype, rngs=rngs
+            )
+
+        self.down, self.conv1 = convolution(inputs, 2), convolution(outputs, 1)
+        self.conv2 = convolution(outputs, 1)
+
+    def __call__(self, x: jax.Array) -> jax.Array:
+        """[B, H, W, C] -> [B, H / 2, W / 2, C']."""
+        x = jax.nn.gelu(self.down(x))
+        return x + self.conv2(jax.nn.gelu(self.conv1(x)))
 
 
 class ImageEncoder(nnx.Module):
@@ -28,22 +52,17 @@ class ImageEncoder(nnx.Module):
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.image_encoder, compute_dtype(config)
-        strides = c.patch_size.bit_length() - 1
-        if 1 << strides != c.patch_size or len(c.stem_channels) >= strides + 1:
+        side = c.stem_size >> len(c.stem_channels)
+        if side << len(c.stem_channels) != c.stem_size or c.image_size % c.stem_size:
             raise ValueError(
-                f"image_encoder: patch_size {c.patch_size} must be a power of two with more halvings than stem_channels {c.stem_channels}"
+                f"image_encoder: stem_size {c.stem_size} must divide image_size {c.image_size} and halve once per stem_channels {c.stem_channels}"
             )
         self.config, self.resolution = c, config.grid.resolution
         channels = (3, *c.stem_channels)
-        channels += (c.width,) * (strides + 1 - len(channels))
         self.stem = nnx.List(
-            [
-                nnx.Conv(a, b, (3, 3), strides=2, padding=((1, 1), (1, 1)), dtype=dtype, rngs=rngs)
-                for a, b in itertools.pairwise(channels)
-            ]
+            [StemStage(a, b, rngs, dtype) for a, b in itertools.pairwise(channels)]
         )
-        self.stem_norm = nnx.List([LayerNorm(b) for b in channels[1:]])
-        side = c.image_size // c.patch_size
+        self.to_tokens = linear(channels[-1], c.width, rngs, dtype=dtype)
         self.pos_embed = nnx.Param(jnp.asarray(plane_embedding(side, c.width)))
         block: dict[str, Any] = {"kernel": config.kernel, "dtype": dtype}
         self.blocks = nnx.List(
@@ -54,12 +73,10 @@ class ImageEncoder(nnx.Module):
         )
         self.norm = LayerNorm(c.width)
         self.queries = nnx.Param(position_embedding(grid_coords(c.volume_tokens), c.width))
-        widths = (c.thumbnail**2 * 3, c.thumbnail_width, c.thumbnail_width)
-        widths += (c.volume_tokens**3 * _SKETCH_CHANNELS,)
-        pairs = list(itertools.pairwise(widths)) + [(_SKETCH_CHANNELS, c.width)]
-        self.sketch = nnx.List(
-            [linear(a, b, rngs, dtype=dtype) for a, b in pairs] if c.thumbnail else []
-        )
+        wide = c.sketch_width
+        widths = (side**2 * channels[-1], wide, wide, c.volume_tokens**3 * _SKETCH_CHANNELS)
+        pairs = [*itertools.pairwise(widths), (_SKETCH_CHANNELS, c.width)]
+        self.sketch = nnx.List([linear(a, b, rngs, dtype=dtype) for a, b in pairs] if wide else [])
         self.volume_blocks = nnx.List(
             [
                 CrossBlock(c.width, c.num_heads, c.mlp_ratio, rngs, **block)
@@ -85,12 +102,13 @@ class ImageEncoder(nnx.Module):
           tokens [B, L, D]; volume [B, Rv, Rv, Rv, C]; occupancy [B, R, R, R] logits; codes [B, Rt, Rt, Rt, 21] = joint code 9,
           own box 6, parent box 6. Occupancy and codes are read off the volume, so the volume holds what they need.
         """
-        tokens = self.tokens(image)
+        features = self.features(image)
+        tokens = self.tokens(features)
         h = jnp.broadcast_to(self.queries[...], (image.shape[0], *self.queries.shape)).astype(
             tokens.dtype
         )
         if self.sketch:
-            h = h + self.draw_sketch(image)
+            h = h + self.draw_sketch(features)
         for block in self.volume_blocks:
             h = block(h, tokens)
         h = layer_norm(h, 1e-6)
@@ -111,23 +129,28 @@ class ImageEncoder(nnx.Module):
         )
         return {"tokens": tokens, "volume": volume, "occupancy": occupancy[..., 0], "codes": codes}
 
-    def draw_sketch(self, image: jax.Array) -> jax.Array:
-        """[B, H, W, 3] -> [B, volume tokens, D] by an MLP on the whole thumbnail: a coarse volume that learns in minutes."""
+    def features(self, image: jax.Array) -> jax.Array:
+        """[B, H, W, 3] -> [B, side, side, C]."""
         c = self.config
-        first, second, out, lift = self.sketch
-        small = jax.image.resize(image, (image.shape[0], c.thumbnail, c.thumbnail, 3), "linear")
-        h = jax.nn.gelu(first(small.reshape(image.shape[0], -1) * 2 - 1))
-        h = h + jax.nn.gelu(second(h))
-        return lift(out(h).reshape(image.shape[0], -1, _SKETCH_CHANNELS))
-
-    def tokens(self, image: jax.Array) -> jax.Array:
-        """[B, H, W, 3] -> [B, (H / patch)^2, D] normalised tokens, for cross-attention."""
+        times = c.image_size // c.stem_size
+        if times > 1:
+            image = image.reshape(-1, c.stem_size, times, c.stem_size, times, 3).mean((2, 4))
         h = image * 2 - 1
-        for i, (convolution, norm) in enumerate(zip(self.stem, self.stem_norm, strict=True)):
-            h = norm(convolution(h))
-            if i + 1 < len(self.stem):
-                h = jax.nn.gelu(h)
-        h = h.reshape(h.shape[0], -1, h.shape[-1]) + self.pos_embed[...].astype(h.dtype)
+        for stage in self.stem:
+            h = stage(h)
+        return h
+
+    def draw_sketch(self, features: jax.Array) -> jax.Array:
+        """[B, side, side, C] -> [B, volume tokens, D] by an MLP on the whole feature map: where the object is, from any view."""
+        first, second, out, lift = self.sketch
+        h = jax.nn.gelu(first(features.reshape(features.shape[0], -1)))
+        h = h + jax.nn.gelu(second(h))
+        return lift(out(h).reshape(h.shape[0], -1, _SKETCH_CHANNELS))
+
+    def tokens(self, features: jax.Array) -> jax.Array:
+        """[B, side, side, C] -> [B, side^2, D] normalised tokens, for cross-attention."""
+        h = self.to_tokens(features).reshape(features.shape[0], -1, self.config.width)
+        h = h + self.pos_embed[...].astype(h.dtype)
         for block in self.blocks:
             h = block(h)
         return self.norm(h)

@@ -58,7 +58,11 @@ def valid_tokens(counts: jax.Array, width: int) -> jax.Array:
 
 
 class Trunk(nnx.Module):
-    """TRELLIS's SparseTransformerBase: Linear, APE, blocks that alternate two window plans, and, if asked, LN and Linear."""
+    """TRELLIS's SparseTransformerBase: Linear, APE, blocks that alternate two window plans, and, if asked, LN and Linear.
+
+    Ours, if the config asks for it: ``path``, a linear layer from input to output past all of them. What a voxel's latent must hold is
+    on that voxel already, so a short training learns most of it there.
+    """
 
     def __init__(self, inputs: int, outputs: int | None, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.uniart_vae, compute_dtype(config)
@@ -72,6 +76,7 @@ class Trunk(nnx.Module):
             ]
         )
         self.out_layer = None if outputs is None else linear(c.width, outputs, rngs, init=zeros)
+        self.path = linear(inputs, outputs or c.width, rngs, dtype=dtype) if c.linear_path else None
 
     def __call__(self, x: jax.Array, coords: jax.Array, plans: Mapping[str, Any]) -> jax.Array:
         h = self.input_layer(x)
@@ -79,7 +84,8 @@ class Trunk(nnx.Module):
         for i, block in enumerate(self.blocks):
             h = block(h, plans[f"window_{i % 2}"])
         h = layer_norm(h.astype(jnp.float32), 1e-5)
-        return h if self.out_layer is None else self.out_layer(h)
+        h = h if self.out_layer is None else self.out_layer(h)
+        return h if self.path is None else h + self.path(x)
 
 
 class Front(nnx.Module):

@@ -128,11 +128,20 @@ def balanced_voxels(
     """
     valid = jnp.arange(voxel_part.shape[1])[None] < counts[:, None]
 
-    def draw(key, parts, valid):
+    def weigh(parts, valid):
         sizes = jnp.zeros(max_parts).at[parts].add(valid.astype(jnp.float32))
-        weight = jnp.where(valid, 1.0 / jnp.maximum(sizes[parts], 1.0), 0.0)
-        cumulative = jnp.cumsum(weight)
-        points = jax.random.uniform(key, (number,)) * cumulative[-1]
-        return jnp.clip(jnp.searchsorted(cumulative, points), 0, jnp.maximum(valid.sum() - 1, 0))
+        return jnp.where(valid, 1.0 / jnp.maximum(sizes[parts], 1.0), 0.0)
 
-    return jax.vmap(draw)(jax.random.split(key, voxel_part.shape[0]), voxel_part, valid)
+    return draw_rows(key, jax.vmap(weigh)(voxel_part, valid), number)
+
+
+def draw_rows(key: jax.Array, weights: jax.Array, number: int) -> jax.Array:
+    """[B, number] indices of rows drawn with replacement, as likely as their ``weights`` [B, n] >= 0; never one of weight 0."""
+
+    def draw(key, weights):
+        cumulative = jnp.cumsum(weights)
+        points = jax.random.uniform(key, (number,)) * cumulative[-1]
+        last = weights.shape[0] - 1 - jnp.argmax(weights[::-1] > 0)  # rounding may end beyond it
+        return jnp.minimum(jnp.searchsorted(cumulative, points, side="right"), last)
+
+    return jax.vmap(draw)(jax.random.split(key, weights.shape[0]), weights)

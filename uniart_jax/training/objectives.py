@@ -21,6 +21,7 @@ from uniart_jax.training.losses import (
     binary_cross_entropy,
     box_loss,
     dice_loss,
+    draw_rows,
     geometry_losses,
     joint_code_loss,
     kl_loss,
@@ -64,6 +65,10 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
         part = jnp.maximum(part, 0)
         weights = part_weights(part, mask, config.model.grid.max_parts)
         gather = jax.vmap(lambda table, index: table[index])
+        if 0 < config.loss.voxels_per_object < part.shape[1]:
+            rows = draw_rows(key, weights, config.loss.voxels_per_object)
+            codes, part = gather(codes, rows), gather(part, rows)
+            weights = gather(mask, rows)  # an object without a cell counts as 0
         own = gather(batch["boxes"], part)
         parent = gather(batch["boxes"], gather(batch["parents"], part))
         joint = gather(batch["codes"], part)
