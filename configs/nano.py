@@ -79,7 +79,7 @@ def config() -> Config:
                 linear_path=True,
             ),
             structure_flow=dataclasses.replace(flow, num_blocks=5, patch_size=2),
-            latent_flow=dataclasses.replace(flow, patch_size=4, stem="patch"),
+            latent_flow=dataclasses.replace(flow, patch_size=4, stem="patch", voxel_channels=32),
         ),
         data=DataConfig(
             records="data-cache/nano",

@@ -99,7 +99,8 @@ class FlowConfig:
     """Rectified-flow transformer; TRELLIS's DiT with cross-attention to image tokens.
 
     ``patch_size``: side of the cube of latents that makes one token. Structure flow: patchify. Latent flow: ``stem`` 'conv' goes
-    down to it by TRELLIS's sparse residual blocks (``io_channels`` a level), 'patch' by one linear layer on the cube.
+    down to it by TRELLIS's sparse residual blocks (``io_channels`` a level), 'patch' by one linear layer on the cube, and back by another,
+    followed, with ``voxel_channels`` > 0, by an MLP of this width on each voxel that also sees the voxel's own noisy latent.
     ``volume_channels``: features of the image encoder's volume added to the tokens they are aligned with; 0 = none (TRELLIS).
     ``prediction``: the network's output is the velocity (TRELLIS) or the clean sample, from which the velocity follows.
     """
@@ -116,6 +117,7 @@ class FlowConfig:
     volume_resolution: int = 8
     prediction: Literal["velocity", "data"] = "velocity"
     stem: Literal["conv", "patch"] = "conv"
+    voxel_channels: int = 0
     io_channels: tuple[int, ...] = ()
     num_io_res_blocks: int = 2
     use_skip_connection: bool = True

@@ -282,10 +282,15 @@ def test_flow_that_needs_a_volume_says_so():
         network.apply(init(network), jnp.zeros((2, 2, 2, 2, 3)), t, tokens)
 
 
-@pytest.mark.parametrize("stem", ["patch", "conv"])
-def test_latent_flow_ignores_padding(stem):
+@pytest.mark.parametrize(
+    ("stem", "voxel_channels"), [("patch", 0), ("patch", 8), ("conv", 0)], ids=str
+)
+def test_latent_flow_ignores_padding(stem, voxel_channels):
     model = latent_config(
-        stem=stem, io_channels=(6,) if stem == "conv" else (), share_mod=stem == "patch"
+        stem=stem,
+        io_channels=(6,) if stem == "conv" else (),
+        share_mod=stem == "patch",
+        voxel_channels=voxel_channels,
     )
     network = build("latent_flow", model)
     params = init(network)

@@ -169,7 +169,14 @@ class LatentFlow(FlowTrunk):
         if c.stem == "patch":
             slots = c.patch_size**3
             self.input_layer = linear(slots * (latent + 1), d, rngs, dtype=dtype)
-            self.out_layer = linear(d, slots * latent, rngs, init=zeros)
+            e = c.voxel_channels
+            if e:
+                self.out_layer = linear(d, slots * e, rngs, dtype=dtype)
+                self.voxel_in = linear(latent, e, rngs, dtype=dtype)
+                self.voxel_hidden = linear(e, 2 * e, rngs, dtype=dtype)
+                self.voxel_out = linear(2 * e, latent, rngs, init=zeros)
+            else:
+                self.out_layer = linear(d, slots * latent, rngs, init=zeros)
             return
         if c.patch_size != 2 ** len(c.io_channels) or (c.share_mod and c.io_channels):
             raise ValueError(
@@ -234,7 +241,11 @@ class LatentFlow(FlowTrunk):
         )
         h = self._middle(h, time, tokens, volume, draws, pool.coords, pool.counts)
         out = self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
-        return from_cells(out.reshape(*cubes.shape), pool)
+        out = from_cells(out.reshape(*cubes.shape[:3], -1), pool)
+        if not self.config.voxel_channels:
+            return out
+        # a token is narrower than its cube's latents: what is fine is read off the voxel itself
+        return self.voxel_out(jax.nn.gelu(self.voxel_hidden(jax.nn.gelu(out + self.voxel_in(x)))))
 
     def _convolve(self, x, time, tokens, volume, draws, coords, counts, plan):
         h = self.input_layer(x)
