@@ -103,8 +103,8 @@ def config() -> Config:
         uniart_vae=dataclasses.replace(
             stage, steps=2500, batch_size=4, learning_rate=2e-3, evaluate_every=500
         ),
-        structure_flow=dataclasses.replace(stage, steps=1400),
-        latent_flow=dataclasses.replace(stage, steps=600, batch_size=8),
+        structure_flow=dataclasses.replace(stage, steps=3000),
+        latent_flow=dataclasses.replace(stage, steps=2000, batch_size=8),
         sample_structure=SampleConfig(steps=10, guidance=1.0, rescale_t=3.0),
         sample_latent=SampleConfig(steps=10, guidance=0.0, rescale_t=3.0),
     )
