@@ -106,3 +106,25 @@ def test_one_noisy_part_stays_one(noise):
 def test_nearest_prefers_the_first_of_equals():
     centers = np.array([[0.0] * 6, [1.0] * 6])
     assert nearest(np.array([[0.5] * 6, [0.6] * 6], np.float32), centers).tolist() == [0, 1]
+
+
+def test_knobs_beside_each_other_stay_two():
+    """Knobs smaller than a voxel, in border voxels only, whose votes are further off than the knobs are apart."""
+    rng = np.random.default_rng(0)
+    solids = [
+        ((-0.4, -0.5, -0.5), (0.4, 0.5, 0.5)),
+        ((-0.46, -0.10, -0.03), (-0.4, -0.04, 0.03)),
+        ((-0.46, -0.01, -0.03), (-0.4, 0.05, 0.03)),
+    ]
+    distances = [lambda p, s=s: box_sdf(p, *s) for s in solids]
+    grid = grid_of(distances, [box_of(*s) for s in solids], parents=[0, 0, 0], resolution=32)
+    true = grid.boxes[grid.owner].astype(float)
+    knob = grid.owner > 0
+    true[knob] += 0.12 * (grid.boxes[0] - true[knob])  # bent towards the body
+    votes = true + rng.normal(0, 0.02, true.shape)
+    found = segment(dataclasses.replace(grid.gather(), own_box=votes.astype(np.float32)))
+    match = matched(grid, found)
+    assert sorted(match) == [0, 1, 2]
+    solid_knobs = knob & (grid.sdf < 0)
+    assert (match[found.owner] == grid.owner)[solid_knobs].mean() > 0.95
+    assert np.abs(found.boxes - grid.boxes[match]).max() < 0.06

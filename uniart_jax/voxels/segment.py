@@ -4,15 +4,15 @@ True codes hold a handful of distinct boxes: these are the parts. Boxes out of a
 
 1. Each voxel votes with the median of its sub-cells' boxes (lower and upper corner, L-infinity). A voxel whose sub-cells disagree
    by more than ``MIXED`` lies on a border between parts, where boxes are interpolated, and does not vote.
-2. Density peaks among the votes are parts if their voters do fill the box that they vote for. Interpolated boxes fail that test,
+2. Density peaks among the votes are parts if their voters are 20 at least and do fill the box that they vote for. Interpolated boxes fail that test,
    since their voters lie along a border.
 3. A knob lives in border voxels only. Solid sub-cells whose boxes are far from all parts found so far fall into connected pieces; a piece
    that agrees with the box it votes for is a part, and its extent is its box.
 4. Every sub-cell joins the part with the nearest box; among small parts of one neighbourhood, the one that it lies in.
 
-Chosen by measurement: 21 procedural objects of validation seeds through the UniArt VAE of ``configs/nano.py``. Objects with every part
-found and none too many: .90 as here (.67 on 21 others); HDBSCAN on the votes, or peaks without a test, at best .33; peaks alone .43;
-pieces of all cells near the surface instead of solid ones .86.
+Chosen by measurement: 42 procedural objects of validation seeds through the UniArt VAE of ``configs/nano.py``. Objects with every part
+found and none too many: .86 as here, .79 with peaks of 5 voters; on the first half (.90 as here), HDBSCAN on the votes or peaks without a
+test at best .33, peaks alone .43, pieces of all cells near the surface instead of solid ones .86.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ MIXED = (
 RADIUS = 0.06  # of a density peak
 APART = 0.1  # boxes of two peaks differ by at least this
 AGREEMENT = 0.12  # between a peak and the extent of its voters
-FEWEST = 5  # voters of a peak
+FEWEST = 20  # voters of a peak; what is smaller is left to the pieces
 FAR = 0.2  # a sub-cell whose box differs from all peaks by more than this may be of a small part
 PIECE_AGREEMENT = 0.15  # between a piece and the box it votes for
 PIECE = 16  # sub-cells of the smallest piece
