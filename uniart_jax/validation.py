@@ -140,7 +140,7 @@ def _uniart_vae(config: Config) -> Evaluation:
                 part, known = batch["voxel_part"][b, :count], batch["part_counts"][b]
                 rows += part_readings(
                     out["joint_code"][b, :count],
-                    out["own_box"][b, :count].mean(1),
+                    out["box_pair"][b, :count, 0],
                     part,
                     batch["boxes"][b, :known],
                     batch["codes"][b, :known],
@@ -205,7 +205,7 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
             out, count = jax.device_get(decode(parameters, latent, batch)), counts[0]
             rows += part_readings(
                 out["joint_code"][0, :count],
-                out["own_box"][0, :count].mean(1),
+                out["box_pair"][0, :count, 0],
                 record.voxel_part,
                 record.boxes,
                 record.codes,

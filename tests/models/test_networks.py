@@ -16,7 +16,7 @@ from uniart_jax.config import (
     UniArtVAEConfig,
 )
 from uniart_jax.models.network import build
-from uniart_jax.models.uniart_vae import subcell_boxes, voxel_codes
+from uniart_jax.models.uniart_vae import voxel_boxes, voxel_codes
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.segments import voxel_plans
 
@@ -194,6 +194,8 @@ def test_uniart_vae_ignores_padding(attention, linear_path):
         "latent": (2, 70, 4),
         "sdf": (2, 3, 8),
         "color": (2, 3, 8, 3),
+        "box_pair": (2, 3, 2, 6),
+        "foreign": (2, 3, 8),
         "own_box": (2, 3, 8, 6),
         "joint_code": (2, 3, 9),
         "parent_box": (2, 3, 6),
@@ -245,14 +247,21 @@ def test_part_attention_stays_within_the_part():
 
 def test_codes_and_boxes_are_gathered_by_part():
     batch = voxel_batch(MODEL)
-    codes, boxes = np.asarray(voxel_codes(batch)), np.asarray(subcell_boxes(batch))
+    codes, found = np.asarray(voxel_codes(batch)), jax.device_get(voxel_boxes(batch))
     part = batch["voxel_part"][1, 5]
     parent = batch["parents"][1, part]
     expected = [batch["codes"][1, part], batch["boxes"][1, part], batch["boxes"][1, parent]]
     np.testing.assert_array_equal(codes[1, 5], np.concatenate(expected))
-    np.testing.assert_array_equal(boxes[1, 5, 3], batch["boxes"][1, batch["owner"][1, 5, 3]])
-    chosen = np.asarray(subcell_boxes(batch, jnp.asarray([[1], [5]])))
-    np.testing.assert_array_equal(chosen[1, 0], boxes[1, 5])
+    foreign = batch["owner"] != batch["voxel_part"][..., None]
+    np.testing.assert_array_equal(found["foreign"], foreign)
+    np.testing.assert_array_equal(found["shared"], foreign.any(-1))
+    b, v = np.argwhere(foreign.any(-1))[0]
+    other = batch["owner"][b, v][foreign[b, v]][0]
+    np.testing.assert_array_equal(found["own"][b, v], batch["boxes"][b, batch["voxel_part"][b, v]])
+    np.testing.assert_array_equal(found["other"][b, v], batch["boxes"][b, other])
+    chosen = jax.device_get(voxel_boxes(batch, jnp.asarray([[1], [5]])))
+    for name, values in chosen.items():
+        np.testing.assert_array_equal(values[1, 0], found[name][1, 5])
 
 
 def flow_arguments(draws=1, seed=0):

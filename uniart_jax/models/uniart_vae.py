@@ -43,13 +43,25 @@ def voxel_codes(batch: Batch) -> jax.Array:
     return jnp.concatenate([of(batch["codes"], part), of(boxes, part), of(boxes, parent)], -1)
 
 
-def subcell_boxes(batch: Batch, voxels: jax.Array | None = None) -> jax.Array:
-    """[B, Q, r^3, 6] box of each sub-cell's owner, at ``voxels`` [B, Q] or at all."""
-    owner = batch["owner"].astype(jnp.int32)
+def voxel_boxes(batch: Batch, voxels: jax.Array | None = None) -> dict[str, jax.Array]:
+    """What a voxel, on one part or shared by several, must say of its sub-cells; at ``voxels`` [B, Q] or at all.
+
+    Returns:
+      own, other [B, Q, 6]: boxes of the voxel's part and of another one in it (its own where there is none); shared [B, Q] bool: there is one;
+      foreign [B, Q, r^3] bool: the sub-cell is not the voxel's part's.
+    """
+    part, owner = (batch[key].astype(jnp.int32) for key in ("voxel_part", "owner"))
     if voxels is not None:
+        part = jnp.take_along_axis(part, voxels, axis=1, mode="clip")
         owner = jnp.take_along_axis(owner, voxels[..., None], axis=1, mode="clip")
-    flat = owner.reshape(owner.shape[0], -1, 1)
-    return jnp.take_along_axis(batch["boxes"], flat, axis=1, mode="clip").reshape(*owner.shape, 6)
+    foreign = owner != part[..., None]
+    first = foreign.argmax(-1)
+    other = jnp.take_along_axis(owner, first[..., None], axis=-1)[..., 0]
+
+    def box(index: jax.Array) -> jax.Array:
+        return jnp.take_along_axis(batch["boxes"], index[..., None], axis=1, mode="clip")
+
+    return {"own": box(part), "other": box(other), "shared": foreign.any(-1), "foreign": foreign}
 
 
 def valid_tokens(counts: jax.Array, width: int) -> jax.Array:
@@ -217,8 +229,9 @@ class UniArtVAE(nnx.Module):
           batch: coords, counts and plans ("window_0", "window_1").
 
         Returns:
-          sdf [B, Q, r^3] in sub-cells; color [B, Q, r^3, 3] linear in [0, 1]; own_box [B, Q, r^3, 6]; joint_code [B, Q, 9];
-          parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is zero.
+          sdf [B, Q, r^3] in sub-cells; color [B, Q, r^3, 3] linear in [0, 1]; box_pair [B, Q, 2, 6], of the voxel's part and of another that
+          shares it; foreign [B, Q, r^3], the logit of a sub-cell being the other's; own_box [B, Q, r^3, 6], the one or the other;
+          joint_code [B, Q, 9]; parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is zero.
         """
         valid = valid_tokens(batch["counts"], latent.shape[1])
         h = self.decoder(jnp.where(valid, latent, 0), batch["coords"], batch["plans"])
@@ -229,15 +242,18 @@ class UniArtVAE(nnx.Module):
         lead = h.shape[:2]
         geometry = self.geometry_head(h).astype(jnp.float32)
         color = jax.nn.sigmoid(geometry[..., self.cells :]).reshape(*lead, self.cells, 3)
-        # a voxel is on one part or shared by two: each sub-cell chooses between two boxes
+        # a voxel is on one part or shared by two: each sub-cell takes one of two boxes, never a mean of them
         segmentation = self.segmentation_head(h).astype(jnp.float32)
-        first, second = segmentation[..., None, :6], segmentation[..., None, 6:12]
-        choice = jax.nn.sigmoid(segmentation[..., 12:, None] - 2.0)
+        pair = segmentation[..., :12].reshape(*lead, 2, 6)
+        foreign = segmentation[..., 12:]
+        own_box = jnp.where(foreign[..., None] > 0, pair[..., 1:, :], pair[..., :1, :])
         articulation = self.articulation_head(h).astype(jnp.float32)
         out = {
             "sdf": geometry[..., : self.cells],
             "color": color,
-            "own_box": first + choice * (second - first),
+            "box_pair": pair,
+            "foreign": foreign,
+            "own_box": own_box,
             "joint_code": articulation[..., :9],
             "parent_box": articulation[..., 9:15],
         }

@@ -2,7 +2,7 @@
 
     L_vae  = L_geo + lambda_1 L_art + lambda_2 L_kl        (the paper, section 4.2 and supplement)
     L_geo  = occupancy (cross-entropy on the sign) + truncated distance + colour, per sub-cell
-    L_art  = Huber on joint codes modulo their gauges, on own boxes and on parent boxes
+    L_art  = Huber on joint codes modulo their gauges, on own boxes and on parent boxes; cross-entropy on who owns a sub-cell
     L_kl   = mean over elements of KL(q || N(0, 1))
 
 Means are taken per object first and then over objects, so that large objects do not outweigh small ones.
@@ -84,24 +84,32 @@ def geometry_losses(
 
 def articulation_losses(
     predicted: dict[str, jax.Array],
-    own_box: jax.Array,
+    boxes: dict[str, jax.Array],
     joint_code: jax.Array,
     parent_box: jax.Array,
     weights: jax.Array,
     delta: float,
 ) -> dict[str, jax.Array]:
-    """L_art's three terms.
+    """L_art's terms: Huber on "own_box", "other_box" (shared voxels), "joint_code", "parent_box", and the cross-entropy "foreign".
 
     Args:
-      predicted: "own_box" [B, V, r^3, 6], "joint_code" [B, V, 9], "parent_box" [B, V, 6].
-      own_box, joint_code, parent_box: the truth, same shapes. weights: [B, V].
+      predicted: "box_pair" [B, V, 2, 6], "foreign" [B, V, r^3] logits, "joint_code" [B, V, 9], "parent_box" [B, V, 6].
+      boxes: the truth, of ``models.uniart_vae.voxel_boxes``. joint_code, parent_box: the truth, shapes as predicted. weights: [B, V].
+
+    Two boxes told apart by name, not a mixture: fitted as a mixture, a voxel's box is right only as a mean of two wrong ones.
     """
+    pair = predicted["box_pair"]
+    foreign = binary_cross_entropy(predicted["foreign"], boxes["foreign"].astype(jnp.float32))
     return {
-        "own_box": masked_mean(box_loss(predicted["own_box"], own_box, delta).mean(-1), weights),
+        "own_box": masked_mean(box_loss(pair[..., 0, :], boxes["own"], delta), weights),
+        "other_box": masked_mean(
+            box_loss(pair[..., 1, :], boxes["other"], delta), weights * boxes["shared"]
+        ),
         "joint_code": masked_mean(
             joint_code_loss(predicted["joint_code"], joint_code, delta), weights
         ),
         "parent_box": masked_mean(box_loss(predicted["parent_box"], parent_box, delta), weights),
+        "foreign": masked_mean(foreign.mean(-1), weights),
     }
 
 

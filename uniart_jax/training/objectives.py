@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from uniart_jax.config import Config
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
 from uniart_jax.models.network import Network
-from uniart_jax.models.uniart_vae import subcell_boxes, valid_tokens, voxel_codes
+from uniart_jax.models.uniart_vae import valid_tokens, voxel_boxes, voxel_codes
 from uniart_jax.training.losses import (
     articulation_losses,
     balanced_voxels,
@@ -134,7 +134,7 @@ def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
         geometry = geometry_losses(out, at(batch["sdf"]), at(batch["color"]), mask)
         articulation = articulation_losses(
             out,
-            subcell_boxes(batch, voxels),
+            voxel_boxes(batch, voxels),
             codes[..., :9],
             codes[..., 15:21],
             mask,
@@ -142,8 +142,9 @@ def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
         )
         kl = kl_loss(out["mean"], out["logvar"], valid)
         loss = geometry["occupancy"] + geometry["sdf"] + weights.color * geometry["color"]
-        loss = loss + weights.articulation * sum(articulation.values()) + weights.kl * kl
         metrics = {**geometry, **articulation, "kl": kl}
+        loss = loss + articulation.pop("foreign")
+        loss = loss + weights.articulation * sum(articulation.values()) + weights.kl * kl
         if weights.alignment:
             metrics["alignment"] = alignment_loss(out["geometry"], out["articulation"], valid)
             loss = loss + weights.alignment * metrics["alignment"]
