@@ -84,7 +84,7 @@ def config() -> Config:
         data=DataConfig(
             records="data-cache/nano",
             validation="data-cache/nano-validation",
-            procedural=7000,
+            procedural=14_000,
             validation_count=70,
             voxel_buckets=(5120, 8192, 12288),
             voxel_crop=2048,
@@ -95,13 +95,14 @@ def config() -> Config:
             articulation=10.0,
             color=5.0,
             voxels_per_object=1024,
+            part_share=0.5,
             noise_share=0.5,
             draws_per_image=2,
         ),
         image_encoder=dataclasses.replace(stage, steps=3000, batch_size=32, evaluate_every=500),
         structure_vae=dataclasses.replace(stage, steps=500, learning_rate=2e-3, evaluate_every=250),
         uniart_vae=dataclasses.replace(
-            stage, steps=2500, batch_size=4, learning_rate=2e-3, evaluate_every=500
+            stage, steps=3500, batch_size=4, learning_rate=2e-3, evaluate_every=500
         ),
         structure_flow=dataclasses.replace(stage, steps=3000),
         latent_flow=dataclasses.replace(stage, steps=2000, batch_size=8),

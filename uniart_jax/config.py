@@ -167,6 +167,9 @@ class LossConfig:
     color: float = 1.0
     huber_delta: float = 0.3
     voxels_per_object: int = 0  # loss voxels drawn balanced over parts; 0 = all voxels, unbalanced
+    part_share: float = (
+        0.0  # of the latent flow's loss spread evenly over parts, the rest over voxels
+    )
     time_mean: float = 1.0
     time_std: float = 1.0
     noise_share: float = 0.0  # share of draws taken uniformly from t in (.9, 1)

@@ -245,7 +245,7 @@ def digest(config: Config, workdir: Path, records: Path) -> str:
     """What latents depend on: the encoders' sizes and exported weights, the records, and mirroring."""
     model = config.model
     sizes = (model.grid, model.image_encoder, model.structure_vae, model.uniart_vae)
-    total = hashlib.sha256(repr((sizes, config.data.mirror_latents)).encode())
+    total = hashlib.sha256(repr((sizes, config.data.mirror_latents, latent_store.FIELDS)).encode())
     for path in [workdir / "export" / f"{name}.safetensors" for name in ENCODED]:
         total.update(path.read_bytes())
     for path in (records / "metadata.json", records / "manifest.csv"):
@@ -280,6 +280,7 @@ def encode_records(
                         "mirrored": mirrored,
                         "structure": out["structure"][b],
                         "coords": batch["coords"][b, :count],
+                        "voxel_part": batch["voxel_part"][b, :count],
                         "latent": out["latent"][b, :count],
                         "tokens": out["tokens"][chosen],
                         "volume": out["volume"][chosen],

@@ -23,6 +23,7 @@ def make_items(count=9, scale=1.0):
             "mirrored": bool(k % 2),
             "structure": rng.normal(2, 3, (2, 2, 2, 4)) * scale,
             "coords": np.stack(np.unravel_index(flat, (8, 8, 8)), 1),
+            "voxel_part": np.arange(len(flat)) % 3,
             "latent": rng.normal(-1, 0.5, (len(flat), 6)),
             "tokens": rng.normal(size=(2, 5, 7)) + np.array([0, 100]).reshape(2, 1, 1),
             "volume": rng.normal(size=(2, 2, 2, 2, 3)),
@@ -63,6 +64,7 @@ def test_flow_batches(cache):
             item = items[int(count)]
             assert np.array_equal(batch["coords"][b, :count], item["coords"])
             np.testing.assert_allclose(batch["latent"][b, :count], item["latent"], atol=2e-3)
+            assert np.array_equal(batch["voxel_part"][b, :count], item["voxel_part"])
             assert not batch["latent"][b, count:].any() and not batch["coords"][b, count:].any()
             view = int(batch["tokens"][b].mean() > 50)
             views.add(view)

@@ -35,6 +35,7 @@ def test_loss_is_a_mean_per_object_over_valid_voxels():
     mask = jnp.arange(6) < jnp.array([6, 2, 0])[:, None]
     np.testing.assert_allclose(flow_loss(v, x0, noise, mask), [1, 4, 0], rtol=1e-5)
     np.testing.assert_allclose(flow_loss(v, x0, noise), [1, 4, 25], rtol=1e-5)
+    np.testing.assert_allclose(flow_loss(v, x0, noise, 0.1 * mask), [1, 4, 0], rtol=1e-5)
     dirty = [jnp.where(mask[..., None], a, jnp.nan) for a in (v, x0, noise)]
     gradient = jax.grad(lambda v: flow_loss(v, *dirty[1:], mask).sum())(dirty[0])
     assert np.isfinite(gradient).all() and not np.asarray(gradient)[~np.asarray(mask)].any()
@@ -108,3 +109,9 @@ def test_trelliss_sampler_numbers():
     np.testing.assert_allclose(
         velocity_target(x0, noise, 1e-5), ops["out/fm_v"], rtol=1e-5, atol=1e-6
     )
+
+
+def test_voxels_count_as_they_weigh():
+    v, zero = jnp.array([[[1.0], [3.0]]]), jnp.zeros((1, 2, 1))
+    weights = jnp.array([[0.75, 0.25]])
+    assert float(flow_loss(v, zero, zero, weights)[0]) == pytest.approx(0.75 * 1 + 0.25 * 9)

@@ -3,8 +3,8 @@
     OUT/latents-00000.arrayrecord   one item a (record, mirrored) pair, zip of .npy as records are
     OUT/metadata.json               key, number of items, mean and std of both latents
 
-An item: ``structure`` [s, s, s, C] f2 latent mean of the structure VAE; ``coords`` [V, 3] u1 and ``latent`` [V, C'] f2 latent mean of
-the UniArt VAE; ``tokens`` [N, L, D] f2 and ``volume`` [N, v, v, v, C''] f2 of the image encoder for each of the N views. A folder
+An item: ``structure`` [s, s, s, C] f2 latent mean of the structure VAE; ``coords`` [V, 3] u1, ``voxel_part`` [V] u1 and ``latent`` [V, C'] f2
+latent mean of the UniArt VAE; ``tokens`` [N, L, D] f2 and ``volume`` [N, v, v, v, C''] f2 of the image encoder for each of the N views. A folder
 is complete or absent.
 """
 
@@ -29,7 +29,7 @@ from uniart_jax.data.order import Draw, ShuffledOrder
 from uniart_jax.data.records import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 
-FIELDS = ("structure", "coords", "latent", "tokens", "volume")
+FIELDS = ("structure", "coords", "voxel_part", "latent", "tokens", "volume")
 SHARD_ITEMS = 256
 
 
@@ -85,7 +85,8 @@ def write_latents(
     def packed() -> Iterator[bytes]:
         for item in items:
             arrays = {name: np.asarray(item[name]) for name in FIELDS}
-            arrays["coords"] = arrays["coords"].astype(np.uint8)
+            for name in ("coords", "voxel_part"):
+                arrays[name] = arrays[name].astype(np.uint8)
             for name in ("structure", "latent", "tokens", "volume"):
                 with np.errstate(over="ignore"):
                     arrays[name] = arrays[name].astype(np.float16)
@@ -179,7 +180,7 @@ def latent_batches(
     """Endless shuffled batches for a flow stage, a random view of each item.
 
     Both stages: ``tokens`` [B, L, D] and ``volume`` [B, v, v, v, C''] float32. Structure flow: ``structure`` [B, s, s, s, C] float32.
-    Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and
+    Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``voxel_part`` [B, V] int32, ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and
     ``plans["flow"]``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
     ``data.mirror_latents`` is decided by what ``write_latents`` was given.
 
@@ -232,9 +233,11 @@ def _load_latents(
     channels = items[0]["latent"].shape[-1]
     batch["coords"] = np.zeros((len(items), draw.width, 3), np.int32)
     batch["counts"] = np.array([len(item["coords"]) for item in items], np.int32)
+    batch["voxel_part"] = np.zeros((len(items), draw.width), np.int32)
     batch["latent"] = np.zeros((len(items), draw.width, channels), np.float32)
     for b, item in enumerate(items):
         batch["coords"][b, : len(item["coords"])] = item["coords"]
+        batch["voxel_part"][b, : len(item["coords"])] = item["voxel_part"]
         batch["latent"][b, : len(item["coords"])] = item["latent"]
     batch["plans"] = {
         "flow": flow_plan(

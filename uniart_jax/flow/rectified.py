@@ -34,21 +34,22 @@ def flow_loss(
     velocity: jax.Array,
     x0: jax.Array,
     noise: jax.Array,
-    mask: jax.Array | None = None,
+    weights: jax.Array | None = None,
     sigma_min: float = 0.0,
 ) -> jax.Array:
-    """Mean square error of the velocity per object [B]; the mean over objects is the caller's.
+    """Weighted mean square error of the velocity per object [B]; the mean over objects is the caller's.
 
     Args:
-      velocity, x0, noise: [B, ..., C]. mask: [B, ...] valid voxels; None = all. An object without voxels counts as 0.
+      velocity, x0, noise: [B, ..., C]. weights: [B, ...] of voxels, 0 = padding; None = all alike. An object without any counts as 0.
     """
-    if mask is not None:  # garbage in padding must not reach the target
-        velocity, x0, noise = (jnp.where(mask[..., None], a, 0) for a in (velocity, x0, noise))
+    if weights is not None:  # garbage in padding must not reach the target
+        valid = weights[..., None] > 0
+        velocity, x0, noise = (jnp.where(valid, a, 0) for a in (velocity, x0, noise))
     error = jnp.square(velocity - velocity_target(x0, noise, sigma_min)).mean(-1)
     axes = tuple(range(1, error.ndim))
-    if mask is None:
+    if weights is None:
         return error.mean(axes)
-    return error.sum(axes) / jnp.maximum(mask.sum(axes), 1)
+    return (error * weights).sum(axes) / jnp.maximum(weights.sum(axes), 1e-6)
 
 
 def sample_times(

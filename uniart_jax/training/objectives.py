@@ -33,8 +33,10 @@ OCCUPANCY_WEIGHT = 10.0  # of the image encoder's occupancy against boxes and jo
 LossFn = Callable[[Any, dict[str, Any], jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
 
 
-def part_weights(parts: jax.Array, mask: jax.Array, max_parts: int) -> jax.Array:
-    """[B, n] weights, half of them uniform over rows and half uniform over parts, so that small parts are heard.
+def part_weights(
+    parts: jax.Array, mask: jax.Array, max_parts: int, share: float = 0.5
+) -> jax.Array:
+    """[B, n] weights of sum 1, a ``share`` of them uniform over parts and the rest over rows, so that small parts are heard.
 
     Args:
       parts: [B, n] part ids. mask: [B, n] 1 where the row counts.
@@ -45,7 +47,7 @@ def part_weights(parts: jax.Array, mask: jax.Array, max_parts: int) -> jax.Array
         present = jnp.maximum((sizes > 0).sum(), 1)
         uniform = mask / jnp.maximum(mask.sum(), 1.0)
         balanced = mask / jnp.maximum(sizes[parts], 1.0) / present
-        return 0.5 * (uniform + balanced)
+        return (1 - share) * uniform + share * balanced
 
     return jax.vmap(of_item)(parts, mask)
 
@@ -192,8 +194,12 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
 
 
 def make_latent_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> LossFn:
-    """Rectified flow of the UniArt latents on the active voxels."""
-    flow = config.model.latent_flow
+    """Rectified flow of the UniArt latents on the active voxels, ``part_share`` of the loss spread evenly over parts."""
+    flow, share, parts = (
+        config.model.latent_flow,
+        config.loss.part_share,
+        config.model.grid.max_parts,
+    )
 
     def loss_fn(params, batch, key):
         coords, counts = batch["coords"], batch["counts"]
@@ -204,7 +210,8 @@ def make_latent_flow_loss(network: Network, config: Config, mean: Any, std: Any)
         v = network.apply(
             params, x, t, tokens, volume, coords=coords, counts=counts, plan=batch["plans"]["flow"]
         )
-        error = flow_loss(v, x0, noise, mask)
+        weights = part_weights(batch["voxel_part"], mask.astype(jnp.float32), parts, share)
+        error = flow_loss(v, x0, noise, weights)
         return summarize_flow(error, v, x, x0, t, mask, flow.prediction)
 
     return loss_fn
