@@ -153,7 +153,8 @@ def _pieces(grid: VoxelGrid, votes: np.ndarray, peaks: list[np.ndarray]) -> list
     cells = np.stack([sub // (r * r), sub // r % r, sub % r], -1) + grid.coords[voxel] * r
     dense = np.zeros((side,) * 3, bool)
     dense[tuple(cells.T)] = True
-    labels, _ = scipy.ndimage.label(dense)
+    labels = np.zeros(dense.shape, np.int32)
+    scipy.ndimage.label(dense, output=labels)
     label = labels[tuple(cells.T)]
     sizes = np.bincount(label) if len(label) else np.zeros(1, int)
     found: list[np.ndarray] = []
