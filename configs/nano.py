@@ -4,7 +4,7 @@ Command: python train.py --config configs/nano.py
 Hardware: two CPU cores, hours; or one accelerator. Records (14,000 objects): about 40 minutes on two cores, 1 GB.
 Expected result: not known yet; no model of this config has been trained through. What it rests on, measured on 70 validation objects, one core a stage:
 - image encoder: 104 images a second; 96,000 images of 7,000 objects (15 minutes) give IoU .426 at 32^3 (.472 on training images). A ViT on
-  patches: .18 after 24,000. More objects help most: at 16^3 .51 with 2,100 of them, .55 with 4,200, same network;
+  patches: .18, on training images, after 24,000 images of 4,200 objects. More objects help most: at 16^3 .51 with 2,100 of them, .55 with 4,200, same network;
 - structure VAE: IoU .974 after 500 steps (18 minutes on a shared core);
 - UniArt VAE, boxes still fitted as a mixture, 2,500 steps on 4,200 objects, 42 minutes: parts found .97, right .86, colour error .034; with two boxes by
   name the losses on boxes and joints are 1.5 and 2 times smaller at step 600. After clustering (21 objects): recall .95, parts right .86, count .67;
