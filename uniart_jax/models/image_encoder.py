@@ -5,8 +5,8 @@
                                      MLP on all of it -> coarse volume -> blocks that look at the tokens -> volume -> occupancy, codes
 
 Pre-trained by regressing coarse occupancy, boxes and joints from the image (docs/architecture.md), then frozen: trained jointly with a flow from
-scratch, an image encoder of this size is ignored while the loss falls. Convolutions, because with some thousand objects a transformer on patches
-learns ten times more slowly.
+scratch, an image encoder of this size is ignored while the loss falls. Convolutions, because a transformer on patches of
+this size took twice as long an image and had learnt less after as many (configs/nano.py).
 """
 
 from __future__ import annotations

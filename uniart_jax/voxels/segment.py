@@ -10,9 +10,9 @@ True codes hold a handful of distinct boxes: these are the parts. Boxes out of a
    that agrees with the box it votes for is a part, and its extent is its box.
 4. Every sub-cell joins the part with the nearest box; among small parts of one neighbourhood, the one that it lies in.
 
-Chosen by measurement: 42 procedural objects of validation seeds through the UniArt VAE of ``configs/nano.py``. Objects with every part
-found and none too many: .86 as here, .79 with peaks of 5 voters; on the first half (.90 as here), HDBSCAN on the votes or peaks without a
-test at best .33, peaks alone .43, pieces of all cells near the surface instead of solid ones .86.
+Chosen by measurement: 42 procedural objects of validation seeds through a UniArt VAE of nearly the size in ``configs/nano.py`` whose sub-cells
+still mixed two boxes. Objects with every part found and none too many: .86 as here, .79 with peaks of 5 voters; on the 21 that the
+thresholds were chosen on (.90 as here), HDBSCAN on the votes at best .33, peaks alone .48, pieces of all cells near the surface .86.
 """
 
 from __future__ import annotations
