@@ -44,8 +44,8 @@ def config() -> Config:
             grid=GridConfig(resolution=32, subdivisions=2, max_parts=16),
             image_encoder=ImageEncoderConfig(
                 image_size=64,
-                stem_size=32,
-                stem_channels=(8, 16, 32),
+                stem_stride=4,
+                stem_channels=(8, 16),
                 width=48,
                 num_blocks=1,
                 num_heads=2,

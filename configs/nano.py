@@ -36,7 +36,7 @@ def config() -> Config:
         num_blocks=4,
         num_heads=4,
         cond_channels=128,
-        volume_channels=32,
+        volume_channels=64,
         volume_resolution=8,
         prediction="data",
     )
@@ -57,14 +57,14 @@ def config() -> Config:
             grid=GridConfig(resolution=32, subdivisions=4, max_parts=16),
             image_encoder=ImageEncoderConfig(
                 image_size=128,
-                stem_size=64,
-                stem_channels=(16, 32, 64),
+                stem_stride=4,
+                stem_channels=(24, 48, 96),
                 width=128,
                 num_blocks=0,
                 num_heads=4,
                 volume_tokens=4,
                 volume_blocks=1,
-                volume_channels=32,
+                volume_channels=64,
             ),
             structure_vae=StructureVAEConfig(
                 patch_size=2, channels=(16, 48), num_res_blocks=1, num_res_blocks_middle=1
@@ -100,10 +100,11 @@ def config() -> Config:
             color=5.0,
             voxels_per_object=1024,
             part_share=0.5,
+            readout_share=0.9,
             noise_share=0.5,
             draws_per_image=2,
         ),
-        image_encoder=dataclasses.replace(stage, steps=8000, batch_size=32, evaluate_every=500),
+        image_encoder=dataclasses.replace(stage, steps=6000, batch_size=32, evaluate_every=500),
         structure_vae=dataclasses.replace(stage, steps=500, learning_rate=2e-3, evaluate_every=250),
         uniart_vae=dataclasses.replace(
             stage, steps=3500, batch_size=4, learning_rate=2e-3, evaluate_every=500

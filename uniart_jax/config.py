@@ -27,19 +27,18 @@ class GridConfig:
 
 @dataclasses.dataclass(frozen=True)
 class ImageEncoderConfig:
-    """A small convolutional network with tokens and a volume decoder, pre-trained by regressing coarse occupancy, boxes and joints from the image.
+    """A small convolutional network with tokens and a volume decoder, pre-trained by regressing the camera, coarse occupancy, boxes and joints from the image.
 
     It gives ``tokens`` for cross-attention and a ``volume`` of features aligned with the object's grid.
     """
 
     image_size: int = 128  # pixels a side of the images in the records
-    stem_size: int = 128  # pixels a side at which the network looks at them
+    stem_stride: int = 4  # of the first stage
     stem_channels: tuple[int, ...] = (
         32,
         64,
         128,
-        128,
-    )  # each stage halves; the last gives the tokens
+    )  # each further stage halves; the last gives the tokens, the one before it what volume cells read
     width: int = 256
     num_blocks: int = 4
     num_heads: int = 4
@@ -48,9 +47,7 @@ class ImageEncoderConfig:
     volume_resolution: int = 8  # a side, of the features handed to the flows
     volume_channels: int = 32
     target_resolution: int = 16  # a side, of the regressed boxes and joints
-    sketch_width: int = (
-        384  # of the MLP that turns the whole feature map into a first volume; 0 = none
-    )
+    sketch_width: int = 384  # of the MLP from the whole coarse map to the camera and a first volume
     mlp_ratio: float = 4.0
 
 
@@ -169,6 +166,9 @@ class LossConfig:
     voxels_per_object: int = 0  # loss voxels drawn balanced over parts; 0 = all voxels, unbalanced
     part_share: float = (
         0.0  # of the latent flow's loss spread evenly over parts, the rest over voxels
+    )
+    readout_share: float = (
+        0.0  # of the latent flow's loss measured on what the latent says (``training.readout``)
     )
     time_mean: float = 1.0
     time_std: float = 1.0

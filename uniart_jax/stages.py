@@ -3,7 +3,7 @@
     image_encoder   images -> coarse occupancy, boxes, joints            (then frozen)
     structure_vae   occupancy <-> dense latent
     uniart_vae      voxels with everything on them <-> latent per voxel
-    (encode)        all records through the three, once
+    (encode)        all records through both VAEs, once
     structure_flow  noise -> structure latent, given the image
     latent_flow     noise on the active voxels -> UniArt latent, given the image
 
@@ -33,7 +33,7 @@ from uniart_jax.data.batches import record_batches, voxel_batches
 from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.image_table import image_batches
 from uniart_jax.data.prepare import prepare_procedural
-from uniart_jax.data.records import RecordSource, shard_paths
+from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
 from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
@@ -45,12 +45,13 @@ from uniart_jax.training.export import (
     write_statistics,
 )
 from uniart_jax.training.loop import run_stage
+from uniart_jax.training.readout import WEIGHTS, fit_metric
 from uniart_jax.training.sharding import make_mesh, put_batch
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
-from uniart_jax.validation import make_evaluation
+from uniart_jax.validation import make_conditioner, make_evaluation
 
-ENCODED = ("image_encoder", "structure_vae", "uniart_vae")  # what latents depend on
+ENCODED = ("structure_vae", "uniart_vae")  # what latents depend on
 ENCODE_KEYS = (
     "coords",
     "counts",
@@ -64,6 +65,7 @@ ENCODE_KEYS = (
     "plans",
 )
 ENCODE_BATCH = 4
+METRIC_ITEMS, METRIC_VOXELS = 200, 500
 
 console = Console(stderr=True, highlight=False)
 
@@ -145,11 +147,14 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
     statistics: dict[str, Any] | None = None
     if name.endswith("_flow"):
         statistics = encode_all(config, workdir)
-        claim_latents(folder, latent_store.latents_key(workdir / "latents"))
+        claim_inputs(folder, latent_store.latents_key(workdir / "latents"), workdir)
         for part, (mean, std) in statistics.items():
             write_statistics(workdir / "export", part, mean, std)
     make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
-    loss_fn = make_loss(network, config, *(statistics or {}).get(name.removesuffix("_flow"), ()))
+    extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
+    if name == "latent_flow" and config.loss.readout_share:
+        extra.append(latent_metric(workdir / "latents", config.data.records, config.loss.readout_share))  # fmt: skip
+    loss_fn = make_loss(network, config, *extra)
     key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
     optimizer = make_optimizer(stage)
     with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
@@ -161,7 +166,7 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
             state=create_state(network.init, optimizer, key, mesh),
             train_step=make_train_step(loss_fn, optimizer, stage.ema_decay),
             batches=iter(stage_batches(name, config, workdir)),
-            put=lambda batch: put_batch(select(name, batch), mesh),
+            put=make_put(name, config, workdir, mesh),
             key=jax.random.fold_in(key, 1),
             checkpoints=checkpoints,
             stage=stage,
@@ -190,31 +195,46 @@ def exported(workdir: Path, name: str) -> bool:
     return (workdir / "export" / f"{name}.safetensors").is_file()
 
 
-def claim_latents(folder: Path, key: str | None) -> None:
-    """Tie a flow's checkpoints to the latents that it trains on.
+def claim_inputs(folder: Path, latents: str | None, workdir: Path) -> None:
+    """Tie a flow's checkpoints to the latents and the image encoder that it trains on.
 
     Raises:
-      ValueError: the checkpoints belong to other latents; a flow finished on them would not fit the networks exported beside it.
+      ValueError: the checkpoints belong to others; a flow finished on these would not fit the networks exported beside it.
     """
-    note = folder.with_name(f"{folder.name}.latents")
+    encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
+    key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
+    note = folder.with_name(f"{folder.name}.inputs")
     trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
     if trained and note.is_file() and note.read_text() != key:
         raise ValueError(
-            f"{folder} was trained on other latents (records or an earlier network changed since); "
+            f"{folder} was trained on other inputs (records or an earlier network changed since); "
             "remove that folder to train this flow on the new ones"
         )
     note.parent.mkdir(parents=True, exist_ok=True)
-    note.write_text(str(key))
+    note.write_text(key)
 
 
-def select(name: str, batch: dict[str, Any]) -> dict[str, Any]:
-    """What a stage's loss reads of a host batch: nothing else travels to the device."""
-    wanted = {"structure_vae": {"occupancy"}}.get(name, batch.keys())
-    return {key: value for key, value in batch.items() if key in wanted}
+def make_put(
+    name: str, config: Config, workdir: Path, mesh: jax.sharding.Mesh
+) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Host batch -> what the stage's loss reads, on the devices; for a flow, images through the frozen image encoder."""
+    wanted = {"structure_vae": ("occupancy",)}.get(name)
+    if not name.endswith("_flow"):
+        return lambda batch: put_batch({k: batch[k] for k in wanted or batch}, mesh)
+    condition = make_conditioner(config, workdir)
+
+    def put(batch: dict[str, Any]) -> dict[str, Any]:
+        rest = put_batch(batch, mesh)
+        return {**condition(rest.pop("image")), **rest}
+
+    return put
 
 
 def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """All records, and their mirror images if asked for, through the three frozen networks; again only if weights or records changed."""
+    """All records, and their mirror images if asked for, through both VAEs; again only if weights or records changed."""
+    load_network(
+        workdir, "image_encoder", build("image_encoder", config.model).abstract()
+    )  # trained?
     parameters = {
         name: load_network(workdir, name, build(name, config.model).abstract()) for name in ENCODED
     }
@@ -241,10 +261,33 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
     }
 
 
+def latent_metric(latents: Path, records: str | Path, share: float) -> np.ndarray:
+    """[C, C] of ``training.readout.fit_metric``, from voxels of some items at even distances."""
+    source, tables = latent_store.LatentSource(latents), RecordSource(records)
+    rng = np.random.default_rng(0)
+    found: dict[str, list[np.ndarray]] = {name: [] for name in ("latent", *WEIGHTS)}
+    chosen = np.linspace(0, len(source) - 1, min(METRIC_ITEMS, len(source))).astype(int)
+    for item in (source[i] for i in np.unique(chosen).tolist()):
+        if item["mirrored"]:
+            continue
+        record = tables[int(item["record"])]
+        number = len(record.coords)
+        rows = rng.choice(number, min(METRIC_VOXELS, number), replace=False)
+        part = record.voxel_part[rows].astype(int)
+        found["latent"].append(item["latent"][rows].astype(np.float64))
+        found["own_box"].append(record.boxes[part])
+        found["joint_code"].append(record.codes[part])
+        found["parent_box"].append(record.boxes[record.parents[part]])
+        found["color"].append(decode_color(record.color[rows]).mean(1))
+        found["sdf"].append(decode_sdf(record.sdf[rows]))
+    rows = {name: np.concatenate(values) for name, values in found.items()}
+    return fit_metric(rows.pop("latent"), rows, share)
+
+
 def digest(config: Config, workdir: Path, records: Path) -> str:
-    """What latents depend on: the encoders' sizes and exported weights, the records, and mirroring."""
+    """What latents depend on: both VAEs' sizes and exported weights, the records, and mirroring."""
     model = config.model
-    sizes = (model.grid, model.image_encoder, model.structure_vae, model.uniart_vae)
+    sizes = (model.grid, model.structure_vae, model.uniart_vae)
     total = hashlib.sha256(repr((sizes, config.data.mirror_latents, latent_store.FIELDS)).encode())
     for path in [workdir / "export" / f"{name}.safetensors" for name in ENCODED]:
         total.update(path.read_bytes())
@@ -258,7 +301,7 @@ def digest(config: Config, workdir: Path, records: Path) -> str:
 def encode_records(
     config: Config, parameters: dict[str, Any], records: str | Path, mirrors: Sequence[bool]
 ) -> Iterator[dict[str, Any]]:
-    """Items for ``latents.write_latents``: latent means of every record, and the image encoder's output for every view."""
+    """Items for ``latents.write_latents``: latent means and pictures of every record."""
     encode = make_encoder(config.model)
     number = len(RecordSource(records)) // ENCODE_BATCH
     for mirrored in mirrors:
@@ -267,14 +310,10 @@ def encode_records(
         )
         what = "mirrored" if mirrored else "records"
         for batch in track(batches, what, total=number, console=console, transient=True):
-            views = batch["images"].shape[1]
-            images = batch["images"].reshape(-1, *batch["images"].shape[2:])
-            voxels = {key: batch[key] for key in ENCODE_KEYS}
-            out = jax.device_get(encode(parameters, voxels, images))
+            out = jax.device_get(encode(parameters, {key: batch[key] for key in ENCODE_KEYS}))
             for b, record in enumerate(batch["record"]):
                 if record >= 0:
                     count = batch["counts"][b]
-                    chosen = slice(b * views, (b + 1) * views)
                     yield {
                         "record": int(record),
                         "mirrored": mirrored,
@@ -282,8 +321,7 @@ def encode_records(
                         "coords": batch["coords"][b, :count],
                         "voxel_part": batch["voxel_part"][b, :count],
                         "latent": out["latent"][b, :count],
-                        "tokens": out["tokens"][chosen],
-                        "volume": out["volume"][chosen],
+                        "images": np.round(batch["images"][b] * 255),
                     }
 
 
@@ -298,25 +336,15 @@ def dense_occupancy(coords: jax.Array, counts: jax.Array, resolution: int) -> ja
 
 
 @functools.lru_cache(maxsize=2)  # records and validation share one program
-def make_encoder(
-    model: ModelConfig,
-) -> Callable[[dict[str, Any], dict[str, Any], Any], dict[str, jax.Array]]:
-    """Jitted (parameters of the three networks, voxel batch, images [B N, H, W, 3]) -> structure, latent, tokens, volume."""
-    structure_vae, uniart_vae, image_encoder = (
-        build(n, model) for n in ("structure_vae", "uniart_vae", "image_encoder")
-    )
+def make_encoder(model: ModelConfig) -> Callable[..., dict[str, jax.Array]]:
+    """Jitted (parameters of both VAEs, voxel batch) -> structure, latent."""
+    structure_vae, uniart_vae = (build(n, model) for n in ENCODED)
 
     @functools.partial(jax.jit)
-    def encode(parameters, voxels, images):
+    def encode(parameters, voxels):
         occupancy = dense_occupancy(voxels["coords"], voxels["counts"], model.grid.resolution)
         structure, _ = structure_vae.apply(parameters["structure_vae"], occupancy, method="encode")
         latent = uniart_vae.apply(parameters["uniart_vae"], voxels, method="encode")["mean"]
-        seen = image_encoder.apply(parameters["image_encoder"], images)
-        return {
-            "structure": structure,
-            "latent": latent,
-            "tokens": seen["tokens"],
-            "volume": seen["volume"],
-        }
+        return {"structure": structure, "latent": latent}
 
     return encode

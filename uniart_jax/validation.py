@@ -161,6 +161,7 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
     vae = build("structure_vae", config.model)
     parameters = load_network(workdir, "structure_vae", vae.abstract())
     decode = jax.jit(functools.partial(vae.apply, method="decode"))
+    condition_of = make_conditioner(config, workdir)
 
     def evaluate(state, step):
         overlaps = []
@@ -168,7 +169,7 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
         chosen = spread(len(source), number)
         for start in range(0, number, IMAGE_BATCH):
             items = [source[i] for i in chosen[start : start + IMAGE_BATCH]]
-            condition = _condition(items)
+            condition = _condition(items, condition_of)
             latent = sampler(state.ema, statistics["structure"], condition, jax.random.key(start))
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
             for row, item in zip(truth, items, strict=True):
@@ -186,6 +187,7 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
     vae = build("uniart_vae", config.model)
     parameters = load_network(workdir, "uniart_vae", vae.abstract())
     decode = jax.jit(functools.partial(vae.apply, method="decode"))
+    condition_of = make_conditioner(config, workdir)
 
     def evaluate(state, step):
         rows, inside = [], []
@@ -197,7 +199,8 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
             )
             voxels = flow_inputs(coords, counts, config.model)
             key = jax.random.key(index)
-            latent = sampler(state.ema, statistics["latent"], _condition([item]), key, voxels)
+            condition = _condition([item], condition_of)
+            latent = sampler(state.ema, statistics["latent"], condition, key, voxels)
             batch: dict[str, Any] = {"coords": coords, "counts": counts}
             batch["plans"] = voxel_plans(
                 batch, config.model.uniart_vae, config.model.grid, parts=False
@@ -218,10 +221,22 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
     return evaluate
 
 
-def _condition(items: list[dict[str, Any]]) -> Condition:
-    first = [(item["tokens"][0], item["volume"][0]) for item in items]
-    tokens, volume = (np.stack(values).astype(np.float32) for values in zip(*first, strict=True))
-    return Condition(jnp.asarray(tokens), jnp.asarray(volume))
+def make_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], dict[str, jax.Array]]:
+    """Images [B, H, W, 3] -> {"tokens", "volume"} by the trained image encoder of WORKDIR: what both flows are conditioned on."""
+    network = build("image_encoder", config.model)
+    parameters = load_network(workdir, "image_encoder", network.abstract())
+
+    @jax.jit
+    def encode(parameters, image):
+        out = network.apply(parameters, image)
+        return {"tokens": out["tokens"], "volume": out["volume"]}
+
+    return functools.partial(encode, parameters)
+
+
+def _condition(items: list[dict[str, Any]], condition_of: Callable[..., Any]) -> Condition:
+    images = np.stack([item["images"][0] for item in items]).astype(np.float32) / 255
+    return Condition(**condition_of(jnp.asarray(images)))
 
 
 def _silhouettes(image: np.ndarray, truth: np.ndarray, guess: np.ndarray) -> np.ndarray:

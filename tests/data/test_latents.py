@@ -25,8 +25,7 @@ def make_items(count=9, scale=1.0):
             "coords": np.stack(np.unravel_index(flat, (8, 8, 8)), 1),
             "voxel_part": np.arange(len(flat)) % 3,
             "latent": rng.normal(-1, 0.5, (len(flat), 6)),
-            "tokens": rng.normal(size=(2, 5, 7)) + np.array([0, 100]).reshape(2, 1, 1),
-            "volume": rng.normal(size=(2, 2, 2, 2, 3)),
+            "images": rng.integers(0, 100, (2, 4, 4, 3)) + np.array([0, 155]).reshape(2, 1, 1, 1),
         }
 
 
@@ -66,9 +65,9 @@ def test_flow_batches(cache):
             np.testing.assert_allclose(batch["latent"][b, :count], item["latent"], atol=2e-3)
             assert np.array_equal(batch["voxel_part"][b, :count], item["voxel_part"])
             assert not batch["latent"][b, count:].any() and not batch["coords"][b, count:].any()
-            view = int(batch["tokens"][b].mean() > 50)
+            view = int(batch["image"][b].mean() > 0.5)
             views.add(view)
-            np.testing.assert_allclose(batch["volume"][b], item["volume"][view], atol=2e-3)
+            np.testing.assert_allclose(batch["image"][b] * 255, item["images"][view], atol=1e-4)
     assert views == {0, 1}
 
 
@@ -76,7 +75,7 @@ def test_structure_batches_resume(cache):
     make = lambda: iter(latents.latent_batches(cache, DATA, MODEL, 4, stage="structure_flow"))  # noqa: E731
     first = make()
     batch = next(first)
-    assert set(batch) == {"structure", "tokens", "volume"}
+    assert set(batch) == {"structure", "image"}
     assert batch["structure"].shape == (4, 2, 2, 2, 4) and batch["structure"].dtype == np.float32
     second = make()
     second.set_state(first.get_state())

@@ -115,3 +115,17 @@ def test_voxels_count_as_they_weigh():
     v, zero = jnp.array([[[1.0], [3.0]]]), jnp.zeros((1, 2, 1))
     weights = jnp.array([[0.75, 0.25]])
     assert float(flow_loss(v, zero, zero, weights)[0]) == pytest.approx(0.75 * 1 + 0.25 * 9)
+
+
+def test_loss_under_a_metric():
+    rng = np.random.default_rng(5)
+    v, x0, noise = (jnp.asarray(rng.normal(size=(2, 7, 3)), jnp.float32) for _ in range(3))
+    weights = jnp.asarray(rng.random((2, 7)) * (rng.random((2, 7)) > 0.3), jnp.float32)
+    plain = flow_loss(v, x0, noise, weights)
+    alike = flow_loss(v, x0, noise, weights, metric=jnp.eye(3) / 3)
+    np.testing.assert_allclose(alike, plain, rtol=1e-5)
+    readout = jnp.array([[1.0], [-2.0], [0.5]])
+    error = ((v - noise + x0) @ readout)[..., 0] ** 2
+    expected = (error * weights).sum(1) / weights.sum(1)
+    found = flow_loss(v, x0, noise, weights, metric=readout @ readout.T)
+    np.testing.assert_allclose(found, expected, rtol=1e-5)

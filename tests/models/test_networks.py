@@ -34,7 +34,7 @@ MODEL = ModelConfig(
     grid=GridConfig(resolution=8, subdivisions=2, max_parts=4),
     image_encoder=ImageEncoderConfig(
         image_size=32,
-        stem_size=16,
+        stem_stride=4,
         stem_channels=(4, 8),
         width=16,
         num_blocks=1,
@@ -127,18 +127,47 @@ def test_image_encoder():
     def step(params, image):
         def loss(params):
             out = network.apply(params, image)
-            return sum(jnp.square(out[k]).mean() for k in ("occupancy", "codes")), out
+            return sum(jnp.square(out[k]).mean() for k in ("camera", "occupancy", "codes")), out
 
         return jax.value_and_grad(loss, has_aux=True)(params)
 
     (_, out), gradients = step(params, image)
     assert {k: v.shape for k, v in out.items()} == {
+        "camera": (2, 7),
         "tokens": (2, 16, 16),
         "volume": (2, 4, 4, 4, 5),
         "occupancy": (2, 8, 8, 8),
         "codes": (2, 8, 8, 8, 21),
     }
     assert finite(gradients) and all(np.asarray(g).any() for g in jax.tree.leaves(gradients))
+
+
+def test_image_encoder_looks_through_a_known_camera_only_where_told():
+    network = build("image_encoder", MODEL)
+    params = init(network)
+    image = jnp.asarray(np.random.default_rng(0).random((2, 32, 32, 3), np.float32))
+    camera = jnp.tile(jnp.array([0.5, 0.8, 0.2, 1.5, 0.3, 0.1, 0.0]), (2, 1))
+    apply = jax.jit(network.apply)
+    alone = apply(params, image)
+    told = apply(params, image, camera, jnp.array([False, True]))
+    np.testing.assert_array_equal(told["camera"], alone["camera"])
+    np.testing.assert_array_equal(told["occupancy"][0], alone["occupancy"][0])
+    assert np.abs(told["occupancy"][1] - alone["occupancy"][1]).max() > 1e-4
+    itself = apply(params, image, alone["camera"], jnp.array([True, True]))
+    np.testing.assert_array_equal(itself["occupancy"], alone["occupancy"])
+
+
+def test_image_encoder_reads_each_cell_where_the_camera_sees_it():
+    network = build("image_encoder", MODEL)
+    params = init(network)
+    camera = jnp.array([[0.0, 1.0, 0.0, 1.6, 1e-3, 0.0, 0.0]])  # straight from the front
+    fine, coarse = jnp.zeros((1, 8, 8, 4)), jnp.zeros((1, 4, 4, 8))
+    plain = network.apply(params, fine, coarse, camera, method="lift")
+    marked = network.apply(params, fine.at[0, 1, 6].set(1.0), coarse, camera, method="lift")
+    changed = np.abs(np.asarray(marked - plain)).max(-1).reshape(4, 4, 4) > 1e-6
+    # up and to the right in the picture is z > 0 and, seen along +x, y < 0; every depth alike
+    assert changed.any((0,)).nonzero()[0].max() <= 1 and changed.any((0,)).nonzero()[1].min() >= 2
+    assert changed.any() and (changed == changed[:1]).all()
 
 
 def test_image_encoder_heads_lie_where_their_volume_cell_is():

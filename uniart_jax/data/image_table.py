@@ -15,6 +15,7 @@ import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.batches import Batch, local_rows, open_records, pipeline, seen_images
+from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_dense, mirror_images
 from uniart_jax.data.order import Draw, OnePass, ShuffledOrder
 from uniart_jax.data.records import Record
@@ -33,6 +34,7 @@ class ImageTable:
       usable: [m] indices of the records that have at most ``max_parts`` parts; the others' tables of parts are empty.
       resolution: R; target_resolution: T, a divisor of it.
       images: [n, N, H, W, 3] uint8 sRGB over black.
+      cameras: [n, N, 7] float32 codes of the views (``data.cameras``).
       occupied: [n, R^3 / 8] uint8 packed bits.
       cell_parts: [n, T, T, T] uint8 part of each cell, ``NO_PART`` where no voxel is active.
       boxes, codes, parents: [n, K, 6], [n, K, 9] float32 and [n, K] int32 tables of parts, zero beyond each record's own.
@@ -42,6 +44,7 @@ class ImageTable:
     resolution: int
     target_resolution: int
     images: np.ndarray
+    cameras: np.ndarray
     occupied: np.ndarray
     cell_parts: np.ndarray
     boxes: np.ndarray
@@ -58,22 +61,23 @@ class ImageTable:
         """A batch of these records: ``views`` [B] in [0, 1) choose among the images, ``mirrored`` [B] bool.
 
         Returns:
-          image [B, H, W, 3] float32 in [0, 1]; occupancy [B, R, R, R] bool; cell_part [B, T, T, T] int32, the part that owns most
+          image [B, H, W, 3] float32 in [0, 1]; camera [B, 7]; occupancy [B, R, R, R] bool; cell_part [B, T, T, T] int32, the part that owns most
           surface in the cell, -1 where no voxel is active; boxes [B, K, 6], codes [B, K, 9], parents [B, K] tables of the parts.
         """
         view = (np.asarray(views) * self.images.shape[1]).astype(int)
-        image = self.images[records, view]
+        image, camera = self.images[records, view], self.cameras[records, view]
         count = self.resolution**3
         occupied = np.unpackbits(self.occupied[records], axis=1, count=count).astype(bool)
         occupied = occupied.reshape(-1, *(self.resolution,) * 3)
         parts = self.cell_parts[records]
         boxes, codes = self.boxes[records], self.codes[records]
         for b in np.flatnonzero(mirrored):
-            image[b] = mirror_images(image[b])
+            image[b], camera[b] = mirror_images(image[b]), mirror_camera_codes(camera[b])
             occupied[b], parts[b] = mirror_dense(occupied[b]), mirror_dense(parts[b])
             boxes[b], codes[b] = mirror_boxes(boxes[b]), mirror_codes(codes[b])
         return {
             "image": image.astype(np.float32) / np.float32(255),
+            "camera": camera,
             "occupancy": occupied,
             "cell_part": np.where(parts == NO_PART, -1, parts.astype(np.int32)),
             "boxes": boxes,
@@ -130,6 +134,7 @@ def load_image_table(folder: str | Path, model: ModelConfig) -> ImageTable:
         resolution,
         target,
         np.zeros((n, *views, 3), np.uint8),
+        np.zeros((n, views[0], 7), np.float32),
         np.zeros((n, -(-(resolution**3) // 8)), np.uint8),
         np.zeros((n, target, target, target), np.uint8),
         np.zeros((n, parts, 6), np.float32),
@@ -139,6 +144,7 @@ def load_image_table(folder: str | Path, model: ModelConfig) -> ImageTable:
     for i in range(n):
         record = source[i]
         table.images[i] = seen_images(record.images)
+        table.cameras[i] = camera_codes(record.cameras, record.images)
         table.occupied[i] = np.packbits(occupancy(record.coords, resolution).reshape(-1))
         table.cell_parts[i] = cell_parts(record, target)
         known = len(record.boxes)

@@ -137,6 +137,22 @@ def foreground(rgba: np.ndarray, name: str = "image") -> np.ndarray:
     return rgba
 
 
+def crop_window(alpha: np.ndarray) -> tuple[float, float, float]:
+    """Centre x, centre y and half side, in pixels, of the square around the foreground of alpha [H, W]: ``MARGIN`` times its longer side."""
+    top, bottom, left, right = _extent(alpha)
+    half = max(bottom - top, right - left) / 2 * MARGIN
+    return (left + right) / 2, (top + bottom) / 2, half
+
+
+def _extent(alpha: np.ndarray) -> tuple[int, int, int, int]:
+    """First row, row after the last, first column, column after the last of what is more than half opaque; all if nothing is."""
+    rows = np.flatnonzero((alpha > 127).any(1))
+    columns = np.flatnonzero((alpha > 127).any(0))
+    if len(rows) == 0:
+        return 0, alpha.shape[0], 0, alpha.shape[1]
+    return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+
+
 def crop(rgba: np.ndarray, size: int) -> np.ndarray:
     """Square crop around the foreground, ``MARGIN`` times its longer side, resampled.
 
@@ -147,12 +163,8 @@ def crop(rgba: np.ndarray, size: int) -> np.ndarray:
     Returns:
       [size, size, 3] uint8 sRGB on black (colour times alpha, as TRELLIS).
     """
-    rows = np.flatnonzero((rgba[..., 3] > 127).any(1))
-    columns = np.flatnonzero((rgba[..., 3] > 127).any(0))
-    if len(rows) == 0:
-        rows, columns = np.array([0, rgba.shape[0] - 1]), np.array([0, rgba.shape[1] - 1])
-    top, bottom, left, right = rows[0], rows[-1] + 1, columns[0], columns[-1] + 1
-    half = max(bottom - top, right - left) / 2 * MARGIN
+    top, bottom, left, right = _extent(rgba[..., 3])
+    half = crop_window(rgba[..., 3])[2]
     object_only = Image.fromarray(np.ascontiguousarray(rgba[top:bottom, left:right]))
     black = Image.new("RGB", object_only.size)
     image = Image.composite(object_only.convert("RGB"), black, object_only.getchannel("A"))

@@ -1,11 +1,11 @@
-"""Cached encodings of records, and the batches of both flow stages made of them.
+"""Records through both VAEs, cached with their pictures, and the batches of both flow stages made of them.
 
     OUT/latents-00000.arrayrecord   one item a (record, mirrored) pair, zip of .npy as records are
     OUT/metadata.json               key, number of items, mean and std of both latents
 
 An item: ``structure`` [s, s, s, C] f2 latent mean of the structure VAE; ``coords`` [V, 3] u1, ``voxel_part`` [V] u1 and ``latent`` [V, C'] f2
-latent mean of the UniArt VAE; ``tokens`` [N, L, D] f2 and ``volume`` [N, v, v, v, C''] f2 of the image encoder for each of the N views. A folder
-is complete or absent.
+latent mean of the UniArt VAE; ``images`` [N, H, W, 3] u1 the N views as networks see them, which the image encoder reads while a flow trains: that costs
+a few percent of a step, and a better encoder needs no new latents. A folder is complete or absent.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from uniart_jax.data.order import Draw, ShuffledOrder
 from uniart_jax.data.records import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 
-FIELDS = ("structure", "coords", "voxel_part", "latent", "tokens", "volume")
+FIELDS = ("structure", "coords", "voxel_part", "latent", "images")
 SHARD_ITEMS = 256
 
 
@@ -69,7 +69,7 @@ def write_latents(
     """Write one item a (record, mirrored) pair and the statistics of all; replaces what an earlier pass left.
 
     Args:
-      items: mappings with ``FIELDS`` (any float type; N views in tokens and volume) and ``record`` (index), ``mirrored`` (bool).
+      items: mappings with ``FIELDS`` (latents of any float type) and ``record`` (index), ``mirrored`` (bool).
       key: what the latents depend on, such as a digest of weights and records; ``latents_key`` reads it back.
 
     Raises:
@@ -85,9 +85,9 @@ def write_latents(
     def packed() -> Iterator[bytes]:
         for item in items:
             arrays = {name: np.asarray(item[name]) for name in FIELDS}
-            for name in ("coords", "voxel_part"):
+            for name in ("coords", "voxel_part", "images"):
                 arrays[name] = arrays[name].astype(np.uint8)
-            for name in ("structure", "latent", "tokens", "volume"):
+            for name in ("structure", "latent"):
                 with np.errstate(over="ignore"):
                     arrays[name] = arrays[name].astype(np.float16)
                 if not np.isfinite(arrays[name]).all():
@@ -179,7 +179,7 @@ def latent_batches(
 ) -> grain.IterDataset[Batch]:
     """Endless shuffled batches for a flow stage, a random view of each item.
 
-    Both stages: ``tokens`` [B, L, D] and ``volume`` [B, v, v, v, C''] float32. Structure flow: ``structure`` [B, s, s, s, C] float32.
+    Both stages: ``image`` [B, H, W, 3] float32 in [0, 1]. Structure flow: ``structure`` [B, s, s, s, C] float32.
     Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``voxel_part`` [B, V] int32, ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and
     ``plans["flow"]``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
     ``data.mirror_latents`` is decided by what ``write_latents`` was given.
@@ -208,13 +208,8 @@ def _draw_items(
 ) -> tuple[list[dict[str, Any]], Batch]:
     views = draw.generator(seed).random(len(draw.records))[rows]
     items = [source[int(index)] for index in draw.records[rows]]
-    chosen = [int(view * len(item["tokens"])) for view, item in zip(views, items, strict=True)]
-    batch = {
-        name: np.stack([item[name][v] for v, item in zip(chosen, items, strict=True)]).astype(
-            np.float32
-        )
-        for name in ("tokens", "volume")
-    }
+    chosen = [item["images"][int(v * len(item["images"]))] for v, item in zip(views, items, strict=True)]  # fmt: skip
+    batch = {"image": np.stack(chosen).astype(np.float32) / np.float32(255)}
     return items, batch
 
 

@@ -36,16 +36,19 @@ def flow_loss(
     noise: jax.Array,
     weights: jax.Array | None = None,
     sigma_min: float = 0.0,
+    metric: jax.Array | None = None,
 ) -> jax.Array:
     """Weighted mean square error of the velocity per object [B]; the mean over objects is the caller's.
 
     Args:
       velocity, x0, noise: [B, ..., C]. weights: [B, ...] of voxels, 0 = padding; None = all alike. An object without any counts as 0.
+      metric: [C, C] positive definite M: an error e counts e^T M e; None = |e|^2 / C.
     """
     if weights is not None:  # garbage in padding must not reach the target
         valid = weights[..., None] > 0
         velocity, x0, noise = (jnp.where(valid, a, 0) for a in (velocity, x0, noise))
-    error = jnp.square(velocity - velocity_target(x0, noise, sigma_min)).mean(-1)
+    miss = velocity - velocity_target(x0, noise, sigma_min)
+    error = jnp.square(miss).mean(-1) if metric is None else ((miss @ metric) * miss).sum(-1)
     axes = tuple(range(1, error.ndim))
     if weights is None:
         return error.mean(axes)

@@ -1,17 +1,20 @@
 """Nano image encoder: a small convolutional network, image tokens from it, and a volume aligned with the object's grid.
 
-    image -> residual convolutions -> feature map -> tokens (a few transformer blocks), for cross-attention
-                                          |
-                                     MLP on all of it -> coarse volume -> blocks that look at the tokens -> volume -> occupancy, codes
+    image -> residual convolutions -> coarse map -> tokens (a few transformer blocks), for cross-attention
+                                 |         |
+                                 |    MLP on all of it -> camera, first coarse volume
+                                 |         |
+                             finer map, read where the camera sees each cell -> volume, blocks that look at the tokens -> occupancy, codes
 
-Pre-trained by regressing coarse occupancy, boxes and joints from the image (docs/architecture.md), then frozen: trained jointly with a flow from
-scratch, an image encoder of this size is ignored while the loss falls. Convolutions, because a transformer on patches of
-this size took twice as long an image and had learnt less after as many (configs/nano.py).
+Pre-trained by regressing the camera, coarse occupancy, boxes and joints from the image (docs/architecture.md), then frozen: trained jointly
+with a flow from scratch, an image encoder of this size is ignored while the loss falls. The camera and the reading by projection
+(``nn.lifting``) give a volume its picture at once; by attention alone it has to be learnt from many more images than a laptop sees (configs/nano.py).
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 from typing import Any
 
 import jax
@@ -19,48 +22,58 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import ModelConfig
-from uniart_jax.nn.blocks import CrossBlock, LayerNorm, TransformerBlock, layer_norm, linear
+from uniart_jax.nn.blocks import CrossBlock, LayerNorm, TransformerBlock, layer_norm, linear, zeros
 from uniart_jax.nn.embeddings import grid_coords, plane_embedding, position_embedding
+from uniart_jax.nn.lifting import project, sample_map
 from uniart_jax.nn.precision import compute_dtype
 
+CAMERA_CODE = (
+    7  # sine and cosine of the azimuth, elevation, focal, perspective, x, y (data.cameras)
+)
+TYPICAL = (0.0, 0.87, 0.4, 1.6, 0.33, 0.0, 0.0)  # about the mean over ``render.sample_camera``
 CODE_CHANNELS = 21  # joint code 9, own box 6, parent box 6
 _HEAD_WIDTH = 64
 _SKETCH_CHANNELS = 64
+_PLACE_CHANNELS = 7  # x, y, depth and the phases of x and y within a map cell
 
 
 class StemStage(nnx.Module):
-    """Halves the picture: a strided convolution, then a residual pair."""
+    """Makes the picture ``stride`` times smaller: a strided convolution that overlaps, then a residual pair."""
 
-    def __init__(self, inputs: int, outputs: int, rngs: nnx.Rngs, dtype):
-        def convolution(channels: int, strides: int) -> nnx.Conv:
-            padding = ((1, 1), (1, 1))
-            return nnx.Conv(
-                channels, outputs, (3, 3), strides=strides, padding=padding, dtype=dtype, rngs=rngs
-            )
-
-        self.down, self.conv1 = convolution(inputs, 2), convolution(outputs, 1)
-        self.conv2 = convolution(outputs, 1)
+    def __init__(self, inputs: int, outputs: int, stride: int, rngs: nnx.Rngs, dtype):
+        options: dict[str, Any] = {"dtype": dtype, "rngs": rngs}
+        kernel, pad = (2 * stride, stride // 2) if stride > 2 else (3, 1)
+        around = ((pad, pad), (pad, pad))
+        self.down = nnx.Conv(
+            inputs, outputs, (kernel, kernel), strides=stride, padding=around, **options
+        )
+        self.conv1 = nnx.Conv(outputs, outputs, (3, 3), padding=1, **options)
+        self.conv2 = nnx.Conv(outputs, outputs, (3, 3), padding=1, **options)
 
     def __call__(self, x: jax.Array) -> jax.Array:
-        """[B, H, W, C] -> [B, H / 2, W / 2, C']."""
+        """[B, H, W, C] -> [B, H / stride, W / stride, C']."""
         x = jax.nn.gelu(self.down(x))
         return x + self.conv2(jax.nn.gelu(self.conv1(x)))
 
 
 class ImageEncoder(nnx.Module):
-    """image [B, H, W, 3] -> tokens, volume, occupancy, codes."""
+    """image [B, H, W, 3] -> camera, tokens, volume, occupancy, codes."""
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.image_encoder, compute_dtype(config)
-        side = c.stem_size >> len(c.stem_channels)
-        if side << len(c.stem_channels) != c.stem_size or c.image_size % c.stem_size:
+        strides = (c.stem_stride, *[2] * (len(c.stem_channels) - 1))
+        side = c.image_size // math.prod(strides)
+        if side * math.prod(strides) != c.image_size or len(strides) < 2:
             raise ValueError(
-                f"image_encoder: stem_size {c.stem_size} must divide image_size {c.image_size} and halve once per stem_channels {c.stem_channels}"
+                f"image_encoder: stem_stride {c.stem_stride}, then halved once for each further of two or more stem_channels {c.stem_channels}, must divide image_size {c.image_size}"
             )
         self.config, self.resolution = c, config.grid.resolution
         channels = (3, *c.stem_channels)
         self.stem = nnx.List(
-            [StemStage(a, b, rngs, dtype) for a, b in itertools.pairwise(channels)]
+            [
+                StemStage(a, b, stride, rngs, dtype)
+                for (a, b), stride in zip(itertools.pairwise(channels), strides, strict=True)
+            ]
         )
         self.to_tokens = linear(channels[-1], c.width, rngs, dtype=dtype)
         self.pos_embed = nnx.Param(jnp.asarray(plane_embedding(side, c.width)))
@@ -76,15 +89,27 @@ class ImageEncoder(nnx.Module):
         wide = c.sketch_width
         widths = (side**2 * channels[-1], wide, wide, c.volume_tokens**3 * _SKETCH_CHANNELS)
         pairs = [*itertools.pairwise(widths), (_SKETCH_CHANNELS, c.width)]
-        self.sketch = nnx.List([linear(a, b, rngs, dtype=dtype) for a, b in pairs] if wide else [])
+        self.sketch = nnx.List([linear(a, b, rngs, dtype=dtype) for a, b in pairs])
+        self.to_camera = linear(wide, CAMERA_CODE, rngs, init=zeros)
+        lifted, cells = c.volume_channels, c.volume_resolution**3
+        self.lift_fine = linear(channels[-2], lifted, rngs, dtype=dtype)
+        self.lift_coarse = linear(channels[-1], lifted, rngs, dtype=dtype)
+        self.lift_cell = nnx.Param(
+            position_embedding(grid_coords(c.volume_resolution), lifted).reshape(cells, lifted)
+        )
+        self.lift_place = linear(_PLACE_CHANNELS + CAMERA_CODE, lifted, rngs, dtype=dtype)
+        self.lift_mix = linear(lifted, lifted, rngs, dtype=dtype)
+        self.cells = c.volume_resolution // c.volume_tokens
+        self.fold = linear(self.cells**3 * lifted, c.width, rngs, dtype=dtype)
         self.volume_blocks = nnx.List(
             [
                 CrossBlock(c.width, c.num_heads, c.mlp_ratio, rngs, **block)
                 for _ in range(c.volume_blocks)
             ]
         )
-        self.cells = c.volume_resolution // c.volume_tokens
         self.to_volume = linear(c.width, self.cells**3 * c.volume_channels, rngs, dtype=dtype)
+        self.cell_in = linear(2 * lifted, 2 * lifted, rngs, dtype=dtype)
+        self.cell_out = linear(2 * lifted, lifted, rngs, dtype=dtype)
         self.head_in = linear(c.volume_channels, _HEAD_WIDTH, rngs, dtype=dtype)
         self.head_token = linear(c.width, _HEAD_WIDTH, rngs, dtype=dtype)
         self.fine = self.resolution // c.volume_resolution
@@ -92,60 +117,86 @@ class ImageEncoder(nnx.Module):
         outputs = self.fine**3 + self.coarse**3 * CODE_CHANNELS
         self.head_out = linear(_HEAD_WIDTH, outputs, rngs, dtype=dtype)
 
-    def __call__(self, image: jax.Array) -> dict[str, jax.Array]:
+    def __call__(
+        self, image: jax.Array, camera: jax.Array | None = None, known: jax.Array | None = None
+    ) -> dict[str, jax.Array]:
         """Encode images.
 
         Args:
           image: [B, H, W, 3] sRGB in [0, 1], the background black.
+          camera: [B, 7] true camera codes (``data.cameras``) to look through instead of the estimated ones, where ``known`` [B] is true.
 
         Returns:
-          tokens [B, L, D]; volume [B, Rv, Rv, Rv, C]; occupancy [B, R, R, R] logits; codes [B, Rt, Rt, Rt, 21] = joint code 9,
-          own box 6, parent box 6. Occupancy and codes are read off the volume, so the volume holds what they need.
+          camera [B, 7], the estimate; tokens [B, L, D]; volume [B, Rv, Rv, Rv, C]; occupancy [B, R, R, R] logits; codes
+          [B, Rt, Rt, Rt, 21] = joint code 9, own box 6, parent box 6. Occupancy and codes are read off the volume, so the volume holds
+          what they need.
         """
-        features = self.features(image)
-        tokens = self.tokens(features)
-        h = jnp.broadcast_to(self.queries[...], (image.shape[0], *self.queries.shape)).astype(
-            tokens.dtype
-        )
-        if self.sketch:
-            h = h + self.draw_sketch(features)
+        items, c = image.shape[0], self.config
+        fine, coarse = self.features(image)
+        tokens = self.tokens(coarse)
+        sketch, estimate = self.draw_sketch(coarse)
+        used = jax.lax.stop_gradient(estimate)
+        if camera is not None and known is not None:
+            used = jnp.where(known[:, None], camera, used)
+        lifted = self.lift(fine, coarse, used)  # [B, Rv^3, C]
+        side = c.volume_resolution
+        folded = _fold(lifted.reshape(items, side, side, side, -1), self.cells)
+        h = self.queries[...].astype(tokens.dtype) + sketch + self.fold(folded)
         for block in self.volume_blocks:
             h = block(h, tokens)
         h = layer_norm(h, 1e-6)
-        items, c = image.shape[0], self.config
         cells = self.to_volume(h).reshape(items, -1, self.cells**3, c.volume_channels)
+        seen = folded.reshape(cells.shape)
+        mixed = self.cell_out(jax.nn.gelu(self.cell_in(jnp.concatenate([cells, seen], -1))))
+        cells = cells + mixed
         hidden = jax.nn.gelu(self.head_in(cells) + self.head_token(h)[:, :, None, :])
         out = self.head_out(hidden).astype(jnp.float32)
         split = self.fine**3
-        side = c.volume_tokens
-        volume = _unfold(cells.astype(jnp.float32), side, self.cells)
-        side = c.volume_resolution
-        out = _unfold(out, c.volume_tokens, self.cells).reshape(items, side**3, -1)
+        tokens_side = c.volume_tokens
+        volume = _unfold(cells.astype(jnp.float32), tokens_side, self.cells)
+        out = _unfold(out, tokens_side, self.cells).reshape(items, side**3, -1)
         occupancy = _unfold(out[..., :split, None], side, self.fine)
         codes = _unfold(
             out[..., split:].reshape(items, side**3, self.coarse**3, CODE_CHANNELS),
             side,
             self.coarse,
         )
-        return {"tokens": tokens, "volume": volume, "occupancy": occupancy[..., 0], "codes": codes}
+        return {
+            "camera": estimate,
+            "tokens": tokens,
+            "volume": volume,
+            "occupancy": occupancy[..., 0],
+            "codes": codes,
+        }
 
-    def features(self, image: jax.Array) -> jax.Array:
-        """[B, H, W, 3] -> [B, side, side, C]."""
-        c = self.config
-        times = c.image_size // c.stem_size
-        if times > 1:
-            image = image.reshape(-1, c.stem_size, times, c.stem_size, times, 3).mean((2, 4))
-        h = image * 2 - 1
+    def features(self, image: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """[B, H, W, 3] -> the last two stages' maps, [B, 2 side, 2 side, C] and [B, side, side, C']."""
+        maps = [image * 2 - 1]
         for stage in self.stem:
-            h = stage(h)
-        return h
+            maps.append(stage(maps[-1]))
+        return maps[-2], maps[-1]
 
-    def draw_sketch(self, features: jax.Array) -> jax.Array:
-        """[B, side, side, C] -> [B, volume tokens, D] by an MLP on the whole feature map: where the object is, from any view."""
+    def lift(self, fine: jax.Array, coarse: jax.Array, camera: jax.Array) -> jax.Array:
+        """Each cell's features [B, Rv^3, C] of the maps, read at its centre as cameras [B, 7] see it."""
+        side = self.config.volume_resolution
+        centers = (grid_coords(side) + 0.5) / side - 0.5
+        places, depth = project(camera, jnp.asarray(centers, jnp.float32))
+        twice = jnp.repeat(jnp.repeat(self.lift_coarse(coarse), 2, axis=1), 2, axis=2)
+        read = sample_map(self.lift_fine(fine) + twice, places)
+        index = (places + 1) * (fine.shape[1] / 2) - 0.5
+        phase = 2 * jnp.pi * index  # where between the map's cells
+        place = [places, depth[..., None], jnp.sin(phase), jnp.cos(phase)]
+        view = jnp.broadcast_to(camera[:, None], (*depth.shape, CAMERA_CODE))
+        h = read + self.lift_place(jnp.concatenate([*place, view], -1)) + self.lift_cell[...]
+        return self.lift_mix(jax.nn.gelu(h))
+
+    def draw_sketch(self, features: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """[B, side, side, C] -> [B, volume tokens, D] and camera codes [B, 7] by an MLP on the whole map: where the object is, from any view."""
         first, second, out, lift = self.sketch
         h = jax.nn.gelu(first(features.reshape(features.shape[0], -1)))
         h = h + jax.nn.gelu(second(h))
-        return lift(out(h).reshape(h.shape[0], -1, _SKETCH_CHANNELS))
+        camera = self.to_camera(h).astype(jnp.float32) + jnp.asarray(TYPICAL)
+        return lift(out(h).reshape(h.shape[0], -1, _SKETCH_CHANNELS)), camera
 
     def tokens(self, features: jax.Array) -> jax.Array:
         """[B, side, side, C] -> [B, side^2, D] normalised tokens, for cross-attention."""
@@ -154,6 +205,14 @@ class ImageEncoder(nnx.Module):
         for block in self.blocks:
             h = block(h)
         return self.norm(h)
+
+
+def _fold(grid: jax.Array, inner: int) -> jax.Array:
+    """The inverse of ``_unfold`` with positions and channels joined: [B, G, G, G, C] -> [B, (G / inner)^3, inner^3 C]."""
+    items, full, channels = grid.shape[0], grid.shape[1], grid.shape[-1]
+    side = full // inner
+    cells = grid.reshape(items, side, inner, side, inner, side, inner, channels)
+    return cells.transpose(0, 1, 3, 5, 2, 4, 6, 7).reshape(items, side**3, -1)
 
 
 def _unfold(cells: jax.Array, side: int, inner: int) -> jax.Array:

@@ -29,6 +29,7 @@ from uniart_jax.training.losses import (
 )
 
 OCCUPANCY_WEIGHT = 10.0  # of the image encoder's occupancy against boxes and joints
+CAMERA_WEIGHT = 3.0
 
 LossFn = Callable[[Any, dict[str, Any], jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
 
@@ -53,11 +54,16 @@ def part_weights(
 
 
 def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
-    """Regression of coarse structure from the image: occupancy [R^3], joint codes and boxes at the target resolution."""
+    """Regression of coarse structure from the image: camera, occupancy [R^3], joint codes and boxes at the target resolution.
+
+    Half of the items are lifted through their true camera, so that the lifting learns while the estimate is still poor.
+    """
     delta = config.loss.huber_delta
 
     def loss_fn(params, batch, key):
-        out = network.apply(params, batch["image"])
+        known_key, draw_key = jax.random.split(key)
+        known = jax.random.bernoulli(known_key, 0.5, batch["image"].shape[:1])
+        out = network.apply(params, batch["image"], batch["camera"], known)
         occupancy = batch["occupancy"].astype(jnp.float32)
         items = occupancy.shape[0]
         entropy = binary_cross_entropy(out["occupancy"], occupancy).mean()
@@ -68,7 +74,7 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
         weights = part_weights(part, mask, config.model.grid.max_parts)
         gather = jax.vmap(lambda table, index: table[index])
         if 0 < config.loss.voxels_per_object < part.shape[1]:
-            rows = draw_rows(key, weights, config.loss.voxels_per_object)
+            rows = draw_rows(draw_key, weights, config.loss.voxels_per_object)
             codes, part = gather(codes, rows), gather(part, rows)
             weights = gather(mask, rows)  # an object without a cell counts as 0
         own = gather(batch["boxes"], part)
@@ -79,13 +85,14 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
             "own_box": masked_mean(box_loss(codes[..., 9:15], own, delta), weights),
             "parent_box": masked_mean(box_loss(codes[..., 15:21], parent, delta), weights),
         }
+        camera = jnp.abs(out["camera"] - batch["camera"]).mean()
         # boxes and joints learn early and, weighted like occupancy, keep it from being learnt at all; Dice does too
-        loss = OCCUPANCY_WEIGHT * entropy + sum(terms.values())
+        loss = OCCUPANCY_WEIGHT * entropy + CAMERA_WEIGHT * camera + sum(terms.values())
         predicted = out["occupancy"] > 0
         truth = occupancy > 0.5
         axes = (1, 2, 3)
         iou = (predicted & truth).sum(axes) / jnp.maximum((predicted | truth).sum(axes), 1)
-        return loss, {"entropy": entropy, "iou": iou.mean(), **terms}
+        return loss, {"entropy": entropy, "camera": camera, "iou": iou.mean(), **terms}
 
     return loss_fn
 
@@ -193,8 +200,13 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
     return loss_fn
 
 
-def make_latent_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> LossFn:
-    """Rectified flow of the UniArt latents on the active voxels, ``part_share`` of the loss spread evenly over parts."""
+def make_latent_flow_loss(
+    network: Network, config: Config, mean: Any, std: Any, metric: Any = None
+) -> LossFn:
+    """Rectified flow of the UniArt latents on the active voxels, ``part_share`` of the loss spread evenly over parts.
+
+    ``metric`` [C, C]: of ``training.readout``; None measures all channels alike.
+    """
     flow, share, parts = (
         config.model.latent_flow,
         config.loss.part_share,
@@ -211,7 +223,7 @@ def make_latent_flow_loss(network: Network, config: Config, mean: Any, std: Any)
             params, x, t, tokens, volume, coords=coords, counts=counts, plan=batch["plans"]["flow"]
         )
         weights = part_weights(batch["voxel_part"], mask.astype(jnp.float32), parts, share)
-        error = flow_loss(v, x0, noise, weights)
+        error = flow_loss(v, x0, noise, weights, metric=metric)
         return summarize_flow(error, v, x, x0, t, mask, flow.prediction)
 
     return loss_fn
