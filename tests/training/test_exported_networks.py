@@ -21,6 +21,11 @@ ABSTRACT = jax.eval_shape(lambda: jax.tree.map(jnp.asarray, PARAMS))
 def test_weights_come_back(tmp_path, dtype, tolerance):
     path = export.export_network(tmp_path / "export", "latent_flow", PARAMS, dtype)
     assert path == tmp_path / "export/latent_flow.safetensors"
+    plain = tmp_path / "plain"
+    plain.touch()
+    assert (
+        path.stat().st_mode == plain.stat().st_mode
+    )  # others may read what this user's files allow
     stored = load_file(path)
     assert "blocks.10.kernel" in stored
     assert {str(value.dtype) for value in stored.values()} == {dtype}
@@ -75,11 +80,10 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     path = export.export_network(tmp_path, "net", PARAMS)
     before = path.read_bytes()
 
-    def full(_tensors, temporary):
-        temporary.write_bytes(b"half")
+    def full(_descriptor):
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(export, "save_file", full)
+    monkeypatch.setattr(export.os, "fsync", full)
     with pytest.raises(OSError, match="no space"):
         export.export_network(tmp_path, "net", PARAMS)
     assert path.read_bytes() == before

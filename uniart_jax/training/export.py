@@ -7,7 +7,6 @@ deviation of each latent. A file is complete or absent (written beside, then ren
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +14,7 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 from safetensors import SafetensorError
-from safetensors.numpy import load_file, save_file
+from safetensors.numpy import load_file, save
 
 from uniart_jax.config import Config, from_json, to_json
 
@@ -47,7 +46,7 @@ def export_network(
     if bad := _not_finite(tensors):
         raise ValueError(f"{path}: not written, values are not finite as {dtype}: {', '.join(bad)}")
     if jax.process_index() == 0:
-        _write(path, lambda temporary: save_file(tensors, temporary))
+        _write(path, save(tensors))  # save_file would make it unreadable for others
     return path
 
 
@@ -82,7 +81,7 @@ def load_network(folder: str | Path, name: str, abstract: Any) -> Any:
 def write_config(folder: str | Path, config: Config) -> Path:
     """Write ``folder/config.json``."""
     path = Path(folder) / "config.json"
-    _write(path, lambda temporary: temporary.write_text(to_json(config) + "\n"))
+    _write(path, (to_json(config) + "\n").encode())
     return path
 
 
@@ -108,7 +107,7 @@ def write_statistics(folder: str | Path, name: str, mean: Any, std: Any) -> Path
         tensors[f"{name}.{key}"] = np.array(value, dtype=np.float32)
     if bad := _not_finite(tensors):
         raise ValueError(f"{path}: not written, values are not finite: {', '.join(bad)}")
-    _write(path, lambda temporary: save_file(tensors, temporary))
+    _write(path, save(tensors))
     return path
 
 
@@ -174,12 +173,13 @@ def _read(path: Path) -> dict[str, np.ndarray]:
         ) from None
 
 
-def _write(path: Path, write: Callable[[Path], Any]) -> None:
+def _write(path: Path, content: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        write(temporary)
-        with open(temporary, "rb") as file:
+        with open(temporary, "wb") as file:
+            file.write(content)
+            file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
     finally:
