@@ -86,7 +86,8 @@ def case(name: str, model: ModelConfig, items: int):
         voxels = jax.random.randint(key, (items, 1024), 0, count)
         return network, lambda p, b: mean_square(network.apply(p, b, key, voxels)), (batch,)
     draws = 2
-    tokens = normal(items, (e.image_size // e.patch_size) ** 2, e.width)
+    side = e.image_size // (e.stem_stride * 2 ** (len(e.stem_channels) - 1))
+    tokens = normal(items, side**2, e.width)
     volume = normal(items, *[e.volume_resolution] * 3, e.volume_channels)
     t = jax.random.uniform(key, (items * draws,))
     if name == "structure_flow":

@@ -83,7 +83,9 @@ def config() -> Config:
                 linear_path=True,
             ),
             structure_flow=dataclasses.replace(flow, num_blocks=5, patch_size=2),
-            latent_flow=dataclasses.replace(flow, patch_size=4, stem="patch", voxel_channels=32),
+            latent_flow=dataclasses.replace(
+                flow, patch_size=4, stem="patch", voxel_channels=32, volume_channels=64 + 3
+            ),
         ),
         data=DataConfig(
             records="data-cache/nano",
@@ -109,8 +111,8 @@ def config() -> Config:
         uniart_vae=dataclasses.replace(
             stage, steps=3500, batch_size=4, learning_rate=2e-3, evaluate_every=500
         ),
-        structure_flow=dataclasses.replace(stage, steps=1500),
-        latent_flow=dataclasses.replace(stage, steps=7000, batch_size=8),
+        structure_flow=dataclasses.replace(stage, steps=1200, evaluate_every=400),
+        latent_flow=dataclasses.replace(stage, steps=12_000, batch_size=8),
         sample_structure=SampleConfig(steps=10, guidance=1.0, rescale_t=3.0),
         sample_latent=SampleConfig(steps=10, guidance=0.0, rescale_t=3.0),
     )

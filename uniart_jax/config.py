@@ -98,7 +98,8 @@ class FlowConfig:
     ``patch_size``: side of the cube of latents that makes one token. Structure flow: patchify. Latent flow: ``stem`` 'conv' goes
     down to it by TRELLIS's sparse residual blocks (``io_channels`` a level), 'patch' by one linear layer on the cube, and back by another,
     followed, with ``voxel_channels`` > 0, by an MLP of this width on each voxel that also sees the voxel's own noisy latent.
-    ``volume_channels``: features of the image encoder's volume added to the tokens they are aligned with; 0 = none (TRELLIS).
+    ``volume_channels``: the first so many of the image encoder's volume (its features, then 3 of colour) added to the tokens they are
+    aligned with; 0 = none (TRELLIS).
     ``prediction``: the network's output is the velocity (TRELLIS) or the clean sample, from which the velocity follows.
     """
 
@@ -163,7 +164,8 @@ class LossConfig:
     alignment: float = 0.0  # the supplement's reading of L_kl; its lambda_2 = 0.5
     color: float = 1.0
     huber_delta: float = 0.3
-    voxels_per_object: int = 0  # loss voxels drawn balanced over parts; 0 = all voxels, unbalanced
+    # UniArt VAE: loss voxels drawn equally from all parts; 0 = all voxels, unbalanced. Image encoder: coarse cells drawn half so.
+    voxels_per_object: int = 0
     part_share: float = (
         0.0  # of the latent flow's loss spread evenly over parts, the rest over voxels
     )

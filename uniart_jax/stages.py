@@ -31,7 +31,7 @@ from uniart_jax.config import NETWORKS, Config, GridConfig, ModelConfig
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.batches import record_batches, voxel_batches
 from uniart_jax.data.folder import read_manifest
-from uniart_jax.data.image_table import image_batches
+from uniart_jax.data.image_table import image_batches, load_image_table
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
@@ -74,7 +74,8 @@ def run(config: Config, stages: Sequence[str], workdir: Path) -> None:
     """Train ``stages`` in their order; prepares the config's own procedural records first if they are not there.
 
     Raises:
-      ValueError: WORKDIR belongs to another model, records are missing, or an earlier stage has not been trained.
+      ValueError: WORKDIR belongs to another model, or a flow's checkpoint to other inputs.
+      FileNotFoundError: records or an earlier stage's weights are missing.
       FloatingPointError: loss or gradients are not finite.
     """
     workdir = Path(workdir)
@@ -146,8 +147,13 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
     folder = workdir / "checkpoints" / name
     statistics: dict[str, Any] | None = None
     if name.endswith("_flow"):
+        claim_inputs(folder, config, workdir)
+    with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
+        if max(checkpoints.steps, default=0) >= stage.steps and exported(workdir, name):
+            console.print(f"{name}: already trained ({stage.steps} steps); skipped")
+            return
+    if name.endswith("_flow"):
         statistics = encode_all(config, workdir)
-        claim_inputs(folder, latent_store.latents_key(workdir / "latents"), workdir)
         for part, (mean, std) in statistics.items():
             write_statistics(workdir / "export", part, mean, std)
     make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
@@ -158,9 +164,6 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
     key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
     optimizer = make_optimizer(stage)
     with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
-        if max(checkpoints.steps, default=0) >= stage.steps and exported(workdir, name):
-            console.print(f"{name}: already trained ({stage.steps} steps); skipped")
-            return
         state = run_stage(
             name,
             state=create_state(network.init, optimizer, key, mesh),
@@ -179,6 +182,8 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
 def stage_batches(name: str, config: Config, workdir: Path) -> Any:
     """The endless Grain pipeline of a stage; ``batch_size`` is over all processes."""
     batch_size = getattr(config, name).batch_size
+    if name not in ("image_encoder", "structure_vae"):
+        load_image_table.cache_clear()  # a gigabyte that nobody reads any more
     share = {"process_index": jax.process_index(), "process_count": jax.process_count()}
     if name in ("image_encoder", "structure_vae"):
         return image_batches(config.data.records, config.data, config.model, batch_size, **share)
@@ -195,13 +200,20 @@ def exported(workdir: Path, name: str) -> bool:
     return (workdir / "export" / f"{name}.safetensors").is_file()
 
 
-def claim_inputs(folder: Path, latents: str | None, workdir: Path) -> None:
+def claim_inputs(folder: Path, config: Config, workdir: Path) -> None:
     """Tie a flow's checkpoints to the latents and the image encoder that it trains on.
 
     Raises:
+      FileNotFoundError: a network that it needs has not been trained.
       ValueError: the checkpoints belong to others; a flow finished on these would not fit the networks exported beside it.
     """
+    for name in ("image_encoder", *ENCODED):
+        if not exported(workdir, name):
+            raise FileNotFoundError(
+                f"{workdir}/export/{name}.safetensors: not there; train it first: --stage {name}"
+            )
     encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
+    latents = digest(config, workdir, Path(config.data.records))
     key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
     note = folder.with_name(f"{folder.name}.inputs")
     trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
@@ -221,7 +233,7 @@ def make_put(
     wanted = {"structure_vae": ("occupancy",)}.get(name)
     if not name.endswith("_flow"):
         return lambda batch: put_batch({k: batch[k] for k in wanted or batch}, mesh)
-    condition = make_conditioner(config, workdir)
+    condition = make_conditioner(config, workdir, mesh)
 
     def put(batch: dict[str, Any]) -> dict[str, Any]:
         rest = put_batch(batch, mesh)
@@ -232,9 +244,6 @@ def make_put(
 
 def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """All records, and their mirror images if asked for, through both VAEs; again only if weights or records changed."""
-    load_network(
-        workdir, "image_encoder", build("image_encoder", config.model).abstract()
-    )  # trained?
     parameters = {
         name: load_network(workdir, name, build(name, config.model).abstract()) for name in ENCODED
     }

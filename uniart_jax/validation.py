@@ -30,6 +30,7 @@ from uniart_jax.pipeline import (
 )
 from uniart_jax.training.export import load_network
 from uniart_jax.training.metrics import part_readings, summarize_readings
+from uniart_jax.training.sharding import replicated
 from uniart_jax.training.state import TrainState
 
 Evaluation = Callable[[TrainState, int], tuple[dict[str, float], dict[str, np.ndarray]]]
@@ -74,7 +75,7 @@ def _image_encoder(config: Config) -> Evaluation:
     tables = RecordSource(config.data.validation)
 
     def evaluate(state, step):
-        overlaps, rows, pictures = [], [], []
+        overlaps, cameras, rows, pictures = [], [], [], []
         for batch in image_pass(config.data.validation, config.model, IMAGE_BATCH):
             out = jax.device_get(apply(state.ema, batch["image"]))
             truth = np.asarray(batch["occupancy"], bool)
@@ -82,6 +83,7 @@ def _image_encoder(config: Config) -> Evaluation:
                 if index < 0:
                     continue
                 overlaps.append(iou(out["occupancy"][b : b + 1] > 0, truth[b : b + 1])[0])
+                cameras.append(np.abs(out["camera"][b] - batch["camera"][b]).mean())
                 part = batch["cell_part"][b]
                 mask = part >= 0
                 codes, record = out["codes"][b][mask], tables[int(index)]
@@ -97,9 +99,8 @@ def _image_encoder(config: Config) -> Evaluation:
                     pictures.append(
                         _silhouettes(batch["image"][b], truth[b], out["occupancy"][b] > 0)
                     )
-        return {"iou": float(np.mean(overlaps)), **summarize_readings(rows)}, {
-            "occupancy": np.concatenate(pictures)
-        }
+        figures = {"iou": float(np.mean(overlaps)), "camera": float(np.mean(cameras))}
+        return {**figures, **summarize_readings(rows)}, {"occupancy": np.concatenate(pictures)}
 
     return evaluate
 
@@ -221,10 +222,13 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
     return evaluate
 
 
-def make_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], dict[str, jax.Array]]:
+def make_conditioner(
+    config: Config, workdir: Path, mesh: jax.sharding.Mesh | None = None
+) -> Callable[[jax.Array], dict[str, jax.Array]]:
     """Images [B, H, W, 3] -> {"tokens", "volume"} by the trained image encoder of WORKDIR: what both flows are conditioned on."""
     network = build("image_encoder", config.model)
-    parameters = load_network(workdir, "image_encoder", network.abstract())
+    place = None if mesh is None else replicated(mesh)
+    parameters = jax.device_put(load_network(workdir, "image_encoder", network.abstract()), place)
 
     @jax.jit
     def encode(parameters, image):

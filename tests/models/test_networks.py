@@ -135,7 +135,7 @@ def test_image_encoder():
     assert {k: v.shape for k, v in out.items()} == {
         "camera": (2, 7),
         "tokens": (2, 16, 16),
-        "volume": (2, 4, 4, 4, 5),
+        "volume": (2, 4, 4, 4, 5 + 3),
         "occupancy": (2, 8, 8, 8),
         "codes": (2, 8, 8, 8, 21),
     }
@@ -153,6 +153,12 @@ def test_image_encoder_looks_through_a_known_camera_only_where_told():
     np.testing.assert_array_equal(told["camera"], alone["camera"])
     np.testing.assert_array_equal(told["occupancy"][0], alone["occupancy"][0])
     assert np.abs(told["occupancy"][1] - alone["occupancy"][1]).max() > 1e-4
+    # straight from the front, a cell's colour is its picture's: the lower left quarter red
+    front = jnp.tile(jnp.array([0.0, 1.0, 0.0, 1.6, 1e-3, 0.0, 0.0]), (2, 1))
+    red = jnp.zeros((2, 32, 32, 3)).at[:, 16:, :16, 0].set(1.0)
+    colors = np.asarray(apply(params, red, front, jnp.array([True, True]))["volume"][0, ..., 5:])
+    assert (colors[:, 2:, :2, 0] > 0.9).all() and (colors[:, :2, :, 0] < -0.9).all()
+    assert (colors[:, :, 2:, 0] < -0.9).all() and (colors[..., 1:] == -1).all()
     itself = apply(params, image, alone["camera"], jnp.array([True, True]))
     np.testing.assert_array_equal(itself["occupancy"], alone["occupancy"])
 
@@ -162,8 +168,11 @@ def test_image_encoder_reads_each_cell_where_the_camera_sees_it():
     params = init(network)
     camera = jnp.array([[0.0, 1.0, 0.0, 1.6, 1e-3, 0.0, 0.0]])  # straight from the front
     fine, coarse = jnp.zeros((1, 8, 8, 4)), jnp.zeros((1, 4, 4, 8))
-    plain = network.apply(params, fine, coarse, camera, method="lift")
-    marked = network.apply(params, fine.at[0, 1, 6].set(1.0), coarse, camera, method="lift")
+    places = network.apply(params, camera, method="look")
+    plain = network.apply(params, fine, coarse, camera, *places, method="lift")
+    marked = network.apply(
+        params, fine.at[0, 1, 6].set(1.0), coarse, camera, *places, method="lift"
+    )
     changed = np.abs(np.asarray(marked - plain)).max(-1).reshape(4, 4, 4) > 1e-6
     # up and to the right in the picture is z > 0 and, seen along +x, y < 0; every depth alike
     assert changed.any((0,)).nonzero()[0].max() <= 1 and changed.any((0,)).nonzero()[1].min() >= 2

@@ -1,5 +1,7 @@
 """Losses: gauges, padding, balance."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,8 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from uniart_jax.config import Config, FlowConfig, LossConfig
 from uniart_jax.training import losses
-from uniart_jax.training.objectives import alignment_loss, part_weights
+from uniart_jax.training.objectives import (
+    alignment_loss,
+    make_latent_flow_loss,
+    part_weights,
+)
 from uniart_jax.voxels.joint_code import gauge_variants
 
 CODE = st.lists(st.floats(-1, 1, width=32), min_size=9, max_size=9).map(np.float32)
@@ -116,3 +123,54 @@ def test_dice_and_cross_entropy():
     assert float(losses.dice_loss(sure, target)) == pytest.approx(0, abs=1e-5)
     assert float(losses.binary_cross_entropy(sure, target).max()) < 1e-6
     assert float(losses.binary_cross_entropy(-sure, target).min()) > 10
+
+
+def test_part_share_says_how_much_of_the_weight_is_the_parts():
+    parts = jnp.array([[0, 0, 0, 1, 2]])
+    mask = jnp.array([[1.0, 1, 1, 1, 0]])
+    np.testing.assert_allclose(part_weights(parts, mask, 4, 0.0)[0], [0.25] * 4 + [0], atol=1e-6)
+    np.testing.assert_allclose(
+        part_weights(parts, mask, 4, 1.0)[0], [1 / 6] * 3 + [0.5, 0], atol=1e-6
+    )
+
+
+def test_the_latent_flow_weighs_parts_and_readouts_as_told():
+    """A network that always answers 0: what its loss is can be said beforehand."""
+
+    class Zero:
+        def apply(self, params, x, t, *_, **__):
+            return x / jnp.maximum(t, 0.05)[:, None, None]  # x_0 = 0 at every t above the floor
+
+    latent = np.zeros((1, 4, 3), np.float32)
+    latent[0, 3] = [1, 2, 0]  # the only voxel of part 1
+    batch = {
+        "coords": jnp.zeros((1, 4, 3), int),
+        "counts": jnp.array([4]),
+        "voxel_part": jnp.array([[0, 0, 0, 1]]),
+        "latent": jnp.asarray(latent),
+        "plans": {"flow": None},
+        "tokens": jnp.zeros((1, 2, 3)),
+        "volume": jnp.zeros((1, 2, 2, 2, 3)),
+    }
+    readout = np.diag([0.0, 1.0, 0.0]).astype(np.float32)
+    for share, metric, expected in (
+        (0.0, None, 5 / 3 / 4),
+        (1.0, None, 5 / 3 / 2),
+        (0.0, readout, 4 / 4),
+        (1.0, readout, 4 / 2),
+    ):
+        config = Config(loss=LossConfig(part_share=share, noise_share=1.0))
+        config = dataclasses.replace(
+            config,
+            model=dataclasses.replace(
+                config.model, latent_flow=FlowConfig(prediction="data", patch_size=1)
+            ),
+        )
+        loss = make_latent_flow_loss(Zero(), config, np.zeros(3), np.ones(3), metric)
+        found, metrics = loss({}, batch, jax.random.key(0))
+        np.testing.assert_allclose(found, expected, rtol=1e-5)
+        np.testing.assert_allclose(metrics["x0_error"], 5 / 3 / 4, rtol=1e-5)
+    with pytest.raises(ValueError, match=r"loss\.part_share is 1\.5"):
+        make_latent_flow_loss(
+            Zero(), Config(loss=LossConfig(part_share=1.5)), np.zeros(3), np.ones(3)
+        )

@@ -128,3 +128,31 @@ def test_knobs_beside_each_other_stay_two():
     solid_knobs = knob & (grid.sdf < 0)
     assert (match[found.owner] == grid.owner)[solid_knobs].mean() > 0.95
     assert np.abs(found.boxes - grid.boxes[match]).max() < 0.06
+
+
+def test_a_knob_within_a_ring_handle_keeps_its_cells():
+    """Both small, one inside the other's box: place alone cannot tell them apart, votes can."""
+    rng = np.random.default_rng(0)
+    body, knob = (
+        ((-0.3, -0.5, -0.5), (0.5, 0.5, 0.5)),
+        ((-0.33, -0.012, -0.012), (-0.3, 0.012, 0.012)),
+    )
+    out, wide = 0.064, 0.012
+    ring = [
+        ((-0.33, -out, s * out - wide / 2), (-0.3, out, s * out + wide / 2)) for s in (-1, 1)
+    ] + [((-0.33, s * out - wide / 2, -out), (-0.3, s * out + wide / 2, out)) for s in (-1, 1)]
+    distances = [
+        lambda p: box_sdf(p, *body),
+        lambda p: np.min([box_sdf(p, *bar) for bar in ring], axis=0),
+        lambda p: box_sdf(p, *knob),
+    ]
+    span = out + wide / 2
+    boxes = [box_of(*body), box_of((-0.33, -span, -span), (-0.3, span, span)), box_of(*knob)]
+    grid = grid_of(distances, boxes, parents=[0, 0, 0], resolution=32)
+    votes = grid.boxes[grid.owner] + rng.normal(0, 0.01, (*grid.owner.shape, 6))
+    found = segment(dataclasses.replace(grid.gather(), own_box=votes.astype(np.float32)))
+    match = matched(grid, found)
+    assert sorted(match) == [0, 1, 2]
+    for k in (1, 2):
+        solid = (grid.owner == k) & (grid.sdf < 0)
+        assert (match[found.owner] == k)[solid].mean() > 0.95

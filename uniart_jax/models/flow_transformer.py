@@ -80,7 +80,8 @@ class FlowTrunk(nnx.Module):
         return self.t_embedder(timestep_embedding(1000.0 * t))
 
     def embed_volume(self, volume: jax.Array, draws: int) -> jax.Array:
-        """[B, Rv, Rv, Rv, C] -> [B draws, G, G, G, D]; a volume of zeros (no condition) gives the layer's bias."""
+        """[B, Rv, Rv, Rv, C] -> [B draws, G, G, G, D], of the first ``volume_channels`` channels; zeros (no condition) give the layer's bias."""
+        volume = volume[..., : self.config.volume_channels]
         aligned = align_volume(layer_norm(volume, 1e-5), self.side)
         return jnp.repeat(self.volume_layer(aligned), draws, axis=0)
 
@@ -92,6 +93,14 @@ class FlowTrunk(nnx.Module):
         for block in self.blocks:
             h = block(h, time, context, lengths)
         return h
+
+    def see(self, x: jax.Array, t: jax.Array) -> jax.Array:
+        """What the network is shown of x_t. Where it predicts x_0: the best linear guess of x_0, so that near t = 1 it is shown nothing
+        instead of noise, which would drown the condition (c_in of Karras et al. 2022, for straight paths and data of deviation 1)."""
+        if self.config.prediction == "velocity":
+            return x
+        scale = (1 - t) / ((1 - t) ** 2 + t**2)
+        return x * scale.reshape(-1, *[1] * (x.ndim - 1))
 
     def to_velocity(self, out: jax.Array, x: jax.Array, t: jax.Array) -> jax.Array:
         """The network's output as a velocity: v = (x_t - x_0) / t where it predicts x_0."""
@@ -121,7 +130,7 @@ class StructureFlow(FlowTrunk):
         self, x: jax.Array, t: jax.Array, tokens: jax.Array, volume: jax.Array | None = None
     ) -> jax.Array:
         """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1], given tokens [B / n, M, D'] and volume [B / n, Rv, Rv, Rv, C']."""
-        h = self.input_layer(_patchify(x, self.config.patch_size))
+        h = self.input_layer(_patchify(self.see(x, t), self.config.patch_size))
         h = h + self.position_embedding().astype(h.dtype)
         if self.config.volume_channels:
             added = self.embed_volume(_required(volume), x.shape[0] // tokens.shape[0])
@@ -178,6 +187,8 @@ class LatentFlow(FlowTrunk):
             else:
                 self.out_layer = linear(d, slots * latent, rngs, init=zeros)
             return
+        if c.voxel_channels:
+            raise ValueError("latent_flow: voxel_channels belongs to the stem 'patch'; set it to 0")
         if c.patch_size != 2 ** len(c.io_channels) or (c.share_mod and c.io_channels):
             raise ValueError(
                 f"latent_flow: the conv stem halves once per io_channels {c.io_channels}, so patch_size must be "
@@ -223,7 +234,7 @@ class LatentFlow(FlowTrunk):
         time = self.embed_time(t)
         draws = x.shape[0] // tokens.shape[0]
         trunk = self._patch if self.config.stem == "patch" else self._convolve
-        out = trunk(x, time, tokens, volume, draws, coords, counts, plan)
+        out = trunk(self.see(x, t), time, tokens, volume, draws, coords, counts, plan)
         return jnp.where(valid, self.to_velocity(out, x, t), 0)
 
     def _middle(self, h, time, tokens, volume, draws, coords, counts):

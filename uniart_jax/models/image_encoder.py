@@ -63,9 +63,10 @@ class ImageEncoder(nnx.Module):
         c, dtype = config.image_encoder, compute_dtype(config)
         strides = (c.stem_stride, *[2] * (len(c.stem_channels) - 1))
         side = c.image_size // math.prod(strides)
-        if side * math.prod(strides) != c.image_size or len(strides) < 2:
+        fits = side * math.prod(strides) == c.image_size and c.stem_stride % 2 == 0
+        if not fits or len(strides) < 2:
             raise ValueError(
-                f"image_encoder: stem_stride {c.stem_stride}, then halved once for each further of two or more stem_channels {c.stem_channels}, must divide image_size {c.image_size}"
+                f"image_encoder: stem_stride {c.stem_stride} must be even and, halved once more for each further of two or more stem_channels {c.stem_channels}, divide image_size {c.image_size}"
             )
         self.config, self.resolution = c, config.grid.resolution
         channels = (3, *c.stem_channels)
@@ -127,9 +128,9 @@ class ImageEncoder(nnx.Module):
           camera: [B, 7] true camera codes (``data.cameras``) to look through instead of the estimated ones, where ``known`` [B] is true.
 
         Returns:
-          camera [B, 7], the estimate; tokens [B, L, D]; volume [B, Rv, Rv, Rv, C]; occupancy [B, R, R, R] logits; codes
-          [B, Rt, Rt, Rt, 21] = joint code 9, own box 6, parent box 6. Occupancy and codes are read off the volume, so the volume holds
-          what they need.
+          camera [B, 7], the estimate; tokens [B, L, D]; volume [B, Rv, Rv, Rv, C + 3], features and the picture's colour; occupancy [B, R, R, R] logits; codes
+          [B, Rt, Rt, Rt, 21] = joint code 9, own box 6, parent box 6. Occupancy and codes are read off the features, so these hold
+          what they need; of colours nothing is asked, hence they are added as the camera sees them.
         """
         items, c = image.shape[0], self.config
         fine, coarse = self.features(image)
@@ -138,7 +139,8 @@ class ImageEncoder(nnx.Module):
         used = jax.lax.stop_gradient(estimate)
         if camera is not None and known is not None:
             used = jnp.where(known[:, None], camera, used)
-        lifted = self.lift(fine, coarse, used)  # [B, Rv^3, C]
+        places, depth = self.look(used)
+        lifted = self.lift(fine, coarse, used, places, depth)  # [B, Rv^3, C]
         side = c.volume_resolution
         folded = _fold(lifted.reshape(items, side, side, side, -1), self.cells)
         h = self.queries[...].astype(tokens.dtype) + sketch + self.fold(folded)
@@ -154,6 +156,10 @@ class ImageEncoder(nnx.Module):
         split = self.fine**3
         tokens_side = c.volume_tokens
         volume = _unfold(cells.astype(jnp.float32), tokens_side, self.cells)
+        colors = sample_map(_shrink(image, 2 * fine.shape[1]), places).reshape(
+            items, *[side] * 3, 3
+        )
+        volume = jnp.concatenate([volume, colors.astype(jnp.float32) * 2 - 1], -1)
         out = _unfold(out, tokens_side, self.cells).reshape(items, side**3, -1)
         occupancy = _unfold(out[..., :split, None], side, self.fine)
         codes = _unfold(
@@ -176,11 +182,21 @@ class ImageEncoder(nnx.Module):
             maps.append(stage(maps[-1]))
         return maps[-2], maps[-1]
 
-    def lift(self, fine: jax.Array, coarse: jax.Array, camera: jax.Array) -> jax.Array:
-        """Each cell's features [B, Rv^3, C] of the maps, read at its centre as cameras [B, 7] see it."""
+    def look(self, camera: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Where cameras [B, 7] see the cells' centres: ``lifting.project``."""
         side = self.config.volume_resolution
         centers = (grid_coords(side) + 0.5) / side - 0.5
-        places, depth = project(camera, jnp.asarray(centers, jnp.float32))
+        return project(camera, jnp.asarray(centers, jnp.float32))
+
+    def lift(
+        self,
+        fine: jax.Array,
+        coarse: jax.Array,
+        camera: jax.Array,
+        places: jax.Array,
+        depth: jax.Array,
+    ) -> jax.Array:
+        """Each cell's features [B, Rv^3, C] of the maps, read where cameras [B, 7] see it (``look``)."""
         twice = jnp.repeat(jnp.repeat(self.lift_coarse(coarse), 2, axis=1), 2, axis=2)
         read = sample_map(self.lift_fine(fine) + twice, places)
         index = (places + 1) * (fine.shape[1] / 2) - 0.5
@@ -205,6 +221,12 @@ class ImageEncoder(nnx.Module):
         for block in self.blocks:
             h = block(h)
         return self.norm(h)
+
+
+def _shrink(image: jax.Array, side: int) -> jax.Array:
+    """[B, H, H, 3] averaged to [B, side, side, 3]."""
+    times = image.shape[1] // side
+    return image.reshape(-1, side, times, side, times, 3).mean((2, 4))
 
 
 def _fold(grid: jax.Array, inner: int) -> jax.Array:

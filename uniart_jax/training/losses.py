@@ -1,8 +1,9 @@
 """Losses of the five networks as functions of arrays.
 
-    L_vae  = L_geo + lambda_1 L_art + lambda_2 L_kl        (the paper, section 4.2 and supplement)
+    L_vae  = L_geo + lambda_1 L_art + L_own + lambda_2 L_kl        (the paper, section 4.2 and supplement)
     L_geo  = occupancy (cross-entropy on the sign) + truncated distance + colour, per sub-cell
-    L_art  = Huber on joint codes modulo their gauges, on own boxes and on parent boxes; cross-entropy on who owns a sub-cell
+    L_art  = Huber on joint codes modulo their gauges, on own boxes and on parent boxes
+    L_own  = cross-entropy on who owns a sub-cell (ours; not weighted by lambda_1)
     L_kl   = mean over elements of KL(q || N(0, 1))
 
 Means are taken per object first and then over objects, so that large objects do not outweigh small ones.
@@ -90,7 +91,7 @@ def articulation_losses(
     weights: jax.Array,
     delta: float,
 ) -> dict[str, jax.Array]:
-    """L_art's terms: Huber on "own_box", "other_box" (shared voxels), "joint_code", "parent_box", and the cross-entropy "foreign".
+    """L_art's terms, Huber on "own_box", "other_box" (shared voxels), "joint_code", "parent_box"; and L_own, the cross-entropy "foreign".
 
     Args:
       predicted: "box_pair" [B, V, 2, 6], "foreign" [B, V, r^3] logits, "joint_code" [B, V, 9], "parent_box" [B, V, 6].
@@ -147,7 +148,7 @@ def draw_rows(key: jax.Array, weights: jax.Array, number: int) -> jax.Array:
     """[B, number] indices of rows drawn with replacement, as likely as their ``weights`` [B, n] >= 0; never one of weight 0."""
 
     def draw(key, weights):
-        cumulative = jnp.cumsum(weights)
+        cumulative = jax.lax.cummax(jnp.cumsum(weights))  # XLA's float sums may step back
         points = jax.random.uniform(key, (number,)) * cumulative[-1]
         last = weights.shape[0] - 1 - jnp.argmax(weights[::-1] > 0)  # rounding may end beyond it
         return jnp.minimum(jnp.searchsorted(cumulative, points, side="right"), last)

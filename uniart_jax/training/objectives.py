@@ -56,7 +56,8 @@ def part_weights(
 def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
     """Regression of coarse structure from the image: camera, occupancy [R^3], joint codes and boxes at the target resolution.
 
-    Half of the items are lifted through their true camera, so that the lifting learns while the estimate is still poor.
+    Half of the items are lifted through their true camera, so that the lifting learns while the estimate is still poor; the
+    "iou" logged here is over both halves.
     """
     delta = config.loss.huber_delta
 
@@ -207,6 +208,9 @@ def make_latent_flow_loss(
 
     ``metric`` [C, C]: of ``training.readout``; None measures all channels alike.
     """
+    for name in ("part_share", "readout_share"):
+        if not 0 <= getattr(config.loss, name) <= 1:
+            raise ValueError(f"config: loss.{name} is {getattr(config.loss, name)}; give 0 to 1")
     flow, share, parts = (
         config.model.latent_flow,
         config.loss.part_share,
