@@ -88,7 +88,7 @@ def case(name: str, model: ModelConfig, items: int):
     draws = 2
     side = e.image_size // (e.stem_stride * 2 ** (len(e.stem_channels) - 1))
     tokens = normal(items, side**2, e.width)
-    volume = normal(items, *[e.volume_resolution] * 3, e.volume_channels)
+    volume = normal(items, *[e.volume_resolution] * 3, e.volume_channels + 3)
     t = jax.random.uniform(key, (items * draws,))
     if name == "structure_flow":
         s = model.structure_vae

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-WEIGHTS = {"own_box": 0.4, "joint_code": 0.25, "parent_box": 0.1, "color": 0.15, "sdf": 0.1}
+WEIGHTS = {"own_box": 0.3, "joint_code": 0.2, "parent_box": 0.1, "color": 0.15, "sdf": 0.25}
 
 
 def fit_metric(
