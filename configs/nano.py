@@ -115,5 +115,5 @@ def config() -> Config:
         structure_flow=dataclasses.replace(stage, steps=1200, evaluate_every=400),
         latent_flow=dataclasses.replace(stage, steps=12_000, batch_size=8),
         sample_structure=SampleConfig(steps=4, guidance=1.0, rescale_t=3.0),
-        sample_latent=SampleConfig(steps=10, guidance=0.0, rescale_t=3.0),
+        sample_latent=SampleConfig(steps=4, guidance=1.0, rescale_t=3.0),
     )
