@@ -96,7 +96,7 @@ class FlowTrunk(nnx.Module):
 
     def see(self, x: jax.Array, t: jax.Array) -> jax.Array:
         """What the network is shown of x_t. Where it predicts x_0: the best linear guess of x_0, so that near t = 1 it is shown nothing
-        instead of noise, which would drown the condition (c_in of Karras et al. 2022, for straight paths and data of deviation 1)."""
+        instead of noise (the c_skip of Karras et al. 2022, for straight paths and data of deviation 1, on the way in)."""
         if self.config.prediction == "velocity":
             return x
         scale = (1 - t) / ((1 - t) ** 2 + t**2)

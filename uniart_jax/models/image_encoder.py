@@ -8,7 +8,7 @@
 
 Pre-trained by regressing the camera, coarse occupancy, boxes and joints from the image (docs/architecture.md), then frozen: trained jointly
 with a flow from scratch, an image encoder of this size is ignored while the loss falls. The camera and the reading by projection
-(``nn.lifting``) give a volume its picture at once; by attention alone it has to be learnt from many more images than a laptop sees (configs/nano.py).
+(``nn.lifting``) tell a cell where in the picture to look.
 """
 
 from __future__ import annotations

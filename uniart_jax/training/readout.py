@@ -1,7 +1,7 @@
 """How much an error of the UniArt latent matters: its size once the latent is read out as boxes, joints, colours and distances.
 
-A latent's variance is mostly colour and surface detail; boxes and joints, on which everything that moves depends, are a small part of
-it (configs/nano.py). A flow trained on the plain square error learns them last. Here the error is measured on linear readouts of the latent
+Boxes and joints, on which everything that moves depends, share a latent's variance with colour and surface detail, and the plain square
+error gives each whatever share it happens to have. Here the error is measured on linear readouts of the latent
 instead, fitted by least squares on training records:
 
     |e|^2_M = e^T M e,     M = (1 - share) / C  +  share sum_g lambda_g W_g^T W_g / var_g
