@@ -440,3 +440,18 @@ def test_bfloat16_keeps_parameters_and_results_in_float32():
             assert np.abs(np.asarray(x) - np.asarray(y, np.float32)).mean() < 0.1 * scale
         if name == "structure_flow":
             assert b.dtype == jnp.float32
+
+
+def test_a_flow_that_predicts_the_sample_is_shown_no_noise_where_there_is_nothing_else():
+    network = build("structure_flow", MODEL)
+    params = init(network)
+    tokens, volume, _ = flow_arguments()
+    rng = np.random.default_rng(1)
+    first, second = (jnp.asarray(rng.normal(size=(2, 2, 2, 2, 3)), jnp.float32) for _ in range(2))
+    apply = jax.jit(network.apply)
+
+    def sample(x, t):
+        return x - t * apply(params, x, jnp.full(2, t), tokens, volume)
+
+    np.testing.assert_allclose(sample(first, 1.0), sample(second, 1.0), atol=2e-5)
+    assert np.abs(sample(first, 0.5) - sample(second, 0.5)).max() > 1e-3
