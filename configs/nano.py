@@ -92,7 +92,8 @@ def config() -> Config:
         data=DataConfig(
             records="data-cache/nano",
             validation="data-cache/nano-validation",
-            procedural=10_560,
+            procedural=5_600,
+            views=4,
             validation_count=70,
             voxel_buckets=(5120, 8192, 12288),
             voxel_crop=2048,
@@ -108,13 +109,13 @@ def config() -> Config:
             noise_share=0.5,
             draws_per_image=2,
         ),
-        image_encoder=dataclasses.replace(stage, steps=6000, batch_size=32, evaluate_every=500),
-        structure_vae=dataclasses.replace(stage, steps=500, learning_rate=2e-3, evaluate_every=250),
+        image_encoder=dataclasses.replace(stage, steps=3500, batch_size=32, evaluate_every=500),
+        structure_vae=dataclasses.replace(stage, steps=300, learning_rate=2e-3, evaluate_every=150),
         uniart_vae=dataclasses.replace(
-            stage, steps=3500, batch_size=4, learning_rate=2e-3, evaluate_every=500
+            stage, steps=2000, batch_size=4, learning_rate=2e-3, evaluate_every=500
         ),
-        structure_flow=dataclasses.replace(stage, steps=1200, evaluate_every=400),
-        latent_flow=dataclasses.replace(stage, steps=12_000, batch_size=8),
+        structure_flow=dataclasses.replace(stage, steps=500, evaluate_every=250),
+        latent_flow=dataclasses.replace(stage, steps=8400, batch_size=4),
         sample_structure=SampleConfig(steps=4, guidance=1.0, rescale_t=3.0),
         sample_latent=SampleConfig(steps=4, guidance=1.0, rescale_t=3.0),
     )

@@ -156,3 +156,20 @@ def test_the_metric_of_the_latents_found_is_positive_definite(trained):
     config, workdir = trained
     metric = stages.latent_metric(workdir / "latents", config.data.records, 0.5)
     assert metric.shape == (4, 4) and np.linalg.eigvalsh(metric).min() >= 0.5 / 4 - 1e-5
+
+
+def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
+    """Learning rate 0: the trained stage ends with the weights that it began with; the others are taken as they are."""
+    config, workdir = trained
+    still = dataclasses.replace(STAGE, steps=1, learning_rate=0.0, weight_decay=0.0)
+    frozen = dataclasses.replace(config, structure_flow=still)
+    stages.run(frozen, ["structure_flow"], tmp_path / "work", init=workdir)
+    exports = workdir / "export", tmp_path / "work" / "export"
+    for name in ("image_encoder", "structure_vae", "uniart_vae", "structure_flow"):
+        before, after = (path / f"{name}.safetensors" for path in exports)
+        assert before.read_bytes() == after.read_bytes(), name
+    other = dataclasses.replace(
+        config.model, structure_flow=dataclasses.replace(FLOW, num_blocks=2)
+    )
+    with pytest.raises(ValueError, match=r"structure_flow\.safetensors does not fit"):
+        stages.run(dataclasses.replace(frozen, model=other), ["structure_flow"], tmp_path / "other", init=workdir)  # fmt: skip

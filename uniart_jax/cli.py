@@ -199,6 +199,8 @@ class TrainArguments:
     """Which network; 'all' runs them in order, encoding latents between."""
     workdir: Path | None = None
     """Where checkpoints, logs and the export go (default: runs/<config name>)."""
+    init: str | None = None
+    """A checkpoint ("nano", a folder) to go on from: the stage begins with its weights, the other networks are taken as they are."""
 
 
 def train(arguments: list[str]) -> None:
@@ -215,7 +217,7 @@ def train(arguments: list[str]) -> None:
 
     enable_compilation_cache()
     stages = NETWORKS if known.stage == "all" else (known.stage,)
-    run(config, stages, known.workdir or Path("runs") / config.name)
+    run(config, stages, known.workdir or Path("runs") / config.name, known.init)
 
 
 def prepare(

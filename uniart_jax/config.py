@@ -186,6 +186,7 @@ class DataConfig:
     records: str = ""
     validation: str = ""
     procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
+    views: int = 2  # images of each
     validation_count: int = 64
     validation_seed: int = (
         900_000  # never trained on, and not the held-out seeds of the evaluation either

@@ -49,6 +49,18 @@ class Condition(NamedTuple):
     volume: Any
 
 
+def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
+    """Jitted (image encoder's params, images [B, S, S, 3] in [0, 1]) -> what the flows see of them."""
+    network = build("image_encoder", model)
+
+    @jax.jit
+    def run(params, images):
+        seen = network.apply(params, images)
+        return Condition(seen["tokens"], seen["volume"])
+
+    return run
+
+
 def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
     """Jitted (params, (mean, std), condition, key) -> structure latents [B, s, s, s, C]."""
     network = build("structure_flow", model)
@@ -194,8 +206,7 @@ class Pipeline:
 
     def encode_images(self, images: np.ndarray) -> Condition:
         """[B, S, S, 3] in [0, 1] -> tokens and volume."""
-        seen = self._encode_images(self.parameters["image_encoder"], images)
-        return Condition(seen["tokens"], seen["volume"])
+        return self._encode_images(self.parameters["image_encoder"], images)
 
     def sample_structure(
         self, condition: Condition, key: jax.Array, options: SampleConfig | None = None
@@ -275,7 +286,7 @@ class Pipeline:
 
     @functools.cached_property
     def _encode_images(self):
-        return jax.jit(build("image_encoder", self.config.model).apply)
+        return make_conditioner(self.config.model)
 
     @functools.cached_property
     def _decode_structure(self):
@@ -309,12 +320,11 @@ def join_views(condition: Condition) -> Condition:
     return Condition(tokens.reshape(1, -1, tokens.shape[-1]), volume.mean(0, keepdims=True))
 
 
-def load(checkpoint: str | Path = "nano") -> Pipeline:
-    """A model by name (shipped: "nano"), export folder or training WORKDIR.
+def checkpoint_folder(checkpoint: str | Path) -> Path:
+    """Where a checkpoint lies: a shipped model by its name, else the folder itself.
 
     Raises:
-      FileNotFoundError: no such checkpoint, or a network is missing in it.
-      ValueError: it is truncated, of another config, or not finite; all differences are listed.
+      FileNotFoundError: neither; the shipped ones are listed.
     """
     shipped = PRETRAINED / str(checkpoint)
     folder = shipped if not os.path.isdir(checkpoint) and shipped.is_dir() else Path(checkpoint)
@@ -327,6 +337,17 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
         raise FileNotFoundError(
             f"checkpoint '{checkpoint}': neither a folder nor a shipped model (shipped: {known or 'none'})"
         )
+    return folder
+
+
+def load(checkpoint: str | Path = "nano") -> Pipeline:
+    """A model by name (shipped: "nano"), export folder or training WORKDIR.
+
+    Raises:
+      FileNotFoundError: no such checkpoint, or a network is missing in it.
+      ValueError: it is truncated, of another config, or not finite; all differences are listed.
+    """
+    folder = checkpoint_folder(checkpoint)
     config = read_config(folder)
     parameters = {
         name: load_network(folder, name, build(name, config.model).abstract()) for name in NETWORKS

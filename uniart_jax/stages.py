@@ -17,6 +17,7 @@ import dataclasses
 import functools
 import hashlib
 import os
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,10 +36,12 @@ from uniart_jax.data.image_table import image_batches, load_image_table
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
+from uniart_jax.pipeline import checkpoint_folder
 from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
     export_network,
+    find_export,
     load_network,
     read_config,
     write_config,
@@ -47,9 +50,9 @@ from uniart_jax.training.export import (
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.readout import WEIGHTS, fit_metric
 from uniart_jax.training.sharding import make_mesh, put_batch
-from uniart_jax.training.state import create_state, make_optimizer
+from uniart_jax.training.state import begin_with, create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
-from uniart_jax.validation import make_conditioner, make_evaluation
+from uniart_jax.validation import load_conditioner, make_evaluation
 
 ENCODED = ("structure_vae", "uniart_vae")  # what latents depend on
 ENCODE_KEYS = (
@@ -70,11 +73,17 @@ METRIC_ITEMS, METRIC_VOXELS = 200, 500
 console = Console(stderr=True, highlight=False)
 
 
-def run(config: Config, stages: Sequence[str], workdir: Path) -> None:
+def run(
+    config: Config, stages: Sequence[str], workdir: Path, init: str | Path | None = None
+) -> None:
     """Train ``stages`` in their order; prepares the config's own procedural records first if they are not there.
 
+    Args:
+      init: a checkpoint (``pipeline.checkpoint_folder``) whose weights each of ``stages`` begins with, and whose other networks WORKDIR takes
+        over as they are where it has none. A stage that has a checkpoint of its own resumes from that.
+
     Raises:
-      ValueError: WORKDIR belongs to another model, or a flow's checkpoint to other inputs.
+      ValueError: WORKDIR belongs to another model, a flow's checkpoint to other inputs, or ``init`` does not fit the config.
       FileNotFoundError: records or an earlier stage's weights are missing.
       FloatingPointError: loss or gradients are not finite.
     """
@@ -90,9 +99,24 @@ def run(config: Config, stages: Sequence[str], workdir: Path) -> None:
         raise ValueError(
             f"stage {alone[0]}: trains on one process (all its devices); start it without jax.distributed"
         )
+    source = None if init is None else checkpoint_folder(init)
+    if source is not None:
+        adopt(config, source, [n for n in NETWORKS if n not in stages], workdir)
     ensure_records(config)
     for name in (n for n in NETWORKS if n in stages):
-        train_network(name, config, workdir)
+        train_network(name, config, workdir, source)
+
+
+def adopt(config: Config, source: Path, names: Sequence[str], workdir: Path) -> None:
+    """Copy networks of checkpoint ``source`` into WORKDIR's export where it has none; ``ValueError`` if one does not fit the config."""
+    for name in names:
+        if exported(workdir, name):
+            continue
+        load_network(source, name, build(name, config.model).abstract())
+        path = find_export(source, f"{name}.safetensors")
+        temporary = workdir / "export" / f".{path.name}"
+        shutil.copyfile(path, temporary)
+        temporary.replace(workdir / "export" / path.name)
 
 
 def claim(config: Config, workdir: Path) -> None:
@@ -121,6 +145,7 @@ def ensure_records(config: Config) -> None:
     options: dict[str, Any] = {
         "grid": GridConfig(grid.resolution, grid.subdivisions),
         "image_size": config.model.image_encoder.image_size,
+        "views": data.views,
         "processes": os.cpu_count() or 1,
     }
     for folder, count, seed in (
@@ -139,8 +164,8 @@ def prepared_objects(folder: Path) -> int:
     return len({(row["family"], row["seed"]) for row in read_manifest(folder)})
 
 
-def train_network(name: str, config: Config, workdir: Path) -> None:
-    """One stage, from its checkpoint or from scratch, to ``WORKDIR/export/<name>.safetensors``."""
+def train_network(name: str, config: Config, workdir: Path, source: Path | None = None) -> None:
+    """One stage, from its checkpoint, the weights of checkpoint ``source`` or from scratch, to ``WORKDIR/export/<name>.safetensors``."""
     stage = getattr(config, name)
     network = build(name, config.model)
     mesh = make_mesh(config.mesh)
@@ -163,10 +188,13 @@ def train_network(name: str, config: Config, workdir: Path) -> None:
     loss_fn = make_loss(network, config, *extra)
     key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
     optimizer = make_optimizer(stage)
+    start = create_state(network.init, optimizer, key, mesh)
+    if source is not None:
+        start = begin_with(start, load_network(source, name, network.abstract()))
     with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
         state = run_stage(
             name,
-            state=create_state(network.init, optimizer, key, mesh),
+            state=start,
             train_step=make_train_step(loss_fn, optimizer, stage.ema_decay),
             batches=iter(stage_batches(name, config, workdir)),
             put=make_put(name, config, workdir, mesh),
@@ -233,11 +261,11 @@ def make_put(
     wanted = {"structure_vae": ("occupancy",)}.get(name)
     if not name.endswith("_flow"):
         return lambda batch: put_batch({k: batch[k] for k in wanted or batch}, mesh)
-    condition = make_conditioner(config, workdir, mesh)
+    condition = load_conditioner(config, workdir, mesh)
 
     def put(batch: dict[str, Any]) -> dict[str, Any]:
         rest = put_batch(batch, mesh)
-        return {**condition(rest.pop("image")), **rest}
+        return {**condition(rest.pop("image"))._asdict(), **rest}
 
     return put
 

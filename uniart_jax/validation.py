@@ -24,6 +24,7 @@ from uniart_jax.nn.segments import voxel_plans
 from uniart_jax.pipeline import (
     Condition,
     flow_inputs,
+    make_conditioner,
     make_latent_sampler,
     make_structure_sampler,
     pad_coords,
@@ -162,7 +163,7 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
     vae = build("structure_vae", config.model)
     parameters = load_network(workdir, "structure_vae", vae.abstract())
     decode = jax.jit(functools.partial(vae.apply, method="decode"))
-    condition_of = make_conditioner(config, workdir)
+    condition_of = load_conditioner(config, workdir)
 
     def evaluate(state, step):
         overlaps = []
@@ -188,7 +189,7 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
     vae = build("uniart_vae", config.model)
     parameters = load_network(workdir, "uniart_vae", vae.abstract())
     decode = jax.jit(functools.partial(vae.apply, method="decode"))
-    condition_of = make_conditioner(config, workdir)
+    condition_of = load_conditioner(config, workdir)
 
     def evaluate(state, step):
         rows, inside = [], []
@@ -222,25 +223,19 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
     return evaluate
 
 
-def make_conditioner(
+def load_conditioner(
     config: Config, workdir: Path, mesh: jax.sharding.Mesh | None = None
-) -> Callable[[jax.Array], dict[str, jax.Array]]:
-    """Images [B, H, W, 3] -> {"tokens", "volume"} by the trained image encoder of WORKDIR: what both flows are conditioned on."""
-    network = build("image_encoder", config.model)
+) -> Callable[[jax.Array], Condition]:
+    """``pipeline.make_conditioner`` with the trained image encoder of WORKDIR, on every device of the mesh."""
+    abstract = build("image_encoder", config.model).abstract()
     place = None if mesh is None else replicated(mesh)
-    parameters = jax.device_put(load_network(workdir, "image_encoder", network.abstract()), place)
-
-    @jax.jit
-    def encode(parameters, image):
-        out = network.apply(parameters, image)
-        return {"tokens": out["tokens"], "volume": out["volume"]}
-
-    return functools.partial(encode, parameters)
+    parameters = jax.device_put(load_network(workdir, "image_encoder", abstract), place)
+    return functools.partial(make_conditioner(config.model), parameters)
 
 
-def _condition(items: list[dict[str, Any]], condition_of: Callable[..., Any]) -> Condition:
+def _condition(items: list[dict[str, Any]], condition_of: Callable[..., Condition]) -> Condition:
     images = np.stack([item["images"][0] for item in items]).astype(np.float32) / 255
-    return Condition(**condition_of(jnp.asarray(images)))
+    return condition_of(jnp.asarray(images))
 
 
 def _silhouettes(image: np.ndarray, truth: np.ndarray, guess: np.ndarray) -> np.ndarray:

@@ -103,9 +103,59 @@ def test_one_noisy_part_stays_one(noise):
     assert len(found.boxes) == 1 and not found.owner.any() and found.pure.all()
 
 
+def make_drawers() -> PartGrid:
+    """A body with three drawers in front, one above the other."""
+    solids = [((-0.3, -0.4, -0.5), (0.4, 0.4, 0.5))]
+    solids += [((-0.4, -0.4, low), (-0.3, 0.4, low + 0.3)) for low in (-0.48, -0.15, 0.18)]
+    distances = [lambda p, s=s: box_sdf(p, *s) for s in solids]
+    return grid_of(distances, [box_of(*s) for s in solids], parents=[0] * 4, resolution=32)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_votes_that_are_wrong_together_give_the_same_parts(seed):
+    """As out of a flow: each cube of 4^3 voxels is off by its own error, and drifts towards what its neighbours say."""
+    rng = np.random.default_rng(seed)
+    grid = make_drawers()
+    true = box_corners(grid.boxes[grid.owner].astype(float))
+    cube = np.ravel_multi_index(tuple((grid.coords // 4).T), (8, 8, 8))
+    member = cube[:, None] == np.arange(512)
+    mean = (member.T @ true.mean(1)) / np.maximum(member.sum(0), 1)[:, None]
+    votes = true + 0.2 * (mean[cube][:, None] - true)
+    votes += rng.normal(0, 0.04, (512, len(grid.boxes), 6))[cube[:, None], grid.owner]
+    votes += rng.normal(0, 0.01, (len(true), 1, 6))
+    low, high = votes[..., :3], votes[..., 3:]
+    boxes = np.concatenate([(low + high) / 2, high - low], -1).astype(np.float32)
+    found = segment(dataclasses.replace(grid.gather(), own_box=boxes))
+    match = matched(grid, found)
+    assert sorted(match) == [0, 1, 2, 3]
+    assert (match[found.owner] == grid.owner).mean() > 0.9
+
+
+def test_crumbs_join_what_is_around_them():
+    """A few sub-cells deep in the body vote for a door: no piece of the door flies about."""
+    rng = np.random.default_rng(0)
+    grid = make_cabinet()
+    votes = grid.boxes[grid.owner] + rng.normal(0, 0.005, (*grid.owner.shape, 6))
+    deep = np.nonzero((grid.owner == 0).all(1) & (grid.coords[:, 0] > 8))[0]
+    wrong = rng.choice(deep, 5, replace=False)
+    votes[wrong, :7] = grid.boxes[1] + rng.normal(0, 0.005, (5, 7, 6))
+    found = segment(dataclasses.replace(grid.gather(), own_box=votes.astype(np.float32)))
+    match = matched(grid, found)
+    assert sorted(match) == [0, 1, 2, 3]
+    assert (match[found.owner[wrong]] == 0).all()
+
+
 def test_nearest_prefers_the_first_of_equals():
     centers = np.array([[0.0] * 6, [1.0] * 6])
     assert nearest(np.array([[0.5] * 6, [0.6] * 6], np.float32), centers).tolist() == [0, 1]
+
+
+def test_nearest_minds_the_place():
+    """Between two drawers' boxes, the one that the place lies in."""
+    boxes = np.array([[0, 0, 0, 1, 1, 0.5], [0, 0, 0.5, 1, 1, 1]])
+    votes = np.repeat(boxes.mean(0, keepdims=True), 2, axis=0).astype(np.float32)
+    places = np.array([[0.5, 0.5, 0.2], [0.5, 0.5, 0.8]], np.float32)
+    assert nearest(votes, boxes, places).tolist() == [0, 1]
 
 
 def test_knobs_beside_each_other_stay_two():

@@ -83,3 +83,9 @@ def create_state(
         return jax.jit(init)(key)
     shardings = state_sharding(mesh, jax.eval_shape(init, key))
     return jax.jit(init, out_shardings=shardings)(key)
+
+
+def begin_with(state: TrainState, params: Params) -> TrainState:
+    """A fresh state with other parameters (a nested dict of host arrays of the same structure), placed as the state's own."""
+    placed = jax.tree.map(lambda new, old: jax.device_put(new, old.sharding), params, state.params)
+    return state._replace(params=placed, ema=jax.tree.map(jnp.copy, placed))
