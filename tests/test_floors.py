@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "uniart_jax"
 FLOORS = [
-    {"config"},
+    {"config", "processes"},
     {"objects", "nn"},
     {"voxels", "procedural", "render", "flow"},
     {"data", "models"},
@@ -30,6 +30,7 @@ SAME_FLOOR = {
     ("validation", "training"),
     ("stages", "training"),
     ("stages", "validation"),
+    ("stages", "pipeline"),
 }
 NO_JAX = ["objects", "voxels", "procedural", "data", "export"]
 BARE = ["nn", "models", "flow", "training"]

@@ -12,7 +12,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -302,6 +302,7 @@ def evaluate(
     records: Path | None = None,
     pictures: int = 16,
     unseen: bool = False,
+    processes: int | None = None,
 ) -> None:
     """Measure a checkpoint on held-out procedural objects (or the representation alone) and write a table and pictures.
 
@@ -312,20 +313,23 @@ def evaluate(
         records: Training records for the retrieval baseline; without them it is left out.
         pictures: How many objects are drawn.
         unseen: The families that are never trained on, instead of the trained ones.
+        processes: Worker processes beside the networks' own (default: one a core).
     """
-    if count < 1:
-        raise ValueError(f"evaluate: --count must be at least 1, got {count}")
+    for name, value in (("count", count), ("processes", processes)):
+        if value is not None and value < 1:
+            raise ValueError(f"evaluate: --{name} must be at least 1, got {value}")
     if out.exists() and not out.is_dir():
         raise ValueError(f"output '{out}': a file of that name exists; choose another --out")
     from uniart_jax.evaluation import procedural
     from uniart_jax.pipeline import enable_compilation_cache
 
     enable_compilation_cache()
+    share: dict[str, Any] = {"unseen": unseen, "processes": processes or os.cpu_count() or 1}
     if what == "representation":
-        procedural.evaluate_representation(out, count=count, unseen=unseen)
+        procedural.evaluate_representation(out, count=count, **share)
     else:
         procedural.evaluate_checkpoint(
-            checkpoint, out, count=count, records=records, pictures=pictures, unseen=unseen
+            checkpoint, out, count=count, records=records, pictures=pictures, **share
         )
 
 

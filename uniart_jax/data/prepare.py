@@ -10,13 +10,10 @@ from __future__ import annotations
 import collections
 import contextlib
 import csv
-import multiprocessing
-import multiprocessing.connection
 import os
 import sys
-import threading
 from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -36,9 +33,9 @@ from rich.text import Text
 from uniart_jax.config import GridConfig
 from uniart_jax.data.folder import Row, Settings, claim, finished, rows_path, shard_path, write_rows
 from uniart_jax.data.records import from_object, to_bytes, write_shard
+from uniart_jax.processes import process_pool
 
 ATTEMPTS = 8  # shown states drawn before an object counts as failed
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "IGL_NUM_THREADS")
 
 
 def prepare_procedural(
@@ -212,49 +209,20 @@ def _make_all(
     settings: Settings, indices: Sequence[int], processes: int
 ) -> Generator[list[tuple[bytes, Row]], None, None]:
     """Results of ``make_object`` in order; workers stay a bounded number of objects ahead."""
-    if processes == 1 or len(indices) < 2:
-        for index in indices:
-            yield make_object(settings, index)
-        return
-    # Workers read these when numpy is imported: with one BLAS thread each, processes do not fight for cores.
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
-    pool = ProcessPoolExecutor(
-        processes, mp_context=multiprocessing.get_context("spawn"), initializer=_die_with_parent
-    )
     pending: collections.deque[Future] = collections.deque()
-    position = 0
+    position, ahead = 0, 1 if processes == 1 else 8 * processes
     try:
-        while position < len(indices) or pending:
-            while position < len(indices) and len(pending) < 8 * processes:
-                pending.append(pool.submit(make_object, settings, indices[position]))
-                position += 1
-            yield pending.popleft().result()
+        with process_pool(processes if len(indices) > 1 else 1) as submit:
+            while position < len(indices) or pending:
+                while position < len(indices) and len(pending) < ahead:
+                    pending.append(submit(make_object, settings, indices[position]))
+                    position += 1
+                yield pending.popleft().result()
     except BrokenProcessPool:
         raise ValueError(
             "prepare: a worker process died (out of memory?); run the same command again to go on,"
             " with fewer processes if it repeats"
         ) from None
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-def _die_with_parent() -> None:
-    """End this worker when its parent is gone: a parent killed outright cannot tell it to."""
-    parent = multiprocessing.parent_process()
-    if parent is None:
-        return
-
-    def watch():
-        multiprocessing.connection.wait([parent.sentinel])
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 class _Rate(ProgressColumn):

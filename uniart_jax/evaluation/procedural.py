@@ -11,13 +11,14 @@ One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown st
 
 from __future__ import annotations
 
+import collections
 import dataclasses
-import functools
 import importlib
 import importlib.util
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -37,9 +38,10 @@ from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.procedural.states import sample_state
+from uniart_jax.processes import process_pool
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
-from uniart_jax.voxels.grid import PartGrid, occupancy
+from uniart_jax.voxels.grid import PartGrid, VoxelGrid, occupancy
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.voxelize import voxelize
 
@@ -78,70 +80,79 @@ class HeldOut:
 
 
 def held_out(
-    count: int,
+    index: int,
     *,
     unseen: bool = False,
     resolution: int = 32,
     subdivisions: int = 4,
     image_size: int = 128,
-) -> Iterator[HeldOut]:
-    """Test objects, deterministic; a shown state that cannot be encoded (two equal boxes) is drawn again."""
+) -> HeldOut:
+    """Test object ``index``, deterministic; a shown state that cannot be encoded (two equal boxes) is drawn again."""
     families = procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
-    for k in range(count):
-        family, seed = families[k % len(families)], procedural.HELD_OUT_SEED + k
-        closed = procedural.generate(family, seed)
-        rng = np.random.default_rng([seed, 1])
-        for attempt in range(ATTEMPTS):
-            obj = sample_state(closed, rng)
-            try:
-                grid = voxelize(obj, resolution, subdivisions)
-                break
-            except ValueError:
-                if attempt == ATTEMPTS - 1:
-                    raise
-        picture = render(
-            obj, sample_camera(rng), size=image_size, samples=4
-        )  # as data.prepare draws them
-        yield HeldOut(family, seed, obj, grid, np.round(picture * 255).astype(np.uint8))
+    family, seed = families[index % len(families)], procedural.HELD_OUT_SEED + index
+    closed = procedural.generate(family, seed)
+    rng = np.random.default_rng([seed, 1])
+    for attempt in range(ATTEMPTS):
+        obj = sample_state(closed, rng)
+        try:
+            grid = voxelize(obj, resolution, subdivisions)
+            break
+        except ValueError:
+            if attempt == ATTEMPTS - 1:
+                raise
+    # as data.prepare draws them
+    picture = render(obj, sample_camera(rng), size=image_size, samples=4)
+    return HeldOut(family, seed, obj, grid, np.round(picture * 255).astype(np.uint8))
 
 
-class Row:
-    """Scores of one station over all objects."""
+@dataclasses.dataclass(frozen=True)
+class Score:
+    """One object of one station against the truth; ``chamfer`` at the shown state, ``chamfer_open`` with both opened."""
 
-    def __init__(self, name: str):
-        self.name = name
-        self.scores: list[PartScores] = []
-        self.distances: list[tuple[float, float]] = []
-        self.closed: list[bool] = []
-        self.families: list[str] = []
-
-    def add(self, predicted: ArticulatedObject, test: HeldOut) -> None:
-        self.scores.append(compare_parts(predicted, test.obj))
-        shown = object_chamfer(predicted, test.obj)
-        opened = object_chamfer(predicted, test.obj, predicted.open(), test.obj.open())
-        self.distances.append((shown, opened))
-        self.closed.append(all(part.mesh.is_watertight for part in predicted.parts))
-        self.families.append(test.family)
-
-    def summary(self, family: str | None = None) -> dict[str, float]:
-        keep = [i for i, f in enumerate(self.families) if family in (None, f)]
-        distances = np.array([self.distances[i] for i in keep])
-        return {
-            **summarize([self.scores[i] for i in keep]),
-            "chamfer": float(distances[:, 0].mean()),
-            "chamfer_open": float(distances[:, 1].mean()),
-            "watertight": float(np.mean([self.closed[i] for i in keep])),
-        }
+    family: str
+    parts: PartScores
+    chamfer: float
+    chamfer_open: float
+    watertight: bool
 
 
-def evaluate_representation(out: Path, *, count: int = 200, unseen: bool = False) -> dict[str, Any]:
+def score(predicted: ArticulatedObject, test: HeldOut) -> Score:
+    """Compare with the truth."""
+    return Score(
+        test.family,
+        compare_parts(predicted, test.obj),
+        object_chamfer(predicted, test.obj),
+        object_chamfer(predicted, test.obj, predicted.open(), test.obj.open()),
+        all(part.mesh.is_watertight for part in predicted.parts),
+    )
+
+
+def summarize_scores(scores: Sequence[Score]) -> dict[str, float]:
+    """The figures of one row of the table."""
+    return {
+        **summarize([s.parts for s in scores]),
+        "chamfer": float(np.mean([s.chamfer for s in scores])),
+        "chamfer_open": float(np.mean([s.chamfer_open for s in scores])),
+        "watertight": float(np.mean([s.watertight for s in scores])),
+    }
+
+
+def evaluate_representation(
+    out: Path, *, count: int = 200, unseen: bool = False, processes: int = 1
+) -> dict[str, Any]:
     """Truth -> voxels -> object over ``count`` held-out objects: the ceiling of everything else. Writes ``metrics.json``, ``table.md``."""
-    row = Row("representation")
-    for test in track(
-        held_out(count, unseen=unseen), "representation", total=count, console=console
-    ):
-        row.add(assemble(test.grid.gather()), test)
-    return write_results(Path(out), [row], {"count": count, "unseen": unseen})
+    with process_pool(processes) as submit:
+        futures = [submit(_ceiling, k, unseen) for k in range(count)]
+        scores = [
+            future.result()
+            for future in track(futures, "representation", total=count, console=console)
+        ]
+    return write_results(Path(out), {"representation": scores}, {"count": count, "unseen": unseen})
+
+
+def _ceiling(index: int, unseen: bool) -> Score:
+    test = held_out(index, unseen=unseen)
+    return score(assemble(test.grid.gather()), test)
 
 
 def evaluate_checkpoint(
@@ -152,38 +163,42 @@ def evaluate_checkpoint(
     records: Path | None = None,
     pictures: int = 16,
     unseen: bool = False,
+    processes: int = 1,
 ) -> dict[str, Any]:
-    """All rows for a checkpoint; ``records`` (what it was trained on) adds retrieval. Writes ``metrics.json``, ``table.md``, pictures."""
+    """All rows for a checkpoint; ``records`` (what it was trained on) adds retrieval. Writes ``metrics.json``, ``table.md``, pictures.
+
+    Networks run in this process; ``processes`` others draw, assemble and compare the objects (1 = this one does).
+    """
     pipeline = load(checkpoint)
     retrieve = None if records is None else make_retrieval(pipeline, records)
-    names = ["representation", "vae", "latent_flow", "image_to_object"] + (
-        ["retrieval"] if retrieve else []
-    )
-    rows = {name: Row(name) for name in names}
-    overlaps: list[float] = []
-    loads: list[dict[str, bool]] = []
     model = pipeline.config.model
-    tests = held_out(
-        count,
-        unseen=unseen,
-        resolution=model.grid.resolution,
-        subdivisions=model.grid.subdivisions,
-        image_size=model.image_encoder.image_size,
-    )
+    options = {
+        "unseen": unseen,
+        "resolution": model.grid.resolution,
+        "subdivisions": model.grid.subdivisions,
+        "image_size": model.image_encoder.image_size,
+    }
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
-    for k, test in enumerate(track(tests, "held-out objects", total=count, console=console)):
-        predicted, overlap = predict_all(pipeline, test, k, retrieve)
-        overlaps.append(overlap)
-        for name, obj in predicted.items():
-            rows[name].add(obj, test)
-        if k < pictures:
-            loads.append(
-                check_asset(predicted["image_to_object"], out / "assets" / f"{k:03d}-{test.family}")
-            )
-            write_comparison(
-                out / "pictures" / f"{k:03d}-{test.family}.png", test.image, test.obj, predicted
-            )
+    overlaps: list[float] = []
+    found: list[Future[tuple[dict[str, Score], dict[str, bool]]]] = []
+    with process_pool(processes) as submit:
+        ahead = collections.deque(
+            submit(held_out, k, **options) for k in range(min(count, 2 * processes))
+        )
+        for k in track(range(count), "held-out objects", total=count, console=console):
+            test: HeldOut = ahead.popleft().result()
+            if k + 2 * processes < count:
+                ahead.append(submit(held_out, k + 2 * processes, **options))
+            grids, overlap, pixels = predict(pipeline, test, k)
+            overlaps.append(overlap)
+            others = {} if retrieve is None else {"retrieval": retrieve(pixels)}
+            folder = out if k < pictures else None
+            found.append(submit(finish, test, grids, others, folder, f"{k:03d}-{test.family}"))
+            if k >= 2 * processes:  # grids are large: wait rather than pile them up
+                found[k - 2 * processes].result()
+        results = [future.result() for future in found]
+    loads = [load for _, load in results if load]
     extra = {
         "count": count,
         "unseen": unseen,
@@ -193,34 +208,50 @@ def evaluate_checkpoint(
             name: float(np.mean([load[name] for load in loads])) for name in (loads or [{}])[0]
         },
     }
-    return write_results(out, list(rows.values()), extra)
+    rows = {name: [scores[name] for scores, _ in results] for name in results[0][0]}
+    return write_results(out, rows, extra)
 
 
-def predict_all(
-    pipeline: Pipeline,
-    test: HeldOut,
-    seed: int,
-    retrieve: Callable[[np.ndarray], ArticulatedObject] | None,
-) -> tuple[dict[str, ArticulatedObject], float]:
-    """The object of every station, and the IoU of the sampled structure with the true one."""
-    predicted = {"representation": assemble(test.grid.gather())}
+def predict(
+    pipeline: Pipeline, test: HeldOut, seed: int
+) -> tuple[dict[str, VoxelGrid], float, np.ndarray]:
+    """What the networks say at every station, the IoU of the sampled structure with the true one, and the image as they see it."""
     coords = test.grid.coords
-    build = functools.partial(assemble, tolerance=NETWORK_TOLERANCE)
-    predicted["vae"] = build(pipeline.decode([coords], [pipeline.encode_voxels(test.grid)])[0])
     pixels = pipeline.prepare(test.image)
     condition = pipeline.encode_images(pixels[None])
     keys = jax.random.split(jax.random.key(seed))
-    latent = pipeline.sample_latents([coords], condition, keys[1])[0]
-    predicted["latent_flow"] = build(pipeline.decode([coords], [latent])[0])
     found = pipeline.sample_structure(condition, keys[0])[0]
     if len(found) == 0:  # a failure counts: an object of one speck
         found = np.array([[pipeline.config.model.grid.resolution // 2] * 3], np.int32)
-    latent = pipeline.sample_latents([found], condition, keys[1])[0]
-    predicted["image_to_object"] = build(pipeline.decode([found], [latent])[0])
-    if retrieve is not None:
-        predicted["retrieval"] = retrieve(pixels)
+    latents = {
+        "vae": (coords, pipeline.encode_voxels(test.grid)),
+        "latent_flow": (coords, pipeline.sample_latents([coords], condition, keys[1])[0]),
+        "image_to_object": (found, pipeline.sample_latents([found], condition, keys[1])[0]),
+    }
+    grids = {
+        name: pipeline.decode([where], [latent])[0] for name, (where, latent) in latents.items()
+    }
     dense = [occupancy(c, test.grid.resolution) for c in (found, coords)]
-    return predicted, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum())
+    return grids, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()), pixels
+
+
+def finish(
+    test: HeldOut,
+    grids: dict[str, VoxelGrid],
+    others: dict[str, ArticulatedObject],
+    out: Path | None,
+    name: str,
+) -> tuple[dict[str, Score], dict[str, bool]]:
+    """Assemble every station's object and score it; where ``out`` is given, draw them and write the model's as an asset (``check_asset``)."""
+    predicted = {"representation": assemble(test.grid.gather())}
+    for station, grid in grids.items():
+        predicted[station] = assemble(grid, tolerance=NETWORK_TOLERANCE)
+    predicted |= others
+    loads: dict[str, bool] = {}
+    if out is not None:
+        loads = check_asset(predicted["image_to_object"], out / "assets" / name)
+        write_comparison(out / "pictures" / f"{name}.png", test.image, test.obj, predicted)
+    return {station: score(obj, test) for station, obj in predicted.items()}, loads
 
 
 def check_asset(obj: ArticulatedObject, folder: Path) -> dict[str, bool]:
@@ -295,23 +326,29 @@ def without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def write_results(out: Path, rows: list[Row], extra: dict[str, Any]) -> dict[str, Any]:
+def write_results(out: Path, rows: dict[str, list[Score]], extra: dict[str, Any]) -> dict[str, Any]:
     """``metrics.json`` (all figures, also per family) and ``table.md``; prints the table. Returns what metrics.json holds."""
-    families = sorted(set(rows[0].families))
+    families = sorted({s.family for scores in rows.values() for s in scores})
     results: dict[str, Any] = {
         **extra,
-        "rows": {row.name: row.summary() for row in rows},
-        "families": {f: {row.name: row.summary(f) for row in rows} for f in families},
+        "rows": {name: summarize_scores(scores) for name, scores in rows.items()},
+        "families": {
+            f: {
+                name: summarize_scores([s for s in scores if s.family == f])
+                for name, scores in rows.items()
+            }
+            for f in families
+        },
     }
     out.mkdir(parents=True, exist_ok=True)
     (out / "metrics.json").write_text(json.dumps(without_nan(results), indent=2) + "\n")
     header = ["", *COLUMNS.values()]
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     table = Table(*header)
-    for row in rows:
-        cells = [f"{results['rows'][row.name][key]:.3f}" for key in COLUMNS]
-        table.add_row(row.name, *cells)
-        lines.append("| " + " | ".join([row.name, *cells]) + " |")
+    for name in rows:
+        cells = [f"{results['rows'][name][key]:.3f}" for key in COLUMNS]
+        table.add_row(name, *cells)
+        lines.append("| " + " | ".join([name, *cells]) + " |")
     if "structure_iou" in extra:
         lines += ["", f"Structure IoU {extra['structure_iou']:.3f} over {extra['count']} objects."]
         if extra["assets"]:

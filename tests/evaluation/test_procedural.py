@@ -1,0 +1,36 @@
+"""Held-out objects and the table made of them."""
+
+import json
+
+import numpy as np
+
+from uniart_jax import procedural
+from uniart_jax.evaluation.procedural import evaluate_representation, held_out, score
+from uniart_jax.voxels.assemble import assemble
+
+
+def test_held_out_objects_are_drawn_alike_and_never_trained_on():
+    one, again = held_out(3), held_out(3)
+    assert one.seed == procedural.HELD_OUT_SEED + 3 and one.family == procedural.SEEN_FAMILIES[3]
+    assert np.array_equal(one.image, again.image)
+    assert np.array_equal(one.grid.coords, again.grid.coords)
+    assert held_out(0, unseen=True).family in procedural.UNSEEN_FAMILIES
+
+
+def test_an_object_against_itself_and_against_another():
+    test = held_out(0)
+    same = score(test.obj, test)
+    assert same.parts.right.all() and same.parts.count_right and same.chamfer < 0.01
+    other = score(held_out(1).obj, test)
+    assert other.chamfer > 2 * same.chamfer and other.chamfer_open > 2 * same.chamfer_open
+
+
+def test_workers_change_nothing(tmp_path):
+    for processes in (1, 2):
+        evaluate_representation(tmp_path / str(processes), count=2, processes=processes)
+    texts = [(tmp_path / name / "metrics.json").read_text() for name in ("1", "2")]
+    assert texts[0] == texts[1]
+    direct = score(assemble(held_out(1).grid.gather()), held_out(1))
+    family = json.loads(texts[0])["families"][direct.family]["representation"]
+    assert family["chamfer"] == direct.chamfer and family["watertight"] == 1.0
+    assert (tmp_path / "1" / "table.md").read_text().count("representation") == 1

@@ -1,0 +1,23 @@
+"""Worker processes: same results as in this process, errors told, surroundings left as they were."""
+
+import operator
+import os
+
+import pytest
+
+from uniart_jax.processes import process_pool
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_results_and_errors_come_back(processes, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    monkeypatch.delenv("IGL_NUM_THREADS", raising=False)
+    with process_pool(processes) as submit:
+        futures = [submit(operator.pow, 2, k) for k in range(5)]
+        broken = submit(operator.truediv, 1, 0)
+        assert [f.result() for f in futures] == [1, 2, 4, 8, 16]
+        with pytest.raises(ZeroDivisionError):
+            broken.result()
+        threads = submit(os.getenv, "OMP_NUM_THREADS").result()
+    assert threads == ("7" if processes == 1 else "1")
+    assert os.environ["OMP_NUM_THREADS"] == "7" and "IGL_NUM_THREADS" not in os.environ
