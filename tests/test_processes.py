@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from uniart_jax.processes import process_pool
+from uniart_jax.processes import in_order, process_pool
 
 
 @pytest.mark.parametrize("processes", [1, 2])
@@ -21,3 +21,23 @@ def test_results_and_errors_come_back(processes, monkeypatch):
         threads = submit(os.getenv, "OMP_NUM_THREADS").result()
     assert threads == ("7" if processes == 1 else "1")
     assert os.environ["OMP_NUM_THREADS"] == "7" and "IGL_NUM_THREADS" not in os.environ
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_results_come_in_order_and_none_is_begun_early(processes):
+    asked = []
+
+    def items():
+        for k in range(6):
+            asked.append(k)
+            yield k
+
+    with process_pool(processes) as submit:
+        results = in_order(submit, str, items(), 2)
+        assert next(results) == "0" and asked == [0, 1, 2]
+        assert list(results) == ["1", "2", "3", "4", "5"]
+
+
+def test_a_dead_worker_is_told_in_one_line():
+    with pytest.raises(ValueError, match="worker process died"), process_pool(2) as submit:
+        submit(os._exit, 1).result()

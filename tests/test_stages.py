@@ -1,6 +1,7 @@
 """All stages from a config to a checkpoint that samples, at toy size."""
 
 import dataclasses
+import json
 import shutil
 
 import jax
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import uniart_jax
-from uniart_jax import stages
+from uniart_jax import procedural, stages
 from uniart_jax.config import (
     Config,
     DataConfig,
@@ -22,7 +23,9 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
+from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
+from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
 from uniart_jax.voxels.assemble import assemble
 
 FLOW = FlowConfig(
@@ -159,17 +162,75 @@ def test_the_metric_of_the_latents_found_is_positive_definite(trained):
 
 
 def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
-    """Learning rate 0: the trained stage ends with the weights that it began with; the others are taken as they are."""
+    """Learning rate 0: the trained stage ends with the weights that it began with; the others are taken as they are, and all of it loads."""
     config, workdir = trained
     still = dataclasses.replace(STAGE, steps=1, learning_rate=0.0, weight_decay=0.0)
     frozen = dataclasses.replace(config, structure_flow=still)
     stages.run(frozen, ["structure_flow"], tmp_path / "work", init=workdir)
-    exports = workdir / "export", tmp_path / "work" / "export"
-    for name in ("image_encoder", "structure_vae", "uniart_vae", "structure_flow"):
-        before, after = (path / f"{name}.safetensors" for path in exports)
-        assert before.read_bytes() == after.read_bytes(), name
+    for path in (workdir / "export").glob("*.safetensors"):
+        assert path.read_bytes() == (tmp_path / "work" / "export" / path.name).read_bytes(), path
+    assert uniart_jax.load(tmp_path / "work").config.name == "toy"
+
+
+def test_a_checkpoint_that_does_not_fit_leaves_nothing(trained, tmp_path):
+    config, workdir = trained
+    flow = dataclasses.replace(FLOW, num_blocks=2)
     other = dataclasses.replace(
-        config.model, structure_flow=dataclasses.replace(FLOW, num_blocks=2)
+        config, model=dataclasses.replace(config.model, structure_flow=flow)
     )
     with pytest.raises(ValueError, match=r"structure_flow\.safetensors does not fit"):
-        stages.run(dataclasses.replace(frozen, model=other), ["structure_flow"], tmp_path / "other", init=workdir)  # fmt: skip
+        stages.run(other, ["structure_flow"], tmp_path / "work", init=workdir)
+    assert not (tmp_path / "work").exists()
+
+
+def test_flows_are_taken_over_only_with_their_encoder_and_vaes(trained, tmp_path):
+    config, workdir = trained
+    stages.adopt(config, workdir, ["image_encoder"], tmp_path / "encoder")
+    names = {path.stem for path in (tmp_path / "encoder" / "export").iterdir()}
+    assert names == {"structure_vae", "uniart_vae"}
+    shutil.copytree(workdir / "export", tmp_path / "own" / "export")
+    vae = tmp_path / "own" / "export" / "uniart_vae.safetensors"
+    vae.write_bytes(vae.read_bytes()[:-1] + b"x")
+    (tmp_path / "own" / "export" / "structure_flow.safetensors").unlink()
+    kept = vae.read_bytes()
+    stages.adopt(config, workdir, ["latent_flow"], tmp_path / "own")
+    assert vae.read_bytes() == kept
+    assert not stages.exported(tmp_path / "own", "structure_flow")
+
+
+def test_records_of_other_views_are_refused(trained, tmp_path):
+    config, _ = trained
+    three = dataclasses.replace(config, data=dataclasses.replace(config.data, views=3))
+    with pytest.raises(ValueError, match="holds 2 views an object, the config asks for 3"):
+        stages.run(three, ["structure_vae"], tmp_path / "work")
+
+
+def test_evaluation_is_the_same_in_workers(trained, tmp_path):
+    """Every row of the table, with pictures and assets; the weights are noise, so only their being there is looked at."""
+    config, workdir = trained
+    for processes in (1, 2):
+        evaluate_checkpoint(
+            str(workdir),
+            tmp_path / str(processes),
+            count=3,
+            records=config.data.records,
+            pictures=1,
+            processes=processes,
+        )
+    texts = [(tmp_path / name / "metrics.json").read_text() for name in ("1", "2")]
+    assert texts[0] == texts[1]
+    results = json.loads(texts[0])
+    rows = {"representation", "vae", "latent_flow", "image_to_object", "retrieval"}
+    assert set(results["rows"]) == rows and len(list((tmp_path / "1" / "pictures").iterdir())) == 1
+    assert results["assets"]["yourdfpy"] == 1.0
+    assert results["rows"]["representation"]["watertight"] == 1.0
+    assert {row["objects"] for row in results["rows"].values()} == {3.0}
+
+
+def test_retrieval_among_held_out_objects_is_refused(trained, tmp_path):
+    config, workdir = trained
+    prepare_procedural(
+        tmp_path / "records", 1, start_seed=procedural.HELD_OUT_SEED, grid=config.model.grid, image_size=32, processes=1
+    )  # fmt: skip
+    with pytest.raises(ValueError, match="holds held-out objects"):
+        make_retrieval(uniart_jax.load(workdir), tmp_path / "records")

@@ -313,7 +313,7 @@ def evaluate(
         records: Training records for the retrieval baseline; without them it is left out.
         pictures: How many objects are drawn.
         unseen: The families that are never trained on, instead of the trained ones.
-        processes: Worker processes beside the networks' own (default: one a core).
+        processes: Worker processes beside the networks' own (default: one a core, at most 8).
     """
     for name, value in (("count", count), ("processes", processes)):
         if value is not None and value < 1:
@@ -324,7 +324,10 @@ def evaluate(
     from uniart_jax.pipeline import enable_compilation_cache
 
     enable_compilation_cache()
-    share: dict[str, Any] = {"unseen": unseen, "processes": processes or os.cpu_count() or 1}
+    share: dict[str, Any] = {
+        "unseen": unseen,
+        "processes": processes or min(os.cpu_count() or 1, 8),
+    }
     if what == "representation":
         procedural.evaluate_representation(out, count=count, **share)
     else:

@@ -213,12 +213,19 @@ class MeshConfig:
 
 @dataclasses.dataclass(frozen=True)
 class SampleConfig:
-    """Sampling defaults that belong to a checkpoint."""
+    """Sampling defaults that belong to a checkpoint.
+
+    What a flow samples in few steps is close to a mean: thin things fade from it, and small ones tremble. ``threshold`` (structure) is
+    the logit above which a voxel is active; ``sdf_offset`` and ``sdf_blur`` (latents), in sub-cells, thicken and smooth (``voxels.grid.faired``).
+    """
 
     steps: int = 25
     guidance: float = 1.0
     guidance_interval: tuple[float, float] = (0.0, 1.0)
     rescale_t: float = 3.0
+    threshold: float = 0.0
+    sdf_offset: float = 0.0
+    sdf_blur: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)

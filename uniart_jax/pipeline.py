@@ -30,7 +30,7 @@ from uniart_jax.nn.segments import voxel_plans
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.training.export import load_network, read_config, read_statistics
 from uniart_jax.voxels.assemble import assemble
-from uniart_jax.voxels.grid import PartGrid, VoxelGrid
+from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 
 PRETRAINED = Path(__file__).parent / "pretrained"
@@ -177,6 +177,7 @@ class Pipeline:
         latent = self.sample_latents([coords], condition, keys[1], latent_options)[0]
         progress("parts and joints")
         grid = self.decode([coords], [latent])[0]
+        grid = faired(grid, latent_options.sdf_offset, latent_options.sdf_blur)
         return assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
 
     def options(
@@ -212,14 +213,14 @@ class Pipeline:
         self, condition: Condition, key: jax.Array, options: SampleConfig | None = None
     ) -> list[np.ndarray]:
         """Active voxels [V_i, 3] of each item; at most as many as the largest bucket holds, the most certain first."""
-        sampler = self._structure_sampler(options or self.config.sample_structure)
-        latent = sampler(
+        options = options or self.config.sample_structure
+        latent = self._structure_sampler(options)(
             self.parameters["structure_flow"], self.statistics["structure"], condition, key
         )
         logits = np.asarray(self._decode_structure(self.parameters["structure_vae"], latent))
         most = max(self.config.data.voxel_buckets)
         found = []
-        for item in logits:
+        for item in logits - options.threshold:
             if (item > 0).sum() > most:
                 item = np.where(item >= np.partition(item, -most, axis=None)[-most], item, -1.0)
             found.append(np.argwhere(item > 0).astype(np.int32)[:most])

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import multiprocessing
 import multiprocessing.connection
 import os
+import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "IGL_NUM_THREADS")
@@ -21,18 +24,25 @@ def process_pool(processes: int) -> Iterator[Submit]:
     """``submit(function, *args, **kwargs)`` -> Future, run by one of ``processes`` spawned workers; 1 = by this process, at once.
 
     Workers import the function by its module, so the caller's main module must be importable. Leaving cancels what has not begun.
+
+    Raises:
+      ValueError: a worker died.
     """
     if processes == 1:
         yield _at_once
         return
     # Workers read these when numpy is imported: with one BLAS thread each, processes do not fight for cores.
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    spawn = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(processes, mp_context=spawn, initializer=_begin)
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
-    pool = ProcessPoolExecutor(
-        processes, mp_context=multiprocessing.get_context("spawn"), initializer=_die_with_parent
-    )
     try:
         yield pool.submit
+    except BrokenProcessPool:
+        raise ValueError(
+            "a worker process died (out of memory?); run the same command again,"
+            " with fewer processes if it repeats"
+        ) from None
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         for name, value in before.items():
@@ -40,6 +50,19 @@ def process_pool(processes: int) -> Iterator[Submit]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+def in_order(
+    submit: Submit, function: Callable[..., Any], items: Iterable[Any], ahead: int
+) -> Generator[Any, None, None]:
+    """Results of ``function(item)`` in the items' order, at most ``ahead`` of them begun before they are asked for."""
+    pending: collections.deque[Future[Any]] = collections.deque()
+    for item in items:
+        if len(pending) >= ahead:
+            yield pending.popleft().result()
+        pending.append(submit(function, item))
+    while pending:
+        yield pending.popleft().result()
 
 
 def _at_once(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Future[Any]:
@@ -51,8 +74,9 @@ def _at_once(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Future[
     return future
 
 
-def _die_with_parent() -> None:
-    """End this worker when its parent is gone: a parent killed outright cannot tell it to."""
+def _begin() -> None:
+    """Leave Ctrl-C to the parent, and end when the parent is gone: one killed outright cannot tell its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is None:
         return

@@ -17,7 +17,6 @@ import dataclasses
 import functools
 import hashlib
 import os
-import shutil
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,7 +30,7 @@ from rich.progress import track
 from uniart_jax.config import NETWORKS, Config, GridConfig, ModelConfig
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.batches import record_batches, voxel_batches
-from uniart_jax.data.folder import read_manifest
+from uniart_jax.data.folder import read_manifest, read_metadata
 from uniart_jax.data.image_table import image_batches, load_image_table
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
@@ -40,10 +39,13 @@ from uniart_jax.pipeline import checkpoint_folder
 from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
+    STATISTICS,
+    copy_export,
     export_network,
     find_export,
     load_network,
     read_config,
+    read_statistics,
     write_config,
     write_statistics,
 )
@@ -79,8 +81,7 @@ def run(
     """Train ``stages`` in their order; prepares the config's own procedural records first if they are not there.
 
     Args:
-      init: a checkpoint (``pipeline.checkpoint_folder``) whose weights each of ``stages`` begins with, and whose other networks WORKDIR takes
-        over as they are where it has none. A stage that has a checkpoint of its own resumes from that.
+      init: a checkpoint (``pipeline.checkpoint_folder``) to go on from, see ``adopt``. A stage that has a checkpoint of its own resumes from that.
 
     Raises:
       ValueError: WORKDIR belongs to another model, a flow's checkpoint to other inputs, or ``init`` does not fit the config.
@@ -92,6 +93,9 @@ def run(
         raise ValueError(
             "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
         )
+    source = None if init is None else checkpoint_folder(init)
+    for name in () if source is None else stages:  # before anything is written
+        load_network(source, name, build(name, config.model).abstract())
     claim(config, workdir)
     alone = [n for n in stages if n not in ("image_encoder", "structure_vae")]
     if jax.process_count() > 1 and alone:
@@ -99,24 +103,42 @@ def run(
         raise ValueError(
             f"stage {alone[0]}: trains on one process (all its devices); start it without jax.distributed"
         )
-    source = None if init is None else checkpoint_folder(init)
     if source is not None:
-        adopt(config, source, [n for n in NETWORKS if n not in stages], workdir)
+        adopt(config, source, stages, workdir)
     ensure_records(config)
     for name in (n for n in NETWORKS if n in stages):
         train_network(name, config, workdir, source)
 
 
-def adopt(config: Config, source: Path, names: Sequence[str], workdir: Path) -> None:
-    """Copy networks of checkpoint ``source`` into WORKDIR's export where it has none; ``ValueError`` if one does not fit the config."""
-    for name in names:
-        if exported(workdir, name):
+def adopt(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> None:
+    """Copy what checkpoint ``source`` has and WORKDIR lacks of the networks that are not trained now.
+
+    A flow is copied only if it stands in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents.
+    """
+    for name in NETWORKS:
+        if name in stages or exported(workdir, name) or not in_export(source, name):
+            continue
+        if name.endswith("_flow") and not same_ground(source, stages, workdir):
             continue
         load_network(source, name, build(name, config.model).abstract())
-        path = find_export(source, f"{name}.safetensors")
-        temporary = workdir / "export" / f".{path.name}"
-        shutil.copyfile(path, temporary)
-        temporary.replace(workdir / "export" / path.name)
+        copy_export(source, workdir / "export", f"{name}.safetensors")
+
+
+def in_export(folder: Path, name: str) -> bool:
+    """Whether a checkpoint (export folder or WORKDIR) holds a network."""
+    return any((place / f"{name}.safetensors").is_file() for place in (folder, folder / "export"))
+
+
+def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
+    """Whether flows of ``source`` fit WORKDIR: both hold the same image encoder and VAEs, and none of them is trained now."""
+    return all(
+        name not in stages
+        and in_export(source, name)
+        and exported(workdir, name)
+        and find_export(source, f"{name}.safetensors").read_bytes()
+        == find_export(workdir / "export", f"{name}.safetensors").read_bytes()
+        for name in ("image_encoder", *ENCODED)
+    )
 
 
 def claim(config: Config, workdir: Path) -> None:
@@ -138,7 +160,11 @@ def claim(config: Config, workdir: Path) -> None:
 
 
 def ensure_records(config: Config) -> None:
-    """Prepare the training and validation records that the config describes, where they are not there yet."""
+    """Prepare the training and validation records that the config describes, where they are not there yet.
+
+    Raises:
+      ValueError: a folder holds records of other settings.
+    """
     data, grid = config.data, config.model.grid
     if not data.procedural:
         return
@@ -152,7 +178,16 @@ def ensure_records(config: Config) -> None:
         (data.records, data.procedural, 0),
         (data.validation, data.validation_count, data.validation_seed),
     ):
-        if folder and prepared_objects(Path(folder)) < count:
+        if not folder:
+            continue
+        if prepared_objects(Path(folder)) >= count:
+            found = read_metadata(folder)["views"]
+            if found != data.views:
+                raise ValueError(
+                    f"{folder}: holds {found} views an object, the config asks for {data.views}; "
+                    f"give --data.views {found}, or another --data.records and --data.validation"
+                )
+        else:
             console.print(f"preparing {count} procedural objects in {folder}")
             prepare_procedural(Path(folder), count, start_seed=seed, **options)
 
@@ -171,14 +206,19 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
     mesh = make_mesh(config.mesh)
     folder = workdir / "checkpoints" / name
     statistics: dict[str, Any] | None = None
+    # flows of the same encoder and VAEs go on in the units that they know
+    units = source if source is not None and same_ground(source, (), workdir) else None
     if name.endswith("_flow"):
-        claim_inputs(folder, config, workdir)
+        claim_inputs(folder, config, workdir, units)
     with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
-        if max(checkpoints.steps, default=0) >= stage.steps and exported(workdir, name):
+        trained = max(checkpoints.steps, default=0)
+        if trained >= stage.steps and exported(workdir, name):
             console.print(f"{name}: already trained ({stage.steps} steps); skipped")
             return
     if name.endswith("_flow"):
         statistics = encode_all(config, workdir)
+        if units is not None:
+            statistics = {part: read_statistics(units, part) for part in statistics}
         for part, (mean, std) in statistics.items():
             write_statistics(workdir / "export", part, mean, std)
     make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
@@ -189,7 +229,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
     key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
     optimizer = make_optimizer(stage)
     start = create_state(network.init, optimizer, key, mesh)
-    if source is not None:
+    if source is not None and not trained:
         start = begin_with(start, load_network(source, name, network.abstract()))
     with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
         state = run_stage(
@@ -228,8 +268,8 @@ def exported(workdir: Path, name: str) -> bool:
     return (workdir / "export" / f"{name}.safetensors").is_file()
 
 
-def claim_inputs(folder: Path, config: Config, workdir: Path) -> None:
-    """Tie a flow's checkpoints to the latents and the image encoder that it trains on.
+def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None = None) -> None:
+    """Tie a flow's checkpoints to the latents, their units (of checkpoint ``units``, or the records' own) and the image encoder that it trains on.
 
     Raises:
       FileNotFoundError: a network that it needs has not been trained.
@@ -243,11 +283,13 @@ def claim_inputs(folder: Path, config: Config, workdir: Path) -> None:
     encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
     latents = digest(config, workdir, Path(config.data.records))
     key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
+    if units is not None:
+        key += f" {hashlib.sha256(find_export(units, STATISTICS).read_bytes()).hexdigest()}"
     note = folder.with_name(f"{folder.name}.inputs")
     trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
     if trained and note.is_file() and note.read_text() != key:
         raise ValueError(
-            f"{folder} was trained on other inputs (records or an earlier network changed since); "
+            f"{folder} was trained on other inputs (records, an earlier network or --init changed since); "
             "remove that folder to train this flow on the new ones"
         )
     note.parent.mkdir(parents=True, exist_ok=True)

@@ -164,6 +164,7 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
     parameters = load_network(workdir, "structure_vae", vae.abstract())
     decode = jax.jit(functools.partial(vae.apply, method="decode"))
     condition_of = load_conditioner(config, workdir)
+    threshold = config.sample_structure.threshold
 
     def evaluate(state, step):
         overlaps = []
@@ -176,7 +177,7 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
             for row, item in zip(truth, items, strict=True):
                 row[tuple(item["coords"].astype(int).T)] = True
-            overlaps += list(iou(np.asarray(decode(parameters, latent)) > 0, truth))
+            overlaps += list(iou(np.asarray(decode(parameters, latent)) > threshold, truth))
         return {"iou": float(np.mean(overlaps))}, {}
 
     return evaluate

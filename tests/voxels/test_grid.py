@@ -1,6 +1,14 @@
 import numpy as np
 
-from uniart_jax.voxels.grid import PartGrid, occupancy, subcell_centers, subcell_offsets
+from uniart_jax.voxels.grid import (
+    SDF_CLIP,
+    PartGrid,
+    VoxelGrid,
+    faired,
+    occupancy,
+    subcell_centers,
+    subcell_offsets,
+)
 
 
 def test_subcells_are_x_major_with_z_fastest():
@@ -41,3 +49,18 @@ def test_gather_turns_ids_into_attributes():
     np.testing.assert_array_equal(grid.own_box[:, 0], boxes[[1, 0]])
     np.testing.assert_array_equal(grid.joint_code, codes[[1, 0]])
     np.testing.assert_array_equal(grid.parent_box, boxes[[0, 0]])
+
+
+def test_fairing_averages_active_sub_cells_only_and_thickens():
+    rng = np.random.default_rng(0)
+    coords = np.argwhere(rng.random((4, 4, 4)) < 0.5).astype(np.int32)
+    number = len(coords)
+    rest = (np.zeros((number, 8, 3)), np.zeros((number, 8, 6)), np.zeros((number, 9)))
+    flat = VoxelGrid(4, 2, coords, np.full((number, 8), 0.7, np.float32), *rest, np.zeros((number, 6)))  # fmt: skip
+    assert faired(flat, 0.0, 0.0) is flat
+    # holes beside active voxels weigh nothing: a constant stays one
+    np.testing.assert_allclose(faired(flat, 0.2, 1.0).sdf, 0.5, atol=1e-5)
+    noise = rng.normal(0, 0.5, flat.sdf.shape).astype(np.float32)
+    rough = VoxelGrid(4, 2, coords, flat.sdf + noise, *rest, np.zeros((number, 6)))
+    assert faired(rough, 0.0, 1.0).sdf.std() < 0.5 * rough.sdf.std()
+    assert np.abs(faired(rough, 9.0, 0.0).sdf).max() <= SDF_CLIP

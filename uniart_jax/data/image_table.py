@@ -1,6 +1,6 @@
 """Pictures and coarse structure of all records in memory: what the image encoder and the structure VAE train on, at thousands a second.
 
-One record takes about 100 KB (two views of 128 pixels, packed occupancy at 32^3, part ids at 16^3), so 10,000 fit in 1 GB.
+One record takes about 10 KB and 50 KB a view (128 pixels; packed occupancy at 32^3, part ids at 16^3), so 10,000 with two views fit in 1.1 GB.
 """
 
 from __future__ import annotations

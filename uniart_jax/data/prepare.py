@@ -10,11 +10,10 @@ from __future__ import annotations
 import collections
 import contextlib
 import csv
+import functools
 import os
 import sys
 from collections.abc import Generator, Iterator, Sequence
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +32,7 @@ from rich.text import Text
 from uniart_jax.config import GridConfig
 from uniart_jax.data.folder import Row, Settings, claim, finished, rows_path, shard_path, write_rows
 from uniart_jax.data.records import from_object, to_bytes, write_shard
-from uniart_jax.processes import process_pool
+from uniart_jax.processes import in_order, process_pool
 
 ATTEMPTS = 8  # shown states drawn before an object counts as failed
 
@@ -209,20 +208,10 @@ def _make_all(
     settings: Settings, indices: Sequence[int], processes: int
 ) -> Generator[list[tuple[bytes, Row]], None, None]:
     """Results of ``make_object`` in order; workers stay a bounded number of objects ahead."""
-    pending: collections.deque[Future] = collections.deque()
-    position, ahead = 0, 1 if processes == 1 else 8 * processes
-    try:
-        with process_pool(processes if len(indices) > 1 else 1) as submit:
-            while position < len(indices) or pending:
-                while position < len(indices) and len(pending) < ahead:
-                    pending.append(submit(make_object, settings, indices[position]))
-                    position += 1
-                yield pending.popleft().result()
-    except BrokenProcessPool:
-        raise ValueError(
-            "prepare: a worker process died (out of memory?); run the same command again to go on,"
-            " with fewer processes if it repeats"
-        ) from None
+    processes = processes if len(indices) > 1 else 1
+    with process_pool(processes) as submit:
+        make = functools.partial(make_object, settings)
+        yield from in_order(submit, make, indices, 1 if processes == 1 else 8 * processes)
 
 
 class _Rate(ProgressColumn):

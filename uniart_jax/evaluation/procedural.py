@@ -11,8 +11,8 @@ One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown st
 
 from __future__ import annotations
 
-import collections
 import dataclasses
+import functools
 import importlib
 import importlib.util
 import json
@@ -29,6 +29,7 @@ from rich.progress import track
 from rich.table import Table
 
 from uniart_jax import procedural
+from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.image_table import load_image_table
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.geometry import object_chamfer
@@ -38,10 +39,10 @@ from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.procedural.states import sample_state
-from uniart_jax.processes import process_pool
+from uniart_jax.processes import in_order, process_pool
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
-from uniart_jax.voxels.grid import PartGrid, VoxelGrid, occupancy
+from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired, occupancy
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.voxelize import voxelize
 
@@ -142,12 +143,15 @@ def evaluate_representation(
 ) -> dict[str, Any]:
     """Truth -> voxels -> object over ``count`` held-out objects: the ceiling of everything else. Writes ``metrics.json``, ``table.md``."""
     with process_pool(processes) as submit:
-        futures = [submit(_ceiling, k, unseen) for k in range(count)]
-        scores = [
-            future.result()
-            for future in track(futures, "representation", total=count, console=console)
-        ]
+        ceiling = functools.partial(_ceiling, unseen=unseen)
+        results = in_order(submit, ceiling, range(count), _ahead(processes))
+        scores = list(track(results, "representation", total=count, console=console))
     return write_results(Path(out), {"representation": scores}, {"count": count, "unseen": unseen})
+
+
+def _ahead(processes: int) -> int:
+    """Objects begun before they are asked for; they are large."""
+    return 1 if processes == 1 else 2 * processes
 
 
 def _ceiling(index: int, unseen: bool) -> Score:
@@ -167,7 +171,7 @@ def evaluate_checkpoint(
 ) -> dict[str, Any]:
     """All rows for a checkpoint; ``records`` (what it was trained on) adds retrieval. Writes ``metrics.json``, ``table.md``, pictures.
 
-    Networks run in this process; ``processes`` others draw, assemble and compare the objects (1 = this one does).
+    Networks and retrieval run in this process; ``processes`` others draw, assemble and compare the objects (1 = this one does).
     """
     pipeline = load(checkpoint)
     retrieve = None if records is None else make_retrieval(pipeline, records)
@@ -182,21 +186,17 @@ def evaluate_checkpoint(
     out.mkdir(parents=True, exist_ok=True)
     overlaps: list[float] = []
     found: list[Future[tuple[dict[str, Score], dict[str, bool]]]] = []
+    ahead = _ahead(processes)
     with process_pool(processes) as submit:
-        ahead = collections.deque(
-            submit(held_out, k, **options) for k in range(min(count, 2 * processes))
-        )
-        for k in track(range(count), "held-out objects", total=count, console=console):
-            test: HeldOut = ahead.popleft().result()
-            if k + 2 * processes < count:
-                ahead.append(submit(held_out, k + 2 * processes, **options))
+        tests = in_order(submit, functools.partial(held_out, **options), range(count), ahead)
+        for k, test in enumerate(track(tests, "held-out objects", total=count, console=console)):
             grids, overlap, pixels = predict(pipeline, test, k)
             overlaps.append(overlap)
             others = {} if retrieve is None else {"retrieval": retrieve(pixels)}
             folder = out if k < pictures else None
             found.append(submit(finish, test, grids, others, folder, f"{k:03d}-{test.family}"))
-            if k >= 2 * processes:  # grids are large: wait rather than pile them up
-                found[k - 2 * processes].result()
+            if k >= ahead:  # wait rather than pile them up
+                found[k - ahead].result()
         results = [future.result() for future in found]
     loads = [load for _, load in results if load]
     extra = {
@@ -231,6 +231,9 @@ def predict(
     grids = {
         name: pipeline.decode([where], [latent])[0] for name, (where, latent) in latents.items()
     }
+    sampled = pipeline.config.sample_latent
+    for name in ("latent_flow", "image_to_object"):
+        grids[name] = faired(grids[name], sampled.sdf_offset, sampled.sdf_blur)
     dense = [occupancy(c, test.grid.resolution) for c in (found, coords)]
     return grids, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()), pixels
 
@@ -281,6 +284,10 @@ def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], 
     The features are the model's own image encoder's: pre-trained on joints and boxes, hence as strong a retriever as we have. Its volume is
     averaged over cubes of 2^3 cells and the index kept in half precision: 25 KB a view.
     """
+    if (last := largest_seed(records)) >= procedural.HELD_OUT_SEED:
+        raise ValueError(
+            f"{records}: holds held-out objects (seed {last}); give the records that the checkpoint was trained on"
+        )
     table, source = load_image_table(records, pipeline.config.model), RecordSource(records)
     views = table.images.reshape(-1, *table.images.shape[2:])
 
@@ -312,6 +319,13 @@ def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], 
         return object_of_record(source[nearest // table.images.shape[1]])
 
     return retrieve
+
+
+def largest_seed(records: Path) -> int:
+    """Of all objects in a folder that ``uniart prepare`` made; 0 for other records."""
+    if not (Path(records) / "manifest.csv").is_file():
+        return 0
+    return max((int(row["seed"]) for row in read_manifest(records)), default=0)
 
 
 def unit(x: np.ndarray) -> np.ndarray:

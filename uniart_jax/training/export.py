@@ -78,6 +78,19 @@ def load_network(folder: str | Path, name: str, abstract: Any) -> Any:
     return jax.tree.unflatten(jax.tree.structure(abstract), leaves)
 
 
+def copy_export(source: str | Path, folder: str | Path, filename: str) -> None:
+    """Copy a file of an export folder (or WORKDIR) as it is; the first process writes.
+
+    Raises:
+      FileNotFoundError: ``source`` has no such file.
+    """
+    path = find_export(source, filename)
+    if jax.process_index() == 0:
+        _write(Path(folder) / filename, path.read_bytes())
+    if jax.process_count() > 1:
+        multihost_utils.sync_global_devices(f"copied {filename}")
+
+
 def write_config(folder: str | Path, config: Config) -> Path:
     """Write ``folder/config.json``."""
     path = Path(folder) / "config.json"

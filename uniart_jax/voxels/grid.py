@@ -14,6 +14,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from scipy import ndimage
 
 SDF_CLIP = 3.0  # sub-cells
 
@@ -97,3 +98,19 @@ def occupancy(coords: np.ndarray, resolution: int) -> np.ndarray:
     dense = np.zeros((resolution,) * 3, bool)
     dense[tuple(np.asarray(coords).T)] = True
     return dense
+
+
+def faired(grid: VoxelGrid, offset: float, blur: float) -> VoxelGrid:
+    """The grid with distances averaged over active sub-cells by a Gaussian of deviation ``blur`` and lowered by ``offset``, both in sub-cells."""
+    if not offset and not blur:
+        return grid
+    sdf = np.asarray(grid.sdf, np.float32)
+    if blur:
+        r = grid.subdivisions
+        cells = (grid.coords[:, None] * r + np.round(subcell_offsets(r) * r - 0.5)).astype(int)
+        at = tuple(cells.reshape(-1, 3).T)
+        dense = np.zeros((2, *(grid.resolution * r,) * 3), np.float32)
+        dense[0][at], dense[1][at] = sdf.ravel(), 1
+        total, weight = (ndimage.gaussian_filter(d, blur, mode="constant")[at] for d in dense)
+        sdf = (total / weight).reshape(sdf.shape)
+    return dataclasses.replace(grid, sdf=np.clip(sdf - offset, -SDF_CLIP, SDF_CLIP))
