@@ -36,6 +36,7 @@ SPECK_SHARE = 0.002  # and less than this share of the part's
 FACE_BUDGET = 60_000  # of all parts together
 # (colour step in sRGB levels or None, tolerance in sub-cells), tried in turn until the budget is met
 SIMPLIFICATIONS = ((32, 0.05), (64, 0.1), (None, 0.2), (None, 0.5), (None, 1.0))
+NUDGE = 1e-3  # sub-cells between vertices that would coincide
 FACES = ((0, 1), (0, -1), (1, 1), (1, -1), (2, 1), (2, -1))  # axis and side of a cell's six faces
 
 
@@ -113,20 +114,20 @@ def part_mesh(
 
 
 def simplify(mesh: trimesh.Trimesh, cell: float, budget: int) -> trimesh.Trimesh:
-    """The same closed surface with fewer faces; vertices are a subset of the given ones and keep their colours.
+    """The same closed surface with fewer faces; vertices are a subset of the given ones (to within ``NUDGE``) and keep their colours.
 
     Args:
       mesh: closed, edge-manifold, with vertex colours.
-      cell: side of a sub-cell, the unit of the tolerances.
+      cell: side of a sub-cell, the unit of the tolerances; each try goes on from the one before, so that they add up.
       budget: faces aimed at; the coarsest simplification is returned if none meets it.
     """
-    rgb = np.asarray(mesh.visual.vertex_colors)[:, :3]
-    vertices = np.concatenate([mesh.vertices / cell, rgb], axis=1)
-    faces = mesh.faces.astype(np.uint64)
     best = mesh
     for step, tolerance in SIMPLIFICATIONS:
-        groups = None if step is None else _color_groups(rgb, mesh.faces, step)
-        solid = manifold3d.Manifold(manifold3d.Mesh64(vertices, faces, face_id=groups))
+        rgb = np.asarray(best.visual.vertex_colors)[:, :3]
+        groups = None if step is None else _color_groups(rgb, best.faces, step)
+        vertices = np.concatenate([best.vertices / cell, rgb], axis=1)
+        given = manifold3d.Mesh64(vertices, best.faces.astype(np.uint64), face_id=groups)
+        solid = manifold3d.Manifold(given)
         if solid.status() != manifold3d.Error.NoError:
             break
         simple = _to_trimesh(solid.simplify(tolerance).to_mesh64(), cell)
@@ -148,18 +149,38 @@ def _color_groups(rgb: np.ndarray, faces: np.ndarray, step: int) -> np.ndarray:
 
 
 def _to_trimesh(out: manifold3d.Mesh64, cell: float) -> trimesh.Trimesh | None:
-    """Back from Manifold; None if corners that coincide would leave the mesh open once they are merged by a reader."""
+    """Back from Manifold; None if corners that coincide would leave the mesh open once they are merged by a reader, even after a nudge."""
     target = np.arange(len(out.vert_properties))
     target[np.asarray(out.merge_from_vert, np.int64)] = np.asarray(out.merge_to_vert, np.int64)
     used, faces = np.unique(target[np.asarray(out.tri_verts, np.int64)], return_inverse=True)
     properties = np.asarray(out.vert_properties)[used]
     colors = np.full((len(used), 4), 255, np.uint8)
     colors[:, :3] = np.clip(np.round(properties[:, 3:]), 0, 255)
-    points, faces = properties[:, :3] * cell, faces.reshape(-1, 3)
+    faces = faces.reshape(-1, 3)
+    points = _apart(properties[:, :3], faces) * cell
     merged = trimesh.Trimesh(points, faces, process=True)
     if len(faces) < 4 or not merged.is_watertight or len(merged.faces) != len(faces):
         return None
     return trimesh.Trimesh(points, faces, vertex_colors=colors, process=False)
+
+
+def _apart(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Vertices [n, 3], in sub-cells, in which those that coincide are drawn by ``NUDGE`` into the middle of their own triangles.
+
+    Edge collapse lets two sheets of a surface touch in a vertex; a reader would merge it into an edge of four triangles.
+    """
+    _, place, number = np.unique(
+        np.round(points / NUDGE).astype(np.int64), axis=0, return_inverse=True, return_counts=True
+    )
+    shared = number[place.ravel()] > 1
+    if not shared.any():
+        return points
+    middle, weight = np.zeros_like(points), np.zeros((len(points), 1))
+    np.add.at(middle, faces, points[faces].mean(1)[:, None])
+    np.add.at(weight, faces, 1)
+    way = middle / np.maximum(weight, 1) - points
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
+    return np.where(shared[:, None], points + 2 * NUDGE * way, points)
 
 
 def _components(coords, resolution: int, sdf: np.ndarray, owner: np.ndarray, r: int):
