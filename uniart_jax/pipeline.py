@@ -176,8 +176,7 @@ class Pipeline:
         progress(f"{len(coords)} voxels")
         latent = self.sample_latents([coords], condition, keys[1], latent_options)[0]
         progress("parts and joints")
-        grid = self.decode([coords], [latent])[0]
-        grid = faired(grid, latent_options.sdf_offset, latent_options.sdf_blur)
+        grid = self.decode_sampled(coords, latent, latent_options)
         return assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
 
     def options(
@@ -284,6 +283,13 @@ class Pipeline:
             )
             for b, count in enumerate(counts)
         ]
+
+    def decode_sampled(
+        self, coords: np.ndarray, latent: np.ndarray, options: SampleConfig | None = None
+    ) -> VoxelGrid:
+        """One item of ``decode``, thickened and smoothed as ``sample_latent`` says (``voxels.grid.faired``)."""
+        options = options or self.config.sample_latent
+        return faired(self.decode([coords], [latent])[0], options.sdf_offset, options.sdf_blur)
 
     @functools.cached_property
     def _encode_images(self):

@@ -94,8 +94,9 @@ def run(
             "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
         )
     source = None if init is None else checkpoint_folder(init)
-    for name in () if source is None else stages:  # before anything is written
-        load_network(source, name, build(name, config.model).abstract())
+    if source is not None:  # before anything is written
+        for name in stages:
+            load_network(source, name, build(name, config.model).abstract())
     claim(config, workdir)
     alone = [n for n in stages if n not in ("image_encoder", "structure_vae")]
     if jax.process_count() > 1 and alone:
@@ -126,7 +127,11 @@ def adopt(config: Config, source: Path, stages: Sequence[str], workdir: Path) ->
 
 def in_export(folder: Path, name: str) -> bool:
     """Whether a checkpoint (export folder or WORKDIR) holds a network."""
-    return any((place / f"{name}.safetensors").is_file() for place in (folder, folder / "export"))
+    try:
+        find_export(folder, f"{name}.safetensors")
+    except FileNotFoundError:
+        return False
+    return True
 
 
 def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
@@ -181,7 +186,7 @@ def ensure_records(config: Config) -> None:
         if not folder:
             continue
         if prepared_objects(Path(folder)) >= count:
-            found = read_metadata(folder)["views"]
+            found = read_metadata(folder).get("views")
             if found != data.views:
                 raise ValueError(
                     f"{folder}: holds {found} views an object, the config asks for {data.views}; "
@@ -206,9 +211,10 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
     mesh = make_mesh(config.mesh)
     folder = workdir / "checkpoints" / name
     statistics: dict[str, Any] | None = None
-    # flows of the same encoder and VAEs go on in the units that they know
-    units = source if source is not None and same_ground(source, (), workdir) else None
+    units = None
     if name.endswith("_flow"):
+        if source is not None and same_ground(source, (), workdir):
+            units = source  # flows of the same encoder and VAEs go on in the units that they know
         claim_inputs(folder, config, workdir, units)
     with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
         trained = max(checkpoints.steps, default=0)

@@ -11,10 +11,13 @@ from solids import box_of, box_sdf, grid_of
 
 from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.assemble import assemble
+from uniart_jax.procedural import generate
+from uniart_jax.voxels.assemble import _within_boxes, assemble
 from uniart_jax.voxels.grid import VoxelGrid
 from uniart_jax.voxels.isosurface import FACE_BUDGET, DenseField, dense_field, part_mesh
 from uniart_jax.voxels.joint_code import encode_joint
+from uniart_jax.voxels.segment import SLACK, segment
+from uniart_jax.voxels.voxelize import voxelize
 
 CELL = 1 / 32  # of the small grids here
 
@@ -128,8 +131,27 @@ def test_assembling_is_deterministic():
 
 
 def test_specks_go_and_pieces_stay():
+    mesh = assemble(with_loose_pieces(box_of((-0.5, -0.4, -0.4), (0.5, 0.4, 0.5)))).parts[0].mesh
+    assert_closed(mesh)
+    assert mesh.body_count == 2
+
+
+def test_what_lies_beyond_its_parts_box_is_cut_off():
+    mesh = assemble(with_loose_pieces(box_of((-0.5, -0.4, -0.4), (0.5, 0.4, 0.1)))).parts[0].mesh
+    assert_closed(mesh)
+    assert mesh.body_count == 1 and mesh.bounds[1, 2] < 0.1 + SLACK + CELL
+
+
+def test_true_distances_are_not_cut():
+    for grid in (make_door()[0], voxelize(generate("oven", 5), 16, 4)):
+        grid = grid.gather()
+        assert np.array_equal(_within_boxes(grid, segment(grid)), grid.sdf)
+
+
+def with_loose_pieces(box: list[float]) -> VoxelGrid:
+    """A block that ends at z = .1, a stray cell and a solid voxel far above it; all of them say they belong to ``box``."""
     low, high = (-0.5, -0.4, -0.4), (0.5, 0.4, 0.1)
-    grid = grid_of([lambda p: box_sdf(p, low, high)], [box_of(low, high)]).gather()
+    grid = grid_of([lambda p: box_sdf(p, low, high)], [box]).gather()
     coords = np.concatenate([grid.coords, [[1, 1, 7], [6, 6, 7]]]).astype(np.int32)
     order = np.lexsort(coords.T[::-1])
 
@@ -142,7 +164,7 @@ def test_specks_go_and_pieces_stay():
     loose[0, 21] = -0.5  # one stray cell
     loose[1, :] = -0.5  # a whole voxel: a knob, perhaps
     sdf = np.concatenate([grid.sdf, loose])[order].astype(np.float32)
-    grid = dataclasses.replace(
+    return dataclasses.replace(
         grid,
         coords=coords[order],
         sdf=sdf,
@@ -151,9 +173,6 @@ def test_specks_go_and_pieces_stay():
         joint_code=grow(grid.joint_code, 0),
         parent_box=grow(grid.parent_box, grid.parent_box[0]),
     )
-    mesh = assemble(grid).parts[0].mesh
-    assert_closed(mesh)
-    assert mesh.body_count == 2
 
 
 def test_a_part_without_inside_still_has_a_mesh():
@@ -222,11 +241,12 @@ def test_every_ambiguous_cube_is_closed(share):
         assert_closed(part_mesh(dense, 0, window, np.zeros((1, 3), np.uint8)))
 
 
-def test_fine_noise_keeps_the_face_budget():
+@pytest.mark.parametrize("noise", [0.2, 1.0])
+def test_fine_noise_keeps_the_face_budget(noise):
     rng = np.random.default_rng(0)
     low, high = (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)
     grid = grid_of([lambda p: box_sdf(p, low, high)], [box_of(low, high)], resolution=32).gather()
-    sdf = grid.sdf + rng.normal(0, 0.2, grid.sdf.shape).astype(np.float32)
+    sdf = grid.sdf + rng.normal(0, noise, grid.sdf.shape).astype(np.float32)
     color = np.clip(grid.color + rng.normal(0, 0.1, grid.color.shape), 0, 1).astype(np.float32)
     mesh = assemble(dataclasses.replace(grid, sdf=sdf, color=color)).parts[0].mesh
     assert_closed(mesh)
@@ -242,9 +262,6 @@ def families() -> list:
 
 @pytest.mark.parametrize("family", families())
 def test_procedural_objects_come_back_whole(family):
-    from uniart_jax.procedural import generate
-    from uniart_jax.voxels.voxelize import voxelize
-
     obj = generate(family, 3)
     grid = voxelize(obj)
     back = assemble(grid.gather())

@@ -42,7 +42,7 @@ from uniart_jax.procedural.states import sample_state
 from uniart_jax.processes import in_order, process_pool
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
-from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired, occupancy
+from uniart_jax.voxels.grid import PartGrid, VoxelGrid, occupancy
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.voxelize import voxelize
 
@@ -223,17 +223,10 @@ def predict(
     found = pipeline.sample_structure(condition, keys[0])[0]
     if len(found) == 0:  # a failure counts: an object of one speck
         found = np.array([[pipeline.config.model.grid.resolution // 2] * 3], np.int32)
-    latents = {
-        "vae": (coords, pipeline.encode_voxels(test.grid)),
-        "latent_flow": (coords, pipeline.sample_latents([coords], condition, keys[1])[0]),
-        "image_to_object": (found, pipeline.sample_latents([found], condition, keys[1])[0]),
-    }
-    grids = {
-        name: pipeline.decode([where], [latent])[0] for name, (where, latent) in latents.items()
-    }
-    sampled = pipeline.config.sample_latent
-    for name in ("latent_flow", "image_to_object"):
-        grids[name] = faired(grids[name], sampled.sdf_offset, sampled.sdf_blur)
+    grids = {"vae": pipeline.decode([coords], [pipeline.encode_voxels(test.grid)])[0]}
+    for name, where in (("latent_flow", coords), ("image_to_object", found)):
+        latent = pipeline.sample_latents([where], condition, keys[1])[0]
+        grids[name] = pipeline.decode_sampled(where, latent)
     dense = [occupancy(c, test.grid.resolution) for c in (found, coords)]
     return grids, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()), pixels
 

@@ -10,10 +10,10 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint, topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid
+from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import FACE_BUDGET, dense_field, part_mesh, simplify, srgb_bytes
 from uniart_jax.voxels.joint_code import LARGEST, box_corners, canonical, decode_part, decode_tree
-from uniart_jax.voxels.segment import Segmentation, segment
+from uniart_jax.voxels.segment import SLACK, Segmentation, segment
 
 EXPLAINED = (
     0.02  # a border voxel whose code is this close to a neighbour's belongs to that neighbour
@@ -112,6 +112,7 @@ def joint_voters(grid: VoxelGrid, parts: Segmentation) -> list[np.ndarray]:
 
 def mesh_parts(grid: VoxelGrid, parts: Segmentation) -> list[trimesh.Trimesh]:
     """[K] closed meshes with sRGB vertex colours, object units."""
+    grid = dataclasses.replace(grid, sdf=_within_boxes(grid, parts))
     sdf, owner = _every_part_has_a_cell(grid, parts)
     field = dense_field(dataclasses.replace(grid, sdf=sdf), owner)
     cells = np.where(field.sdf < 0, field.owner + 1, 0)
@@ -121,6 +122,18 @@ def mesh_parts(grid: VoxelGrid, parts: Segmentation) -> list[trimesh.Trimesh]:
     share = FACE_BUDGET / sum(len(mesh.faces) for mesh in meshes)
     cell = 1 / (grid.resolution * grid.subdivisions)
     return [simplify(mesh, cell, int(share * len(mesh.faces))) for mesh in meshes]
+
+
+def _within_boxes(grid: VoxelGrid, parts: Segmentation) -> np.ndarray:
+    """[V, r^3] distances of every part cut with its box, ``SLACK`` wider: what a network leaves beyond is noise, and would be the part's extent.
+
+    True distances stay as they are: beyond its box they are larger than the distance from it.
+    """
+    centers = subcell_centers(grid.coords, grid.resolution, grid.subdivisions)
+    boxes = box_corners(parts.boxes)[parts.owner]
+    beyond = np.maximum(boxes[..., :3] - centers, centers - boxes[..., 3:]).max(-1) - SLACK
+    cut = beyond * grid.resolution * grid.subdivisions
+    return np.clip(np.maximum(grid.sdf, cut), -SDF_CLIP, SDF_CLIP)
 
 
 def _every_part_has_a_cell(grid: VoxelGrid, parts: Segmentation) -> tuple[np.ndarray, np.ndarray]:

@@ -93,6 +93,13 @@ def subcell_centers(coords: np.ndarray, resolution: int, subdivisions: int) -> n
     return (coords[:, None, :] + subcell_offsets(subdivisions)) / resolution - 0.5
 
 
+def subcell_indices(coords: np.ndarray, subdivisions: int) -> np.ndarray:
+    """[V, r^3, 3] int indices of all sub-cells in the grid of (R r)^3 sub-cells."""
+    axis = np.arange(subdivisions)
+    offsets = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    return np.asarray(coords)[:, None] * subdivisions + offsets
+
+
 def occupancy(coords: np.ndarray, resolution: int) -> np.ndarray:
     """[R, R, R] bool, true at the active voxels."""
     dense = np.zeros((resolution,) * 3, bool)
@@ -107,8 +114,7 @@ def faired(grid: VoxelGrid, offset: float, blur: float) -> VoxelGrid:
     sdf = np.asarray(grid.sdf, np.float32)
     if blur:
         r = grid.subdivisions
-        cells = (grid.coords[:, None] * r + np.round(subcell_offsets(r) * r - 0.5)).astype(int)
-        at = tuple(cells.reshape(-1, 3).T)
+        at = tuple(subcell_indices(grid.coords, r).reshape(-1, 3).T)
         dense = np.zeros((2, *(grid.resolution * r,) * 3), np.float32)
         dense[0][at], dense[1][at] = sdf.ravel(), 1
         total, weight = (ndimage.gaussian_filter(d, blur, mode="constant")[at] for d in dense)

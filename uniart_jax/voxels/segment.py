@@ -15,9 +15,8 @@ voxels by cube (a flow's token), and blurred along borders; but a voxel also lie
 5. Every sub-cell joins the part whose box is nearest to its own and holds its place; one that joins a small part, the small part that it lies in or next to.
    Crumbs, apart from the rest of their part, join what is around them.
 
-Chosen on 28 procedural objects of validation seeds (91 moving parts), and measured on them. Through the UniArt VAE, parts whose extent is within .1 of the
-true one .99, number of parts right .96; before, with density peaks of fixed radius and the nearest box alone, .78 and .93. Latents of the shipped model's flow,
-whose boxes deviate within a part: given the true structure .58 of the extents within .2, number right .25.
+The constants were chosen on 28 procedural objects of validation seeds, through the UniArt VAE and on a flow's output. What they give on others: the rows
+"vae" and "latent_flow" of the README's table.
 """
 
 from __future__ import annotations
@@ -28,17 +27,18 @@ import numpy as np
 import scipy.ndimage
 from scipy.spatial import cKDTree
 
-from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
+from uniart_jax.voxels.grid import VoxelGrid, subcell_centers, subcell_indices
 from uniart_jax.voxels.joint_code import SAME_BOX, box_corners
 
 MIXED = 0.15  # a voxel whose sub-cell votes differ by more than this does not vote
 MOST_POINTS = 2000  # voters that are looked at; more are thinned
 SEEDS = 200  # voters around which boxes are proposed
 RADII = (0.06, 0.12)  # of the neighbourhoods whose medians are proposed
-NEAR = (0.04, 0.12)  # a voter is explained below this cost, the smaller if it leaves few ...
+NEAR = (0.04, 0.12, 0.2)  # a voter is explained below this cost, the smallest that leaves few ...
 BLUR = 0.05  # ... and not at all above NEAR + BLUR
 ENOUGH = 0.95  # share of voters that are explained somewhat
-SLACK = 0.02  # a voter this far outside of a box is still inside
+SLACK = 0.02  # a place this far outside of a box is still inside
+OUTSIDE = 8  # cost of a sub-cell's place beyond that, against 1 of its vote
 FEWEST = 60  # unexplained voters that a box must explain; what is smaller is left to the pieces
 LEAST = 20  # voters of a box that is kept
 ROUNDS = 3
@@ -104,14 +104,14 @@ def segment(grid: VoxelGrid) -> Segmentation:
 def nearest(votes: np.ndarray, centers: np.ndarray, places: np.ndarray | None = None) -> np.ndarray:
     """[n] index of the nearest center (L-infinity on box corners) for votes [n, 6].
 
-    With ``places`` [n, 3] a box also costs twice what the place lies outside of it.
+    With ``places`` [n, 3] a box also costs ``OUTSIDE`` times what the place lies outside of it.
     """
     best = np.zeros(len(votes), np.int64)
     smallest = np.full(len(votes), np.inf, np.float32)
     for k, center in enumerate(centers.astype(np.float32)):
         distance = np.abs(votes - center).max(1)
         if places is not None:
-            distance += 2 * np.maximum(outside(places, center) - SLACK, 0)
+            distance += OUTSIDE * np.maximum(outside(places, center) - SLACK, 0)
         closer = distance < smallest
         best[closer] = k
         smallest[closer] = distance[closer]
@@ -137,54 +137,71 @@ def _exact_centers(flat: np.ndarray) -> np.ndarray | None:
     return np.stack(kept).astype(np.float64) if len(kept) <= MOST else None
 
 
+@dataclasses.dataclass(frozen=True)
+class _Voters:
+    """Voxels that vote on what the parts are.
+
+    Attributes:
+      votes: [n, 6] corners of the box that each says it belongs to. places: [n, 3] their centres.
+      step: voxels that each stands for. half: half a voxel's side.
+    """
+
+    votes: np.ndarray
+    places: np.ndarray
+    step: int
+    half: float
+
+    def unexplained(self, boxes: np.ndarray, near: float) -> np.ndarray:
+        """[K, n] in [0, 1]: 0 where a box is the voter's, to within ``near``, 1 where it is another's."""
+        cost = [
+            2 * np.abs(self.votes - box).mean(1)
+            + 2 * np.maximum(outside(self.places, box) - SLACK, 0)
+            for box in boxes
+        ]
+        return np.clip((np.stack(cost) - near) / BLUR, 0, 1)
+
+    def moved(self, boxes: np.ndarray, unexplained: np.ndarray) -> np.ndarray:
+        """[<= K, 6] boxes between the median of their voters' votes and the extent of their places; those of too few voters are left out."""
+        found = []
+        for mine in _shares(unexplained):
+            if mine.sum() * self.step >= LEAST:
+                vote = np.median(self.votes[mine], axis=0)
+                found.append((vote + _extent(self.places[mine], self.half)) / 2)
+        return np.stack(found) if found else boxes[:1]
+
+
 def _large_parts(grid: VoxelGrid, votes: np.ndarray) -> list[np.ndarray]:
     """Corners [6] of the parts that fill voxels; never none. ``votes`` [V, r^3, 6]."""
-    points = np.median(votes, axis=1).astype(np.float64)
-    voting = np.abs(votes - points[:, None].astype(votes.dtype)).max((1, 2)) <= MIXED
-    if not voting.any():
-        voting[:] = True
-    step = -(-int(voting.sum()) // MOST_POINTS)
-    points = points[voting][::step]
-    places = subcell_centers(grid.coords, grid.resolution, 1)[voting, 0][::step]
-    fewest = FEWEST / step
-    half = 0.5 / grid.resolution
-
-    def cost(boxes: np.ndarray) -> np.ndarray:
-        """[K, n]."""
-        return np.stack(
-            [
-                2 * np.abs(points - box).mean(1) + 2 * np.maximum(outside(places, box) - SLACK, 0)
-                for box in boxes
-            ]
-        )
-
-    proposed = _proposals(points)
-    proposed_cost = cost(proposed)
+    voters = _voters(grid, votes)
+    fewest = FEWEST / voters.step
+    proposed = _proposals(voters.votes)
     boxes = proposed[:1]
     for near in NEAR:
-
-        def unexplained(cost: np.ndarray, near: float = near) -> np.ndarray:
-            return np.clip((cost - near) / BLUR, 0, 1)
-
-        chosen = _choose(unexplained(proposed_cost), fewest)
-        boxes, open_ = proposed[chosen], unexplained(proposed_cost[chosen])
+        boxes = proposed[_choose(voters.unexplained(proposed, near), fewest)]
         for _ in range(ROUNDS):
-            owner, explained = open_.argmin(0), open_.min(0) < 1
-            moved = []
-            for k in range(len(boxes)):
-                mine = (owner == k) & explained
-                if mine.sum() * step >= LEAST:
-                    vote = np.median(points[mine], axis=0)
-                    moved.append((vote + _extent(places[mine], half)) / 2)
-            boxes = np.stack(moved) if moved else boxes[:1]
-            open_ = unexplained(cost(boxes))
-            keep = _needed(open_, fewest)
-            boxes, open_ = boxes[keep], open_[keep]
-            keep = _filled(open_, boxes, places, half)
-            boxes, open_ = boxes[keep], open_[keep]
-        if (open_.min(0) < 1).mean() >= ENOUGH:
+            boxes = voters.moved(boxes, voters.unexplained(boxes, near))
+            boxes = boxes[_needed(voters.unexplained(boxes, near), fewest)]
+            boxes = boxes[_filled(voters.unexplained(boxes, near), boxes, voters)]
+        if (voters.unexplained(boxes, near).min(0) < 1).mean() >= ENOUGH:
             break
     return list(boxes)
+
+
+def _voters(grid: VoxelGrid, votes: np.ndarray) -> _Voters:
+    """Voxels whose sub-cells agree, thinned; all if none agrees."""
+    points = np.median(votes, axis=1).astype(np.float64)
+    agree = np.abs(votes - points[:, None].astype(votes.dtype)).max((1, 2)) <= MIXED
+    if not agree.any():
+        agree[:] = True
+    step = -(-int(agree.sum()) // MOST_POINTS)
+    places = subcell_centers(grid.coords, grid.resolution, 1)[:, 0]
+    return _Voters(points[agree][::step], places[agree][::step], step, 0.5 / grid.resolution)
+
+
+def _shares(unexplained: np.ndarray) -> list[np.ndarray]:
+    """[n] bool masks of the voters that each row of [K, n] explains best; who is not explained at all is nobody's."""
+    owner, explained = unexplained.argmin(0), unexplained.min(0) < 1
+    return [(owner == k) & explained for k in range(len(unexplained))]
 
 
 def _choose(unexplained: np.ndarray, fewest: float) -> list[int]:
@@ -241,19 +258,15 @@ def _needed(unexplained: np.ndarray, fewest: float) -> np.ndarray:
     return keep
 
 
-def _filled(
-    unexplained: np.ndarray, boxes: np.ndarray, places: np.ndarray, half: float
-) -> np.ndarray:
+def _filled(unexplained: np.ndarray, boxes: np.ndarray, voters: _Voters) -> np.ndarray:
     """Rows of boxes [K, 6] that stay when those are left out, one by one, whose voters' extent is not their box."""
     keep = np.arange(len(boxes))
     while len(keep) > 1:
-        now = unexplained[keep]
-        owner, explained = now.argmin(0), now.min(0) < 1
         gaps = np.full(len(keep), np.inf)
-        for k in range(len(keep)):
-            mine = (owner == k) & explained
+        for k, mine in enumerate(_shares(unexplained[keep])):
             if mine.any():
-                gaps[k] = np.abs(_extent(places[mine], half) - boxes[keep[k]]).max()
+                extent = _extent(voters.places[mine], voters.half)
+                gaps[k] = np.abs(extent - boxes[keep[k]]).max()
         if gaps.max() < FILL:
             break
         keep = np.delete(keep, gaps.argmax())
@@ -262,20 +275,17 @@ def _filled(
 
 def _pieces(grid: VoxelGrid, votes: np.ndarray, large: list[np.ndarray]) -> list[np.ndarray]:
     """Corners [6] of small parts: connected solid sub-cells that no large part explains and that agree with the box they vote for."""
-    r = grid.subdivisions
-    side = grid.resolution * r
+    side = grid.resolution * grid.subdivisions
     voxel, sub = np.nonzero(grid.sdf < 0)
     said = votes[voxel, sub]
     far = np.ones(len(said), bool)
     for center in large:
         far &= np.abs(said - center).max(1) > FAR
     voxel, sub = voxel[far], sub[far]
-    cells = np.stack([sub // (r * r), sub // r % r, sub % r], -1) + grid.coords[voxel] * r
+    cells = subcell_indices(grid.coords, grid.subdivisions)[voxel, sub]
     dense = np.zeros((side,) * 3, bool)
     dense[tuple(cells.T)] = True
-    labels = np.zeros(dense.shape, np.int32)
-    scipy.ndimage.label(dense, output=labels)
-    label = labels[tuple(cells.T)]
+    label = _connected(dense)[tuple(cells.T)]
     sizes = np.bincount(label) if len(label) else np.zeros(1, int)
     members = np.split(np.argsort(label, kind="stable"), np.cumsum(sizes)[:-1])
     found: list[np.ndarray] = []
@@ -318,19 +328,14 @@ def _join_pieces(
 
 def _absorb_crumbs(grid: VoxelGrid, owner: np.ndarray) -> np.ndarray:
     """[V r^3] owners in which the crumbs of a part (never its largest piece) join the nearest sub-cell that is none."""
-    r = grid.subdivisions
-    sub = np.arange(r**3)
-    offsets = np.stack([sub // (r * r), sub // r % r, sub % r], -1)
-    cells = (grid.coords[:, None] * r + offsets).reshape(-1, 3)
-    dense = np.zeros((grid.resolution * r,) * 3, np.int16)
+    cells = subcell_indices(grid.coords, grid.subdivisions).reshape(-1, 3)
+    dense = np.zeros((grid.resolution * grid.subdivisions,) * 3, np.int16)
     dense[tuple(cells.T)] = owner + 1
     crumb = np.zeros(len(owner), bool)
     for k, window in enumerate(scipy.ndimage.find_objects(dense)):
         if window is None:
             continue
-        labels, number = scipy.ndimage.label(dense[window] == k + 1)
-        if number < 2:
-            continue
+        labels = _connected(dense[window] == k + 1)
         sizes = np.bincount(labels.ravel())
         sizes[0] = 0
         small = sizes < max(CRUMB, CRUMB_SHARE * sizes.max())
@@ -343,6 +348,13 @@ def _absorb_crumbs(grid: VoxelGrid, owner: np.ndarray) -> np.ndarray:
     owner = owner.copy()
     owner[crumb] = owner[~crumb][around]
     return owner
+
+
+def _connected(dense: np.ndarray) -> np.ndarray:
+    """Label of every cell's face-connected piece, from 1 on; 0 outside."""
+    labels = np.zeros(dense.shape, np.int32)
+    scipy.ndimage.label(dense, output=labels)
+    return labels
 
 
 def _gap(box: np.ndarray, others: list[np.ndarray]) -> float:
