@@ -25,7 +25,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 
 from uniart_jax.config import NETWORKS, Config, GridConfig, ModelConfig
 from uniart_jax.data import latents as latent_store
@@ -36,6 +35,7 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
 from uniart_jax.pipeline import checkpoint_folder
+from uniart_jax.progress import track
 from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
@@ -393,8 +393,8 @@ def encode_records(
         batches = record_batches(
             records, config.data, config.model, ENCODE_BATCH, mirrored=mirrored
         )
-        what = "mirrored" if mirrored else "records"
-        for batch in track(batches, what, total=number, console=console, transient=True):
+        what = "encoding mirrored" if mirrored else "encoding"
+        for batch in track(batches, what, number, unit="batches"):
             out = jax.device_get(encode(parameters, {key: batch[key] for key in ENCODE_KEYS}))
             for b, record in enumerate(batch["record"]):
                 if record >= 0:

@@ -17,22 +17,12 @@ from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.text import Text
 
 from uniart_jax.config import GridConfig
 from uniart_jax.data.folder import Row, Settings, claim, finished, rows_path, shard_path, write_rows
 from uniart_jax.data.records import from_object, to_bytes, write_shard
 from uniart_jax.processes import in_order, process_pool
+from uniart_jax.progress import advancing
 
 ATTEMPTS = 8  # shown states drawn before an object counts as failed
 
@@ -110,7 +100,7 @@ def prepare_procedural(
     todo = [i for i, objects in enumerate(shards) if not finished(out, i, objects, settings)]
     indices = [k for i in todo for k in shards[i]]
     with (
-        _bar(progress, count, count - len(indices)) as advance,
+        _progress(progress, count, count - len(indices)) as advance,
         contextlib.closing(_make_all(settings, indices, processes)) as made,
     ):
         for i in todo:
@@ -214,37 +204,10 @@ def _make_all(
         yield from in_order(submit, make, indices, 1 if processes == 1 else 8 * processes)
 
 
-class _Rate(ProgressColumn):
-    def render(self, task) -> Text:
-        return Text(f"{task.speed:.2f} objects/s" if task.speed else "- objects/s")
-
-
-@contextlib.contextmanager
-def _bar(progress: bool, total: int, done: int):
-    """A function to call after each object."""
-    console = Console(stderr=True)
-    if not progress or not console.is_terminal:
-        counted = [done]
-
-        def advance():
-            counted[0] += 1
-            if progress and (counted[0] % 100 == 0 or counted[0] == total):
-                console.print(f"prepare: {counted[0]} of {total} objects", highlight=False)
-
-        yield advance
-        return
-    columns = (
-        TextColumn("prepare"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        _Rate(),
-        TimeElapsedColumn(),
-        TextColumn("ETA"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console) as bar:
-        task = bar.add_task("prepare", total=total, completed=done)
-        yield lambda: bar.advance(task)
+def _progress(show: bool, total: int, done: int):
+    if show:
+        return advancing("prepare", total, done=done)
+    return contextlib.nullcontext(lambda: None)
 
 
 def _finish(out: Path, settings: Settings, count: int) -> None:

@@ -25,7 +25,6 @@ from typing import Any
 import jax
 import numpy as np
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from uniart_jax import procedural
@@ -40,6 +39,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.procedural.states import sample_state
 from uniart_jax.processes import in_order, process_pool
+from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, occupancy
@@ -145,7 +145,7 @@ def evaluate_representation(
     with process_pool(processes) as submit:
         ceiling = functools.partial(_ceiling, unseen=unseen)
         results = in_order(submit, ceiling, range(count), _ahead(processes))
-        scores = list(track(results, "representation", total=count, console=console))
+        scores = list(track(results, "representation", count))
     return write_results(Path(out), {"representation": scores}, {"count": count, "unseen": unseen})
 
 
@@ -189,7 +189,7 @@ def evaluate_checkpoint(
     ahead = _ahead(processes)
     with process_pool(processes) as submit:
         tests = in_order(submit, functools.partial(held_out, **options), range(count), ahead)
-        for k, test in enumerate(track(tests, "held-out objects", total=count, console=console)):
+        for k, test in enumerate(track(tests, "held-out objects", count)):
             grids, overlap, pixels = predict(pipeline, test, k)
             overlaps.append(overlap)
             others = {} if retrieve is None else {"retrieval": retrieve(pixels)}
@@ -293,9 +293,8 @@ def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], 
         return np.concatenate([unit(tokens), unit(pooled.reshape(items, -1))], -1)
 
     index: np.ndarray | None = None
-    for start in track(
-        range(0, len(views), 32), "retrieval index", console=console, transient=True
-    ):
+    starts = range(0, len(views), 32)
+    for start in track(starts, "retrieval index", len(starts), unit="batches"):
         chunk = views[start : start + 32]
         padded = np.zeros((32, *views.shape[1:]), np.float32)
         padded[: len(chunk)] = chunk / np.float32(255)
@@ -351,11 +350,11 @@ def write_results(out: Path, rows: dict[str, list[Score]], extra: dict[str, Any]
     (out / "metrics.json").write_text(json.dumps(without_nan(results), indent=2) + "\n")
     header = ["", *COLUMNS.values()]
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    table = Table(*header)
-    for name in rows:
-        cells = [f"{results['rows'][name][key]:.3f}" for key in COLUMNS]
-        table.add_row(name, *cells)
-        lines.append("| " + " | ".join([name, *cells]) + " |")
+    cells = {name: [f"{results['rows'][name][key]:.3f}" for key in COLUMNS] for name in rows}
+    lines += ["| " + " | ".join([name, *values]) + " |" for name, values in cells.items()]
+    table = Table("", *rows)  # a terminal is narrower than it is high
+    for title, *values in zip(COLUMNS.values(), *cells.values(), strict=True):
+        table.add_row(title, *values)
     if "structure_iou" in extra:
         lines += ["", f"Structure IoU {extra['structure_iou']:.3f} over {extra['count']} objects."]
         if extra["assets"]:

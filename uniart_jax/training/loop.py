@@ -25,14 +25,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tensorboardX import SummaryWriter
 
 from uniart_jax.config import StageConfig
+from uniart_jax.progress import PLAIN_INTERVAL
 from uniart_jax.training.checkpoints import CheckpointableIterator, Checkpoints
 from uniart_jax.training.state import TrainState
 from uniart_jax.training.step import TrainStep
 
 Scalars = dict[str, float]
 Evaluate = Callable[[TrainState, int], tuple[Scalars, dict[str, np.ndarray]]]
-# Seconds between lines where there is no terminal to draw a bar on.
-PLAIN_INTERVAL = 20.0
 
 
 def run_stage(

@@ -1,0 +1,36 @@
+"""Progress without a terminal: lines that say how far, how fast and how long."""
+
+import pytest
+
+from uniart_jax import progress
+
+
+def test_what_is_tracked_comes_through_and_the_end_is_told(capsys):
+    assert list(progress.track(iter("abc"), "letters", 3, unit="letters")) == ["a", "b", "c"]
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1  # the interval has not passed
+    assert lines[0].startswith("letters: 3 of 3  ") and lines[0].endswith("letters/s  ETA 00:00:00")
+
+
+def test_rate_and_remaining_time_leave_out_what_was_there_before(capsys, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
+    with progress.advancing("prepare", 100, done=60) as advance:
+        for _ in range(10):
+            now[0] += 4
+            advance()
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == ["prepare: 68 of 100  0.25 objects/s  ETA 00:02:08"]
+
+
+def test_nothing_to_do_says_nothing(capsys):
+    with progress.advancing("prepare", 5, done=5):
+        pass
+    assert list(progress.track([], "nothing", 0)) == []
+    assert capsys.readouterr().err == ""
+
+
+@pytest.fixture(autouse=True)
+def no_terminal(monkeypatch):
+    monkeypatch.delenv("FORCE_COLOR", raising=False)
+    monkeypatch.delenv("TTY_COMPATIBLE", raising=False)

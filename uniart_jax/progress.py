@@ -1,0 +1,81 @@
+"""How far long work is, on stderr: a bar with rate and remaining time on a terminal, a line now and then elsewhere."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeVar
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+PLAIN_INTERVAL = 30.0  # seconds between two lines where there is no terminal
+Item = TypeVar("Item")
+
+
+class _Rate(ProgressColumn):
+    def __init__(self, unit: str):
+        super().__init__()
+        self.unit = unit
+
+    def render(self, task) -> Text:
+        return Text(f"{task.speed:.2f} {self.unit}/s" if task.speed else f"- {self.unit}/s")
+
+
+@contextlib.contextmanager
+def advancing(
+    what: str, total: int, *, done: int = 0, unit: str = "objects"
+) -> Iterator[Callable[[], None]]:
+    """A function to call after each of ``total`` pieces of work, ``done`` of which were there before."""
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    if not console.is_terminal:
+        yield _plain(console, what, total, done, unit)
+        return
+    columns = (
+        TextColumn(what),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _Rate(unit),
+        TimeElapsedColumn(),
+        TextColumn("ETA"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task(what, total=total, completed=done)
+        yield lambda: bar.advance(task)
+
+
+def track(items: Iterable[Item], what: str, total: int, *, unit: str = "objects") -> Iterator[Item]:
+    """``items`` as they come, counted."""
+    with advancing(what, total, unit=unit) as advance:
+        for item in items:
+            yield item
+            advance()
+
+
+def _plain(console: Console, what: str, total: int, done: int, unit: str) -> Callable[[], None]:
+    start = shown = time.perf_counter()
+    first, count = done, done
+
+    def advance() -> None:
+        nonlocal count, shown
+        count += 1
+        now = time.perf_counter()
+        if count < total and now - shown < PLAIN_INTERVAL:
+            return
+        shown = now
+        rate = (count - first) / max(now - start, 1e-9)
+        left = time.strftime("%H:%M:%S", time.gmtime((total - count) / rate))
+        console.print(f"{what}: {count} of {total}  {rate:.3g} {unit}/s  ETA {left}")
+
+    return advance
