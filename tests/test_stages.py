@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import shutil
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -11,85 +12,42 @@ from safetensors.numpy import load_file
 
 import uniart_jax
 from uniart_jax import procedural, stages
-from uniart_jax.config import (
-    Config,
-    DataConfig,
-    FlowConfig,
-    GridConfig,
-    ImageEncoderConfig,
-    LossConfig,
-    ModelConfig,
-    SampleConfig,
-    StageConfig,
-    StructureVAEConfig,
-    UniArtVAEConfig,
-)
+from uniart_jax.cli import load_config
+from uniart_jax.config import Config, LossConfig, SampleConfig
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
 from uniart_jax.voxels.assemble import assemble
 
-FLOW = FlowConfig(
-    model_channels=24,
-    num_blocks=1,
-    num_heads=2,
-    cond_channels=16,
-    patch_size=2,
-    volume_channels=4,
-    volume_resolution=4,
-    prediction="data",
-)
-STAGE = StageConfig(
-    steps=2,
-    batch_size=2,
-    learning_rate=1e-3,
-    warmup_steps=1,
-    log_every=1,
-    evaluate_every=2,
-    save_every=2,
-)
+DEBUG = Path(__file__).parent.parent / "configs/debug.py"
 
 
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory):
-    """A config and the WORKDIR of its five stages."""
-    folder = tmp_path_factory.mktemp("stages")
-    config = Config(
-        name="toy",
-        model=ModelConfig(
-            grid=GridConfig(resolution=16, subdivisions=2, max_parts=16),
-            image_encoder=ImageEncoderConfig(
-                image_size=32,
-                stem_channels=(4, 8),
-                width=16,
-                num_blocks=0,
-                num_heads=2,
-                volume_tokens=2,
-                volume_blocks=1,
-                volume_resolution=4,
-                volume_channels=4,
-                target_resolution=8,
-                sketch_width=8,
-            ),
-            structure_vae=StructureVAEConfig(
-                patch_size=2, channels=(4, 8), num_res_blocks=1, num_res_blocks_middle=1
-            ),
-            uniart_vae=UniArtVAEConfig(
-                width=16,
-                num_blocks=2,
-                num_heads=2,
-                latent_channels=4,
-                attention="serial",
-                window=64,
-                visual_channels=0,
-                geometry_channels=8,
-                articulation_channels=8,
-                part_segment=64,
-            ),
-            structure_flow=FLOW,
-            latent_flow=dataclasses.replace(FLOW, stem="patch", patch_size=4, voxel_channels=8),
+def toy(folder: Path) -> Config:
+    """``configs/debug.py`` on a coarser grid, with what only nano sets: no mirrored latents, losses per part, on readouts, on pure noise."""
+    debug = load_config(DEBUG)
+    model, smaller = debug.model, dataclasses.replace
+    encoder = smaller(
+        model.image_encoder,
+        image_size=32,
+        num_blocks=0,
+        volume_tokens=2,
+        volume_resolution=4,
+        target_resolution=8,
+        sketch_width=8,
+    )
+    stage = smaller(debug.latent_flow, steps=2, log_every=1, evaluate_every=2, save_every=2)
+    once = SampleConfig(steps=1)
+    return smaller(
+        debug,
+        model=smaller(
+            model,
+            grid=smaller(model.grid, resolution=16),
+            image_encoder=encoder,
+            structure_flow=smaller(model.structure_flow, volume_resolution=4),
+            latent_flow=smaller(model.latent_flow, volume_resolution=4),
         ),
-        data=DataConfig(
+        data=smaller(
+            debug.data,
             records=str(folder / "records"),
             validation=str(folder / "validation"),
             procedural=3,
@@ -98,14 +56,17 @@ def trained(tmp_path_factory):
             mirror_latents=False,
         ),
         loss=LossConfig(voxels_per_object=64, part_share=0.5, readout_share=0.5, noise_share=0.5),
-        image_encoder=STAGE,
-        structure_vae=STAGE,
-        uniart_vae=STAGE,
-        structure_flow=STAGE,
-        latent_flow=STAGE,
-        sample_structure=SampleConfig(steps=1),
-        sample_latent=SampleConfig(steps=1),
+        **dict.fromkeys(stages.NETWORKS, stage),
+        sample_structure=once,
+        sample_latent=once,
     )
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A config and the WORKDIR of its five stages."""
+    folder = tmp_path_factory.mktemp("stages")
+    config = toy(folder)
     stages.run(config, stages.NETWORKS, folder / "work")
     return config, folder / "work"
 
@@ -138,7 +99,9 @@ def test_a_flow_is_not_finished_on_other_inputs(trained, tmp_path):
     config, workdir = trained
     copy = tmp_path / "work"
     shutil.copytree(workdir, copy)
-    longer = dataclasses.replace(config, latent_flow=dataclasses.replace(STAGE, steps=3))
+    longer = dataclasses.replace(
+        config, latent_flow=dataclasses.replace(config.latent_flow, steps=3)
+    )
     encoder = copy / "export" / "image_encoder.safetensors"
     data = bytearray(encoder.read_bytes())
     data[-1] ^= 1  # another mantissa bit of one weight
@@ -165,7 +128,7 @@ def test_the_metric_of_the_latents_found_is_positive_definite(trained):
 def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
     """Learning rate 0: the trained stage ends with the weights that it began with; the others are taken as they are, and all of it loads."""
     config, workdir = trained
-    still = dataclasses.replace(STAGE, steps=1, learning_rate=0.0, weight_decay=0.0)
+    still = dataclasses.replace(config.structure_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
     frozen = dataclasses.replace(config, structure_flow=still)
     stages.run(frozen, ["structure_flow"], tmp_path / "work", init=workdir)
     for path in (workdir / "export").glob("*.safetensors"):
@@ -176,7 +139,7 @@ def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
 
 def test_a_checkpoint_that_does_not_fit_leaves_nothing(trained, tmp_path):
     config, workdir = trained
-    flow = dataclasses.replace(FLOW, num_blocks=2)
+    flow = dataclasses.replace(config.model.structure_flow, num_blocks=2)
     other = dataclasses.replace(
         config, model=dataclasses.replace(config.model, structure_flow=flow)
     )

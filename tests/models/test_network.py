@@ -1,0 +1,52 @@
+"""What every network has in common: parameters by name, initial zeros, precision."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from toy import MODEL, flow_arguments, init, voxel_batch
+
+from uniart_jax.models.network import build
+
+
+def test_init_has_trelliss_zeros_and_no_state():
+    params = jax.jit(build("structure_flow", MODEL).init)(jax.random.key(0))
+    assert not np.asarray(params["out_layer"]["kernel"]).any()
+    assert not np.asarray(params["blocks"]["0"]["adaLN_modulation"]["1"]["kernel"]).any()
+    assert np.asarray(params["blocks"]["1"]["self_attn"]["to_qkv"]["kernel"]).any()
+    assert all(isinstance(x, jax.Array) for x in jax.tree.leaves(params))
+
+
+def test_wrong_parameters_are_listed():
+    network = build("structure_vae", MODEL)
+    params = init(network)
+    occupancy = jnp.zeros((1, 8, 8, 8))
+    lacking = {**params, "decoder": {k: v for k, v in params["decoder"].items() if k != "blocks"}}
+    with pytest.raises(ValueError, match=r"missing.*decoder\.blocks\.0\.conv1\.kernel"):
+        network.apply(lacking, occupancy)
+    params["encoder"]["input_layer"]["bias"] = jnp.zeros(5)
+    with pytest.raises(ValueError, match=r"encoder\.input_layer\.bias \(5,\) instead of \(6,\)"):
+        network.apply(params, occupancy)
+    with pytest.raises(ValueError, match="image_encoder, structure_vae"):
+        build("decoder", MODEL)
+
+
+def test_bfloat16_keeps_parameters_and_results_in_float32():
+    model = dataclasses.replace(MODEL, compute_dtype="bfloat16")
+    for name in ("structure_flow", "uniart_vae"):
+        exact, rounded = build(name, MODEL), build(name, model)
+        params = init(exact)
+        if name == "uniart_vae":
+            arguments = (voxel_batch(MODEL),)
+        else:
+            tokens, volume, t = flow_arguments()
+            arguments = (jnp.ones((2, 2, 2, 2, 3)), t, tokens, volume)
+        a, b = (jax.jit(n.apply)(params, *arguments) for n in (exact, rounded))
+        for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+            assert np.isfinite(np.asarray(y, np.float32)).all()
+            scale = np.abs(x).mean()
+            assert np.abs(np.asarray(x) - np.asarray(y, np.float32)).mean() < 0.1 * scale
+        if name == "structure_flow":
+            assert b.dtype == jnp.float32

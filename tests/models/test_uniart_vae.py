@@ -1,0 +1,105 @@
+"""The UniArt VAE at toy size: padding, its width and its content never matter; parts keep to themselves."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from toy import MODEL, finite, init, vae_config, voxel_batch
+
+from uniart_jax.models.network import build
+from uniart_jax.models.uniart_vae import voxel_boxes, voxel_codes
+
+
+@pytest.mark.parametrize(
+    ("attention", "linear_path"), [("serial", True), ("swin", False)], ids=["serial", "swin"]
+)
+def test_uniart_vae_ignores_padding(attention, linear_path):
+    window = 16 if attention == "serial" else 4
+    model = vae_config(attention=attention, window=window, linear_path=linear_path)
+    network = build("uniart_vae", model)
+    params = init(network)
+    voxels = jnp.asarray([[0, 5, 60], [36, 2, 2]])
+
+    @jax.jit
+    def step(params, batch):
+        def loss(params):
+            out = network.apply(params, batch, None, voxels)
+            return sum(jnp.square(x).sum() for x in jax.tree.leaves(out)), out
+
+        return jax.grad(loss, has_aux=True)(params)
+
+    clean_gradient, clean = step(params, voxel_batch(model))
+    assert {k: v.shape for k, v in clean.items() if k not in ("geometry", "articulation")} == {
+        "mean": (2, 70, 4),
+        "logvar": (2, 70, 4),
+        "latent": (2, 70, 4),
+        "sdf": (2, 3, 8),
+        "color": (2, 3, 8, 3),
+        "box_pair": (2, 3, 2, 6),
+        "foreign": (2, 3, 8),
+        "own_box": (2, 3, 8, 6),
+        "joint_code": (2, 3, 9),
+        "parent_box": (2, 3, 6),
+    }
+    assert finite(clean_gradient)
+    for width, garbage in ((70, np.nan), (83, 1e5)):
+        batch = voxel_batch(model, width, garbage=garbage)
+        gradient, out = step(params, batch)
+        for name in ("sdf", "color", "own_box", "joint_code", "parent_box"):
+            np.testing.assert_allclose(out[name], clean[name], rtol=1e-4, atol=1e-5)
+        for b, n in enumerate(batch["counts"]):
+            np.testing.assert_allclose(out["mean"][b, :n], clean["mean"][b, :n], atol=1e-5)
+            assert not np.asarray(out["mean"])[b, n:].any()
+        for a, b in zip(*map(jax.tree.leaves, (gradient, clean_gradient)), strict=True):
+            np.testing.assert_allclose(a, b, rtol=2e-3, atol=2e-3 * np.abs(b).max())
+
+
+def test_the_five_aggregations_run_and_differ():
+    seen = []
+    for kind in ("uniart", "self_attention", "residual", "pooling", "concat"):
+        model = vae_config(aggregation=kind, visual_channels=3, part_feature_channels=5)
+        network = build("uniart_vae", model)
+        batch = voxel_batch(model)
+        mean = jax.jit(lambda p, b, n=network: n.apply(p, b, method="encode")["mean"])(
+            init(network), batch
+        )
+        assert mean.shape == (2, 70, 4) and finite(mean)
+        seen.append(np.asarray(mean))
+    for i in range(5):
+        for j in range(i):
+            assert np.abs(seen[i] - seen[j]).max() > 1e-3
+
+
+def test_part_attention_stays_within_the_part():
+    model = vae_config(num_blocks=0, part_segment=0)
+    network = build("uniart_vae", model)
+    params = init(network)
+    batch = voxel_batch(model)
+    encode = jax.jit(lambda p, b: network.apply(p, b, method="encode")["mean"])
+    before = np.asarray(encode(params, batch))
+    changed = {**batch, "sdf": batch["sdf"].copy()}
+    changed["sdf"][0, 7] += 1.0
+    difference = np.abs(np.asarray(encode(params, changed)) - before).max(-1)
+    part = batch["voxel_part"]
+    same = (part[0] == part[0, 7]) & (np.arange(70) < 61)
+    assert (difference[0][same] > 0).all() and not difference[0][~same].any()
+    assert not difference[1].any()
+
+
+def test_codes_and_boxes_are_gathered_by_part():
+    batch = voxel_batch(MODEL)
+    codes, found = np.asarray(voxel_codes(batch)), jax.device_get(voxel_boxes(batch))
+    part = batch["voxel_part"][1, 5]
+    parent = batch["parents"][1, part]
+    expected = [batch["codes"][1, part], batch["boxes"][1, part], batch["boxes"][1, parent]]
+    np.testing.assert_array_equal(codes[1, 5], np.concatenate(expected))
+    foreign = batch["owner"] != batch["voxel_part"][..., None]
+    np.testing.assert_array_equal(found["foreign"], foreign)
+    np.testing.assert_array_equal(found["shared"], foreign.any(-1))
+    b, v = np.argwhere(foreign.any(-1))[0]
+    other = batch["owner"][b, v][foreign[b, v]][0]
+    np.testing.assert_array_equal(found["own"][b, v], batch["boxes"][b, batch["voxel_part"][b, v]])
+    np.testing.assert_array_equal(found["other"][b, v], batch["boxes"][b, other])
+    chosen = jax.device_get(voxel_boxes(batch, jnp.asarray([[1], [5]])))
+    for name, values in chosen.items():
+        np.testing.assert_array_equal(values[1, 0], found[name][1, 5])
