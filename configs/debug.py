@@ -9,10 +9,11 @@ from uniart_jax.config import (
     FlowConfig,
     GridConfig,
     ImageEncoderConfig,
+    LatentSampleConfig,
     LossConfig,
     ModelConfig,
-    SampleConfig,
     StageConfig,
+    StructureSampleConfig,
     StructureVAEConfig,
     UniArtVAEConfig,
 )
@@ -83,6 +84,6 @@ def config() -> Config:
         uniart_vae=stage,
         structure_flow=stage,
         latent_flow=stage,
-        sample_structure=SampleConfig(steps=2),
-        sample_latent=SampleConfig(steps=2),
+        sample_structure=StructureSampleConfig(steps=2),
+        sample_latent=LatentSampleConfig(steps=2),
     )

@@ -29,10 +29,11 @@ from uniart_jax.config import (
     FlowConfig,
     GridConfig,
     ImageEncoderConfig,
+    LatentSampleConfig,
     LossConfig,
     ModelConfig,
-    SampleConfig,
     StageConfig,
+    StructureSampleConfig,
     StructureVAEConfig,
     UniArtVAEConfig,
 )
@@ -122,8 +123,10 @@ def config() -> Config:
         ),
         structure_flow=dataclasses.replace(stage, steps=500, evaluate_every=250),
         latent_flow=dataclasses.replace(stage, steps=11_000, batch_size=4),
-        sample_structure=SampleConfig(steps=4, guidance=1.0, rescale_t=3.0, threshold=-1.5),
-        sample_latent=SampleConfig(
+        sample_structure=StructureSampleConfig(
+            steps=4, guidance=1.0, rescale_t=3.0, threshold=-1.5
+        ),
+        sample_latent=LatentSampleConfig(
             steps=4, guidance=1.0, rescale_t=3.0, sdf_offset=0.5, sdf_blur=1.0
         ),
     )

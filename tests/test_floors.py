@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "uniart_jax"
 FLOORS = [
-    {"config", "processes"},
+    {"config", "processes", "progress"},
     {"objects", "nn"},
     {"voxels", "procedural", "render", "flow"},
     {"data", "models"},

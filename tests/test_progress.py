@@ -9,7 +9,7 @@ def test_what_is_tracked_comes_through_and_the_end_is_told(capsys):
     assert list(progress.track(iter("abc"), "letters", 3, unit="letters")) == ["a", "b", "c"]
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1  # the interval has not passed
-    assert lines[0].startswith("letters: 3 of 3  ") and lines[0].endswith("letters/s  ETA 00:00:00")
+    assert lines[0].startswith("letters: 3 of 3  ") and lines[0].endswith("letters/s  ETA 0:00:00")
 
 
 def test_rate_and_remaining_time_leave_out_what_was_there_before(capsys, monkeypatch):
@@ -20,7 +20,22 @@ def test_rate_and_remaining_time_leave_out_what_was_there_before(capsys, monkeyp
             now[0] += 4
             advance()
     lines = capsys.readouterr().err.splitlines()
-    assert lines == ["prepare: 68 of 100  0.25 objects/s  ETA 00:02:08"]
+    assert lines == ["prepare: 68 of 100  0.25 objects/s  ETA 0:02:08"]
+
+
+def test_on_a_terminal_there_is_a_bar(capsys, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    assert list(progress.track(range(4), "letters", 4, unit="letters")) == [0, 1, 2, 3]
+    shown = capsys.readouterr().err
+    assert "4/4" in shown and "letters/s" in shown and "ETA" in shown
+
+
+def test_durations():
+    assert progress.duration(99.6) == "0:01:40" and progress.duration(-3) == "0:00:00"
+    assert progress.duration(2 * 86400 + 3661) == "2 days, 1:01:01"
 
 
 def test_nothing_to_do_says_nothing(capsys):

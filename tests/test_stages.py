@@ -13,7 +13,7 @@ from safetensors.numpy import load_file
 import uniart_jax
 from uniart_jax import procedural, stages
 from uniart_jax.cli import load_config
-from uniart_jax.config import Config, LossConfig, SampleConfig
+from uniart_jax.config import Config, LatentSampleConfig, LossConfig, StructureSampleConfig
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
@@ -36,7 +36,6 @@ def toy(folder: Path) -> Config:
         sketch_width=8,
     )
     stage = smaller(debug.latent_flow, steps=2, log_every=1, evaluate_every=2, save_every=2)
-    once = SampleConfig(steps=1)
     return smaller(
         debug,
         model=smaller(
@@ -57,8 +56,8 @@ def toy(folder: Path) -> Config:
         ),
         loss=LossConfig(voxels_per_object=64, part_share=0.5, readout_share=0.5, noise_share=0.5),
         **dict.fromkeys(stages.NETWORKS, stage),
-        sample_structure=once,
-        sample_latent=once,
+        sample_structure=StructureSampleConfig(steps=1),
+        sample_latent=LatentSampleConfig(steps=1),
     )
 
 
@@ -134,40 +133,55 @@ def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
     for path in (workdir / "export").glob("*.safetensors"):
         before, after = load_file(path), load_file(tmp_path / "work" / "export" / path.name)
         assert all(np.array_equal(before[name], after[name]) for name in before), path
-    assert uniart_jax.load(tmp_path / "work").config.name == "toy"
+    assert uniart_jax.load(tmp_path / "work").config.name == "debug"
 
 
-def test_a_checkpoint_that_does_not_fit_leaves_nothing(trained, tmp_path):
+@pytest.mark.parametrize("name", ["structure_flow", "uniart_vae"])  # trained, taken over
+def test_a_checkpoint_that_does_not_fit_leaves_nothing(trained, tmp_path, name):
     config, workdir = trained
-    flow = dataclasses.replace(config.model.structure_flow, num_blocks=2)
-    other = dataclasses.replace(
-        config, model=dataclasses.replace(config.model, structure_flow=flow)
-    )
-    with pytest.raises(ValueError, match=r"structure_flow\.safetensors does not fit"):
+    deeper = dataclasses.replace(getattr(config.model, name), num_blocks=3)
+    other = dataclasses.replace(config, model=dataclasses.replace(config.model, **{name: deeper}))
+    with pytest.raises(ValueError, match=rf"{name}\.safetensors does not fit"):
         stages.run(other, ["structure_flow"], tmp_path / "work", init=workdir)
     assert not (tmp_path / "work").exists()
 
 
 def test_flows_are_taken_over_only_with_their_encoder_and_vaes(trained, tmp_path):
     config, workdir = trained
-    stages.adopt(config, workdir, ["image_encoder"], tmp_path / "encoder")
-    names = {path.stem for path in (tmp_path / "encoder" / "export").iterdir()}
-    assert names == {"structure_vae", "uniart_vae"}
+    assert stages.adoptable(config, workdir, ["image_encoder"], tmp_path / "empty") == ["structure_vae", "uniart_vae"]  # fmt: skip
+    rest = stages.adoptable(config, workdir, ["latent_flow"], tmp_path / "empty")
+    assert rest == ["image_encoder", "structure_vae", "uniart_vae", "structure_flow"]
+    stages.adopt(workdir, rest, tmp_path / "empty")
+    assert {path.stem for path in (tmp_path / "empty/export").iterdir()} == {*rest, "latent_stats"}
+    taken = load_file(tmp_path / "empty/export/latent_stats.safetensors")
+    assert set(taken) == {"structure.mean", "structure.std"}  # the other flow has not spoken yet
     shutil.copytree(workdir / "export", tmp_path / "own" / "export")
     vae = tmp_path / "own" / "export" / "uniart_vae.safetensors"
     vae.write_bytes(vae.read_bytes()[:-1] + b"x")
     (tmp_path / "own" / "export" / "structure_flow.safetensors").unlink()
-    kept = vae.read_bytes()
-    stages.adopt(config, workdir, ["latent_flow"], tmp_path / "own")
-    assert vae.read_bytes() == kept
-    assert not stages.exported(tmp_path / "own", "structure_flow")
+    assert stages.adoptable(config, workdir, ["latent_flow"], tmp_path / "own") == []
 
 
-def test_records_of_other_views_are_refused(trained, tmp_path):
+def test_a_flow_leaves_the_other_ones_statistics(trained, tmp_path):
+    config, workdir = trained
+    shutil.copytree(workdir, tmp_path / "work")
+    stages.write_statistics(tmp_path / "work/export", "structure", np.full(8, 7.0), np.ones(8))
+    longer = dataclasses.replace(config.latent_flow, steps=3)
+    stages.run(dataclasses.replace(config, latent_flow=longer), ["latent_flow"], tmp_path / "work")
+    statistics = load_file(tmp_path / "work/export/latent_stats.safetensors")
+    assert (statistics["structure.mean"] == 7).all()
+
+
+def test_records_of_other_settings_are_refused(trained, tmp_path):
     config, _ = trained
-    three = dataclasses.replace(config, data=dataclasses.replace(config.data, views=3))
-    with pytest.raises(ValueError, match="holds 2 views an object, the config asks for 3"):
-        stages.run(three, ["structure_vae"], tmp_path / "work")
+    data = config.data
+    for changes, said in (
+        ({"views": 3}, "views 2 instead of 3"),
+        ({"records": data.validation, "procedural": 1}, "start_seed 900000 instead of 0"),
+    ):
+        other = dataclasses.replace(config, data=dataclasses.replace(data, **changes))
+        with pytest.raises(ValueError, match=said):
+            stages.run(other, ["structure_vae"], tmp_path / "work")
 
 
 def test_evaluation_is_the_same_in_workers(trained, tmp_path):

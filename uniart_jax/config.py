@@ -213,17 +213,25 @@ class MeshConfig:
 
 @dataclasses.dataclass(frozen=True)
 class SampleConfig:
-    """Sampling defaults that belong to a checkpoint.
-
-    What a flow samples in few steps is close to a mean: thin things fade from it, and small ones tremble. ``threshold`` (structure) is
-    the logit above which a voxel is active; ``sdf_offset`` and ``sdf_blur`` (latents), in sub-cells, thicken and smooth (``voxels.grid.faired``).
-    """
+    """Sampling defaults that belong to a checkpoint."""
 
     steps: int = 25
     guidance: float = 1.0
     guidance_interval: tuple[float, float] = (0.0, 1.0)
     rescale_t: float = 3.0
+
+
+@dataclasses.dataclass(frozen=True)
+class StructureSampleConfig(SampleConfig):
+    """A voxel is active above ``threshold``, a logit. What is sampled in few steps is close to a mean, from which thin things fade."""
+
     threshold: float = 0.0
+
+
+@dataclasses.dataclass(frozen=True)
+class LatentSampleConfig(SampleConfig):
+    """Sampled distances are thickened and smoothed by ``sdf_offset`` and ``sdf_blur``, in sub-cells (``voxels.grid.faired``), for the same reason."""
+
     sdf_offset: float = 0.0
     sdf_blur: float = 0.0
 
@@ -242,8 +250,8 @@ class Config:
     uniart_vae: StageConfig = StageConfig()
     structure_flow: StageConfig = StageConfig()
     latent_flow: StageConfig = StageConfig()
-    sample_structure: SampleConfig = SampleConfig()
-    sample_latent: SampleConfig = SampleConfig()
+    sample_structure: StructureSampleConfig = StructureSampleConfig()
+    sample_latent: LatentSampleConfig = LatentSampleConfig()
     seed: int = 0
 
 

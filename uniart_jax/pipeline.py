@@ -20,7 +20,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from uniart_jax.config import NETWORKS, Config, ModelConfig, SampleConfig
+from uniart_jax.config import (
+    NETWORKS,
+    Config,
+    GridConfig,
+    LatentSampleConfig,
+    ModelConfig,
+    SampleConfig,
+    StructureSampleConfig,
+)
 from uniart_jax.data.images import crop, foreground, read_image
 from uniart_jax.flow.guidance import guide
 from uniart_jax.flow.solvers import euler
@@ -181,15 +189,16 @@ class Pipeline:
 
     def options(
         self, steps: int | None, guidance: float | None
-    ) -> tuple[SampleConfig, SampleConfig]:
+    ) -> tuple[StructureSampleConfig, LatentSampleConfig]:
         """The checkpoint's sampling options, changed where asked."""
         changes: dict[str, Any] = {}
         if steps is not None:
             changes["steps"] = steps
         if guidance is not None:
             changes["guidance"] = guidance
-        both = (self.config.sample_structure, self.config.sample_latent)
-        return tuple(dataclasses.replace(o, **changes) for o in both)  # type: ignore[return-value]
+        replace = dataclasses.replace
+        structure, latent = self.config.sample_structure, self.config.sample_latent
+        return replace(structure, **changes), replace(latent, **changes)
 
     def prepare(self, image: str | Path | np.ndarray) -> np.ndarray:
         """[S, S, 3] float32 in [0, 1]: read, foreground, square crop, on black."""
@@ -209,7 +218,7 @@ class Pipeline:
         return self._encode_images(self.parameters["image_encoder"], images)
 
     def sample_structure(
-        self, condition: Condition, key: jax.Array, options: SampleConfig | None = None
+        self, condition: Condition, key: jax.Array, options: StructureSampleConfig | None = None
     ) -> list[np.ndarray]:
         """Active voxels [V_i, 3] of each item; at most as many as the largest bucket holds, the most certain first."""
         options = options or self.config.sample_structure
@@ -273,19 +282,10 @@ class Pipeline:
         batch: dict[str, Any] = {"coords": padded, "counts": counts}
         batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, parts=False)
         out = jax.device_get(self._decode_voxels(self.parameters["uniart_vae"], latent, batch))
-        names = ("sdf", "color", "own_box", "joint_code", "parent_box")
-        return [
-            VoxelGrid(
-                model.grid.resolution,
-                model.grid.subdivisions,
-                padded[b, :count],
-                *(out[name][b, :count] for name in names),
-            )
-            for b, count in enumerate(counts)
-        ]
+        return [voxel_grid(out, b, padded[b, :count], model.grid) for b, count in enumerate(counts)]
 
     def decode_sampled(
-        self, coords: np.ndarray, latent: np.ndarray, options: SampleConfig | None = None
+        self, coords: np.ndarray, latent: np.ndarray, options: LatentSampleConfig | None = None
     ) -> VoxelGrid:
         """One item of ``decode``, thickened and smoothed as ``sample_latent`` says (``voxels.grid.faired``)."""
         options = options or self.config.sample_latent
@@ -319,6 +319,15 @@ class Pipeline:
     @functools.lru_cache(maxsize=4)  # noqa: B019
     def _latent_sampler(self, options: SampleConfig):
         return make_latent_sampler(self.config.model, options)
+
+
+def voxel_grid(
+    decoded: dict[str, np.ndarray], item: int, coords: np.ndarray, grid: GridConfig
+) -> VoxelGrid:
+    """One item of what the UniArt VAE decodes (padded arrays, on the host), on its voxels [V, 3]."""
+    names = ("sdf", "color", "own_box", "joint_code", "parent_box")
+    values = (decoded[name][item, : len(coords)] for name in names)
+    return VoxelGrid(grid.resolution, grid.subdivisions, coords, *values)
 
 
 def join_views(condition: Condition) -> Condition:

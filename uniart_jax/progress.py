@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import datetime
 import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
@@ -63,6 +64,11 @@ def track(items: Iterable[Item], what: str, total: int, *, unit: str = "objects"
             advance()
 
 
+def duration(seconds: float) -> str:
+    """For people: "0:01:40", "2 days, 3:04:05"."""
+    return str(datetime.timedelta(seconds=max(0, round(seconds))))
+
+
 def _plain(console: Console, what: str, total: int, done: int, unit: str) -> Callable[[], None]:
     start = shown = time.perf_counter()
     first, count = done, done
@@ -75,7 +81,7 @@ def _plain(console: Console, what: str, total: int, done: int, unit: str) -> Cal
             return
         shown = now
         rate = (count - first) / max(now - start, 1e-9)
-        left = time.strftime("%H:%M:%S", time.gmtime((total - count) / rate))
+        left = duration((total - count) / rate)
         console.print(f"{what}: {count} of {total}  {rate:.3g} {unit}/s  ETA {left}")
 
     return advance

@@ -35,7 +35,7 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
 from uniart_jax.pipeline import checkpoint_folder
-from uniart_jax.progress import track
+from uniart_jax.progress import advancing
 from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
@@ -94,9 +94,11 @@ def run(
             "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
         )
     source = None if init is None else checkpoint_folder(init)
+    taken: list[str] = []
     if source is not None:  # before anything is written
         for name in stages:
             load_network(source, name, build(name, config.model).abstract())
+        taken = adoptable(config, source, stages, workdir)
     claim(config, workdir)
     alone = [n for n in stages if n not in ("image_encoder", "structure_vae")]
     if jax.process_count() > 1 and alone:
@@ -105,24 +107,38 @@ def run(
             f"stage {alone[0]}: trains on one process (all its devices); start it without jax.distributed"
         )
     if source is not None:
-        adopt(config, source, stages, workdir)
+        adopt(source, taken, workdir)
     ensure_records(config)
     for name in (n for n in NETWORKS if n in stages):
         train_network(name, config, workdir, source)
 
 
-def adopt(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> None:
-    """Copy what checkpoint ``source`` has and WORKDIR lacks of the networks that are not trained now.
+def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
+    """The networks that checkpoint ``source`` has, WORKDIR lacks and that are not trained now.
 
-    A flow is copied only if it stands in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents.
+    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents.
+
+    Raises:
+      ValueError: one of them does not fit the config.
     """
+    found = []
     for name in NETWORKS:
         if name in stages or exported(workdir, name) or not in_export(source, name):
             continue
         if name.endswith("_flow") and not same_ground(source, stages, workdir):
             continue
         load_network(source, name, build(name, config.model).abstract())
+        found.append(name)
+    return found
+
+
+def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:
+    """Copy networks of checkpoint ``source`` into WORKDIR, a flow with the statistics of its latent."""
+    for name in names:
         copy_export(source, workdir / "export", f"{name}.safetensors")
+        if (latent := name.removesuffix("_flow")) != name:
+            mean, std = read_statistics(source, latent)
+            write_statistics(workdir / "export", latent, mean, std)
 
 
 def in_export(folder: Path, name: str) -> bool:
@@ -135,13 +151,15 @@ def in_export(folder: Path, name: str) -> bool:
 
 
 def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
-    """Whether flows of ``source`` fit WORKDIR: both hold the same image encoder and VAEs, and none of them is trained now."""
+    """Whether flows of ``source`` fit WORKDIR: none of image encoder and VAEs is trained now, and WORKDIR has the source's, or will take them."""
     return all(
         name not in stages
         and in_export(source, name)
-        and exported(workdir, name)
-        and find_export(source, f"{name}.safetensors").read_bytes()
-        == find_export(workdir / "export", f"{name}.safetensors").read_bytes()
+        and (
+            not exported(workdir, name)
+            or find_export(source, f"{name}.safetensors").read_bytes()
+            == find_export(workdir / "export", f"{name}.safetensors").read_bytes()
+        )
         for name in ("image_encoder", *ENCODED)
     )
 
@@ -168,7 +186,7 @@ def ensure_records(config: Config) -> None:
     """Prepare the training and validation records that the config describes, where they are not there yet.
 
     Raises:
-      ValueError: a folder holds records of other settings.
+      ValueError: a folder holds records of other settings; all that differ are named.
     """
     data, grid = config.data, config.model.grid
     if not data.procedural:
@@ -186,11 +204,19 @@ def ensure_records(config: Config) -> None:
         if not folder:
             continue
         if prepared_objects(Path(folder)) >= count:
-            found = read_metadata(folder).get("views")
-            if found != data.views:
+            asked = {
+                "start_seed": seed,
+                "resolution": grid.resolution,
+                "subdivisions": grid.subdivisions,
+                "image_size": options["image_size"],
+                "views": data.views,
+            }
+            found = read_metadata(folder)
+            if differ := [key for key in asked if found.get(key) != asked[key]]:
+                listed = ", ".join(f"{k} {found.get(k)} instead of {asked[k]}" for k in differ)
                 raise ValueError(
-                    f"{folder}: holds {found} views an object, the config asks for {data.views}; "
-                    f"give --data.views {found}, or another --data.records and --data.validation"
+                    f"{folder}: holds records of other settings ({listed}); "
+                    "give another --data.records or --data.validation, or the config these settings"
                 )
         else:
             console.print(f"preparing {count} procedural objects in {folder}")
@@ -225,8 +251,8 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
         statistics = encode_all(config, workdir)
         if units is not None:
             statistics = {part: read_statistics(units, part) for part in statistics}
-        for part, (mean, std) in statistics.items():
-            write_statistics(workdir / "export", part, mean, std)
+        latent = name.removesuffix("_flow")
+        write_statistics(workdir / "export", latent, *statistics[latent])
     make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
     extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
     if name == "latent_flow" and config.loss.readout_share:
@@ -388,19 +414,16 @@ def encode_records(
 ) -> Iterator[dict[str, Any]]:
     """Items for ``latents.write_latents``: latent means and pictures of every record."""
     encode = make_encoder(config.model)
-    number = len(RecordSource(records)) // ENCODE_BATCH
-    for mirrored in mirrors:
-        batches = record_batches(
-            records, config.data, config.model, ENCODE_BATCH, mirrored=mirrored
-        )
-        what = "encoding mirrored" if mirrored else "encoding"
-        for batch in track(batches, what, number, unit="batches"):
-            out = jax.device_get(encode(parameters, {key: batch[key] for key in ENCODE_KEYS}))
-            for b, record in enumerate(batch["record"]):
-                if record >= 0:
+    with advancing("encoding", len(RecordSource(records)) * len(mirrors)) as advance:
+        for mirrored in mirrors:
+            for batch in record_batches(
+                records, config.data, config.model, ENCODE_BATCH, mirrored=mirrored
+            ):
+                out = jax.device_get(encode(parameters, {key: batch[key] for key in ENCODE_KEYS}))
+                for b in np.nonzero(batch["record"] >= 0)[0]:
                     count = batch["counts"][b]
                     yield {
-                        "record": int(record),
+                        "record": int(batch["record"][b]),
                         "mirrored": mirrored,
                         "structure": out["structure"][b],
                         "coords": batch["coords"][b, :count],
@@ -408,6 +431,7 @@ def encode_records(
                         "latent": out["latent"][b, :count],
                         "images": np.round(batch["images"][b] * 255),
                     }
+                    advance()
 
 
 def dense_occupancy(coords: jax.Array, counts: jax.Array, resolution: int) -> jax.Array:

@@ -28,11 +28,13 @@ from uniart_jax.pipeline import (
     make_latent_sampler,
     make_structure_sampler,
     pad_coords,
+    voxel_grid,
 )
 from uniart_jax.training.export import load_network
 from uniart_jax.training.metrics import part_readings, summarize_readings
 from uniart_jax.training.sharding import replicated
 from uniart_jax.training.state import TrainState
+from uniart_jax.voxels.grid import faired
 
 Evaluation = Callable[[TrainState, int], tuple[dict[str, float], dict[str, np.ndarray]]]
 IMAGE_BATCH = 16
@@ -186,7 +188,8 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
 def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> Evaluation:
     source = LatentSource(workdir / "latents-validation")
     records = RecordSource(config.data.validation)
-    sampler = make_latent_sampler(config.model, config.sample_latent)
+    options = config.sample_latent
+    sampler = make_latent_sampler(config.model, options)
     vae = build("uniart_vae", config.model)
     parameters = load_network(workdir, "uniart_vae", vae.abstract())
     decode = jax.jit(functools.partial(vae.apply, method="decode"))
@@ -217,7 +220,9 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
                 record.codes,
                 record.parents,
             )
-            truth, guess = record.sdf < 0, out["sdf"][0, :count] < 0
+            grid = voxel_grid(out, 0, coords[0, :count], config.model.grid)
+            guess = faired(grid, options.sdf_offset, options.sdf_blur).sdf < 0
+            truth = record.sdf < 0
             inside.append((truth & guess).sum() / max((truth | guess).sum(), 1))
         return {"inside_iou": float(np.mean(inside)), **summarize_readings(rows)}, {}
 

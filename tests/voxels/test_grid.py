@@ -60,6 +60,11 @@ def test_fairing_averages_active_sub_cells_only_and_thickens():
     assert faired(flat, 0.0, 0.0) is flat
     # holes beside active voxels weigh nothing: a constant stays one
     np.testing.assert_allclose(faired(flat, 0.2, 1.0).sdf, 0.5, atol=1e-5)
+    unknown = flat.sdf.copy()
+    unknown[1, 3] = np.nan  # stays the only one, and weighs nothing
+    found = faired(VoxelGrid(4, 2, coords, unknown, *rest, np.zeros((number, 6))), 0.2, 1.0).sdf
+    assert np.isnan(found[1, 3]) and np.isnan(found).sum() == 1
+    np.testing.assert_allclose(found[np.isfinite(found)], 0.5, atol=1e-5)
     noise = rng.normal(0, 0.5, flat.sdf.shape).astype(np.float32)
     rough = VoxelGrid(4, 2, coords, flat.sdf + noise, *rest, np.zeros((number, 6)))
     assert faired(rough, 0.0, 1.0).sdf.std() < 0.5 * rough.sdf.std()

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from solids import box_of, box_sdf, grid_of
 
-from uniart_jax.voxels.grid import PartGrid
+from uniart_jax.voxels.grid import PartGrid, connected, subcell_indices
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.segment import CRUMB, _absorb_crumbs, nearest, segment
 
@@ -162,6 +162,28 @@ def test_crumbs_join_what_is_around_them():
     found = _absorb_crumbs(grid.gather(), owner)
     assert (found[crumb * r3 : (crumb + 1) * r3] == before[crumb * r3 : (crumb + 1) * r3]).all()
     assert (found.reshape(-1, r3)[column] == 1).all()
+
+
+def test_crumbs_are_absorbed_when_a_grid_is_segmented():
+    rng = np.random.default_rng(0)
+    grid = make_cabinet()
+    votes = grid.boxes[grid.owner] + rng.normal(0, 2e-3, (*grid.owner.shape, 6))
+    (edge,) = np.nonzero((grid.owner == 1).all(1) & (grid.coords == [1, 7, 8]).all(1))[0]
+    away = subcell_indices(np.zeros((1, 3), int), grid.subdivisions)[0, :, 1] == 0
+    votes[edge, away] = grid.boxes[2]  # of the left door, these say that they are of the right one
+    found = segment(dataclasses.replace(grid.gather(), own_box=votes.astype(np.float32)))
+    match = matched(grid, found)
+    for k in range(len(found.boxes)):
+        pieces = connected(dense_owner(grid, found.owner) == k)
+        assert np.bincount(pieces.ravel())[1:].min() > CRUMB // 2, (k, match[k])
+
+
+def dense_owner(grid: PartGrid, owner: np.ndarray) -> np.ndarray:
+    """[n, n, n] owner of every sub-cell, -1 where no voxel is active."""
+    side = grid.resolution * grid.subdivisions
+    dense = np.full((side,) * 3, -1)
+    dense[tuple(subcell_indices(grid.coords, grid.subdivisions).reshape(-1, 3).T)] = owner.ravel()
+    return dense
 
 
 def test_nearest_prefers_the_first_of_equals():

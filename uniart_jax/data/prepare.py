@@ -50,7 +50,7 @@ def prepare_procedural(
       start_seed: object k uses seed ``start_seed + k``.
       processes: workers; 1 works in this process. More need the caller's main module to be importable (as spawn does).
       shard_size: objects a shard; what a killed run loses at most.
-      progress: a bar on stderr, or a line a shard where stderr is no terminal.
+      progress: a bar on stderr, or lines now and then where stderr is no terminal.
 
     Returns:
       The folder.

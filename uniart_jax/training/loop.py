@@ -25,7 +25,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tensorboardX import SummaryWriter
 
 from uniart_jax.config import StageConfig
-from uniart_jax.progress import PLAIN_INTERVAL
+from uniart_jax.progress import PLAIN_INTERVAL, duration
 from uniart_jax.training.checkpoints import CheckpointableIterator, Checkpoints
 from uniart_jax.training.state import TrainState
 from uniart_jax.training.step import TrainStep
@@ -266,7 +266,7 @@ class _Reporter:
             self._bar.update(self._task, completed=step, info=info)
         elif now >= self._next_line or step == self.stage.steps:
             self._next_line = now + PLAIN_INTERVAL
-            left = time.strftime("%H:%M:%S", time.gmtime((self.stage.steps - step) / rate))
+            left = duration((self.stage.steps - step) / rate)
             self.say(f"{self.name} {step}/{self.stage.steps}  {info}  ETA {left}")
             sys.stderr.flush()
 

@@ -84,8 +84,7 @@ class PartGrid:
 
 def subcell_offsets(subdivisions: int) -> np.ndarray:
     """[r^3, 3] centres of a voxel's sub-cells in units of one voxel, in [0, 1]."""
-    axis = (np.arange(subdivisions) + 0.5) / subdivisions
-    return np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    return (subcell_indices(np.zeros((1, 3), int), subdivisions)[0] + 0.5) / subdivisions
 
 
 def subcell_centers(coords: np.ndarray, resolution: int, subdivisions: int) -> np.ndarray:
@@ -107,8 +106,18 @@ def occupancy(coords: np.ndarray, resolution: int) -> np.ndarray:
     return dense
 
 
+def connected(dense: np.ndarray) -> np.ndarray:
+    """int32 label of every true cell's face-connected piece, from 1 on; 0 elsewhere."""
+    labels = np.zeros(dense.shape, np.int32)
+    ndimage.label(dense, output=labels)
+    return labels
+
+
 def faired(grid: VoxelGrid, offset: float, blur: float) -> VoxelGrid:
-    """The grid with distances averaged over active sub-cells by a Gaussian of deviation ``blur`` and lowered by ``offset``, both in sub-cells."""
+    """The grid with distances averaged over active sub-cells by a Gaussian of deviation ``blur`` and lowered by ``offset``, both in sub-cells.
+
+    Distances that are not finite stay so, and do not count.
+    """
     if not offset and not blur:
         return grid
     sdf = np.asarray(grid.sdf, np.float32)
@@ -116,7 +125,9 @@ def faired(grid: VoxelGrid, offset: float, blur: float) -> VoxelGrid:
         r = grid.subdivisions
         at = tuple(subcell_indices(grid.coords, r).reshape(-1, 3).T)
         dense = np.zeros((2, *(grid.resolution * r,) * 3), np.float32)
-        dense[0][at], dense[1][at] = sdf.ravel(), 1
+        known = np.isfinite(sdf).ravel()
+        dense[0][at], dense[1][at] = np.where(known, sdf.ravel(), 0), known
         total, weight = (ndimage.gaussian_filter(d, blur, mode="constant")[at] for d in dense)
-        sdf = (total / weight).reshape(sdf.shape)
+        mean = np.where(known, total, np.nan) / np.where(known, weight, 1)
+        sdf = mean.reshape(sdf.shape)
     return dataclasses.replace(grid, sdf=np.clip(sdf - offset, -SDF_CLIP, SDF_CLIP))

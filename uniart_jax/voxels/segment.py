@@ -7,7 +7,7 @@ voxels by cube (a flow's token), and blurred along borders; but a voxel also lie
    lies on a border between parts and does not vote.
 2. A box explains a voter if it is near the voter's vote and holds the voter's place. Of many proposed boxes (medians of votes
    around some voters) the one that explains most of what is still unexplained is taken, again and again, until the
-   next would explain fewer than ``FEWEST`` voters. How near is near follows the votes: the smaller of ``NEAR`` if few stay unexplained at it.
+   next would explain fewer than ``FEWEST`` voters. How near is near follows the votes: the first of ``NEAR`` that leaves few unexplained.
 3. Rounds of refinement: every box moves to its voters, half to the median of their votes and half to the extent of their places; boxes that
    the others make superfluous, or whose voters do not fill them, are dropped.
 4. A knob lives in border voxels only. Solid sub-cells whose boxes are far from all parts found so far fall into connected pieces; a piece
@@ -27,7 +27,7 @@ import numpy as np
 import scipy.ndimage
 from scipy.spatial import cKDTree
 
-from uniart_jax.voxels.grid import VoxelGrid, subcell_centers, subcell_indices
+from uniart_jax.voxels.grid import VoxelGrid, connected, subcell_centers, subcell_indices
 from uniart_jax.voxels.joint_code import SAME_BOX, box_corners
 
 MIXED = 0.15  # a voxel whose sub-cell votes differ by more than this does not vote
@@ -118,9 +118,9 @@ def nearest(votes: np.ndarray, centers: np.ndarray, places: np.ndarray | None = 
     return best
 
 
-def outside(places: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """[n] how far places [n, 3] lie outside of a box, corners [6] (L-infinity; negative inside)."""
-    return np.maximum(box[:3] - places, places - box[3:]).max(1)
+def outside(places: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """[...] how far places [..., 3] lie outside of boxes, corners [6] or [..., 6] (L-infinity; negative inside)."""
+    return np.maximum(boxes[..., :3] - places, places - boxes[..., 3:]).max(-1)
 
 
 def _exact_centers(flat: np.ndarray) -> np.ndarray | None:
@@ -285,7 +285,7 @@ def _pieces(grid: VoxelGrid, votes: np.ndarray, large: list[np.ndarray]) -> list
     cells = subcell_indices(grid.coords, grid.subdivisions)[voxel, sub]
     dense = np.zeros((side,) * 3, bool)
     dense[tuple(cells.T)] = True
-    label = _connected(dense)[tuple(cells.T)]
+    label = connected(dense)[tuple(cells.T)]
     sizes = np.bincount(label) if len(label) else np.zeros(1, int)
     members = np.split(np.argsort(label, kind="stable"), np.cumsum(sizes)[:-1])
     found: list[np.ndarray] = []
@@ -335,7 +335,7 @@ def _absorb_crumbs(grid: VoxelGrid, owner: np.ndarray) -> np.ndarray:
     for k, window in enumerate(scipy.ndimage.find_objects(dense)):
         if window is None:
             continue
-        labels = _connected(dense[window] == k + 1)
+        labels = connected(dense[window] == k + 1)
         sizes = np.bincount(labels.ravel())
         sizes[0] = 0
         small = sizes < max(CRUMB, CRUMB_SHARE * sizes.max())
@@ -348,13 +348,6 @@ def _absorb_crumbs(grid: VoxelGrid, owner: np.ndarray) -> np.ndarray:
     owner = owner.copy()
     owner[crumb] = owner[~crumb][around]
     return owner
-
-
-def _connected(dense: np.ndarray) -> np.ndarray:
-    """Label of every cell's face-connected piece, from 1 on; 0 outside."""
-    labels = np.zeros(dense.shape, np.int32)
-    scipy.ndimage.label(dense, output=labels)
-    return labels
 
 
 def _gap(box: np.ndarray, others: list[np.ndarray]) -> float:
