@@ -2,7 +2,7 @@
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do $$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 BIN := .venv/bin
 OUT ?= out/sample
-IMAGE ?= examples/images/cabinet.png
+IMAGE ?= examples/images/oven.png
 
 .PHONY: sample test test-full lint format bench clean
 
