@@ -162,6 +162,16 @@ def test_flows_are_taken_over_only_with_their_encoder_and_vaes(trained, tmp_path
     assert stages.adoptable(config, workdir, ["latent_flow"], tmp_path / "own") == []
 
 
+def test_training_goes_on_from_a_checkpoint_with_one_flow(trained, tmp_path):
+    config, workdir = trained
+    stages.adopt(workdir, [n for n in stages.NETWORKS if n != "latent_flow"], tmp_path / "source")
+    still = dataclasses.replace(config.structure_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
+    frozen = dataclasses.replace(config, structure_flow=still)
+    stages.run(frozen, ["structure_flow"], tmp_path / "work", init=tmp_path / "source")
+    statistics = load_file(tmp_path / "work/export/latent_stats.safetensors")
+    assert set(statistics) == {"structure.mean", "structure.std"}
+
+
 def test_a_flow_leaves_the_other_ones_statistics(trained, tmp_path):
     config, workdir = trained
     shutil.copytree(workdir, tmp_path / "work")

@@ -39,7 +39,6 @@ from uniart_jax.progress import advancing
 from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
-    STATISTICS,
     copy_export,
     export_network,
     find_export,
@@ -249,9 +248,9 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
             return
     if name.endswith("_flow"):
         statistics = encode_all(config, workdir)
-        if units is not None:
-            statistics = {part: read_statistics(units, part) for part in statistics}
         latent = name.removesuffix("_flow")
+        if units is not None:
+            statistics[latent] = read_statistics(units, latent)
         write_statistics(workdir / "export", latent, *statistics[latent])
     make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
     extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
@@ -316,7 +315,8 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
     latents = digest(config, workdir, Path(config.data.records))
     key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
     if units is not None:
-        key += f" {hashlib.sha256(find_export(units, STATISTICS).read_bytes()).hexdigest()}"
+        both = read_statistics(units, folder.name.removesuffix("_flow"))
+        key += f" {hashlib.sha256(b''.join(v.tobytes() for v in both)).hexdigest()}"
     note = folder.with_name(f"{folder.name}.inputs")
     trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
     if trained and note.is_file() and note.read_text() != key:
