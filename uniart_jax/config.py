@@ -11,7 +11,7 @@ import json
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat"]
-Kernel = Literal["xla", "cudnn"]
+Kernel = Literal["auto", "xla", "cudnn", "triton", "splash"]
 STAGES = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 
@@ -27,11 +27,16 @@ class GridConfig:
 
 @dataclasses.dataclass(frozen=True)
 class ImageEncoderConfig:
-    """A small convolutional network with tokens and a volume decoder, pre-trained by regressing the camera, coarse occupancy, boxes and joints from the image.
+    """``architecture`` 'volume': a small convolutional network with tokens and a volume decoder, pre-trained by regressing the camera, coarse occupancy,
+    boxes and joints from the image. It gives ``tokens`` for cross-attention and a ``volume`` of features aligned with the object's grid.
 
-    It gives ``tokens`` for cross-attention and a ``volume`` of features aligned with the object's grid.
+    'dinov2': the vision transformer of DINOv2 with registers, frozen, as TRELLIS conditions on it; ``tokens`` only. Of the fields it reads
+    image_size, patch_size, registers, width, num_blocks, num_heads and mlp_ratio.
     """
 
+    architecture: Literal["volume", "dinov2"] = "volume"
+    patch_size: int = 14  # 'dinov2'
+    registers: int = 4  # 'dinov2'
     image_size: int = 128  # pixels a side of the images in the records
     stem_stride: int = 4  # of the first stage
     stem_channels: tuple[int, ...] = (
@@ -56,6 +61,7 @@ class StructureVAEConfig:
     """Dense convolutional VAE, occupancy [R^3] <-> latent [(R / patch_size / 2^(levels-1))^3, C]. Upstream: TRELLIS sparse_structure_vae.
 
     ``patch_size`` folds cubes of voxels into channels before the first convolution; 1 = none (TRELLIS).
+    ``norm``: of the last layer only ('group': 32 groups), as in TRELLIS, whose residual blocks ignore the option.
     """
 
     patch_size: int = 1
@@ -63,13 +69,14 @@ class StructureVAEConfig:
     latent_channels: int = 8
     num_res_blocks: int = 2
     num_res_blocks_middle: int = 2
+    norm: Literal["layer", "group"] = "layer"
 
 
 @dataclasses.dataclass(frozen=True)
 class UniArtVAEConfig:
     """Voxel features <-> latent per voxel. Trunks as TRELLIS's SLAT encoder and decoder.
 
-    ``attention``: 'swin' cuts shifted windows of ``window`` voxels a side; 'serial' cuts the Morton order of the voxels into runs
+    ``attention``: 'swin' cuts shifted windows of ``window`` voxels a side; 'full' does not cut; 'serial' cuts the Morton order of the voxels into runs
     of exactly ``window`` tokens, shifted by half a run in every other block (no padding waste: the laptop's choice).
     ``part_segment``: parts longer than this are attended in pieces of this many voxels; 0 = never cut.
     ``linear_path``: a linear layer past each trunk (TRELLIS has none).
@@ -80,8 +87,9 @@ class UniArtVAEConfig:
     num_heads: int = 12
     mlp_ratio: float = 4.0
     latent_channels: int = 8
-    attention: Literal["swin", "serial"] = "swin"
+    attention: Literal["swin", "serial", "full"] = "swin"
     window: int = 8
+    qk_rms_norm: bool = False
     aggregation: Aggregation = "uniart"
     visual_channels: int = 1024
     part_feature_channels: int = 0
@@ -100,6 +108,7 @@ class FlowConfig:
     followed, with ``voxel_channels`` > 0, by an MLP of this width on each voxel that also sees the voxel's own noisy latent.
     ``volume_channels``: the first so many of the image encoder's volume (its features, then 3 of colour) added to the tokens they are
     aligned with; 0 = none (TRELLIS).
+    ``position_table``: the structure flow holds its position embedding as a frozen table instead of computing it (weights whose table differs).
     ``prediction``: the network's output is the velocity (TRELLIS) or the clean sample, from which the velocity follows.
     """
 
@@ -110,6 +119,7 @@ class FlowConfig:
     cond_channels: int = 1024
     patch_size: int = 1
     qk_rms_norm: bool = True
+    qk_rms_norm_cross: bool = False
     share_mod: bool = False
     volume_channels: int = 0
     volume_resolution: int = 8
@@ -119,11 +129,34 @@ class FlowConfig:
     io_channels: tuple[int, ...] = ()
     num_io_res_blocks: int = 2
     use_skip_connection: bool = True
+    position_table: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class GaussianConfig:
+    """TRELLIS's own head on a UniArt-shaped latent: 3D Gaussians a voxel. Optional; names as in its ``representation_config``."""
+
+    num_gaussians: int = 32
+    voxel_size: float = 1.5  # how far a Gaussian may lie from its voxel's centre, in half voxels
+    perturb_offset: bool = True
+    lr_xyz: float = 1.0  # factors on the raw outputs
+    lr_features_dc: float = 1.0
+    lr_scaling: float = 1.0
+    lr_rotation: float = 0.1
+    lr_opacity: float = 1.0
+    kernel_size_3d: float = 0.0009  # object units
+    scaling_bias: float = 0.004
+    opacity_bias: float = 0.1
+    scaling_activation: Literal["exp", "softplus"] = "softplus"
 
 
 @dataclasses.dataclass(frozen=True)
 class ModelConfig:
-    """The networks of one checkpoint, and the attention kernel they run on."""
+    """The networks of one checkpoint, and how they are run.
+
+    ``kernel``: of attention (``nn.attention``). ``scan_blocks`` compiles a stack of equal blocks once and loops over it; ``remat`` computes a
+    block's activations again in the backward pass: compile time and memory then do not grow with depth.
+    """
 
     grid: GridConfig = GridConfig()
     image_encoder: ImageEncoderConfig = ImageEncoderConfig()
@@ -131,8 +164,11 @@ class ModelConfig:
     uniart_vae: UniArtVAEConfig = UniArtVAEConfig()
     structure_flow: FlowConfig = FlowConfig()
     latent_flow: FlowConfig = FlowConfig(patch_size=2, io_channels=(128,))
-    kernel: Kernel = "xla"
+    gaussians: GaussianConfig = GaussianConfig()
+    kernel: Kernel = "auto"
     compute_dtype: Literal["float32", "bfloat16"] = "float32"
+    scan_blocks: bool = False
+    remat: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -238,9 +274,15 @@ class LatentSampleConfig(SampleConfig):
 
 @dataclasses.dataclass(frozen=True)
 class Config:
-    """One experiment."""
+    """One experiment.
+
+    ``init``: a checkpoint that training goes on from (``--init`` overrides it). ``untrained``: parameters of a checkpoint that are still as they
+    were drawn, by dotted name or prefix (what a conversion could not fill).
+    """
 
     name: str = "paper"
+    init: str = ""
+    untrained: tuple[str, ...] = ()
     model: ModelConfig = ModelConfig()
     data: DataConfig = DataConfig()
     loss: LossConfig = LossConfig()
