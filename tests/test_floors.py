@@ -13,8 +13,8 @@ FLOORS = [
     {"objects", "nn"},
     {"voxels", "procedural", "render", "flow"},
     {"data", "models"},
-    {"weights", "export"},
-    {"training", "pipeline", "validation", "stages"},
+    {"weights", "export", "samplers"},
+    {"training", "pipeline", "validation", "stages", "conversion"},
     {"simulation", "evaluation", "viewer"},
     {"cli"},
 ]
@@ -28,6 +28,7 @@ SAME_FLOOR = {
     ("pipeline", "training"),
     ("validation", "pipeline"),
     ("validation", "training"),
+    ("conversion", "training"),
     ("stages", "training"),
     ("stages", "validation"),
     ("stages", "pipeline"),

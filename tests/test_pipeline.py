@@ -1,5 +1,6 @@
 """The pipeline's steps with random weights at debug size: batching, padding, views, files."""
 
+import dataclasses
 from pathlib import Path
 
 import jax
@@ -7,9 +8,24 @@ import numpy as np
 import pytest
 
 from uniart_jax.cli import load_config
-from uniart_jax.config import NETWORKS, SampleConfig
+from uniart_jax.config import (
+    NETWORKS,
+    Config,
+    DataConfig,
+    FlowConfig,
+    GaussianConfig,
+    GridConfig,
+    ImageEncoderConfig,
+    LatentSampleConfig,
+    ModelConfig,
+    SampleConfig,
+    StructureSampleConfig,
+    StructureVAEConfig,
+    UniArtVAEConfig,
+)
 from uniart_jax.models.network import build
-from uniart_jax.pipeline import Condition, Pipeline, join_views, load, pad_coords
+from uniart_jax.pipeline import Pipeline, load
+from uniart_jax.samplers import Condition, flow_inputs, join_views, pad_coords
 from uniart_jax.training.export import export_network, write_config, write_statistics
 
 ROOT = Path(__file__).parent.parent
@@ -65,8 +81,6 @@ def test_a_batch_is_its_items_also_when_guided(pipeline, condition):
 def test_guided_velocities_use_each_items_own_voxels(pipeline, condition):
     """Swapping the items of a batch swaps the results, with the noise swapped too."""
     import jax.numpy as jnp
-
-    from uniart_jax.pipeline import flow_inputs
 
     network = build("latent_flow", pipeline.config.model)
     rng = np.random.default_rng(2)
@@ -146,3 +160,101 @@ def test_a_checkpoint_folder_round_trip_and_its_errors(pipeline, tmp_path):
 def test_wrong_arrays(pipeline, pixels):
     with pytest.raises(ValueError, match="uint8"):
         pipeline(pixels)
+
+
+@pytest.fixture(scope="module")
+def trellis():
+    """A pipeline of TRELLIS's form with random weights: DINOv2 without a volume, convolutional stems, a Gaussian decoder."""
+    flow = FlowConfig(model_channels=24, num_blocks=1, num_heads=2, cond_channels=16)
+    model = ModelConfig(
+        grid=GridConfig(resolution=8, subdivisions=2, max_parts=4),
+        image_encoder=ImageEncoderConfig(
+            architecture="dinov2", image_size=28, width=16, num_blocks=1, num_heads=2
+        ),
+        structure_vae=StructureVAEConfig(
+            channels=(4, 8), latent_channels=3, num_res_blocks=1, num_res_blocks_middle=1
+        ),
+        uniart_vae=UniArtVAEConfig(
+            width=24, num_blocks=2, num_heads=2, latent_channels=4, window=4, visual_channels=16
+        ),
+        structure_flow=flow,
+        latent_flow=dataclasses.replace(flow, patch_size=2, io_channels=(8,)),
+        gaussians=GaussianConfig(num_gaussians=2),
+    )
+    config = Config(
+        name="trellis-form",
+        untrained=("uniart_vae.geometry_head", "uniart_vae.front"),
+        model=model,
+        data=DataConfig(voxel_buckets=(512,)),
+        sample_structure=StructureSampleConfig(steps=2, guidance=5.0, guidance_interval=(0.5, 1.0)),
+        sample_latent=LatentSampleConfig(steps=2, guidance=3.0, guidance_interval=(0.5, 1.0)),
+    )
+    parameters = {
+        name: jax.tree.map(lambda x: x + 0.01, build(name, model).init(jax.random.key(i)))
+        for i, name in enumerate((*NETWORKS, "gaussian_decoder"))
+    }
+    statistics = {
+        "structure": (np.zeros(3, np.float32), np.ones(3, np.float32)),
+        "latent": (np.full(4, 0.1, np.float32), np.full(4, 2.0, np.float32)),
+    }
+    return Pipeline(config, parameters, statistics)
+
+
+def test_networks_of_trelliss_form_go_from_image_to_gaussians(trellis):
+    image = np.random.default_rng(0).integers(0, 255, (40, 30, 4)).astype(np.uint8)
+    image[..., 3] = 0
+    image[5:30, 5:25, 3] = 255
+    views = trellis.encode_images(np.stack([trellis.prepare(image)] * 2))
+    assert views.volume is None and views.tokens.shape == (2, 1 + 4 + 2 * 2, 16)
+    condition = join_views(views)
+    assert condition.volume is None and condition.tokens.shape == (1, 18, 16)
+    keys = jax.random.split(jax.random.key(0))
+    # random weights may leave every logit on one side: take all voxels and drop some
+    options = dataclasses.replace(trellis.config.sample_structure, threshold=-100.0)
+    coords = trellis.sample_structure(condition, keys[0], options)[0]
+    assert coords.shape == (512, 3)
+    coords = coords[::3]
+    latent = trellis.sample_latents([coords], condition, keys[1])[0]
+    assert latent.shape == (len(coords), 4) and np.isfinite(latent).all()
+    found, again = trellis.gaussians([coords, coords[:50]], [latent, latent[:50]])
+    assert {name: value.shape for name, value in found.items()} == {
+        "xyz": (2 * len(coords), 3),
+        "features_dc": (2 * len(coords), 1, 3),
+        "scaling": (2 * len(coords), 3),
+        "rotation": (2 * len(coords), 4),
+        "opacity": (2 * len(coords), 1),
+    }
+    assert again["xyz"].shape == (100, 3)
+    distance = np.abs(found["xyz"] - np.repeat((coords + 0.5) / 8, 2, axis=0))
+    assert 0 < distance.max() <= 0.75 / 8 + 1e-6
+
+
+def test_untrained_heads_are_an_error_of_one_line(trellis):
+    with pytest.raises(ValueError, match=r"not trained yet.*uniart_vae\.geometry_head") as error:
+        trellis(np.zeros((20, 20, 4), np.uint8))
+    assert "\n" not in str(error.value) and "gaussians" in str(error.value)
+
+
+def test_a_checkpoint_names_all_that_it_lacks_and_reads_gaussians_late(trellis, tmp_path):
+    folder = tmp_path / "converted"
+    write_config(folder, trellis.config)
+    for name in ("structure_vae", "uniart_vae", "structure_flow"):
+        export_network(folder, name, trellis.parameters[name], dtype="float32")
+    with pytest.raises(
+        FileNotFoundError, match=r"no image_encoder.safetensors, latent_flow.safetensors in it"
+    ):
+        load(folder)
+    for name in ("image_encoder", "latent_flow"):
+        export_network(folder, name, trellis.parameters[name], dtype="float32")
+    for name, (mean, std) in trellis.statistics.items():
+        write_statistics(folder, name, mean, std)
+    pipeline = load(folder)
+    assert "gaussian_decoder" not in pipeline.parameters
+    coords, latent = np.array([[1, 2, 3]], np.int32), np.ones((1, 4), np.float32)
+    with pytest.raises(FileNotFoundError, match=r"no gaussian_decoder.safetensors"):
+        pipeline.gaussians([coords], [latent])
+    export_network(
+        folder, "gaussian_decoder", trellis.parameters["gaussian_decoder"], dtype="float32"
+    )
+    found, expected = pipeline.gaussians([coords], [latent]), trellis.gaussians([coords], [latent])
+    np.testing.assert_array_equal(found[0]["xyz"], expected[0]["xyz"])

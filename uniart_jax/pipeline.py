@@ -14,10 +14,9 @@ import functools
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from uniart_jax.config import (
@@ -25,17 +24,23 @@ from uniart_jax.config import (
     Config,
     GridConfig,
     LatentSampleConfig,
-    ModelConfig,
     SampleConfig,
     StructureSampleConfig,
 )
 from uniart_jax.data.images import crop, foreground, read_image
-from uniart_jax.flow.guidance import guide
-from uniart_jax.flow.solvers import euler
+from uniart_jax.models.gaussian_decoder import gaussian_parameters
 from uniart_jax.models.network import build
-from uniart_jax.nn.grids import CELL_STEP, flow_plan
 from uniart_jax.nn.segments import voxel_plans
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.samplers import (
+    Condition,
+    flow_inputs,
+    join_views,
+    make_conditioner,
+    make_latent_sampler,
+    make_structure_sampler,
+    pad_coords,
+)
 from uniart_jax.training.export import load_network, read_config, read_statistics
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
@@ -43,96 +48,7 @@ from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 
 PRETRAINED = Path(__file__).parent / "pretrained"
 LATENTS = ("structure", "latent")
-WIDTH_STEP = 4096  # voxels beyond the largest bucket are padded to multiples of this
-
-
-class Condition(NamedTuple):
-    """What the flows see of an image.
-
-    Attributes:
-      tokens: [B, L, D]. volume: [B, Rv, Rv, Rv, C].
-    """
-
-    tokens: Any
-    volume: Any
-
-
-def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
-    """Jitted (image encoder's params, images [B, S, S, 3] in [0, 1]) -> what the flows see of them."""
-    network = build("image_encoder", model)
-
-    @jax.jit
-    def run(params, images):
-        seen = network.apply(params, images)
-        return Condition(seen["tokens"], seen["volume"])
-
-    return run
-
-
-def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
-    """Jitted (params, (mean, std), condition, key) -> structure latents [B, s, s, s, C]."""
-    network = build("structure_flow", model)
-    vae = model.structure_vae
-    side = model.grid.resolution // vae.patch_size // 2 ** (len(vae.channels) - 1)
-
-    @jax.jit
-    def run(params, statistics, condition, key):
-        mean, std = statistics
-        noise = jax.random.normal(
-            key, (condition.tokens.shape[0], side, side, side, vae.latent_channels)
-        )
-
-        def velocity(x, t, seen):
-            return network.apply(params, x, t, seen.tokens, seen.volume)
-
-        nothing = jax.tree.map(jnp.zeros_like, condition)
-        guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
-        return euler(guided, noise, options.steps, options.rescale_t) * std + mean
-
-    return run
-
-
-def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
-    """Jitted (params, (mean, std), condition, key, voxels) -> UniArt latents [B, V, C], padding zero; ``voxels`` of ``flow_inputs``."""
-    network = build("latent_flow", model)
-    channels = model.uniart_vae.latent_channels
-
-    @jax.jit
-    def run(params, statistics, condition, key, voxels):
-        mean, std = statistics
-        coords, counts = voxels["coords"], voxels["counts"]
-        valid = (jnp.arange(coords.shape[1]) < counts[:, None])[..., None]
-        noise = jnp.where(valid, jax.random.normal(key, (*coords.shape[:2], channels)), 0)
-
-        def velocity(x, t, seen):
-            return network.apply(params, x, t, seen.tokens, seen.volume, **voxels)
-
-        nothing = jax.tree.map(jnp.zeros_like, condition)
-        guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
-        sample = euler(guided, noise, options.steps, options.rescale_t)
-        return jnp.where(valid, sample * std + mean, 0)
-
-    return run
-
-
-def pad_coords(
-    coords: Sequence[np.ndarray], buckets: Sequence[int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Voxel lists [V_i, 3] as padded coords [B, V, 3] and counts [B]; V is the smallest bucket that holds all, or beyond the largest
-    the next multiple of ``WIDTH_STEP``."""
-    longest = max(len(c) for c in coords)
-    beyond = -(-longest // WIDTH_STEP) * WIDTH_STEP
-    width = min((b for b in buckets if b >= longest), default=beyond)
-    padded = np.zeros((len(coords), width, 3), np.int32)
-    for row, voxels in zip(padded, coords, strict=True):
-        row[: len(voxels)] = voxels
-    return padded, np.array([len(c) for c in coords], np.int32)
-
-
-def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> dict[str, Any]:
-    """The latent flow's arguments for a padded batch."""
-    plan = flow_plan(coords, counts, model.latent_flow, model.grid, round_to=CELL_STEP)
-    return {"coords": coords, "counts": counts, "plan": plan}
+GAUSSIANS = "gaussian_decoder.safetensors"
 
 
 class Pipeline:
@@ -142,10 +58,18 @@ class Pipeline:
       config: of the checkpoint.
       parameters: network name -> nested dict of float32 arrays.
       statistics: "structure", "latent" -> (mean, std).
+      folder: where the checkpoint lies; optional networks are read from it when they are first asked for.
     """
 
-    def __init__(self, config: Config, parameters: dict[str, Any], statistics: dict[str, Any]):
+    def __init__(
+        self,
+        config: Config,
+        parameters: dict[str, Any],
+        statistics: dict[str, Any],
+        folder: Path | None = None,
+    ):
         self.config, self.parameters, self.statistics = config, parameters, statistics
+        self.folder = folder
 
     def __call__(
         self,
@@ -166,8 +90,14 @@ class Pipeline:
           progress: called with the name of each step.
 
         Raises:
-          FileNotFoundError, ValueError: an image cannot be used, or no object was found in it.
+          FileNotFoundError, ValueError: an image cannot be used, no object was found in it, or the checkpoint is not trained so far.
         """
+        if untrained := self.config.untrained:
+            more = "" if len(untrained) <= 3 else f" and {len(untrained) - 3} more"
+            raise ValueError(
+                f"this checkpoint is not trained yet ({', '.join(untrained[:3])}{more}): train it first (--init), "
+                "or use sample_structure, sample_latents and gaussians"
+            )
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
         structure_options, latent_options = self.options(steps, guidance)
@@ -274,6 +204,43 @@ class Pipeline:
         self, coords: Sequence[np.ndarray], latents: Sequence[np.ndarray]
     ) -> list[VoxelGrid]:
         """Latents [V_i, C] on voxels [V_i, 3] -> voxel grids."""
+        latent, batch = self._padded(coords, latents)
+        out = jax.device_get(self._decode_voxels(self.parameters["uniart_vae"], latent, batch))
+        grid, kept = self.config.model.grid, zip(batch["coords"], batch["counts"], strict=True)
+        return [voxel_grid(out, b, voxels[:count], grid) for b, (voxels, count) in enumerate(kept)]
+
+    def gaussians(
+        self, coords: Sequence[np.ndarray], latents: Sequence[np.ndarray]
+    ) -> list[dict[str, np.ndarray]]:
+        """Latents [V_i, C] on voxels [V_i, 3] -> raw 3D Gaussians of each item (``models.gaussian_decoder.gaussian_parameters``).
+
+        Raises:
+          FileNotFoundError: the checkpoint has no Gaussian decoder.
+          ValueError: its file is truncated, of another config or not finite.
+        """
+        if "gaussian_decoder" not in self.parameters:
+            if self.folder is None or not has_export(self.folder, GAUSSIANS):
+                raise FileNotFoundError(
+                    f"checkpoint {self.folder or 'in memory'}: no {GAUSSIANS}; only checkpoints converted from TRELLIS have one"
+                )
+            expected = build("gaussian_decoder", self.config.model).abstract()
+            self.parameters["gaussian_decoder"] = load_network(
+                self.folder, "gaussian_decoder", expected
+            )
+        latent, batch = self._padded(coords, latents)
+        out = jax.device_get(
+            self._decode_gaussians(self.parameters["gaussian_decoder"], latent, batch)
+        )
+        each = self.config.model.gaussians.num_gaussians
+        return [
+            {name: values[b, : count * each] for name, values in out.items()}
+            for b, count in enumerate(batch["counts"])
+        ]
+
+    def _padded(
+        self, coords: Sequence[np.ndarray], latents: Sequence[np.ndarray]
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Latents [B, V, C] and the batch that the voxel decoders read."""
         model = self.config.model
         padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
         latent = np.zeros((*padded.shape[:2], model.uniart_vae.latent_channels), np.float32)
@@ -281,8 +248,7 @@ class Pipeline:
             latent[b, : len(values)] = values
         batch: dict[str, Any] = {"coords": padded, "counts": counts}
         batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, parts=False)
-        out = jax.device_get(self._decode_voxels(self.parameters["uniart_vae"], latent, batch))
-        return [voxel_grid(out, b, padded[b, :count], model.grid) for b, count in enumerate(counts)]
+        return latent, batch
 
     def decode_sampled(
         self, coords: np.ndarray, latent: np.ndarray, options: LatentSampleConfig | None = None
@@ -308,6 +274,18 @@ class Pipeline:
         )
 
     @functools.cached_property
+    def _decode_gaussians(self):
+        model = self.config.model
+        network = build("gaussian_decoder", model)
+
+        @jax.jit
+        def run(params, latent, batch):
+            raw = network.apply(params, latent, batch)
+            return gaussian_parameters(raw, batch["coords"], model.gaussians, model.grid.resolution)
+
+        return run
+
+    @functools.cached_property
     def _encode_voxels(self):
         network = build("uniart_vae", self.config.model)
         return jax.jit(lambda params, batch: network.apply(params, batch, method="encode")["mean"])
@@ -328,12 +306,6 @@ def voxel_grid(
     names = ("sdf", "color", "own_box", "joint_code", "parent_box")
     values = (decoded[name][item, : len(coords)] for name in names)
     return VoxelGrid(grid.resolution, grid.subdivisions, coords, *values)
-
-
-def join_views(condition: Condition) -> Condition:
-    """Several views [M, ...] of one object as one condition [1, ...]: tokens side by side, volumes (aligned with the object) averaged."""
-    tokens, volume = condition
-    return Condition(tokens.reshape(1, -1, tokens.shape[-1]), volume.mean(0, keepdims=True))
 
 
 def checkpoint_folder(checkpoint: str | Path) -> Path:
@@ -360,16 +332,25 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
     """A model by name (shipped: "nano"), export folder or training WORKDIR.
 
     Raises:
-      FileNotFoundError: no such checkpoint, or a network is missing in it.
+      FileNotFoundError: no such checkpoint, or networks are missing in it; all of them are named.
       ValueError: it is truncated, of another config, or not finite; all differences are listed.
     """
     folder = checkpoint_folder(checkpoint)
     config = read_config(folder)
+    if missing := [f for f in map("{}.safetensors".format, NETWORKS) if not has_export(folder, f)]:
+        raise FileNotFoundError(
+            f"checkpoint '{checkpoint}': no {', '.join(missing)} in it; finish the training stages that write them, or convert them too"
+        )
     parameters = {
         name: load_network(folder, name, build(name, config.model).abstract()) for name in NETWORKS
     }
     statistics = {name: read_statistics(folder, name) for name in LATENTS}
-    return Pipeline(config, parameters, statistics)
+    return Pipeline(config, parameters, statistics, folder)
+
+
+def has_export(folder: Path, filename: str) -> bool:
+    """Whether an export folder or WORKDIR holds this file."""
+    return any((place / filename).is_file() for place in (folder, folder / "export"))
 
 
 def enable_compilation_cache() -> None:

@@ -1,11 +1,14 @@
 """Both flows at toy size: padding never matters, draws share their image, what prediction of the sample means."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from toy import MODEL, finite, flow_arguments, init, latent_config, voxel_batch
 
+from uniart_jax.models.flow_transformer import _patchify, _unpatchify
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 
@@ -31,16 +34,22 @@ def test_flow_that_needs_a_volume_says_so():
         network.apply(init(network), jnp.zeros((2, 2, 2, 2, 3)), t, tokens)
 
 
-@pytest.mark.parametrize(
-    ("stem", "voxel_channels"), [("patch", 0), ("patch", 8), ("conv", 0)], ids=str
-)
-def test_latent_flow_ignores_padding(stem, voxel_channels):
-    model = latent_config(
-        stem=stem,
-        io_channels=(6,) if stem == "conv" else (),
-        share_mod=stem == "patch",
-        voxel_channels=voxel_channels,
-    )
+LATENT_FLOWS = {
+    "patch": dict(stem="patch", share_mod=True),
+    "patch-voxel": dict(stem="patch", share_mod=True, voxel_channels=8),
+    "conv": dict(stem="conv", io_channels=(6,)),
+    "conv-io3-noskip": dict(
+        stem="conv", io_channels=(6,), num_io_res_blocks=3, use_skip_connection=False
+    ),
+    "conv-cross-norm": dict(stem="conv", io_channels=(6,), qk_rms_norm_cross=True),
+    "no-io": dict(stem="conv", patch_size=1),
+    "no-io-share": dict(stem="conv", patch_size=1, share_mod=True),
+}
+
+
+@pytest.mark.parametrize("changes", LATENT_FLOWS.values(), ids=LATENT_FLOWS)
+def test_latent_flow_ignores_padding(changes):
+    model = latent_config(**changes)
     network = build("latent_flow", model)
     params = init(network)
     tokens, volume, t = flow_arguments()
@@ -61,6 +70,7 @@ def test_latent_flow_ignores_padding(stem, voxel_channels):
     clean_gradient, clean = run()
     assert clean.shape == (2, 70, 4) and finite(clean_gradient)
     assert np.abs(clean).max() > 0
+    assert all(np.asarray(g).any() for g in jax.tree.leaves(clean_gradient["blocks"]))
     for width, garbage in ((70, np.nan), (83, 1e5)):
         gradient, v = run(width=width, garbage=garbage)
         for b, n in enumerate((61, 37)):
@@ -116,3 +126,92 @@ def test_a_flow_that_predicts_the_sample_is_shown_no_noise_where_there_is_nothin
 
     np.testing.assert_allclose(sample(first, 1.0), sample(second, 1.0), atol=2e-5)
     assert np.abs(sample(first, 0.5) - sample(second, 0.5)).max() > 1e-3
+
+
+def names(shapes):
+    return {
+        jax.tree_util.keystr(path, simple=True, separator="."): leaf.shape
+        for path, leaf in jax.tree_util.tree_leaves_with_path(shapes)
+    }
+
+
+def test_options_of_the_latent_flow_change_what_trellis_changes():
+    base = names(build("latent_flow", latent_config(**LATENT_FLOWS["conv"])).abstract())
+
+    def flow(name):
+        return names(build("latent_flow", latent_config(**LATENT_FLOWS[name])).abstract())
+
+    cross = flow("conv-cross-norm")
+    assert cross.keys() - base.keys() == {
+        f"blocks.{i}.cross_attn.{x}_rms_norm.gamma" for i in range(2) for x in "qk"
+    }
+    three = flow("conv-io3-noskip")
+    assert three["input_blocks.2.conv1.conv.kernel"] == (27, 6, 24)
+    assert three["out_blocks.0.conv1.conv.kernel"] == (27, 24, 6)
+    assert three["out_blocks.2.conv1.conv.kernel"] == (27, 6, 6)
+    none = flow("no-io-share")
+    assert none["input_layer.kernel"] == (4, 24) and none["out_layer.kernel"] == (24, 4)
+    assert not [n for n in none if n.startswith(("input_blocks", "out_blocks"))]
+    assert none["adaLN_modulation.1.kernel"] == (24, 144)
+    assert not [n for n in none if "blocks" in n and "adaLN" in n]
+
+
+def test_patches_hold_channels_before_positions():
+    """TRELLIS's order, which its input and output layers are trained with."""
+    x = np.random.default_rng(0).normal(size=(2, 4, 4, 4, 3)).astype(np.float32)
+    tokens = _patchify(jnp.asarray(x), 2)
+    assert tokens.shape == (2, 8, 3 * 8)
+    cube = x[1, 0:2, 2:4, 2:4]  # token (0, 1, 1)
+    np.testing.assert_array_equal(tokens[1, 3], np.moveaxis(cube, -1, 0).reshape(-1))
+    np.testing.assert_array_equal(_unpatchify(tokens, 2, 2), x)
+
+
+@pytest.mark.parametrize("share_mod", [False, True])
+def test_structure_flow_in_patches(share_mod):
+    """Each velocity belongs to its own cell: with the output layer alone, moving one cell's input moves nothing but its patch."""
+    flow = dataclasses.replace(
+        MODEL.structure_flow,
+        patch_size=2,
+        share_mod=share_mod,
+        num_blocks=0,
+        volume_channels=0,
+        prediction="velocity",
+    )
+    vae = dataclasses.replace(MODEL.structure_vae, patch_size=1, channels=(6, 8))
+    model = dataclasses.replace(MODEL, structure_flow=flow, structure_vae=vae)
+    network = build("structure_flow", model)
+    params = init(network)
+    assert ("adaLN_modulation" in params) is share_mod
+    tokens, _, t = flow_arguments()
+    x = jnp.asarray(np.random.default_rng(1).normal(size=(2, 4, 4, 4, 3)), jnp.float32)
+    apply = jax.jit(network.apply)
+    v = apply(params, x, t, tokens)
+    assert v.shape == x.shape and finite(v)
+    moved = np.abs(apply(params, x.at[0, 1, 2, 3, 0].add(1.0), t, tokens) - v)[0].max(-1) > 0
+    inside = np.zeros((4, 4, 4), bool)
+    inside[:2, 2:, 2:] = True
+    np.testing.assert_array_equal(moved, inside)
+
+
+def test_a_position_table_is_read_and_never_learned():
+    flow = dataclasses.replace(MODEL.structure_flow, position_table=True)
+    network = build("structure_flow", dataclasses.replace(MODEL, structure_flow=flow))
+    params, plain = init(network), build("structure_flow", MODEL)
+    assert params["pos_emb"].shape == (8, 24)
+    tokens, volume, t = flow_arguments()
+    x = jnp.asarray(np.random.default_rng(1).normal(size=(2, 2, 2, 2, 3)), jnp.float32)
+    fresh = network.init(jax.random.key(0))[
+        "pos_emb"
+    ]  # the computed embedding, until weights say otherwise
+    rest = {name: value for name, value in params.items() if name != "pos_emb"}
+    computed = plain.apply(rest, x, t, tokens, volume)
+    same = network.apply({**params, "pos_emb": fresh}, x, t, tokens, volume)
+    np.testing.assert_allclose(same, computed, rtol=1e-5, atol=1e-5)
+
+    def loss(params):
+        return jnp.square(network.apply(params, x, t, tokens, volume)).sum()
+
+    gradient = jax.jit(jax.grad(loss))(params)
+    assert not np.asarray(gradient["pos_emb"]).any()
+    assert np.asarray(gradient["input_layer"]["kernel"]).any()
+    assert np.abs(network.apply(params, x, t, tokens, volume) - computed).max() > 1e-3

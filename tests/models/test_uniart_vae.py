@@ -11,11 +11,15 @@ from uniart_jax.models.uniart_vae import voxel_boxes, voxel_codes
 
 
 @pytest.mark.parametrize(
-    ("attention", "linear_path"), [("serial", True), ("swin", False)], ids=["serial", "swin"]
+    ("attention", "linear_path", "qk_rms_norm"),
+    [("serial", True, False), ("swin", False, False), ("full", False, True)],
+    ids=["serial", "swin", "full"],
 )
-def test_uniart_vae_ignores_padding(attention, linear_path):
+def test_uniart_vae_ignores_padding(attention, linear_path, qk_rms_norm):
     window = 16 if attention == "serial" else 4
-    model = vae_config(attention=attention, window=window, linear_path=linear_path)
+    model = vae_config(
+        attention=attention, window=window, linear_path=linear_path, qk_rms_norm=qk_rms_norm
+    )
     network = build("uniart_vae", model)
     params = init(network)
     voxels = jnp.asarray([[0, 5, 60], [36, 2, 2]])
@@ -42,6 +46,7 @@ def test_uniart_vae_ignores_padding(attention, linear_path):
         "parent_box": (2, 3, 6),
     }
     assert finite(clean_gradient)
+    assert all(np.asarray(g).any() for g in jax.tree.leaves(clean_gradient["decoder"]["blocks"]))
     for width, garbage in ((70, np.nan), (83, 1e5)):
         batch = voxel_batch(model, width, garbage=garbage)
         gradient, out = step(params, batch)
@@ -103,3 +108,27 @@ def test_codes_and_boxes_are_gathered_by_part():
     chosen = jax.device_get(voxel_boxes(batch, jnp.asarray([[1], [5]])))
     for name, values in chosen.items():
         np.testing.assert_array_equal(values[1, 0], found[name][1, 5])
+
+
+def test_full_attention_reaches_the_whole_item_and_no_other():
+    model = vae_config(attention="full", num_blocks=1)
+    network = build("uniart_vae", model)
+    params = init(network)
+    batch = voxel_batch(model)
+    batch["plans"] = {}  # decoding reads none
+    decode = jax.jit(lambda p, z, b: network.apply(p, z, b, method="decode")["sdf"])
+    before = np.asarray(decode(params, batch["latent"], batch))
+    changed = batch["latent"].copy()
+    changed[0, 7] += 1.0
+    difference = np.abs(np.asarray(decode(params, changed, batch)) - before).max(-1)
+    assert (difference[0, :61] > 0).all()
+    assert not difference[0, 61:].any() and not difference[1].any()
+
+
+def test_query_and_key_norms_are_parameters_of_both_trunks():
+    model = vae_config(qk_rms_norm=True)
+    shapes = build("uniart_vae", model).abstract()
+    for trunk in ("encoder", "decoder"):
+        attention = shapes[trunk]["blocks"]["1"]["attn"]
+        assert attention["q_rms_norm"]["gamma"].shape == (2, 12)
+        assert attention["k_rms_norm"]["gamma"].shape == (2, 12)

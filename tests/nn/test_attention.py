@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from flax import nnx
 
-from uniart_jax.nn import attention
-from uniart_jax.nn.attention import attend, map_segments
+from uniart_jax.nn import attention_xla
+from uniart_jax.nn.attention import attend, attend_segments, choose
 from uniart_jax.nn.blocks import RMSNorm, SelfAttention, layer_norm
-from uniart_jax.nn.segments import plan_segments
+from uniart_jax.nn.gathers import permute_rows
+from uniart_jax.nn.segments import pack_segments, plan_segments, whole_rows
+
+PALLAS = ["triton", "splash"]  # in interpret mode on a CPU
+# logits at a time: blocks of queries, some rows of several, all rows
+LOGITS = [1 << 6, 1 << 13, 1 << 20]
 
 
 def arrays(*shape, count=3, seed=0):
@@ -24,12 +29,20 @@ def reference(q, k, v, lengths):
     return out
 
 
-@pytest.mark.parametrize("cached", [1 << 6, 1 << 12, 1 << 18])
-@pytest.mark.parametrize("dense", [512, 16])
-def test_attend_is_softmax_attention(monkeypatch, cached, dense):
-    monkeypatch.setattr(attention, "_CACHED_LOGITS", cached)
-    monkeypatch.setattr(attention, "DENSE", dense)
-    monkeypatch.setattr(attention, "CHUNK", 16)
+def plain(q, k, v, seen):
+    """Attention by the book; seen [S, Lq, Lk]."""
+    logits = jnp.einsum("slnh,smnh->snlm", q, k) / q.shape[-1] ** 0.5
+    weights = jax.nn.softmax(jnp.where(seen[:, None], logits, -1e30))
+    return jnp.einsum("snlm,smnh->slnh", weights, v)
+
+
+def gradients(function, *x):
+    return jax.jit(jax.grad(lambda *x: jnp.sin(function(*x)).sum(), tuple(range(len(x)))))(*x)
+
+
+@pytest.mark.parametrize("logits", LOGITS)
+def test_attend_is_softmax_attention(monkeypatch, logits):
+    monkeypatch.setattr(attention_xla, "CPU_LOGITS", logits)
     q, k, v = arrays(3, 70, 2, 8)
     lengths = jnp.array([70, 33, 1])
     out = jax.jit(attend)(q, k, v, lengths)
@@ -37,30 +50,22 @@ def test_attend_is_softmax_attention(monkeypatch, cached, dense):
     np.testing.assert_allclose(jax.jit(attend)(q, k, v), reference(q, k, v, [70] * 3), atol=1e-5)
 
 
-@pytest.mark.parametrize("dense", [512, 16])
-def test_gradient_is_plain_attentions(monkeypatch, dense):
-    monkeypatch.setattr(attention, "DENSE", dense)
-    monkeypatch.setattr(attention, "CHUNK", 16)
-    q, k, v = arrays(2, 40, 2, 8)
-    lengths = jnp.array([40, 17])
-
-    def plain(q, k, v):
-        logits = jnp.einsum("slnh,smnh->snlm", q, k) / 8**0.5
-        logits = jnp.where((jnp.arange(40) < lengths[:, None])[:, None, None], logits, -jnp.inf)
-        return jnp.einsum("snlm,smnh->slnh", jax.nn.softmax(logits), v)
-
-    def through(function):
-        return jax.jit(jax.grad(lambda *x: jnp.sin(function(*x)).sum(), (0, 1, 2)))(q, k, v)
-
-    ours = through(lambda q, k, v: attend(q, k, v, lengths))
-    for a, b in zip(ours, through(plain), strict=True):
+@pytest.mark.parametrize("logits", LOGITS)
+@pytest.mark.parametrize("keys", [40, 77])
+def test_gradient_is_plain_attentions(monkeypatch, logits, keys):
+    monkeypatch.setattr(attention_xla, "CPU_LOGITS", logits)
+    (q,) = arrays(2, 40, 2, 8, count=1)
+    k, v = arrays(2, keys, 2, 8, count=2, seed=1)
+    lengths = jnp.array([keys, 17])
+    seen = jnp.broadcast_to((jnp.arange(keys) < lengths[:, None])[:, None], (2, 40, keys))
+    ours = gradients(lambda q, k, v: attend(q, k, v, lengths), q, k, v)
+    for a, b in zip(ours, gradients(lambda *x: plain(*x, seen), q, k, v), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-5)
 
 
-@pytest.mark.parametrize("dense", [512, 16])
-def test_garbage_in_padding_reaches_nothing(monkeypatch, dense):
-    monkeypatch.setattr(attention, "DENSE", dense)
-    monkeypatch.setattr(attention, "CHUNK", 16)
+@pytest.mark.parametrize("kernel", ["xla", *PALLAS])
+def test_garbage_in_padding_reaches_nothing(monkeypatch, kernel):
+    monkeypatch.setattr(attention_xla, "CPU_LOGITS", 1 << 9)
     q, k, v = arrays(3, 40, 2, 8)
     lengths = jnp.array([40, 17, 0])
     padding = (jnp.arange(40) >= lengths[:, None])[..., None, None]
@@ -68,7 +73,7 @@ def test_garbage_in_padding_reaches_nothing(monkeypatch, dense):
 
     @jax.jit
     def run(q, k, v):
-        return attend(q, k, v, lengths, query_lengths=lengths)
+        return attend(q, k, v, lengths, query_lengths=lengths, kernel=kernel)
 
     gradient = jax.jit(jax.grad(lambda *x: jnp.square(run(*x)).sum(), (0, 1, 2)))
     for garbage in (1e6, jnp.nan, jnp.inf):
@@ -77,7 +82,79 @@ def test_garbage_in_padding_reaches_nothing(monkeypatch, dense):
         assert not np.asarray(run(*dirty))[np.broadcast_to(padding, q.shape)].any()
         for a, b in zip(gradient(*dirty), gradient(*clean), strict=True):
             np.testing.assert_array_equal(a, b)
+            assert np.isfinite(a).all()
             assert not np.asarray(a)[np.broadcast_to(padding, q.shape)].any()
+
+
+@pytest.mark.parametrize("kernel", PALLAS)
+@pytest.mark.parametrize(("queries", "keys"), [(130, 130), (64, 201)])
+def test_kernels_agree_on_rows(kernel, queries, keys):
+    """Odd lengths, a row of one key and one of none; forward and gradients."""
+    (q,) = arrays(3, queries, 2, 16, count=1)
+    k, v = arrays(3, keys, 2, 16, count=2, seed=1)
+    lengths = jnp.array([keys, 1, 0])
+    for given_lengths in (lengths, None):
+        both = [
+            lambda *x, name=name, n=given_lengths: attend(*x, n, kernel=name)
+            for name in ("xla", kernel)
+        ]
+        expected, found = (jax.jit(f)(q, k, v) for f in both)
+        np.testing.assert_allclose(found, expected, atol=2e-5)
+        expected, found = (gradients(f, q, k, v) for f in both)
+        for a, b in zip(found, expected, strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-4, atol=5e-5)
+
+
+def plans(width=150, kinds=5):
+    ids = np.random.default_rng(0).integers(0, kinds, (2, width))
+    counts = np.array([width, width - 31])
+    return {
+        "one a row": plan_segments(ids, counts, ((2 * kinds + 3, 40), (2 * kinds, 70))),
+        "packed": pack_segments(ids, counts, (40, 130)),
+        "whole": whole_rows(ids, counts),
+        "empty rows": pack_segments(ids, counts, (130,), least=(7,)),
+    }, (ids[:, :, None] == ids[:, None, :]) & (
+        (np.arange(width) < counts[:, None])[:, None] & (np.arange(width) < counts[:, None])[..., None]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", plans()[0])
+@pytest.mark.parametrize(("kernel", "logits"), [*[("xla", n) for n in LOGITS], *[(k, 0) for k in PALLAS]])  # fmt: skip
+def test_segments_are_masked_attention(monkeypatch, kind, kernel, logits):
+    """Every plan and kernel, forward and gradient, NaN in the padding; lengths are odd."""
+    monkeypatch.setattr(attention_xla, "CPU_LOGITS", logits)
+    every, seen = plans()
+    valid = seen.any(-1)[..., None, None, None]
+    (qkv,) = arrays(2, 150, 3, 2, 16, count=1)
+    dirty = jnp.where(valid, qkv, jnp.nan).reshape(300, 3, 2, 16)
+
+    def expected(x):
+        out = plain(*(x.reshape(2, 150, 3, 2, 16)[:, :, i] for i in range(3)), jnp.asarray(seen))
+        return jnp.where(valid[:, :, 0], out, 0).reshape(300, 2, 16)
+
+    def run(x):
+        return attend_segments(x, jax.tree.map(jnp.asarray, every[kind]), kernel=kernel)
+
+    clean = qkv.reshape(300, 3, 2, 16)
+    np.testing.assert_allclose(jax.jit(run)(dirty), expected(clean), atol=2e-5)
+    (found,), (wanted,) = gradients(run, dirty), gradients(expected, clean)
+    np.testing.assert_allclose(found, wanted, atol=5e-5)
+
+
+def test_long_attention_never_holds_all_logits():
+    """2 x 4096 tokens: the logits of one head alone would be 64 MiB."""
+    x = jax.ShapeDtypeStruct((2, 4096, 4, 16), jnp.float32)
+    step = jax.grad(lambda q, k, v: attend(q, k, v).sum(), (0, 1, 2))
+    memory = jax.jit(step).lower(x, x, x).compile().memory_analysis()
+    assert memory.temp_size_in_bytes < 40 << 20
+
+
+def test_auto_is_the_rule_that_is_written():
+    f32, bf16 = jnp.dtype("float32"), jnp.dtype("bfloat16")
+    assert choose("auto", f32, 4096, "cpu") == choose("auto", bf16, 4096, "cpu") == "xla"
+    assert choose("auto", bf16, 4096, "gpu") == "cudnn" and choose("auto", f32, 4096, "gpu") == "xla"  # fmt: skip
+    assert choose("auto", f32, 4096, "tpu") == "splash" and choose("auto", f32, 8, "tpu") == "xla"
+    assert choose("splash", f32, 8, "cpu") == "splash"
 
 
 def test_segments_attend_within_themselves_only():
@@ -109,15 +186,16 @@ def test_segments_keep_nan_in_padding():
     np.testing.assert_array_equal(gradient(dirty), gradient(x))
 
 
-def test_map_segments_gradient_without_scatter():
+def test_permuted_rows_have_a_gathered_gradient():
     (x,) = arrays(12, 3, count=1)
     plan = plan_segments(np.arange(12).reshape(2, 6) % 3, np.array([6, 4]), ((6, 3),))
-
-    def function(x):
-        return jnp.sin(map_segments(lambda rows, length: rows * 2, x, plan)).sum()
-
-    expected = jnp.where((jnp.arange(12) < 10)[:, None], 2 * jnp.cos(2 * x), 0)
-    np.testing.assert_allclose(jax.grad(function)(x), expected, atol=1e-6)
+    index, inverse = plan.buckets[0].index.reshape(-1), plan.inverse
+    expected = jnp.where((jnp.arange(12) < 10)[:, None], jnp.cos(x), 0)
+    (found,) = gradients(lambda x: permute_rows(x, index, inverse), x)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert "scatter" not in str(
+        jax.make_jaxpr(jax.grad(lambda x: permute_rows(x, index, inverse).sum()))(x)
+    )
 
 
 @pytest.mark.parametrize("norm", [RMSNorm(2, 4), lambda x: layer_norm(x, 1e-6)])

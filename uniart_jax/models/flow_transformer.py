@@ -40,6 +40,7 @@ from uniart_jax.nn.pooling import (
     upsample,
 )
 from uniart_jax.nn.precision import compute_dtype
+from uniart_jax.nn.stack import run_stack
 
 T_MIN = 0.05  # below this time a predicted sample is turned into a velocity as if at this time
 
@@ -52,6 +53,7 @@ class FlowTrunk(nnx.Module):
     ) -> None:
         dtype, d = compute_dtype(config), c.model_channels
         self.config, self.side = c, grid_side
+        self.scan_blocks, self.remat = config.scan_blocks, config.remat
         self.t_embedder = TimestepEmbedder(d, rngs)
         self.share_mod = c.share_mod
         if c.share_mod:
@@ -68,6 +70,7 @@ class FlowTrunk(nnx.Module):
                     c.mlp_ratio,
                     rngs,
                     qk_rms_norm=c.qk_rms_norm,
+                    qk_rms_norm_cross=c.qk_rms_norm_cross,
                     share_mod=c.share_mod,
                     kernel=config.kernel,
                     dtype=dtype,
@@ -90,9 +93,13 @@ class FlowTrunk(nnx.Module):
     ) -> jax.Array:
         if self.share_mod:
             time = self.adaLN_modulation["1"](jax.nn.silu(time))
-        for block in self.blocks:
-            h = block(h, time, context, lengths)
-        return h
+        return run_stack(
+            self.blocks,
+            lambda block, _, h: block(h, time, context, lengths),
+            h,
+            scan=self.scan_blocks,
+            remat=self.remat,
+        )
 
     def see(self, x: jax.Array, t: jax.Array) -> jax.Array:
         """What the network is shown of x_t. Where it predicts x_0: the best linear guess of x_0, so that near t = 1 it is shown nothing
@@ -121,9 +128,15 @@ class StructureFlow(FlowTrunk):
         self._make_trunk(c, config, latent_side // c.patch_size, rngs)
         self.input_layer = linear(channels, c.model_channels, rngs, dtype=dtype)
         self.out_layer = linear(c.model_channels, channels, rngs, init=zeros)
+        self.pos_emb = nnx.Param(self._computed_positions()) if c.position_table else None
 
     def position_embedding(self) -> jax.Array:
-        """[tokens, D]."""
+        """[tokens, D]; where it is a table of the weights, it is frozen (TRELLIS's buffer)."""
+        if self.pos_emb is None:
+            return self._computed_positions()
+        return jax.lax.stop_gradient(self.pos_emb[...])
+
+    def _computed_positions(self) -> jax.Array:
         return position_embedding(grid_coords(self.side), self.config.model_channels)
 
     def __call__(

@@ -73,12 +73,14 @@ class Network:
 
 
 def build(name: str, config: ModelConfig) -> Network:
-    """A network by name: 'image_encoder', 'structure_vae', 'uniart_vae', 'structure_flow' or 'latent_flow'.
+    """A network by name: one of ``config.NETWORKS``, or 'gaussian_decoder', TRELLIS's optional head.
 
     Raises:
       ValueError: the name is none of these.
     """
-    if name == "image_encoder":
+    if name == "image_encoder" and config.image_encoder.architecture == "dinov2":
+        from uniart_jax.models.dinov2 import DINOv2 as module
+    elif name == "image_encoder":
         from uniart_jax.models.image_encoder import ImageEncoder as module
     elif name == "structure_vae":
         from uniart_jax.models.structure_vae import StructureVAE as module
@@ -88,6 +90,8 @@ def build(name: str, config: ModelConfig) -> Network:
         from uniart_jax.models.flow_transformer import StructureFlow as module
     elif name == "latent_flow":
         from uniart_jax.models.flow_transformer import LatentFlow as module
+    elif name == "gaussian_decoder":
+        from uniart_jax.models.gaussian_decoder import GaussianDecoder as module
     else:
         raise ValueError(f"network {name!r} is unknown; choose one of {', '.join(NETWORKS)}")
     return Network(name, config, lambda rngs: module(config, rngs))

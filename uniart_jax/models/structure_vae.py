@@ -9,8 +9,8 @@ import jax
 import jax.numpy as jnp
 from flax import nnx
 
-from uniart_jax.config import ModelConfig
-from uniart_jax.nn.blocks import LayerNorm
+from uniart_jax.config import ModelConfig, StructureVAEConfig
+from uniart_jax.nn.blocks import GroupNorm, LayerNorm
 from uniart_jax.nn.convolution import Conv3d, Halve, depth_to_space, space_to_depth
 from uniart_jax.nn.precision import compute_dtype
 
@@ -47,6 +47,11 @@ class Upsample(nnx.Module):
         return depth_to_space(self.conv(x), 2)
 
 
+def last_norm(channels: int, c: StructureVAEConfig) -> LayerNorm | GroupNorm:
+    """Before the last convolution; the only norm that TRELLIS's option changes."""
+    return GroupNorm(channels) if c.norm == "group" else LayerNorm(channels, epsilon=1e-5)
+
+
 class Encoder(nnx.Module):
     """Occupancy [B, R, R, R] -> mean and log-variance of the latent."""
 
@@ -65,7 +70,7 @@ class Encoder(nnx.Module):
         )
         self.out_layer = nnx.Dict(
             {
-                "0": LayerNorm(c.channels[-1], epsilon=1e-5),
+                "0": last_norm(c.channels[-1], c),
                 "2": Conv3d(c.channels[-1], 2 * c.latent_channels, rngs, dtype=dtype),
             }
         )
@@ -99,7 +104,7 @@ class Decoder(nnx.Module):
         self.blocks = nnx.List(blocks)
         self.out_layer = nnx.Dict(
             {
-                "0": LayerNorm(widths[-1], epsilon=1e-5),
+                "0": last_norm(widths[-1], c),
                 "2": Conv3d(widths[-1], c.patch_size**3, rngs, dtype=dtype),
             }
         )

@@ -21,10 +21,12 @@ from flax import nnx
 
 from uniart_jax.config import Kernel, ModelConfig
 from uniart_jax.models.structure_vae import sample_posterior
-from uniart_jax.nn.attention import attend, map_segments
+from uniart_jax.nn.attention import attend_segments
 from uniart_jax.nn.blocks import SelfAttention, TransformerBlock, layer_norm, linear, zeros
 from uniart_jax.nn.embeddings import position_embedding
 from uniart_jax.nn.precision import compute_dtype
+from uniart_jax.nn.segments import Segments
+from uniart_jax.nn.stack import run_stack
 
 CODE_CHANNELS = 21
 LOGVAR_START = -6.0
@@ -78,11 +80,19 @@ class Trunk(nnx.Module):
 
     def __init__(self, inputs: int, outputs: int | None, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.uniart_vae, compute_dtype(config)
+        self.full = c.attention == "full"
+        self.scan_blocks, self.remat = config.scan_blocks, config.remat
         self.input_layer = linear(inputs, c.width, rngs, dtype=dtype)
         self.blocks = nnx.List(
             [
                 TransformerBlock(
-                    c.width, c.num_heads, c.mlp_ratio, rngs, kernel=config.kernel, dtype=dtype
+                    c.width,
+                    c.num_heads,
+                    c.mlp_ratio,
+                    rngs,
+                    qk_rms_norm=c.qk_rms_norm,
+                    kernel=config.kernel,
+                    dtype=dtype,
                 )
                 for _ in range(c.num_blocks)
             ]
@@ -90,11 +100,26 @@ class Trunk(nnx.Module):
         self.out_layer = None if outputs is None else linear(c.width, outputs, rngs, init=zeros)
         self.path = linear(inputs, outputs or c.width, rngs, dtype=dtype) if c.linear_path else None
 
-    def __call__(self, x: jax.Array, coords: jax.Array, plans: Mapping[str, Any]) -> jax.Array:
+    def __call__(
+        self,
+        x: jax.Array,
+        coords: jax.Array,
+        plans: Mapping[str, Any],
+        counts: jax.Array | None = None,
+    ) -> jax.Array:
+        """x [B, V, C] on coords [B, V, 3] with its window plans, or, where attention is 'full', its counts [B]."""
+        if self.full and counts is None:
+            raise ValueError("trunk: attention 'full' needs the batch's counts")
         h = self.input_layer(x)
         h = h + position_embedding(coords, h.shape[-1]).astype(h.dtype)
-        for i, block in enumerate(self.blocks):
-            h = block(h, plans[f"window_{i % 2}"])
+        h = run_stack(
+            self.blocks,
+            lambda block, i, h: block(h, counts if self.full else plans[f"window_{i}"]),
+            h,
+            scan=self.scan_blocks,
+            remat=self.remat,
+            period=2,
+        )
         h = layer_norm(h.astype(jnp.float32), 1e-5)
         h = h if self.out_layer is None else self.out_layer(h)
         return h if self.path is None else h + self.path(x)
@@ -153,11 +178,9 @@ class Front(nnx.Module):
             articulation = articulation + self.part_feature(
                 jnp.where(valid, batch["part_feature"], 0)
             )
-        return self.aggregate(geometry, articulation, batch["plans"]), geometry, articulation
+        return self.aggregate(geometry, articulation, batch), geometry, articulation
 
-    def aggregate(
-        self, geometry: jax.Array, articulation: jax.Array, plans: Mapping[str, Any]
-    ) -> jax.Array:
+    def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:
         kind = self.config.aggregation
         if kind == "residual":
             return geometry + self.to_geometry(articulation)
@@ -165,36 +188,33 @@ class Front(nnx.Module):
         if kind == "concat":
             return jax.nn.silu(self.fuse(both))
         if kind == "self_attention":
-            return both + self.self_attn(layer_norm(both, 1e-6), plans["window_0"])
-        function = self._attend if kind == "uniart" else self._pool
-        rows = both.reshape(-1, both.shape[-1])
-        fused = map_segments(function, rows, plans["parts"]).reshape(articulation.shape)
+            full = self.config.attention == "full"
+            segments = batch["counts"] if full else batch["plans"]["window_0"]
+            return both + self.self_attn(layer_norm(both, 1e-6), segments)
+        fuse = self._attend if kind == "uniart" else self._pool
+        fused = fuse(geometry, articulation, batch["plans"]["parts"])
         return jnp.concatenate([geometry, fused + articulation], -1)
 
-    def _split(self, rows: jax.Array) -> tuple[jax.Array, jax.Array]:
-        art = self.config.articulation_channels
-        return rows[..., :-art], rows[..., -art:]
-
-    def _attend(self, rows: jax.Array, length: jax.Array) -> jax.Array:
-        geometry, articulation = self._split(rows)
-        shape = (*rows.shape[:2], self.heads, -1)
-        q = self.to_q(articulation).reshape(shape)
-        k, v = (x.reshape(shape) for x in jnp.split(self.to_kv(geometry), 2, -1))
-        out = attend(q, k, v, length, query_lengths=length, kernel=self.kernel)
+    def _attend(self, geometry: jax.Array, articulation: jax.Array, parts: Segments) -> jax.Array:
+        shape = (-1, self.heads, articulation.shape[-1] // self.heads)
+        k, v = jnp.split(self.to_kv(geometry), 2, -1)
+        qkv = jnp.stack([x.reshape(shape) for x in (self.to_q(articulation), k, v)], 1)
+        out = attend_segments(qkv, parts, kernel=self.kernel)
         return self.to_out(out.reshape(articulation.shape))
 
-    def _pool(self, rows: jax.Array, length: jax.Array) -> jax.Array:
-        geometry, articulation = self._split(rows)
-        mean = geometry.sum(1, keepdims=True) / jnp.maximum(length, 1)[:, None, None].astype(
-            rows.dtype
-        )
-        return jnp.broadcast_to(self.to_out(mean), articulation.shape)
+    def _pool(self, geometry: jax.Array, articulation: jax.Array, parts: Segments) -> jax.Array:
+        """The mean over the part: attention that looks everywhere alike."""
+        value = self.to_out(geometry).reshape(-1, 1, articulation.shape[-1])
+        alike = jnp.zeros_like(value)
+        out = attend_segments(jnp.stack([alike, alike, value], 1), parts, kernel=self.kernel)
+        return out.reshape(articulation.shape)
 
 
 class UniArtVAE(nnx.Module):
     """Methods: ``encode``, ``decode``; calling runs both.
 
-    The batch's ``plans`` hold "parts" (encode with 'uniart' or 'pooling'), "window_0" and "window_1": ``nn.segments.voxel_plans``.
+    The batch's ``plans`` hold "parts" (encode with 'uniart' or 'pooling'), "window_0" and "window_1" (not
+    with attention 'full'): ``nn.segments.voxel_plans``.
     """
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
@@ -215,8 +235,8 @@ class UniArtVAE(nnx.Module):
         """Batch -> {"mean", "logvar": [B, V, C]; "geometry", "articulation": the embeddings V_geo and V_art}; padding zero."""
         valid = valid_tokens(batch["counts"], batch["coords"].shape[1])
         features, geometry, articulation = self.front(batch)
-        out = self.encoder(features, batch["coords"], batch["plans"]).astype(jnp.float32)
-        mean, logvar = jnp.split(jnp.where(valid, out, 0), 2, -1)
+        out = self.encoder(features, batch["coords"], batch["plans"], batch["counts"])
+        mean, logvar = jnp.split(jnp.where(valid, out.astype(jnp.float32), 0), 2, -1)
         geometry, articulation = (jnp.where(valid, x, 0) for x in (geometry, articulation))
         return {"mean": mean, "logvar": logvar, "geometry": geometry, "articulation": articulation}
 
@@ -234,7 +254,8 @@ class UniArtVAE(nnx.Module):
           joint_code [B, Q, 9]; parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is zero.
         """
         valid = valid_tokens(batch["counts"], latent.shape[1])
-        h = self.decoder(jnp.where(valid, latent, 0), batch["coords"], batch["plans"])
+        latent = jnp.where(valid, latent, 0)
+        h = self.decoder(latent, batch["coords"], batch["plans"], batch["counts"])
         if voxels is not None:
             h = jnp.take_along_axis(h, voxels[..., None], axis=1, mode="clip")
             valid = voxels[..., None] < batch["counts"][:, None, None]

@@ -1,24 +1,47 @@
 """Attention over padded segments: the only module that names a kernel.
 
-``attend`` never builds a T x T matrix: short rows take one dense block, long rows run in chunks with a running maximum
-(Milakov & Gimelshein 2018; Rabe & Staats 2021). Rows beyond the given lengths come out exactly zero with zero gradients, and their
-content, NaN included, never reaches a valid row.
+``attend`` works on rows of given lengths, ``attend_segments`` on a batch's tokens within the segments of a plan (``nn.segments``). No kernel makes a
+T x T matrix. Padding comes out exactly zero with zero gradients, and its content, NaN included, never reaches a valid token.
+
+``model.kernel`` names one:
+
+    xla       anywhere: tiles of a few rows, or blocks of queries against all their keys, with a gradient of its own (``nn.attention_xla``)
+    cudnn     NVIDIA, in bfloat16: rows by their lengths; packed rows by a mask
+    triton    Pallas for NVIDIA: rows with segment ids, queries and keys the same tokens (elsewhere, as cross-attention, xla)
+    splash    Pallas for TPU: rows with segment ids
+    auto      by ``choose``: TPU splash; NVIDIA in bfloat16 cudnn; all else xla
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 
 from uniart_jax.config import Kernel
+from uniart_jax.nn import attention_kernels, attention_xla
+from uniart_jax.nn.gathers import take_rows
 from uniart_jax.nn.segments import Segments
 
-DENSE = 512  # keys up to which one dense block is used
-CHUNK = 512
-_MASKED = -1e30
-_CACHED_LOGITS = 1 << 18  # 1 MiB
+SHORT = 64  # keys below which a row is not worth a kernel's tile of 128
+
+
+def choose(
+    kernel: Kernel, dtype: jnp.dtype, keys: int, backend: str | None = None
+) -> Literal["xla", "cudnn", "triton", "splash"]:
+    """The kernel that 'auto' stands for: the accelerator's own where rows have at least ``SHORT`` keys, xla elsewhere; others unchanged.
+
+    cuDNN computes in bfloat16, so it is taken only where the network does.
+    """
+    if kernel != "auto":
+        return kernel
+    backend = backend or jax.default_backend()
+    if backend == "tpu" and keys >= SHORT:
+        return "splash"
+    if backend in ("gpu", "cuda") and keys >= SHORT and dtype == jnp.bfloat16:
+        return "cudnn"
+    return "xla"
 
 
 def attend(
@@ -37,7 +60,6 @@ def attend(
       k, v: [S, Lk, N, H].
       lengths: [S] valid keys of each row, None = all.
       query_lengths: [S] valid queries; None = all.
-      kernel: 'xla' runs anywhere; 'cudnn' needs an NVIDIA GPU and computes in bfloat16.
 
     Returns:
       [S, Lq, N, H]; queries beyond ``query_lengths``, and all queries of a row without keys, are zero.
@@ -48,165 +70,66 @@ def attend(
     if query_lengths is not None:
         q_valid = (jnp.arange(q.shape[1]) < query_lengths[:, None])[..., None, None]
         q = jnp.where(q_valid, q, 0)
-    if kernel == "cudnn":
-        out = _cudnn(q, k, v, lengths, query_lengths)
-    elif k.shape[1] <= DENSE:
-        out = _dense(q, k, v, lengths)
+    chosen = choose(kernel, v.dtype, k.shape[1])
+    if chosen == "triton" and (q.shape != k.shape or query_lengths is not lengths):
+        chosen = "xla"
+    if chosen == "cudnn":
+        out = attention_kernels.cudnn(q, k, v, lengths, query_lengths)
+    elif chosen == "triton":
+        out = attention_kernels.triton(q, k, v, _key_ids(k, lengths))
+    elif chosen == "splash":
+        # all queries look at valid keys, or, where a row has none, at its first, which is zero
+        some = None if lengths is None else jnp.maximum(lengths, 1)
+        q_ids = jnp.zeros(q.shape[:2], jnp.int32)
+        out = attention_kernels.splash(q, k, v, q_ids, _key_ids(k, some))
     else:
-        out = _chunked(q, k, v, lengths)
+        out = _by_rows(q, k, v, None if lengths is None else _key_ids(k, lengths))
     if query_lengths is not None:
         out = jnp.where(q_valid, out, 0)
     return out
 
 
-def map_segments(
-    function: Callable[[jax.Array, jax.Array], jax.Array], tokens: jax.Array, segments: Segments
-) -> jax.Array:
-    """Apply ``function(rows [S, L, C], length [S]) -> [S, L, ...]`` to every bucket of tokens [B * V, C] -> [B * V, C']."""
-    index = jnp.concatenate([bucket.index.reshape(-1) for bucket in segments.buckets])
-    gathered = permute_rows(tokens, index, segments.inverse)
-    done, offset = [], 0
-    for bucket in segments.buckets:
-        size, length = bucket.index.shape
-        rows = gathered[offset : offset + size * length].reshape(size, length, -1)
-        done.append(function(rows, bucket.length).reshape(size * length, -1))
-        offset += size * length
-    rows = done[0] if len(done) == 1 else jnp.concatenate(done)
-    return permute_rows(rows, segments.inverse, index)
+def attend_segments(qkv: jax.Array, segments: Segments, *, kernel: Kernel = "xla") -> jax.Array:
+    """Self-attention of a batch's tokens within their segments.
 
+    Args:
+      qkv: [T, 3, N, H] queries, keys and values; T = B * V, flat.
+      segments: their plan.
 
-@jax.custom_vjp
-def permute_rows(rows: jax.Array, index: jax.Array, inverse: jax.Array) -> jax.Array:
-    """rows[index], zero where the index is out of range, for an index that takes no row twice.
-
-    ``inverse`` undoes it (inverse[index[i]] = i), which makes the gradient a gather too: XLA's scatter is slow on CPU.
+    Returns:
+      [T, N, H]; tokens of no segment (padding) are zero.
     """
-    return take_rows(rows, index)
+    longest = max(bucket.index.shape[1] for bucket in segments.buckets)
+    chosen = choose(kernel, qkv.dtype, longest)
+    if chosen == "xla":
+        return attention_xla.attend_segments(qkv, segments)
+    tokens, _, heads, size = qkv.shape
+    flat = qkv.reshape(tokens, -1)
+    done = []
+    for bucket in segments.buckets:
+        rows = take_rows(flat, bucket.index).reshape(*bucket.index.shape, 3, heads, size)
+        q, k, v = (rows[:, :, i] for i in range(3))
+        ids = _key_ids(k, bucket.length) if bucket.segment is None else bucket.segment
+        if chosen == "cudnn":
+            out = attention_kernels.cudnn(q, k, v, bucket.length, bucket.length, bucket.segment)
+        elif chosen == "triton":
+            out = attention_kernels.triton(q, k, v, jnp.asarray(ids))
+        else:
+            out = attention_kernels.splash(q, k, v, jnp.asarray(ids), jnp.asarray(ids))
+        done.append(out.reshape(-1, heads * size))
+    return take_rows(jnp.concatenate(done), segments.inverse).reshape(tokens, heads, size)
 
 
-def take_rows(rows: jax.Array, index: jax.Array) -> jax.Array:
-    """rows [T, C] at index [...] -> [..., C]; zero where the index is out of range."""
-    return jnp.take(rows, index, axis=0, mode="fill", fill_value=0)
+def _key_ids(k: jax.Array, lengths: jax.Array | None) -> jax.Array:
+    """[S, Lk]: 0 where a key is valid, else -1."""
+    if lengths is None:
+        return jnp.zeros(k.shape[:2], jnp.int32)
+    return jnp.where(jnp.arange(k.shape[1]) < jnp.asarray(lengths)[:, None], 0, -1)
 
 
-def _permute_forward(rows, index, inverse):
-    return take_rows(rows, index), inverse
-
-
-def _permute_backward(inverse, gradient):
-    return take_rows(gradient, inverse), None, None
-
-
-permute_rows.defvjp(_permute_forward, _permute_backward)
-
-
-def _dense(q: jax.Array, k: jax.Array, v: jax.Array, lengths: jax.Array | None) -> jax.Array:
-    rows, queries, heads, size = q.shape
-    keys = k.shape[1]
-    q, k, v = (x.swapaxes(1, 2).reshape(rows * heads, -1, size) for x in (q * size**-0.5, k, v))
-    bias = jnp.zeros((rows, 1, keys), jnp.float32)
-    if lengths is not None:
-        bias = jnp.where(jnp.arange(keys) < lengths[:, None], 0.0, _MASKED)[:, None, :]
-    bias = jnp.repeat(bias, heads, axis=0)
-    # a CPU works on as many heads at a time as keep the logits in its cache (2 to 4 times faster); accelerators take all at once
-    group = rows * heads
-    if jax.default_backend() == "cpu":
-        fitting = max(1, _CACHED_LOGITS // (queries * keys))
-        group = max(g for g in range(1, min(fitting, group) + 1) if group % g == 0)
-    if group == rows * heads or queries * keys <= 64 * 64:
-        out = _block(q, k, v, bias)
-    else:
-        parts = [x.reshape(-1, group, *x.shape[1:]) for x in (q, k, v, bias)]
-        out = jax.lax.map(lambda part: _block(*part), tuple(parts))
-    return out.reshape(rows, heads, queries, size).swapaxes(1, 2)
-
-
-@jax.custom_vjp
-def _block(q: jax.Array, k: jax.Array, v: jax.Array, bias: jax.Array) -> jax.Array:
-    """softmax(q k^T + bias) v for [G, L, H] with bias [G, 1, Lk]; the gradient recomputes the weights (flash attention's)."""
-    return _block_forward(q, k, v, bias)[0]
-
-
-def _block_forward(q, k, v, bias):
-    logits = jnp.einsum("glh,gmh->glm", q, k, preferred_element_type=jnp.float32) + bias
-    peak = logits.max(-1, keepdims=True)
-    weights = jnp.exp(logits - peak)
-    total = weights.sum(-1, keepdims=True)
-    out = jnp.einsum("glm,gmh->glh", weights.astype(v.dtype), v, preferred_element_type=jnp.float32)
-    out = (out / total).astype(v.dtype)
-    return out, (q, k, v, bias, out, peak + jnp.log(total))
-
-
-def _block_backward(saved, gradient):
-    q, k, v, bias, out, normalizer = saved
-    logits = jnp.einsum("glh,gmh->glm", q, k, preferred_element_type=jnp.float32)
-    weights = jnp.exp(logits + (bias - normalizer))
-    d_value = jnp.einsum("glm,glh->gmh", weights.astype(q.dtype), gradient)
-    d_weights = jnp.einsum("glh,gmh->glm", gradient, v, preferred_element_type=jnp.float32)
-    inner = (gradient * out).sum(-1, keepdims=True).astype(jnp.float32)
-    d_logits = (weights * (d_weights - inner)).astype(q.dtype)
-    d_query = jnp.einsum("glm,gmh->glh", d_logits, k)
-    return d_query, jnp.einsum("glm,glh->gmh", d_logits, q), d_value, None
-
-
-_block.defvjp(_block_forward, _block_backward)
-
-
-def _chunked(q: jax.Array, k: jax.Array, v: jax.Array, lengths: jax.Array | None) -> jax.Array:
-    rows, queries, heads, size = q.shape
-    keys = k.shape[1]
-    limit = jnp.full((rows,), keys, jnp.int32) if lengths is None else lengths
-
-    def chunks(x: jax.Array) -> jax.Array:
-        x = jnp.pad(x, ((0, 0), (0, -x.shape[1] % CHUNK), (0, 0), (0, 0)))
-        return x.reshape(rows, -1, CHUNK, heads, size).swapaxes(0, 1)
-
-    k_chunks, v_chunks = chunks(k), chunks(v)
-    starts = jnp.arange(len(k_chunks)) * CHUNK
-
-    @jax.checkpoint
-    def key_step(carry, chunk):
-        query, out, peak, total = carry
-        key, value, start = chunk
-        logits = jnp.einsum("slnh,smnh->snlm", query, key, preferred_element_type=jnp.float32)
-        valid = start + jnp.arange(CHUNK) < limit[:, None]
-        logits = jnp.where(valid[:, None, None, :], logits, _MASKED)
-        new_peak = jax.lax.stop_gradient(jnp.maximum(peak, logits.max(-1)))
-        weights = jnp.exp(logits - new_peak[..., None])
-        decay = jnp.exp(peak - new_peak)
-        out = out * decay[..., None] + jnp.einsum(
-            "snlm,smnh->snlh",
-            weights.astype(value.dtype),
-            value,
-            preferred_element_type=jnp.float32,
-        )
-        return (query, out, new_peak, total * decay + weights.sum(-1)), None
-
-    def query_block(query: jax.Array) -> jax.Array:
-        shape = (rows, heads, CHUNK)
-        start = (
-            query * size**-0.5,
-            jnp.zeros((*shape, size), jnp.float32),
-            jnp.full(shape, _MASKED, jnp.float32),
-            jnp.zeros(shape, jnp.float32),
-        )
-        (_, out, _, total), _ = jax.lax.scan(key_step, start, (k_chunks, v_chunks, starts))
-        return (out / total[..., None]).swapaxes(1, 2).astype(v.dtype)
-
-    out = jax.lax.map(query_block, chunks(q))
-    return out.swapaxes(0, 1).reshape(rows, -1, heads, size)[:, :queries]
-
-
-def _cudnn(q, k, v, lengths, query_lengths):
-    rows = q.shape[0]
-
-    def full(x, n):
-        return jnp.full((rows,), x.shape[1], jnp.int32) if n is None else n.astype(jnp.int32)
-
-    out = jax.nn.dot_product_attention(
-        *(x.astype(jnp.bfloat16) for x in (q, k, v)),
-        query_seq_lengths=full(q, query_lengths),
-        key_value_seq_lengths=full(k, lengths),
-        implementation="cudnn",
-    )
-    return out.astype(v.dtype)
+def _by_rows(q: jax.Array, k: jax.Array, v: jax.Array, key_ids: jax.Array | None) -> jax.Array:
+    rows, _, heads, size = q.shape
+    q, k, v = (x.swapaxes(1, 2).reshape(rows * heads, -1, size) for x in (q, k, v))
+    ids = None if key_ids is None else jnp.repeat(key_ids, heads, axis=0)
+    out = attention_xla.attend_rows(q, k, v, ids)
+    return out.reshape(rows, heads, -1, size).swapaxes(1, 2)

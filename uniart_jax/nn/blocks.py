@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import Kernel
-from uniart_jax.nn.attention import attend, map_segments
+from uniart_jax.nn.attention import attend, attend_segments
 from uniart_jax.nn.segments import Segments
 
 xavier = nnx.initializers.xavier_uniform()
@@ -52,6 +52,24 @@ class LayerNorm(nnx.Module):
     def __call__(self, x: jax.Array) -> jax.Array:
         y = layer_norm(x.astype(jnp.float32), self.epsilon)
         return (y * self.scale[...] + self.bias[...]).astype(x.dtype)
+
+
+class GroupNorm(nnx.Module):
+    """GroupNorm with scale and bias over positions and the channels of a group, in float32; eps 1e-5, 32 groups as TRELLIS has it."""
+
+    def __init__(self, channels: int, *, groups: int = 32, epsilon: float = 1e-5):
+        if channels % groups:
+            raise ValueError(f"group norm: {channels} channels do not divide into {groups} groups")
+        self.scale = nnx.Param(jnp.ones(channels))
+        self.bias = nnx.Param(jnp.zeros(channels))
+        self.groups, self.epsilon = groups, epsilon
+
+    def __call__(self, x: jax.Array) -> jax.Array:
+        """x [B, ..., C], each item by itself."""
+        y = x.astype(jnp.float32).reshape(x.shape[0], -1, self.groups, x.shape[-1] // self.groups)
+        y = y - y.mean((1, 3), keepdims=True)
+        y = y * jax.lax.rsqrt(jnp.square(y).mean((1, 3), keepdims=True) + self.epsilon)
+        return (y.reshape(x.shape) * self.scale[...] + self.bias[...]).astype(x.dtype)
 
 
 class RMSNorm(nnx.Module):
@@ -107,15 +125,17 @@ class SelfAttention(nnx.Module):
 
     def __call__(self, x: jax.Array, lengths: jax.Array | Segments | None = None) -> jax.Array:
         """x [S, L, D] with ``lengths`` [S], or x [B, V, D] with a ``Segments`` plan of it."""
-        if isinstance(lengths, Segments):
-            return map_segments(self.rows, x.reshape(-1, x.shape[-1]), lengths).reshape(x.shape)
-        return self.rows(x, lengths)
-
-    def rows(self, x: jax.Array, lengths: jax.Array | None) -> jax.Array:
-        q, k, v = jnp.split(self.to_qkv(x).reshape(*x.shape[:2], 3 * self.heads, -1), 3, axis=2)
+        qkv = self.to_qkv(x).reshape(*x.shape[:2], 3, self.heads, -1)
         if self.qk_rms_norm:
-            q, k = self.q_rms_norm(q), self.k_rms_norm(k)
-        out = attend(q, k, v, lengths, query_lengths=lengths, kernel=self.kernel)
+            q, k = self.q_rms_norm(qkv[:, :, 0]), self.k_rms_norm(qkv[:, :, 1])
+            qkv = jnp.stack([q, k, qkv[:, :, 2]], 2)
+        if isinstance(lengths, Segments):
+            out = attend_segments(
+                qkv.reshape(-1, *qkv.shape[2:]), lengths, kernel=self.kernel
+            ).reshape(x.shape)
+        else:
+            q, k, v = (qkv[:, :, i] for i in range(3))
+            out = attend(q, k, v, lengths, query_lengths=lengths, kernel=self.kernel)
         return self.to_out(out.reshape(x.shape))
 
 
@@ -129,6 +149,7 @@ class CrossAttention(nnx.Module):
         heads: int,
         rngs: nnx.Rngs,
         *,
+        qk_rms_norm: bool = False,
         kernel: Kernel = "xla",
         dtype=jnp.float32,
     ):
@@ -136,6 +157,10 @@ class CrossAttention(nnx.Module):
         self.kernel: Kernel = kernel
         self.to_q = linear(width, width, rngs, dtype=dtype)
         self.to_kv = linear(context, 2 * width, rngs, dtype=dtype)
+        if qk_rms_norm:
+            self.q_rms_norm = RMSNorm(heads, width // heads)
+            self.k_rms_norm = RMSNorm(heads, width // heads)
+        self.qk_rms_norm = qk_rms_norm
         self.to_out = linear(width, width, rngs, dtype=dtype)
 
     def __call__(self, x: jax.Array, context: jax.Array) -> jax.Array:
@@ -143,6 +168,8 @@ class CrossAttention(nnx.Module):
         items, tokens = context.shape[:2]
         k, v = jnp.split(self.to_kv(context).reshape(items, tokens, 2 * self.heads, -1), 2, axis=2)
         q = self.to_q(x).reshape(items, -1, self.heads, x.shape[-1] // self.heads)
+        if self.qk_rms_norm:
+            q, k = self.q_rms_norm(q), self.k_rms_norm(k)
         return self.to_out(attend(q, k, v, kernel=self.kernel).reshape(x.shape))
 
 
@@ -156,10 +183,13 @@ class TransformerBlock(nnx.Module):
         ratio: float,
         rngs: nnx.Rngs,
         *,
+        qk_rms_norm: bool = False,
         kernel: Kernel = "xla",
         dtype=jnp.float32,
     ):
-        self.attn = SelfAttention(width, heads, rngs, kernel=kernel, dtype=dtype)
+        self.attn = SelfAttention(
+            width, heads, rngs, qk_rms_norm=qk_rms_norm, kernel=kernel, dtype=dtype
+        )
         self.mlp = MLP(width, ratio, rngs, dtype)
 
     def __call__(self, x: jax.Array, lengths: jax.Array | Segments | None = None) -> jax.Array:
@@ -205,6 +235,7 @@ class ModulatedBlock(nnx.Module):
         rngs: nnx.Rngs,
         *,
         qk_rms_norm: bool,
+        qk_rms_norm_cross: bool = False,
         share_mod: bool,
         kernel: Kernel = "xla",
         dtype=jnp.float32,
@@ -213,7 +244,9 @@ class ModulatedBlock(nnx.Module):
         self.self_attn = SelfAttention(
             width, heads, rngs, qk_rms_norm=qk_rms_norm, kernel=kernel, dtype=dtype
         )
-        self.cross_attn = CrossAttention(width, context, heads, rngs, kernel=kernel, dtype=dtype)
+        self.cross_attn = CrossAttention(
+            width, context, heads, rngs, qk_rms_norm=qk_rms_norm_cross, kernel=kernel, dtype=dtype
+        )
         self.mlp = MLP(width, ratio, rngs, dtype)
         self.share_mod = share_mod
         if not share_mod:

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from flax import nnx
 
-from uniart_jax.nn.attention import take_rows
+from uniart_jax.nn.gathers import take_rows
 
 
 def conv3(x: jax.Array, kernel: jax.Array) -> jax.Array:
@@ -92,14 +92,30 @@ def _gather_forward(rows, neighbors):
 
 
 def _gather_backward(neighbors, gradient):
-    tokens, taps, channels = gradient.shape
-    flat = gradient.reshape(tokens * taps, channels)
-    mirrored = neighbors[:, ::-1] * taps + np.arange(taps, dtype=np.int32)
-    mirrored = jnp.where(neighbors[:, ::-1] < tokens, mirrored, tokens * taps)
-    return take_rows(flat, mirrored).sum(1), None
+    return sum_taps(gradient, neighbors[:, ::-1]), None
 
 
 gather_neighbors.defvjp(_gather_forward, _gather_backward)
+
+
+@jax.custom_vjp
+def sum_taps(products: jax.Array, neighbors: jax.Array) -> jax.Array:
+    """sum over k of products[neighbors[p, k], k]: [T, 27, C] at [T, 27] -> [T, C]. ``gather_neighbors`` transposed; same symmetry."""
+    tokens, taps, channels = products.shape
+    flat = products.reshape(tokens * taps, channels)
+    index = neighbors * taps + np.arange(taps, dtype=np.int32)
+    return take_rows(flat, jnp.where(neighbors < tokens, index, tokens * taps)).sum(1)
+
+
+def _sum_taps_forward(products, neighbors):
+    return sum_taps(products, neighbors), neighbors
+
+
+def _sum_taps_backward(neighbors, gradient):
+    return take_rows(gradient, neighbors[:, ::-1]), None
+
+
+sum_taps.defvjp(_sum_taps_forward, _sum_taps_backward)
 
 
 class SubmanifoldConv(nnx.Module):
@@ -115,12 +131,16 @@ class SubmanifoldConv(nnx.Module):
     def __call__(self, x: jax.Array, neighbors: jax.Array) -> jax.Array:
         """x [B, V, C], neighbors [B, V, 27] -> [B, V, C']."""
         items, width, channels = x.shape
-        columns = gather_neighbors(
-            x.astype(self.dtype).reshape(-1, channels), neighbors.reshape(-1, 27)
-        )
-        kernel = self.kernel[...].astype(self.dtype).reshape(27 * channels, -1)
-        out = columns.reshape(items, width, 27 * channels) @ kernel
-        return out + self.bias[...].astype(self.dtype)
+        kernel = self.kernel[...].astype(self.dtype)
+        outputs = kernel.shape[-1]
+        rows, taps = x.astype(self.dtype).reshape(-1, channels), neighbors.reshape(-1, 27)
+        if outputs < channels:  # multiply first: what is gathered is the narrower of the two
+            products = rows @ kernel.swapaxes(0, 1).reshape(channels, 27 * outputs)
+            out = sum_taps(products.reshape(-1, 27, outputs), taps)
+        else:
+            columns = gather_neighbors(rows, taps)
+            out = columns.reshape(-1, 27 * channels) @ kernel.reshape(27 * channels, outputs)
+        return out.reshape(items, width, outputs) + self.bias[...].astype(self.dtype)
 
 
 def _torch_uniform(rngs: nnx.Rngs, shape: tuple[int, ...], fan_in: int, zero: bool) -> jax.Array:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from uniart_jax.nn.attention import permute_rows, take_rows
 from uniart_jax.nn.convolution import space_to_depth
+from uniart_jax.nn.gathers import permute_rows, take_rows
 from uniart_jax.nn.grids import FlowPlan, Pool
 
 

@@ -2,31 +2,47 @@
 
 A batch is [B, V, ...] with ``counts[B]`` valid tokens first and zero padding after them. A *segment* is a set of tokens that attend
 to one another: a part, a window, a run of the Morton curve. ``plan_segments`` sorts segments into buckets of fixed capacity
-[S, L] with exact lengths; ``nn.attention`` gathers by them. numpy only: data workers call this without jax.
+[S, L] with exact lengths, one segment a row; ``pack_segments`` puts several into a row, told apart by their ids, so that little of it is padding.
+``nn.attention`` gathers by them. numpy only: data workers call this without jax.
 
 Window ids follow TRELLIS ``modules/sparse/attention/windowed_attn.py``: (coords + shift) // window, without roll or wrap.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import bisect
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from uniart_jax.config import GridConfig, UniArtVAEConfig
 
+LONG = (1024, 2048, 4096, 8192, 16384)
+_LADDERS = (
+    (128, 256, 512, *LONG),
+    (96, 128, 192, 256, 384, 512, *LONG),
+    (64, 128, 192, 256, 384, 512, *LONG),
+    (192, 384, 512, *LONG),
+    (256, 512, *LONG),
+    (384, 512, *LONG),
+    (512, *LONG),
+)
+_TOKEN_WORK = 128  # of a token in a row, in keys that it looks at: measured on a CPU
+
 
 class Bucket(NamedTuple):
-    """Segments of at most L tokens.
+    """Rows of at most L tokens.
 
     Attributes:
       index: [S, L] int32 positions in the flattened [B * V] tokens; padding is B * V.
-      length: [S] int32 tokens in each segment, first in their row.
+      length: [S] int32 tokens in each row, first in it.
+      segment: [S, L] int32 which of the row's segments a token is in, padding -1; None: one segment a row.
     """
 
     index: np.ndarray
     length: np.ndarray
+    segment: np.ndarray | None = None
 
 
 class Segments(NamedTuple):
@@ -85,29 +101,81 @@ def plan_segments(
     return Segments(tuple(buckets), inverse)
 
 
+def pack_segments(
+    ids: np.ndarray, counts: np.ndarray, sizes: Sequence[int], *, least: Sequence[int] = ()
+) -> Segments:
+    """Gather plan of the segments that equal ids make, several of them in a row.
+
+    A segment goes to the smallest size that holds it; what room its row leaves is filled with smaller ones, the largest first. Rows are rounded up
+    by at most an eighth (``round_rows``), so that few shapes are compiled.
+
+    Args:
+      ids, counts: as for ``plan_segments``.
+      sizes: L of each bucket, ascending. A segment longer than the last is cut into pieces of at most that.
+      least: rows of each bucket at the least. One of none is left out.
+    """
+    items, width = ids.shape
+    tokens, starts, lengths = _pieces(ids, counts, sizes[-1])
+    missing = items * width
+    inverse = np.full(missing, -1, np.int32)
+    buckets, offset = [], 0
+    for size, number, rows in zip(
+        sizes, _rows(lengths, sizes, least), _pack(lengths, sizes), strict=True
+    ):
+        if not number:
+            continue
+        index = np.full((number, size), missing, np.int32)
+        segment = np.full((number, size), -1, np.int32)
+        used = np.zeros(number, np.int32)
+        for r, pieces in enumerate(rows):
+            for i, piece in enumerate(pieces):
+                here = slice(used[r], used[r] + lengths[piece])
+                index[r, here] = tokens[starts[piece] : starts[piece] + lengths[piece]]
+                segment[r, here] = i
+                used[r] = here.stop
+        place = np.flatnonzero(index < missing)
+        inverse[index.reshape(-1)[place]] = offset + place
+        buckets.append(Bucket(index, used, segment))
+        offset += number * size
+    return Segments(tuple(buckets), np.where(inverse < 0, offset, inverse).astype(np.int32))
+
+
+def fitted_sizes(ids: np.ndarray, counts: np.ndarray, longest: int) -> tuple[int, ...]:
+    """Row lengths that hold these segments with the least work, and at most 15 % of padding where any do; for ``pack_segments``."""
+    lengths = _pieces(ids, counts, longest)[2]
+    best: tuple[tuple[bool, int], tuple[int, ...]] | None = None
+    for below in _LADDERS:
+        sizes = (*[size for size in below if size < longest], longest)
+        rows = _rows(lengths, sizes)
+        padded = sum(n * size for n, size in zip(rows, sizes, strict=True))
+        work = sum(n * size * (size + _TOKEN_WORK) for n, size in zip(rows, sizes, strict=True))
+        cost = (padded > 1.15 * lengths.sum(), work)
+        if best is None or cost < best[0]:
+            best = (cost, sizes)
+    assert best is not None
+    return best[1]
+
+
+def whole_rows(ids: np.ndarray, counts: np.ndarray) -> Segments:
+    """The plan in which every item is a row of its own and its ids are the segments: one shape whatever the segments are."""
+    items, width = ids.shape
+    place = np.arange(items * width, dtype=np.int32).reshape(items, width)
+    valid = np.arange(width) < np.asarray(counts)[:, None]
+    index = np.where(valid, place, items * width).astype(np.int32)
+    segment = np.where(valid, ids, -1).astype(np.int32)
+    bucket = Bucket(index, np.asarray(counts, np.int32), segment)
+    return Segments((bucket,), index.reshape(-1))
+
+
+def round_rows(rows: int) -> int:
+    """The next number of at most four binary digits: 1 to 16, 18, 20, ... 32, 36, ..."""
+    step = 1 << max(0, (rows - 1).bit_length() - 4)
+    return -(-rows // step) * step
+
+
 def segment_lengths(ids: np.ndarray, counts: np.ndarray, longest: int) -> np.ndarray:
     """[number of segments] lengths after cutting at ``longest``: what capacities must hold."""
     return _pieces(ids, counts, longest)[2]
-
-
-def fit_capacities(lengths: np.ndarray, sizes: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
-    """Capacities that hold these segments in buckets of the given sizes, rounded up to 1 or 1.5 times a power of two.
-
-    For segments whose worst case is far above the usual one (shifted windows): a few distinct shapes are compiled instead.
-    """
-    edges = np.asarray((0, *sorted(sizes)))
-    found = np.histogram(np.asarray(lengths) - 0.5, edges)[0]
-    capacities = []
-    for n, size in zip(found, edges[1:], strict=True):
-        rounded = 1
-        while rounded < n:
-            rounded = (
-                rounded * 3 // 2
-                if rounded & (rounded - 1) == 0 and rounded > 1
-                else 1 << rounded.bit_length()
-            )
-        capacities.append((rounded, int(size)))
-    return tuple(capacities)
 
 
 def serial_capacities(
@@ -168,13 +236,10 @@ def window_ids(coords: np.ndarray, window: int, shift: int = 0) -> np.ndarray:
 def capacities_for(
     config: UniArtVAEConfig, grid: GridConfig, items: int, width: int
 ) -> dict[str, tuple[tuple[int, int], ...] | None]:
-    """Capacities of every plan of ``voxel_plans`` that always suffice; None: fitted to each batch.
-
-    Shifted cubic windows are fitted, because their worst case is the whole dense grid.
-    """
-    length = config.part_segment or width
+    """Capacities of every plan of ``voxel_plans`` that always suffice; None: segments are packed (parts that are never cut, cubic windows)."""
+    cut = config.part_segment
     capacities: dict[str, tuple[tuple[int, int], ...] | None] = {
-        "parts": part_capacities(items, width, min(grid.max_parts, width), length)
+        "parts": part_capacities(items, width, min(grid.max_parts, width), cut) if cut else None
     }
     for i in range(2):
         shift = i * (config.window // 2)
@@ -192,22 +257,24 @@ def voxel_plans(
     grid: GridConfig,
     *,
     parts: bool = True,
+    fitted: bool = False,
 ) -> dict[str, Segments]:
     """The plans that the UniArt VAE reads: "parts" (encoder only), "window_0" and "window_1".
 
     Args:
       batch: coords [B, V, 3], counts [B] and, for the encoder, voxel_part [B, V].
       parts: False leaves out "parts", as decoding alone needs no part ids.
+      fitted: where segments are packed, in rows of several lengths, as many as these segments need: least work for one batch, another shape for
+        the next. Otherwise (training) in rows of one length, as many as a batch of this width needs, whatever the segments are.
 
     Raises:
       ValueError: an item has more than ``grid.max_parts`` parts.
     """
     coords, counts = np.asarray(batch["coords"]), np.asarray(batch["counts"])
-    capacities = capacities_for(config, grid, *coords.shape[:2])
-    ids = {}
-    if parts:
-        ids["parts"] = np.asarray(batch["voxel_part"])
-    for i in range(2):
+    items, width = coords.shape[:2]
+    capacities = capacities_for(config, grid, items, width)
+    ids = {"parts": np.asarray(batch["voxel_part"])} if parts else {}
+    for i in range(0 if config.attention == "full" else 2):
         shift = i * (config.window // 2)
         ids[f"window_{i}"] = (
             serial_ids(coords, counts, config.window, shift)
@@ -217,12 +284,42 @@ def voxel_plans(
     plans = {}
     for name, values in ids.items():
         chosen = capacities[name]
-        if chosen is None:
-            longest = config.window**3
-            sizes = (*tuple(s for s in (32, 64, 128, 256) if s < longest), longest)
-            chosen = fit_capacities(segment_lengths(values, counts, longest), sizes)
-        plans[name] = plan_segments(values, counts, chosen)
+        if chosen is not None:
+            plans[name] = plan_segments(values, counts, chosen)
+        elif fitted:
+            longest = width if name == "parts" else config.window**3
+            sizes = fitted_sizes(values, counts, longest)
+            plans[name] = pack_segments(values, counts, sizes)
+        elif name == "parts":
+            plans[name] = whole_rows(values, counts)
+        else:
+            size = min(width, config.window**3)
+            plans[name] = pack_segments(values, counts, (size,), least=(-(-items * width // size),))
     return plans
+
+
+def _rows(lengths: np.ndarray, sizes: Sequence[int], least: Sequence[int] = ()) -> list[int]:
+    """Rows of each size, rounded; at least one in all."""
+    needed = [len(rows) for rows in _pack(lengths, sizes)]
+    rows = [round_rows(max(n, few)) for n, few in zip(needed, least or [0] * len(needed), strict=True)]  # fmt: skip
+    return rows if any(rows) else [1, *rows[1:]]
+
+
+def _pack(lengths: np.ndarray, sizes: Sequence[int]) -> list[list[list[int]]]:
+    """Rows of pieces for each size, ascending: the largest piece that still fits joins a row until none does."""
+    order = np.argsort(lengths, kind="stable")
+    pieces, keys = order.tolist(), lengths[order].tolist()
+    packed = []
+    for size, below in zip(reversed(sizes), (*reversed(sizes[:-1]), 0), strict=True):
+        rows: list[list[int]] = []
+        while keys and keys[-1] > below:
+            row, room = [], size
+            while (i := bisect.bisect_right(keys, room) - 1) >= 0:
+                row.append(pieces.pop(i))
+                room -= keys.pop(i)
+            rows.append(row)
+        packed.append(rows)
+    return packed[::-1]
 
 
 def _pieces(

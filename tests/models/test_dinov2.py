@@ -1,0 +1,131 @@
+"""DINOv2 at toy size: order of the tokens, what the condition is, pictures of other sizes, masks. Parity with upstream: tests of the fixtures."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from toy import MODEL, finite, init
+
+from uniart_jax.config import ImageEncoderConfig
+from uniart_jax.models.dinov2 import IMAGE_MEAN, IMAGE_STD
+from uniart_jax.models.network import build
+
+ENCODER = ImageEncoderConfig(
+    architecture="dinov2",
+    image_size=16,
+    patch_size=4,
+    registers=3,
+    width=24,
+    num_blocks=2,
+    num_heads=2,
+)
+NETWORK = build("image_encoder", dataclasses.replace(MODEL, image_encoder=ENCODER))
+
+
+@pytest.fixture(scope="module")
+def params():
+    return init(NETWORK)
+
+
+def images(*shape):
+    return jnp.asarray(np.random.default_rng(0).random((2, *shape, 3), np.float32))
+
+
+def test_names_are_upstreams(params):
+    names = {
+        jax.tree_util.keystr(path, simple=True, separator=".")
+        for path, _ in jax.tree_util.tree_leaves_with_path(params)
+    }
+    block = ["norm1.scale", "norm1.bias", "norm2.scale", "norm2.bias", "ls1.gamma", "ls2.gamma"]
+    block += [f"{layer}.{leaf}" for layer in ("attn.qkv", "attn.proj", "mlp.fc1", "mlp.fc2") for leaf in ("kernel", "bias")]  # fmt: skip
+    assert names == {
+        "cls_token", "pos_embed", "register_tokens", "mask_token", "norm.scale", "norm.bias",
+        "patch_embed.proj.kernel", "patch_embed.proj.bias",
+        *(f"blocks.{i}.{name}" for i in range(2) for name in block),
+    }  # fmt: skip
+    assert params["pos_embed"].shape == (1, 17, 24)
+    assert params["patch_embed"]["proj"]["kernel"].shape == (4, 4, 3, 24)
+
+
+def test_the_condition_is_the_normalised_tokens_and_patches_are_not(params):
+    image = images(16, 16)
+    out = jax.jit(NETWORK.apply)(params, image)
+    normal = (image - jnp.array(IMAGE_MEAN)) / jnp.array(IMAGE_STD)
+    x = NETWORK.apply(params, normal, method="features")
+    assert out["tokens"].shape == x.shape == (2, 1 + 3 + 16, 24)
+    assert out["patches"].shape == (2, 4, 4, 24)
+    np.testing.assert_allclose(out["patches"].reshape(2, 16, 24), x[:, 4:], atol=1e-5)
+    centered = x - x.mean(-1, keepdims=True)
+    deviation = jnp.sqrt(x.var(-1, keepdims=True) + 1e-5)
+    np.testing.assert_allclose(out["tokens"], centered / deviation, atol=1e-4)
+    normed = NETWORK.apply(params, x, method="final_norm")
+    expected = centered / jnp.sqrt(x.var(-1, keepdims=True) + 1e-6)
+    expected = expected * params["norm"]["scale"] + params["norm"]["bias"]
+    np.testing.assert_allclose(normed, expected, atol=1e-4)
+
+
+def test_tokens_are_cls_registers_patches_and_registers_have_no_position(params):
+    """Without blocks, the tokens are what goes in."""
+    flat = dataclasses.replace(ENCODER, num_blocks=0)
+    network = build("image_encoder", dataclasses.replace(MODEL, image_encoder=flat))
+    inputs = {name: value for name, value in params.items() if name != "blocks"}
+    image = images(16, 16)
+    x = np.asarray(network.apply(inputs, image, method="features"))
+    place = np.asarray(params["pos_embed"][0])
+    np.testing.assert_allclose(x[0, 0], params["cls_token"][0, 0] + place[0], atol=1e-6)
+    np.testing.assert_allclose(x[1, 1:4], params["register_tokens"][0], atol=1e-6)
+    proj = params["patch_embed"]["proj"]
+    patch = image[1, 4:8, 12:16]  # row 1, column 3
+    expected = jnp.einsum("abc,abcd->d", patch, proj["kernel"]) + proj["bias"] + place[1 + 4 + 3]
+    np.testing.assert_allclose(x[1, 4 + 4 + 3], expected, atol=1e-5)
+
+
+def test_other_picture_sizes(params):
+    for shape in ((24, 24), (12, 20)):
+        out = jax.jit(NETWORK.apply)(params, images(*shape))
+        rows, columns = shape[0] // 4, shape[1] // 4
+        assert out["patches"].shape == (2, rows, columns, 24) and finite(out)
+        assert out["tokens"].shape == (2, 4 + rows * columns, 24)
+    # a table that is linear in the row stays so, upright, away from the border
+    ramp = jnp.zeros((1, 17, 24)).at[:, 1:].add(jnp.repeat(jnp.arange(4.0), 4)[None, :, None])
+    network = build("image_encoder", dataclasses.replace(MODEL, image_encoder=ENCODER))
+    _, table = network.apply({**params, "pos_embed": ramp}, 8, 4, method="position_table")
+    table = np.asarray(table).reshape(8, 4, 24)
+    assert np.ptp(table, axis=(1, 2)).max() < 1e-5
+    np.testing.assert_allclose(table[3:5, 0, 0], [1.25, 1.75], atol=0.05)
+    with pytest.raises(ValueError, match="multiples of 4, not 18 x 16"):
+        NETWORK.apply(params, images(18, 16))
+
+
+def test_masked_patches_are_not_looked_at(params):
+    masks = jnp.zeros((2, 16), bool).at[0, 5].set(True)
+    image = images(16, 16)
+    changed = image.at[0, 4:8, 4:8].set(0.0)
+
+    def features(picture, masks):
+        return NETWORK.apply(params, picture, masks, method="features")
+
+    seen, same = features(image, masks), features(changed, masks)
+    np.testing.assert_allclose(seen, same, atol=1e-6)
+    assert np.abs(seen - features(image, None))[0].max() > 1e-3
+    assert np.abs(features(image, None) - features(changed, None))[0].max() > 1e-3
+
+
+def test_gradients_are_finite_and_reach_everything(params):
+    def loss(params):
+        x = NETWORK.apply(params, images(16, 16), jnp.eye(2, 16, dtype=bool), method="features")
+        return jnp.square(NETWORK.apply(params, x, method="final_norm") - 0.3).sum()
+
+    gradients = jax.jit(jax.grad(loss))(params)
+    assert finite(gradients) and all(np.asarray(g).any() for g in jax.tree.leaves(gradients))
+
+
+def test_real_size_is_vit_large():
+    large = ImageEncoderConfig(
+        architecture="dinov2", image_size=518, width=1024, num_blocks=24, num_heads=16
+    )
+    shapes = build("image_encoder", dataclasses.replace(MODEL, image_encoder=large)).abstract()
+    assert sum(leaf.size for leaf in jax.tree.leaves(shapes)) == 304_372_736
+    assert shapes["pos_embed"].shape == (1, 1370, 1024)

@@ -1,0 +1,59 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flax import nnx
+
+from uniart_jax.nn.blocks import TransformerBlock
+from uniart_jax.nn.stack import run_stack
+
+MODES = [(scan, remat) for scan in (False, True) for remat in (False, True)]
+
+
+def stack(depth, width=16):
+    return nnx.List([TransformerBlock(width, 2, 4.0, nnx.Rngs(i)) for i in range(depth)])
+
+
+def step(depth, scan, remat, period=2):
+    """(loss and gradients of a stack's parameters and input, its inputs)."""
+    graph, state = nnx.split(stack(depth))
+    lengths = [jnp.array([9, 4]), jnp.array([5, 9])]
+
+    def loss(state, h):
+        blocks = nnx.merge(graph, state)
+        out = run_stack(
+            blocks, lambda b, i, h: b(h, lengths[i]), h, scan=scan, remat=remat, period=period
+        )
+        return jnp.square(out).mean()
+
+    h = jax.random.normal(jax.random.key(1), (2, 9, 16))
+    return jax.value_and_grad(loss, (0, 1)), (state, h)
+
+
+@pytest.mark.parametrize("depth", [1, 4, 5])  # shorter than the loop, whole loops, one left over
+@pytest.mark.parametrize(("scan", "remat"), MODES[1:])
+def test_all_modes_give_the_same_numbers(depth, scan, remat):
+    plain, inputs = step(depth, False, False)
+    other, _ = step(depth, scan, remat)
+    expected, found = jax.jit(plain)(*inputs), jax.jit(other)(*inputs)
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-4, atol=1e-6)
+
+
+def program(depth, scan, remat):
+    function, inputs = step(depth, scan, remat)
+    return jax.jit(function).lower(*inputs)
+
+
+def test_a_scanned_program_does_not_grow_with_depth():
+    short, long = (len(program(depth, True, True).as_text()) for depth in (4, 12))
+    assert long < 1.5 * short
+    assert len(program(12, False, False).as_text()) > 2 * long
+
+
+def test_remat_keeps_no_activations():
+    kept, again = (
+        program(12, True, remat).compile().memory_analysis().temp_size_in_bytes
+        for remat in (False, True)
+    )
+    assert again < 0.6 * kept

@@ -1,0 +1,31 @@
+"""Gathers whose gradients are gathers too: XLA's scatter is slow on CPU."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+
+
+@jax.custom_vjp
+def permute_rows(rows: jax.Array, index: jax.Array, inverse: jax.Array) -> jax.Array:
+    """rows[index], zero where the index is out of range, for an index that takes no row twice.
+
+    ``inverse`` undoes it (inverse[index[i]] = i), so that the gradient is a gather by it.
+    """
+    return take_rows(rows, index)
+
+
+def take_rows(rows: jax.Array, index: jax.Array) -> jax.Array:
+    """rows [T, C] at index [...] -> [..., C]; zero where the index is out of range."""
+    return jnp.take(rows, index, axis=0, mode="fill", fill_value=0)
+
+
+def _permute_forward(rows, index, inverse):
+    return take_rows(rows, index), inverse
+
+
+def _permute_backward(inverse, gradient):
+    return take_rows(gradient, inverse), None, None
+
+
+permute_rows.defvjp(_permute_forward, _permute_backward)

@@ -1,0 +1,117 @@
+"""The steps of sampling as jitted functions: image -> condition, condition -> structure latent, condition and voxels -> UniArt latents.
+
+``pipeline.Pipeline`` puts them together; ``validation`` runs them on a network that is still training.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from uniart_jax.config import ModelConfig, SampleConfig
+from uniart_jax.flow.guidance import guide
+from uniart_jax.flow.solvers import euler
+from uniart_jax.models.network import build
+from uniart_jax.nn.grids import CELL_STEP, flow_plan
+
+WIDTH_STEP = 4096  # voxels beyond the largest bucket are padded to multiples of this
+
+
+class Condition(NamedTuple):
+    """What the flows see of an image.
+
+    Attributes:
+      tokens: [B, L, D]. volume: [B, Rv, Rv, Rv, C]; None where the image encoder has none (DINOv2).
+    """
+
+    tokens: Any
+    volume: Any = None
+
+
+def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
+    """Jitted (image encoder's params, images [B, S, S, 3] in [0, 1]) -> what the flows see of them."""
+    network = build("image_encoder", model)
+
+    @jax.jit
+    def run(params, images):
+        seen = network.apply(params, images)
+        return Condition(seen["tokens"], seen.get("volume"))
+
+    return run
+
+
+def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
+    """Jitted (params, (mean, std), condition, key) -> structure latents [B, s, s, s, C]."""
+    network = build("structure_flow", model)
+    vae = model.structure_vae
+    side = model.grid.resolution // vae.patch_size // 2 ** (len(vae.channels) - 1)
+
+    @jax.jit
+    def run(params, statistics, condition, key):
+        mean, std = statistics
+        noise = jax.random.normal(
+            key, (condition.tokens.shape[0], side, side, side, vae.latent_channels)
+        )
+
+        def velocity(x, t, seen):
+            return network.apply(params, x, t, seen.tokens, seen.volume)
+
+        nothing = jax.tree.map(jnp.zeros_like, condition)
+        guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
+        return euler(guided, noise, options.steps, options.rescale_t) * std + mean
+
+    return run
+
+
+def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
+    """Jitted (params, (mean, std), condition, key, voxels) -> UniArt latents [B, V, C], padding zero; ``voxels`` of ``flow_inputs``."""
+    network = build("latent_flow", model)
+    channels = model.uniart_vae.latent_channels
+
+    @jax.jit
+    def run(params, statistics, condition, key, voxels):
+        mean, std = statistics
+        coords, counts = voxels["coords"], voxels["counts"]
+        valid = (jnp.arange(coords.shape[1]) < counts[:, None])[..., None]
+        noise = jnp.where(valid, jax.random.normal(key, (*coords.shape[:2], channels)), 0)
+
+        def velocity(x, t, seen):
+            return network.apply(params, x, t, seen.tokens, seen.volume, **voxels)
+
+        nothing = jax.tree.map(jnp.zeros_like, condition)
+        guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
+        sample = euler(guided, noise, options.steps, options.rescale_t)
+        return jnp.where(valid, sample * std + mean, 0)
+
+    return run
+
+
+def pad_coords(
+    coords: Sequence[np.ndarray], buckets: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Voxel lists [V_i, 3] as padded coords [B, V, 3] and counts [B]; V is the smallest bucket that holds all, or beyond the largest
+    the next multiple of ``WIDTH_STEP``."""
+    longest = max(len(c) for c in coords)
+    beyond = -(-longest // WIDTH_STEP) * WIDTH_STEP
+    width = min((b for b in buckets if b >= longest), default=beyond)
+    padded = np.zeros((len(coords), width, 3), np.int32)
+    for row, voxels in zip(padded, coords, strict=True):
+        row[: len(voxels)] = voxels
+    return padded, np.array([len(c) for c in coords], np.int32)
+
+
+def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> dict[str, Any]:
+    """The latent flow's arguments for a padded batch."""
+    plan = flow_plan(coords, counts, model.latent_flow, model.grid, round_to=CELL_STEP)
+    return {"coords": coords, "counts": counts, "plan": plan}
+
+
+def join_views(condition: Condition) -> Condition:
+    """Several views [M, ...] of one object as one condition [1, ...]: tokens side by side, volumes (aligned with the object) averaged."""
+    tokens, volume = condition
+    mean = None if volume is None else volume.mean(0, keepdims=True)
+    return Condition(tokens.reshape(1, -1, tokens.shape[-1]), mean)
