@@ -360,12 +360,31 @@ def inspect(
     object_of_record(record).save(out, image=record.images[0], overwrite=overwrite)
 
 
+def convert(
+    kind: Annotated[Literal["trellis", "dinov2"], tyro.conf.Positional],
+    path: Annotated[Path, tyro.conf.Positional],
+    /,
+    out: Annotated[Path, tyro.conf.arg(help="Folder to write; 'dinov2': the file, or its folder.")],
+    overwrite: Overwrite = False,
+) -> None:
+    """Make a checkpoint of published weights, to sample with or to train on from. Nothing is downloaded and nothing unpickled.
+
+    Args:
+        kind: "trellis": a folder with <name>.json and <name>.safetensors, or with them in ckpts. "dinov2": a file of dinov2_vit{s,b,l}14_reg.
+        path: The folder or file.
+    """
+    from uniart_jax.conversion import convert_dinov2_file, convert_trellis_folder
+
+    (convert_trellis_folder if kind == "trellis" else convert_dinov2_file)(path, out, overwrite)
+
+
 COMMANDS = {
     "prepare": prepare,
     "sample": sample,
     "reconstruct": reconstruct,
     "evaluate": evaluate,
     "inspect": inspect,
+    "convert": convert,
 }
 
 

@@ -133,13 +133,17 @@ def _file_names(obj: ArticulatedObject) -> list[str]:
 
 
 def check_target(
-    folder: str | Path, overwrite: bool = False, inputs: Sequence[str | Path] = ()
+    folder: str | Path,
+    overwrite: bool = False,
+    inputs: Sequence[str | Path] = (),
+    marks: Sequence[str] = MARKS,
 ) -> Path:
     """The folder that an asset may be written to, made absolute with links followed. Touches nothing.
 
     Args:
       overwrite: a folder that holds an asset may be replaced; no other that is not empty ever is.
       inputs: files that the asset is made from; a folder that holds one of them would take it along.
+      marks: files one of which a folder must hold to be replaced.
 
     Raises:
       ValueError: the folder is a file, holds the working or home directory or an input, is a file system's root, or is not empty
@@ -161,21 +165,23 @@ def check_target(
         return final
     if not overwrite:
         raise ValueError(f"{folder}: the folder is not empty; choose another --out, or --overwrite")
-    if not any((final / name).is_file() for name in MARKS):
+    if not any((final / name).is_file() for name in marks):
         raise ValueError(
-            f"{folder}: it is not empty and holds no asset, so it is not replaced; choose another --out"
+            f"{folder}: it is not empty and holds no asset or checkpoint ({' or '.join(marks)}), so it is not replaced; choose another --out"
         )
     return final
 
 
 @contextlib.contextmanager
-def complete_folder(folder: str | Path, overwrite: bool = False) -> Iterator[Path]:
+def complete_folder(
+    folder: str | Path, overwrite: bool = False, marks: Sequence[str] = MARKS
+) -> Iterator[Path]:
     """A temporary folder beside ``folder`` that takes its place when the block ends, and vanishes if the block fails.
 
     Raises:
       ValueError: ``check_target`` refuses ``folder``, before the block or after it, or it cannot be made.
     """
-    final = check_target(folder, overwrite)
+    final = check_target(folder, overwrite, marks=marks)
     made = _make_parents(final.parent, folder)
     try:
         try:
@@ -187,7 +193,7 @@ def complete_folder(folder: str | Path, overwrite: bool = False) -> Iterator[Pat
             mask = os.umask(0)
             os.umask(mask)
             work.chmod(0o777 & ~mask)  # mkdtemp makes it private
-            check_target(folder, overwrite)  # minutes may have passed
+            check_target(folder, overwrite, marks=marks)  # minutes may have passed
             _swap(work, final)
         finally:
             shutil.rmtree(work, ignore_errors=True)

@@ -1,7 +1,8 @@
 """The folder that a finished stage leaves and that sampling loads: ``config.json`` and one ``<network>.safetensors`` a network.
 
-Averaged weights, flat dotted names, float16 on disk and float32 in memory. ``latent_stats.safetensors`` holds mean and standard
-deviation of each latent. A file is complete or absent (written beside, then renamed); nothing is unpickled.
+Averaged weights, flat dotted names, float16 on disk (converted ones as wide as they were) and float32 in memory.
+``latent_stats.safetensors`` holds mean and standard deviation of each latent. A file is complete or absent (written
+beside, then renamed); nothing is unpickled.
 """
 
 from __future__ import annotations
@@ -25,11 +26,14 @@ def export_network(
     folder: str | Path,
     name: str,
     params: Any,
-    dtype: Literal["float16", "float32"] = "float16",
+    dtype: Literal["float16", "float32", "stored"] = "float16",
 ) -> Path:
     """Write a network's (averaged) parameters to ``folder/<name>.safetensors``.
 
     Parameters that are split over several processes are gathered first, so call it on all of them; the first one writes.
+
+    Args:
+      dtype: on disk; 'stored' keeps float16 where a parameter has it and writes float32 otherwise (converted weights are mixed).
 
     Raises:
       ValueError: values are not finite, or too large for float16; all such names are listed.
@@ -40,8 +44,11 @@ def export_network(
             leaf.is_fully_addressable or leaf.is_fully_replicated
         ):
             leaf = multihost_utils.process_allgather(leaf, tiled=True)
+        width = dtype
+        if width == "stored":
+            width = "float16" if leaf.dtype == np.float16 else "float32"
         with np.errstate(over="ignore"):
-            tensors[key] = np.ascontiguousarray(np.asarray(leaf).astype(dtype))
+            tensors[key] = np.ascontiguousarray(np.asarray(leaf).astype(width))
     path = Path(folder) / f"{name}.safetensors"
     if bad := _not_finite(tensors):
         raise ValueError(f"{path}: not written, values are not finite as {dtype}: {', '.join(bad)}")
