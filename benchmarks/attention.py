@@ -28,7 +28,7 @@ from uniart_jax.nn import attention_xla
 from uniart_jax.nn.attention import attend, attend_segments
 from uniart_jax.nn.segments import fitted_sizes, pack_segments, segment_lengths, window_ids
 
-OBJECTS = (("scissors", 0), ("bottle", 0), ("laptop", 0), ("table", 3), ("table", 1), ("table", 0), ("refrigerator", 1), ("storage_furniture", 1), ("refrigerator", 0))  # fmt: skip
+OBJECTS = (("scissors", 0), ("bottle", 0), ("faucet", 4), ("laptop", 2), ("table", 1), ("table", 0), ("refrigerator", 1), ("storage_furniture", 1), ("refrigerator", 0))  # fmt: skip
 HEADS, SIZE, WINDOW = 12, 64, 8
 TILINGS = (18, 19, 20, 21)  # log2 of the logits at a time
 

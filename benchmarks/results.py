@@ -32,11 +32,45 @@ def in_turn(functions: dict[str, Callable[[], Any]], repeats: int) -> dict[str, 
     return {name: statistics.median(values) for name, values in times.items()}
 
 
+def steady(
+    function: Callable[[], Any],
+    wait: Callable[[Any], Any] = jax.block_until_ready,
+    seconds: float = 0.3,
+) -> float:
+    """Median seconds a call of calls queued one after another, for an accelerator that the host must stay ahead of. The first call compiles."""
+    wait(function())
+    begin = time.perf_counter()
+    wait(function())
+    calls = int(min(100, max(1, seconds / 3 / (time.perf_counter() - begin))))
+    rounds = []
+    for _ in range(3):
+        begin = time.perf_counter()
+        for _ in range(calls):
+            result = function()
+        wait(result)
+        rounds.append((time.perf_counter() - begin) / calls)
+    return statistics.median(rounds)
+
+
 def matmul_peak(size: int = 2048, repeats: int = 7) -> float:
     """GFLOP/s of a float32 product of two ``size``^2 matrices here: the limit that is measured, not the one on the box."""
     a = jax.numpy.ones((size, size))
     product = jax.jit(lambda a: a @ a)
     return 2 * size**3 / in_turn({"": lambda: product(a)}, repeats)[""] / 1e9
+
+
+def matmul_peaks(size: int) -> dict[str, float]:
+    """GFLOP/s of random matrices' products in what networks compute in; float32 as JAX does it unless told otherwise (TF32 on NVIDIA), and exactly."""
+    peaks = {}
+    for name, dtype, precision in (
+        ("bfloat16", "bfloat16", None),
+        ("float32", "float32", None),
+        ("float32 highest", "float32", "highest"),
+    ):
+        a = jax.random.normal(jax.random.key(0), (size, size), dtype)
+        product = jax.jit(lambda a, p=precision: jax.numpy.matmul(a, a, precision=p))
+        peaks[name] = 2 * size**3 / steady(lambda f=product, a=a: f(a)) / 1e9
+    return peaks
 
 
 def machine() -> dict[str, Any]:
@@ -58,10 +92,39 @@ def report(name: str, rows: Sequence[dict[str, Any]], out: Path, **more: Any) ->
     for line in [columns, *text]:
         print("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)))
     for key, value in more.items():
-        print(f"{key}: {_text(value)}")
+        if key != "machine":
+            print(f"{key}: {_text(value)}")
+    save(name, rows, out, **more)
+
+
+def save(name: str, rows: Sequence[dict[str, Any]], out: Path, **more: Any) -> None:
+    """``OUT/<name>.json`` alone; ``machine=`` where another process measured."""
     out.mkdir(parents=True, exist_ok=True)
-    content = {"machine": machine(), "rows": list(rows), **more}
+    content = {"machine": more.get("machine") or machine(), "rows": list(rows), **more}
     (out / f"{name}.json").write_text(json.dumps(content, indent=2, default=float) + "\n")
+
+
+def bars(path: Path, groups: dict[str, dict[str, float]], ylabel: str) -> None:
+    """Groups of bars on a logarithmic axis; a name has one colour in all of them."""
+    names = list(dict.fromkeys(name for group in groups.values() for name in group))
+    figure, axes = plt.subplots(figsize=(max(6, 1.8 * len(groups)), 4.5))
+    width = 0.9 / max(map(len, groups.values()), default=1)
+    for i, name in enumerate(names):
+        here = [
+            (x + (list(group).index(name) - (len(group) - 1) / 2) * width, group[name])
+            for x, group in enumerate(groups.values())
+            if name in group
+        ]
+        axes.bar(*zip(*here, strict=True), width, label=name, color=plt.cm.tab20(i % 20))
+    axes.set_xticks(range(len(groups)), groups, fontsize=7)
+    axes.set(yscale="log", ylabel=ylabel)
+    axes.grid(alpha=0.3, axis="y", which="both")
+    axes.legend(fontsize=7)
+    figure.tight_layout()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+    print(f"picture: {path}")
 
 
 def picture(

@@ -14,7 +14,7 @@ FLOORS = [
     {"voxels", "procedural", "render", "flow"},
     {"data", "models"},
     {"weights", "export", "samplers"},
-    {"training", "pipeline", "validation", "stages", "conversion"},
+    {"training", "pipeline", "validation", "encoding", "stages", "conversion"},
     {"simulation", "evaluation", "viewer"},
     {"cli"},
 ]
@@ -29,6 +29,8 @@ SAME_FLOOR = {
     ("validation", "pipeline"),
     ("validation", "training"),
     ("conversion", "training"),
+    ("encoding", "training"),
+    ("stages", "encoding"),
     ("stages", "training"),
     ("stages", "validation"),
     ("stages", "pipeline"),

@@ -11,7 +11,7 @@ import pytest
 from safetensors.numpy import load_file
 
 import uniart_jax
-from uniart_jax import procedural, stages
+from uniart_jax import encoding, procedural, stages
 from uniart_jax.cli import load_config
 from uniart_jax.config import Config, LatentSampleConfig, LossConfig, StructureSampleConfig
 from uniart_jax.data.prepare import prepare_procedural
@@ -120,7 +120,7 @@ def test_a_flow_says_which_network_it_lacks(trained, tmp_path):
 
 def test_the_metric_of_the_latents_found_is_positive_definite(trained):
     config, workdir = trained
-    metric = stages.latent_metric(workdir / "latents", config.data.records, 0.5)
+    metric = encoding.latent_metric(workdir / "latents", config.data.records, 0.5)
     assert metric.shape == (4, 4) and np.linalg.eigvalsh(metric).min() >= 0.5 / 4 - 1e-5
 
 

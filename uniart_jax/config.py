@@ -31,12 +31,13 @@ class ImageEncoderConfig:
     boxes and joints from the image. It gives ``tokens`` for cross-attention and a ``volume`` of features aligned with the object's grid.
 
     'dinov2': the vision transformer of DINOv2 with registers, frozen, as TRELLIS conditions on it; ``tokens`` only. Of the fields it reads
-    image_size, patch_size, registers, width, num_blocks, num_heads and mlp_ratio.
+    image_size, crop_margin, patch_size, registers, width, num_blocks, num_heads and mlp_ratio.
     """
 
     architecture: Literal["volume", "dinov2"] = "volume"
     patch_size: int = 14  # 'dinov2'
     registers: int = 4  # 'dinov2'
+    crop_margin: float = 1.1  # side of the crop over the object's longer side (TRELLIS: 1.2); records hold crops of 1.1
     image_size: int = 128  # pixels a side of the images in the records
     stem_stride: int = 4  # of the first stage
     stem_channels: tuple[int, ...] = (

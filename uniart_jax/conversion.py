@@ -117,6 +117,8 @@ def convert_dinov2_file(source: Path, out: Path, overwrite: bool = False) -> Pat
                 raise ValueError(f"'{source}': its width {encoder.width} is not the {width} that {flow} in '{out.parent}' is conditioned on; take another size of DINOv2")  # fmt: skip
     export_network(out.parent, "image_encoder", params, "stored")
     if config is not None:
+        margin = config.model.image_encoder.crop_margin  # belongs to the flows
+        encoder = dataclasses.replace(encoder, crop_margin=margin)
         model = dataclasses.replace(config.model, image_encoder=encoder)
         write_config(out.parent, dataclasses.replace(config, model=model))
     count = len(jax.tree.leaves(params))

@@ -140,7 +140,8 @@ class Pipeline:
             )
         if pixels.shape[-1] == 3:
             pixels = np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)])
-        cut = crop(foreground(pixels, name), self.config.model.image_encoder.image_size)
+        encoder = self.config.model.image_encoder
+        cut = crop(foreground(pixels, name), encoder.image_size, encoder.crop_margin)
         return cut.astype(np.float32) / 255
 
     def encode_images(self, images: np.ndarray) -> Condition:
@@ -197,7 +198,7 @@ class Pipeline:
             batch[key] = pad(getattr(grid, key), width, dtype)
         for key, dtype in (("boxes", "f4"), ("codes", "f4"), ("parents", "i4")):
             batch[key] = pad(getattr(grid, key), model.grid.max_parts, dtype)
-        batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+        batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, fitted=True)
         return np.asarray(self._encode_voxels(self.parameters["uniart_vae"], batch))[0, :count]
 
     def decode(
@@ -247,7 +248,7 @@ class Pipeline:
         for b, values in enumerate(latents):
             latent[b, : len(values)] = values
         batch: dict[str, Any] = {"coords": padded, "counts": counts}
-        batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, parts=False)
+        batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, parts=False, fitted=True)
         return latent, batch
 
     def decode_sampled(

@@ -14,28 +14,24 @@ loads. Every stage resumes by itself; a finished one is skipped.
 from __future__ import annotations
 
 import dataclasses
-import functools
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
-import numpy as np
 from rich.console import Console
 
-from uniart_jax.config import NETWORKS, Config, GridConfig, ModelConfig
+from uniart_jax.config import NETWORKS, Config, GridConfig
 from uniart_jax.data import latents as latent_store
-from uniart_jax.data.batches import record_batches, voxel_batches
+from uniart_jax.data.batches import voxel_batches
 from uniart_jax.data.folder import read_manifest, read_metadata
 from uniart_jax.data.image_table import image_batches, load_image_table
 from uniart_jax.data.prepare import prepare_procedural
-from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
+from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
 from uniart_jax.models.network import build
 from uniart_jax.pipeline import checkpoint_folder
-from uniart_jax.progress import advancing
 from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
@@ -49,28 +45,12 @@ from uniart_jax.training.export import (
     write_statistics,
 )
 from uniart_jax.training.loop import run_stage
-from uniart_jax.training.readout import WEIGHTS, fit_metric
 from uniart_jax.training.sharding import make_mesh, put_batch
 from uniart_jax.training.state import begin_with, create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 from uniart_jax.validation import load_conditioner, make_evaluation
 
-ENCODED = ("structure_vae", "uniart_vae")  # what latents depend on
-ENCODE_KEYS = (
-    "coords",
-    "counts",
-    "sdf",
-    "color",
-    "owner",
-    "voxel_part",
-    "boxes",
-    "codes",
-    "parents",
-    "plans",
-)
-ENCODE_BATCH = 4
-METRIC_ITEMS, METRIC_VOXELS = 200, 500
-
+RUNTIME = ("kernel", "compute_dtype", "scan_blocks", "remat")  # how a model is run, not what it is
 console = Console(stderr=True, highlight=False)
 
 
@@ -80,7 +60,8 @@ def run(
     """Train ``stages`` in their order; prepares the config's own procedural records first if they are not there.
 
     Args:
-      init: a checkpoint (``pipeline.checkpoint_folder``) to go on from, see ``adopt``. A stage that has a checkpoint of its own resumes from that.
+      init: a checkpoint (``pipeline.checkpoint_folder``) to go on from, see ``adopt``; default: the config's own. A stage that has a checkpoint of
+        its own resumes from that.
 
     Raises:
       ValueError: WORKDIR belongs to another model, a flow's checkpoint to other inputs, or ``init`` does not fit the config.
@@ -92,7 +73,9 @@ def run(
         raise ValueError(
             "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
         )
-    source = None if init is None else checkpoint_folder(init)
+    stages = trainable(config, stages)
+    init = init or config.init
+    source = checkpoint_folder(init) if init else None
     taken: list[str] = []
     if source is not None:  # before anything is written
         for name in stages:
@@ -110,6 +93,30 @@ def run(
     ensure_records(config)
     for name in (n for n in NETWORKS if n in stages):
         train_network(name, config, workdir, source)
+
+
+def trainable(config: Config, stages: Sequence[str]) -> list[str]:
+    """The stages without the image encoder where that is DINOv2, which is frozen.
+
+    Raises:
+      ValueError: nothing else was asked for, or the UniArt VAE reads features that records do not hold.
+    """
+    vae, left = config.model.uniart_vae, list(stages)
+    if config.model.image_encoder.architecture == "dinov2" and "image_encoder" in left:
+        left.remove("image_encoder")
+        if not left:
+            raise ValueError(
+                "stage image_encoder: DINOv2 is taken as it is, not trained; "
+                "convert its weights (uniart convert dinov2 FILE --out CHECKPOINT) and give CHECKPOINT as --init"
+            )
+    features = {"visual": vae.visual_channels, "part_feature": vae.part_feature_channels}
+    for name in (
+        n for n, channels in features.items() if channels and set(left) - {"structure_vae"}
+    ):
+        raise ValueError(
+            f"config: model.uniart_vae.{name}_channels is {features[name]}, but records do not hold such features yet; set it to 0"
+        )
+    return left
 
 
 def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
@@ -167,7 +174,7 @@ def claim(config: Config, workdir: Path) -> None:
     """Make WORKDIR this config's, or check that it is: one folder holds one model."""
     if (workdir / "config.json").is_file():
         found = read_config(workdir)
-        runtime = {"kernel": config.model.kernel, "compute_dtype": config.model.compute_dtype}
+        runtime = {name: getattr(config.model, name) for name in RUNTIME}
         other = dataclasses.replace(found.model, **runtime)
         parts = [f.name for f in dataclasses.fields(other)]
         differ = [n for n in parts if getattr(other, n) != getattr(config.model, n)]
@@ -308,9 +315,9 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
     """
     for name in ("image_encoder", *ENCODED):
         if not exported(workdir, name):
-            raise FileNotFoundError(
-                f"{workdir}/export/{name}.safetensors: not there; train it first: --stage {name}"
-            )
+            frozen = name == "image_encoder" and config.model.image_encoder.architecture == "dinov2"
+            how = "give a checkpoint that has it as --init" if frozen else f"train it first: --stage {name}"  # fmt: skip
+            raise FileNotFoundError(f"{workdir}/export/{name}.safetensors: not there; {how}")
     encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
     latents = digest(config, workdir, Path(config.data.records))
     key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
@@ -342,118 +349,3 @@ def make_put(
         return {**condition(rest.pop("image"))._asdict(), **rest}
 
     return put
-
-
-def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """All records, and their mirror images if asked for, through both VAEs; again only if weights or records changed."""
-    parameters = {
-        name: load_network(workdir, name, build(name, config.model).abstract()) for name in ENCODED
-    }
-    jobs = [
-        (
-            config.data.records,
-            workdir / "latents",
-            (False, True) if config.data.mirror_latents else (False,),
-        )
-    ]
-    if config.data.validation:
-        jobs.append((config.data.validation, workdir / "latents-validation", (False,)))
-    for records, out, mirrors in jobs:
-        key = digest(config, workdir, Path(records))
-        if latent_store.latents_key(out) != key:
-            console.print(f"encoding {records}")
-            latent_store.write_latents(
-                out, encode_records(config, parameters, records, mirrors), key=key
-            )
-    found = latent_store.read_statistics(workdir / "latents")
-    return {
-        "structure": (found.structure_mean, found.structure_std),
-        "latent": (found.latent_mean, found.latent_std),
-    }
-
-
-def latent_metric(latents: Path, records: str | Path, share: float) -> np.ndarray:
-    """[C, C] of ``training.readout.fit_metric``, from voxels of some items at even distances."""
-    source, tables = latent_store.LatentSource(latents), RecordSource(records)
-    rng = np.random.default_rng(0)
-    found: dict[str, list[np.ndarray]] = {name: [] for name in ("latent", *WEIGHTS)}
-    chosen = np.linspace(0, len(source) - 1, min(METRIC_ITEMS, len(source))).astype(int)
-    for item in (source[i] for i in np.unique(chosen).tolist()):
-        if item["mirrored"]:
-            continue
-        record = tables[int(item["record"])]
-        number = len(record.coords)
-        rows = rng.choice(number, min(METRIC_VOXELS, number), replace=False)
-        part = record.voxel_part[rows].astype(int)
-        found["latent"].append(item["latent"][rows].astype(np.float64))
-        found["own_box"].append(record.boxes[part])
-        found["joint_code"].append(record.codes[part])
-        found["parent_box"].append(record.boxes[record.parents[part]])
-        found["color"].append(decode_color(record.color[rows]).mean(1))
-        found["sdf"].append(decode_sdf(record.sdf[rows]))
-    rows = {name: np.concatenate(values) for name, values in found.items()}
-    return fit_metric(rows.pop("latent"), rows, share)
-
-
-def digest(config: Config, workdir: Path, records: Path) -> str:
-    """What latents depend on: both VAEs' sizes and exported weights, the records, and mirroring."""
-    model = config.model
-    sizes = (model.grid, model.structure_vae, model.uniart_vae)
-    total = hashlib.sha256(repr((sizes, config.data.mirror_latents, latent_store.FIELDS)).encode())
-    for path in [workdir / "export" / f"{name}.safetensors" for name in ENCODED]:
-        total.update(path.read_bytes())
-    for path in (records / "metadata.json", records / "manifest.csv"):
-        total.update(path.read_bytes() if path.is_file() else b"")
-    for path in shard_paths(records):
-        total.update(f"{path.name} {path.stat().st_size}".encode())
-    return total.hexdigest()
-
-
-def encode_records(
-    config: Config, parameters: dict[str, Any], records: str | Path, mirrors: Sequence[bool]
-) -> Iterator[dict[str, Any]]:
-    """Items for ``latents.write_latents``: latent means and pictures of every record."""
-    encode = make_encoder(config.model)
-    with advancing("encoding", len(RecordSource(records)) * len(mirrors)) as advance:
-        for mirrored in mirrors:
-            for batch in record_batches(
-                records, config.data, config.model, ENCODE_BATCH, mirrored=mirrored
-            ):
-                out = jax.device_get(encode(parameters, {key: batch[key] for key in ENCODE_KEYS}))
-                for b in np.nonzero(batch["record"] >= 0)[0]:
-                    count = batch["counts"][b]
-                    yield {
-                        "record": int(batch["record"][b]),
-                        "mirrored": mirrored,
-                        "structure": out["structure"][b],
-                        "coords": batch["coords"][b, :count],
-                        "voxel_part": batch["voxel_part"][b, :count],
-                        "latent": out["latent"][b, :count],
-                        "images": np.round(batch["images"][b] * 255),
-                    }
-                    advance()
-
-
-def dense_occupancy(coords: jax.Array, counts: jax.Array, resolution: int) -> jax.Array:
-    """[B, R, R, R] float32, 1 at the active voxels of padded coords [B, V, 3]."""
-    valid = (jnp.arange(coords.shape[1]) < counts[:, None]).astype(jnp.float32)
-
-    def one(coords, valid):
-        return jnp.zeros((resolution,) * 3).at[coords[:, 0], coords[:, 1], coords[:, 2]].max(valid)
-
-    return jax.vmap(one)(coords, valid)
-
-
-@functools.lru_cache(maxsize=2)  # records and validation share one program
-def make_encoder(model: ModelConfig) -> Callable[..., dict[str, jax.Array]]:
-    """Jitted (parameters of both VAEs, voxel batch) -> structure, latent."""
-    structure_vae, uniart_vae = (build(n, model) for n in ENCODED)
-
-    @functools.partial(jax.jit)
-    def encode(parameters, voxels):
-        occupancy = dense_occupancy(voxels["coords"], voxels["counts"], model.grid.resolution)
-        structure, _ = structure_vae.apply(parameters["structure_vae"], occupancy, method="encode")
-        latent = uniart_vae.apply(parameters["uniart_vae"], voxels, method="encode")["mean"]
-        return {"structure": structure, "latent": latent}
-
-    return encode

@@ -11,9 +11,8 @@ from uniart_jax.nn.convolution import (
     SubmanifoldConv,
     conv3,
     depth_to_space,
-    gather_neighbors,
     space_to_depth,
-    sum_taps,
+    submanifold,
 )
 from uniart_jax.nn.embeddings import position_embedding
 from uniart_jax.nn.grids import FlowPlan, plan_neighbors, plan_pool
@@ -93,7 +92,6 @@ def test_submanifold_conv_is_the_dense_one_at_active_voxels(outputs):
 
 def test_gathers_have_the_gradients_of_plain_indexing():
     coords, counts, x = sparse()
-    neighbors = jnp.asarray(plan_neighbors(coords, counts).reshape(-1, 27))
     pool = jax.tree.map(jnp.asarray, plan_pool(coords, counts, 2, 8))
     rows = x.reshape(-1, 5)
 
@@ -101,11 +99,6 @@ def test_gathers_have_the_gradients_of_plain_indexing():
         return lambda r: jnp.take(r, index, axis=0, mode="fill", fill_value=0)
 
     pairs = [
-        (lambda r: gather_neighbors(r, neighbors), plain(neighbors)),
-        (
-            lambda r: sum_taps(jnp.repeat(r[:, None], 27, 1), neighbors),
-            lambda r: plain(neighbors)(r).sum(1),
-        ),
         (lambda r: to_cells(r.reshape(x.shape), pool), plain(pool.children)),
     ]
     for ours, reference in pairs:
@@ -113,6 +106,24 @@ def test_gathers_have_the_gradients_of_plain_indexing():
         a, b = (jax.grad(lambda r: (f(r) * weights).sum())(rows) for f in (ours, reference))  # noqa: B023
         valid = (np.arange(60) < counts[:, None]).reshape(-1)
         np.testing.assert_allclose(a[valid], b[valid], **CLOSE)
+
+
+@pytest.mark.parametrize("outputs", [6, 3])
+def test_submanifold_gradients_are_those_of_gathered_columns(outputs):
+    coords, counts, x = sparse()
+    neighbors = jnp.asarray(plan_neighbors(coords, counts).reshape(-1, 27))
+    rows, kernel, weights = x.reshape(-1, 5), normal(27, 5, outputs), normal(x.size // 5, outputs)
+
+    def columns(rows, kernel):
+        found = jnp.take(rows, neighbors, axis=0, mode="fill", fill_value=0)
+        return (jnp.einsum("tkc,kcd->td", found, kernel) * weights).sum()
+
+    def ours(rows, kernel):
+        return (submanifold(rows, kernel, neighbors) * weights).sum()
+
+    valid = (np.arange(60) < counts[:, None]).reshape(-1)
+    for a, b, which in zip(*(jax.grad(f, (0, 1))(rows, kernel) for f in (ours, columns)), (valid, ...), strict=True):  # fmt: skip
+        np.testing.assert_allclose(a[which], b[which], **CLOSE)
 
 
 def test_pooling_round_trip_and_its_odd_mean():

@@ -153,8 +153,8 @@ def _extent(alpha: np.ndarray) -> tuple[int, int, int, int]:
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
-def crop(rgba: np.ndarray, size: int) -> np.ndarray:
-    """Square crop around the foreground, ``MARGIN`` times its longer side, resampled.
+def crop(rgba: np.ndarray, size: int, margin: float = MARGIN) -> np.ndarray:
+    """Square crop around the foreground, ``margin`` times its longer side, resampled.
 
     Args:
       rgba: [H, W, 4] uint8 straight alpha.
@@ -164,7 +164,7 @@ def crop(rgba: np.ndarray, size: int) -> np.ndarray:
       [size, size, 3] uint8 sRGB on black (colour times alpha, as TRELLIS).
     """
     top, bottom, left, right = _extent(rgba[..., 3])
-    half = crop_window(rgba[..., 3])[2]
+    half = max(bottom - top, right - left) / 2 * margin
     object_only = Image.fromarray(np.ascontiguousarray(rgba[top:bottom, left:right]))
     black = Image.new("RGB", object_only.size)
     image = Image.composite(object_only.convert("RGB"), black, object_only.getchannel("A"))

@@ -9,10 +9,11 @@ import math
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from flax import nnx
 
 from uniart_jax.nn.gathers import take_rows
+
+TAPS = 9  # of 27, worked on at a time
 
 
 def conv3(x: jax.Array, kernel: jax.Array) -> jax.Array:
@@ -78,44 +79,66 @@ def depth_to_space(x: jax.Array, factor: int) -> jax.Array:
 
 
 @jax.custom_vjp
-def gather_neighbors(rows: jax.Array, neighbors: jax.Array) -> jax.Array:
-    """rows [T, C] at neighbors [T, 27] -> [T, 27, C]; zero where there is none.
+def submanifold(rows: jax.Array, kernel: jax.Array, neighbors: jax.Array) -> jax.Array:
+    """out[p] = sum over taps k of rows[neighbors[p, k]] kernel[k]: [T, C], [27, C, C'], [T, 27] -> [T, C'].
 
-    ``neighbors`` must be symmetric, as ``plan_neighbors`` makes it: if q is p's neighbour at tap k, p is q's at 26 - k. So the
-    gradient is a gather as well.
+    ``neighbors`` must be symmetric, as ``plan_neighbors`` makes it: if q is p's neighbour at tap k, p is q's at 26 - k. So the gradient is gathers
+    as well. Nine taps at a time, and the narrower side of the product is what is gathered: no [T, 27, C] array exists, forward or backward.
     """
-    return take_rows(rows, neighbors)
+    _, inputs, outputs = kernel.shape
+
+    def taps(total, part):
+        weight, near = part
+        if outputs < inputs:
+            products = rows @ weight.swapaxes(0, 1).reshape(inputs, -1)
+            return total + _sum_of(products, near), None
+        return total + _side_by_side(rows, near) @ weight.reshape(-1, outputs), None
+
+    start = jnp.zeros((len(rows), outputs), rows.dtype)
+    return jax.lax.scan(taps, start, (_grouped(kernel), _grouped(neighbors.T)))[0]
 
 
-def _gather_forward(rows, neighbors):
-    return take_rows(rows, neighbors), neighbors
+def _submanifold_forward(rows, kernel, neighbors):
+    return submanifold(rows, kernel, neighbors), (rows, kernel, neighbors)
 
 
-def _gather_backward(neighbors, gradient):
-    return sum_taps(gradient, neighbors[:, ::-1]), None
+def _submanifold_backward(saved, gradient):
+    rows, kernel, neighbors = saved
+    _, inputs, outputs = kernel.shape
+
+    def taps(total, part):
+        weight, near, mirrored = part
+        if outputs < inputs:
+            seen = _side_by_side(gradient, mirrored)
+            d_weight = (rows.T @ seen).reshape(inputs, TAPS, outputs).swapaxes(0, 1)
+            return total + seen @ weight.swapaxes(1, 2).reshape(-1, inputs), d_weight
+        products = gradient @ weight.reshape(-1, outputs).T
+        d_weight = _side_by_side(rows, near).T @ gradient
+        return total + _sum_of(products, mirrored), d_weight.reshape(TAPS, inputs, outputs)
+
+    parts = [_grouped(x) for x in (kernel, neighbors.T, neighbors.T[::-1])]
+    d_rows, d_kernel = jax.lax.scan(taps, jnp.zeros_like(rows), parts)
+    return d_rows, d_kernel.reshape(kernel.shape), None
 
 
-gather_neighbors.defvjp(_gather_forward, _gather_backward)
+def _grouped(of_taps: jax.Array) -> jax.Array:
+    return of_taps.reshape(-1, TAPS, *of_taps.shape[1:])
 
 
-@jax.custom_vjp
-def sum_taps(products: jax.Array, neighbors: jax.Array) -> jax.Array:
-    """sum over k of products[neighbors[p, k], k]: [T, 27, C] at [T, 27] -> [T, C]. ``gather_neighbors`` transposed; same symmetry."""
-    tokens, taps, channels = products.shape
-    flat = products.reshape(tokens * taps, channels)
-    index = neighbors * taps + np.arange(taps, dtype=np.int32)
-    return take_rows(flat, jnp.where(neighbors < tokens, index, tokens * taps)).sum(1)
+def _side_by_side(rows: jax.Array, near: jax.Array) -> jax.Array:
+    """rows [T, C] at near [taps, T] -> [T, taps C]."""
+    return take_rows(rows, near.T).reshape(near.shape[1], -1)
 
 
-def _sum_taps_forward(products, neighbors):
-    return sum_taps(products, neighbors), neighbors
+def _sum_of(products: jax.Array, near: jax.Array) -> jax.Array:
+    """products [T, taps C], the j-th part of them at near[j] -> [T, C], summed."""
+    taps, tokens = near.shape
+    flat = products.reshape(len(products) * taps, -1)
+    index = near.T * taps + jnp.arange(taps, dtype=near.dtype)
+    return take_rows(flat, jnp.where(tokens > near.T, index, len(flat))).sum(1)
 
 
-def _sum_taps_backward(neighbors, gradient):
-    return take_rows(gradient, neighbors[:, ::-1]), None
-
-
-sum_taps.defvjp(_sum_taps_forward, _sum_taps_backward)
+submanifold.defvjp(_submanifold_forward, _submanifold_backward)
 
 
 class SubmanifoldConv(nnx.Module):
@@ -132,15 +155,9 @@ class SubmanifoldConv(nnx.Module):
         """x [B, V, C], neighbors [B, V, 27] -> [B, V, C']."""
         items, width, channels = x.shape
         kernel = self.kernel[...].astype(self.dtype)
-        outputs = kernel.shape[-1]
-        rows, taps = x.astype(self.dtype).reshape(-1, channels), neighbors.reshape(-1, 27)
-        if outputs < channels:  # multiply first: what is gathered is the narrower of the two
-            products = rows @ kernel.swapaxes(0, 1).reshape(channels, 27 * outputs)
-            out = sum_taps(products.reshape(-1, 27, outputs), taps)
-        else:
-            columns = gather_neighbors(rows, taps)
-            out = columns.reshape(-1, 27 * channels) @ kernel.reshape(27 * channels, outputs)
-        return out.reshape(items, width, outputs) + self.bias[...].astype(self.dtype)
+        rows = x.astype(self.dtype).reshape(-1, channels)
+        out = submanifold(rows, kernel, neighbors.reshape(-1, 27))
+        return out.reshape(items, width, -1) + self.bias[...].astype(self.dtype)
 
 
 def _torch_uniform(rngs: nnx.Rngs, shape: tuple[int, ...], fan_in: int, zero: bool) -> jax.Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -103,19 +104,24 @@ def flow_plan(
 ) -> FlowPlan:
     """The plan of the latent flow's stem for voxels [B, V, 3].
 
-    Capacity of a level: all cells of its grid or all voxels, whichever is less, so it always suffices. With ``round_to`` it is the
-    most cells of an item of this batch, rounded up to a multiple: less padding, a few more shapes to compile.
+    Capacity of a level: all cells of its grid or all voxels, whichever is less, so it always suffices; for the 'conv' stem, of that as many
+    sixteenths as this batch needs (a surface's voxels share their cell with three others, so three to six). With ``round_to`` it is the most cells of an item of
+    this batch, rounded up to a multiple: less padding, a few more shapes to compile.
     """
     side = grid.resolution
 
     def pool(coords: np.ndarray, counts: np.ndarray, factor: int) -> Pool:
         most = min(coords.shape[1], (-(-side // factor)) ** 3)
-        if round_to:
+        if round_to or config.stem == "conv":
             cells = [
                 np.unique(c[:n] // factor, axis=0) for c, n in zip(coords, counts, strict=True)
             ]
             active = max([1, *map(len, cells)])
-            most = min(most, -(-active // round_to) * round_to)
+            if round_to:
+                most = min(most, -(-active // round_to) * round_to)
+            else:
+                step = math.ceil(most / 16)
+                most = min(most, -(-active // step) * step)
         return plan_pool(coords, counts, factor, most)
 
     if config.stem == "patch":

@@ -243,7 +243,9 @@ def draw(batch, x0: jax.Array, key: jax.Array, config: Config):
     noise = jax.random.normal(noise_key, x0.shape)
     keep = jax.random.uniform(drop_key, batch["tokens"].shape[:1]) >= weights.condition_drop
     tokens = jnp.where(keep[:, None, None], batch["tokens"], 0)
-    volume = jnp.where(keep[:, None, None, None, None], batch["volume"], 0)
+    volume = batch.get("volume")
+    if volume is not None:
+        volume = jnp.where(keep[:, None, None, None, None], volume, 0)
     return t, noise, tokens, volume
 
 

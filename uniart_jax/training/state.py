@@ -16,6 +16,7 @@ import optax
 from uniart_jax.config import StageConfig
 from uniart_jax.training.sharding import state_sharding
 
+FROZEN = jax.tree_util.DictKey("pos_emb")  # a structure flow's position table: no gradient either
 Params = Any  # nested dict of float32 arrays
 
 
@@ -46,14 +47,16 @@ def make_schedule(stage: StageConfig) -> optax.Schedule:
 
 
 def make_optimizer(stage: StageConfig) -> optax.GradientTransformation:
-    """AdamW as ``stage`` says; gradients clipped by global norm (0 = not), decay only on kernels (two or more axes)."""
+    """AdamW as ``stage`` says; gradients clipped by global norm (0 = not), decay only on kernels (two or more axes, no frozen table)."""
     b1, b2 = stage.betas
     adamw = optax.adamw(
         make_schedule(stage),
         b1=b1,
         b2=b2,
         weight_decay=stage.weight_decay,
-        mask=lambda params: jax.tree.map(lambda p: p.ndim >= 2, params),
+        mask=lambda params: jax.tree_util.tree_map_with_path(
+            lambda path, p: p.ndim >= 2 and path[-1] != FROZEN, params
+        ),
     )
     if stage.gradient_clip > 0:
         return optax.chain(optax.clip_by_global_norm(stage.gradient_clip), adamw)

@@ -153,6 +153,11 @@ def _with_image_encoder(model: ModelConfig, pieces: Sequence[Converted]) -> Mode
     (width,) = widths
     blocks, heads = DINOV2.get(width, (12, max(1, width // 64)))
     encoder = ImageEncoderConfig(
-        architecture="dinov2", image_size=518, width=width, num_blocks=blocks, num_heads=heads
+        architecture="dinov2",
+        crop_margin=1.2,  # TRELLIS's
+        image_size=518,
+        width=width,
+        num_blocks=blocks,
+        num_heads=heads,
     )
     return dataclasses.replace(model, image_encoder=encoder)
