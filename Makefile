@@ -32,8 +32,11 @@ lint: .venv/ready
 format: .venv/ready
 	@$(BIN)/ruff check --fix . && $(BIN)/ruff format .
 
+# the peer is PyTorch on a CPU; nothing else needs it. TORCH=torch takes the default build
+TORCH ?= torch --index-url https://download.pytorch.org/whl/cpu
 bench: .venv/ready
-	@for script in benchmarks/*.py; do echo "· $$script"; $(BIN)/python $$script || exit 1; done
+	@$(BIN)/python -c "import torch" 2>/dev/null || { echo "· installing PyTorch, the peer"; $(BIN)/python -m pip install --quiet --disable-pip-version-check $(TORCH); }
+	@for script in joint_code_noise networks voxelize attention full_size training_step; do echo "· benchmarks/$$script.py"; $(BIN)/python benchmarks/$$script.py || exit 1; done
 
 clean:
 	rm -rf .venv out

@@ -223,3 +223,19 @@ def test_retrieval_among_held_out_objects_is_refused(trained, tmp_path):
     )  # fmt: skip
     with pytest.raises(ValueError, match="holds held-out objects"):
         make_retrieval(uniart_jax.load(workdir), tmp_path / "records")
+
+
+def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
+    """What configs/paper.py is told before anything is written."""
+    config = toy(tmp_path)
+    encoder = dataclasses.replace(config.model.image_encoder, architecture="dinov2")
+    frozen = dataclasses.replace(
+        config, model=dataclasses.replace(config.model, image_encoder=encoder)
+    )
+    assert stages.trainable(frozen, stages.NETWORKS) == list(stages.NETWORKS[1:])
+    with pytest.raises(ValueError, match="uniart convert dinov2"):
+        stages.run(frozen, ("image_encoder",), tmp_path / "work")
+    paper = load_config(DEBUG.with_name("paper.py"))
+    with pytest.raises(ValueError, match="visual_channels is 1024, but records do not hold"):
+        stages.run(paper, stages.NETWORKS, tmp_path / "work")
+    assert not (tmp_path / "work").exists()

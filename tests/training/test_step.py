@@ -37,6 +37,14 @@ def test_schedules():
     assert float(short(0)) == pytest.approx(2.0)
 
 
+def test_a_frozen_position_table_stays():
+    optimizer = make_optimizer(StageConfig(learning_rate=1.0, warmup_steps=0, weight_decay=0.5))
+    params = {"pos_emb": jnp.ones((2, 3)), "layer": {"kernel": jnp.ones((2, 3))}}
+    zero = jax.tree.map(jnp.zeros_like, params)
+    updates, _ = optimizer.update(zero, optimizer.init(params), params)
+    assert not np.asarray(updates["pos_emb"]).any() and np.asarray(updates["layer"]["kernel"]).all()
+
+
 def test_only_kernels_decay():
     optimizer = make_optimizer(StageConfig(learning_rate=1.0, warmup_steps=0, weight_decay=0.5))
     params = {"kernel": jnp.ones((2, 2)), "bias": jnp.ones(2)}

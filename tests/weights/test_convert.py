@@ -2,11 +2,14 @@
 
 import dataclasses
 import json
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from official import GAUSSIANS, NETWORKS, torch_state, upstream, write_folder, write_network
+from PIL import Image
 from safetensors.numpy import load_file, save_file
 
 from uniart_jax import cli
@@ -251,8 +254,36 @@ def test_dinov2_joins_a_converted_checkpoint(converted, tmp_path, capsys, monkey
     code, told = run(capsys, monkeypatch, "dinov2", tmp_path / "fits.safetensors", "--out", folder)
     assert code == 0 and "config.json says so now" in told
     model = read_config(folder).model
-    assert model.image_encoder == dataclasses.replace(narrow, crop_margin=1.2)  # as its flows know it
+    assert model.image_encoder == dataclasses.replace(
+        narrow, crop_margin=1.2
+    )  # as its flows know it
     load_network(folder, "image_encoder", build("image_encoder", model).abstract())
+    samples_as_the_readme_says(folder, tmp_path, capsys, monkeypatch)
+
+
+def samples_as_the_readme_says(folder, tmp_path, capsys, monkeypatch):
+    """TRELLIS's own path on the converted weights; an object is refused, as the heads are new."""
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    section = readme.split("## TRELLIS's and DINOv2's weights")[1].split("\n## ")[0]
+    (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    rgba = np.zeros((40, 50, 4), np.uint8)
+    rgba[10:30, 15:40] = (200, 120, 40, 255)
+    picture = tmp_path / "photo.png"
+    Image.fromarray(rgba).save(picture)
+    names: dict = {}
+    exec(code.replace("weights/trellis", str(folder)).replace("photo.png", str(picture)), names)
+    voxels = names["coords"]
+    assert voxels.shape[1] == 3 and len(voxels) and voxels.max() < 16
+    assert names["latent"].shape == (len(voxels), 8) and np.isfinite(names["latent"]).all()
+    shapes = {name: values.shape for name, values in names["gaussians"].items()}
+    assert shapes["xyz"] == (4 * len(voxels), 3) and shapes["opacity"][0] == 4 * len(voxels)
+    monkeypatch.setattr(sys, "argv", ["uniart", "sample", str(picture), "--out", str(tmp_path / "object"), "--checkpoint", str(folder)])  # fmt: skip
+    with pytest.raises(SystemExit) as error:
+        cli.main()
+    told = capsys.readouterr().err
+    assert (
+        error.value.code == 2 and "not trained yet" in told and not (tmp_path / "object").exists()
+    )
 
 
 def test_not_dinov2(tmp_path, capsys, monkeypatch):
