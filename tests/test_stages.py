@@ -17,6 +17,7 @@ from uniart_jax.config import Config, LatentSampleConfig, LossConfig, StructureS
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
+from uniart_jax.training.export import read_config, write_config
 from uniart_jax.voxels.assemble import assemble
 
 DEBUG = Path(__file__).parent.parent / "configs/debug.py"
@@ -239,3 +240,18 @@ def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
     with pytest.raises(ValueError, match="visual_channels is 1024, but records do not hold"):
         stages.run(paper, stages.NETWORKS, tmp_path / "work")
     assert not (tmp_path / "work").exists()
+
+
+def test_what_is_untrained_stays_marked_until_its_stage_is_through(trained, tmp_path):
+    config, workdir = trained
+    source = tmp_path / "converted"
+    shutil.copytree(workdir / "export", source)
+    marked = dataclasses.replace(read_config(source), untrained=("uniart_vae.front", "x.y"))
+    write_config(source, marked)
+    work = tmp_path / "work"
+    stages.run(config, ("image_encoder",), work, source)
+    assert read_config(work / "export").untrained == ("uniart_vae.front",)
+    with pytest.raises(ValueError, match=r"uniart_vae: not trained yet .*--stage uniart_vae"):
+        stages.run(config, ("latent_flow",), work)
+    stages.run(config, ("uniart_vae",), work)
+    assert read_config(work / "export").untrained == ()

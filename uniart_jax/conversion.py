@@ -115,12 +115,17 @@ def convert_dinov2_file(source: Path, out: Path, overwrite: bool = False) -> Pat
             width = getattr(config.model, flow).cond_channels
             if (out.parent / f"{flow}.safetensors").is_file() and width != encoder.width:
                 raise ValueError(f"'{source}': its width {encoder.width} is not the {width} that {flow} in '{out.parent}' is conditioned on; take another size of DINOv2")  # fmt: skip
+    before = out.read_bytes() if config is not None and out.is_file() else None
     export_network(out.parent, "image_encoder", params, "stored")
     if config is not None:
         margin = config.model.image_encoder.crop_margin  # belongs to the flows
         encoder = dataclasses.replace(encoder, crop_margin=margin)
         model = dataclasses.replace(config.model, image_encoder=encoder)
-        write_config(out.parent, dataclasses.replace(config, model=model))
+        try:
+            write_config(out.parent, dataclasses.replace(config, model=model))
+        except BaseException:  # an encoder that its config does not know would be of no use
+            out.unlink() if before is None else out.write_bytes(before)
+            raise
     count = len(jax.tree.leaves(params))
     report(out.parent, {"image_encoder": Filled(params, ("DINOv2",), count)}, [], [])
     size = f"{encoder.image_size} pixels, patches of {encoder.patch_size}, {encoder.registers} registers, width {encoder.width}, {encoder.num_blocks} blocks"
@@ -155,12 +160,13 @@ def find_networks(folder: Path) -> list[Source]:
 
 
 def find_sampling(folder: Path) -> Sampling:
-    """Of ``pipeline.json`` in the folder or its parent, else TRELLIS's defaults.
+    """Of ``pipeline.json`` in the folder, or in its parent if this is ``ckpts``, else TRELLIS's defaults.
 
     Raises:
       ValueError: it is malformed.
     """
-    for place in (folder, folder.resolve().parent):
+    whole = folder.resolve()
+    for place in (folder, *([whole.parent] if whole.name == "ckpts" else [])):
         path = place / "pipeline.json"
         if path.is_file():
             try:

@@ -129,7 +129,11 @@ def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path
     """
     found = []
     for name in NETWORKS:
-        if name in stages or exported(workdir, name) or not in_export(source, name):
+        if (
+            name in stages
+            or exported(workdir, name)
+            or not in_export(source, f"{name}.safetensors")
+        ):
             continue
         if name.endswith("_flow") and not same_ground(source, stages, workdir):
             continue
@@ -145,12 +149,14 @@ def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:
         if (latent := name.removesuffix("_flow")) != name:
             mean, std = read_statistics(source, latent)
             write_statistics(workdir / "export", latent, mean, std)
+    if marks := untrained(source):
+        mark(workdir, names, marks)
 
 
-def in_export(folder: Path, name: str) -> bool:
-    """Whether a checkpoint (export folder or WORKDIR) holds a network."""
+def in_export(folder: Path, filename: str) -> bool:
+    """Whether a checkpoint (export folder or WORKDIR) holds a file."""
     try:
-        find_export(folder, f"{name}.safetensors")
+        find_export(folder, filename)
     except FileNotFoundError:
         return False
     return True
@@ -160,7 +166,7 @@ def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
     """Whether flows of ``source`` fit WORKDIR: none of image encoder and VAEs is trained now, and WORKDIR has the source's, or will take them."""
     return all(
         name not in stages
-        and in_export(source, name)
+        and in_export(source, f"{name}.safetensors")
         and (
             not exported(workdir, name)
             or find_export(source, f"{name}.safetensors").read_bytes()
@@ -185,7 +191,22 @@ def claim(config: Config, workdir: Path) -> None:
             )
     workdir.mkdir(parents=True, exist_ok=True)
     write_config(workdir, config)
-    write_config(workdir / "export", config)
+    write_config(
+        workdir / "export", dataclasses.replace(config, untrained=untrained(workdir / "export"))
+    )
+
+
+def untrained(folder: Path) -> tuple[str, ...]:
+    """What the exported networks of a WORKDIR, or of a checkpoint, still hold as it was drawn (``Config.untrained``)."""
+    return read_config(folder).untrained if in_export(folder, "config.json") else ()
+
+
+def mark(workdir: Path, names: Sequence[str], marks: Sequence[str]) -> None:
+    """Let the export's config say that of networks ``names`` just ``marks`` are untrained."""
+    kept = [m for m in untrained(workdir / "export") if m.split(".")[0] not in names]
+    new = [m for m in marks if m.split(".")[0] in names]
+    config = read_config(workdir / "export")
+    write_config(workdir / "export", dataclasses.replace(config, untrained=(*kept, *new)))
 
 
 def ensure_records(config: Config) -> None:
@@ -283,6 +304,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
             evaluate=make_evaluation(name, config, workdir, statistics),
         )
     export_network(workdir / "export", name, state.ema)  # on every process; the first one writes
+    mark(workdir, [name], ())
 
 
 def stage_batches(name: str, config: Config, workdir: Path) -> Any:
@@ -318,6 +340,8 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
             frozen = name == "image_encoder" and config.model.image_encoder.architecture == "dinov2"
             how = "give a checkpoint that has it as --init" if frozen else f"train it first: --stage {name}"  # fmt: skip
             raise FileNotFoundError(f"{workdir}/export/{name}.safetensors: not there; {how}")
+        if left := [m for m in untrained(workdir / "export") if m.split(".")[0] == name]:
+            raise ValueError(f"{name}: not trained yet ({', '.join(left)}); train it first: --stage {name}")  # fmt: skip
     encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
     latents = digest(config, workdir, Path(config.data.records))
     key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"

@@ -153,7 +153,8 @@ def test_auto_is_the_rule_that_is_written():
     f32, bf16 = jnp.dtype("float32"), jnp.dtype("bfloat16")
     assert choose("auto", f32, 4096, "cpu") == choose("auto", bf16, 4096, "cpu") == "xla"
     assert choose("auto", bf16, 4096, "gpu") == "cudnn" and choose("auto", f32, 4096, "gpu") == "xla"  # fmt: skip
-    assert choose("auto", f32, 4096, "tpu") == "splash" and choose("auto", f32, 8, "tpu") == "xla"
+    assert choose("auto", f32, 4096, "tpu", 1) == "splash"
+    assert choose("auto", f32, 8, "tpu", 1) == choose("auto", f32, 4096, "tpu", 4) == "xla"
     assert choose("splash", f32, 8, "cpu") == "splash"
 
 
@@ -202,3 +203,10 @@ def test_permuted_rows_have_a_gathered_gradient():
 def test_norms_have_finite_gradients_at_zero(norm):
     gradient = jax.jit(jax.grad(lambda x: norm(x).sum()))
     assert np.isfinite(gradient(jnp.zeros((3, 2, 4)))).all()
+
+
+@pytest.mark.parametrize(("rows", "queries", "keys"), [(0, 3, 4), (2, 0, 4), (2, 3, 0)])
+def test_nothing_to_attend_gives_nothing(rows, queries, keys):
+    q, k = jnp.ones((rows, queries, 2, 8)), jnp.ones((rows, keys, 2, 8))
+    out = attend(q, k, k)
+    assert out.shape == q.shape and not np.asarray(out).any()

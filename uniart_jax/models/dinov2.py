@@ -63,8 +63,8 @@ class Perceptron(nnx.Module):
     """Linear, exact GELU, Linear."""
 
     def __init__(self, width: int, ratio: float, rngs: nnx.Rngs, dtype):
-        self.fc1 = linear(width, int(width * ratio), rngs, init=_normal, dtype=dtype)
-        self.fc2 = linear(int(width * ratio), width, rngs, init=_normal, dtype=dtype)
+        self.fc1 = linear(width, round(width * ratio), rngs, init=_normal, dtype=dtype)
+        self.fc2 = linear(round(width * ratio), width, rngs, init=_normal, dtype=dtype)
 
     def __call__(self, x: jax.Array) -> jax.Array:
         return self.fc2(jax.nn.gelu(self.fc1(x), approximate=False))

@@ -107,6 +107,8 @@ def average_views(
     Returns:
       [V, C] float32; padding zero.
     """
+    if not len(patches):
+        raise ValueError("multi-view features: no view")
     start = jnp.zeros((len(positions), patches.shape[-1]), jnp.float32)
     total = add_views(start, patches, extrinsics, intrinsics, positions)
     return _valid(total / len(patches), count)

@@ -1,15 +1,15 @@
 """Attention over padded segments: the only module that names a kernel.
 
-``attend`` works on rows of given lengths, ``attend_segments`` on a batch's tokens within the segments of a plan (``nn.segments``). No kernel makes a
-T x T matrix. Padding comes out exactly zero with zero gradients, and its content, NaN included, never reaches a valid token.
+``attend`` works on rows of given lengths, ``attend_segments`` on a batch's tokens within the segments of a plan (``nn.segments``). No logits of T x T
+are ever made. Padding comes out exactly zero with zero gradients, and its content, NaN included, never reaches a valid token.
 
 ``model.kernel`` names one:
 
     xla       anywhere: tiles of a few rows, or blocks of queries against all their keys, with a gradient of its own (``nn.attention_xla``)
-    cudnn     NVIDIA, in bfloat16: rows by their lengths; packed rows by a mask
+    cudnn     NVIDIA, in bfloat16: rows by their lengths; packed rows of up to ``MASKED`` tokens by a mask (longer ones: xla)
     triton    Pallas for NVIDIA: rows with segment ids, queries and keys the same tokens (elsewhere, as cross-attention, xla)
     splash    Pallas for TPU: rows with segment ids
-    auto      by ``choose``: TPU splash; NVIDIA in bfloat16 cudnn; all else xla
+    auto      by ``choose``: one TPU splash (Pallas for TPU cannot be split over devices by itself); NVIDIA in bfloat16 cudnn; all else xla
 """
 
 from __future__ import annotations
@@ -25,10 +25,15 @@ from uniart_jax.nn.gathers import take_rows
 from uniart_jax.nn.segments import Segments
 
 SHORT = 64  # keys below which a row is not worth a kernel's tile of 128
+MASKED = 1024  # tokens of a packed row up to which a mask [L, L] may be made
 
 
 def choose(
-    kernel: Kernel, dtype: jnp.dtype, keys: int, backend: str | None = None
+    kernel: Kernel,
+    dtype: jnp.dtype,
+    keys: int,
+    backend: str | None = None,
+    devices: int | None = None,
 ) -> Literal["xla", "cudnn", "triton", "splash"]:
     """The kernel that 'auto' stands for: the accelerator's own where rows have at least ``SHORT`` keys, xla elsewhere; others unchanged.
 
@@ -37,7 +42,7 @@ def choose(
     if kernel != "auto":
         return kernel
     backend = backend or jax.default_backend()
-    if backend == "tpu" and keys >= SHORT:
+    if backend == "tpu" and keys >= SHORT and (devices or jax.device_count()) == 1:
         return "splash"
     if backend in ("gpu", "cuda") and keys >= SHORT and dtype == jnp.bfloat16:
         return "cudnn"
@@ -64,6 +69,8 @@ def attend(
     Returns:
       [S, Lq, N, H]; queries beyond ``query_lengths``, and all queries of a row without keys, are zero.
     """
+    if not q.size or not k.size:
+        return jnp.zeros(q.shape, v.dtype)
     if lengths is not None:
         valid = (jnp.arange(k.shape[1]) < lengths[:, None])[..., None, None]
         k, v = jnp.where(valid, k, 0), jnp.where(valid, v, 0)
@@ -101,7 +108,8 @@ def attend_segments(qkv: jax.Array, segments: Segments, *, kernel: Kernel = "xla
     """
     longest = max(bucket.index.shape[1] for bucket in segments.buckets)
     chosen = choose(kernel, qkv.dtype, longest)
-    if chosen == "xla":
+    packed = any(bucket.segment is not None for bucket in segments.buckets)
+    if chosen == "xla" or (chosen == "cudnn" and packed and longest > MASKED):
         return attention_xla.attend_segments(qkv, segments)
     tokens, _, heads, size = qkv.shape
     flat = qkv.reshape(tokens, -1)

@@ -6,6 +6,8 @@ softmax may be empty the caller lets padding attend to padding. Both run in inte
 
 from __future__ import annotations
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
@@ -39,7 +41,7 @@ def triton(q: jax.Array, k: jax.Array, v: jax.Array, ids: jax.Array) -> jax.Arra
     )
     q, k, v = (_lengthen(x) for x in (q, k, v))
     interpret = jax.default_backend() == "cpu"
-    out = mha(q, k, v, _lengthen(ids, -1), size**-0.5, block_sizes=blocks, interpret=interpret)
+    out: Any = mha(q, k, v, _lengthen(ids, -1), size**-0.5, block_sizes=blocks, interpret=interpret)
     return out[:, :length].astype(v.dtype)
 
 

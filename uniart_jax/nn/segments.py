@@ -265,7 +265,8 @@ def voxel_plans(
       batch: coords [B, V, 3], counts [B] and, for the encoder, voxel_part [B, V].
       parts: False leaves out "parts", as decoding alone needs no part ids.
       fitted: where segments are packed, in rows of several lengths, as many as these segments need: least work for one batch, another shape for
-        the next. Otherwise (training) in rows of one length, as many as a batch of this width needs, whatever the segments are.
+        the next. Otherwise (training) in rows of one length, as many as a batch of this width usually needs (more, and
+        another program, where windows are so full that they pack badly).
 
     Raises:
       ValueError: an item has more than ``grid.max_parts`` parts.

@@ -107,7 +107,8 @@ def _completed(
     network = build(name, model)
     expected = flatten(network.abstract())
     wrong = [f"{k} {list(v.shape)}" for k, v in values.items() if k not in expected or expected[k].shape != v.shape]  # fmt: skip
-    assert not wrong, f"{name}: {wrong}"
+    if wrong:
+        raise ValueError(f"{name}: its files do not fit each other: {', '.join(wrong)}")
     new = [key for key in expected if key not in values]
 
     drawn = _draw(network, new, seed) if new else {}

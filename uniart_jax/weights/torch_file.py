@@ -119,13 +119,16 @@ def _read(archive: zipfile.ZipFile, path: Path) -> dict[str, np.ndarray]:
             if place not in entries or entries[place].file_size != storage.size * dtype.itemsize:
                 raise ValueError(f"weights '{path}': the numbers of {name} are missing or of another length; download it again")  # fmt: skip
             values = np.frombuffer(archive.read(place), dtype)
-            loaded[storage] = values.astype(dtype.newbyteorder("=")) if big else values
+            values = values.astype(dtype.newbyteorder("=")) if big else values
+            if (
+                storage.kind == "torch BFloat16Storage"
+            ):  # once a storage, however many tensors view it
+                values = (values.astype(np.uint32) << 16).view(np.float32)
+            loaded[storage] = values
         try:
             value = view(loaded[storage], tensor)
         except ValueError as error:
             raise ValueError(f"weights '{path}': {name}: {error}; download it again") from None
-        if storage.kind == "torch BFloat16Storage":
-            value = (value.astype(np.uint32) << 16).view(np.float32)
         tensors[name] = value
     return tensors
 

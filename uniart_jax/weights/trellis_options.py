@@ -148,6 +148,9 @@ def settings_of(name: str, args: Mapping[str, Any]) -> Settings:
     if "num_heads" in found and found["num_heads"] is None:
         field = OPTIONS[name]["num_heads"].field
         fields[field] = found["model_channels"] // found["num_head_channels"]
+    heads = [value for field, value in fields.items() if field.endswith(".num_heads")]
+    if heads and (heads[0] < 1 or found["model_channels"] % heads[0]):
+        raise ValueError(f"{name}: model_channels {found['model_channels']} does not divide into {heads[0]} heads")  # fmt: skip
     if name == "SLatFlowModel" and not fields["latent_flow.io_channels"]:
         # without these blocks upstream does not go down, whatever patch_size says
         fields |= {"latent_flow.io_channels": (), "latent_flow.patch_size": 1}
