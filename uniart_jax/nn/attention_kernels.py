@@ -6,8 +6,6 @@ softmax may be empty the caller lets padding attend to padding. Both run in inte
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 
@@ -41,7 +39,7 @@ def triton(q: jax.Array, k: jax.Array, v: jax.Array, ids: jax.Array) -> jax.Arra
     )
     q, k, v = (_lengthen(x) for x in (q, k, v))
     interpret = jax.default_backend() == "cpu"
-    out: Any = mha(q, k, v, _lengthen(ids, -1), size**-0.5, block_sizes=blocks, interpret=interpret)
+    out = mha(q, k, v, _lengthen(ids, -1), size**-0.5, block_sizes=blocks, interpret=interpret)
     return out[:, :length].astype(v.dtype)
 
 
@@ -55,14 +53,14 @@ def cudnn(
 ) -> jax.Array:
     """cuDNN's flash attention in bfloat16: rows of given lengths, or, with ``ids`` [S, L], rows of several segments by a mask [S, L, L].
 
-    Lengths are padded to multiples of 128: odd ones gave NaN (jax#22546 and its like).
+    Lengths are padded to multiples of 128: odd ones have given NaN.
     """
     rows, queries, keys = q.shape[0], q.shape[1], k.shape[1]
     dtype = v.dtype
     q, k, v = (_lengthen(x).astype(jnp.bfloat16) for x in (q, k, v))
     if ids is not None:
-        ids = _lengthen(ids, -1)
-        mask = (ids[:, :, None] == ids[:, None, :])[:, None]
+        longer = _lengthen(ids, -1)
+        mask = (longer[:, :, None] == longer[:, None, :])[:, None]
         out = jax.nn.dot_product_attention(q, k, v, mask=mask, implementation="cudnn")
         return out[:, :queries].astype(dtype)
 
