@@ -41,7 +41,7 @@ from uniart_jax.samplers import (
     make_structure_sampler,
     pad_coords,
 )
-from uniart_jax.training.export import load_network, read_config, read_statistics
+from uniart_jax.training.export import has_export, load_network, read_config, read_statistics
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
@@ -347,11 +347,6 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
     }
     statistics = {name: read_statistics(folder, name) for name in LATENTS}
     return Pipeline(config, parameters, statistics, folder)
-
-
-def has_export(folder: Path, filename: str) -> bool:
-    """Whether an export folder or WORKDIR holds this file."""
-    return any((place / filename).is_file() for place in (folder, folder / "export"))
 
 
 def enable_compilation_cache() -> None:

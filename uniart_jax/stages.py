@@ -38,6 +38,7 @@ from uniart_jax.training.export import (
     copy_export,
     export_network,
     find_export,
+    has_export,
     load_network,
     read_config,
     read_statistics,
@@ -132,7 +133,7 @@ def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path
         if (
             name in stages
             or exported(workdir, name)
-            or not in_export(source, f"{name}.safetensors")
+            or not has_export(source, f"{name}.safetensors")
         ):
             continue
         if name.endswith("_flow") and not same_ground(source, stages, workdir):
@@ -153,20 +154,11 @@ def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:
         mark(workdir, names, marks)
 
 
-def in_export(folder: Path, filename: str) -> bool:
-    """Whether a checkpoint (export folder or WORKDIR) holds a file."""
-    try:
-        find_export(folder, filename)
-    except FileNotFoundError:
-        return False
-    return True
-
-
 def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
     """Whether flows of ``source`` fit WORKDIR: none of image encoder and VAEs is trained now, and WORKDIR has the source's, or will take them."""
     return all(
         name not in stages
-        and in_export(source, f"{name}.safetensors")
+        and has_export(source, f"{name}.safetensors")
         and (
             not exported(workdir, name)
             or find_export(source, f"{name}.safetensors").read_bytes()
@@ -198,7 +190,7 @@ def claim(config: Config, workdir: Path) -> None:
 
 def untrained(folder: Path) -> tuple[str, ...]:
     """What the exported networks of a WORKDIR, or of a checkpoint, still hold as it was drawn (``Config.untrained``)."""
-    return read_config(folder).untrained if in_export(folder, "config.json") else ()
+    return read_config(folder).untrained if has_export(folder, "config.json") else ()
 
 
 def mark(workdir: Path, names: Sequence[str], marks: Sequence[str]) -> None:

@@ -137,7 +137,7 @@ def _tiling(rows: int, queries: int, keys: int) -> tuple[int, int]:
     """(rows, queries) of a tile."""
     fitting = min(rows, _logits() // (queries * keys))
     if fitting:
-        return max(n for n in range(1, fitting + 1) if rows % n == 0), queries
+        return -(-rows // -(-rows // fitting)), queries
     return 1, min(queries, max(1, _logits() // keys // 64) * 64)
 
 
@@ -148,8 +148,8 @@ def _forward(q, k, v, q_ids, k_ids):
     if (group, block) == (rows, queries):
         return _tile(q, k, v, q_ids, k_ids)
     if block == queries:
-        done = jax.lax.map(lambda part: _tile(*part), _split((q, k, v, q_ids, k_ids), group))
-        return jax.tree.map(lambda x: x.reshape(rows, *x.shape[2:]), done)
+        done = jax.lax.map(lambda part: _tile(*part), _blocks((q, k, v, q_ids, k_ids), group))
+        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:rows], done)
 
     def row(part):
         q, k, v, q_ids, k_ids = part
@@ -173,8 +173,8 @@ def _backward(q, k, v, q_ids, k_ids, out, normalizer, gradient):
     if (group, block) == (rows, queries):
         return _tile_backward(*inputs)
     if block == queries:
-        done = jax.lax.map(lambda part: _tile_backward(*part), _split(inputs, group))
-        return jax.tree.map(lambda x: x.reshape(rows, *x.shape[2:]), done)
+        done = jax.lax.map(lambda part: _tile_backward(*part), _blocks(inputs, group))
+        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:rows], done)
 
     def row(part):
         q, k, v, q_ids, k_ids, *rest = part
@@ -200,7 +200,7 @@ def _split(inputs: Any, group: int) -> Any:
 
 
 def _blocks(inputs: Any, block: int) -> Any:
-    """[Lq, ...] -> [blocks, block, ...], zero-padded at the end: the gradient of what is padded is zero."""
+    """[n, ...] -> [blocks, block, ...], zero-padded at the end: the gradient of what is padded is zero."""
 
     def cut(x):
         x = jnp.pad(x, [(0, -len(x) % block)] + [(0, 0)] * (x.ndim - 1))

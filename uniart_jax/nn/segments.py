@@ -119,9 +119,8 @@ def pack_segments(
     missing = items * width
     inverse = np.full(missing, -1, np.int32)
     buckets, offset = [], 0
-    for size, number, rows in zip(
-        sizes, _rows(lengths, sizes, least), _pack(lengths, sizes), strict=True
-    ):
+    packed = _pack(lengths, sizes)
+    for size, number, rows in zip(sizes, _rounded(packed, least), packed, strict=True):
         if not number:
             continue
         index = np.full((number, size), missing, np.int32)
@@ -146,7 +145,7 @@ def fitted_sizes(ids: np.ndarray, counts: np.ndarray, longest: int) -> tuple[int
     best: tuple[tuple[bool, int], tuple[int, ...]] | None = None
     for below in _LADDERS:
         sizes = (*[size for size in below if size < longest], longest)
-        rows = _rows(lengths, sizes)
+        rows = _rounded(_pack(lengths, sizes))
         padded = sum(n * size for n, size in zip(rows, sizes, strict=True))
         work = sum(n * size * (size + _TOKEN_WORK) for n, size in zip(rows, sizes, strict=True))
         cost = (padded > 1.15 * lengths.sum(), work)
@@ -299,10 +298,10 @@ def voxel_plans(
     return plans
 
 
-def _rows(lengths: np.ndarray, sizes: Sequence[int], least: Sequence[int] = ()) -> list[int]:
+def _rounded(packed: list[list[list[int]]], least: Sequence[int] = ()) -> list[int]:
     """Rows of each size, rounded; at least one in all."""
-    needed = [len(rows) for rows in _pack(lengths, sizes)]
-    rows = [round_rows(max(n, few)) for n, few in zip(needed, least or [0] * len(needed), strict=True)]  # fmt: skip
+    least = least or [0] * len(packed)
+    rows = [round_rows(max(len(own), few)) for own, few in zip(packed, least, strict=True)]
     return rows if any(rows) else [1, *rows[1:]]
 
 

@@ -163,6 +163,15 @@ def find_export(folder: str | Path, filename: str) -> Path:
     raise FileNotFoundError(f"checkpoint {folder}: no {filename} in it or in its export/; finish the training stage that writes it")  # fmt: skip
 
 
+def has_export(folder: str | Path, filename: str) -> bool:
+    """Whether an export folder or WORKDIR holds this file."""
+    try:
+        find_export(folder, filename)
+    except FileNotFoundError:
+        return False
+    return True
+
+
 def flat_names(tree: Any) -> dict[str, Any]:
     """Leaves of a pytree by dotted name, in the tree's own order."""
     leaves = jax.tree_util.tree_flatten_with_path(tree)[0]

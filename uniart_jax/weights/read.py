@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from safetensors import SafetensorError, safe_open
 
-from uniart_jax.weights.torch_file import read_torch
+from uniart_jax.weights.torch_file import read_torch, widened
 
 TORCH_SUFFIXES = (".pt", ".pth", ".bin")
 _TYPES = {
@@ -79,8 +79,3 @@ def _read_safetensors(path: Path) -> dict[str, np.ndarray]:
         value = np.asarray(content[start:end]).view(_TYPES[entry["dtype"]]).reshape(entry["shape"])
         tensors[name] = widened(value) if entry["dtype"] == "BF16" else value
     return tensors
-
-
-def widened(bits: np.ndarray) -> np.ndarray:
-    """bfloat16 as uint16 bits -> float32."""
-    return (bits.astype(np.uint32) << 16).view(np.float32)

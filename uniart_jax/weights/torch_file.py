@@ -123,7 +123,7 @@ def _read(archive: zipfile.ZipFile, path: Path) -> dict[str, np.ndarray]:
             if (
                 storage.kind == "torch BFloat16Storage"
             ):  # once a storage, however many tensors view it
-                values = (values.astype(np.uint32) << 16).view(np.float32)
+                values = widened(values)
             loaded[storage] = values
         try:
             value = view(loaded[storage], tensor)
@@ -290,3 +290,8 @@ def _call(function: Symbol, arguments: tuple) -> Any:
         ) if all(type(n) is int for n in (offset, *shape, *strides)):
             return Tensor(storage, offset, shape, strides)
     raise ValueError(f"its pickle calls {function.name.replace(' ', '.')} in a way that no state dict does")  # fmt: skip
+
+
+def widened(bits: np.ndarray) -> np.ndarray:
+    """bfloat16 as uint16 bits -> float32."""
+    return (bits.astype(np.uint32) << 16).view(np.float32)
