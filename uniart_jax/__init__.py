@@ -14,7 +14,7 @@ _PUBLIC = {
     "Part": "uniart_jax.objects.object",
     "Joint": "uniart_jax.objects.kinematics",
     "VoxelGrid": "uniart_jax.voxels.grid",
-    "load_object": "uniart_jax.objects.urdf",
+    "load_object": "uniart_jax.objects.load",
     "Pipeline": "uniart_jax.pipeline",
     "load": "uniart_jax.pipeline",
 }

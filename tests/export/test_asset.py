@@ -21,8 +21,9 @@ from uniart_jax.export import preview
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.atlas import make_atlas
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.objects.urdf import joint_name, load_object
+from uniart_jax.objects.urdf import joint_name
 
 FILES = {"object.urdf", "object.glb", "meshes", "preview.png", "motion.gif", "report.json"}
 Q_SEEDS = range(4)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from urdf_texts import robot
 
+from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.objects.urdf import load_object
 
 
 @pytest.fixture

@@ -13,8 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uniart_jax.objects.kinematics import Joint, line_distance
+from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.objects.urdf import joint_name, load_object, mesh_inertial, write_urdf
+from uniart_jax.objects.urdf import joint_name, mesh_inertial, write_urdf
 
 
 def random_object(rng: np.random.Generator) -> ArticulatedObject:

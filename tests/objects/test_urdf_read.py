@@ -11,7 +11,7 @@ from PIL import Image
 from urdf_texts import BOX, joint, limit, link, mesh, robot
 
 from uniart_jax.objects.appearance import sample_color, srgb_to_linear
-from uniart_jax.objects.urdf import find_urdf, load_object
+from uniart_jax.objects.load import find_urdf, load_object
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 

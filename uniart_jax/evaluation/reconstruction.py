@@ -11,8 +11,8 @@ from rich.console import Console
 from uniart_jax.data.records import Record
 from uniart_jax.evaluation.geometry import object_chamfer, part_iou
 from uniart_jax.evaluation.parts import compare_parts, summarize
+from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.objects.urdf import load_object
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.voxelize import voxelize
 

@@ -1,10 +1,6 @@
-"""URDF: reading any sane one, repairing what real ones get wrong, and writing ours.
+"""Writing URDF. Reading is ``load.load_object``.
 
-Reading goes in steps, a file each: ``urdf_read`` (XML to records), ``urdf_mesh`` (the files they name, without leaving the
-asset's folder), ``urdf_tree`` with ``urdf_motion`` (one tree, one screw an edge) and ``load_object`` here. Every repair is one line of
-``ArticulatedObject.provenance``. The URDF's world frame at the shown state becomes the object frame, metres.
-
-Writing puts every link's frame at its joint's origin with the object frame's axes. A screw, which URDF cannot say, becomes a
+Every link's frame stands at its joint's origin with the object frame's axes. A screw, which URDF cannot say, becomes a
 revolute joint, a link without a mesh, and a prismatic joint that mimics the first; ``load_object`` reads it back as one.
 """
 
@@ -19,12 +15,9 @@ import numpy as np
 import trimesh
 from lxml import etree
 
-from uniart_jax.objects.kinematics import TRAVEL_DEAD_ZONE, Joint
-from uniart_jax.objects.object import ArticulatedObject, Part, moved_mesh
-from uniart_jax.objects.urdf_mesh import AssetFiles, link_mesh
-from uniart_jax.objects.urdf_motion import lowered
-from uniart_jax.objects.urdf_read import MAX_BYTES, read_robot
-from uniart_jax.objects.urdf_tree import Tree
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.objects.robot_object import one_line
 
 DENSITY = 500.0  # kg / m^3, light wood; used where no inertia is given
 EFFORT = 100.0  # N or N m
@@ -33,84 +26,6 @@ MIN_MASS = 1e-3  # kg
 MIN_GYRATION = 1e-3  # m: no part's mass is closer together than this, whatever its mesh says
 
 Inertial = tuple[float, np.ndarray, np.ndarray]
-
-
-def find_urdf(path: str | Path) -> Path:
-    """The URDF that ``path`` means: itself, or in a folder object.urdf, mobility.urdf or the only ``*.urdf``.
-
-    Raises:
-      FileNotFoundError: nothing there. ValueError: a folder with several URDFs.
-    """
-    path = Path(path)
-    if path.is_file():
-        return path
-    if not path.is_dir():
-        raise FileNotFoundError(f"{path}: no such file or folder")
-    for name in ("object.urdf", "mobility.urdf"):
-        if (path / name).is_file():
-            return path / name
-    found = sorted(path.glob("*.urdf"))
-    if len(found) > 1:
-        names = ", ".join(f.name for f in found[:4])
-        raise ValueError(
-            f"{path}: the folder holds {len(found)} URDFs ({names} ...): name one of them"
-        )
-    if not found:
-        raise FileNotFoundError(
-            f"{path}: the folder holds no URDF (object.urdf, mobility.urdf or one *.urdf)"
-        )
-    return found[0]
-
-
-def load_object(path: str | Path, *, allow_outside: bool = False) -> ArticulatedObject:
-    """An articulated object from a URDF file or a folder that holds one.
-
-    Args:
-      path: the file or folder; its folder is the asset's root.
-      allow_outside: also read meshes and textures outside that root (``../meshes``, absolute paths, links).
-
-    Returns:
-      The object in metres (``scale`` 1, not normalised) in the URDF's world frame, shown at joint coordinate 0 where the limits
-      allow. Parts are the links that have a mesh. ``provenance`` holds one line for each repair.
-
-    Raises:
-      FileNotFoundError: no such file. ValueError: it cannot be read as one tree of parts; one line that names the file, the link
-        or joint, and what to do.
-    """
-    path = find_urdf(path)
-    try:
-        with path.open("rb") as file:
-            robot = read_robot(file.read(MAX_BYTES + 1))
-        files = AssetFiles(path.parent, allow_outside)
-        meshes = {}
-        for link in robot.links.values():
-            mesh = link_mesh(link, files, robot.notes)
-            if mesh is not None:
-                meshes[link.name] = mesh
-        tree = Tree(robot, {n: float(np.linalg.norm(m.extents)) for n, m in meshes.items()})
-        moved = {n: moved_mesh(meshes[n], tree.placed[n]) for n in tree.names}
-        corners = np.stack([m.bounds for m in moved.values()])
-        side = float((corners[:, 1].max(0) - corners[:, 0].min(0)).max())
-        if not side > 0:
-            raise ValueError("the object has no extent")
-        parts = []
-        for name in tree.names:
-            parent = tree.parents[name]
-            joint = lowered(
-                name, tree.chains[name], moved[name], TRAVEL_DEAD_ZONE * side, robot.notes
-            )
-            parts.append(
-                Part(name, moved[name], -1 if parent is None else tree.names.index(parent), joint)
-            )
-        notes = tuple(_one_line(n) for n in dict.fromkeys([*robot.notes, *files.notes]))
-        return ArticulatedObject(tuple(parts), name=robot.name or path.stem, provenance=notes)
-    except (ValueError, OSError, RuntimeError, OverflowError) as error:
-        raise ValueError(_one_line(f"{path}: {error}")) from None
-
-
-def _one_line(text: str) -> str:
-    text = " ".join(str(text).split())
-    return text if len(text) <= 500 else text[:497] + "..."
 
 
 def write_urdf(
@@ -174,7 +89,7 @@ def write_urdf(
                 _joint(robot, part, parent, frames[k] - frames[part.parent], obj.scale, taken)
     except ValueError as error:
         raise ValueError(
-            _one_line(f"write_urdf: a name or file name cannot stand in XML: {error}")
+            one_line(f"write_urdf: a name or file name cannot stand in XML: {error}")
         ) from None
     path = Path(path)
     if path.suffix.lower() != ".urdf":

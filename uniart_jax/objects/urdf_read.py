@@ -6,60 +6,18 @@ Parsed with lxml, not with yourdfpy: real files lack ``effort``, hold zero axes 
 
 from __future__ import annotations
 
-import dataclasses
 import re
 
 import numpy as np
 from lxml import etree
 from trimesh.transformations import euler_matrix
 
+from uniart_jax.objects.robot import MOVING, REFUSED, Geometry, Link, RawJoint, Robot
+
 MAX_BYTES = 16 * 2**20
 MAX_NUMBER = 1e9  # beyond it squares and products overflow; no asset is a million kilometres wide
-MOVING = ("revolute", "continuous", "prismatic")
-REFUSED = ("planar", "floating", "spherical")
 # Errors of libxml2 that leave the tree as written: an unknown version number, an undeclared name space.
 _HARMLESS = {"ERR_UNKNOWN_VERSION", "NS_ERR_UNDEFINED_NAMESPACE", "WAR_UNKNOWN_VERSION"}
-
-
-@dataclasses.dataclass
-class Geometry:
-    """One ``<visual>`` or ``<collision>``: a mesh file or a primitive in its link's frame."""
-
-    kind: str  # mesh, box, cylinder, sphere or capsule
-    size: np.ndarray  # box: 3 sides; cylinder, capsule: radius, length; sphere: radius; mesh: scale
-    origin: np.ndarray  # [4, 4]
-    filename: str = ""
-    color: np.ndarray | None = None  # [4] sRGB and alpha in [0, 1]
-    texture: str = ""
-
-
-@dataclasses.dataclass
-class Link:
-    name: str
-    visuals: list[Geometry]
-    collisions: list[Geometry]
-
-
-@dataclasses.dataclass
-class RawJoint:
-    """One ``<joint>`` as written."""
-
-    name: str
-    type: str
-    parent: str
-    child: str
-    origin: np.ndarray  # [4, 4]
-    axis: np.ndarray  # [3] in the joint's frame
-    limits: tuple[float, float] | None
-    mimic: tuple[str, float, float] | None  # source joint, multiplier, offset
-
-
-@dataclasses.dataclass
-class Robot:
-    name: str
-    links: dict[str, Link]
-    joints: list[RawJoint]
-    notes: list[str]  # repairs
 
 
 def read_robot(data: bytes) -> Robot:

@@ -21,7 +21,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial, empty_material
 
 from uniart_jax.objects.appearance import linear_to_srgb, merge_meshes
 from uniart_jax.objects.object import moved_mesh
-from uniart_jax.objects.urdf_read import Geometry, Link
+from uniart_jax.objects.robot import Geometry, Link
 
 FORMATS = (".obj", ".stl", ".ply", ".dae", ".glb", ".gltf", ".off")
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp")
@@ -111,10 +111,18 @@ class AssetFiles:
         if path not in self._cache:
             self._cache[path] = self._load(path)
         found = self._cache[path]
-        self.faces += sum(len(m.faces) for m in found)
+        self.count_faces(sum(len(m.faces) for m in found))
+        return list(found)
+
+    def count_faces(self, number: int) -> None:
+        """Add to the asset's faces.
+
+        Raises:
+          RefusedError: they are too many.
+        """
+        self.faces += number
         if self.faces > MAX_FACES:
             raise RefusedError(f"the asset has more than {MAX_FACES:,} faces")
-        return list(found)
 
     def _load(self, path: Path) -> list[trimesh.Trimesh]:
         kind = path.suffix.lower()
@@ -316,12 +324,15 @@ def _named(shape: Geometry, error: Exception) -> str:
 
 
 def _pieces(shape: Geometry, files: AssetFiles) -> list[trimesh.Trimesh]:
+    if shape.mesh is not None:
+        files.count_faces(len(shape.mesh.faces))
+        return [moved_mesh(shape.mesh, shape.origin @ np.diag([*shape.size, 1.0]))]
     if shape.kind == "mesh":
         loaded = files.meshes(files.find(shape.filename))
         matrix = shape.origin @ np.diag([*shape.size, 1.0])
     else:
         loaded, matrix = [_primitive(shape)], shape.origin
-        files.faces += len(loaded[0].faces)
+        files.count_faces(len(loaded[0].faces))
     pieces = []
     for mesh in loaded:
         piece = moved_mesh(mesh, matrix)

@@ -2,7 +2,7 @@
 
 Everything here happens at the *shown* state: a URDF joint's coordinate is 0 there if its limits allow, else the nearest limit.
 Links are placed at that state first, so axes are lines in the URDF's world frame, and collapsing a link that
-has no mesh never moves anything: an edge of the tree is then a chain of URDF joints, which ``urdf_motion`` lowers to one.
+has no mesh never moves anything: an edge of the tree is then a chain of URDF joints, which ``robot_motion`` lowers to one.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from uniart_jax.objects.kinematics import rotation, topological_order
-from uniart_jax.objects.urdf_motion import Edge, coordinates, drivers
-from uniart_jax.objects.urdf_read import MOVING, REFUSED, RawJoint, Robot
+from uniart_jax.objects.robot import MOVING, REFUSED, RawJoint, Robot
+from uniart_jax.objects.robot_motion import Edge, coordinates, drivers
 
 
 class Tree:

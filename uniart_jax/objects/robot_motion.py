@@ -13,7 +13,7 @@ import numpy as np
 import trimesh
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.objects.urdf_read import MOVING, RawJoint, Robot
+from uniart_jax.objects.robot import MOVING, RawJoint, Robot
 
 DEGREES_FROM = 2 * np.pi * 1.05
 
