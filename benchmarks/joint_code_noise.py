@@ -26,8 +26,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from uniart_jax.objects.kinematics import Joint, line_distance
+from uniart_jax.objects.states import sample_state
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, UNSEEN_FAMILIES, generate
-from uniart_jax.procedural.states import sample_state
 from uniart_jax.voxels.joint_code import (
     NETWORK_TOLERANCE,
     decode_part,

@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parent.parent / "uniart_jax"
 FLOORS = [
     {"config", "processes", "progress"},
     {"objects", "nn"},
-    {"voxels", "procedural", "render", "flow"},
+    {"voxels", "procedural", "render", "diagram", "flow"},
     {"data", "models"},
     {"weights", "export", "samplers"},
     {"training", "pipeline", "validation", "encoding", "stages", "conversion"},
@@ -25,6 +25,7 @@ SAME_FLOOR = {
     ("render", "voxels"),
     ("procedural", "voxels"),
     ("procedural", "render"),
+    ("diagram", "render"),
     ("pipeline", "training"),
     ("validation", "pipeline"),
     ("validation", "training"),

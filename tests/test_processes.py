@@ -2,10 +2,11 @@
 
 import operator
 import os
+import signal
 
 import pytest
 
-from uniart_jax.processes import in_order, process_pool
+from uniart_jax.processes import each, in_order, process_pool
 
 
 @pytest.mark.parametrize("processes", [1, 2])
@@ -41,3 +42,11 @@ def test_results_come_in_order_and_none_is_begun_early(processes):
 def test_a_dead_worker_is_told_in_one_line():
     with pytest.raises(ValueError, match="worker process died"), process_pool(2) as submit:
         submit(os._exit, 1).result()
+
+
+def test_an_item_that_kills_its_worker_costs_only_itself():
+    """Signal 9 is a worker out of memory; signal 0 does nothing."""
+    items = [0, 0, 9, 0, 9, 9, 0, 0, 0]
+    results = each(2, signal.raise_signal, items, 4, "dead {}".format)
+    assert list(results) == [f"dead {k}" if k else None for k in items]
+    assert list(each(1, str, [1, 2], 4, str)) == ["1", "2"]

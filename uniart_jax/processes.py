@@ -31,6 +31,18 @@ def process_pool(processes: int) -> Iterator[Submit]:
     if processes == 1:
         yield _at_once
         return
+    try:
+        with _workers(processes) as submit:
+            yield submit
+    except BrokenProcessPool:
+        raise ValueError(
+            "a worker process died (out of memory?); run the same command again,"
+            " with fewer processes if it repeats"
+        ) from None
+
+
+@contextlib.contextmanager
+def _workers(processes: int) -> Iterator[Submit]:
     # Workers read these when numpy is imported: with one BLAS thread each, processes do not fight for cores.
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     spawn = multiprocessing.get_context("spawn")
@@ -38,11 +50,6 @@ def process_pool(processes: int) -> Iterator[Submit]:
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     try:
         yield pool.submit
-    except BrokenProcessPool:
-        raise ValueError(
-            "a worker process died (out of memory?); run the same command again,"
-            " with fewer processes if it repeats"
-        ) from None
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         for name, value in before.items():
@@ -63,6 +70,38 @@ def in_order(
         pending.append(submit(function, item))
     while pending:
         yield pending.popleft().result()
+
+
+def each(
+    processes: int,
+    function: Callable[[Any], Any],
+    items: Iterable[Any],
+    ahead: int,
+    died: Callable[[Any], Any],
+) -> Generator[Any, None, None]:
+    """Results of ``function(item)`` in the items' order; ``died(item)`` for an item that kills its worker (memory, a crash in C).
+
+    When a worker dies, the items that were under way are done again, each by a worker of its own, to learn which of them it was.
+    """
+    left = collections.deque(items)
+    if processes == 1:
+        yield from (function(item) for item in left)
+        return
+    while left:
+        try:
+            with _workers(processes) as submit:
+                for result in in_order(submit, function, list(left), ahead):
+                    left.popleft()
+                    yield result
+        except BrokenProcessPool:
+            for _ in range(min(ahead, len(left))):
+                item = left.popleft()
+                try:
+                    with _workers(1) as submit:
+                        result = submit(function, item).result()
+                except BrokenProcessPool:
+                    result = died(item)
+                yield result
 
 
 def _at_once(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Future[Any]:

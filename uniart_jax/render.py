@@ -142,6 +142,14 @@ def sample_camera(rng: np.random.Generator, bounds: np.ndarray = UNIT_BOX) -> Ca
     return fit(bounds, camera, margin=rng.uniform(1.05, 1.35))
 
 
+def orbit_cameras(count: int) -> list[Camera]:
+    """Cameras all around, evenly over the sphere (Fibonacci), that see the unit ball: 40 degrees of view at distance 2, as TRELLIS takes its feature views."""
+    index = np.arange(count) + 0.5
+    elevation = np.arcsin(1 - 2 * index / count)
+    azimuth = (np.pi * (1 + 5**0.5) * index + np.pi) % (2 * np.pi) - np.pi
+    return [Camera(a, e, 40.0, 2.0) for a, e in zip(azimuth, elevation, strict=True)]
+
+
 def render(
     obj: ArticulatedObject,
     camera: Camera,

@@ -246,7 +246,7 @@ def prepared_objects(folder: Path) -> int:
     """How many objects the manifest of a complete prepared folder names; 0 without one."""
     if not (folder / "manifest.csv").is_file():
         return 0
-    return len({(row["family"], row["seed"]) for row in read_manifest(folder)})
+    return len({row["object"] for row in read_manifest(folder)})
 
 
 def train_network(name: str, config: Config, workdir: Path, source: Path | None = None) -> None:

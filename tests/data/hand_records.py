@@ -54,7 +54,7 @@ def make_record(
             "subdivisions": subdivisions,
             "joint_types": types,
             "id": f"hand-{seed}",
-            "family": "hand",
+            "category": "hand",
             "seed": seed,
             "state": 0,
             "scale": 1.0,

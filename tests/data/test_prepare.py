@@ -16,7 +16,7 @@ from hand_records import make_record
 
 from uniart_jax import procedural
 from uniart_jax.config import GridConfig
-from uniart_jax.data import card, folder, prepare, records
+from uniart_jax.data import card, folder, prepare, records, sources
 
 GRID = GridConfig(8, 2, 8)
 
@@ -26,22 +26,25 @@ def fake(monkeypatch):
     """Objects by hand in place of generator, voxeliser and renderer; every seventh fails."""
     made = []
 
-    def make_object(settings, index):
+    def make_records(settings, entry):
+        index = entry.seed - settings.start_seed
         made.append(index)
-        family = settings.families[index % len(settings.families)]
-        row = {"family": family, "seed": settings.start_seed + index, "split": "train"}
+        row = {"object": entry.key, "category": entry.category, "seed": entry.seed}
+        row |= {"split": entry.split, "repairs": "mesh 'x': its file 'y' is missing" * (index == 3)}
         out = []
         for state in range(settings.states):
             if index % 7 == 6:
-                out.append((b"", {**row, "id": f"{index}", "refused": 8, "error": "too close"}))
+                failed = {**row, "id": f"{index}", "refused": 8, "error": f"'{index}' is too close"}
+                out.append((b"", b"", failed))
                 continue
             data = records.to_bytes(make_record(100 * index + state))
+            orbit = records.pack_arrays({"x": np.arange(index)}, {}) if settings.orbit_views else b""  # fmt: skip
             facts = {"joints": "revolute:2", "parts": 3, "voxels": 40, "refused": 0, "error": ""}
-            out.append((data, {**row, **facts, "id": f"{index}-{state}", "state": state}))
+            out.append((data, orbit, {**row, **facts, "id": f"{index}-{state}", "state": state}))
         return out
 
-    monkeypatch.setattr(prepare, "make_object", make_object)
-    monkeypatch.setattr(card, "write_contact_sheet", lambda folder, rows: None)
+    monkeypatch.setattr(prepare, "make_records", make_records)
+    monkeypatch.setattr(card, "write_contact_sheet", lambda folder, rows, settings: None)
     monkeypatch.setattr(procedural, "SEEN_FAMILIES", ("door", "drawer"), raising=False)
     monkeypatch.setattr(procedural, "UNSEEN_FAMILIES", (), raising=False)
     return made
@@ -64,7 +67,7 @@ def test_rerun_after_a_kill_equals_an_unbroken_run(tmp_path, fake):
     whole = digest(run(tmp_path / "a"))
     out = run(tmp_path / "b")
     (out / "records-00001.arrayrecord").unlink()  # killed before the rename of the shard
-    (out / ".records-00001.arrayrecord.pending").write_bytes(b"half")
+    (out / ".records-00001.arrayrecord.99.tmp").write_bytes(b"half")
     (out / "records-00003.arrayrecord").unlink()
     (out / "rows" / "00003.csv").unlink()
     (out / "manifest.csv").unlink()
@@ -109,7 +112,9 @@ def test_manifest_follows_records_and_keeps_failures(tmp_path, fake):
         k, state = map(int, good[index]["id"].split("-"))
         assert source[index].meta["id"] == f"hand-{100 * k + state}"
     text = (out / "data-card.md").read_text()
-    assert "36 records, 4 failed" in text and "| door | 18 |" in text and "too close 4" in text
+    assert "36 records of 20 objects; 2 objects failed" in text and "| door | 18 |" in text
+    assert "| '...' is too close | 4 |" in text
+    assert "| mesh '...': its file '...' is missing | 1 |" in text
     assert folder.read_metadata(out)["families"] == ["door", "drawer"]
 
 
@@ -140,15 +145,16 @@ def test_settings_are_checked_before_anything_is_made(tmp_path, fake, changes, w
 
 def test_failures_are_told_and_all_failing_is_an_error(tmp_path, fake, capsys, monkeypatch):
     run(tmp_path / "a", states=2)
-    assert "prepare: 2 of 20 objects failed; see" in capsys.readouterr().err
+    assert "prepare: 2 of 20 objects failed (4 '...' is too close); see" in capsys.readouterr().err
     run(tmp_path / "b", count=6)
     assert capsys.readouterr().err == ""
-    ((nothing, row),) = prepare.make_object(prepare.Settings(("door",), 0, 8, 2, 8, 1, 16, 1, 6), 6)
-    fails = lambda settings, index: [(nothing, {**row, "seed": index})]  # noqa: E731
-    monkeypatch.setattr(prepare, "make_object", fails)
+    entry = sources.Entry("door-0000006", "door", "train", 6)
+    ((_, _, row),) = prepare.make_records(folder.Settings(), entry)
+    fails = lambda settings, entry: [(b"", b"", {**row, "object": entry.key})]  # noqa: E731
+    monkeypatch.setattr(prepare, "make_records", fails)
     for _ in range(2):  # again on the finished folder
         with pytest.raises(
-            ValueError, match=r"none of 3 objects succeeded.*because: too close"
+            ValueError, match=r"none of 3 objects succeeded.*because: '6' is too close"
         ) as e:
             run(tmp_path / "c", count=3)
         assert "\n" not in str(e.value)
@@ -182,7 +188,7 @@ def test_real_objects(tmp_path):
     count = len(procedural.SEEN_FAMILIES)
     out = run(tmp_path, count=count, grid=GridConfig(16, 2, 64), image_size=32, states=2)
     rows = folder.read_manifest(out)
-    assert {row["family"] for row in rows} == set(procedural.SEEN_FAMILIES)
+    assert {row["category"] for row in rows} == set(procedural.SEEN_FAMILIES)
     assert not [row["error"] for row in rows if row["error"]]
     source = records.RecordSource(out)
     assert len(source) == 2 * count
@@ -196,20 +202,18 @@ def test_real_objects(tmp_path):
 
 @real
 def test_failures_do_not_stop_a_run(tmp_path, monkeypatch):
-    from uniart_jax.procedural import states
-
-    drawn = states.sample_state
+    drawn = prepare.sample_state
     calls = []
 
-    def sample_state(obj, rng):
+    def sample_state(obj, rng, clearance):
         calls.append(obj)
         if len(calls) < 3:
             raise ValueError("parts 'a' and 'b' have the same box")
         if len(calls) == 4:
             raise KeyError("broken")
-        return drawn(obj, rng)
+        return drawn(obj, rng, clearance)
 
-    monkeypatch.setattr(states, "sample_state", sample_state)
+    monkeypatch.setattr(prepare, "sample_state", sample_state)
     run(tmp_path, count=3, grid=GridConfig(16, 2, 64), image_size=16, views=1)
     rows = folder.read_manifest(tmp_path)
     assert [row["refused"] for row in rows] == ["2", "0", "0"]

@@ -3,56 +3,76 @@
 from __future__ import annotations
 
 import collections
+import itertools
 import math
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw
 
+from uniart_jax.data.folder import Settings, write_text
 from uniart_jax.data.records import RecordSource
+from uniart_jax.data.sources import entry_of, load_entry
+from uniart_jax.diagram import picture
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.render import Camera, fit
 from uniart_jax.voxels.joint_code import decode_joint
 
 MEASURED = 500  # records read for the ranges of the card
 SHEET_OBJECTS = 24
 SHEET_COLUMNS = 6
-TILE = 128
+TILE = 160
+CAPTION = 14
+KINDS = 20  # of repairs and of errors that are listed
 
 Rows = Sequence[dict[str, str]]
 
 
 def write_data_card(folder: str | Path, rows: Rows) -> Path:
-    """Write ``data-card.md``: counts per family and joint type, refused share, voxel percentiles, ranges.
+    """Write ``data-card.md``: ``data_card`` of a prepared folder, complete."""
+    path = Path(folder) / "data-card.md"
+    write_text(path, data_card(folder, rows) + "\n")
+    return path
+
+
+def data_card(folder: str | Path, rows: Rows) -> str:
+    """Counts per category, split and joint type, refused share, voxel percentiles, ranges, repairs and errors by kind, as Markdown.
 
     Args:
-      folder: a prepared folder, complete.
+      folder: a prepared folder.
       rows: its manifest.
     """
     folder = Path(folder)
     good = [row for row in rows if not row["error"]]
     failed = [row for row in rows if row["error"]]
     joints = [_joints(row) for row in good]
-    draws = len(good) + sum(int(row["refused"]) for row in rows)
     refused = sum(int(row["refused"]) for row in rows)
+    draws = len(good) + refused
+    objects = {row["object"] for row in rows}
+    lost = {row["object"] for row in failed}
     lines = [
         "# Data card",
         "",
-        f"{len(good)} records, {len(failed)} failed objects, "
+        f"{len(good)} records of {len(objects)} objects; {len(lost)} objects failed at least once; "
         f"{refused} of {draws} drawn states refused ({refused / max(draws, 1):.1%}).",
-        "Splits: " + _counts(row["split"] for row in good) + ".",
+        "Records by split: " + _counts(row["split"] for row in good) + ".",
         "",
-        "| family | records | failed | parts, mean | voxels, mean | joints |",
+        "| category | records | failed | parts, mean | voxels, mean | joints |",
         "|---|---|---|---|---|---|",
     ]
-    for family in dict.fromkeys(row["family"] for row in rows):
-        mine = [row for row in good if row["family"] == family]
-        bad = sum(row["family"] == family for row in failed)
+    for category in dict.fromkeys(row["category"] for row in rows):
+        mine = [row for row in good if row["category"] == category]
+        bad = sum(row["category"] == category for row in failed)
         total = sum((_joints(row) for row in mine), collections.Counter())
         parts = np.mean([int(row["parts"]) for row in mine]) if mine else math.nan
         voxels = np.mean([int(row["voxels"]) for row in mine]) if mine else math.nan
         kinds = ", ".join(f"{name} {n}" for name, n in sorted(total.items()))
-        lines.append(f"| {family} | {len(mine)} | {bad} | {parts:.1f} | {voxels:.0f} | {kinds} |")
+        lines.append(
+            f"| {category or '-'} | {len(mine)} | {bad} | {parts:.1f} | {voxels:.0f} | {kinds} |"
+        )
     total = sum(joints, collections.Counter())
     lines += ["", "| joint type | joints | records with one |", "|---|---|---|"]
     lines += [
@@ -69,13 +89,29 @@ def write_data_card(folder: str | Path, rows: Rows) -> Path:
             values = np.percentile([int(row[name]) for row in good], [0, 10, 50, 90, 100])
             lines.append(f"| {name} | " + " | ".join(f"{v:.0f}" for v in values) + " |")
         lines += ["", *_ranges(folder)]
+    repaired: dict[str, set[str]] = collections.defaultdict(set)
+    for row in rows:
+        for repair in filter(None, row["repairs"].split(" | ")):
+            repaired[_kind(repair)].add(row["object"])
+    if repaired:
+        lines += ["", "| repair | objects |", "|---|---|"]
+        by_count = sorted(repaired.items(), key=lambda item: (-len(item[1]), item[0]))
+        lines += [f"| {kind} | {len(names)} |" for kind, names in by_count[:KINDS]]
     if failed:
-        lines += ["", "Failures: " + _counts(row["error"] for row in failed) + "."]
-    path = folder / "data-card.md"
-    temporary = folder / ".data-card.md.tmp"
-    temporary.write_text("\n".join(lines) + "\n")
-    os.replace(temporary, path)
-    return path
+        lines += ["", "| error | records |", "|---|---|"]
+        lines += [f"| {kind} | {n} |" for kind, n in error_kinds(failed)[:KINDS]]
+    return "\n".join(lines)
+
+
+def error_kinds(rows: Rows) -> list[tuple[str, int]]:
+    """Errors without names and numbers, the most frequent first."""
+    return collections.Counter(_kind(row["error"]) for row in rows if row["error"]).most_common()
+
+
+def _kind(line: str) -> str:
+    line = re.sub(r"^\S*[/\\]\S*: ", "", line)  # the file
+    line = re.sub(r"'[^']*'(, '[^']*')*", "'...'", line)
+    return re.sub(r"-?\d[\d.,]*", "#", line).replace("|", "/")
 
 
 def _joints(row: dict[str, str]) -> collections.Counter:
@@ -118,41 +154,45 @@ def _near_boxes(boxes: np.ndarray) -> float:
     return float((distance.min(1) < 0.05).mean()) if len(boxes) > 1 else 0.0
 
 
-def write_contact_sheet(folder: str | Path, rows: Rows) -> Path | None:
-    """Write ``contact-sheet.png``: the first objects at rest, each beside its open state with every part in its own colour.
+def write_contact_sheet(folder: str | Path, rows: Rows, settings: Settings) -> Path | None:
+    """Write ``contact-sheet.png``: objects of all categories in turn, at rest, and open with every part in its own colour and the joints' axes drawn.
 
-    Objects are drawn again from the manifest's family and seed. None where every object failed.
+    The objects are made again from their sources; one that cannot be is left out. None where there is none.
     """
-    from uniart_jax.procedural import generate
-    from uniart_jax.render import Camera, fit, render
-
-    folder = Path(folder)
-    first = {(row["family"], int(row["seed"])): None for row in rows if not row["error"]}
+    groups: dict[str, dict[str, dict[str, str]]] = collections.defaultdict(dict)
+    for row in rows:
+        if not row["error"]:
+            groups[row["category"]].setdefault(row["object"], row)
+    turns = itertools.zip_longest(*(each.values() for each in groups.values()))
     tiles = []
-    for family, seed in list(first)[:SHEET_OBJECTS]:
-        obj = generate(family, seed)
-        views = []
-        for q, part_colors in ((obj.rest(), False), (obj.open(), True)):
-            shown = obj.shown_at(q).normalized()
-            camera = fit(shown, Camera(np.deg2rad(-30), np.deg2rad(20), 35.0, 2.5))
-            views.append(
-                composite(render(shown, camera, size=TILE, part_colors=part_colors), background=1.0)
-            )
-        tiles.append(np.concatenate(views, axis=1))
+    for row in itertools.islice(filter(None, itertools.chain(*turns)), SHEET_OBJECTS):
+        try:
+            obj = load_entry(entry_of(row, settings), settings)
+            tiles.append(_tile(obj.normalized(), row["category"] or row["object"]))
+        except (ValueError, OSError):
+            continue
     if not tiles:
         return None
-    blank = np.ones_like(tiles[0])
+    width, height = tiles[0].size
     columns = min(SHEET_COLUMNS, len(tiles))
-    tiles += [blank] * (-len(tiles) % columns)
-    grid = [np.concatenate(tiles[i : i + columns], 1) for i in range(0, len(tiles), columns)]
-    sheet = np.rint(np.concatenate(grid, 0) * 255).astype(np.uint8)
-    path = folder / "contact-sheet.png"
-    temporary = folder / ".contact-sheet.png"
-    Image.fromarray(sheet).save(temporary)
+    lines = -(-len(tiles) // columns)
+    sheet = Image.new("RGB", (columns * width, lines * height), "white")
+    for i, tile in enumerate(tiles):
+        sheet.paste(tile, (i % columns * width, i // columns * height))
+    path = Path(folder) / "contact-sheet.png"
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    sheet.save(temporary, format="png")
     os.replace(temporary, path)
     return path
 
 
-def composite(rgba: np.ndarray, background: float = 0.0) -> np.ndarray:
-    """[..., 3] of straight-alpha [..., 4] in [0, 1] over a gray level, mixed in sRGB as image viewers do."""
-    return rgba[..., :3] * rgba[..., 3:] + background * (1 - rgba[..., 3:])
+def _tile(obj: ArticulatedObject, title: str) -> Image.Image:
+    rest, opened = obj.rest(), obj.open()
+    camera = Camera(np.deg2rad(-30), np.deg2rad(20), 35.0, 2.5)
+    tile = Image.new("RGB", (2 * TILE, TILE + CAPTION), "white")
+    corners = np.stack([obj.mesh(q).bounds for q in (rest, opened)])
+    camera = fit(np.stack([corners[:, 0].min(0), corners[:, 1].max(0)]), camera)
+    tile.paste(picture(obj, camera, TILE, rest), (0, CAPTION))
+    tile.paste(picture(obj, camera, TILE, opened, parts=True, axes=True), (TILE, CAPTION))
+    ImageDraw.Draw(tile).text((4, 1), title[:40], fill="black")
+    return tile

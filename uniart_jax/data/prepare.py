@@ -1,8 +1,9 @@
-"""Prepared folders: thousands of objects voxelised and rendered into ArrayRecord shards, by several processes.
+"""Prepared folders: thousands of objects voxelised and rendered into ArrayRecord shards, by several processes, several machines or Beam.
 
-The folder's layout is in ``data.folder``. A shard gets its name only when it is complete (its rows first, then the shard itself),
-and depends on nothing but the settings and its number. So a run may be killed at any moment; run again, it keeps the finished shards and ends with the same bytes.
-Object k is drawn from seed start_seed + k and family k mod F: every prefix is balanced.
+    object -> shown states -> normalised -> voxels, views -> shard + rows -> manifest, card, contact sheet
+
+The folder's layout is in ``data.folder``, objects come from ``data.sources``. A shard gets its name only when it is complete (its rows first, then the
+shard itself), and depends on nothing but the settings and its objects. So a run may be killed at any moment; run again, it keeps the finished shards and ends with the same bytes.
 """
 
 from __future__ import annotations
@@ -10,19 +11,36 @@ from __future__ import annotations
 import collections
 import contextlib
 import csv
+import dataclasses
 import functools
 import os
 import sys
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from uniart_jax.config import GridConfig
-from uniart_jax.data.folder import Row, Settings, claim, finished, rows_path, shard_path, write_rows
-from uniart_jax.data.records import from_object, to_bytes, write_shard
-from uniart_jax.processes import in_order, process_pool
+from uniart_jax.data.folder import (
+    ORBIT,
+    Row,
+    Settings,
+    claim,
+    finished,
+    rows_path,
+    shard_path,
+    sweep,
+    write_rows,
+)
+from uniart_jax.data.records import from_object, pack_arrays, to_bytes, write_shard
+from uniart_jax.data.sources import FRONTS, Entry, ProceduralEntries, load_entry
+from uniart_jax.objects.clearance import Clearance
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.robot_object import lost_pieces
+from uniart_jax.objects.states import sample_state
+from uniart_jax.processes import each
 from uniart_jax.progress import advancing
+from uniart_jax.render import Camera
 
 ATTEMPTS = 8  # shown states drawn before an object counts as failed
 
@@ -59,23 +77,32 @@ def prepare_procedural(
       ValueError: a setting is out of range or a family unknown; ``out`` holds records of other settings, more objects than
         ``count``, or other files; a worker died; or no object succeeded.
     """
+    settings = Settings(
+        start_seed=start_seed,
+        resolution=grid.resolution,
+        subdivisions=grid.subdivisions,
+        max_parts=grid.max_parts,
+        views=views,
+        image_size=image_size,
+        states=states,
+        shard_size=shard_size,
+    )
+    entries, settings = procedural_entries(settings, count, families)
+    return prepare(out, entries, settings, processes=processes, progress=progress)
+
+
+def procedural_entries(
+    settings: Settings, count: int, families: Sequence[str] | None
+) -> tuple[ProceduralEntries, Settings]:
+    """``count`` procedural objects from the settings' first seed on, and the settings with their families.
+
+    Raises:
+      ValueError: no objects, or a family that does not exist.
+    """
     from uniart_jax import procedural
 
-    for name, value, low, high in (
-        ("count", count, 1, None),
-        ("start seed", start_seed, 0, None),
-        ("resolution", grid.resolution, 1, 256),
-        ("subdivisions", grid.subdivisions, 1, 8),
-        ("max_parts", grid.max_parts, 1, 255),
-        ("views", views, 1, None),
-        ("image size", image_size, 8, None),
-        ("states", states, 1, None),
-        ("shard size", shard_size, 1, None),
-        ("processes", processes, 1, None),
-    ):
-        if value < low or (high is not None and value > high):
-            span = f"at least {low}" if high is None else f"in {low}..{high}"
-            raise ValueError(f"prepare: {name} must be {span}, got {value}")
+    if count < 1:
+        raise ValueError(f"prepare: count must be at least 1, got {count}")
     families = tuple(procedural.SEEN_FAMILIES if families is None else families)
     known = (*procedural.SEEN_FAMILIES, *procedural.UNSEEN_FAMILIES)
     unknown = [name for name in families if name not in known]
@@ -83,74 +110,163 @@ def prepare_procedural(
         raise ValueError(
             f"prepare: unknown families {', '.join(unknown) or '(none given)'}; known: {', '.join(known)}"
         )
-    settings = Settings(
-        families,
-        start_seed,
-        grid.resolution,
-        grid.subdivisions,
-        grid.max_parts,
-        views,
-        image_size,
-        states,
-        shard_size,
-    )
+    entries = ProceduralEntries(families, settings.start_seed, count)
+    return entries, dataclasses.replace(settings, families=families)
+
+
+def prepare(
+    out: str | Path,
+    entries: Sequence[Entry],
+    settings: Settings,
+    *,
+    processes: int = 2,
+    part: tuple[int, int] = (0, 1),
+    progress: bool = True,
+    run: Callable[[Path, Settings, list[tuple[int, Sequence[Entry]]]], None] | None = None,
+) -> Path:
+    """Make the records of objects.
+
+    Args:
+      out: folder to make, or one that an earlier run with the same settings left unfinished or smaller.
+      entries: the objects, in an order that stays as it is.
+      processes: workers; 1 works in this process. More need the caller's main module to be importable (as spawn does).
+      part: (i, n): of n runs that share ``out``, this is number i and makes every n-th shard. The last to finish writes the manifest.
+      progress: a bar on stderr, or lines now and then where stderr is no terminal.
+      run: makes the shards (number, objects) in place of the workers here (``data.beam``).
+
+    Returns:
+      The folder.
+
+    Raises:
+      ValueError: a setting is out of range; ``out`` holds records of other settings or objects, or other files; or no object succeeded.
+    """
+    check(settings, processes, part)
     out = Path(out)
-    claim(out, settings, count)
-    shards = [range(k, min(k + shard_size, count)) for k in range(0, count, shard_size)]
-    todo = [i for i, objects in enumerate(shards) if not finished(out, i, objects, settings)]
-    indices = [k for i in todo for k in shards[i]]
-    with (
-        _progress(progress, count, count - len(indices)) as advance,
-        contextlib.closing(_make_all(settings, indices, processes)) as made,
-    ):
-        for i in todo:
-            rows: list[Row] = []
-            _write_shard(out, i, _items(made, len(shards[i]), rows, advance), rows)
-    _finish(out, settings, count)
+    claim(out, settings, [entry.key for entry in entries])
+    if part[1] == 1:  # nobody else is at work here: what a killed run left half-written may go
+        sweep(out)
+    size = settings.shard_size
+    shards = [entries[k : k + size] for k in range(0, len(entries), size)]
+    mine = range(part[0], len(shards), part[1])
+    todo = [(i, shards[i]) for i in mine if not finished(out, i, _keys(shards[i]))]
+    if run is not None:
+        run(out, settings, todo)
+    else:
+        total, left = sum(len(shards[i]) for i in mine), [e for _, shard in todo for e in shard]
+        with (
+            _progress(progress, total, total - len(left)) as advance,
+            contextlib.closing(_make_all(settings, left, processes)) as made,
+        ):
+            for number, shard in todo:
+                write(out, number, settings, made, len(shard), advance)
+    if all(finished(out, i, _keys(shard)) for i, shard in enumerate(shards)):
+        _finish(out, settings, len(shards))
+    elif part[1] == 1:
+        raise ValueError(f"{out}: some shards are missing; run the same command again")
     return out
 
 
-def _write_shard(out: Path, number: int, items: Iterator[bytes], rows: list[Row]) -> None:
-    """Write the shard, then its rows, then give the shard its name."""
-    path = shard_path(out, number)
-    pending = path.with_name(f".{path.name}.pending")
-    write_shard(pending, items)
+def check(settings: Settings, processes: int = 1, part: tuple[int, int] = (0, 1)) -> None:
+    """
+    Raises:
+      ValueError: a setting is out of range.
+    """
+    if settings.front not in FRONTS:
+        raise ValueError(f"prepare: front must be one of {', '.join(FRONTS)}, got '{settings.front}'")  # fmt: skip
+    for name, value, low, high in (
+        ("start seed", settings.start_seed, 0, None),
+        ("resolution", settings.resolution, 1, 256),
+        ("subdivisions", settings.subdivisions, 1, 8),
+        ("max_parts", settings.max_parts, 1, 255),
+        ("views", settings.views, 1, None),
+        ("image size", settings.image_size, 8, None),
+        ("states", settings.states, 1, None),
+        ("shard size", settings.shard_size, 1, None),
+        ("orbit views", settings.orbit_views, 0, None),
+        ("orbit size", settings.orbit_size, 8, None),
+        ("processes", processes, 1, None),
+        ("number of runs", part[1], 1, None),
+        ("number of this run", part[0], 0, part[1] - 1),
+    ):
+        if value < low or (high is not None and value > high):
+            span = f"at least {low}" if high is None else f"in {low}..{high}"
+            raise ValueError(f"prepare: {name} must be {span}, got {value}")
+
+
+def _keys(entries: Sequence[Entry]) -> list[str]:
+    return [entry.key for entry in entries]
+
+
+def make_shard(out: Path, settings: Settings, number: int, entries: Sequence[Entry]) -> int:
+    """Make one shard, all of it in this process; its number."""
+    made = (make_records(settings, entry) for entry in entries)
+    write(out, number, settings, made, len(entries), lambda: None)
+    return number
+
+
+Made = list[tuple[bytes, bytes, Row]]  # record, orbit, row; b"" instead of a record where it failed
+
+
+def write(
+    out: Path,
+    number: int,
+    settings: Settings,
+    made: Iterator[Made],
+    count: int,
+    advance: Callable[[], None],
+) -> None:
+    """Write the next ``count`` objects as a shard: to names of its own, then its rows, then give the shards their names."""
+    rows: list[Row] = []
+    orbits: list[bytes] = []  # of one shard
+
+    def records() -> Iterator[bytes]:
+        for _ in range(count):
+            for data, orbit, row in next(made):
+                rows.append(row)
+                if data:
+                    orbits.append(orbit)
+                    yield data
+            advance()
+
+    path, orbit_path = shard_path(out, number), shard_path(out, number, ORBIT)
+    pending = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    write_shard(pending, records())
     path.unlink(missing_ok=True)  # a smaller run's short last shard: the new one begins with it
+    if settings.orbit_views:
+        write_shard(orbit_path, orbits)
     write_rows(rows_path(out, number), rows)
     os.replace(pending, path)
 
 
-def _items(
-    made: Iterator[list[tuple[bytes, Row]]], count: int, rows: list[Row], advance
-) -> Iterator[bytes]:
-    for _ in range(count):
-        for data, row in next(made):
-            rows.append(row)
-            if data:
-                yield data
-        advance()
-
-
-def make_object(settings: Settings, index: int) -> list[tuple[bytes, Row]]:
-    """Records and manifest rows of object ``index``; b"" instead of a record where it failed. Never raises ``Exception``."""
-    from uniart_jax import procedural
-
-    family = settings.families[index % len(settings.families)]
-    seed = settings.start_seed + index
-    split = "held-out" if seed >= procedural.HELD_OUT_SEED else "train"
-    base: Row = {"family": family, "seed": seed, "split": split, "refused": 0, "error": ""}
-    made: list[tuple[bytes, Row]] = []
+def make_records(settings: Settings, entry: Entry) -> Made:
+    """Records, orbits and manifest rows of an object at each of its shown states. Never raises ``Exception``."""
+    base: Row = {
+        "object": entry.key,
+        "category": entry.category,
+        "seed": entry.seed if entry.seed >= 0 else "",
+        "split": entry.split,
+        "refused": 0,
+        "error": "",
+    }
+    made: Made = []
     try:
-        obj = procedural.generate(family, seed)
+        obj = load_entry(entry, settings)
+        base["repairs"] = " | ".join(obj.provenance)
+        base["category"] = entry.category or obj.category
+        if settings.strict and (lost := lost_pieces(obj.provenance)):
+            raise ValueError(f"incomplete: {lost[0]}")
+        if len(obj.parts) > settings.max_parts:
+            raise ValueError(f"{len(obj.parts)} parts, more than max_parts = {settings.max_parts}")
+        clearance = Clearance(obj)
     except Exception as error:  # one bad object must not stop a run of thousands; its row says why
-        row: Row = {**base, "id": f"{family}-{seed:07d}-0", "state": 0, "error": _reason(error)}
-        return [(b"", row)]
+        row: Row = {**base, "id": f"{entry.key}-0", "state": 0, "error": _reason(error)}
+        return [(b"", b"", row)]
     for state in range(settings.states):
-        row = {**base, "id": f"{family}-{seed:07d}-{state}", "state": state}
-        data = b""
+        row = {**base, "id": f"{entry.key}-{state}", "state": state}
+        data = orbit = b""
         for attempt in range(ATTEMPTS):
             try:
-                data, facts = _make_record(settings, obj, row, attempt)
+                data, orbit, facts = _make_record(settings, obj, clearance, entry, row, attempt)
                 row = {**row, **facts, "error": ""}
                 break
             except (
@@ -160,33 +276,57 @@ def make_object(settings: Settings, index: int) -> list[tuple[bytes, Row]]:
             except Exception as error:
                 row = {**row, "error": _reason(error)}
                 break
-        made.append((data, row))
+        made.append((data, orbit, row))
     return made
 
 
-def _make_record(settings: Settings, obj, row: Row, attempt: int) -> tuple[bytes, Row]:
-    from uniart_jax.procedural.states import sample_state
+def _make_record(
+    settings: Settings,
+    obj: ArticulatedObject,
+    clearance: Clearance,
+    entry: Entry,
+    row: Row,
+    attempt: int,
+) -> tuple[bytes, bytes, Row]:
     from uniart_jax.render import render, sample_camera
     from uniart_jax.voxels.voxelize import voxelize
 
     # Own stream (last entry): generate() uses [seed, family index].
-    rng = np.random.default_rng([int(row["seed"]), int(row["state"]), attempt, 7])
-    shown = sample_state(obj, rng)
-    if len(shown.parts) > settings.max_parts:
-        raise ValueError(f"{len(shown.parts)} parts, more than max_parts = {settings.max_parts}")
+    rng = entry.generator(int(row["state"]), attempt, 7)
+    shown = sample_state(obj, rng, clearance)
     grid = voxelize(shown, settings.resolution, settings.subdivisions)
     cameras = [sample_camera(rng) for _ in range(settings.views)]
     images = np.stack([render(shown, camera, size=settings.image_size) for camera in cameras])
-    angles = [(c.azimuth, c.elevation, c.fov_degrees, c.distance) for c in cameras]
-    meta = {key: row[key] for key in ("id", "family", "seed", "state")}
-    record = from_object(shown, images, np.array(angles, np.float32), meta, grid)
+    meta = {"id": row["id"], "category": row["category"], "state": row["state"]}
+    if entry.seed >= 0:
+        meta["seed"] = entry.seed
+    record = from_object(shown, images, _angles(cameras), meta, grid)
     types = collections.Counter(j.type for j in shown.joints[1:])
     facts: Row = {
         "joints": " ".join(f"{name}:{n}" for name, n in sorted(types.items())),
         "parts": len(shown.parts),
         "voxels": len(grid.coords),
     }
-    return to_bytes(record), facts
+    return to_bytes(record), _make_orbit(settings, shown, str(row["id"])), facts
+
+
+def _make_orbit(settings: Settings, shown: ArticulatedObject, name: str) -> bytes:
+    """Pictures from all around, evenly over the sphere, as ``pack_arrays`` of images [M, S, S, 4] uint8 and cameras [M, 4]; b"" if none are asked for."""
+    from uniart_jax.render import orbit_cameras, render
+
+    if not settings.orbit_views:
+        return b""
+    cameras = orbit_cameras(settings.orbit_views)
+    images = [
+        np.rint(render(shown, camera, size=settings.orbit_size) * 255).astype(np.uint8)
+        for camera in cameras
+    ]
+    return pack_arrays({"images": np.stack(images), "cameras": _angles(cameras)}, {"id": name})
+
+
+def _angles(cameras: Sequence[Camera]) -> np.ndarray:
+    rows = [(c.azimuth, c.elevation, c.fov_degrees, c.distance) for c in cameras]
+    return np.array(rows, np.float32).reshape(-1, 4)
 
 
 def _reason(error: Exception) -> str:
@@ -195,13 +335,19 @@ def _reason(error: Exception) -> str:
 
 
 def _make_all(
-    settings: Settings, indices: Sequence[int], processes: int
-) -> Generator[list[tuple[bytes, Row]], None, None]:
-    """Results of ``make_object`` in order; workers stay a bounded number of objects ahead."""
-    processes = processes if len(indices) > 1 else 1
-    with process_pool(processes) as submit:
-        make = functools.partial(make_object, settings)
-        yield from in_order(submit, make, indices, 1 if processes == 1 else 8 * processes)
+    settings: Settings, entries: Sequence[Entry], processes: int
+) -> Generator[Made, None, None]:
+    """Results of ``make_records`` in order; workers stay a bounded number of objects ahead."""
+    processes = processes if len(entries) > 1 else 1
+    make = functools.partial(make_records, settings)
+    ahead = 1 if processes == 1 else 8 * processes
+    yield from each(processes, make, entries, ahead, _died)
+
+
+def _died(entry: Entry) -> Made:
+    reason = "its worker process died (out of memory?)"
+    row: Row = {"id": f"{entry.key}-0", "object": entry.key, "category": entry.category, "state": 0, "split": entry.split, "refused": 0, "error": reason}  # fmt: skip
+    return [(b"", b"", row)]
 
 
 def _progress(show: bool, total: int, done: int):
@@ -210,27 +356,29 @@ def _progress(show: bool, total: int, done: int):
     return contextlib.nullcontext(lambda: None)
 
 
-def _finish(out: Path, settings: Settings, count: int) -> None:
+def _finish(out: Path, settings: Settings, shards: int) -> None:
     """Manifest, data card and contact sheet of a complete folder; says on stderr how many objects failed.
 
     Raises:
       ValueError: all of them.
     """
-    from uniart_jax.data.card import write_contact_sheet, write_data_card
+    from uniart_jax.data.card import error_kinds, write_contact_sheet, write_data_card
 
     rows: list[dict[str, str]] = []
-    for number in range(-(-count // settings.shard_size)):
+    for number in range(shards):
         with rows_path(out, number).open(newline="") as file:
             rows.extend(csv.DictReader(file))
     write_rows(out / "manifest.csv", rows)
     write_data_card(out, rows)
-    write_contact_sheet(out, rows)
+    write_contact_sheet(out, rows, settings)
     failed = [row for row in rows if row["error"]]
     if not failed:
         return
+    count = len({row["object"] for row in rows})
     if len(failed) == len(rows):
         raise ValueError(
             f"{out}: none of {count} objects succeeded, the first because: {failed[0]['error']}; choose other settings and another folder"
         )
-    objects = len({row["seed"] for row in failed})
-    print(f"prepare: {objects} of {count} objects failed; see the column error of {out}/manifest.csv", file=sys.stderr)  # fmt: skip
+    objects = len({row["object"] for row in failed})
+    kinds = "; ".join(f"{n} {kind}" for kind, n in error_kinds(failed)[:5])
+    print(f"prepare: {objects} of {count} objects failed ({kinds}); see the column error of {out}/manifest.csv", file=sys.stderr)  # fmt: skip

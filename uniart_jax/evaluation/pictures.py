@@ -7,21 +7,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
+from uniart_jax.diagram import picture
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, fit, render
+from uniart_jax.render import Camera, fit
 
 TILE = 192
 CAPTION = 16
-
-
-def tile(
-    obj: ArticulatedObject, camera: Camera, q: np.ndarray | None, part_colors: bool
-) -> Image.Image:
-    """One picture on white."""
-    rgba = render(obj, camera, size=TILE, q=q, samples=4, part_colors=part_colors)
-    return Image.fromarray(
-        np.round((rgba[..., :3] * rgba[..., 3:] + 1 - rgba[..., 3:]) * 255).astype(np.uint8)
-    )
 
 
 def write_comparison(
@@ -45,6 +36,6 @@ def write_comparison(
         for r, (q, colors) in enumerate(
             ((None, False), (obj.open(0.8), False), (obj.open(0.8), True))
         ):
-            sheet.paste(tile(obj, camera, q, colors), (c * TILE, CAPTION + r * TILE))
+            sheet.paste(picture(obj, camera, TILE, q, parts=colors), (c * TILE, CAPTION + r * TILE))
     path.parent.mkdir(parents=True, exist_ok=True)
     sheet.save(path)

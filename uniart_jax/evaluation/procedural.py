@@ -36,8 +36,8 @@ from uniart_jax.evaluation.parts import PartScores, compare_parts, summarize
 from uniart_jax.evaluation.pictures import write_comparison
 from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.states import sample_state
 from uniart_jax.pipeline import Pipeline, load
-from uniart_jax.procedural.states import sample_state
 from uniart_jax.processes import in_order, process_pool
 from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
@@ -317,7 +317,7 @@ def largest_seed(records: Path) -> int:
     """Of all objects in a folder that ``uniart prepare`` made; 0 for other records."""
     if not (Path(records) / "manifest.csv").is_file():
         return 0
-    return max((int(row["seed"]) for row in read_manifest(records)), default=0)
+    return max((int(row["seed"] or 0) for row in read_manifest(records)), default=0)
 
 
 def unit(x: np.ndarray) -> np.ndarray:

@@ -32,7 +32,7 @@ def reconstruct(
 def object_of_record(record: Record) -> ArticulatedObject:
     """The object that a training record stands for, assembled from its voxels."""
     scale = float(record.meta.get("scale", 1.0))
-    return assemble(record.grid().gather(), scale=scale, name=str(record.meta.get("family", "")))
+    return assemble(record.grid().gather(), scale=scale, name=str(record.meta.get("category", "")))
 
 
 def score_reconstruction(obj: ArticulatedObject, copy: ArticulatedObject) -> dict[str, float]:

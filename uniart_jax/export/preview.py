@@ -7,18 +7,20 @@ it best, since generated objects stand in a canonical frame and the image's came
 from __future__ import annotations
 
 import dataclasses
+import functools
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from uniart_jax.objects.kinematics import Joint, rotation
+from uniart_jax.diagram import picture
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import PART_COLORS, Camera, fit, render
+from uniart_jax.render import Camera, fit, render
 
 TILE = 320  # pixels a side
 BACKGROUND = (244, 244, 246)
 INK = (70, 72, 80)
+_tile = functools.partial(picture, background=BACKGROUND)
 DEFAULT_VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
 MARGIN = 1.08  # frame over object
 MATCH_SIZE = 48  # pixels a side of the pictures that are compared
@@ -79,11 +81,9 @@ def write_preview(
     tiles = []
     if image is not None:
         tiles.append(("input", _input_tile(image)))
-    tiles.append(("rest", _tile(render(staged, camera, TILE, q=rest))))
-    tiles.append(("open", _tile(render(staged, camera, TILE, q=opened))))
-    parts = _tile(render(staged, camera, TILE, q=opened, part_colors=True))
-    _draw_axes(parts, staged.shown_at(opened), opened - rest, camera)
-    tiles.append(("parts and axes", parts))
+    tiles.append(("rest", _tile(staged, camera, TILE, rest)))
+    tiles.append(("open", _tile(staged, camera, TILE, opened)))
+    tiles.append(("parts and axes", _tile(staged, camera, TILE, opened, parts=True, axes=True)))
     gap, caption = 8, 26
     width = len(tiles) * (TILE + gap) + gap
     sheet = Image.new("RGB", (width, TILE + caption + 2 * gap), BACKGROUND)
@@ -109,7 +109,7 @@ def write_motion(obj: ArticulatedObject, path: Path, view: Camera) -> Path | Non
         q = rest.copy()
         for order, k in enumerate(moving):
             q[k] += (opened[k] - rest[k]) * _eased(time, order, len(moving))
-        frames.append(_tile(render(staged, camera, MOTION_SIZE, q=q)))
+        frames.append(_tile(staged, camera, MOTION_SIZE, q))
     middle = Image.new("RGB", (MOTION_SIZE, 2 * MOTION_SIZE))
     middle.paste(frames[0], (0, 0))
     middle.paste(frames[-1], (0, MOTION_SIZE))
@@ -149,13 +149,6 @@ def _framed(obj: ArticulatedObject, view: Camera) -> tuple[ArticulatedObject, Ca
     return obj.transformed(matrix), dataclasses.replace(view, distance=float(reach.max()))
 
 
-def _tile(picture: np.ndarray) -> Image.Image:
-    """A rendered [n, n, 4] picture on the sheet's background."""
-    alpha = picture[..., 3:]
-    color = picture[..., :3] * alpha + np.array(BACKGROUND) / 255 * (1 - alpha)
-    return Image.fromarray((color * 255 + 0.5).astype(np.uint8))
-
-
 def _input_tile(image: Image.Image) -> Image.Image:
     """The input image, transparency on the sheet's background, as large as a tile allows."""
     rgba = image.convert("RGBA")
@@ -189,43 +182,6 @@ def _premultiplied(picture: np.ndarray) -> np.ndarray:
     """Colour, black where there is nothing, beside alpha."""
     alpha = picture[..., 3:]
     return np.concatenate([picture[..., :3] * alpha, alpha], -1)
-
-
-def _draw_axes(
-    tile: Image.Image, opened: ArticulatedObject, moved: np.ndarray, camera: Camera
-) -> None:
-    """Draw every joint's axis over the picture: an arrow along its opening travel, a ring about rotation, in the part's colour."""
-    draw = ImageDraw.Draw(tile)
-    for k, part in enumerate(opened.parts):
-        if k == 0 or part.joint.type == "fixed":
-            continue
-        color = tuple(int(c * 165) for c in PART_COLORS[k % len(PART_COLORS)])
-        for line in _axis_lines(part.joint, part.box, moved[k]):
-            pixels = camera.project(line, TILE)
-            if np.isfinite(pixels).all():
-                points = [tuple(p) for p in pixels]
-                draw.line(points, fill="white", width=5, joint="curve")
-                draw.line(points, fill=color, width=2, joint="curve")
-
-
-def _axis_lines(joint: Joint, box: np.ndarray, moved: float) -> list[np.ndarray]:
-    """[n, 3] polylines of the symbol, beside its part, of a joint that went through ``moved`` from rest to open."""
-    d = joint.direction
-    middle = joint.origin + d * float(d @ (box[:3] - joint.origin)) if joint.rotates else box[:3]
-    half = 0.5 * float(np.abs(d) @ box[3:]) + 0.06
-    ends = [middle - half * d, middle + half * d]
-    side = np.cross(d, [0.0, 0.0, 1.0] if abs(d[2]) < 0.9 else [1.0, 0.0, 0.0])
-    side /= np.linalg.norm(side)
-    lines = [np.stack(ends)]
-    if joint.rotates:
-        spokes = [rotation(d, a) @ side * 0.045 for a in np.linspace(0, 2 * np.pi, 25)]
-        lines.append(ends[1] - 0.03 * d + np.stack(spokes))
-    if joint.travels:  # the head points to where the part went
-        sign = 1.0 if joint.pitch * moved >= 0 else -1.0
-        tip = middle + sign * half * d
-        barbs = [tip - sign * 0.05 * d + 0.03 * side, tip, tip - sign * 0.05 * d - 0.03 * side]
-        lines.append(np.stack(barbs))
-    return lines
 
 
 def read_image(image: str | Path | np.ndarray | Image.Image) -> Image.Image:

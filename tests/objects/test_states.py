@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from uniart_jax.objects.states import sample_state
 from uniart_jax.procedural import SEEN_FAMILIES, generate
-from uniart_jax.procedural.states import sample_state
 
 
 @pytest.mark.parametrize("family", SEEN_FAMILIES)

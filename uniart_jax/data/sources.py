@@ -1,0 +1,153 @@
+"""Where objects come from: procedural generators, PartNet-Mobility, or any folder of assets. Each object is an ``Entry``, made when it is needed."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from uniart_jax.data.folder import Settings
+from uniart_jax.objects.object import ArticulatedObject
+
+ASSET_SUFFIXES = (".urdf", ".xml", ".json")
+META_BYTES = 1 << 20
+FRONTS = ("-x", "+y", "+x", "-y")  # a quarter turn about z takes each to the one before it
+_QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    """An object that is not made yet.
+
+    Attributes:
+      key: names it in its folder of records; no two are equal.
+      category: for people, tables and splits; no network sees it.
+      split: train, test, ... (``data.splits``).
+      seed: of a procedural object, else -1.
+      path: of an asset, relative to ``Settings.root``.
+    """
+
+    key: str
+    category: str
+    split: str = ""
+    seed: int = -1
+    path: str = ""
+
+    def generator(self, *stream: int) -> np.random.Generator:
+        """Random numbers of this object: of its seed or, for an asset, of its key, so that other objects of a folder do not matter."""
+        own = self.seed
+        if own < 0:
+            own = int.from_bytes(hashlib.blake2b(self.key.encode(), digest_size=8).digest(), "big")
+        return np.random.default_rng([own, *stream])
+
+
+class ProceduralEntries(Sequence[Entry]):
+    """Object k is drawn from family k mod F with seed start_seed + k: every prefix is balanced."""
+
+    def __init__(self, families: Sequence[str], start_seed: int, count: int):
+        self.families, self.start_seed, self.number = tuple(families), start_seed, count
+
+    def __len__(self) -> int:
+        return self.number
+
+    def __getitem__(self, index):
+        from uniart_jax import procedural
+
+        if isinstance(index, slice):
+            return [self[k] for k in range(*index.indices(self.number))]
+        if not 0 <= index < self.number:
+            raise IndexError(index)
+        family, seed = self.families[index % len(self.families)], self.start_seed + index
+        split = "held-out" if seed >= procedural.HELD_OUT_SEED else "train"
+        return Entry(f"{family}-{seed:07d}", family, split, seed)
+
+
+def find_entries(root: str | Path, source: str) -> list[Entry]:
+    """The assets below a folder, sorted by path; their splits are not set.
+
+    Args:
+      source: "partnet-mobility": every folder with a ``mobility.urdf``. "urdf": every folder or file that ``load_object`` takes.
+
+    Raises:
+      FileNotFoundError: no such folder, or nothing in it.
+    """
+    root = Path(root)
+    if not root.is_dir():
+        raise FileNotFoundError(f"prepare: '{root}': no such folder")
+    paths: list[Path] = []
+    for folder, inner, files in os.walk(root):
+        inner.sort()
+        found = _assets(Path(folder), sorted(files), source)
+        if found:
+            paths += found
+            inner.clear()  # what lies below belongs to the asset
+    if not paths:
+        what = "mobility.urdf" if source == "partnet-mobility" else "URDF, MJCF or object.json"
+        raise FileNotFoundError(f"prepare: '{root}': no {what} in it or below it")
+    entries = []
+    for path in sorted(paths):
+        relative = path.relative_to(root)
+        key = relative.as_posix() if relative.parts else root.resolve().name
+        entries.append(Entry(key, _category(path, relative), path=relative.as_posix()))
+    return entries
+
+
+def _assets(folder: Path, files: list[str], source: str) -> list[Path]:
+    """What of a folder is an asset: the folder, if one description in it is meant, or each of several files."""
+    if source == "partnet-mobility":
+        return [folder] if "mobility.urdf" in files else []
+    if {"object.urdf", "mobility.urdf", "object.json"} & {*files}:
+        return [folder]
+    described = [name for name in files if name.endswith(".urdf")]
+    described += [n for n in files if n.endswith(".xml") and _is_mjcf(folder / n)]
+    return [folder / name for name in described]
+
+
+def _is_mjcf(path: Path) -> bool:
+    with path.open("rb") as file:
+        return b"<mujoco" in file.read(4096)
+
+
+def _category(path: Path, relative: Path) -> str:
+    """What the asset's ``meta.json`` says (PartNet-Mobility), else the folder of assets that it stands in, if that is not the root."""
+    meta = path / "meta.json"
+    if meta.is_file() and meta.stat().st_size <= META_BYTES:
+        try:
+            said = json.loads(meta.read_text(encoding="utf-8"))
+            if isinstance(said, dict) and isinstance(said.get("model_cat"), str):
+                return said["model_cat"]
+        except ValueError:  # the reader of the object will say so
+            pass
+    return relative.parts[0] if len(relative.parts) > 1 else ""
+
+
+def entry_of(row: Mapping[str, str], settings: Settings) -> Entry:
+    """The entry that a manifest's row came from."""
+    key, seed = row["object"], int(row["seed"] or -1)
+    path = "" if seed >= 0 else key if (Path(settings.root) / key).exists() else "."
+    return Entry(key, row["category"], row["split"], seed, path)
+
+
+def load_entry(entry: Entry, settings: Settings) -> ArticulatedObject:
+    """The object, in metres or normalised.
+
+    Raises:
+      ValueError, FileNotFoundError: it cannot be made; one line.
+    """
+    if settings.source == "procedural":
+        from uniart_jax import procedural
+
+        return procedural.generate(entry.category, entry.seed)
+    from uniart_jax.objects.load import load_object
+
+    obj = load_object(Path(settings.root) / entry.path, allow_outside=settings.allow_outside)
+    if settings.front == FRONTS[0]:
+        return obj
+    turn = np.eye(4)
+    turn[:3, :3] = np.linalg.matrix_power(_QUARTER, FRONTS.index(settings.front))
+    return obj.transformed(turn)
