@@ -14,7 +14,7 @@ FLOORS = [
     {"voxels", "procedural", "render", "diagram", "flow"},
     {"data", "models"},
     {"weights", "export", "samplers"},
-    {"training", "pipeline", "validation", "encoding", "stages", "conversion"},
+    {"training", "pipeline", "validation", "encoding", "features", "stages", "conversion"},
     {"simulation", "evaluation", "viewer"},
     {"cli"},
 ]
@@ -31,6 +31,7 @@ SAME_FLOOR = {
     ("validation", "training"),
     ("conversion", "training"),
     ("encoding", "training"),
+    ("features", "training"),
     ("stages", "encoding"),
     ("stages", "training"),
     ("stages", "validation"),

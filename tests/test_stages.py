@@ -237,8 +237,9 @@ def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
     with pytest.raises(ValueError, match="uniart convert dinov2"):
         stages.run(frozen, ("image_encoder",), tmp_path / "work")
     paper = load_config(DEBUG.with_name("paper.py"))
-    with pytest.raises(ValueError, match="visual_channels is 1024, but records do not hold"):
-        stages.run(paper, stages.NETWORKS, tmp_path / "work")
+    absent = dataclasses.replace(paper.data, records=str(tmp_path / "absent"))
+    with pytest.raises(FileNotFoundError, match=r"absent: no such folder; .* uniart prepare"):
+        stages.run(dataclasses.replace(paper, data=absent), stages.NETWORKS, tmp_path / "work")
     assert not (tmp_path / "work").exists()
 
 

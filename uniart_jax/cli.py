@@ -237,6 +237,7 @@ def prepare(
     views: int = 2,
     image_size: int = 128,
     states: int = 1,
+    part_scale: float = 0.0,
     orbit_views: int = 0,
     orbit_size: int = 518,
     split: Literal["none", "closed", "open"] = "none",
@@ -264,6 +265,7 @@ def prepare(
         views: Rendered images a record, from random front views.
         image_size: Pixels a side.
         states: Shown states an object.
+        part_scale: Stretch parts at random, by about this share, in every state but the first (.1 is plausible).
         orbit_views: Pictures from all around a record, for `uniart features` (TRELLIS: 150).
         orbit_size: Pixels a side of those.
         split: Names each object's split: "closed": the paper's seven categories; "open": other large categories are unseen.
@@ -297,6 +299,7 @@ def prepare(
         views=views,
         image_size=image_size,
         states=states,
+        part_scale=part_scale,
         shard_size=shard_size,
         strict=strict,
         allow_outside=allow_outside,
@@ -328,7 +331,7 @@ def _part(text: str) -> tuple[int, int]:
     """ "i/n" as two numbers."""
     number, slash, of = text.partition("/")
     if not (slash and number.isdigit() and of.isdigit() and int(number) < int(of)):
-        raise ValueError(f"prepare: --shard must be i/n with i in 0..n-1, got '{text}'")
+        raise ValueError(f"--shard must be i/n with i in 0..n-1, got '{text}'")
     return int(number), int(of)
 
 
@@ -363,44 +366,57 @@ def reconstruct(
 
 def evaluate(
     what: Annotated[Literal["procedural", "representation"], tyro.conf.Positional],
+    root: Annotated[Path | None, tyro.conf.Positional] = None,
     /,
+    *,
     out: Out,
     checkpoint: str = "nano",
-    count: int = 128,
+    count: int | None = None,
     records: Path | None = None,
     pictures: int = 16,
     unseen: bool = False,
     processes: int | None = None,
+    allow_outside: bool = False,
 ) -> None:
     """Measure a checkpoint on held-out procedural objects (or the representation alone) and write a table and pictures.
 
     Args:
         what: "procedural": image to object. "representation": truth to voxels to object, no network.
+        root: representation: a folder of assets, measured at 32 and 64 voxels a side, instead of procedural objects.
         checkpoint: As for sample.py.
-        count: Held-out objects, seeds from 1,000,000 on.
+        count: Held-out objects, seeds from 1,000,000 on (default 128), or assets (default all).
         records: Training records for the retrieval baseline; without them it is left out.
         pictures: How many objects are drawn.
         unseen: The families that are never trained on, instead of the trained ones.
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
+        allow_outside: representation: let assets name files outside their own folders.
     """
     for name, value in (("count", count), ("processes", processes)):
         if value is not None and value < 1:
             raise ValueError(f"evaluate: --{name} must be at least 1, got {value}")
     if out.exists() and not out.is_dir():
         raise ValueError(f"output '{out}': a file of that name exists; choose another --out")
+    workers = processes or min(os.cpu_count() or 1, 8)
+    if root is not None:
+        if what != "representation":
+            raise ValueError("evaluate: a folder of assets goes with 'representation'; it has no images")  # fmt: skip
+        from uniart_jax.evaluation.assets import evaluate_assets
+
+        evaluate_assets(root, out, count=count, processes=workers, allow_outside=allow_outside)
+        return
     from uniart_jax.evaluation import procedural
     from uniart_jax.pipeline import enable_compilation_cache
 
     enable_compilation_cache()
     share: dict[str, Any] = {
         "unseen": unseen,
-        "processes": processes or min(os.cpu_count() or 1, 8),
+        "processes": workers,
     }
     if what == "representation":
-        procedural.evaluate_representation(out, count=count, **share)
+        procedural.evaluate_representation(out, count=count or 128, **share)
     else:
         procedural.evaluate_checkpoint(
-            checkpoint, out, count=count, records=records, pictures=pictures, **share
+            checkpoint, out, count=count or 128, records=records, pictures=pictures, **share
         )
 
 
@@ -465,8 +481,45 @@ def convert(
     (convert_trellis_folder if kind == "trellis" else convert_dinov2_file)(path, out, overwrite)
 
 
+def features(
+    records: Annotated[Path, tyro.conf.Positional],
+    /,
+    weights: Path | None = None,
+    part_features: Path | None = None,
+    export_points: Path | None = None,
+    views: int | None = None,
+    batch: int = 8,
+    shard: str = "0/1",
+) -> None:
+    """Add features of voxels to prepared records, as columns beside them. Can be killed and run again: finished shards are kept.
+
+    Args:
+        records: A folder made by ``uniart prepare`` (for --weights: with --orbit-views).
+        weights: image_encoder.safetensors of ``uniart convert dinov2``, or its folder: the column "visual", DINOv2's features averaged over the orbit.
+        part_features: Folder of PartField's results on the exported points: the column "part_feature".
+        export_points: Folder to write one PLY a record to, for PartField.
+        views: --weights: orbit pictures to use of each record (default: all).
+        batch: --weights: pictures the network reads at a time.
+        shard: "i/n": this run is number i (from 0) of n that share RECORDS.
+    """
+    part = _part(shard)
+    if weights is None and part_features is None and export_points is None:
+        raise ValueError("features: give --weights, --part-features or --export-points")
+    from uniart_jax import features as columns
+    from uniart_jax.pipeline import enable_compilation_cache
+
+    if export_points is not None:
+        columns.export_points(records, export_points, part=part)
+    if part_features is not None:
+        columns.write_part_features(records, part_features, part=part)
+    if weights is not None:
+        enable_compilation_cache()
+        columns.write_visual(records, weights, views=views, batch=batch, part=part)
+
+
 COMMANDS = {
     "prepare": prepare,
+    "features": features,
     "sample": sample,
     "reconstruct": reconstruct,
     "evaluate": evaluate,

@@ -99,6 +99,12 @@ class UniArtVAEConfig:
     part_segment: int = 0
     linear_path: bool = False
 
+    @property
+    def feature_channels(self) -> dict[str, int]:
+        """Features that are read with each voxel, by the name of their column (``data.columns``), and their channels."""
+        both = {"visual": self.visual_channels, "part_feature": self.part_feature_channels}
+        return {name: channels for name, channels in both.items() if channels}
+
 
 @dataclasses.dataclass(frozen=True)
 class FlowConfig:
@@ -218,10 +224,17 @@ class LossConfig:
 
 @dataclasses.dataclass(frozen=True)
 class DataConfig:
-    """Where records are and how batches are made of them."""
+    """Where records are and how batches are made of them.
+
+    ``split``, ``validation_split``: of each folder, only the records of this split, or of several joined by commas, as its manifest says; "" = all. So one
+    folder can serve for both. ``mirror``, ``mirror_latents``: not for a UniArt VAE that reads features of voxels (``visual_channels``,
+    ``part_feature_channels``): they come from networks that see a mirrored object otherwise, so its features are not known.
+    """
 
     records: str = ""
+    split: str = ""
     validation: str = ""
+    validation_split: str = ""
     procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
     views: int = 2  # images of each
     validation_count: int = 64
@@ -235,6 +248,15 @@ class DataConfig:
     mirror: bool = True  # left-right mirror of object and image with probability 1/2
     mirror_latents: bool = (
         True  # so in the flows too, whose latents then take twice as long to encode
+    )
+    live: float = (
+        0.0  # UniArt VAE: share of the items made again from their objects (``data.live``)
+    )
+    part_scale: float = (
+        0.0  # of those: parts grow or shrink by up to this share (``objects.perturb``)
+    )
+    part_color: float = (
+        0.0  # UniArt VAE, all items: so the brightness and each channel of a part's colour
     )
     seed: int = 0
     workers: int = 0

@@ -15,7 +15,8 @@ from rich.console import Console
 
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data import latents as latent_store
-from uniart_jax.data.batches import record_batches
+from uniart_jax.data.batches import may_mirror, record_batches
+from uniart_jax.data.columns import column_note, column_path
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
 from uniart_jax.progress import advancing
@@ -42,26 +43,21 @@ console = Console(stderr=True, highlight=False)
 
 
 def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """All records, and their mirror images if asked for, through both VAEs; again only if weights or records changed."""
+    """All records, and their mirror images if asked for and known (``DataConfig``), through both VAEs; again only if weights or records changed."""
     parameters = {
         name: load_network(workdir, name, build(name, config.model).abstract()) for name in ENCODED
     }
-    jobs = [
-        (
-            config.data.records,
-            workdir / "latents",
-            (False, True) if config.data.mirror_latents else (False,),
-        )
-    ]
-    if config.data.validation:
-        jobs.append((config.data.validation, workdir / "latents-validation", (False,)))
-    for records, out, mirrors in jobs:
-        key = digest(config, workdir, Path(records))
+    data = config.data
+    both = (False, True) if data.mirror_latents and may_mirror(config.model) else (False,)
+    jobs = [(data.records, data.split, workdir / "latents", both)]
+    if data.validation:
+        jobs.append((data.validation, data.validation_split, workdir / "latents-validation", (False,)))  # fmt: skip
+    for records, split, out, mirrors in jobs:
+        key = digest(config, workdir, Path(records), split)
         if latent_store.latents_key(out) != key:
             console.print(f"encoding {records}")
-            latent_store.write_latents(
-                out, encode_records(config, parameters, records, mirrors), key=key
-            )
+            items = encode_records(config, parameters, records, mirrors, split)
+            latent_store.write_latents(out, items, key=key)
     found = latent_store.read_statistics(workdir / "latents")
     return {
         "structure": (found.structure_mean, found.structure_std),
@@ -69,9 +65,13 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
     }
 
 
-def latent_metric(latents: Path, records: str | Path, share: float) -> np.ndarray:
-    """[C, C] of ``training.readout.fit_metric``, from voxels of some items at even distances."""
-    source, tables = latent_store.LatentSource(latents), RecordSource(records)
+def latent_metric(latents: Path, records: str | Path, share: float, split: str = "") -> np.ndarray:
+    """[C, C] of ``training.readout.fit_metric``, from voxels of some items at even distances.
+
+    Args:
+      split: of the records, that which was encoded.
+    """
+    source, tables = latent_store.LatentSource(latents), RecordSource(records, split)
     rng = np.random.default_rng(0)
     found: dict[str, list[np.ndarray]] = {name: [] for name in ("latent", *WEIGHTS)}
     chosen = np.linspace(0, len(source) - 1, min(METRIC_ITEMS, len(source))).astype(int)
@@ -92,8 +92,8 @@ def latent_metric(latents: Path, records: str | Path, share: float) -> np.ndarra
     return fit_metric(rows.pop("latent"), rows, share)
 
 
-def digest(config: Config, workdir: Path, records: Path) -> str:
-    """What latents depend on: both VAEs' sizes and exported weights, the records, and mirroring."""
+def digest(config: Config, workdir: Path, records: Path, split: str = "") -> str:
+    """What latents depend on: both VAEs' sizes and exported weights, the records, their split and columns, and mirroring."""
     model = config.model
     sizes = (model.grid, model.structure_vae, model.uniart_vae)
     total = hashlib.sha256(repr((sizes, config.data.mirror_latents, latent_store.FIELDS)).encode())
@@ -101,22 +101,35 @@ def digest(config: Config, workdir: Path, records: Path) -> str:
         total.update(path.read_bytes())
     for path in (records / "metadata.json", records / "manifest.csv"):
         total.update(path.read_bytes() if path.is_file() else b"")
-    for path in shard_paths(records):
+    shards = shard_paths(records)
+    columns = [
+        column_path(path, name) for name in model.uniart_vae.feature_channels for path in shards
+    ]
+    for path in (*shards, *columns):
         total.update(f"{path.name} {path.stat().st_size}".encode())
+    for path in (column_note(records, name) for name in model.uniart_vae.feature_channels):
+        total.update(path.read_bytes() if path.is_file() else b"")
+    if split:
+        total.update(f"split {split}".encode())
     return total.hexdigest()
 
 
 def encode_records(
-    config: Config, parameters: dict[str, Any], records: str | Path, mirrors: Sequence[bool]
+    config: Config,
+    parameters: dict[str, Any],
+    records: str | Path,
+    mirrors: Sequence[bool],
+    split: str = "",
 ) -> Iterator[dict[str, Any]]:
     """Items for ``latents.write_latents``: latent means and pictures of every record."""
     encode = make_encoder(config.model)
-    with advancing("encoding", len(RecordSource(records)) * len(mirrors)) as advance:
+    keys = (*ENCODE_KEYS, *config.model.uniart_vae.feature_channels)
+    with advancing("encoding", len(RecordSource(records, split)) * len(mirrors)) as advance:
         for mirrored in mirrors:
             for batch in record_batches(
-                records, config.data, config.model, ENCODE_BATCH, mirrored=mirrored
+                records, config.data, config.model, ENCODE_BATCH, split=split, mirrored=mirrored
             ):
-                out = jax.device_get(encode(parameters, {key: batch[key] for key in ENCODE_KEYS}))
+                out = jax.device_get(encode(parameters, {key: batch[key] for key in keys}))
                 for b in np.nonzero(batch["record"] >= 0)[0]:
                     count = batch["counts"][b]
                     yield {

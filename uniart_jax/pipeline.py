@@ -180,9 +180,29 @@ class Pipeline:
         latent = np.asarray(sampler(parameters, self.statistics["latent"], condition, key, voxels))
         return [row[:count] for row, count in zip(latent, counts, strict=True)]
 
-    def encode_voxels(self, grid: PartGrid) -> np.ndarray:
-        """UniArt latent mean [V, C] of a true grid."""
+    def encode_voxels(
+        self,
+        grid: PartGrid,
+        visual: np.ndarray | None = None,
+        part_feature: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """UniArt latent mean [V, C] of a true grid.
+
+        Args:
+          visual, part_feature: [V, F], [V, P] features of its voxels, where the model reads them (``data.columns``).
+
+        Raises:
+          ValueError: the grid has more parts than the model holds, or features are missing or of another shape.
+        """
         model = self.config.model
+        given = {"visual": visual, "part_feature": part_feature}
+        features: dict[str, np.ndarray] = {}
+        for name, channels in model.uniart_vae.feature_channels.items():
+            values = given[name]
+            if values is None or values.shape != (len(grid.coords), channels):
+                got = "none" if values is None else list(values.shape)
+                raise ValueError(f"voxels: this model reads {name} [{len(grid.coords)}, {channels}] with them, got {got}")  # fmt: skip
+            features[name] = values
         coords, counts = pad_coords([grid.coords], self.config.data.voxel_buckets)
         width, count = coords.shape[1], counts[0]
         if (parts := len(grid.boxes)) > model.grid.max_parts:
@@ -196,6 +216,8 @@ class Pipeline:
         batch: dict[str, Any] = {"coords": coords, "counts": counts}
         for key, dtype in (("sdf", "f4"), ("color", "f4"), ("owner", "i4"), ("voxel_part", "i4")):
             batch[key] = pad(getattr(grid, key), width, dtype)
+        for key, values in features.items():
+            batch[key] = pad(values, width, "f4")
         for key, dtype in (("boxes", "f4"), ("codes", "f4"), ("parents", "i4")):
             batch[key] = pad(getattr(grid, key), model.grid.max_parts, dtype)
         batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, fitted=True)

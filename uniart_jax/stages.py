@@ -25,7 +25,7 @@ from rich.console import Console
 
 from uniart_jax.config import NETWORKS, Config, GridConfig
 from uniart_jax.data import latents as latent_store
-from uniart_jax.data.batches import voxel_batches
+from uniart_jax.data.batches import open_records, voxel_batches
 from uniart_jax.data.folder import read_manifest, read_metadata
 from uniart_jax.data.image_table import image_batches, load_image_table
 from uniart_jax.data.prepare import prepare_procedural
@@ -75,6 +75,7 @@ def run(
             "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
         )
     stages = trainable(config, stages)
+    check_features(config, stages)
     init = init or config.init
     source = checkpoint_folder(init) if init else None
     taken: list[str] = []
@@ -100,9 +101,9 @@ def trainable(config: Config, stages: Sequence[str]) -> list[str]:
     """The stages without the image encoder where that is DINOv2, which is frozen.
 
     Raises:
-      ValueError: nothing else was asked for, or the UniArt VAE reads features that records do not hold.
+      ValueError: nothing else was asked for.
     """
-    vae, left = config.model.uniart_vae, list(stages)
+    left = list(stages)
     if config.model.image_encoder.architecture == "dinov2" and "image_encoder" in left:
         left.remove("image_encoder")
         if not left:
@@ -110,14 +111,21 @@ def trainable(config: Config, stages: Sequence[str]) -> list[str]:
                 "stage image_encoder: DINOv2 is taken as it is, not trained; "
                 "convert its weights (uniart convert dinov2 FILE --out CHECKPOINT) and give CHECKPOINT as --init"
             )
-    features = {"visual": vae.visual_channels, "part_feature": vae.part_feature_channels}
-    for name in (
-        n for n, channels in features.items() if channels and set(left) - {"structure_vae"}
-    ):
-        raise ValueError(
-            f"config: model.uniart_vae.{name}_channels is {features[name]}, but records do not hold such features yet; set it to 0"
-        )
     return left
+
+
+def check_features(config: Config, stages: Sequence[str]) -> None:
+    """Whether the records have the columns that the UniArt VAE reads.
+
+    Raises:
+      ValueError, FileNotFoundError: they have not, or there are no records; what to run is said.
+    """
+    data, features = config.data, config.model.uniart_vae.feature_channels
+    if not features or set(stages) <= {"image_encoder", "structure_vae"}:
+        return
+    for folder, split in ((data.records, data.split), (data.validation, data.validation_split)):
+        if folder:
+            open_records(folder, config.model.grid, split, features)
 
 
 def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
@@ -275,7 +283,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
     make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
     extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
     if name == "latent_flow" and config.loss.readout_share:
-        extra.append(latent_metric(workdir / "latents", config.data.records, config.loss.readout_share))  # fmt: skip
+        extra.append(latent_metric(workdir / "latents", config.data.records, config.loss.readout_share, config.data.split))  # fmt: skip
     loss_fn = make_loss(network, config, *extra)
     key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
     optimizer = make_optimizer(stage)
@@ -304,11 +312,19 @@ def stage_batches(name: str, config: Config, workdir: Path) -> Any:
     batch_size = getattr(config, name).batch_size
     if name not in ("image_encoder", "structure_vae"):
         load_image_table.cache_clear()  # a gigabyte that nobody reads any more
-    share = {"process_index": jax.process_index(), "process_count": jax.process_count()}
+    share: dict[str, Any] = {
+        "process_index": jax.process_index(),
+        "process_count": jax.process_count(),
+    }
+    of_records = {"split": config.data.split, **share}
     if name in ("image_encoder", "structure_vae"):
-        return image_batches(config.data.records, config.data, config.model, batch_size, **share)
+        return image_batches(
+            config.data.records, config.data, config.model, batch_size, **of_records
+        )
     if name == "uniart_vae":
-        return voxel_batches(config.data.records, config.data, config.model, batch_size, **share)
+        return voxel_batches(
+            config.data.records, config.data, config.model, batch_size, **of_records
+        )
     flow: Any = name
     return latent_store.latent_batches(
         workdir / "latents", config.data, config.model, batch_size, stage=flow, **share
@@ -335,7 +351,7 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
         if left := [m for m in untrained(workdir / "export") if m.split(".")[0] == name]:
             raise ValueError(f"{name}: not trained yet ({', '.join(left)}); train it first: --stage {name}")  # fmt: skip
     encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
-    latents = digest(config, workdir, Path(config.data.records))
+    latents = digest(config, workdir, Path(config.data.records), config.data.split)
     key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
     if units is not None:
         both = read_statistics(units, folder.name.removesuffix("_flow"))

@@ -73,13 +73,19 @@ def spread(number: int, wanted: int) -> list[int]:
     return np.unique(np.linspace(0, number - 1, min(number, wanted)).astype(int)).tolist()
 
 
+def _pictures(config: Config):
+    return image_pass(
+        config.data.validation, config.model, IMAGE_BATCH, config.data.validation_split
+    )
+
+
 def _image_encoder(config: Config) -> Evaluation:
     apply = jax.jit(build("image_encoder", config.model).apply)
-    tables = RecordSource(config.data.validation)
+    tables = RecordSource(config.data.validation, config.data.validation_split)
 
     def evaluate(state, step):
         overlaps, cameras, rows, pictures = [], [], [], []
-        for batch in image_pass(config.data.validation, config.model, IMAGE_BATCH):
+        for batch in _pictures(config):
             out = jax.device_get(apply(state.ema, batch["image"]))
             truth = np.asarray(batch["occupancy"], bool)
             for b, index in enumerate(batch["record"]):
@@ -114,7 +120,7 @@ def _structure_vae(config: Config) -> Evaluation:
 
     def evaluate(state, step):
         overlaps = []
-        for batch in image_pass(config.data.validation, config.model, IMAGE_BATCH):
+        for batch in _pictures(config):
             truth = np.asarray(batch["occupancy"], bool)
             logits = np.asarray(apply(state.ema, batch["occupancy"].astype(np.float32)))
             overlaps += list(iou(logits > 0, truth)[batch["record"] >= 0])
@@ -124,7 +130,7 @@ def _structure_vae(config: Config) -> Evaluation:
 
 
 def _uniart_vae(config: Config) -> Evaluation:
-    network = build("uniart_vae", config.model)
+    data, network = config.data, build("uniart_vae", config.model)
 
     @jax.jit
     def apply(params, batch):
@@ -133,7 +139,9 @@ def _uniart_vae(config: Config) -> Evaluation:
 
     def evaluate(state, step):
         rows, inside, colors = [], [], []
-        for batch in record_batches(config.data.validation, config.data, config.model, VOXEL_BATCH):
+        for batch in record_batches(
+            data.validation, data, config.model, VOXEL_BATCH, split=data.validation_split
+        ):
             out = jax.device_get(
                 apply(state.ema, {k: v for k, v in batch.items() if k not in ("images", "record")})
             )
@@ -187,7 +195,7 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
 
 def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> Evaluation:
     source = LatentSource(workdir / "latents-validation")
-    records = RecordSource(config.data.validation)
+    records = RecordSource(config.data.validation, config.data.validation_split)
     options = config.sample_latent
     sampler = make_latent_sampler(config.model, options)
     vae = build("uniart_vae", config.model)

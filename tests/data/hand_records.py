@@ -17,7 +17,7 @@ from uniart_jax.voxels.joint_code import canonical
 MODEL = ModelConfig(
     grid=GridConfig(8, 2, 8),
     image_encoder=ImageEncoderConfig(image_size=16, target_resolution=4),
-    uniart_vae=UniArtVAEConfig(attention="serial", window=16),
+    uniart_vae=UniArtVAEConfig(attention="serial", window=16, visual_channels=0),
     latent_flow=FlowConfig(stem="patch", patch_size=4),
 )
 
@@ -60,3 +60,38 @@ def make_record(
             "scale": 1.0,
         },
     )
+
+
+def write_folder(path, made, splits=None, shard_size: int = 4, rows: str = "manifest") -> None:
+    """A prepared folder of these records, with their splits in a manifest ("manifest"), beside their shards ("rows") or nowhere ("")."""
+    lines = []
+    for shard, start in enumerate(range(0, len(made), shard_size)):
+        chunk = made[start : start + shard_size]
+        records.write_shard(
+            path / f"records-{shard:05d}.arrayrecord", [records.to_bytes(r) for r in chunk]
+        )
+        split = (splits or ["train"] * len(made))[start : start + shard_size]
+        own = [f"{r.meta['id']},{s},{len(r.coords)},{len(r.boxes)},\n" for r, s in zip(chunk, split, strict=True)]  # fmt: skip
+        own.append(f"failed-{shard},{split[0]},,,broken\n")
+        lines += own
+        if rows == "rows":
+            (path / "rows").mkdir(exist_ok=True)
+            (path / "rows" / f"{shard:05d}.csv").write_text(_HEADER + "".join(own))
+    if rows == "manifest":
+        (path / "manifest.csv").write_text(_HEADER + "".join(lines))
+
+
+_HEADER = "id,split,voxels,parts,error\n"
+
+
+def write_items(path, name: str, items, shard_size: int = 4) -> None:
+    """A column of (record id, arrays) items."""
+    for shard, start in enumerate(range(0, len(items), shard_size)):
+        packed = [records.pack_arrays(arrays, {"id": i}) for i, arrays in items[start : start + shard_size]]  # fmt: skip
+        records.write_shard(path / f"{name}-{shard:05d}.arrayrecord", packed)
+
+
+def features_of(record: records.Record, channels: int) -> np.ndarray:
+    """[V, channels] float16 that say which record and voxel they belong to."""
+    place = record.coords.astype(np.float32) @ [0.01, 0.1, 1.0] + record.meta["seed"]
+    return (place[:, None] + np.arange(channels)).astype(np.float16)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import jax
 import numpy as np
 import pytest
 from hand_records import MODEL, make_record
 
-from uniart_jax.config import DataConfig, GridConfig, ModelConfig
+from uniart_jax.config import DataConfig, GridConfig
 from uniart_jax.data import batches, records
 from uniart_jax.data.order import OnePass, ShuffledOrder, fitting_width
 
@@ -149,7 +151,9 @@ def test_one_line_errors(folder, tmp_path):
     with pytest.raises(
         ValueError, match="8 voxels a side with 2 sub-cells, but the config asks for 16 with 2"
     ):
-        batches.voxel_batches(folder, DATA, ModelConfig(grid=GridConfig(16, 2, 8)), 2)
+        batches.voxel_batches(
+            folder, DATA, dataclasses.replace(MODEL, grid=GridConfig(16, 2, 8)), 2
+        )
     with pytest.raises(FileNotFoundError, match="uniart prepare"):
         batches.voxel_batches(tmp_path, DATA, MODEL, 2)
     with pytest.raises(ValueError, match="40 voxels and 3 parts; the batch holds 32 and 8"):

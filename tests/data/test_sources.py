@@ -52,6 +52,13 @@ def test_what_is_found(assets, tmp_path):
     ]
     (alone,) = sources.find_entries(assets / "door" / "2", "urdf")
     assert (alone.key, alone.path) == ("2", ".")
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "all.xml").write_text('<mujoco>\n<include file="lib/body.xml"/></mujoco>')
+    (tmp_path / "lib" / "body.xml").write_text("<mujoco><worldbody/></mujoco>")
+    (tmp_path / "lib" / "asset.xml").write_text("<mujocoinclude/>")
+    (tmp_path / "lib" / "loose.urdf").write_text("<robot/>")
+    found = sources.find_entries(tmp_path, "urdf")
+    assert [e.key for e in found] == ["all.xml", "lib/loose.urdf"]
     with pytest.raises(FileNotFoundError, match=r"no mobility.urdf in it"):
         sources.find_entries(assets, "partnet-mobility")
     with pytest.raises(FileNotFoundError, match="no such folder"):
@@ -150,3 +157,21 @@ def test_records_hold_what_their_asset_says(assets, tmp_path):
         for a, b in zip(truth.joints, read, strict=True):
             if a.rotates:
                 assert np.ptp(a.angle) == pytest.approx(np.ptp(b.angle), abs=1e-4)
+
+
+def test_stretched_parts_keep_their_joints(assets, tmp_path):
+    settings = settled(assets, part_scale=0.2, states=3)
+    out = prepare.prepare(tmp_path, found(assets)[2:3], settings, processes=1, progress=False)
+    plain, *stretched = (records.RecordSource(out)[i] for i in range(3))
+    for record in stretched:
+        assert record.meta["joint_types"] == plain.meta["joint_types"]
+        shape = record.boxes[:, 3:] * record.meta["scale"] / (plain.boxes[:, 3:] * plain.meta["scale"])  # fmt: skip
+        assert np.abs(shape - 1).max() > 0.02
+        turns = record.codes[1:, 0] == 0
+        np.testing.assert_allclose(
+            np.ptp(record.codes[1:, 7:], axis=1)[turns],
+            np.ptp(plain.codes[1:, 7:], axis=1)[turns],
+            atol=1e-5,
+        )
+    with pytest.raises(ValueError, match=r"part scale must be in 0..0.5, got 2"):
+        prepare.prepare(tmp_path / "b", found(assets), settled(assets, part_scale=2.0))

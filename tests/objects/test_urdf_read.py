@@ -1,8 +1,6 @@
-"""Reading URDFs: frames, colours, addresses, and every real file at hand."""
+"""Reading URDFs: frames, colours, addresses."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,9 +9,7 @@ from PIL import Image
 from urdf_texts import BOX, joint, limit, link, mesh, robot
 
 from uniart_jax.objects.appearance import sample_color, srgb_to_linear
-from uniart_jax.objects.load import find_urdf, load_object
-
-SHARED = Path(__file__).resolve().parents[3] / "shared"
+from uniart_jax.objects.load import find_asset, load_object
 
 
 def test_origins_scales_and_primitives(load, tmp_path):
@@ -100,54 +96,13 @@ def test_package_addresses_are_found_in_the_folder(load, tmp_path):
 def test_a_folder_is_asked_for_its_urdf(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such file"):
         load_object(tmp_path / "nowhere")
-    with pytest.raises(FileNotFoundError, match="holds no URDF"):
+    with pytest.raises(FileNotFoundError, match="holds no URDF, MJCF or object"):
         load_object(tmp_path)
     for name in ("x.urdf", "y.urdf"):
         (tmp_path / name).write_text(robot(link("base")))
-        assert find_urdf(tmp_path / name).name == name
+        assert find_asset(tmp_path / name).name == name
     with pytest.raises(ValueError, match="name one of them"):
         load_object(tmp_path)
     for name in ("mobility.urdf", "object.urdf"):
         (tmp_path / name).write_text(robot(link("base")))
-        assert find_urdf(tmp_path).name == name
-
-
-REFUSED = {"hinge.urdf": "is spherical"}
-
-
-@pytest.mark.skipif(not (SHARED / "real").is_dir(), reason="../shared/real is not here")
-def test_every_real_file_is_an_object_or_one_line():
-    found = sorted((SHARED / "real").rglob("*.urdf"))
-    assert found
-    for path in found:
-        try:
-            load_object(path)
-        except ValueError as error:
-            words = REFUSED.get(path.name, "allow_outside=True")
-            assert words in str(error) and "\n" not in str(error)
-        if path.name in REFUSED:
-            with pytest.raises(ValueError, match=REFUSED[path.name]):
-                load_object(path, allow_outside=True)
-            continue
-        obj = load_object(path, allow_outside=True).normalized()
-        assert np.isfinite(obj.bounds).all()
-        assert len(obj.provenance) == len(set(obj.provenance))
-        obj.forward_kinematics(obj.open())
-
-
-@pytest.mark.skipif(not (SHARED / "malformed").is_dir(), reason="../shared/malformed is not here")
-def test_every_malformed_mesh_is_an_object_or_one_line(tmp_path):
-    path = tmp_path / "a.urdf"
-    for file in sorted((SHARED / "malformed" / "meshes").iterdir()):
-        path.write_text(robot(link("base", mesh(str(file)))))
-        try:
-            obj = load_object(path, allow_outside=True)
-        except ValueError as error:
-            assert (
-                file.name in str(error) and "link 'base'" in str(error) and "\n" not in str(error)
-            )
-        else:
-            body = obj.parts[0].mesh
-            assert np.isfinite(
-                sample_color(body, np.arange(len(body.faces)), np.full((len(body.faces), 3), 1 / 3))
-            ).all()
+        assert find_asset(tmp_path).name == name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.object import ArticulatedObject, Part
 
 BOX = '<visual><geometry><box size="1 1 1"/></geometry></visual>'
 
@@ -30,3 +30,9 @@ def robot(*elements: str) -> str:
 
 def notes(obj: ArticulatedObject, words: str) -> list[str]:
     return [n for n in obj.provenance if words in n]
+
+
+def has_picture(part: Part) -> bool:
+    """Whether a part's visual is a texture with a picture, not a plain colour."""
+    material = getattr(part.mesh.visual, "material", None)
+    return getattr(material, "image", None) is not None and part.mesh.visual.uv is not None

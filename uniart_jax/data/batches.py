@@ -5,6 +5,7 @@ entries first, padding zero:
 
     coords [B, V, 3] i4 · counts [B] i4 · sdf [B, V, r^3] f4 · color [B, V, r^3, 3] f4 linear · owner [B, V, r^3] i4
     voxel_part [B, V] i4 · boxes [B, K, 6] f4 · codes [B, K, 9] f4 · parents [B, K] i4 · part_counts [B] i4
+    visual [B, V, F] f4 · part_feature [B, V, P] f4, where the UniArt VAE reads them
     plans: {name: nn.segments.Segments}
 
 Pipelines are ``grain.IterDataset``: ``iter(...)`` gives an iterator with exact ``get_state`` and ``set_state``.
@@ -14,7 +15,7 @@ from __future__ import annotations
 
 import functools
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +23,22 @@ import grain
 import numpy as np
 
 from uniart_jax.config import DataConfig, GridConfig, ModelConfig
-from uniart_jax.data.folder import read_manifest
+from uniart_jax.data.augment import recolor_record
+from uniart_jax.data.columns import maker
 from uniart_jax.data.images import crop
+from uniart_jax.data.live import LiveRecords
 from uniart_jax.data.mirror import mirror_record
 from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, fitting_width
-from uniart_jax.data.records import Record, RecordSource, decode_color, decode_sdf
+from uniart_jax.data.records import (
+    Record,
+    RecordSource,
+    decode_color,
+    decode_sdf,
+    record_rows,
+)
 from uniart_jax.data.windows import choose_windows
 from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.objects.perturb import color_gains
 
 Batch = dict[str, Any]
 logger = logging.getLogger(__name__)
@@ -40,31 +50,37 @@ def voxel_batches(
     model: ModelConfig,
     batch_size: int,
     *,
+    split: str = "",
     seed: int | None = None,
     process_index: int = 0,
     process_count: int = 1,
 ) -> grain.IterDataset[Batch]:
-    """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2, with its attention plans;
-    of each object some windows where ``data.voxel_crop`` says so (``data.windows``).
+    """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it reads features), with its attention plans;
+    of each object some windows where ``data.voxel_crop`` says so (``data.windows``), some objects made again
+    and recoloured where ``data.live`` and ``data.part_color`` say so.
 
     Args:
-      records: a prepared folder.
-      data: voxel buckets, mirror, seed (unless ``seed`` is given) and workers (0: threads of this process).
+      records: a prepared folder. split: of its records (``RecordSource``).
+      data: voxel buckets, mirror, live and its strengths, seed (unless ``seed`` is given) and workers (0: threads of this process).
       batch_size: over all processes; each gets ``batch_size / process_count`` items, all of the same width.
 
     Raises:
-      FileNotFoundError, ValueError: no records, another grid than the model's, fewer records than a batch, or a batch that the
-        processes cannot share equally.
+      FileNotFoundError, ValueError: no records, another grid than the model's, no features that the model reads, fewer records than a batch, or a
+        batch that the processes cannot share equally.
     """
-    source, sizes = open_records(records, model.grid)
+    if (data.live or data.part_color) and model.uniart_vae.feature_channels:
+        raise ValueError("data: live and part_color need visual_channels and part_feature_channels 0: features from files do not follow what is changed")  # fmt: skip
+    source, sizes = open_records(records, model.grid, split, model.uniart_vae.feature_channels)
     seed = data.seed if seed is None else seed
     known, widths = usable(sizes, data, model.grid)
+    live = LiveRecords(records, data, model.grid) if data.live else None
     if data.voxel_crop:
         widths = np.full_like(widths, data.voxel_crop)
     order = ShuffledOrder(known, widths, batch_size, seed)
     load = functools.partial(
         _load_voxels,
         source=source,
+        live=live,
         data=data,
         model=model,
         seed=seed,
@@ -79,17 +95,18 @@ def record_batches(
     model: ModelConfig,
     batch_size: int,
     *,
+    split: str = "",
     mirrored: bool = False,
 ) -> grain.IterDataset[Batch]:
     """Every record once, ordered by width: for encoding and for evaluation.
 
     Batches hold, beside the voxels and their plans, ``images`` [B, N, H, W, 3] of all views and ``record`` [B] i4, the index of
-    each record; -1 marks items that only fill up a batch (their counts are 0).
+    each record in ``RecordSource(records, split)``; -1 marks items that only fill up a batch (their counts are 0).
 
     Args:
       mirrored: mirror every record.
     """
-    source, sizes = open_records(records, model.grid)
+    source, sizes = open_records(records, model.grid, split, model.uniart_vae.feature_channels)
     order = OnePass(*usable(sizes, data, model.grid), batch_size)
     load = functools.partial(_load_records, source=source, model=model, mirrored=mirrored)
     return pipeline(order, load, data.workers)
@@ -99,6 +116,7 @@ def _load_voxels(
     draw: Draw,
     *,
     source: RecordSource,
+    live: LiveRecords | None,
     data: DataConfig,
     model: ModelConfig,
     seed: int,
@@ -107,14 +125,21 @@ def _load_voxels(
     rng = draw.generator(seed)
     mirrors = rng.random(len(draw.records)) < 0.5
     seeds = rng.integers(2**31, size=len(draw.records))
-    items = []
+    mirror, items = data.mirror and may_mirror(model), []
     for index, mirrored, own in zip(draw.records[rows], mirrors[rows], seeds[rows], strict=True):
-        record = source[int(index)]
+        record = None
+        if live is not None and (rng := np.random.default_rng([own, 1])).random() < data.live:
+            room = max(data.voxel_buckets) if data.voxel_crop else draw.width
+            record = live.record(int(source.places[index]), room, rng)
+        record = source[int(index)] if record is None else record
+        if data.part_color:
+            gains = color_gains(len(record.boxes), np.random.default_rng([own, 2]), data.part_color)
+            record = recolor_record(record, gains)
         if data.voxel_crop:
             window = model.uniart_vae.window
             record = choose_windows(record, data.voxel_crop, window, np.random.default_rng(own))
-        items.append(mirror_record(record) if mirrored and data.mirror else record)
-    batch = collate(items, draw.width, model.grid)
+        items.append(mirror_record(record) if mirrored and mirror else record)
+    batch = collate(items, draw.width, model.grid, features=model.uniart_vae.feature_channels)
     batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
     return batch
 
@@ -123,7 +148,8 @@ def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirro
     items: list[Record] = [source[int(index)] for index in draw.records if index >= 0]
     if mirrored:
         items = [mirror_record(record) for record in items]
-    batch = collate(items, draw.width, model.grid, size=len(draw.records))
+    features = model.uniart_vae.feature_channels
+    batch = collate(items, draw.width, model.grid, len(draw.records), features)
     images = np.zeros((len(draw.records), *items[0].images.shape[:-1], 3), np.float32)
     images[: len(items)] = np.stack([seen_images(record.images) for record in items]) / np.float32(
         255
@@ -134,13 +160,23 @@ def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirro
     return batch
 
 
+def may_mirror(model: ModelConfig) -> bool:
+    """Whether the mirror image of a record is all known: features of a mirrored object are not the mirrored features."""
+    return not model.uniart_vae.feature_channels
+
+
 def collate(
-    records: Sequence[Record], width: int, grid: GridConfig, size: int | None = None
+    records: Sequence[Record],
+    width: int,
+    grid: GridConfig,
+    size: int | None = None,
+    features: Mapping[str, int] | None = None,
 ) -> Batch:
     """Records as one padded batch of voxels and parts, without images and plans.
 
     Args:
       width: V, at least the largest count. size: B, at least ``len(records)``; missing items are all padding.
+      features: ``UniArtVAEConfig.feature_channels``; the records must hold these.
 
     Raises:
       ValueError: a record has more voxels than ``width``, more parts than ``grid.max_parts``, or lies on another grid.
@@ -159,6 +195,8 @@ def collate(
         "parents": np.zeros((size, parts), np.int32),
         "part_counts": np.zeros(size, np.int32),
     }
+    features = features or {}
+    batch |= {k: np.zeros((size, width, channels), np.float32) for k, channels in features.items()}
     for b, record in enumerate(records):
         count, known = len(record.coords), len(record.boxes)
         if (record.resolution, record.subdivisions) != (grid.resolution, grid.subdivisions):
@@ -170,7 +208,7 @@ def collate(
         batch["counts"][b], batch["part_counts"][b] = count, known
         batch["sdf"][b, :count] = decode_sdf(record.sdf)
         batch["color"][b, :count] = decode_color(record.color)
-        for key in ("coords", "owner", "voxel_part"):
+        for key in ("coords", "owner", "voxel_part", *features):
             batch[key][b, :count] = getattr(record, key)
         for key in ("boxes", "codes", "parents"):
             batch[key][b, :known] = getattr(record, key)
@@ -182,22 +220,33 @@ def seen_images(images: np.ndarray) -> np.ndarray:
     return np.stack([crop(image, image.shape[0]) for image in images])
 
 
-def open_records(folder: str | Path, grid: GridConfig) -> tuple[RecordSource, np.ndarray]:
-    """The records of a folder and their sizes [N, 2] (voxels, parts), checked against the model's grid.
+def open_records(
+    folder: str | Path,
+    grid: GridConfig,
+    split: str = "",
+    features: Mapping[str, int] | None = None,
+) -> tuple[RecordSource, np.ndarray]:
+    """The records of a folder, or of a split of it, and their sizes [N, 2] (voxels, parts), checked against the model's grid and ``UniArtVAEConfig.feature_channels``.
 
     Sizes come from the manifest; without one (a run of ``prepare`` still under way) every record is read once.
     """
-    source = RecordSource(folder)
+    features = features or {}
+    source = RecordSource(folder, split, tuple(features))
     if not len(source):
         raise ValueError(f"{folder}: its shards are empty; see the errors in its manifest.csv")
     first = source[0]
     if (first.resolution, first.subdivisions) != (grid.resolution, grid.subdivisions):
         raise ValueError(f"{folder}: {_other_grid(first, grid)}")
-    rows: list[dict[str, str]] = []
-    if (Path(folder) / "manifest.csv").is_file():
-        rows = [row for row in read_manifest(folder) if not row["error"]]
-    if len(rows) == len(source):
-        sizes = [(int(row["voxels"]), int(row["parts"])) for row in rows]
+    for name, channels in features.items():
+        if (held := getattr(first, name).shape[1]) != channels:
+            raise ValueError(
+                f"{folder}: its column '{name}' has {held} channels, but model.uniart_vae.{name}_channels is {channels}; "
+                f"set that, or make the column again ({maker(name, folder)})"
+            )
+    rows = record_rows(folder)
+    if len(rows) > source.places.max():
+        chosen = (rows[place] for place in source.places)
+        sizes = [(int(row["voxels"]), int(row["parts"])) for row in chosen]
     else:
         made = (source[i] for i in range(len(source)))
         sizes = [(len(record.coords), len(record.boxes)) for record in made]

@@ -111,7 +111,7 @@ def error_kinds(rows: Rows) -> list[tuple[str, int]]:
 def _kind(line: str) -> str:
     line = re.sub(r"^\S*[/\\]\S*: ", "", line)  # the file
     line = re.sub(r"'[^']*'(, '[^']*')*", "'...'", line)
-    return re.sub(r"-?\d[\d.,]*", "#", line).replace("|", "/")
+    return re.sub(r"(?<!\w)-?\d[\d.,]*(?!\w)", "#", line).replace("|", "/")
 
 
 def _joints(row: dict[str, str]) -> collections.Counter:

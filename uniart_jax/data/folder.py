@@ -54,6 +54,7 @@ class Settings:
       split: rule that names each object's split (``data.splits``), with the digest of the list that it read.
       strict: objects of which something was lost are failures.
       allow_outside: assets may name files outside their folders.
+      part_scale: strength of the random stretching of parts, drawn anew for every shown state but the first (``objects.perturb``).
       orbit_views, orbit_size: pictures all around, for multi-view features; 0 = none.
     """
 
@@ -72,6 +73,7 @@ class Settings:
     split: str = "none"
     strict: bool = False
     allow_outside: bool = False
+    part_scale: float = 0.0
     orbit_views: int = 0
     orbit_size: int = 518
     schema_version: int = SCHEMA_VERSION

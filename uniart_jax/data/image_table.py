@@ -28,7 +28,7 @@ SURFACE = 0.87  # sub-cells: half the diagonal, so that a cell nearer than this 
 
 @dataclasses.dataclass(frozen=True)
 class ImageTable:
-    """All records of a folder, small. Row i is record i of the folder, whatever is left out.
+    """All records of a folder, or of a split of it, small. Row i is record i of ``RecordSource(folder, split)``, whatever is left out.
 
     Attributes:
       usable: [m] indices of the records that have at most ``max_parts`` parts; the others' tables of parts are empty.
@@ -104,14 +104,24 @@ def cell_parts(record: Record, target_resolution: int) -> np.ndarray:
     return parts.reshape((target_resolution,) * 3)
 
 
+def reads_pictures(model: ModelConfig) -> bool:
+    """Whether a network is trained on the table's pictures: with a frozen encoder only the structure VAE reads the table, and pictures of 518 pixels would fill the memory."""
+    return model.image_encoder.architecture != "dinov2"
+
+
 @functools.lru_cache(maxsize=2)  # two stages of one run read the same table
-def load_image_table(folder: str | Path, model: ModelConfig) -> ImageTable:
-    """Read every record of a folder once (about 8 ms each); says how many have more than ``max_parts`` parts.
+def load_image_table(
+    folder: str | Path, model: ModelConfig, split: str = "", pictures: bool = True
+) -> ImageTable:
+    """Read every record of a folder, or of a split of it, once (about 8 ms each); says how many have more than ``max_parts`` parts.
+
+    Args:
+      pictures: False = none in the table (one of no pixels), whatever their size in the records.
 
     Raises:
       FileNotFoundError, ValueError: no records, another grid or image size than the model's, or no record with so few parts.
     """
-    source, sizes = open_records(folder, model.grid)
+    source, sizes = open_records(folder, model.grid, split)
     resolution, target = model.grid.resolution, model.image_encoder.target_resolution
     if resolution % target:
         raise ValueError(f"config: target_resolution {target} must divide the grid's {resolution}")
@@ -124,8 +134,8 @@ def load_image_table(folder: str | Path, model: ModelConfig) -> ImageTable:
         logger.warning(
             "data: %d of %d records left out: more than %d parts", left, len(sizes), parts
         )
-    n, views = len(source), source[0].images.shape[:-1]
-    if views[1:] != (model.image_encoder.image_size,) * 2:
+    n, views = len(source), source[0].images.shape[:-1] if pictures else (1, 0, 0)
+    if pictures and views[1:] != (model.image_encoder.image_size,) * 2:
         raise ValueError(
             f"{folder}: images of {views[1]} pixels, but the config asks for {model.image_encoder.image_size}; prepare with that size"
         )
@@ -143,8 +153,9 @@ def load_image_table(folder: str | Path, model: ModelConfig) -> ImageTable:
     )
     for i in range(n):
         record = source[i]
-        table.images[i] = seen_images(record.images)
-        table.cameras[i] = camera_codes(record.cameras, record.images)
+        if pictures:
+            table.images[i] = seen_images(record.images)
+            table.cameras[i] = camera_codes(record.cameras, record.images)
         table.occupied[i] = np.packbits(occupancy(record.coords, resolution).reshape(-1))
         table.cell_parts[i] = cell_parts(record, target)
         known = len(record.boxes)
@@ -161,6 +172,7 @@ def image_batches(
     model: ModelConfig,
     batch_size: int,
     *,
+    split: str = "",
     seed: int | None = None,
     process_index: int = 0,
     process_count: int = 1,
@@ -169,7 +181,7 @@ def image_batches(
 
     Args and errors: as ``batches.voxel_batches``. ``data.workers`` is not used: the table is in this process.
     """
-    table = load_image_table(records, model)
+    table = load_image_table(records, model, split, reads_pictures(model))
     seed = data.seed if seed is None else seed
     widths = np.zeros(len(table.usable), np.int64)
     order = ShuffledOrder(table.usable, widths, batch_size, seed)
@@ -185,13 +197,13 @@ def _load(draw: Draw, *, table: ImageTable, mirror: bool, seed: int, rows: slice
 
 
 def image_pass(
-    records: str | Path, model: ModelConfig, batch_size: int
+    records: str | Path, model: ModelConfig, batch_size: int, split: str = ""
 ) -> grain.IterDataset[Batch]:
-    """Every usable record once, its first view, unmirrored, with ``record`` [B] i4, its index in the folder.
+    """Every usable record once, its first view, unmirrored, with ``record`` [B] i4, its index in ``RecordSource(records, split)``.
 
     -1 marks items that fill up the last batch.
     """
-    table = load_image_table(records, model)
+    table = load_image_table(records, model, split, reads_pictures(model))
     order = OnePass(table.usable, np.zeros(len(table.usable), np.int64), batch_size)
     return pipeline(order, functools.partial(_load_pass, table=table), workers=0)
 

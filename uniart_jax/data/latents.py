@@ -26,7 +26,7 @@ from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.batches import Batch, local_rows, pipeline, usable
 from uniart_jax.data.folder import read_metadata, write_text
 from uniart_jax.data.order import Draw, ShuffledOrder
-from uniart_jax.data.records import open_shards, pack_arrays, unpack_arrays, write_shard
+from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 
 FIELDS = ("structure", "coords", "voxel_part", "latent", "images")

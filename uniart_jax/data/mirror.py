@@ -12,6 +12,7 @@ import dataclasses
 
 import numpy as np
 
+from uniart_jax.data.columns import FEATURES
 from uniart_jax.data.records import Record
 from uniart_jax.voxels.joint_code import canonical
 
@@ -41,7 +42,11 @@ def mirror_images(images: np.ndarray) -> np.ndarray:
 
 
 def mirror_record(record: Record) -> Record:
-    """The record of the mirrored object, voxels in lexicographic order again."""
+    """The record of the mirrored object, voxels in lexicographic order again.
+
+    Features of columns keep their voxels. They are not what their network would make of the mirrored object, so ``batches`` mirrors no record where a
+    model reads them.
+    """
     resolution, r = record.resolution, record.subdivisions
     coords = record.coords.copy()
     coords[:, 1] = resolution - 1 - coords[:, 1]
@@ -49,6 +54,7 @@ def mirror_record(record: Record) -> Record:
     cells = np.arange(r**3).reshape(r, r, r)[:, ::-1].reshape(-1)
     rows = order[:, None]
     cameras = record.cameras * np.array([-1, 1, 1, 1], np.float32)
+    features = {name: values[order] for name in FEATURES if (values := getattr(record, name)) is not None}  # fmt: skip
     return dataclasses.replace(
         record,
         coords=coords[order],
@@ -60,4 +66,5 @@ def mirror_record(record: Record) -> Record:
         codes=mirror_codes(record.codes),
         images=mirror_images(record.images),
         cameras=cameras,
+        **features,
     )

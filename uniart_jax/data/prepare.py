@@ -36,6 +36,7 @@ from uniart_jax.data.records import from_object, pack_arrays, to_bytes, write_sh
 from uniart_jax.data.sources import FRONTS, Entry, ProceduralEntries, load_entry
 from uniart_jax.objects.clearance import Clearance
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.perturb import part_factors, scale_parts
 from uniart_jax.objects.robot_object import lost_pieces
 from uniart_jax.objects.states import sample_state
 from uniart_jax.processes import each
@@ -173,6 +174,8 @@ def check(settings: Settings, processes: int = 1, part: tuple[int, int] = (0, 1)
     """
     if settings.front not in FRONTS:
         raise ValueError(f"prepare: front must be one of {', '.join(FRONTS)}, got '{settings.front}'")  # fmt: skip
+    if not 0 <= settings.part_scale <= 0.5:
+        raise ValueError(f"prepare: part scale must be in 0..0.5, got {settings.part_scale}")
     for name, value, low, high in (
         ("start seed", settings.start_seed, 0, None),
         ("resolution", settings.resolution, 1, 256),
@@ -293,6 +296,10 @@ def _make_record(
 
     # Own stream (last entry): generate() uses [seed, family index].
     rng = entry.generator(int(row["state"]), attempt, 7)
+    if settings.part_scale and int(row["state"]):
+        rest = obj.shown_at(obj.rest())
+        obj = scale_parts(rest, part_factors(rest, rng, settings.part_scale))
+        clearance = Clearance(obj)
     shown = sample_state(obj, rng, clearance)
     grid = voxelize(shown, settings.resolution, settings.subdivisions)
     cameras = [sample_camera(rng) for _ in range(settings.views)]

@@ -13,28 +13,24 @@ Quantisation, and what it costs:
 
 from __future__ import annotations
 
+import collections
+import csv
 import dataclasses
-import io
-import json
-import os
-import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from absl import flags
-from array_record.python import array_record_module
-from array_record.python.array_record_data_source import ArrayRecordDataSource
 
+from uniart_jax.data.columns import FEATURES, open_column, read_feature
+from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays
+from uniart_jax.data.shards import write_shard as write_shard  # where those who write records look
 from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.grid import SDF_CLIP, PartGrid
 
 SCHEMA_VERSION = 1
 SHARD_PATTERN = "records-*.arrayrecord"
-MAX_RECORD_BYTES = 1 << 30
-_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # bytes depend on content alone, so that reruns can be compared
 
 # name -> (dtype, shape); letters bind to one size across the fields, numbers are exact.
 _FIELDS: dict[str, tuple[str, tuple[str | int, ...]]] = {
@@ -65,6 +61,8 @@ class Record:
       images: [N, H, W, 4] uint8 straight-alpha sRGB views of the shown state.
       cameras: [N, 4] float32 azimuth and elevation (radians), field of view (degrees), distance (object units).
       meta: schema_version, resolution, subdivisions, joint_types, and what the source says (family, seed, state).
+      visual, part_feature: [V, F], [V, P] float16 of the columns of these names (``data.columns``) where ``RecordSource`` is asked for them;
+        never part of the record's own bytes.
     """
 
     coords: np.ndarray
@@ -78,6 +76,8 @@ class Record:
     images: np.ndarray
     cameras: np.ndarray
     meta: dict[str, Any]
+    visual: np.ndarray | None = None
+    part_feature: np.ndarray | None = None
 
     @property
     def resolution(self) -> int:
@@ -176,48 +176,6 @@ def from_object(
     )
 
 
-def pack_arrays(arrays: dict[str, np.ndarray], meta: dict[str, Any]) -> bytes:
-    """A zip of ``NAME.npy`` and ``meta.json``, stored; equal content gives equal bytes."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
-        for name, array in arrays.items():
-            buffer = io.BytesIO()
-            np.lib.format.write_array(buffer, np.ascontiguousarray(array), allow_pickle=False)
-            archive.writestr(zipfile.ZipInfo(f"{name}.npy", _ZIP_DATE), buffer.getvalue())
-        text = json.dumps(meta, sort_keys=True)
-        archive.writestr(zipfile.ZipInfo("meta.json", _ZIP_DATE), text)
-    return stream.getvalue()
-
-
-def unpack_arrays(
-    data: bytes, name: str = "record"
-) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays and metadata of ``pack_arrays``; nothing is unpickled.
-
-    Raises:
-      ValueError: the bytes are truncated, foreign, or larger than 1 GiB when read; one line.
-    """
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            if sum(info.file_size for info in archive.infolist()) > MAX_RECORD_BYTES:
-                raise ValueError("it would be larger than 1 GiB")
-            files = {info.filename: archive.read(info) for info in archive.infolist()}
-        arrays = {
-            key[:-4]: np.lib.format.read_array(io.BytesIO(value), allow_pickle=False)
-            for key, value in files.items()
-            if key.endswith(".npy")
-        }
-        meta = json.loads(files["meta.json"])
-        if not isinstance(meta, dict):
-            raise ValueError("meta.json is not an object")
-    except KeyError:
-        raise ValueError(f"{name}: meta.json is missing; not one of our records") from None
-    except Exception as error:  # zipfile and numpy raise a dozen kinds on damaged bytes
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ValueError(f"{name}: damaged or not a record ({reason}); prepare it again") from None
-    return arrays, meta
-
-
 def to_bytes(record: Record) -> bytes:
     """The record's bytes; ``from_bytes`` gives the same record back exactly."""
     return pack_arrays({key: getattr(record, key) for key in _FIELDS}, record.meta)
@@ -275,33 +233,6 @@ def from_bytes(data: bytes) -> Record:
     return Record(**arrays, meta=meta)
 
 
-def write_shard(path: str | Path, items: Iterable[bytes]) -> int:
-    """Write byte strings as one ArrayRecord file, to a temporary name and then renamed; returns how many."""
-    path = Path(path)
-    temporary = path.with_name(f".{path.name}.tmp")
-    writer = array_record_module.ArrayRecordWriter(str(temporary), "group_size:1,zstd:3")
-    count = 0
-    try:
-        for item in items:
-            writer.write(item)
-            count += 1
-        writer.close()
-    except BaseException:
-        if writer.is_open():
-            writer.close()
-        temporary.unlink(missing_ok=True)
-        raise
-    os.replace(temporary, path)
-    return count
-
-
-def open_shards(paths: Sequence[str | Path]) -> ArrayRecordDataSource:
-    """Random access to the byte strings of several ArrayRecord files, in the order given."""
-    if not flags.FLAGS.is_parsed():  # programs without absl: ArrayRecord reads its flags on use
-        flags.FLAGS.mark_as_parsed()
-    return ArrayRecordDataSource([str(p) for p in paths])
-
-
 def shard_paths(folder: str | Path) -> list[Path]:
     """The finished shards of a prepared folder, in order.
 
@@ -313,23 +244,77 @@ def shard_paths(folder: str | Path) -> list[Path]:
     if not paths:
         reason = "no records in it" if folder.is_dir() else "no such folder"
         raise FileNotFoundError(
-            f"{folder}: {reason}; make some with: uniart prepare procedural --out {folder}"
+            f"{folder}: {reason}; make some with: uniart prepare procedural --out {folder} (or partnet-mobility ROOT, urdf ROOT)"
         )
     return paths
 
 
-class RecordSource:
-    """Random access to the records of a prepared folder: ``source[i] -> Record``. Picklable."""
+def record_rows(folder: str | Path) -> list[dict[str, str]]:
+    """Manifest rows of a folder's records, in their order: of ``manifest.csv``, or of the finished shards while ``prepare`` is under way; [] without either."""
+    folder = Path(folder)
+    paths = [folder / "manifest.csv"]
+    if not paths[0].is_file():
+        numbers = [path.stem.rpartition("-")[2] for path in shard_paths(folder)]
+        paths = [folder / "rows" / f"{number}.csv" for number in numbers]
+    rows: list[dict[str, str]] = []
+    for path in paths:
+        if path.is_file():
+            with path.open(newline="") as file:
+                rows.extend(row for row in csv.DictReader(file) if not row["error"])
+    return rows
 
-    def __init__(self, folder: str | Path):
+
+class RecordSource:
+    """Random access to the records of a prepared folder, or of some of its splits: ``source[i] -> Record``. Picklable.
+
+    Attributes:
+      places: [n] index of each of them among all records of the folder.
+    """
+
+    def __init__(self, folder: str | Path, split: str = "", columns: Sequence[str] = ()):
+        """
+        Args:
+          split: only records of this split, or of several joined by commas, as the manifest says; "" = all.
+          columns: of ``columns.FEATURES``, read as fields of each record.
+
+        Raises:
+          FileNotFoundError: no records. ValueError: no such split or column; one line that says what to do.
+        """
+        if unknown := [name for name in columns if name not in FEATURES]:
+            raise ValueError(f"records have no column {', '.join(unknown)} that can be joined; there are {', '.join(FEATURES)}")  # fmt: skip
         self._paths = shard_paths(folder)
         self._shards = open_shards(self._paths)
+        count = len(self._shards)
+        self._columns = {name: open_column(name, self._paths, count) for name in columns}
+        self.places = split_places(folder, split, count) if split else np.arange(count)
 
     def __len__(self) -> int:
-        return len(self._shards)
+        return len(self.places)
 
     def __getitem__(self, index: int) -> Record:
-        return from_bytes(self._shards[index])
+        place = int(self.places[index])
+        record = from_bytes(self._shards[place])
+        name, voxels = record.meta.get("id"), len(record.coords)
+        features = {key: read_feature(key, items[place], name, voxels) for key, items in self._columns.items()}  # fmt: skip
+        return dataclasses.replace(record, **features) if features else record
 
     def __repr__(self) -> str:  # Grain puts it into messages and checkpoints
         return f"RecordSource({len(self)} records in {len(self._paths)} shards)"
+
+
+def split_places(folder: str | Path, split: str, count: int) -> np.ndarray:
+    """Indices of the records of a split, or of several joined by commas.
+
+    Raises:
+      ValueError: the manifest does not name all ``count`` records, or none of a split.
+    """
+    known = [row["split"] for row in record_rows(folder)]
+    if len(known) != count:
+        raise ValueError(
+            f"{folder}: its manifest names {len(known)} records of {count}, so their splits are unknown; run the same prepare command again to finish it"
+        )
+    asked = [name.strip() for name in split.split(",")]
+    if absent := [name for name in asked if name not in known]:
+        held = ", ".join(f"{name} ({n})" for name, n in sorted(collections.Counter(known).items()))
+        raise ValueError(f"{folder}: no record of split '{', '.join(absent)}'; it has {held}")
+    return np.flatnonzero(np.isin(known, asked))

@@ -6,6 +6,7 @@ import dataclasses
 import hashlib
 import json
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import numpy as np
 from uniart_jax.data.folder import Settings
 from uniart_jax.objects.object import ArticulatedObject
 
-ASSET_SUFFIXES = (".urdf", ".xml", ".json")
+HEAD_BYTES = 1 << 16
 META_BYTES = 1 << 20
 FRONTS = ("-x", "+y", "+x", "-y")  # a quarter turn about z takes each to the one before it
 _QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -83,9 +84,11 @@ def find_entries(root: str | Path, source: str) -> list[Entry]:
     for folder, inner, files in os.walk(root):
         inner.sort()
         found = _assets(Path(folder), sorted(files), source)
-        if found:
-            paths += found
+        paths += found
+        if found == [Path(folder)]:
             inner.clear()  # what lies below belongs to the asset
+    included = {name for path in paths if path.suffix == ".xml" for name in _included(path)}
+    paths = [path for path in paths if path.resolve() not in included]
     if not paths:
         what = "mobility.urdf" if source == "partnet-mobility" else "URDF, MJCF or object.json"
         raise FileNotFoundError(f"prepare: '{root}': no {what} in it or below it")
@@ -110,7 +113,13 @@ def _assets(folder: Path, files: list[str], source: str) -> list[Path]:
 
 def _is_mjcf(path: Path) -> bool:
     with path.open("rb") as file:
-        return b"<mujoco" in file.read(4096)
+        return re.search(rb"<mujoco[\s>]", file.read(HEAD_BYTES)) is not None
+
+
+def _included(path: Path) -> list[Path]:
+    """Files that an MJCF includes: parts of it, not assets of their own."""
+    names = re.findall(rb"<include\s[^>]*file=[\"']([^\"']+)", path.read_bytes()[:META_BYTES])
+    return [(path.parent / name.decode(errors="replace")).resolve() for name in names]
 
 
 def _category(path: Path, relative: Path) -> str:

@@ -11,6 +11,7 @@ import dataclasses
 
 import numpy as np
 
+from uniart_jax.data.columns import FEATURES
 from uniart_jax.data.records import Record
 from uniart_jax.nn.segments import morton
 
@@ -33,5 +34,6 @@ def choose_windows(record: Record, voxels: int, window: int, rng: np.random.Gene
     weight = weight + np.bincount(of, minlength=number) / count
     chosen = rng.choice(number, voxels // window, replace=False, p=weight / weight.sum())
     keep = np.flatnonzero(np.isin(of, chosen))
-    fields = ("coords", "sdf", "color", "owner", "voxel_part")
-    return dataclasses.replace(record, **{name: getattr(record, name)[keep] for name in fields})
+    fields = ("coords", "sdf", "color", "owner", "voxel_part", *FEATURES)
+    kept = {k: values[keep] for k in fields if (values := getattr(record, k)) is not None}
+    return dataclasses.replace(record, **kept)

@@ -281,7 +281,8 @@ def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], 
         raise ValueError(
             f"{records}: holds held-out objects (seed {last}); give the records that the checkpoint was trained on"
         )
-    table, source = load_image_table(records, pipeline.config.model), RecordSource(records)
+    model, split = pipeline.config.model, pipeline.config.data.split
+    table, source = load_image_table(records, model, split), RecordSource(records, split)
     views = table.images.reshape(-1, *table.images.shape[2:])
 
     def features(images: np.ndarray) -> np.ndarray:

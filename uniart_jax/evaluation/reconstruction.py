@@ -75,10 +75,14 @@ def reconstruct_asset(
         folder = copy.save(out, overwrite=overwrite)
         finite = {k: v if math.isfinite(v) else None for k, v in figures.items()}
         (folder / "reconstruction.json").write_text(json.dumps(finite, indent=2) + "\n")
+    moving = "nothing moves"
+    if figures["moving_parts"]:
+        moving = f"parts right {figures['parts_right']:.2f}"
+        if math.isfinite(figures["axis_median"]):  # NaN where no joint was found
+            moving += f", axis {figures['axis_median']:.3f} deg"
     console.print(
-        f"{len(obj.parts)} parts in, {len(copy.parts)} out; parts right {figures['parts_right']:.2f}, "
-        f"axis {figures['axis_median']:.3f} deg, Chamfer {figures['chamfer']:.4f} (open {figures['chamfer_open']:.4f}), "
-        f"part IoU {figures['part_iou']:.3f} -> {folder}",
+        f"{len(obj.parts)} parts in, {len(copy.parts)} out; {moving}, Chamfer {figures['chamfer']:.4f} "
+        f"(open {figures['chamfer_open']:.4f}), part IoU {figures['part_iou']:.3f} -> {folder}",
         highlight=False,
     )
     return figures

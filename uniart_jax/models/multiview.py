@@ -32,10 +32,17 @@ def camera_matrices(camera_to_world: Any, fov: Any) -> tuple[np.ndarray, np.ndar
     """
     poses = np.array(camera_to_world, np.float64)
     poses[:, :3, 1:3] *= -1
-    intrinsics = np.zeros((len(poses), 3, 3))
-    intrinsics[:, 0, 0] = intrinsics[:, 1, 1] = 0.5 / np.tan(np.asarray(fov, np.float64) / 2)
+    fov = np.broadcast_to(np.asarray(fov, np.float64), len(poses))
+    return np.linalg.inv(poses).astype(np.float32), intrinsic_matrices(fov)
+
+
+def intrinsic_matrices(fov: Any) -> np.ndarray:
+    """[M, 3, 3] float32 K of square pictures of width 1 that see ``fov`` [M] radians across, their centre in the middle."""
+    focal = 0.5 / np.tan(np.asarray(fov, np.float64) / 2)
+    intrinsics = np.zeros((len(focal), 3, 3))
+    intrinsics[:, 0, 0] = intrinsics[:, 1, 1] = focal
     intrinsics[:, :2, 2], intrinsics[:, 2, 2] = 0.5, 1
-    return np.linalg.inv(poses).astype(np.float32), intrinsics.astype(np.float32)
+    return intrinsics.astype(np.float32)
 
 
 def project(points: jax.Array, extrinsics: jax.Array, intrinsics: jax.Array) -> jax.Array:
@@ -129,7 +136,8 @@ def multiview_features(
 
     Args:
       network, params: the image encoder of 'dinov2'.
-      images: array [M, S, S, 3] or any iterable of M pictures [S, S, 3], sRGB in [0, 1] on black; read once, a chunk at a time.
+      images: array [M, S, S, 3] or any iterable of M pictures [S, S, 3], sRGB in [0, 1] on black, or [S, S, 4] uint8, straight alpha; read once, a
+        chunk at a time.
       extrinsics [M, 4, 4], intrinsics [M, 3, 3], positions [V, 3], count: as in ``average_views``.
 
     Returns:
@@ -146,10 +154,11 @@ def multiview_features(
             raise ValueError(f"multi-view features: more pictures than {len(extrinsics)} cameras")
         # a last chunk that is not full repeats its pictures with weight 0, so that one shape is compiled
         index = np.arange(chunk) % len(group)
-        pictures = np.stack([np.asarray(group[i], np.float32) for i in index])
+        pictures = np.stack([np.asarray(group[i]) for i in index])
         weights = (np.arange(chunk) < len(group)).astype(np.float32)
         cameras = extrinsics[seen:stop][index], intrinsics[seen:stop][index]
-        total = _encode_and_add(network, params, total, pictures, *cameras, positions, weights)
+        patches = _encode(network, params, pictures)  # by itself: it does not depend on V
+        total = add_views(total, patches, *cameras, positions, weights)
         seen = stop
     if not seen or seen != len(extrinsics):
         raise ValueError(f"multi-view features: {seen} pictures but {len(extrinsics)} cameras")
@@ -157,9 +166,12 @@ def multiview_features(
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def _encode_and_add(network, params, total, images, extrinsics, intrinsics, positions, weights):
-    patches = network.apply(params, images)["patches"]
-    return add_views(total, patches, extrinsics, intrinsics, positions, weights)
+def _encode(network: Network, params: Params, images: jax.Array) -> jax.Array:
+    if images.dtype == jnp.uint8:
+        images = images.astype(jnp.float32) / 255
+    if images.shape[-1] == 4:
+        images = images[..., :3] * images[..., 3:]
+    return network.apply(params, images)["patches"]
 
 
 def _valid(values: jax.Array, count: int | jax.Array | None) -> jax.Array:

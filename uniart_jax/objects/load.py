@@ -1,66 +1,102 @@
 """Reading an articulated object, whatever it was written as: one call, ``load_object``.
 
-    object.urdf, any other URDF          urdf_read           any simulator's, with what real ones get wrong
+    object.urdf, any URDF                    urdf_read          any simulator's, with what real ones get wrong
+    mobility.urdf beside mobility_v2.json    partnet_mobility   PartNet-Mobility's folder, the JSON telling the joints
+    object.json, train.json                  singapo            SINGAPO's and CAGE's
+    object.xml, any MJCF                     mjcf               MuJoCo's, by its own parser
 
 A reader makes a ``Robot`` of the file; ``robot_object`` makes the object. Every repair is one line of ``ArticulatedObject.provenance``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+from uniart_jax.objects.mjcf import read_mjcf
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.partnet_mobility import is_partnet, read_partnet
+from uniart_jax.objects.robot import Robot
 from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.objects.robot_object import make_object, one_line
-from uniart_jax.objects.urdf_read import MAX_BYTES, read_robot
+from uniart_jax.objects.singapo import read_singapo
+from uniart_jax.objects.urdf_read import read_robot
+from uniart_jax.objects.xml_text import MAX_BYTES, parse_xml
+
+NAMES = ("object.urdf", "mobility.urdf", "object.json", "object.xml")  # the first that is there
+READERS: dict[str, Callable[[bytes, Path, AssetFiles], Robot]] = {
+    "urdf": lambda data, path, files: read_robot(data),
+    "partnet": read_partnet,
+    "mjcf": read_mjcf,
+    "singapo": lambda data, path, files: read_singapo(data, files),
+}
 
 
-def find_urdf(path: str | Path) -> Path:
-    """The URDF that ``path`` means: itself, or in a folder object.urdf, mobility.urdf or the only ``*.urdf``.
+def find_asset(path: str | Path) -> Path:
+    """The description that ``path`` means: itself, or in a folder the first of ``NAMES``, else the only URDF, else the only MJCF.
 
     Raises:
-      FileNotFoundError: nothing there. ValueError: a folder with several URDFs.
+      FileNotFoundError: nothing there. ValueError: a folder with several.
     """
     path = Path(path)
     if path.is_file():
         return path
     if not path.is_dir():
         raise FileNotFoundError(f"{path}: no such file or folder")
-    for name in ("object.urdf", "mobility.urdf"):
+    for name in NAMES:
         if (path / name).is_file():
             return path / name
     found = sorted(path.glob("*.urdf"))
+    xmls = () if found else (p for p in sorted(path.glob("*.xml")) if p.is_file())
+    found = found or [p for p in xmls if kind_of(_read(p), p) == "mjcf"]
     if len(found) > 1:
-        names = ", ".join(f.name for f in found[:4])
+        names = ", ".join(f.name for f in found[:4]) + (", ..." if len(found) > 4 else "")
         raise ValueError(
-            f"{path}: the folder holds {len(found)} URDFs ({names} ...): name one of them"
+            f"{path}: the folder holds {len(found)} descriptions ({names}): name one of them"
         )
     if not found:
         raise FileNotFoundError(
-            f"{path}: the folder holds no URDF (object.urdf, mobility.urdf or one *.urdf)"
+            f"{path}: the folder holds no URDF, MJCF or object.json ({', '.join(NAMES)}, one *.urdf or one *.xml)"
         )
     return found[0]
 
 
+def kind_of(data: bytes, path: Path) -> str:
+    """Which of ``READERS`` a file is for: by its suffix, and an ``.xml`` by its root element."""
+    if path.suffix.lower() == ".json":
+        return "singapo"
+    if path.suffix.lower() in (".xml", ".mjcf"):
+        try:
+            return "mjcf" if parse_xml(data, []).tag == "mujoco" else "urdf"
+        except ValueError:  # the URDF reader says what is wrong with it
+            return "urdf"
+    return "partnet" if is_partnet(path) else "urdf"
+
+
+def _read(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(MAX_BYTES + 1)
+
+
 def load_object(path: str | Path, *, allow_outside: bool = False) -> ArticulatedObject:
-    """An articulated object from a URDF file or a folder that holds one.
+    """An articulated object from a URDF, an MJCF, SINGAPO's ``object.json``, or a folder that holds one.
 
     Args:
       path: the file or folder; its folder is the asset's root.
-      allow_outside: also read meshes and textures outside that root (``../meshes``, absolute paths, links).
+      allow_outside: also read meshes, textures and includes outside that root (``../meshes``, absolute paths, links).
 
     Returns:
-      The object in metres (``scale`` 1, not normalised) in the URDF's world frame, shown at joint coordinate 0 where the limits
-      allow. Parts are the links that have a mesh. ``provenance`` holds one line for each repair.
+      The object in metres (``scale`` 1, not normalised) in the description's world frame (SINGAPO's turned to z up, front -x), shown at
+      joint coordinate 0 where the limits allow. Parts are the links that have a mesh. ``provenance`` holds one line for each repair.
 
     Raises:
       FileNotFoundError: no such file. ValueError: it cannot be read as one tree of parts; one line that names the file, the link
         or joint, and what to do.
     """
-    path = find_urdf(path)
+    path = find_asset(path)
     try:
-        with path.open("rb") as file:
-            robot = read_robot(file.read(MAX_BYTES + 1))
-        return make_object(robot, AssetFiles(path.parent, allow_outside), path.stem)
+        data = _read(path)
+        files = AssetFiles(path.parent, allow_outside)
+        return make_object(READERS[kind_of(data, path)](data, path, files), files, path.stem)
     except (ValueError, OSError, RuntimeError, OverflowError) as error:
         raise ValueError(one_line(f"{path}: {error}")) from None

@@ -35,6 +35,7 @@ class Link:
     name: str
     visuals: list[Geometry]
     collisions: list[Geometry]
+    label: str = ""  # for people
 
 
 @dataclasses.dataclass
@@ -59,3 +60,5 @@ class Robot:
     links: dict[str, Link]
     joints: list[RawJoint]
     notes: list[str]  # repairs
+    radians: bool = False  # angles are radians for certain: large ones are not taken for degrees
+    category: str = ""

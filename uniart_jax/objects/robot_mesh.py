@@ -331,7 +331,7 @@ def _pieces(shape: Geometry, files: AssetFiles) -> list[trimesh.Trimesh]:
         loaded = files.meshes(files.find(shape.filename))
         matrix = shape.origin @ np.diag([*shape.size, 1.0])
     else:
-        loaded, matrix = [_primitive(shape)], shape.origin
+        loaded, matrix = [primitive(shape)], shape.origin
         files.count_faces(len(loaded[0].faces))
     pieces = []
     for mesh in loaded:
@@ -341,7 +341,8 @@ def _pieces(shape: Geometry, files: AssetFiles) -> list[trimesh.Trimesh]:
     return pieces
 
 
-def _primitive(shape: Geometry) -> trimesh.Trimesh:
+def primitive(shape: Geometry) -> trimesh.Trimesh:
+    """A box, sphere, cylinder or capsule (its length without the caps, along z) about its own origin."""
     if shape.kind == "box":
         return trimesh.creation.box(extents=shape.size)
     if shape.kind == "sphere":

@@ -332,6 +332,7 @@ def _limits(joint: RawJoint, by_name: dict[str, RawJoint], robot: Robot) -> tupl
         lo, hi = hi, lo
     if (
         joint.type == "revolute"
+        and not robot.radians
         and max(abs(lo), abs(hi)) > DEGREES_FROM
         and not _turns_a_screw(joint, by_name)
     ):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 
 from uniart_jax.objects.kinematics import TRAVEL_DEAD_ZONE
@@ -10,6 +13,10 @@ from uniart_jax.objects.robot import Robot
 from uniart_jax.objects.robot_mesh import AssetFiles, link_mesh
 from uniart_jax.objects.robot_motion import lowered
 from uniart_jax.objects.robot_tree import Tree
+
+_LOST = re.compile(
+    r"^(link|mesh|texture) .*(is missing|left out|not read|cannot be read|outside the asset|not an image)"
+)
 
 
 def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject:
@@ -37,14 +44,20 @@ def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject
     for link in tree.names:
         parent = tree.parents[link]
         joint = lowered(link, tree.chains[link], moved[link], TRAVEL_DEAD_ZONE * side, robot.notes)
-        parts.append(
-            Part(link, moved[link], -1 if parent is None else tree.names.index(parent), joint)
-        )
+        above = -1 if parent is None else tree.names.index(parent)
+        parts.append(Part(link, moved[link], above, joint, robot.links[link].label))
     notes = tuple(one_line(n) for n in dict.fromkeys([*robot.notes, *files.notes]))
-    return ArticulatedObject(tuple(parts), name=robot.name or name, provenance=notes)
+    return ArticulatedObject(
+        tuple(parts), name=robot.name or name, category=robot.category, provenance=notes
+    )
 
 
 def one_line(text: str) -> str:
     """A message without line breaks, at most 500 characters."""
     text = " ".join(str(text).split())
     return text if len(text) <= 500 else text[:497] + "..."
+
+
+def lost_pieces(provenance: Sequence[str]) -> list[str]:
+    """Those repairs that tell of geometry or textures that are gone: such an object is incomplete."""
+    return [line for line in provenance if _LOST.search(line)]

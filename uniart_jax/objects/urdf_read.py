@@ -13,11 +13,9 @@ from lxml import etree
 from trimesh.transformations import euler_matrix
 
 from uniart_jax.objects.robot import MOVING, REFUSED, Geometry, Link, RawJoint, Robot
+from uniart_jax.objects.xml_text import parse_xml
 
-MAX_BYTES = 16 * 2**20
 MAX_NUMBER = 1e9  # beyond it squares and products overflow; no asset is a million kilometres wide
-# Errors of libxml2 that leave the tree as written: an unknown version number, an undeclared name space.
-_HARMLESS = {"ERR_UNKNOWN_VERSION", "NS_ERR_UNDEFINED_NAMESPACE", "WAR_UNKNOWN_VERSION"}
 
 
 def read_robot(data: bytes) -> Robot:
@@ -27,7 +25,7 @@ def read_robot(data: bytes) -> Robot:
       ValueError: not XML, not a URDF, a DTD, or an element that lacks what cannot be guessed; one line, without the file's name.
     """
     notes: list[str] = []
-    root = _parse_xml(data, notes)
+    root = _robot_element(data, notes)
     materials = _materials(root)
     robot = Robot((root.get("name") or "").strip(), {}, [], notes)
     repeated: dict[str, list[Link]] = {}
@@ -58,32 +56,10 @@ def read_robot(data: bytes) -> Robot:
     return robot
 
 
-def _parse_xml(data: bytes, notes: list[str]) -> etree._Element:
-    if not data.strip():
-        raise ValueError("the file is empty")
-    if len(data) > MAX_BYTES:
-        raise ValueError(
-            f"the file has {len(data) / 2**20:.0f} MiB, more than the {MAX_BYTES // 2**20} a URDF may have"
-        )
-    if b"<!DOCTYPE" in data.replace(b"\0", b""):  # zeros: UTF-16
-        raise ValueError("it declares a document type (DTD, entities), which is refused")
-    options = {"resolve_entities": False, "no_network": True, "load_dtd": False, "huge_tree": False}
-    options |= {"remove_comments": True, "remove_pis": True}
-    parser = etree.XMLParser(recover=True, **options)
-    try:
-        root = etree.fromstring(data, parser)
-    except (etree.XMLSyntaxError, ValueError) as error:
-        raise ValueError(f"it is not XML: {error}") from None
-    faults = [e for e in parser.error_log if e.type_name not in _HARMLESS]
-    if root is None or faults:
-        fault = f"{faults[0].message} (line {faults[0].line})" if faults else "no element"
-        raise ValueError(f"it is not XML: {fault}")
-    if root.getroottree().docinfo.doctype:
-        raise ValueError("it declares a document type (DTD, entities), which is refused")
-    if parser.error_log:
-        notes.append(f"XML: {parser.error_log[0].message}: ignored")
+def _robot_element(data: bytes, notes: list[str]) -> etree._Element:
+    root = parse_xml(data, notes)
     if etree.QName(root).localname != "robot":
-        hint = " (MuJoCo's format)" if root.tag == "mujoco" else ""
+        hint = " (MuJoCo's format: name the file .xml)" if root.tag == "mujoco" else ""
         raise ValueError(f"not a URDF: its root element is <{root.tag}>{hint}, not <robot>")
     if any(e.prefix == "xacro" or "xacro" in str(e.tag) for e in root.iter()):
         raise ValueError(

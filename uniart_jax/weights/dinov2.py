@@ -50,6 +50,30 @@ def convert_dinov2(
     return config, convert(TABLE, tensors, expected, "DINOv2")
 
 
+def converted_config(shapes: Mapping[str, tuple[int, ...]]) -> ImageEncoderConfig:
+    """The config that converted parameters, by their dotted names, have the shapes of.
+
+    Raises:
+      ValueError: they are not DINOv2's.
+    """
+    names = ("pos_embed", "register_tokens", "patch_embed.proj.kernel", "blocks.0.mlp.fc1.kernel")
+    axes = dict(zip(names, (3, 3, 4, 2), strict=True))
+    if wrong := [name for name in names if len(shapes.get(name, ())) != axes[name]]:
+        raise ValueError(f"not a converted DINOv2: it lacks {', '.join(wrong)}; make one with: uniart convert dinov2 FILE --out image_encoder.safetensors")  # fmt: skip
+    (_, places, width), patch = shapes["pos_embed"], shapes["patch_embed.proj.kernel"][0]
+    blocks = {name.split(".")[1] for name in shapes if name.startswith("blocks.")}
+    return ImageEncoderConfig(
+        architecture="dinov2",
+        image_size=math.isqrt(places - 1) * patch,
+        patch_size=patch,
+        registers=shapes["register_tokens"][1],
+        width=width,
+        num_blocks=len(blocks),
+        num_heads=max(1, width // HEAD_WIDTH),
+        mlp_ratio=shapes["blocks.0.mlp.fc1.kernel"][1] / width,
+    )
+
+
 def _config(tensors: Mapping[str, np.ndarray], num_heads: int | None) -> ImageEncoderConfig:
     """The config that the tensors have the shapes of."""
     axes = {"pos_embed": 3, "register_tokens": 3, "patch_embed.proj.weight": 4, "blocks.0.mlp.fc1.weight": 2}  # fmt: skip

@@ -1,0 +1,351 @@
+"""``uniart features``: columns of per-voxel features beside prepared records (``data.columns``), a pass of its own.
+
+    visual        orbit pictures -> DINOv2 -> patch maps -> read at each voxel's centre -> mean over views     (``models.multiview``)
+    part_feature  PartField's files -> nearest point of each voxel                                             (``data.part_features``)
+
+Shard by shard, one record at a time: memory grows neither with the records nor with the views. A column's shard gets its name when it is complete, so a
+run may be killed at any moment; run again, it keeps the finished shards and ends with the same bytes. ``<column>.json`` says what a column is made
+from; another source is refused.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import jax
+import numpy as np
+from PIL import Image
+from safetensors import SafetensorError, safe_open
+
+from uniart_jax.config import ImageEncoderConfig, ModelConfig
+from uniart_jax.data.columns import (
+    VALUES,
+    column_note,
+    column_path,
+    half,
+    open_column,
+    read_item,
+)
+from uniart_jax.data.folder import write_text
+from uniart_jax.data.part_features import (
+    CHANNELS,
+    input_name,
+    on_voxels,
+    read_partfield,
+    surface_points,
+    write_points,
+)
+from uniart_jax.data.records import Record, from_bytes, shard_paths
+from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
+from uniart_jax.models.multiview import intrinsic_matrices, multiview_features
+from uniart_jax.models.network import Network, Params, build
+from uniart_jax.progress import advancing
+from uniart_jax.render import Camera
+from uniart_jax.training.export import find_export, load_network, read_config
+from uniart_jax.weights.dinov2 import converted_config
+
+VOXEL_STEP = 4096  # positions are padded to a multiple, so that few shapes are compiled
+Columns = Iterator[tuple[Record, np.ndarray]]
+Item = TypeVar("Item")
+Made = TypeVar("Made")
+
+
+class Encoder(NamedTuple):
+    """A frozen DINOv2: its network, its parameters on the device, and the digest of its file."""
+
+    network: Network
+    params: Params
+    digest: str
+
+    @property
+    def config(self) -> ImageEncoderConfig:
+        return self.network.config.image_encoder
+
+
+def write_visual(
+    folder: str | Path,
+    weights: str | Path,
+    *,
+    views: int | None = None,
+    batch: int = 8,
+    part: tuple[int, int] = (0, 1),
+    progress: bool = True,
+) -> None:
+    """The column ``visual`` of a prepared folder, on whatever device there is.
+
+    Args:
+      weights: of ``uniart convert dinov2``: the file, or the checkpoint folder that it stands in.
+      views: how many of a record's orbit pictures, spread evenly; None = all.
+      batch: pictures that the network reads at a time.
+      part: (i, n): of n runs that share the folder, this is number i and makes every n-th shard.
+
+    Raises:
+      FileNotFoundError: no records, no weights.
+      ValueError: no orbit pictures, fewer than ``views``, other weights than those of an unfinished column, a file that is no DINOv2.
+    """
+    if batch < 1 or (views is not None and views < 1):
+        raise ValueError("features: --batch and --views must be at least 1")
+    shards = shard_paths(folder)
+    orbit = open_column("orbit", shards, len(open_shards(shards)))
+    if not len(orbit):
+        raise ValueError(f"{folder}: its shards are empty; see the errors in its manifest.csv")
+    held = len(unpack_arrays(orbit[0], "column 'orbit'")[0].get("cameras", ()))
+    if not held or (views or 0) > held:
+        raise ValueError(f"{folder}: records have {held} orbit pictures, --views asks for {views or 'all'}; prepare with more --orbit-views")  # fmt: skip
+    encoder = load_encoder(Path(weights))
+    note = {
+        "weights": encoder.digest,
+        "views": views or held,
+        "channels": encoder.config.width,
+        "image_size": encoder.config.image_size,
+    }
+
+    def make(shard: Path) -> Columns:
+        return visual_of_shard(shard, encoder, views or held, batch)
+
+    fill_column(folder, "visual", note, make, part, progress)
+
+
+def write_part_features(
+    folder: str | Path, source: Path, *, part: tuple[int, int] = (0, 1), progress: bool = True
+) -> None:
+    """The column ``part_feature`` of a prepared folder, of PartField's files.
+
+    Raises:
+      FileNotFoundError, ValueError: no records, a record without its file, files that are not PartField's.
+    """
+    if not source.is_dir():
+        raise FileNotFoundError(f"'{source}': no such folder; give the one that PartField wrote its results to")  # fmt: skip
+    note = {"source": "PartField", "channels": CHANNELS}
+
+    def make(shard: Path) -> Columns:
+        for row, record in _records(shard):
+            yield record, on_voxels(record, *read_partfield(source, _input_name(shard, row, record)))  # fmt: skip
+
+    fill_column(folder, "part_feature", note, make, part, progress)
+
+
+def export_points(
+    folder: str | Path, out: Path, *, part: tuple[int, int] = (0, 1), progress: bool = True
+) -> None:
+    """One PLY of surface points a record, for PartField; those that are there are kept.
+
+    Raises:
+      FileNotFoundError: no records. ValueError: ``out`` is a file.
+    """
+    shards = shard_paths(folder)[part[0] :: part[1]]
+    if out.exists() and not out.is_dir():
+        raise ValueError(f"output '{out}': a file of that name exists; choose another folder")
+    out.mkdir(parents=True, exist_ok=True)
+    with _progress(progress, "export", len(open_shards(shards)) if shards else 0, 0) as advance:
+        for shard in shards:
+            for row, record in _records(shard):
+                path = out / f"{_input_name(shard, row, record)}.ply"
+                if not path.exists():
+                    write_points(path, surface_points(record))
+                advance()
+
+
+def fill_column(
+    folder: str | Path,
+    name: str,
+    note: dict[str, Any],
+    make: Callable[[Path], Columns],
+    part: tuple[int, int] = (0, 1),
+    progress: bool = True,
+) -> None:
+    """Make the shards of a column that are not there yet.
+
+    Args:
+      note: what it is made from; kept in ``<name>.json``.
+      make: shard of records -> each of them, in order, with its values [V, C] float16.
+
+    Raises:
+      ValueError: the column that is there, or begun, was made from something else.
+    """
+    shards = shard_paths(folder)
+    claim_column(folder, name, note)
+    mine = {shard: len(open_shards([shard])) for shard in shards[part[0] :: part[1]]}
+    todo = [shard for shard in mine if not finished(shard, name)]
+    total, left = sum(mine.values()), sum(mine[shard] for shard in todo)
+    with _progress(progress, name, total, total - left) as advance:
+        for shard in todo:
+
+            def items(shard: Path = shard) -> Iterator[bytes]:
+                for record, values in make(shard):
+                    yield pack_arrays({VALUES: values}, {"id": record.meta.get("id")})
+                    advance()
+
+            write_shard(column_path(shard, name), items())
+
+
+def claim_column(folder: str | Path, name: str, note: dict[str, Any]) -> None:
+    """Write down what a column is made from, or check that it is made from this."""
+    path = column_note(folder, name)
+    if not path.is_file():
+        if next(Path(folder).glob(f"{name}-*.arrayrecord"), None) is not None:
+            raise ValueError(f"{folder}: holds a column '{name}' without {path.name}, so its source is unknown; remove {name}-*.arrayrecord")  # fmt: skip
+        write_text(path, json.dumps(note, indent=2) + "\n")
+        return
+    try:
+        held = json.loads(path.read_text())
+        different = [f"{key} {held.get(key)} (now: {note.get(key)})" for key in sorted({*held, *note}) if held.get(key) != note.get(key)]  # fmt: skip
+    except (ValueError, AttributeError, TypeError):
+        raise ValueError(f"{path}: damaged; remove it and {name}-*.arrayrecord") from None
+    if different:
+        raise ValueError(f"{folder}: its column '{name}' was made from something else: {'; '.join(different)}; remove {path.name} and {name}-*.arrayrecord to make it again")  # fmt: skip
+
+
+def finished(shard: Path, name: str) -> bool:
+    """Whether a column has its part of this shard: as many items, the first and the last of the same records (prepare may have extended a shard since)."""
+    path = column_path(shard, name)
+    if not path.is_file():
+        return False
+    items, records = open_shards([path]), open_shards([shard])
+    if len(items) != len(records):
+        return False
+    ends = {0, len(records) - 1} if len(records) else set()
+    return all(
+        unpack_arrays(items[i])[1].get("id") == unpack_arrays(records[i])[1].get("id") for i in ends
+    )
+
+
+def visual_of_shard(shard: Path, encoder: Encoder, views: int, batch: int) -> Columns:
+    """Each record of a shard with the mean over ``views`` of its orbit pictures of what its voxels read in them: [V, F] float16.
+
+    Raises:
+      ValueError: a record's orbit is another's, damaged or smaller than ``views``.
+    """
+    records, orbits = open_shards([shard]), open_shards([column_path(shard, "orbit")])
+
+    def load(row: int) -> tuple[Record, np.ndarray, np.ndarray]:
+        record = from_bytes(records[row])
+        orbit = read_item("orbit", orbits[row], record.meta.get("id"))
+        images, cameras = orbit.get("images"), orbit.get("cameras")
+        if images is None or cameras is None or images.ndim != 4 or images.dtype != np.uint8 or images.shape[3:] != (4,) or cameras.shape != (len(images), 4) or len(images) < views:  # fmt: skip
+            raise ValueError(f"column 'orbit' of '{record.meta.get('id')}': not {views} pictures with their cameras; prepare again")  # fmt: skip
+        return record, images, cameras
+
+    for record, images, cameras in _ahead(load, range(len(records))):
+        chosen = spread_views(cameras, views)
+        yield record, visual(record, (images[i] for i in chosen), cameras[chosen], encoder, batch)
+
+
+def visual(
+    record: Record, images: Iterable[np.ndarray], cameras: np.ndarray, encoder: Encoder, batch: int
+) -> np.ndarray:
+    """[V, F] float16: mean over views of the patch features that each voxel's centre reads; no visibility test (``models.multiview``).
+
+    Args:
+      images: M pictures [S, S, 4] uint8, straight alpha, sRGB; resized to what the encoder was trained on. cameras: [M, 4].
+    """
+    size, count = encoder.config.image_size, len(record.coords)
+    positions = np.zeros((-(-count // VOXEL_STEP) * VOXEL_STEP, 3), np.float32)
+    positions[:count] = (record.coords + 0.5) / record.resolution - 0.5
+    pictures = (resized(image, size) for image in images)
+    values = multiview_features(
+        encoder.network,
+        encoder.params,
+        pictures,
+        *view_matrices(cameras),
+        jax.device_put(positions),
+        count,
+        chunk=batch,
+    )
+    return half(np.asarray(values)[:count], str(record.meta.get("id")), "visual")
+
+
+def view_matrices(cameras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cameras [M, 4] of records as ``models.multiview`` takes them: extrinsics [M, 4, 4] (object to camera), intrinsics [M, 3, 3]."""
+    extrinsics = np.stack([Camera(*row).matrix() for row in np.asarray(cameras, np.float64)])
+    return extrinsics.astype(np.float32), intrinsic_matrices(np.deg2rad(cameras[:, 2]))
+
+
+def resized(image: np.ndarray, size: int) -> np.ndarray:
+    """[size, size, 4] uint8: Lanczos, as TRELLIS (colours weighted by alpha)."""
+    if image.shape[:2] == (size, size):
+        return image
+    return np.asarray(Image.fromarray(image).resize((size, size), Image.Resampling.LANCZOS))
+
+
+def spread_views(cameras: np.ndarray, number: int) -> np.ndarray:
+    """Sorted indices of ``number`` cameras [M, 4] that look from directions far from each other: the first, then always the farthest from those chosen.
+
+    Every k-th of an even spread need not be even: of a Fibonacci sphere it is a few arms of a spiral.
+    """
+    if number >= len(cameras):
+        return np.arange(len(cameras))
+    azimuth, elevation = np.asarray(cameras[:, :2], np.float64).T
+    flat = np.cos(elevation)
+    seen = np.stack([np.cos(azimuth) * flat, np.sin(azimuth) * flat, np.sin(elevation)], -1)
+    chosen, nearest = [0], seen @ seen[0]
+    while len(chosen) < number:
+        chosen.append(int(np.argmin(nearest)))
+        nearest = np.maximum(nearest, seen @ seen[chosen[-1]])
+        nearest[chosen] = np.inf
+    return np.sort(chosen)
+
+
+def load_encoder(path: Path) -> Encoder:
+    """A converted DINOv2 on the default device. Sizes are those of its tensors; heads are 64 wide unless a ``config.json`` beside it says otherwise.
+
+    Raises:
+      FileNotFoundError: no such file. ValueError: it is truncated, not finite, or no DINOv2.
+    """
+    path = find_export(path, "image_encoder.safetensors") if path.is_dir() else path
+    if not path.is_file():
+        raise FileNotFoundError(f"weights '{path}': no such file; make it with: uniart convert dinov2 FILE --out image_encoder.safetensors")  # fmt: skip
+    try:
+        with safe_open(path, "numpy") as file:
+            shapes = {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118  not a dict
+        config = converted_config(shapes)
+    except (SafetensorError, ValueError) as error:
+        raise ValueError(f"weights '{path}': {error}") from None
+    if (path.parent / "config.json").is_file():
+        beside = read_config(path.parent).model.image_encoder
+        config = beside if beside.architecture == "dinov2" else config
+    network = _network(config)
+    params = jax.device_put(load_network(path.parent, path.stem, network.abstract()))
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    return Encoder(network, params, digest)
+
+
+@functools.lru_cache(maxsize=1)  # one object, one compiled program
+def _network(config: ImageEncoderConfig) -> Network:
+    return build("image_encoder", ModelConfig(image_encoder=config))
+
+
+def _records(shard: Path) -> Iterator[tuple[int, Record]]:
+    source = open_shards([shard])
+    return ((row, from_bytes(source[row])) for row in range(len(source)))
+
+
+def _input_name(shard: Path, row: int, record: Record) -> str:
+    return input_name(int(shard.stem.rpartition("-")[2]), row, str(record.meta.get("id")))
+
+
+def _ahead(load: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
+    """``load`` of each, the next one while this one is in use."""
+    with ThreadPoolExecutor(1) as pool:
+        waiting = None
+        for item in items:
+            following = pool.submit(load, item)
+            if waiting is not None:
+                yield waiting.result()
+            waiting = following
+        if waiting is not None:
+            yield waiting.result()
+
+
+def _progress(show: bool, what: str, total: int, done: int):
+    if show:
+        return advancing(what, total, done=done, unit="records")
+    return contextlib.nullcontext(lambda: None)

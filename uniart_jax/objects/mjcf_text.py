@@ -1,0 +1,237 @@
+"""An MJCF and all files that it names as one text and a table of bytes, so that MuJoCo's parser never opens a file.
+
+``<include>`` is put in place, every ``file`` attribute is looked up here, inside the asset's folder, and becomes a name in the table;
+``compiler``'s ``meshdir``, ``texturedir``, ``assetdir`` and ``strippath`` are applied on the way (MuJoCo's XML reference, "compiler",
+"include", "asset"). Only what makes shapes and joints is kept: sensors, actuators, contacts and keyframes neither matter nor can fail.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+
+from lxml import etree
+from PIL import Image
+
+from uniart_jax.objects.robot_mesh import (
+    IMAGE_ERRORS,
+    MAX_MESH_BYTES,
+    MAX_PIXELS,
+    AssetFiles,
+    RefusedError,
+)
+from uniart_jax.objects.xml_text import MAX_BYTES, parse_xml
+
+MAX_MODELS = 4  # models attached within models
+MAX_ELEMENTS = 10_000  # with what <replicate> and <attach> multiply; MuJoCo takes seconds for 5,000 bodies, and four times as long for twice as many
+MAX_PARAMETER = 1000  # resolution of a built-in mesh
+_KEPT = ("compiler", "default", "asset", "worldbody", "equality")
+_SOFT = ("composite", "flexcomp", "deformable", "skin")
+_PLACES = ("meshdir", "texturedir", "assetdir", "strippath", "discardvisual", "fusestatic")
+_FOLDER = {"mesh": "meshdir", "hfield": "meshdir", "texture": "texturedir"}
+
+
+def self_contained(
+    data: bytes, path: Path, files: AssetFiles, notes: list[str]
+) -> tuple[str, dict[str, bytes]]:
+    """(text, name -> bytes of every file that the text names).
+
+    Args:
+      data: the MJCF.
+      path: where it lies; other files are named relative to its folder.
+      files: which of them may be read.
+      notes: takes up what is left out.
+
+    Raises:
+      ValueError: what ``parse_xml`` refuses, a plugin, a file that is missing, too large or outside the asset's folder, includes
+        or attachments without end; one line that names element and file.
+    """
+    packer = _Packer(files, notes)
+    return packer.document(data, path, 0)[0], packer.assets
+
+
+class _Packer:
+    def __init__(self, files: AssetFiles, notes: list[str]):
+        self.files = files
+        self.notes = notes
+        self.assets: dict[str, bytes] = {}
+        self.names: dict[tuple[Path, str], str] = {}
+
+    def document(self, data: bytes, path: Path, depth: int) -> tuple[str, int]:
+        """(text, number of elements that its tree will have) of a model."""
+        root = parse_xml(data, self.notes)
+        if root.tag != "mujoco":
+            raise ValueError(f"not an MJCF: its root element is <{root.tag}>, not <mujoco>")
+        self._include(root, path.parent, path.parent, {path.resolve()})
+        for element in root.iter("plugin", "extension"):
+            raise ValueError(f"<{element.tag}> (line {element.sourceline}): plugins are never run")
+        places = _pop_places(root)
+        self._prune(root)
+        _check_sizes(root)
+        weights: dict[str, int] = {}
+        for element in list(root.iter()):
+            if any(str(name).startswith("file") for name in element.attrib):
+                self._pack(element, path.parent, places, weights, depth)
+        weight = _weight(root, weights)
+        if weight > MAX_ELEMENTS:
+            raise RefusedError(
+                f"{weight:,} elements, counted as often as <replicate> and <attach> repeat them, are more than {MAX_ELEMENTS:,}"
+            )
+        return etree.tostring(root, encoding="unicode"), weight
+
+    def _include(self, root: etree._Element, main: Path, own: Path, seen: set[Path]) -> None:
+        """Put what ``<include>`` names in its place; MuJoCo too takes each file once."""
+        for element in list(root.iter("include")):
+            name = element.get("file") or ""
+            parent = element.getparent()
+            if parent is None or not name:
+                raise ValueError(f"an <include> in line {element.sourceline} names no file")
+            where = f"<include file='{name}'>"
+            # relative to the model that is read, as MuJoCo has it, else to the file that includes
+            path = next(
+                (p for f in (main, own) if (p := f / name).is_file() and self.files.allowed(p)),
+                main / name,
+            )
+            data = self._read(path, where, MAX_BYTES)
+            if path.resolve() in seen:
+                raise ValueError(f"{where}: the file is included twice")
+            seen.add(path.resolve())
+            try:
+                included = parse_xml(data, self.notes)
+            except ValueError as error:
+                raise ValueError(f"{where}: {error}") from None
+            self._include(included, main, path.parent, seen)
+            at = parent.index(element)
+            parent[at : at + 1] = list(included)
+
+    def _read(self, path: Path, where: str, limit: int) -> bytes:
+        if not self.files.allowed(path):
+            raise RefusedError(
+                f"{where}: it lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
+            )
+        if not path.is_file():
+            raise ValueError(f"{where}: the file is missing")
+        if path.stat().st_size > limit:
+            raise RefusedError(f"{where}: it has more than {limit // 2**20} MiB")
+        return path.read_bytes()
+
+    def _prune(self, root: etree._Element) -> None:
+        for element in list(root):
+            if element.tag not in (*_KEPT, *_SOFT):
+                root.remove(element)
+        for element in list(root.iter(*_SOFT)):
+            self.notes.append(f"link: a soft body (<{element.tag}>) was left out")
+            _remove(element)
+        for equality in root.findall("equality"):
+            for element in list(equality):
+                if element.tag != "joint":
+                    name = element.get("name") or ""
+                    self.notes.append(f"equality <{element.tag}> '{name}': not represented")
+                    equality.remove(element)
+
+    def _pack(
+        self,
+        element: etree._Element,
+        folder: Path,
+        places: dict[str, str],
+        weights: dict[str, int],
+        depth: int,
+    ) -> None:
+        for attribute in [str(a) for a in element.attrib if str(a).startswith("file")]:
+            name = (element.get(attribute) or "").strip()
+            if not name:
+                del element.attrib[attribute]
+                continue
+            where = f"<{element.tag} {attribute}='{name}'>"
+            if element.tag not in (*_FOLDER, "model"):
+                raise ValueError(f"{where}: this element cannot name a file")
+            name = name.replace("\\", "/")
+            if places.get("strippath") == "true":
+                name = name.rpartition("/")[2]
+            path = folder / places.get(_FOLDER.get(element.tag, ""), "") / name
+            if element.tag != "model" and attribute == "file" and not element.get("name"):
+                element.set("name", Path(name).stem)  # MuJoCo names it after its file
+            element.set(attribute, self._packed(path, element.tag, where, depth, weights, element))
+
+    def _packed(self, path, tag, where, depth, weights, element) -> str:
+        """The name in the table of a file; textures are looked at, models are packed in turn."""
+        data = self._read(path, where, MAX_BYTES if tag == "model" else MAX_MESH_BYTES)
+        if tag == "model":
+            if depth + 1 > MAX_MODELS:
+                raise RefusedError(f"{where}: models within models within models")
+            try:
+                text, weight = self.document(data, path, depth + 1)
+            except ValueError as error:
+                raise ValueError(f"{where}: {error}") from None
+            weights[element.get("name") or ""] = weight
+            data, suffix = text.encode(), ".xml"
+        else:
+            suffix = re.sub(r"[^.a-z0-9]", "", path.suffix.lower())
+            if tag in ("texture", "hfield") and suffix == ".png":
+                _check_image(data, where)
+        known = self.names.get((path.resolve(), tag))
+        if known is None:
+            known = self.names[(path.resolve(), tag)] = f"{len(self.assets)}{suffix}"
+            self.assets[known] = data
+        return known
+
+
+def _pop_places(root: etree._Element) -> dict[str, str]:
+    """Where ``compiler`` says files lie; later ones win. What would drop or fuse bodies is taken out with it."""
+    places: dict[str, str] = {}
+    for compiler in root.iter("compiler"):
+        found = {p: compiler.attrib.pop(p) for p in _PLACES if p in compiler.attrib}
+        if "assetdir" in found:
+            places |= {"meshdir": found["assetdir"], "texturedir": found["assetdir"]}
+        places |= found
+    return {name: text.strip().replace("\\", "/") for name, text in places.items()}
+
+
+def _remove(element: etree._Element) -> None:
+    parent = element.getparent()
+    if parent is not None:
+        parent.remove(element)
+
+
+def _numbers(element: etree._Element, *names: str) -> list[float]:
+    """All numbers of these attributes; what is none is left to MuJoCo's own error."""
+    found = []
+    for text in " ".join(element.get(n) or "" for n in names).split():
+        try:
+            found.append(float(text))
+        except ValueError:
+            continue
+    return found
+
+
+def _check_sizes(root: etree._Element) -> None:
+    """Refuse what would take more memory than a file of its size may."""
+    for tag, names in (("texture", ("width", "height")), ("hfield", ("nrow", "ncol"))):
+        for element in root.iter(tag):
+            sizes = _numbers(element, *names)
+            if not all(0 <= s <= MAX_PIXELS for s in sizes) or (
+                len(sizes) == 2 and sizes[0] * sizes[1] * 6 > MAX_PIXELS  # 6: a cube's sides
+            ):
+                raise RefusedError(f"<{tag} name='{element.get('name') or ''}'>: it is too large")
+    for element in root.iter("mesh"):
+        if not all(abs(p) <= MAX_PARAMETER for p in _numbers(element, "params")):
+            raise RefusedError(f"<mesh name='{element.get('name') or ''}'>: it is too large")
+
+
+def _check_image(data: bytes, where: str) -> None:
+    try:
+        image = Image.open(io.BytesIO(data))
+    except IMAGE_ERRORS as error:
+        raise ValueError(f"{where}: not an image that can be read ({error})") from None
+    if image.width * image.height > MAX_PIXELS:
+        raise RefusedError(f"{where}: {image.width} x {image.height} pixels are too many")
+
+
+def _weight(element: etree._Element, models: dict[str, int]) -> int:
+    inside = 1 + sum(_weight(child, models) for child in element)
+    if element.tag == "replicate":
+        inside *= max(1, *(int(min(n, 1e12)) for n in [0.0, *_numbers(element, "count")]))
+    if element.tag == "attach":  # a model without a name goes by one that stands in its own file
+        inside += models.get(element.get("model") or "", max(models.values(), default=0))
+    return inside
