@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from uniart_jax.objects.double_faces import single_sided
 from uniart_jax.objects.kinematics import TRAVEL_DEAD_ZONE
 from uniart_jax.objects.object import ArticulatedObject, Part, moved_mesh
 from uniart_jax.objects.robot import Robot
@@ -29,11 +30,15 @@ def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject
     Raises:
       ValueError: it is not one tree of parts; without the file's name.
     """
-    meshes = {}
+    meshes, removed = {}, {}
     for link in robot.links.values():
         mesh = link_mesh(link, files, robot.notes)
         if mesh is not None:
-            meshes[link.name] = mesh
+            meshes[link.name], removed[link.name] = single_sided(mesh)
+    if doubled := [f"'{name}'" for name, count in removed.items() if count]:
+        robot.notes.append(
+            f"{sum(removed.values())} faces exist twice, back to back, in links {', '.join(doubled)}: the outer ones were kept"
+        )
     tree = Tree(robot, {n: float(np.linalg.norm(m.extents)) for n, m in meshes.items()})
     moved = {n: moved_mesh(meshes[n], tree.placed[n]) for n in tree.names}
     corners = np.stack([m.bounds for m in moved.values()])
