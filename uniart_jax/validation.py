@@ -18,7 +18,7 @@ from uniart_jax.config import Config
 from uniart_jax.data.batches import record_batches
 from uniart_jax.data.image_table import image_pass
 from uniart_jax.data.latents import LatentSource
-from uniart_jax.data.records import Record, RecordSource
+from uniart_jax.data.records import Record, RecordSource, decode_color
 from uniart_jax.models.network import build
 from uniart_jax.nn.segments import voxel_plans
 from uniart_jax.pipeline import (
@@ -160,7 +160,8 @@ def _uniart_vae(config: Config) -> Evaluation:
                 )
                 truth, guess = batch["sdf"][b, :count] < 0, out["sdf"][b, :count] < 0
                 inside.append((truth & guess).sum() / max((truth | guess).sum(), 1))
-                colors.append(np.abs(out["color"][b, :count] - batch["color"][b, :count]).mean())
+                color = decode_color(batch["color"][b, :count])
+                colors.append(np.abs(out["color"][b, :count] - color).mean())
         figures = {"inside_iou": float(np.mean(inside)), "color_error": float(np.mean(colors))}
         return {**figures, **summarize_readings(rows)}, {}
 

@@ -37,9 +37,9 @@ def test_contract(folder):
     shapes = {
         "coords": ((2, width, 3), np.int32),
         "counts": ((2,), np.int32),
-        "sdf": ((2, width, 8), np.float32),
-        "color": ((2, width, 8, 3), np.float32),
-        "owner": ((2, width, 8), np.int32),
+        "sdf": ((2, width, 8), np.int8),
+        "color": ((2, width, 8, 3), np.uint8),
+        "owner": ((2, width, 8), np.uint8),
         "voxel_part": ((2, width), np.int32),
         "boxes": ((2, 8, 6), np.float32),
         "codes": ((2, 8, 9), np.float32),
@@ -62,8 +62,8 @@ def test_values_and_padding(folder):
             grid = record.grid()
             parts = batch["part_counts"][b]
             assert parts == len(record.boxes)
-            for key in ("coords", "sdf", "color", "owner", "voxel_part"):
-                assert np.array_equal(batch[key][b, :count], getattr(grid, key)), key
+            for key in ("coords", "sdf", "color", "owner", "voxel_part"):  # as stored
+                assert np.array_equal(batch[key][b, :count], getattr(record, key)), key
                 assert not batch[key][b, count:].any(), key
             for key in ("boxes", "codes", "parents"):
                 assert np.array_equal(batch[key][b, :parts], getattr(grid, key)), key

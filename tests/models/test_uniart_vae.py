@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from toy import MODEL, finite, init, vae_config, voxel_batch
 
+from uniart_jax.data.records import decode_color, decode_sdf
 from uniart_jax.models.network import build
-from uniart_jax.models.uniart_vae import voxel_boxes, voxel_codes
+from uniart_jax.models.uniart_vae import cell_color, cell_sdf, voxel_boxes, voxel_codes
 
 
 @pytest.mark.parametrize(
@@ -132,3 +133,13 @@ def test_query_and_key_norms_are_parameters_of_both_trunks():
         attention = shapes[trunk]["blocks"]["1"]["attn"]
         assert attention["q_rms_norm"]["gamma"].shape == (2, 12)
         assert attention["k_rms_norm"]["gamma"].shape == (2, 12)
+
+
+def test_stored_cells_are_decoded_on_the_device():
+    """What batches hold as bytes means the same as what ``data.records`` decodes; floats pass as they are."""
+    steps = np.arange(-127, 128).astype(np.int8)
+    np.testing.assert_allclose(cell_sdf(jnp.asarray(steps)), decode_sdf(steps), rtol=1e-6)
+    bytes_ = np.arange(256).astype(np.uint8)
+    np.testing.assert_allclose(cell_color(jnp.asarray(bytes_)), decode_color(bytes_), atol=1e-6)
+    for cells in (cell_sdf, cell_color):
+        np.testing.assert_array_equal(cells(jnp.linspace(-1, 1, 5)), jnp.linspace(-1, 1, 5))

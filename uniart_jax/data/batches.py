@@ -3,7 +3,7 @@
 A batch dictionary, B items of at most V voxels (a width of ``DataConfig.voxel_buckets``, the same for all items), K parts; valid
 entries first, padding zero:
 
-    coords [B, V, 3] i4 · counts [B] i4 · sdf [B, V, r^3] f4 · color [B, V, r^3, 3] f4 linear · owner [B, V, r^3] i4
+    coords [B, V, 3] i4 · counts [B] i4 · sdf [B, V, r^3] i1 · color [B, V, r^3, 3] u1 · owner [B, V, r^3] u1, as stored
     voxel_part [B, V] i4 · boxes [B, K, 6] f4 · codes [B, K, 9] f4 · parents [B, K] i4 · part_counts [B] i4
     visual [B, V, F] f4 · part_feature [B, V, P] f4, where the UniArt VAE reads them
     plans: {name: nn.segments.Segments}
@@ -32,8 +32,6 @@ from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, fitting_width
 from uniart_jax.data.records import (
     Record,
     RecordSource,
-    decode_color,
-    decode_sdf,
     record_rows,
 )
 from uniart_jax.data.windows import choose_windows
@@ -174,6 +172,9 @@ def collate(
 ) -> Batch:
     """Records as one padded batch of voxels and parts, without images and plans.
 
+    What is said of every sub-cell stays in its stored type, a quarter of the bytes to copy and to send; ``models.uniart_vae.cell_sdf`` and ``cell_color`` decode it
+    on the device.
+
     Args:
       width: V, at least the largest count. size: B, at least ``len(records)``; missing items are all padding.
       features: ``UniArtVAEConfig.feature_channels``; the records must hold these.
@@ -186,9 +187,9 @@ def collate(
     batch = {
         "coords": np.zeros((size, width, 3), np.int32),
         "counts": np.zeros(size, np.int32),
-        "sdf": np.zeros((size, width, cells), np.float32),
-        "color": np.zeros((size, width, cells, 3), np.float32),
-        "owner": np.zeros((size, width, cells), np.int32),
+        "sdf": np.zeros((size, width, cells), np.int8),
+        "color": np.zeros((size, width, cells, 3), np.uint8),
+        "owner": np.zeros((size, width, cells), np.uint8),
         "voxel_part": np.zeros((size, width), np.int32),
         "boxes": np.zeros((size, parts, 6), np.float32),
         "codes": np.zeros((size, parts, 9), np.float32),
@@ -206,9 +207,7 @@ def collate(
                 f"data: a record has {count} voxels and {known} parts; the batch holds {width} and {parts}"
             )
         batch["counts"][b], batch["part_counts"][b] = count, known
-        batch["sdf"][b, :count] = decode_sdf(record.sdf)
-        batch["color"][b, :count] = decode_color(record.color)
-        for key in ("coords", "owner", "voxel_part", *features):
+        for key in ("coords", "sdf", "color", "owner", "voxel_part", *features):
             batch[key][b, :count] = getattr(record, key)
         for key in ("boxes", "codes", "parents"):
             batch[key][b, :known] = getattr(record, key)

@@ -51,16 +51,20 @@ def mirror_record(record: Record) -> Record:
     coords = record.coords.copy()
     coords[:, 1] = resolution - 1 - coords[:, 1]
     order = np.lexsort(coords.T[::-1])
-    cells = np.arange(r**3).reshape(r, r, r)[:, ::-1].reshape(-1)
-    rows = order[:, None]
+
+    def cells(values: np.ndarray) -> np.ndarray:
+        """Rows in the new order, their sub-cells mirrored; whole rows are moved, not single values."""
+        tail = values.shape[2:]
+        return values[order].reshape(-1, r, r, r, *tail)[:, :, ::-1].reshape(-1, r**3, *tail)
+
     cameras = record.cameras * np.array([-1, 1, 1, 1], np.float32)
     features = {name: values[order] for name in FEATURES if (values := getattr(record, name)) is not None}  # fmt: skip
     return dataclasses.replace(
         record,
         coords=coords[order],
-        sdf=record.sdf[rows, cells],
-        color=record.color[rows, cells],
-        owner=record.owner[rows, cells],
+        sdf=cells(record.sdf),
+        color=cells(record.color),
+        owner=cells(record.owner),
         voxel_part=record.voxel_part[order],
         boxes=mirror_boxes(record.boxes),
         codes=mirror_codes(record.codes),

@@ -27,6 +27,7 @@ from uniart_jax.nn.embeddings import position_embedding
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.nn.segments import Segments
 from uniart_jax.nn.stack import run_stack
+from uniart_jax.voxels.grid import SDF_CLIP
 
 CODE_CHANNELS = 21
 LOGVAR_START = -6.0
@@ -43,6 +44,19 @@ def voxel_codes(batch: Batch) -> jax.Array:
 
     boxes = batch["boxes"]
     return jnp.concatenate([of(batch["codes"], part), of(boxes, part), of(boxes, parent)], -1)
+
+
+def cell_sdf(sdf: jax.Array) -> jax.Array:
+    """Distances in sub-cells [...] from what a batch holds: int8 as records store it (``data.records``), or float as it is."""
+    return sdf.astype(jnp.float32) * (SDF_CLIP / 127) if sdf.dtype == jnp.int8 else sdf
+
+
+def cell_color(color: jax.Array) -> jax.Array:
+    """Linear RGB [...] from what a batch holds: sRGB-encoded uint8 as records store it, or linear float as it is."""
+    if color.dtype != jnp.uint8:
+        return color
+    srgb = color.astype(jnp.float32) / 255
+    return jnp.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
 def voxel_boxes(batch: Batch, voxels: jax.Array | None = None) -> dict[str, jax.Array]:
@@ -166,8 +180,8 @@ class Front(nnx.Module):
         """V [B, V, channels], V_geo and V_art."""
         valid = valid_tokens(batch["counts"], batch["coords"].shape[1])
         own = (batch["owner"] == batch["voxel_part"][..., None]).astype(jnp.float32)
-        color = batch["color"].reshape(*batch["color"].shape[:2], -1)
-        cells = jnp.concatenate([batch["sdf"], color * 2 - 1, own], -1)
+        color = cell_color(batch["color"].reshape(*batch["color"].shape[:2], -1))
+        cells = jnp.concatenate([cell_sdf(batch["sdf"]), color * 2 - 1, own], -1)
         geometry = self.geometry(jnp.where(valid, cells, 0))
         if self.config.visual_channels:
             visual = jnp.where(valid, batch["visual"], 0).astype(geometry.dtype)

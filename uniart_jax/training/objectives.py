@@ -14,7 +14,13 @@ import jax.numpy as jnp
 from uniart_jax.config import Config
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
 from uniart_jax.models.network import Network
-from uniart_jax.models.uniart_vae import valid_tokens, voxel_boxes, voxel_codes
+from uniart_jax.models.uniart_vae import (
+    cell_color,
+    cell_sdf,
+    valid_tokens,
+    voxel_boxes,
+    voxel_codes,
+)
 from uniart_jax.training.losses import (
     articulation_losses,
     balanced_voxels,
@@ -141,7 +147,8 @@ def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
             return jnp.take_along_axis(values, index, axis=1)
 
         codes = at(voxel_codes(batch))
-        geometry = geometry_losses(out, at(batch["sdf"]), at(batch["color"]), mask)
+        sdf, color = cell_sdf(at(batch["sdf"])), cell_color(at(batch["color"]))
+        geometry = geometry_losses(out, sdf, color, mask)
         articulation = articulation_losses(
             out,
             voxel_boxes(batch, voxels),
