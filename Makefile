@@ -18,13 +18,16 @@ sample: .venv/ready
 	@echo "· $(IMAGE) -> $(OUT) with the shipped model"
 	@$(BIN)/python sample.py $(IMAGE) --out $(OUT) --overwrite
 
+# a process a core, four at most (3 GB each); a module's tests stay together
+SPREAD := -n auto --maxprocesses 4 --dist loadscope
+
 test: .venv/ready
 	@echo "· the fast suite (CPU, no network); make test-full runs everything"
-	@$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest $(SPREAD)
 
 test-full: .venv/ready
 	@echo "· the whole suite; what a missing program would cover is skipped with the command that installs it"
-	@$(BIN)/python -m pytest -m "" -rs
+	@$(BIN)/python -m pytest $(SPREAD) -m "" -rs
 
 lint: .venv/ready
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright
@@ -36,7 +39,7 @@ format: .venv/ready
 TORCH ?= torch --index-url https://download.pytorch.org/whl/cpu
 bench: .venv/ready
 	@$(BIN)/python -c "import torch" 2>/dev/null || { echo "· installing PyTorch, the peer"; $(BIN)/python -m pip install --quiet --disable-pip-version-check $(TORCH); }
-	@for script in joint_code_noise networks voxelize attention full_size training_step; do echo "· benchmarks/$$script.py"; $(BIN)/python benchmarks/$$script.py || exit 1; done
+	@for script in joint_code_noise networks voxelize prepare attention full_size training_step; do echo "· benchmarks/$$script.py"; $(BIN)/python benchmarks/$$script.py || exit 1; done
 
 clean:
 	rm -rf .venv out

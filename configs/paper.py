@@ -2,7 +2,7 @@
 
 Commands: uniart convert trellis CKPTS --out weights/trellis                      CKPTS: the ckpts folder of TRELLIS-image-large
           uniart convert dinov2 dinov2_vitl14_reg4_pretrain.pth --out weights/trellis
-          uniart prepare partnet-mobility ROOT --split closed --states 5 --resolution 64 --subdivisions 4 --max-parts 64 --orbit-views 150 --image-size 518 --out data-cache/partnet
+          uniart prepare partnet-mobility ROOT --split closed --states 5 --part-scale 0.1 --resolution 64 --subdivisions 4 --max-parts 64 --orbit-views 150 --image-size 518 --out data-cache/partnet
           uniart features data-cache/partnet --weights weights/trellis/image_encoder.safetensors
           python train.py --config configs/paper.py
 Data: five random states an object and 45,000 samples are the paper's figures. A record's orbit is 150 pictures of 518 pixels (4 MB where surfaces have plain
@@ -40,7 +40,7 @@ def config() -> Config:
         ),
         data=DataConfig(
             # live, part_scale, part_color stay 0: multi-view features do not follow a part that changes (docs/data.md, Augmentation);
-            # the paper's perturbed parts belong into the records
+            # the paper's perturbed parts are in the records (prepare --part-scale)
             records="data-cache/partnet",
             split="train",
             validation="data-cache/partnet",
