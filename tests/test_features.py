@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,9 +27,11 @@ from uniart_jax.config import (
     UniArtVAEConfig,
 )
 from uniart_jax.data import records
+from uniart_jax.data.columns import column_path, pack_orbit
 from uniart_jax.data.latents import LatentSource
 from uniart_jax.data.part_features import CHANNELS, input_name, surface_points
-from uniart_jax.data.records import RecordSource
+from uniart_jax.data.records import RecordSource, shard_paths
+from uniart_jax.data.shards import open_shards, write_shard
 from uniart_jax.models.network import build
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.render import Camera, orbit_cameras
@@ -59,8 +62,18 @@ def prepared(folder, size=16, splits=None):
     folder.mkdir()
     made = [make_record(k, voxels=20 + 9 * k) for k in range(COUNT)]
     write_folder(folder, made, splits)
-    write_items(folder, "orbit", [(r.meta["id"], orbit(r, size)) for r in made])
+    write_orbits(folder, [(r.meta["id"], orbit(r, size)) for r in made])
     return folder
+
+
+def write_orbits(folder, made):
+    """``made``: (record's id, its orbit), in the records' order."""
+    at = 0
+    for shard in shard_paths(folder):
+        count = len(open_shards([shard]))
+        items = [pack_orbit(o["images"], o["cameras"], name) for name, o in made[at : at + count]]
+        write_shard(column_path(shard, "orbit"), items)
+        at += count
 
 
 @pytest.fixture
@@ -206,8 +219,8 @@ def test_refusals_are_one_line(folder, tmp_path, capsys):
     items = [(f"hand-{k}", orbit(make_record(k), views=VIEWS - 2 * (k == 5))) for k in range(COUNT)]
     for path in folder.glob("visual*"):
         path.unlink()
-    write_items(folder, "orbit", items)
-    assert "column 'orbit' of 'hand-5': not 7 pictures" in complaint(folder, weights=file)
+    write_orbits(folder, items)
+    assert "column 'orbit' of 'hand-5': 5 pictures, not 7" in complaint(folder, weights=file)
     for path in folder.glob("orbit*"):
         path.unlink()
     assert "make it with: uniart prepare … --orbit-views" in complaint(folder, weights=file)
@@ -231,6 +244,9 @@ def test_part_features_from_partfields_own_files(folder, tmp_path):
         features.write_points(results / f"feat_pca_{name}_0.ply", (points - (low + high) / 2) * (1.8 / (high - low).max()))  # fmt: skip
         np.save(results / f"part_feat_{name}_0.npy", np.repeat(points.sum(1)[:, None], CHANNELS, 1))
     cli.features(folder, part_features=results)
+    before = column(folder, "part_feature")
+    cli.features(folder, part_features=results)
+    assert column(folder, "part_feature") == before
     for record in RecordSource(folder, columns=("part_feature",)):
         centers = (record.coords + 0.5) / record.resolution - 0.5
         points = surface_points(record)
@@ -239,6 +255,33 @@ def test_part_features_from_partfields_own_files(folder, tmp_path):
         assert record.part_feature.shape == (len(record.coords), CHANNELS)
         for value, mine in zip(record.part_feature[:, 3], near, strict=True):
             assert np.abs(points[mine].sum(1) - value).min() < 1e-3
+
+    other = tmp_path / "other"
+    shutil.copytree(results, other)
+    np.save(other / f"part_feat_{names[0]}_0.npy", np.zeros((len(surface_points(source[0])), CHANNELS)))  # fmt: skip
+    with pytest.raises(ValueError, match="made from other files"):
+        cli.features(folder, part_features=other)
+    assert column(folder, "part_feature") == before
+
+
+def test_orbits_may_go_when_their_features_are_there(folder, tmp_path):
+    file = weights(tmp_path)
+    features.write_visual(folder, file, progress=False)
+    before = column(folder)
+    for path in folder.glob("orbit*"):
+        path.unlink()
+    features.write_visual(folder, file, progress=False)
+    assert column(folder) == before
+
+
+def test_a_column_that_was_cut_off_is_made_again(folder, tmp_path):
+    file = weights(tmp_path)
+    features.write_visual(folder, file, progress=False)
+    before = column(folder)
+    path = next(folder.glob("visual-*.arrayrecord"))
+    path.write_bytes(path.read_bytes()[:1000])
+    features.write_visual(folder, file, progress=False)
+    assert column(folder) == before
 
 
 def toy(folder, **data):

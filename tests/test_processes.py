@@ -50,3 +50,14 @@ def test_an_item_that_kills_its_worker_costs_only_itself():
     results = each(2, signal.raise_signal, items, 4, "dead {}".format)
     assert list(results) == [f"dead {k}" if k else None for k in items]
     assert list(each(1, str, [1, 2], 4, str)) == ["1", "2"]
+
+
+def test_an_item_alone_that_kills_its_worker():
+    assert list(each(2, signal.raise_signal, [9], 4, "dead {}".format)) == ["dead 9"]
+
+
+def test_workers_that_cannot_start_are_told(monkeypatch):
+    """Not taken for items that kill: those would be written down as failed."""
+    monkeypatch.setattr("uniart_jax.processes._begin", os.abort)
+    with pytest.raises(ValueError, match="cannot start"):
+        list(each(2, str, [1, 2, 3], 4, str))

@@ -240,7 +240,7 @@ def prepare(
     part_scale: float = 0.0,
     orbit_views: int = 0,
     orbit_size: int = 518,
-    split: Literal["none", "closed", "open"] = "none",
+    split: Literal["none", "holdout", "closed", "open"] = "none",
     split_list: Path | None = None,
     strict: bool = False,
     allow_outside: bool = False,
@@ -268,7 +268,7 @@ def prepare(
         part_scale: Stretch parts at random, by about this share, in every state but the first (.1 is plausible).
         orbit_views: Pictures from all around a record, for `uniart features` (TRELLIS: 150).
         orbit_size: Pixels a side of those.
-        split: Names each object's split: "closed": the paper's seven categories; "open": other large categories are unseen.
+        split: Names each object's split. "holdout": a tenth is test. "closed": so in the paper's seven categories; "open": other large ones are unseen.
         split_list: JSON with "train" and "test" names (SINGAPO's or CAGE's list).
         strict: Leave out objects that lost a mesh or a texture.
         allow_outside: Let assets name files outside their own folders.
@@ -283,11 +283,17 @@ def prepare(
     from uniart_jax.data.folder import Settings
 
     part = _part(shard)
-    workers = processes or os.cpu_count() or 1
+    for name, value in (("count", count), ("processes", processes)):
+        if value is not None and value < 1:
+            raise ValueError(f"prepare: --{name} must be at least 1, got {value}")
+    if source != "procedural" and (families is not None or start_seed):
+        raise ValueError("prepare: --families and --start-seed are of procedural objects")
+    workers = processes or max(2, os.cpu_count() or 1)  # one would be this process itself
     run = None
     if runner == "beam":
-        from uniart_jax.data.beam import run_beam
+        from uniart_jax.data.beam import check_beam, run_beam
 
+        check_beam()
         run = functools.partial(run_beam, options=shlex.split(beam_options))
     settings = Settings(
         source=source,
@@ -330,7 +336,7 @@ def prepare(
 def _part(text: str) -> tuple[int, int]:
     """ "i/n" as two numbers."""
     number, slash, of = text.partition("/")
-    if not (slash and number.isdigit() and of.isdigit() and int(number) < int(of)):
+    if not (slash and number.isdecimal() and of.isdecimal() and int(number) < int(of)):
         raise ValueError(f"--shard must be i/n with i in 0..n-1, got '{text}'")
     return int(number), int(of)
 

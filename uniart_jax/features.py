@@ -31,7 +31,7 @@ from uniart_jax.data.columns import (
     column_path,
     half,
     open_column,
-    read_item,
+    read_orbit,
 )
 from uniart_jax.data.folder import write_text
 from uniart_jax.data.part_features import (
@@ -39,11 +39,12 @@ from uniart_jax.data.part_features import (
     input_name,
     on_voxels,
     read_partfield,
+    result_digest,
     surface_points,
     write_points,
 )
 from uniart_jax.data.records import Record, from_bytes, shard_paths
-from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
+from uniart_jax.data.shards import open_shards, pack_arrays, sweep, unpack_arrays, write_shard
 from uniart_jax.models.multiview import intrinsic_matrices, multiview_features
 from uniart_jax.models.network import Network, Params, build
 from uniart_jax.progress import advancing
@@ -92,11 +93,15 @@ def write_visual(
     """
     if batch < 1 or (views is not None and views < 1):
         raise ValueError("features: --batch and --views must be at least 1")
-    shards = shard_paths(folder)
-    orbit = open_column("orbit", shards, len(open_shards(shards)))
-    if not len(orbit):
-        raise ValueError(f"{folder}: its shards are empty; see the errors in its manifest.csv")
-    held = len(unpack_arrays(orbit[0], "column 'orbit'")[0].get("cameras", ()))
+    shards = [shard for shard in shard_paths(folder) if not finished(shard, "visual")]
+    note_held = _held_note(folder, "visual")
+    if shards:  # orbits of those that are done may be gone
+        orbit = open_column("orbit", shards, len(open_shards(shards)))
+        if not len(orbit):
+            raise ValueError(f"{folder}: its shards are empty; see the errors in its manifest.csv")
+        held = len(unpack_arrays(orbit[0], "column 'orbit'")[0].get("cameras", ()))
+    else:
+        held = int(note_held.get("views", 0))
     if not held or (views or 0) > held:
         raise ValueError(f"{folder}: records have {held} orbit pictures, --views asks for {views or 'all'}; prepare with more --orbit-views")  # fmt: skip
     encoder = load_encoder(Path(weights))
@@ -129,7 +134,10 @@ def write_part_features(
         for row, record in _records(shard):
             yield record, on_voxels(record, *read_partfield(source, _input_name(shard, row, record)))  # fmt: skip
 
-    fill_column(folder, "part_feature", note, make, part, progress)
+    def origin(shard: Path, row: int, record: Record) -> str:
+        return result_digest(source, _input_name(shard, row, record))
+
+    fill_column(folder, "part_feature", note, make, part, progress, origin)
 
 
 def export_points(
@@ -140,7 +148,7 @@ def export_points(
     Raises:
       FileNotFoundError: no records. ValueError: ``out`` is a file.
     """
-    shards = shard_paths(folder)[part[0] :: part[1]]
+    shards = _mine(shard_paths(folder), part)
     if out.exists() and not out.is_dir():
         raise ValueError(f"output '{out}': a file of that name exists; choose another folder")
     out.mkdir(parents=True, exist_ok=True)
@@ -160,30 +168,60 @@ def fill_column(
     make: Callable[[Path], Columns],
     part: tuple[int, int] = (0, 1),
     progress: bool = True,
+    origin: Callable[[Path, int, Record], str] | None = None,
 ) -> None:
     """Make the shards of a column that are not there yet.
 
     Args:
       note: what it is made from; kept in ``<name>.json``.
       make: shard of records -> each of them, in order, with its values [V, C] float16.
+      origin: digest of what one record's values are made from, where every record has a file of its own; kept in its item.
 
     Raises:
       ValueError: the column that is there, or begun, was made from something else.
     """
     shards = shard_paths(folder)
     claim_column(folder, name, note)
-    mine = {shard: len(open_shards([shard])) for shard in shards[part[0] :: part[1]]}
+    sweep(Path(folder))
+    if origin is not None:
+        for shard in shards:
+            _check_origin(shard, name, origin)
+    mine = {shard: len(open_shards([shard])) for shard in _mine(shards, part)}
     todo = [shard for shard in mine if not finished(shard, name)]
     total, left = sum(mine.values()), sum(mine[shard] for shard in todo)
     with _progress(progress, name, total, total - left) as advance:
         for shard in todo:
 
             def items(shard: Path = shard) -> Iterator[bytes]:
-                for record, values in make(shard):
-                    yield pack_arrays({VALUES: values}, {"id": record.meta.get("id")})
+                for row, (record, values) in enumerate(make(shard)):
+                    meta = {"id": record.meta.get("id")}
+                    if origin is not None:
+                        meta["origin"] = origin(shard, row, record)
+                    yield pack_arrays({VALUES: values}, meta)
                     advance()
 
             write_shard(column_path(shard, name), items())
+
+
+def _check_origin(shard: Path, name: str, origin: Callable[[Path, int, Record], str]) -> None:
+    """
+    Raises:
+      ValueError: the first record of a shard that is there was made from another file.
+    """
+    if not finished(shard, name) or not len(items := open_shards([column_path(shard, name)])):
+        return
+    first = from_bytes(open_shards([shard])[0])
+    if unpack_arrays(items[0])[1].get("origin") != origin(shard, 0, first):
+        raise ValueError(f"{column_path(shard, name)}: made from other files than those given now; remove {name}.json and {name}-*.arrayrecord to make the column again")  # fmt: skip
+
+
+def _held_note(folder: str | Path, name: str) -> dict[str, Any]:
+    """What a column says that it is made from; nothing where there is none."""
+    try:
+        held = json.loads(column_note(folder, name).read_text())
+    except (OSError, ValueError):
+        return {}
+    return held if isinstance(held, dict) else {}
 
 
 def claim_column(folder: str | Path, name: str, note: dict[str, Any]) -> None:
@@ -208,7 +246,11 @@ def finished(shard: Path, name: str) -> bool:
     path = column_path(shard, name)
     if not path.is_file():
         return False
-    items, records = open_shards([path]), open_shards([shard])
+    records = open_shards([shard])
+    try:
+        items = open_shards([path])
+    except ValueError:  # cut off: made again
+        return False
     if len(items) != len(records):
         return False
     ends = {0, len(records) - 1} if len(records) else set()
@@ -225,12 +267,11 @@ def visual_of_shard(shard: Path, encoder: Encoder, views: int, batch: int) -> Co
     """
     records, orbits = open_shards([shard]), open_shards([column_path(shard, "orbit")])
 
-    def load(row: int) -> tuple[Record, np.ndarray, np.ndarray]:
+    def load(row: int) -> tuple[Record, list[np.ndarray], np.ndarray]:
         record = from_bytes(records[row])
-        orbit = read_item("orbit", orbits[row], record.meta.get("id"))
-        images, cameras = orbit.get("images"), orbit.get("cameras")
-        if images is None or cameras is None or images.ndim != 4 or images.dtype != np.uint8 or images.shape[3:] != (4,) or cameras.shape != (len(images), 4) or len(images) < views:  # fmt: skip
-            raise ValueError(f"column 'orbit' of '{record.meta.get('id')}': not {views} pictures with their cameras; prepare again")  # fmt: skip
+        images, cameras = read_orbit(orbits[row], record.meta.get("id"))
+        if len(images) < views:
+            raise ValueError(f"column 'orbit' of '{record.meta.get('id')}': {len(images)} pictures, not {views}; prepare again")  # fmt: skip
         return record, images, cameras
 
     for record, images, cameras in _ahead(load, range(len(records))):
@@ -321,6 +362,11 @@ def load_encoder(path: Path) -> Encoder:
 @functools.lru_cache(maxsize=1)  # one object, one compiled program
 def _network(config: ImageEncoderConfig) -> Network:
     return build("image_encoder", ModelConfig(image_encoder=config))
+
+
+def _mine(shards: list[Path], part: tuple[int, int]) -> list[Path]:
+    """Every n-th shard by its number: the same ones while a folder still grows."""
+    return [s for s in shards if int(s.stem.rpartition("-")[2]) % part[1] == part[0]]
 
 
 def _records(shard: Path) -> Iterator[tuple[int, Record]]:

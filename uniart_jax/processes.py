@@ -82,6 +82,10 @@ def each(
     """Results of ``function(item)`` in the items' order; ``died(item)`` for an item that kills its worker (memory, a crash in C).
 
     When a worker dies, the items that were under way are done again, each by a worker of its own, to learn which of them it was.
+    With ``processes`` = 1 this process does them, and dies itself.
+
+    Raises:
+      ValueError: no worker can start.
     """
     left = collections.deque(items)
     if processes == 1:
@@ -98,10 +102,20 @@ def each(
                 item = left.popleft()
                 try:
                     with _workers(1) as submit:
+                        _check_start(submit)
                         result = submit(function, item).result()
                 except BrokenProcessPool:
                     result = died(item)
                 yield result
+
+
+def _check_start(submit: Submit) -> None:
+    try:
+        submit(os.getpid).result()
+    except BrokenProcessPool:
+        raise ValueError(
+            "worker processes cannot start: run from a file whose main module can be imported (if __name__ == '__main__'), or with one process"
+        ) from None
 
 
 def _at_once(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Future[Any]:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from typing import Any
 import jax
 from rich.console import Console
 
-from uniart_jax.config import NETWORKS, Config, GridConfig
+from uniart_jax.config import NETWORKS, Config, DataConfig, GridConfig
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.batches import open_records, voxel_batches
 from uniart_jax.data.folder import read_manifest, read_metadata
@@ -76,6 +77,8 @@ def run(
         )
     stages = trainable(config, stages)
     check_features(config, stages)
+    if overlapping(config.data):
+        warnings.warn("data.validation holds records that are trained on: its figures say nothing about new objects; give another folder or split", stacklevel=2)  # fmt: skip
     init = init or config.init
     source = checkpoint_folder(init) if init else None
     taken: list[str] = []
@@ -112,6 +115,14 @@ def trainable(config: Config, stages: Sequence[str]) -> list[str]:
                 "convert its weights (uniart convert dinov2 FILE --out CHECKPOINT) and give CHECKPOINT as --init"
             )
     return left
+
+
+def overlapping(data: DataConfig) -> bool:
+    """Whether validation records are among the training records: one folder, and splits that meet."""
+    if not data.validation or Path(data.records).resolve() != Path(data.validation).resolve():
+        return False
+    trained, shown = ({*filter(None, s.split(","))} for s in (data.split, data.validation_split))
+    return not (trained and shown) or bool(trained & shown)
 
 
 def check_features(config: Config, stages: Sequence[str]) -> None:

@@ -16,7 +16,7 @@ from hand_records import make_record
 
 from uniart_jax import procedural
 from uniart_jax.config import GridConfig
-from uniart_jax.data import card, folder, prepare, records, sources
+from uniart_jax.data import card, folder, prepare, records, shards, sources
 
 GRID = GridConfig(8, 2, 8)
 
@@ -67,7 +67,8 @@ def test_rerun_after_a_kill_equals_an_unbroken_run(tmp_path, fake):
     whole = digest(run(tmp_path / "a"))
     out = run(tmp_path / "b")
     (out / "records-00001.arrayrecord").unlink()  # killed before the rename of the shard
-    (out / ".records-00001.arrayrecord.99.tmp").write_bytes(b"half")
+    temporary = shards.temporary_path(out / "records-00001.arrayrecord").name
+    (out / temporary.replace(f"-{os.getpid()}.", "-99999999.")).write_bytes(b"half")
     (out / "records-00003.arrayrecord").unlink()
     (out / "rows" / "00003.csv").unlink()
     (out / "manifest.csv").unlink()
@@ -145,7 +146,10 @@ def test_settings_are_checked_before_anything_is_made(tmp_path, fake, changes, w
 
 def test_failures_are_told_and_all_failing_is_an_error(tmp_path, fake, capsys, monkeypatch):
     run(tmp_path / "a", states=2)
-    assert "prepare: 2 of 20 objects failed (4 '...' is too close); see" in capsys.readouterr().err
+    assert (
+        "prepare: 2 of 20 objects failed in some state (2 '...' is too close); see"
+        in capsys.readouterr().err
+    )
     run(tmp_path / "b", count=6)
     assert capsys.readouterr().err == ""
     entry = sources.Entry("door-0000006", "door", "train", 6)
@@ -236,6 +240,65 @@ def alive(group: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+def test_what_others_write_is_left_alone(tmp_path, fake):
+    """A run sweeps away what dead processes left, never what a living one is writing."""
+    out = run(tmp_path / "a")
+    mine = shards.temporary_path(out / "visual-00000.arrayrecord")
+    dead = mine.with_name(mine.name.replace(f"-{os.getpid()}.", "-99999999."))
+    for path in (mine, dead):
+        path.write_bytes(b"")
+    run(out)
+    assert mine.exists() and not dead.exists()
+
+
+def test_two_runs_may_begin_at_once(tmp_path, fake, monkeypatch):
+    """The other one writes its metadata between our look and our writing."""
+    begin, out = folder._begin, tmp_path / "a"
+
+    def late(path, metadata):
+        (path / "rows").mkdir(parents=True)
+        (path / "metadata.json").write_text(metadata)
+        begin(path, metadata)
+
+    monkeypatch.setattr(folder, "_begin", late)
+    run(out)
+    assert len(records.RecordSource(out)) == 18
+    monkeypatch.setattr(folder, "_begin", lambda path, text: late(path, text.replace('"views": 2', '"views": 5')))  # fmt: skip
+    with pytest.raises(ValueError, match=r"another setting: views 5 \(asked: 2\)"):
+        run(tmp_path / "b")
+
+
+def test_lost_orbits_are_made_again(tmp_path, fake):
+    out = run_orbits(tmp_path / "a")
+    whole = digest(out)
+    (out / "orbit-00001.arrayrecord").unlink()
+    fake.clear()
+    run_orbits(out)
+    assert fake == list(range(6, 12)) and digest(out) == whole
+    (out / "orbit-00001.arrayrecord").unlink()
+    (out / "visual-00001.arrayrecord").write_bytes(b"")  # its features are there: it may be gone
+    fake.clear()
+    run_orbits(out)
+    assert not fake
+
+
+def run_orbits(out):
+    entries, settings = prepare.procedural_entries(
+        folder.Settings(resolution=8, subdivisions=2, orbit_views=1, shard_size=6), 14, None
+    )
+    return prepare.prepare(out, entries, settings, processes=1, progress=False)
+
+
+def test_very_many_repairs_are_counted():
+    some = [f"joint '{k}': its axis is zero; held fixed" for k in range(3)]
+    assert prepare.listed(some) == " | ".join(some)
+    many = prepare.listed(some * 500)
+    assert len(many) <= prepare.MAX_TEXT + 40 and many.endswith(" more")
+    shown = many.count(" | ")
+    assert f"and {1500 - shown} more" in many
+    assert prepare.listed(["a\ud800b\nc"]) == "a?b c"
 
 
 @real

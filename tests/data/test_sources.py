@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import shutil
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from test_prepare import digest
 
 from uniart_jax import procedural
-from uniart_jax.data import folder, prepare, records, sources, splits
+from uniart_jax.data import columns, folder, prepare, records, sources, splits
 from uniart_jax.voxels.joint_code import decode_joint
 
 SETTINGS = folder.Settings(
@@ -59,6 +60,15 @@ def test_what_is_found(assets, tmp_path):
     (tmp_path / "lib" / "loose.urdf").write_text("<robot/>")
     found = sources.find_entries(tmp_path, "urdf")
     assert [e.key for e in found] == ["all.xml", "lib/loose.urdf"]
+    (tmp_path / "gone.xml").symlink_to(tmp_path / "nowhere.xml")
+    os.mkfifo(tmp_path / "pipe.xml")
+    (tmp_path / "linked").symlink_to(assets / "door")
+    (tmp_path / "lib" / "round").symlink_to(tmp_path)
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "object.urdf").write_text("<robot/>")
+    (tmp_path / "deep" / "meta.json").write_text("[" * 200_000)
+    found = sources.find_entries(tmp_path, "urdf")
+    assert [e.key for e in found] == ["all.xml", "deep", "lib/loose.urdf", "linked/2"]
     with pytest.raises(FileNotFoundError, match=r"no mobility.urdf in it"):
         sources.find_entries(assets, "partnet-mobility")
     with pytest.raises(FileNotFoundError, match="no such folder"):
@@ -111,11 +121,10 @@ def test_orbits_stand_beside_their_records(assets, tmp_path):
     orbits = records.open_shards(sorted(out.glob("orbit-*.arrayrecord")))
     assert len(orbits) == len(source)
     for i in (0, len(source) - 1):
-        arrays, meta = records.unpack_arrays(orbits[i])
-        assert meta["id"] == source[i].meta["id"]
-        assert arrays["images"].shape == (5, 24, 24, 4) and arrays["cameras"].shape == (5, 4)
-        assert np.ptp(arrays["cameras"][:, 1]) > 1  # from above and from below
-        assert (arrays["images"][..., 3] > 0).mean((1, 2)).min() > 0.02
+        images, cameras = columns.read_orbit(orbits[i], source[i].meta["id"])
+        assert np.shape(images) == (5, 24, 24, 4) and cameras.shape == (5, 4)
+        assert np.ptp(cameras[:, 1]) > 1  # from above and from below
+        assert (np.stack(images)[..., 3] > 0).mean((1, 2)).min() > 0.02
 
 
 @pytest.mark.parametrize(("front", "turns"), [("+x", 2), ("+y", 1), ("-y", 3)])

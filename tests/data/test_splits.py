@@ -6,8 +6,10 @@ import json
 
 import pytest
 
+from uniart_jax.config import DataConfig
 from uniart_jax.data import splits
 from uniart_jax.data.sources import Entry
+from uniart_jax.stages import overlapping
 
 
 def entries(category, count, start=0):
@@ -61,3 +63,32 @@ def test_other_files_are_refused(tmp_path, text):
     assert "\n" not in str(caught.value)
     with pytest.raises(FileNotFoundError, match="no such file"):
         splits.read_list(tmp_path / "nowhere")
+
+
+def test_variants_stay_with_their_base():
+    names = [f"Oven/{45000 + k}{end}" for k in range(200) for end in ("", "_aug1", "_aug2")]
+    made = splits.assign([Entry(name, "Oven") for name in names], "holdout")
+    assert all(len({e.split for e in made[k : k + 3]}) == 1 for k in range(0, 600, 3))
+    assert {e.split for e in made} == {"train", "test"}
+
+
+def test_a_list_of_other_names_is_refused():
+    with pytest.raises(ValueError, match="names none of the 3 objects"):
+        splits.assign(entries("Oven", 3), "closed", {"77": "train"})
+
+
+@pytest.mark.parametrize(
+    ("validation", "split", "shown", "meet"),
+    [
+        ("a", "", "", True),
+        ("a", "", "test", True),
+        ("a", "train", "test", False),
+        ("a", "train,test", "test", True),
+        ("./a", "train", "train", True),
+        ("b", "", "", False),
+        ("", "", "", False),
+    ],
+)
+def test_validation_among_the_training_records_is_seen(validation, split, shown, meet):
+    data = DataConfig(records="a", validation=validation, split=split, validation_split=shown)
+    assert overlapping(data) == meet

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from official import GAUSSIANS, NETWORKS, torch_state, upstream, write_folder, write_network
 from PIL import Image
+from rich.console import Console
 from safetensors.numpy import load_file, save_file
 
-from uniart_jax import cli
+from uniart_jax import cli, conversion
 from uniart_jax.config import GaussianConfig, ImageEncoderConfig, ModelConfig
 from uniart_jax.models.gaussian_decoder import offset_perturbation
 from uniart_jax.models.network import build
@@ -35,7 +36,7 @@ PIPELINE = {
 
 def run(capsys, monkeypatch, *arguments):
     monkeypatch.setattr(sys, "argv", ["uniart", "convert", *map(str, arguments)])
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(conversion, "console", Console(stderr=True, highlight=False, width=200))
     with pytest.raises(SystemExit) as error:
         cli.main()
     return error.value.code, " ".join(capsys.readouterr().err.split())

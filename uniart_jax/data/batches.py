@@ -126,9 +126,9 @@ def _load_voxels(
     mirror, items = data.mirror and may_mirror(model), []
     for index, mirrored, own in zip(draw.records[rows], mirrors[rows], seeds[rows], strict=True):
         record = None
-        if live is not None and (rng := np.random.default_rng([own, 1])).random() < data.live:
+        if live is not None and (chance := np.random.default_rng([own, 1])).random() < data.live:
             room = max(data.voxel_buckets) if data.voxel_crop else draw.width
-            record = live.record(int(source.places[index]), room, rng)
+            record = live.record(int(source.places[index]), room, chance)
         record = source[int(index)] if record is None else record
         if data.part_color:
             gains = color_gains(len(record.boxes), np.random.default_rng([own, 2]), data.part_color)

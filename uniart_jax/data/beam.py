@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
+import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,28 +24,40 @@ def run_beam(
 ) -> None:
     """Make shards by a Beam pipeline and wait for it; give it to ``prepare(run=...)``.
 
+    An object that crashes its worker fails its shard, and with it the run, as the runner decides; the workers of ``prepare`` itself survive that.
+
     Args:
       options: of the pipeline, as Beam's own command lines take them (``--runner=FlinkRunner``, ...); default: the direct runner.
 
     Raises:
       ValueError: Beam is not installed.
     """
-    try:
-        import apache_beam as beam
-        from apache_beam.options.pipeline_options import PipelineOptions, SetupOptions
-    except ImportError:
-        raise ValueError(
-            "prepare: --runner beam needs Apache Beam; install it with: pip install 'uniart_jax[beam]'"
-        ) from None
+    check_beam()
+    import apache_beam as beam
+    from apache_beam.options.pipeline_options import PipelineOptions, SetupOptions
+
+    if settings.root:
+        settings = dataclasses.replace(settings, root=str(Path(settings.root).resolve()))
     settled = PipelineOptions(list(options))
     settled.view_as(SetupOptions).save_main_session = False
     make = functools.partial(_make, out.resolve(), settings)
     with beam.Pipeline(options=settled) as pipeline:
-        (
+        _ = (
             pipeline
             | "shards" >> beam.Create([(n, list(entries)) for n, entries in shards])
             | "spread" >> beam.Reshuffle()
             | "make" >> beam.Map(make)
+        )
+
+
+def check_beam() -> None:
+    """
+    Raises:
+      ValueError: Beam is not installed.
+    """
+    if importlib.util.find_spec("apache_beam") is None:
+        raise ValueError(
+            "prepare: --runner beam needs Apache Beam; install it with: pip install 'uniart_jax[beam]'"
         )
 
 

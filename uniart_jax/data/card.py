@@ -169,7 +169,7 @@ def write_contact_sheet(folder: str | Path, rows: Rows, settings: Settings) -> P
         try:
             obj = load_entry(entry_of(row, settings), settings)
             tiles.append(_tile(obj.normalized(), row["category"] or row["object"]))
-        except (ValueError, OSError):
+        except Exception:
             continue
     if not tiles:
         return None

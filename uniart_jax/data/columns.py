@@ -4,21 +4,23 @@
 
 A column's shard holds one item a record, in the records' order; an item is ``pack_arrays({...}, {"id": the record's})``.
 
-    orbit         images [M, S, S, 4] uint8 straight alpha, sRGB; cameras [M, 4] azimuth, elevation, field of view (degrees), distance
+    orbit         png, ends: M pictures [S, S, 4] straight alpha, sRGB, as PNG files one after another; cameras [M, 4] azimuth, elevation, field of view (degrees), distance
     visual        values [V, F] float16, mean over views of image features, in the order of the record's voxels
     part_feature  values [V, P] float16
 """
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from array_record.python.array_record_data_source import ArrayRecordDataSource
+from PIL import Image
 
-from uniart_jax.data.shards import open_shards, unpack_arrays
+from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays
 
 FEATURES = ("visual", "part_feature")  # columns that join a record as fields
 VALUES = "values"
@@ -77,6 +79,36 @@ def read_item(name: str, data: bytes, record_id: Any) -> dict[str, np.ndarray]:
             f"column '{name}': its item is of '{meta.get('id')}' where the record is '{record_id}'; remove the column's files and make it again"
         )
     return arrays
+
+
+def pack_orbit(images: np.ndarray, cameras: np.ndarray, record_id: str) -> bytes:
+    """An item of the column "orbit": pictures [M, S, S, 4] uint8 and cameras [M, 4] of a record."""
+    files = []
+    for image in images:
+        stream = io.BytesIO()
+        Image.fromarray(image).save(stream, "png", compress_level=3)
+        files.append(stream.getvalue())
+    ends = np.cumsum([len(file) for file in files], dtype=np.int64)
+    png = np.frombuffer(b"".join(files), np.uint8)
+    return pack_arrays({"png": png, "ends": ends, "cameras": cameras}, {"id": record_id})
+
+
+def read_orbit(data: bytes, record_id: Any) -> tuple[list[np.ndarray], np.ndarray]:
+    """M pictures [S, S, 4] uint8 and cameras [M, 4] float32 of an item of the column "orbit".
+
+    Raises:
+      ValueError: damaged, or another record's.
+    """
+    item = read_item("orbit", data, record_id)
+    try:
+        cameras, ends = item["cameras"], item["ends"].tolist()
+        files = [item["png"][a:b].tobytes() for a, b in zip([0, *ends], ends, strict=False)]
+        images = [np.asarray(Image.open(io.BytesIO(f), formats=["PNG"])) for f in files]
+    except (KeyError, OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ValueError(f"column 'orbit' of '{record_id}': damaged ({error}); prepare it again") from None  # fmt: skip
+    if cameras.shape != (len(images), 4) or any(i.shape[2:] != (4,) for i in images):
+        raise ValueError(f"column 'orbit' of '{record_id}': damaged; prepare it again")
+    return images, cameras
 
 
 def read_feature(name: str, data: bytes, record_id: Any, voxels: int) -> np.ndarray:

@@ -19,6 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uniart_jax.data.records import SCHEMA_VERSION, SHARD_PATTERN
+from uniart_jax.data.shards import temporary_path
 
 COLUMNS = [
     "id",
@@ -103,9 +104,11 @@ def read_metadata(folder: str | Path) -> dict:
 def read_manifest(folder: str | Path) -> list[dict[str, str]]:
     """Rows of ``manifest.csv`` in the order of the records; rows with an ``error`` have no record."""
     path = Path(folder) / "manifest.csv"
+    if not Path(folder).is_dir():
+        raise FileNotFoundError(f"{folder}: no such folder")
     if not path.is_file():
         raise FileNotFoundError(f"{path}: missing; run the same prepare command again to finish it")
-    with path.open(newline="") as file:
+    with path.open(newline="", encoding="utf-8") as file:
         reader = csv.DictReader(file)
         if missing := [name for name in COLUMNS if name not in (reader.fieldnames or ())]:
             raise ValueError(
@@ -114,53 +117,77 @@ def read_manifest(folder: str | Path) -> list[dict[str, str]]:
         return list(reader)
 
 
-def claim(out: Path, settings: Settings, keys: Sequence[str]) -> None:
+def claim(
+    out: Path, settings: Settings, keys: Sequence[str], splits: Sequence[str] | None = None
+) -> None:
     """Make ``out`` ours, or check that it is. Removes nothing.
 
     Args:
-      keys: of all objects, in order.
+      keys, splits: of all objects, in order.
 
     Raises:
       ValueError: it holds records of other settings, of other or more objects, or other files.
     """
     wanted = json.loads(json.dumps(dataclasses.asdict(settings)))
-    if (out / "metadata.json").exists():
-        found = {**json.loads(json.dumps(dataclasses.asdict(Settings()))), **read_metadata(out)}
-        different = [
-            f"{key} {found.get(key)} (asked: {wanted.get(key)})"
-            for key in sorted({*wanted, *found} - {*PLACE})
-            if found.get(key) != wanted.get(key)
-        ]
-        if different:
-            raise ValueError(
-                f"{out}: holds records of another setting: {'; '.join(different)}; choose another folder"
-            )
-        _check_held(out, settings, keys)
-        return
+    if not (out / "metadata.json").exists():
+        _begin(out, json.dumps(wanted, indent=2) + "\n")
+    found = {**json.loads(json.dumps(dataclasses.asdict(Settings()))), **read_metadata(out)}
+    different = [
+        f"{key} {found.get(key)} (asked: {wanted.get(key)})"
+        for key in sorted({*wanted, *found} - {*PLACE})
+        if found.get(key) != wanted.get(key)
+    ]
+    if different:
+        raise ValueError(
+            f"{out}: holds records of another setting: {'; '.join(different)}; choose another folder"
+        )
+    _check_held(out, settings, keys, splits)
+
+
+def _begin(out: Path, metadata: str) -> None:
+    """Make the folder, unless another run was quicker."""
     if out.exists() and (
-        not out.is_dir() or any(p.name != "rows" and p.suffix != ".tmp" for p in out.iterdir())
+        not out.is_dir()
+        or any(
+            p.name not in ("rows", "metadata.json") and p.suffix != ".tmp" for p in out.iterdir()
+        )
     ):
         raise ValueError(f"{out}: exists and holds no records of ours; choose another folder")
     (out / "rows").mkdir(parents=True, exist_ok=True)
-    write_text(out / "metadata.json", json.dumps(wanted, indent=2) + "\n")
+    temporary = temporary_path(out / "metadata.json")
+    temporary.write_text(metadata, encoding="utf-8")
+    try:
+        os.link(temporary, out / "metadata.json")
+    except FileExistsError:
+        pass
+    except OSError:  # a file system without links
+        os.replace(temporary, out / "metadata.json")
+    temporary.unlink(missing_ok=True)
 
 
-def _check_held(out: Path, settings: Settings, keys: Sequence[str]) -> None:
+def _check_held(
+    out: Path, settings: Settings, keys: Sequence[str], splits: Sequence[str] | None
+) -> None:
     """Finished shards must hold the beginning of what is asked for."""
     size = settings.shard_size
     for path in sorted(out.glob(SHARD_PATTERN)):
         number = int(path.stem.removeprefix("records-"))
-        held = object_keys(out, number)
-        last = number * size + max(len(held), 1)  # though its rows be lost
-        if last > len(keys):
+        rows = shard_rows(out, number)
+        held = {row["object"]: row["split"] for row in rows}
+        start = number * size
+        if (last := start + max(len(held), 1)) > len(keys):  # though its rows be lost
             raise ValueError(
                 f"{out}: holds {last} objects, more than the {len(keys)} asked for; ask for {last} or more, or choose another folder"
             )
-        asked = [keys[k] for k in range(number * size, number * size + len(held))]
-        if other := [(a, b) for a, b in zip(held, asked, strict=True) if a != b]:
-            raise ValueError(
-                f"{out}: made of other objects than those asked for ('{other[0][0]}' where '{other[0][1]}' would be); choose another folder"
-            )
+        for k, (key, split) in enumerate(held.items(), start=start):
+            if key != keys[k]:
+                raise ValueError(
+                    f"{out}: made of other objects than those asked for ('{key}' where '{keys[k]}' would be); choose another folder"
+                )
+            if splits is not None and split != splits[k]:
+                raise ValueError(
+                    f"{out}: '{key}' is '{split}' in it and would be '{splits[k]}' now; choose another folder"
+                )
 
 
 def shard_path(out: Path, number: int, kind: str = "records") -> Path:
@@ -172,36 +199,38 @@ def rows_path(out: Path, number: int) -> Path:
     return out / "rows" / f"{number:05d}.csv"
 
 
-def sweep(out: Path) -> None:
-    """Remove files that never got their name."""
-    for place in (out, out / "rows"):
-        for path in place.glob(".*.tmp"):
-            path.unlink(missing_ok=True)
-
-
 def write_text(path: Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_text(text)
+    temporary = temporary_path(path)
+    temporary.write_text(text, encoding="utf-8")
     os.replace(temporary, path)
 
 
 def write_rows(path: Path, rows: Sequence[Row | dict[str, str]]) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    with temporary.open("w", newline="") as file:
+    temporary = temporary_path(path)
+    with temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
     os.replace(temporary, path)
 
 
-def finished(out: Path, number: int, keys: Sequence[str]) -> bool:
-    """Whether the shard is there and covers just these objects (a smaller run may have left a short last shard)."""
-    return shard_path(out, number).exists() and object_keys(out, number) == list(keys)
+def finished(out: Path, number: int, keys: Sequence[str], orbits: bool = False) -> bool:
+    """Whether the shard is there and covers just these objects (a smaller run may have left a short last shard).
+
+    Args:
+      orbits: it must have its orbits too, or the features that are made of them.
+    """
+    if not shard_path(out, number).exists():
+        return False
+    if orbits and not any(shard_path(out, number, kind).exists() for kind in (ORBIT, "visual")):
+        return False
+    return list(dict.fromkeys(row["object"] for row in shard_rows(out, number))) == list(keys)
 
 
-def object_keys(out: Path, number: int) -> list[str]:
-    """Objects that the rows of a shard name, in order; none where the rows are lost."""
-    if not rows_path(out, number).is_file():
+def shard_rows(out: Path, number: int) -> list[dict[str, str]]:
+    """Rows of a shard; none where they are lost."""
+    path = rows_path(out, number)
+    if not path.is_file():
         return []
-    with rows_path(out, number).open(newline="") as file:
-        return list(dict.fromkeys(row["object"] for row in csv.DictReader(file)))
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))

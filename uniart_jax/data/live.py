@@ -18,7 +18,7 @@ import numpy as np
 
 from uniart_jax.config import DataConfig, GridConfig
 from uniart_jax.data.folder import Settings, read_manifest, read_metadata
-from uniart_jax.data.records import Record, from_object
+from uniart_jax.data.records import Record, RecordSource, from_object
 from uniart_jax.data.sources import Entry, entry_of, load_entry
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.perturb import part_factors, scale_parts
@@ -56,6 +56,8 @@ class LiveRecords:
                 f"{folder}: its assets are not at '{self.settings.root}' any more; put them there, start from where they were "
                 "prepared, or set data.live to 0"
             )
+        if len(rows) != (held := len(RecordSource(folder))):
+            raise ValueError(f"{folder}: {held} records, but its manifest names {len(rows)}: run its prepare command to the end")  # fmt: skip
         self.entries = [entry_of(row, self.settings) for row in rows]
         self.made = self.kept = 0
 

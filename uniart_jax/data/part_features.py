@@ -17,6 +17,7 @@ take the place of the clouds if they show the same: the record's state, its axes
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from pathlib import Path
@@ -31,6 +32,7 @@ from uniart_jax.voxels.grid import SDF_CLIP, subcell_offsets
 
 CHANNELS = 448
 POINTS = 100_000  # that PartField takes of a mesh
+ENDS = 1 << 16  # bytes at each end of a file that tell it from another
 REACH = 0.9  # of its frame's box
 NEAR = 0.87  # sub-cells: half the diagonal, so that a cell nearer than this may hold surface
 
@@ -57,6 +59,21 @@ def write_points(path: Path, points: np.ndarray) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     temporary.write_bytes("\n".join(lines).encode() + points.astype("<f4").tobytes())
     os.replace(temporary, path)
+
+
+def result_digest(folder: Path, name: str) -> str:
+    """Digest of the size and both ends of what PartField wrote for the input ``name``.
+
+    Raises:
+      FileNotFoundError: it has no such file.
+    """
+    path = _first(folder, f"part_feat_{name}_0.npy", f"part_feat_{name}_0_batch.npy")
+    total = hashlib.sha256(str(path.stat().st_size).encode())
+    with path.open("rb") as file:
+        total.update(file.read(ENDS))
+        file.seek(-min(ENDS, path.stat().st_size), os.SEEK_END)
+        total.update(file.read(ENDS))
+    return total.hexdigest()[:16]
 
 
 def read_partfield(folder: Path, name: str) -> tuple[np.ndarray, np.ndarray]:

@@ -10,10 +10,8 @@ from __future__ import annotations
 
 import collections
 import contextlib
-import csv
 import dataclasses
 import functools
-import os
 import sys
 from collections.abc import Callable, Generator, Iterator, Sequence
 from pathlib import Path
@@ -21,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.config import GridConfig
+from uniart_jax.data.columns import pack_orbit
 from uniart_jax.data.folder import (
     ORBIT,
     Row,
@@ -29,11 +28,12 @@ from uniart_jax.data.folder import (
     finished,
     rows_path,
     shard_path,
-    sweep,
+    shard_rows,
     write_rows,
 )
-from uniart_jax.data.records import from_object, pack_arrays, to_bytes, write_shard
-from uniart_jax.data.sources import FRONTS, Entry, ProceduralEntries, load_entry
+from uniart_jax.data.records import from_object, to_bytes
+from uniart_jax.data.shards import MAX_RECORD_BYTES, shard_writer, sweep
+from uniart_jax.data.sources import FRONTS, Entry, ProceduralEntries, clean, load_entry
 from uniart_jax.objects.clearance import Clearance
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.perturb import part_factors, scale_parts
@@ -43,6 +43,7 @@ from uniart_jax.processes import each
 from uniart_jax.progress import advancing
 from uniart_jax.render import Camera
 
+MAX_TEXT = 4000  # characters of a field of the manifest
 ATTEMPTS = 8  # shown states drawn before an object counts as failed
 
 
@@ -130,7 +131,7 @@ def prepare(
     Args:
       out: folder to make, or one that an earlier run with the same settings left unfinished or smaller.
       entries: the objects, in an order that stays as it is.
-      processes: workers; 1 works in this process. More need the caller's main module to be importable (as spawn does).
+      processes: workers; 1 works in this process, which an object that crashes takes along. More need the caller's main module to be importable (as spawn does).
       part: (i, n): of n runs that share ``out``, this is number i and makes every n-th shard. The last to finish writes the manifest.
       progress: a bar on stderr, or lines now and then where stderr is no terminal.
       run: makes the shards (number, objects) in place of the workers here (``data.beam``).
@@ -143,13 +144,14 @@ def prepare(
     """
     check(settings, processes, part)
     out = Path(out)
-    claim(out, settings, [entry.key for entry in entries])
-    if part[1] == 1:  # nobody else is at work here: what a killed run left half-written may go
-        sweep(out)
+    claim(out, settings, _keys(entries), [entry.split for entry in entries])
+    for place in (out, out / "rows"):
+        sweep(place)
     size = settings.shard_size
     shards = [entries[k : k + size] for k in range(0, len(entries), size)]
     mine = range(part[0], len(shards), part[1])
-    todo = [(i, shards[i]) for i in mine if not finished(out, i, _keys(shards[i]))]
+    orbits = settings.orbit_views > 0
+    todo = [(i, shards[i]) for i in mine if not finished(out, i, _keys(shards[i]), orbits)]
     if run is not None:
         run(out, settings, todo)
     else:
@@ -160,7 +162,7 @@ def prepare(
         ):
             for number, shard in todo:
                 write(out, number, settings, made, len(shard), advance)
-    if all(finished(out, i, _keys(shard)) for i, shard in enumerate(shards)):
+    if all(finished(out, i, _keys(shard), orbits) for i, shard in enumerate(shards)):
         _finish(out, settings, len(shards))
     elif part[1] == 1:
         raise ValueError(f"{out}: some shards are missing; run the same command again")
@@ -176,6 +178,8 @@ def check(settings: Settings, processes: int = 1, part: tuple[int, int] = (0, 1)
         raise ValueError(f"prepare: front must be one of {', '.join(FRONTS)}, got '{settings.front}'")  # fmt: skip
     if not 0 <= settings.part_scale <= 0.5:
         raise ValueError(f"prepare: part scale must be in 0..0.5, got {settings.part_scale}")
+    if settings.orbit_views * settings.orbit_size**2 * 4 > MAX_RECORD_BYTES:
+        raise ValueError(f"prepare: {settings.orbit_views} orbit views of {settings.orbit_size} pixels are more than 1 GiB; make them fewer or smaller")  # fmt: skip
     for name, value, low, high in (
         ("start seed", settings.start_seed, 0, None),
         ("resolution", settings.resolution, 1, 256),
@@ -218,27 +222,25 @@ def write(
     count: int,
     advance: Callable[[], None],
 ) -> None:
-    """Write the next ``count`` objects as a shard: to names of its own, then its rows, then give the shards their names."""
+    """Write the next ``count`` objects as a shard, as they come: to names of its own, then its rows, then the shards get their names, the orbits' last."""
     rows: list[Row] = []
-    orbits: list[bytes] = []  # of one shard
-
-    def records() -> Iterator[bytes]:
+    path = shard_path(out, number)
+    with contextlib.ExitStack() as stack:
+        if settings.orbit_views:
+            write_orbit = stack.enter_context(shard_writer(shard_path(out, number, ORBIT)))
+        write_record = stack.enter_context(shard_writer(path))
         for _ in range(count):
             for data, orbit, row in next(made):
                 rows.append(row)
                 if data:
-                    orbits.append(orbit)
-                    yield data
+                    write_record(data)
+                    if settings.orbit_views:
+                        write_orbit(orbit)
             advance()
-
-    path, orbit_path = shard_path(out, number), shard_path(out, number, ORBIT)
-    pending = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    write_shard(pending, records())
-    path.unlink(missing_ok=True)  # a smaller run's short last shard: the new one begins with it
-    if settings.orbit_views:
-        write_shard(orbit_path, orbits)
-    write_rows(rows_path(out, number), rows)
-    os.replace(pending, path)
+        # a smaller run's short last shard: the new one begins with it
+        for old in (path, shard_path(out, number, ORBIT)):
+            old.unlink(missing_ok=True)
+        write_rows(rows_path(out, number), rows)
 
 
 def make_records(settings: Settings, entry: Entry) -> Made:
@@ -254,7 +256,7 @@ def make_records(settings: Settings, entry: Entry) -> Made:
     made: Made = []
     try:
         obj = load_entry(entry, settings)
-        base["repairs"] = " | ".join(obj.provenance)
+        base["repairs"] = listed(obj.provenance)
         base["category"] = entry.category or obj.category
         if settings.strict and (lost := lost_pieces(obj.provenance)):
             raise ValueError(f"incomplete: {lost[0]}")
@@ -318,7 +320,7 @@ def _make_record(
 
 
 def _make_orbit(settings: Settings, shown: ArticulatedObject, name: str) -> bytes:
-    """Pictures from all around, evenly over the sphere, as ``pack_arrays`` of images [M, S, S, 4] uint8 and cameras [M, 4]; b"" if none are asked for."""
+    """Pictures from all around, evenly over the sphere, as an item of the column "orbit"; b"" if none are asked for."""
     from uniart_jax.render import orbit_cameras, render
 
     if not settings.orbit_views:
@@ -328,7 +330,7 @@ def _make_orbit(settings: Settings, shown: ArticulatedObject, name: str) -> byte
         np.rint(render(shown, camera, size=settings.orbit_size) * 255).astype(np.uint8)
         for camera in cameras
     ]
-    return pack_arrays({"images": np.stack(images), "cameras": _angles(cameras)}, {"id": name})
+    return pack_orbit(np.stack(images), _angles(cameras), name)
 
 
 def _angles(cameras: Sequence[Camera]) -> np.ndarray:
@@ -338,16 +340,27 @@ def _angles(cameras: Sequence[Camera]) -> np.ndarray:
 
 def _reason(error: Exception) -> str:
     text = " ".join(str(error).split())
-    return text if isinstance(error, ValueError) and text else f"{type(error).__name__}: {text}"
+    text = text if isinstance(error, ValueError) and text else f"{type(error).__name__}: {text}"
+    return clean(text)[:MAX_TEXT]
+
+
+def listed(repairs: Sequence[str]) -> str:
+    """Repairs as one field of the manifest; of very many, the first and how many more there are."""
+    text, shown = "", 0
+    for shown, repair in enumerate(repairs):
+        longer = f"{text} | {repair}" if text else repair
+        if len(longer) > MAX_TEXT:
+            return clean(f"{text} | and {len(repairs) - shown} more" if text else longer[:MAX_TEXT])
+        text = longer
+    return clean(text)
 
 
 def _make_all(
     settings: Settings, entries: Sequence[Entry], processes: int
 ) -> Generator[Made, None, None]:
     """Results of ``make_records`` in order; workers stay a bounded number of objects ahead."""
-    processes = processes if len(entries) > 1 else 1
     make = functools.partial(make_records, settings)
-    ahead = 1 if processes == 1 else 8 * processes
+    ahead = 2 * processes if settings.orbit_views else 8 * processes  # orbits are large
     yield from each(processes, make, entries, ahead, _died)
 
 
@@ -371,10 +384,7 @@ def _finish(out: Path, settings: Settings, shards: int) -> None:
     """
     from uniart_jax.data.card import error_kinds, write_contact_sheet, write_data_card
 
-    rows: list[dict[str, str]] = []
-    for number in range(shards):
-        with rows_path(out, number).open(newline="") as file:
-            rows.extend(csv.DictReader(file))
+    rows = [row for number in range(shards) for row in shard_rows(out, number)]
     write_rows(out / "manifest.csv", rows)
     write_data_card(out, rows)
     write_contact_sheet(out, rows, settings)
@@ -386,6 +396,6 @@ def _finish(out: Path, settings: Settings, shards: int) -> None:
         raise ValueError(
             f"{out}: none of {count} objects succeeded, the first because: {failed[0]['error']}; choose other settings and another folder"
         )
-    objects = len({row["object"] for row in failed})
-    kinds = "; ".join(f"{n} {kind}" for kind, n in error_kinds(failed)[:5])
-    print(f"prepare: {objects} of {count} objects failed ({kinds}); see the column error of {out}/manifest.csv", file=sys.stderr)  # fmt: skip
+    first = {row["object"]: row for row in reversed(failed)}  # of each object
+    kinds = "; ".join(f"{n} {kind}" for kind, n in error_kinds([*first.values()])[:5])
+    print(f"prepare: {len(first)} of {count} objects failed in some state ({kinds}); see the column error of {out}/manifest.csv", file=sys.stderr)  # fmt: skip

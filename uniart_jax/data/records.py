@@ -60,7 +60,7 @@ class Record:
       boxes: [K, 6] float32 own boxes; codes: [K, 9] float32; parents: [K] int32, the root is its own parent.
       images: [N, H, W, 4] uint8 straight-alpha sRGB views of the shown state.
       cameras: [N, 4] float32 azimuth and elevation (radians), field of view (degrees), distance (object units).
-      meta: schema_version, resolution, subdivisions, joint_types, and what the source says (family, seed, state).
+      meta: schema_version, resolution, subdivisions, joint_types, and what the source says (id, category, seed, state).
       visual, part_feature: [V, F], [V, P] float16 of the columns of these names (``data.columns``) where ``RecordSource`` is asked for them;
         never part of the record's own bytes.
     """
@@ -141,7 +141,7 @@ def from_object(
       obj: the normalised object at its shown state.
       images: [N, H, W, 4] straight-alpha sRGB, float in [0, 1] or uint8.
       cameras: [N, 4] azimuth, elevation, field of view in degrees, distance.
-      meta: what the source knows (family, seed, state); version, sizes, joint types and scale are added here.
+      meta: what the source knows (id, category, seed, state); version, sizes, joint types and scale are added here.
       grid: ``voxelize(obj)``.
 
     Raises:

@@ -6,11 +6,14 @@ item a group (random access) and compress each with zstd.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
+import re
+import socket
 import zipfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +23,8 @@ from array_record.python import array_record_module
 from array_record.python.array_record_data_source import ArrayRecordDataSource
 
 MAX_RECORD_BYTES = 1 << 30
+MIN_FILE_BYTES = 1 << 16  # of any ArrayRecord file
+_HOST = re.sub(r"[^A-Za-z0-9]", "_", socket.gethostname())
 _ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # bytes depend on content alone, so that reruns can be compared
 
 
@@ -65,16 +70,14 @@ def unpack_arrays(
     return arrays, meta
 
 
-def write_shard(path: str | Path, items: Iterable[bytes]) -> int:
-    """Write byte strings as one ArrayRecord file, to a temporary name and then renamed; returns how many."""
+@contextlib.contextmanager
+def shard_writer(path: str | Path) -> Iterator[Callable[[bytes], None]]:
+    """``write(item)`` adds a byte string to an ArrayRecord file, which gets its name at the end, if nothing was raised."""
     path = Path(path)
-    temporary = path.with_name(f".{path.name}.tmp")
+    temporary = temporary_path(path)
     writer = array_record_module.ArrayRecordWriter(str(temporary), "group_size:1,zstd:3")
-    count = 0
     try:
-        for item in items:
-            writer.write(item)
-            count += 1
+        yield writer.write
         writer.close()
     except BaseException:
         if writer.is_open():
@@ -82,11 +85,49 @@ def write_shard(path: str | Path, items: Iterable[bytes]) -> int:
         temporary.unlink(missing_ok=True)
         raise
     os.replace(temporary, path)
-    return count
+
+
+def write_shard(path: str | Path, items: Iterable[bytes]) -> None:
+    """Write byte strings as one ArrayRecord file, complete or absent."""
+    with shard_writer(path) as write:
+        for item in items:
+            write(item)
+
+
+def temporary_path(path: Path) -> Path:
+    """The name of a file of this process until it is complete: no other process, here or elsewhere, has the same."""
+    return path.with_name(f".{path.name}.{_HOST}-{os.getpid()}.tmp")
+
+
+def sweep(folder: Path) -> None:
+    """Remove what processes of this machine that are gone left half-written; what others are writing stays."""
+    for path in folder.glob(f".*.{_HOST}-*.tmp"):
+        number = path.name.removesuffix(".tmp").rpartition("-")[2]
+        if number.isdecimal() and not _alive(int(number)):
+            path.unlink(missing_ok=True)
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
 
 
 def open_shards(paths: Sequence[str | Path]) -> ArrayRecordDataSource:
-    """Random access to the byte strings of several ArrayRecord files, in the order given."""
+    """Random access to the byte strings of several ArrayRecord files, in the order given.
+
+    Raises:
+      ValueError: a file is damaged; it names them.
+    """
     if not flags.FLAGS.is_parsed():  # programs without absl: ArrayRecord reads its flags on use
         flags.FLAGS.mark_as_parsed()
-    return ArrayRecordDataSource([str(p) for p in paths])
+    try:
+        return ArrayRecordDataSource([str(p) for p in paths])
+    except RuntimeError as error:
+        small = [str(p) for p in paths if Path(p).stat().st_size < MIN_FILE_BYTES]
+        which = ", ".join(small) or (str(paths[0]) if len(paths) == 1 else f"one of {len(paths)} files in {Path(paths[0]).parent}")  # fmt: skip
+        raise ValueError(f"{which}: damaged or cut off ({' '.join(str(error).split())[:120]}); remove it and run the command that made it again") from None  # fmt: skip

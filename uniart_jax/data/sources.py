@@ -81,8 +81,9 @@ def find_entries(root: str | Path, source: str) -> list[Entry]:
     if not root.is_dir():
         raise FileNotFoundError(f"prepare: '{root}': no such folder")
     paths: list[Path] = []
-    for folder, inner, files in os.walk(root):
-        inner.sort()
+    seen = {os.path.realpath(root)}
+    for folder, inner, files in os.walk(root, followlinks=True):
+        inner[:] = [n for n in sorted(inner) if _first_time(os.path.join(folder, n), seen)]
         found = _assets(Path(folder), sorted(files), source)
         paths += found
         if found == [Path(folder)]:
@@ -96,8 +97,23 @@ def find_entries(root: str | Path, source: str) -> list[Entry]:
     for path in sorted(paths):
         relative = path.relative_to(root)
         key = relative.as_posix() if relative.parts else root.resolve().name
-        entries.append(Entry(key, _category(path, relative), path=relative.as_posix()))
+        category = clean(_category(path, relative))[:80]
+        entries.append(Entry(clean(key), category, path=relative.as_posix()))
     return entries
+
+
+def clean(text: str) -> str:
+    """Text that any file can hold: without lone surrogates (names of files that are not UTF-8) and control characters."""
+    text = text.encode("utf-8", "replace").decode()
+    return "".join(c if c.isprintable() else " " for c in text)
+
+
+def _first_time(folder: str, seen: set[str]) -> bool:
+    """Links are followed, each folder once."""
+    real = os.path.realpath(folder)
+    new = real not in seen
+    seen.add(real)
+    return new
 
 
 def _assets(folder: Path, files: list[str], source: str) -> list[Path]:
@@ -112,34 +128,43 @@ def _assets(folder: Path, files: list[str], source: str) -> list[Path]:
 
 
 def _is_mjcf(path: Path) -> bool:
-    with path.open("rb") as file:
-        return re.search(rb"<mujoco[\s>]", file.read(HEAD_BYTES)) is not None
+    return re.search(rb"<mujoco[\s>]", _head(path, HEAD_BYTES)) is not None
+
+
+def _head(path: Path, count: int) -> bytes:
+    """The first bytes of a file; none where it is no file or cannot be read: its reader will say so."""
+    try:
+        if not path.is_file():
+            return b""
+        with path.open("rb") as file:
+            return file.read(count)
+    except OSError:
+        return b""
 
 
 def _included(path: Path) -> list[Path]:
     """Files that an MJCF includes: parts of it, not assets of their own."""
-    names = re.findall(rb"<include\s[^>]*file=[\"']([^\"']+)", path.read_bytes()[:META_BYTES])
+    names = re.findall(rb"<include\s[^>]*file=[\"']([^\"'\0]+)", _head(path, META_BYTES))
     return [(path.parent / name.decode(errors="replace")).resolve() for name in names]
 
 
 def _category(path: Path, relative: Path) -> str:
     """What the asset's ``meta.json`` says (PartNet-Mobility), else the folder of assets that it stands in, if that is not the root."""
     meta = path / "meta.json"
-    if meta.is_file() and meta.stat().st_size <= META_BYTES:
-        try:
-            said = json.loads(meta.read_text(encoding="utf-8"))
-            if isinstance(said, dict) and isinstance(said.get("model_cat"), str):
-                return said["model_cat"]
-        except ValueError:  # the reader of the object will say so
-            pass
+    try:
+        said = json.loads(_head(meta, META_BYTES) or b"{}")
+        if isinstance(said, dict) and isinstance(said.get("model_cat"), str):
+            return said["model_cat"]
+    except (ValueError, RecursionError):  # the reader of the object will say so
+        pass
     return relative.parts[0] if len(relative.parts) > 1 else ""
 
 
 def entry_of(row: Mapping[str, str], settings: Settings) -> Entry:
     """The entry that a manifest's row came from."""
-    key, seed = row["object"], int(row["seed"] or -1)
-    path = "" if seed >= 0 else key if (Path(settings.root) / key).exists() else "."
-    return Entry(key, row["category"], row["split"], seed, path)
+    key, seed, root = row["object"], int(row["seed"] or -1), Path(settings.root)
+    alone = key == root.resolve().name and not (root / key).exists()
+    return Entry(key, row["category"], row["split"], seed, "" if seed >= 0 else "." if alone else key)  # fmt: skip
 
 
 def load_entry(entry: Entry, settings: Settings) -> ArticulatedObject:

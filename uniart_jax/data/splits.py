@@ -1,11 +1,12 @@
 """Which split an object belongs to. Splits stand in the manifest; no network sees one.
 
     none     every object is "train"
+    holdout  every object is "train" or "test", whatever its category
     closed   the paper's seven categories: "train" or "test"; other categories are "other"
     open     those seven are "train" or "test"; a category of more than ``MIN_UNSEEN`` objects beside them is "unseen", a smaller one "other"
 
 "test" are the objects of an official list, read from a file that the user has (SINGAPO's or CAGE's), and objects that it does not name are
-"unlisted"; without a list, a tenth by the digest of the object's key: adding objects moves none. The paper names Bottle, Toilet, Chair, Laptop and TrashCan
+"unlisted"; without a list, a tenth by the digest of the object's id: adding objects moves none, and augmented variants stay with their base. The paper names Bottle, Toilet, Chair, Laptop and TrashCan
 among its unseen categories, and "more than 10 objects" as the rule.
 """
 
@@ -22,7 +23,7 @@ from typing import Any, Literal
 
 from uniart_jax.data.sources import Entry
 
-Rule = Literal["none", "closed", "open"]
+Rule = Literal["none", "holdout", "closed", "open"]
 SEEN_CATEGORIES = (
     "StorageFurniture",
     "Table",
@@ -46,12 +47,15 @@ def assign(
 
     Args:
       listed: object id -> split of an official list (``read_list``).
+
+    Raises:
+      ValueError: the list names none of the objects.
     """
     categories = [SYNONYMS.get(e.category, e.category) for e in entries]
     sizes = collections.Counter(categories)
     out = []
     for entry, category in zip(entries, categories, strict=True):
-        seen = rule == "none" or category in SEEN_CATEGORIES
+        seen = rule in ("none", "holdout") or category in SEEN_CATEGORIES
         if not seen:
             large = rule == "open" and category and sizes[category] > MIN_UNSEEN
             split = "unseen" if large else "other"
@@ -60,8 +64,10 @@ def assign(
         elif rule == "none":
             split = "train"
         else:
-            split = "test" if _digest(entry.key) % TEST_SHARE == 0 else "train"
+            split = "test" if _digest(base_id(entry.key)) % TEST_SHARE == 0 else "train"
         out.append(dataclasses.replace(entry, split=split))
+    if listed is not None and not any(entry.split in ("train", "test") for entry in out):
+        raise ValueError(f"split list: it names none of the {len(out)} objects; its names must end in their ids (first object: '{out[0].key}')")  # fmt: skip
     return out
 
 
@@ -129,8 +135,8 @@ def rule_digest(rule: Rule, path: str | Path | None) -> str:
     return f"{rule} {hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]}"
 
 
-def _digest(key: str) -> int:
-    return int.from_bytes(hashlib.blake2b(object_id(key).encode(), digest_size=8).digest(), "big")
+def _digest(name: str) -> int:
+    return int.from_bytes(hashlib.blake2b(name.encode(), digest_size=8).digest(), "big")
 
 
 def _some(names: Sequence[str]) -> str:

@@ -111,5 +111,6 @@ def _round_trip(settings: Settings, resolutions: Sequence[int], entry: Entry) ->
             r: score_reconstruction(obj, reconstruct(obj, r, settings.subdivisions))
             for r in resolutions
         }
-    except (ValueError, OSError) as error:
-        return " ".join(str(error).split())
+    except Exception as error:  # one asset must not cost the figures of all others
+        text = " ".join(str(error).split())
+        return text if isinstance(error, ValueError) else f"{type(error).__name__}: {text}"
