@@ -33,3 +33,24 @@ def refuse(load):
         return line
 
     return read
+
+
+@pytest.fixture
+def load_mjcf(tmp_path):
+    def read(text: str, **options) -> ArticulatedObject:
+        (tmp_path / "a.xml").write_text(text)
+        return load_object(tmp_path / "a.xml", **options)
+
+    return read
+
+
+@pytest.fixture
+def refuse_mjcf(load_mjcf):
+    def read(text: str, **options) -> str:
+        with pytest.raises(ValueError) as caught:
+            load_mjcf(text, **options)
+        line = str(caught.value)
+        assert "\n" not in line and "a.xml" in line
+        return line
+
+    return read

@@ -11,7 +11,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.kinematics import ANGLE_DEAD_ZONE
+from uniart_jax.objects.object import ArticulatedObject, Part
 
 
 @dataclasses.dataclass
@@ -26,6 +27,8 @@ class Engine:
         [dict[str, float]], dict[str, np.ndarray]
     ]  # joint state -> link -> [4, 4] world
     axes: dict[str, np.ndarray]  # joint -> [3] world axis at the shown state
+    limits: dict[str, tuple[float, float]]  # joint -> its ends as the program counts them
+    turns: dict[str, bool]  # joint -> whether it turns, else it travels
 
 
 def mujoco_engine(path: Path) -> Engine:
@@ -57,14 +60,15 @@ def mujoco_engine(path: Path) -> Engine:
             found[name][:3, 3] = data.xpos[i]
         return found
 
-    shown = {}
+    limits, turns = {}, {}
     for i, name in enumerate(joints):
         if int(model.jnt_type[i]) >= 2:  # slide, hinge
-            limited, (lo, hi) = model.jnt_limited[i], model.jnt_range[i]
-            shown[name] = float(np.clip(0.0, lo, hi)) if limited else 0.0
+            lo, hi = model.jnt_range[i] if model.jnt_limited[i] else (-np.inf, np.inf)
+            limits[name], turns[name] = (float(lo), float(hi)), int(model.jnt_type[i]) == 3
+    shown = {name: float(np.clip(0.0, *ends)) for name, ends in limits.items()}
     frames(shown)
     axes = {name: data.xaxis[joints.index(name)].copy() for name in shown}
-    return Engine(above, shown, frames, axes)
+    return Engine(above, shown, frames, axes, limits, turns)
 
 
 def mujoco_points(path: Path, state: dict[str, float]) -> dict[str, np.ndarray]:
@@ -116,13 +120,15 @@ def urdf_engine(path: Path) -> Engine:
     urdf = yourdfpy.URDF(robot=robot, **options)
     above: dict[str, tuple[str | None, list[str]]] = {n.name: (None, []) for n in robot.links}
     moving = ("revolute", "continuous", "prismatic")
-    shown = {}
+    shown, limits, turns = {}, {}, {}
     for joint in robot.joints:
         above[joint.child] = (joint.parent, [joint.name] if joint.type in moving else [])
         if joint.type in moving:
             lo, hi = -np.inf, np.inf
-            if joint.type != "continuous" and joint.limit is not None:
-                lo, hi = sorted((joint.limit.lower or 0.0, joint.limit.upper or 0.0))
+            limit = joint.limit if joint.type != "continuous" else None
+            if limit is not None and not (limit.lower is None and limit.upper is None):
+                lo, hi = sorted((limit.lower or 0.0, limit.upper or 0.0))
+            limits[joint.name], turns[joint.name] = (lo, hi), joint.type != "prismatic"
             shown[joint.name] = float(np.clip(0.0, lo, hi))
             mimic = mimics.get(joint.name)
             if mimic is not None:
@@ -135,7 +141,7 @@ def urdf_engine(path: Path) -> Engine:
 
     placed = frames(shown)
     axes = {j.name: placed[j.child][:3, :3] @ j.axis for j in robot.joints if j.name in shown}
-    return Engine(above, shown, frames, axes)
+    return Engine(above, shown, frames, axes, limits, turns)
 
 
 def joints_between(engine: Engine, link: str, other: str) -> list[str]:
@@ -160,6 +166,10 @@ class Comparison:
     compared: int  # joints drawn
     excepted: list[str]  # joints of edges that hold several, lowered to one
     held: list[str]  # joints that the object does not move
+    unexplained: list[
+        str
+    ]  # those of them, and of the excepted, that neither the provenance nor a dead zone explains
+    wrong: list[str]  # joints whose axis is reversed or whose ends are others
 
 
 def compared(obj: ArticulatedObject, engine: Engine, seed: int, states: int = 20) -> Comparison:
@@ -190,4 +200,53 @@ def compared(obj: ArticulatedObject, engine: Engine, seed: int, states: int = 20
             worst = max(worst, float(np.abs(ours - theirs).max()))
     size = float((obj.bounds[1] - obj.bounds[0]).max())
     held = [n for n in engine.shown if n not in moved.values() and n not in excepted]
-    return Comparison(worst / size, len(moved), excepted, held)
+    unexplained = [n for n in held if not _held_rightly(obj, engine, n)]
+    unexplained += [n for n in excepted if not any(f"'{n}'" in line for line in obj.provenance)]
+    wrong = [n for k, n in moved.items() if not _moves_alike(obj, obj.parts[k], engine, n, size)]
+    return Comparison(worst / size, len(moved), excepted, held, unexplained, wrong)
+
+
+def _said(obj: ArticulatedObject, joint: str, *words: str) -> bool:
+    """Whether a repair of this joint says one of these."""
+    return any(f"'{joint}'" in line and any(w in line for w in words) for line in obj.provenance)
+
+
+def _moves_alike(
+    obj: ArticulatedObject, part: Part, engine: Engine, name: str, size: float
+) -> bool:
+    """Whether a part's joint has the engine's direction, and its ends counted from the shown state."""
+    joint, turns = part.joint, engine.turns[name]
+    lo, hi = engine.limits[name]
+    if turns and _said(obj, name, "can only be degrees"):
+        lo, hi = np.deg2rad(lo), np.deg2rad(hi)
+    expected = np.array([lo, hi]) - engine.shown[name]
+    if turns and not hi - lo < 2 * np.pi - 1e-9:
+        expected = np.array([-np.pi, np.pi])
+    elif not np.isfinite(hi - lo):
+        if not _said(obj, name, "prismatic without limits"):
+            return False
+        half = np.ptp(part.mesh.vertices @ joint.direction) / 2
+        expected = np.array([-half, half])
+    ours, others = (joint.angle, joint.travel) if turns else (joint.travel, joint.angle)
+    same = np.allclose(ours, expected, rtol=0, atol=1e-6 * (1.0 if turns else size))
+    direction = engine.axes[name] / np.linalg.norm(engine.axes[name])
+    return bool(same and others == (0, 0) and np.allclose(joint.direction, direction, atol=1e-6))
+
+
+def _held_rightly(obj: ArticulatedObject, engine: Engine, name: str) -> bool:
+    """Whether a joint that no part has moves none, or all of them as one, or too little to count, or a repair tells why not."""
+    below = next(link for link, (_, joints) in engine.above.items() if name in joints)
+    carried = [p for p in obj.parts if _hangs_on(engine, p.name, below)]
+    if not carried or len(carried) == len(obj.parts):
+        return True
+    if _said(obj, name, "held", "its axis is zero"):
+        return True
+    part = next(p for p in obj.parts if p in carried)
+    dead = ANGLE_DEAD_ZONE if engine.turns[name] else part.joint.dead_zone
+    return bool(np.diff(engine.limits[name])[0] <= dead)
+
+
+def _hangs_on(engine: Engine, link: str | None, above: str) -> bool:
+    while link is not None and link != above:
+        link = engine.above[link][0]
+    return link is not None

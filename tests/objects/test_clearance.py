@@ -74,3 +74,14 @@ def test_what_moves_freely_is_left_alone(family):
             q = obj.rest()
             q[k] = rng.uniform(*joint.limits)
             assert clearance.collision(q) is None, (family, seed, obj.parts[k].name, q[k])
+
+
+@pytest.mark.parametrize("points", [1, 2, 3])
+def test_parts_without_extent_and_stray_vertices(points):
+    """A point, a line and a sliver are as thick as a sheet; a vertex that no face touches is nowhere."""
+    corners = np.array([[-0.52, 0, 0], [-0.52, 0.5, 0], [-0.52, -0.5, 0]])[:points]
+    stray = np.concatenate([np.resize(corners, (3, 3)), [[50.0, 50, 50]]])
+    speck = trimesh.Trimesh(stray, [[0, 1, 2]], process=False)
+    clearance = Clearance(rack_behind_a_door(speck))
+    assert clearance.collision(np.zeros(3)) is None
+    assert np.isfinite(clearance.volumes).all() and clearance.volumes[2] < 1e-3

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from trimesh.visual import ColorVisuals
+from PIL import Image
+from trimesh.visual import ColorVisuals, TextureVisuals
+from trimesh.visual.material import SimpleMaterial
 
-from uniart_jax.objects.double_faces import single_sided
+from uniart_jax.objects.double_faces import POINTS, _spread, single_sided
 from uniart_jax.objects.load import load_object
 from uniart_jax.voxels.voxelize import voxelize
 
@@ -88,8 +90,52 @@ def test_others_are_left_alone():
     assert single_sided(box) == (box, 0)
     beside = trimesh.util.concatenate([box, box.copy().apply_translation((1, 0, 0))])
     assert single_sided(beside) == (beside, 0)  # they share a face, back to back
+    # one piece, too, once their corners are one
+    joined = trimesh.Trimesh(beside.vertices, beside.faces, process=True)
+    assert joined.body_count == 1 and single_sided(joined) == (joined, 0)
     sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], process=False)
     assert single_sided(sheet) == (sheet, 0)
+
+
+def test_each_piece_is_judged_by_itself():
+    """A doubled box beside a dense ball that is not; the ball's inside is turned out on purpose, and stays so."""
+    ball = trimesh.creation.icosphere(4, 0.3).apply_translation((2, 0, 0))
+    ball.invert()
+    ball.visual = ColorVisuals(ball, face_colors=np.tile(BLUE, (len(ball.faces), 1)))
+    single, removed = single_sided(
+        trimesh.util.concatenate([doubled(trimesh.creation.box((1, 1, 1))), ball])
+    )
+    assert removed == 12 and len(single.faces) == 12 + len(ball.faces)
+    box = single.triangles_center[:, 0] < 1
+    assert (single.visual.face_colors[box] == RED).all()
+    np.testing.assert_array_equal(single.triangles[~box], ball.triangles)
+
+
+def test_faces_without_area_do_not_count():
+    box = doubled(trimesh.creation.box((1, 1, 1)))
+    flat = np.repeat(box.faces[:1, :1], 3, 1).repeat(100, 0)
+    mesh = trimesh.Trimesh(box.vertices, np.concatenate([box.faces, flat]), process=False)
+    sliver = np.concatenate([box.vertices, [[0.5, 0.5, z] for z in np.linspace(-0.5, 0.5, 52)]])
+    corners = len(box.vertices) + np.arange(50)[:, None] + [0, 1, 2]
+    thin = trimesh.Trimesh(sliver, np.concatenate([box.faces, corners]), process=False)
+    for made, more in ((mesh, 100), (thin, 50)):
+        single, removed = single_sided(made)
+        assert removed == 12 and len(single.faces) == 12 + more
+
+
+def test_no_patch_is_asked_more_often_than_it_should():
+    points, faces = (np.asarray(x) for x in (lambda b: (b.vertices, b.faces))(trimesh.creation.icosphere(2)))  # fmt: skip
+    for count in (63, 64, 65, 100, 127, 128, 200):
+        asked = _spread(points, faces[:count], np.zeros(count, int))
+        assert POINTS / 2 <= len(asked) <= POINTS
+
+
+def test_a_texture_is_shared_not_copied():
+    mesh = doubled(trimesh.creation.box((1, 1, 1)))
+    picture = SimpleMaterial(image=Image.new("RGB", (4, 4)))
+    mesh.visual = TextureVisuals(uv=mesh.vertices[:, :2], material=picture)
+    single, removed = single_sided(mesh)
+    assert removed == 12 and single.visual.material is picture
 
 
 def test_repeated_faces_go_too():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
 
 import numpy as np
@@ -244,6 +245,50 @@ def test_json_files_are_fenced_and_of_a_sane_size(tmp_path, monkeypatch):
     monkeypatch.setattr(partnet_mobility, "MAX_JSON_BYTES", 100)
     with pytest.raises(ValueError, match=r"mobility_v2.json has more than"):
         load_object(folder)
+
+
+def _limit_of(tmp_path, name: str, **changed) -> ArticulatedObject:
+    """The cabinet with entries of a part's limit replaced; those given as None are taken out."""
+    write_cabinet(tmp_path)
+    path = tmp_path / "mobility_v2.json"
+    nodes = json.loads(path.read_text())
+    limit = next(n for n in nodes if n["name"] == name)["jointData"]["limit"]
+    limit |= changed
+    for key in [k for k, v in changed.items() if v is None]:
+        del limit[key]
+    path.write_text(json.dumps(nodes))
+    return load_object(tmp_path)
+
+
+def test_flags_are_true_and_one(tmp_path):
+    obj = _limit_of(tmp_path, "door", noLimit=1)
+    assert obj.parts[obj.index("link_1")].joint.type == "continuous"
+    obj = _limit_of(tmp_path, "door", noLimit=0)
+    assert obj.parts[obj.index("link_1")].joint.type == "revolute"
+    assert not notes(obj, "neither")
+    for odd in ("yes", 2, 0.5, [True]):
+        obj = _limit_of(tmp_path, "door", noLimit=odd)
+        assert notes(obj, "joint 'joint_1': its noLimit is neither true nor false in mobility_v2")
+    for flag in ("rotates", "noRotationLimit"):
+        assert notes(_limit_of(tmp_path, "cap", **{flag: "x"}), f"its {flag} is neither")
+    obj = _limit_of(tmp_path, "cap", rotates=1)
+    assert obj.parts[obj.index("link_4")].joint.type == "screw"
+
+
+def test_a_rotation_limit_that_is_absent_is_not_zero(tmp_path):
+    """The URDF's joint is used: a travel and an endless turn, of which the larger is kept."""
+    obj = _limit_of(tmp_path, "cap", rotationLimit=None)
+    assert notes(obj, "its rotation limit is absent in mobility_v2.json; the URDF's joint is used")
+    obj = _limit_of(tmp_path, "cap", rotationLimit=0)
+    assert obj.parts[obj.index("link_4")].joint.type == "prismatic"
+    assert not notes(obj, "proportional screw") and notes(obj, "leave no room to move")
+
+
+def test_pipes_are_not_waited_for(tmp_path):
+    write_cabinet(tmp_path)
+    (tmp_path / "meta.json").unlink()
+    os.mkfifo(tmp_path / "meta.json")
+    assert notes(load_object(tmp_path), "meta.json is missing")
 
 
 def test_unknown_kinds_and_urdfs_that_are_no_tree(tmp_path):

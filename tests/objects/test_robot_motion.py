@@ -151,3 +151,22 @@ def test_a_mimic_of_another_link_is_independent_but_shown_where_it_belongs(load)
     np.testing.assert_allclose([p.box[0] for p in obj.parts], [0, 1, 3])
     np.testing.assert_allclose(obj.parts[2].joint.travel, (-12, 6))
     assert notes(obj, "mimics 'a_joint' of another link")
+
+
+def test_a_joint_without_room_makes_no_screw(load):
+    """A turn from 0 to 0 beside a travel is none, whatever order they come in."""
+    still, slide = limit(0, 0), limit(0, 0.4)
+    for first, second, kind in (
+        (("revolute", still), ("prismatic", slide), "prismatic"),
+        (("prismatic", slide), ("revolute", still), "prismatic"),
+        (("prismatic", still), ("revolute", slide), "revolute"),
+    ):
+        obj = load(
+            link("base"),
+            link("mid", ""),
+            link("cap"),
+            joint(first[0], "mid", '<axis xyz="0 0 1"/>' + first[1]),
+            joint(second[0], "cap", '<axis xyz="0 0 1"/>' + second[1], parent="mid"),
+        )
+        assert obj.joints[1].type == kind and obj.joints[1].limits == (0, 0.4)
+        assert not notes(obj, "screw") and len(notes(obj, "leave no room to move")) == 1

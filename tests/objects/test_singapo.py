@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import time
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from PIL import Image
 from trimesh.transformations import rotation_matrix
 from urdf_texts import notes
 
+from uniart_jax.objects import singapo
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.load import load_object
 
@@ -179,6 +181,25 @@ def test_what_is_refused(load, document, words):
     line = str(caught.value)
     assert "\n" not in line and "object.json" in line
     assert words in line
+
+
+def test_many_nodes_of_one_name(load):
+    tree = [node(i, i - 1, "door", (i, 0, 0), (1, 1, 1)) for i in range(5000)]
+    with pytest.raises(ValueError, match="5,000 nodes, more than 4,096"):
+        load({"diffuse_tree": tree})
+    start = time.process_time()
+    names = singapo._names([*tree, *(n | {"id": 5000 + n["id"]} for n in tree)])
+    assert time.process_time() - start < 2 and len(set(names.values())) == len(names)
+
+
+def test_names_are_fit_for_files(load):
+    document = changed("diffuse_tree", 1, "name", value="do\ud800or\x1b[31m" + "r" * 100)
+    document["meta"]["obj_cat"] = "Cup\ud801" + "p" * 100
+    obj = load(document)
+    assert obj.parts[1].name == ("do_or_[31m" + "r" * 100)[:80]
+    assert obj.category == ("Cup_" + "p" * 100)[:80]
+    assert len(notes(obj, "were changed")) == 1
+    "".join([*obj.provenance, *(p.name for p in obj.parts)]).encode()
 
 
 def test_children_that_disagree_are_noted(load):

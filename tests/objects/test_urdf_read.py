@@ -46,9 +46,9 @@ def test_colours_of_urdf_mtl_and_texture_live_together(load, tmp_path):
     (tmp_path / "images").mkdir()
     (tmp_path / "objs").mkdir()
     Image.new("RGB", (4, 4), (10, 200, 30)).save(tmp_path / "images" / "t.png")
-    quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\n"
+    quad = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\n"
     (tmp_path / "objs" / "a.obj").write_text(
-        f"mtllib a.mtl\n{quad}usemtl m\nf 1/1 2/2 3/3\nusemtl n\nf 3/1 2/2 1/3\n"
+        f"mtllib a.mtl\n{quad}usemtl m\nf 1/1 2/2 3/3\nusemtl n\nf 1/1 3/2 4/3\n"
     )
     (tmp_path / "objs" / "a.mtl").write_text(
         "newmtl m\nmap_Kd ../images/t.png\nnewmtl n\nKd 1 0 0.5\n"
@@ -103,6 +103,6 @@ def test_a_folder_is_asked_for_its_urdf(tmp_path):
         assert find_asset(tmp_path / name).name == name
     with pytest.raises(ValueError, match="name one of them"):
         load_object(tmp_path)
-    for name in ("mobility.urdf", "object.urdf"):
+    for name in ("train.json", "object.json", "mobility.urdf", "object.urdf"):
         (tmp_path / name).write_text(robot(link("base")))
         assert find_asset(tmp_path).name == name

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import os
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,7 @@ import trimesh
 from PIL import Image
 from urdf_texts import BOX, joint, limit, link, mesh, notes, robot
 
-from uniart_jax.objects import robot_mesh
+from uniart_jax.objects import load, robot_mesh
 from uniart_jax.objects.load import load_object
 
 
@@ -62,6 +64,75 @@ def test_nothing_outside_the_folder_is_read(tmp_path, monkeypatch):
         assert notes(obj, "outside the asset's folder and was not read")
         image = load_object(path, allow_outside=True).parts[0].mesh.visual.material.image
         assert image.getpixel((0, 0)) == (255, 0, 0)
+
+
+def test_a_description_that_is_a_link_out_of_its_folder(tmp_path):
+    """Only a file that the user names may be one."""
+    asset, other = tmp_path / "asset", tmp_path / "other"
+    asset.mkdir()
+    other.mkdir()
+    (other / "x.urdf").write_text(robot(link("base")))
+    (other / "x.xml").write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
+    (other / "x.json").write_text("{}")
+    for name, target in {
+        "object.urdf": "x.urdf",
+        "mobility.urdf": "x.urdf",
+        "any.urdf": "x.urdf",
+        "any.xml": "x.xml",
+        "object.json": "x.json",
+        "train.json": "x.json",
+    }.items():
+        (asset / name).symlink_to(other / target)
+        with pytest.raises(ValueError, match=f"{name}: it lies outside the asset's folder; allow_"):
+            load_object(asset)
+        (asset / name).unlink()
+    (asset / "object.urdf").symlink_to(other / "x.urdf")
+    assert load_object(asset, allow_outside=True).name == "thing"
+    assert load_object(asset / "object.urdf").name == "thing"
+    (tmp_path / "linked").symlink_to(other)
+    assert load_object(tmp_path / "linked").name == "thing"  # the folder itself may be a link
+
+
+def test_what_the_system_refuses_is_one_line(tmp_path, monkeypatch):
+    for path in (tmp_path / ("x" * 5000), "y" * 300):
+        with pytest.raises(ValueError) as caught:
+            load_object(path)
+        assert "too long" in str(caught.value) and "\n" not in str(caught.value)
+    (tmp_path / "a.urdf").write_text(robot(link("base")))
+
+    def full(*_):
+        raise MemoryError
+
+    monkeypatch.setitem(load.READERS, "urdf", full)
+    with pytest.raises(ValueError, match=r"a\.urdf: MemoryError"):
+        load_object(tmp_path)
+
+
+def test_a_folder_named_as_a_description_is_none(tmp_path):
+    (tmp_path / "a.urdf").mkdir()
+    with pytest.raises(FileNotFoundError, match="holds no URDF"):
+        load_object(tmp_path)
+
+
+def test_too_many_links_and_deep_chains(tmp_path):
+    """A chain of links is read in a time that does not grow with its cube."""
+    (tmp_path / "a.urdf").write_text(robot(*(link(f"l{i}", "") for i in range(5000))))
+    with pytest.raises(ValueError, match="5,000 links, more than 4,096"):
+        load_object(tmp_path)
+    count = 2000
+    links = [link(f"l{i}", BOX if i in (0, count - 1) else "") for i in range(count)]
+    joints = [joint("fixed", f"l{i}", parent=f"l{i - 1}") for i in range(1, count)]
+    (tmp_path / "a.urdf").write_text(robot(*links, *joints))
+    start = time.process_time()
+    assert len(load_object(tmp_path).parts) == 2
+    assert time.process_time() - start < 10
+
+
+def test_pipes_are_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "m.mtl")
+    (tmp_path / "m.obj").write_text("mtllib m.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "a.urdf").write_text(robot(link("base", mesh("m.obj"))))
+    assert notes(load_object(tmp_path), "its file 'm.mtl' is missing")
 
 
 def test_networks_are_never_asked(refuse):

@@ -10,6 +10,7 @@ from urdf_texts import BOX, joint, limit, link, mesh, notes, robot
 
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.robot_mesh import AssetFiles
+from uniart_jax.objects.robot_object import lost_pieces
 
 
 @pytest.mark.parametrize(
@@ -162,3 +163,51 @@ def test_images_of_absurd_dimensions_are_left_out(load, tmp_path, monkeypatch):
     )
     (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd t.png\n")
     assert notes(load(link("base", mesh("a.obj"))), "'t.png' is not an image that can be read")
+
+
+FLAT = "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n"
+
+
+def test_meshes_that_cannot_be_seen_are_left_out(load, refuse, tmp_path):
+    (tmp_path / "line.obj").write_text(FLAT)
+    (tmp_path / "point.obj").write_text(FLAT.replace("1 0 0", "0 0 0").replace("2 0 0", "0 0 0"))
+    for name in ("line.obj", "point.obj"):
+        words = f"mesh '{name}': it holds no faces that have an area"
+        assert words in refuse(link("base", mesh(name)))
+        assert notes(load(link("base", BOX + mesh(name))), words)
+
+
+def test_names_are_fit_for_files(load):
+    """Of controls, lone surrogates, any length and any number."""
+    long = "x" * 200
+    obj = load(
+        link("a\u200eb"),
+        link(long),
+        link(long + "y"),
+        link("a_b"),
+        *(joint("fixed", n, parent="a\u200eb", name=n[-5:]) for n in (long, long + "y", "a_b")),
+    )
+    assert [p.name for p in obj.parts] == ["a_b_2", "x" * 80, "x" * 78 + "_2", "a_b"]
+    assert len(notes(obj, "names that were too long or held what cannot be printed")) == 1
+    assert all(line.isprintable() for line in obj.provenance)
+
+
+def test_what_is_lost_is_told_by_the_words_of_a_repair_not_by_names():
+    lost = [
+        "link 'a': mesh 'm.obj' is missing; left out",
+        "link 'a': mesh 'm.obj': it holds no faces; left out",
+        "link 'a': a <visual> without geometry was left out",
+        "mesh 'm.obj': its file '../t.png' lies outside the asset's folder and was not read",
+        "mesh 'm.obj': 3 faces with non-finite or absent vertices were left out",
+        "mesh 'm.obj': its texture cannot be read (truncated)",
+        "texture 't.png' is missing",
+        "texture 't.png': cannot identify image file",
+    ]
+    kept = [
+        "link 'the lid is missing': it names no mesh; shown by its box",
+        "link 'left out': no visual geometry; shown by its collision geometry",
+        "link 'a': on 'not read' in the URDF, on 'left out' in mobility_v2.json; the latter is used",
+        "links without a mesh were collapsed: 'link left out'",
+        "joint 'is missing': its axis is zero; held fixed",
+    ]
+    assert lost_pieces([*kept, *lost]) == lost

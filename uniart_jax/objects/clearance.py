@@ -8,11 +8,11 @@ is pulled through a closed door is not in the door's.
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
+import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
+from uniart_jax.objects.directions import directions
 from uniart_jax.objects.object import ArticulatedObject
 
 POINTS = 256  # a part
@@ -28,7 +28,7 @@ class Clearance:
         self.obj = obj
         lo, hi = obj.bounds
         side = float((hi - lo).max())
-        hulls = [_hull(part.mesh.vertices, SHEET * side) for part in obj.parts]
+        hulls = [_hull(_seen(part.mesh), SHEET * side) for part in obj.parts]
         self.planes, self.points, volumes = zip(*hulls, strict=True)
         self.volumes = np.array(volumes) / side**3
         self.at_rest = self._shares(obj.rest())
@@ -59,14 +59,18 @@ class Clearance:
         return shares
 
 
+def _seen(mesh: trimesh.Trimesh) -> np.ndarray:
+    """[n, 3] vertices that a face touches; others may lie anywhere."""
+    return np.asarray(mesh.vertices)[np.unique(mesh.faces)]
+
+
 def _hull(vertices: np.ndarray, thickness: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Planes [F, 4] (inside: <= 0) of the vertices' hull, [POINTS, 3] points spread evenly in it, and its volume."""
-    vertices = np.asarray(vertices)
     if len(vertices) > 5000:  # support points in many directions make the hull but for crumbs
-        vertices = vertices[np.unique(np.argmax(vertices @ _directions().T, axis=0))]
-    middle = vertices.mean(0)
-    _, axes = np.linalg.eigh(np.cov((vertices - middle).T))
-    flat = axes[:, np.ptp((vertices - middle) @ axes, axis=0) < thickness]
+        vertices = vertices[np.unique(np.argmax(vertices @ directions(1000).T, axis=0))]
+    centred = vertices - vertices.mean(0)
+    _, axes = np.linalg.eigh(centred.T @ centred)  # of a single point: any axes
+    flat = axes[:, np.ptp(centred @ axes, axis=0) < thickness]
     for normal in flat.T:
         vertices = np.concatenate([vertices + normal * thickness / 2, vertices - normal * thickness / 2])  # fmt: skip
     lo, hi = vertices.min(0), vertices.max(0)
@@ -85,12 +89,3 @@ def _hull(vertices: np.ndarray, thickness: float) -> tuple[np.ndarray, np.ndarra
         if len(kept) >= POINTS:
             break
     return planes, (kept if len(kept) else vertices)[:POINTS], volume
-
-
-@functools.lru_cache(1)
-def _directions() -> np.ndarray:
-    """[1000, 3] unit directions, evenly over the sphere."""
-    index = np.arange(1000) + 0.5
-    height, angle = 1 - index / 500, np.pi * (1 + 5**0.5) * index
-    radius = np.sqrt(1 - height**2)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], -1)

@@ -14,8 +14,13 @@ import numpy as np
 import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-DOUBLED = 0.5  # share of a mesh's faces that exist twice, from which on it was made so on purpose
+from uniart_jax.objects.directions import directions
+from uniart_jax.objects.object import moved_mesh
+
+DOUBLED = 0.5  # share of a connected piece's faces that exist twice, from which on it was made so on purpose
 SAME = 1e-6  # of the mesh's size: vertices closer than that are one
 DIRECTIONS = 48  # of rays, over the whole sphere
 RAYS_AT_ONCE = 1 << 20
@@ -25,15 +30,16 @@ POINTS = 64  # faces of a patch that are asked
 def single_sided(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, int]:
     """The mesh without the inner of each two back-to-back faces and without repeated faces, and how many were taken out.
 
-    Faces that exist once are left as they are. The mesh itself is returned where fewer than half of its faces are such pairs: two boxes that stand against
-    each other share a face that is none.
+    Each connected piece is judged by itself: it is left as it is where fewer than half of its faces are such pairs, since two boxes that stand against each other
+    share a face that is none. Which side looks out is asked of the whole mesh. Faces that exist once and faces without area are left as they are; the mesh
+    itself is returned where nothing is taken out. A mesh that is made shares its material with the original.
     """
     ids, points = _merged(mesh)
     corners = ids[mesh.faces]
     order = np.argsort(corners, 1)
     even = _same_orientation(order, np.array([[0, 1, 2]]))
     ascending = np.take_along_axis(corners, order, 1)
-    proper = (np.diff(ascending, axis=1) > 0).all(1)
+    proper: np.ndarray = np.all(np.diff(ascending, axis=1) > 0, axis=1)
     unique, first, group = np.unique(ascending, axis=0, return_index=True, return_inverse=True)
     group = group.reshape(-1)
     number = len(unique)
@@ -43,18 +49,37 @@ def single_sided(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, int]:
         mine = np.flatnonzero(even == bool(parity))[::-1]
         face[parity, group[mine]] = mine
     both = (face >= 0).all(0) & proper[first]
-    if not both.any() or both[group].mean() < DOUBLED:
+    mended = proper[first] & _mended(points, corners, both[group], proper)[first]
+    if not (both & mended).any():
         return mesh, 0
     kept = np.maximum(face[0], face[1])
     kept[~both] = first[~both]
-    outward = _outward(points, unique, proper[first])  # whether the even orientation looks out
+    # whether the even orientation looks out
+    outward = _outward(points, unique, proper[first], mended)
     kept[both] = np.where(outward[both], face[1, both], face[0, both])
-    mask = np.zeros(len(mesh.faces), bool)
-    mask[kept] = True
-    mask |= ~proper  # faces without area are somebody else's business
-    single = mesh.copy()
+    mask = ~mended[group]
+    mask[kept[mended]] = True
+    single = moved_mesh(mesh, np.eye(4))
     single.update_faces(mask)
     return single, int(len(mask) - mask.sum())
+
+
+def _mended(
+    points: np.ndarray, corners: np.ndarray, paired: np.ndarray, proper: np.ndarray
+) -> np.ndarray:
+    """[F] whether a face lies in a connected piece most of whose faces, of those that have an area, stand back to back."""
+    ends = corners[proper]
+    links = coo_array(
+        (np.ones(2 * len(ends)), (np.repeat(ends[:, 0], 2), ends[:, 1:].ravel())),
+        shape=(len(points), len(points)),
+    )
+    count, piece = connected_components(links, directed=False)
+    piece = piece[corners[:, 0]]
+    size = float(np.ptp(points, axis=0).max())
+    seen = proper & (trimesh.triangles.area(points[corners]) > (SAME * size) ** 2)
+    faces = np.bincount(piece[seen], minlength=count)
+    pairs = np.bincount(piece[seen & paired], minlength=count)
+    return (pairs > 0)[piece] & (pairs >= DOUBLED * faces)[piece]
 
 
 def _merged(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
@@ -66,8 +91,10 @@ def _merged(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
     return ids.reshape(-1), vertices[first]
 
 
-def _outward(points: np.ndarray, faces: np.ndarray, proper: np.ndarray) -> np.ndarray:
-    """[F] whether each face, as oriented, looks out of the mesh."""
+def _outward(
+    points: np.ndarray, faces: np.ndarray, proper: np.ndarray, wanted: np.ndarray
+) -> np.ndarray:
+    """[F] whether each face, as oriented, looks out of the mesh; told of the wanted ones, though all stand in the way of rays."""
     outward = np.ones(len(faces), bool)
     if not proper.any():
         return outward
@@ -76,6 +103,7 @@ def _outward(points: np.ndarray, faces: np.ndarray, proper: np.ndarray) -> np.nd
     patch = np.asarray(patch).reshape(-1)
     flipped = ~_same_orientation(faces, turned)
     asked = _spread(points, turned, patch)
+    asked = asked[np.isin(patch[asked], patch[wanted[proper]])]
     freedom = _freedom(points, turned, asked)
     votes = np.bincount(patch[asked], freedom, minlength=patch.max() + 1)
     corner = points[turned]
@@ -93,12 +121,12 @@ def _same_orientation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _spread(points: np.ndarray, faces: np.ndarray, patch: np.ndarray) -> np.ndarray:
     """Faces that are asked: of each patch the largest and others at even distances, at most POINTS."""
-    area = np.linalg.norm(np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))), axis=1)  # fmt: skip
+    area = trimesh.triangles.area(points[faces])
     order = np.lexsort((-area, patch))
     start = np.flatnonzero(np.r_[True, np.diff(patch[order]) > 0])
     rank = np.arange(len(order)) - np.repeat(start, np.diff(np.r_[start, len(order)]))
     size = np.bincount(patch)[patch[order]]
-    stride = np.maximum(size // POINTS, 1)
+    stride = -(-size // POINTS)
     return order[rank % stride == 0]
 
 
@@ -116,7 +144,7 @@ def _freedom(points: np.ndarray, faces: np.ndarray, asked: np.ndarray) -> np.nda
     per_chunk = max(1, RAYS_AT_ONCE // DIRECTIONS)
     for begin in range(0, len(asked), per_chunk):
         here = slice(begin, begin + per_chunk)
-        for direction in _directions():
+        for direction in directions(DIRECTIONS):
             cosine = normal[here] @ direction
             side = np.sign(cosine)
             start = (middle[here] + side[:, None] * offset * normal[here]).astype(np.float32)
@@ -124,11 +152,3 @@ def _freedom(points: np.ndarray, faces: np.ndarray, asked: np.ndarray) -> np.nda
             free = scene.run(start, rays, query="OCCLUDED") != 0
             score[here] += free * cosine
     return score * area
-
-
-def _directions() -> np.ndarray:
-    """[DIRECTIONS, 3] unit vectors, evenly over the sphere."""
-    index = np.arange(DIRECTIONS) + 0.5
-    height, angle = 1 - 2 * index / DIRECTIONS, np.pi * (1 + 5**0.5) * index
-    radius = np.sqrt(1 - height**2)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], -1)

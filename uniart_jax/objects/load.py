@@ -2,7 +2,7 @@
 
     object.urdf, any URDF                    urdf_read          any simulator's, with what real ones get wrong
     mobility.urdf beside mobility_v2.json    partnet_mobility   PartNet-Mobility's folder, the JSON telling the joints
-    object.json, train.json                  singapo            SINGAPO's and CAGE's
+    object.json, train.json (CAGE)           singapo            SINGAPO's and CAGE's
     object.xml, any MJCF                     mjcf               MuJoCo's, by its own parser
 
 A reader makes a ``Robot`` of the file; ``robot_object`` makes the object. Every repair is one line of ``ArticulatedObject.provenance``.
@@ -23,7 +23,13 @@ from uniart_jax.objects.singapo import read_singapo
 from uniart_jax.objects.urdf_read import read_robot
 from uniart_jax.objects.xml_text import MAX_BYTES, parse_xml
 
-NAMES = ("object.urdf", "mobility.urdf", "object.json", "object.xml")  # the first that is there
+NAMES = (
+    "object.urdf",
+    "mobility.urdf",
+    "object.json",
+    "train.json",
+    "object.xml",
+)  # the first that is there
 READERS: dict[str, Callable[[bytes, Path, AssetFiles], Robot]] = {
     "urdf": lambda data, path, files: read_robot(data),
     "partnet": read_partnet,
@@ -32,11 +38,14 @@ READERS: dict[str, Callable[[bytes, Path, AssetFiles], Robot]] = {
 }
 
 
-def find_asset(path: str | Path) -> Path:
+def find_asset(path: str | Path, *, allow_outside: bool = False) -> Path:
     """The description that ``path`` means: itself, or in a folder the first of ``NAMES``, else the only URDF, else the only MJCF.
 
+    Args:
+      allow_outside: take a link in a folder that leads out of it; a file that ``path`` names may always be one.
+
     Raises:
-      FileNotFoundError: nothing there. ValueError: a folder with several.
+      FileNotFoundError: nothing there. ValueError: a folder with several, or the one lies outside. OSError: it cannot be looked at.
     """
     path = Path(path)
     if path.is_file():
@@ -45,10 +54,10 @@ def find_asset(path: str | Path) -> Path:
         raise FileNotFoundError(f"{path}: no such file or folder")
     for name in NAMES:
         if (path / name).is_file():
-            return path / name
-    found = sorted(path.glob("*.urdf"))
+            return _inside(path / name, allow_outside)
+    found = [p for p in sorted(path.glob("*.urdf")) if p.is_file()]
     xmls = () if found else (p for p in sorted(path.glob("*.xml")) if p.is_file())
-    found = found or [p for p in xmls if kind_of(_read(p), p) == "mjcf"]
+    found = found or [p for p in xmls if kind_of(_read(_inside(p, allow_outside)), p) == "mjcf"]
     if len(found) > 1:
         names = ", ".join(f.name for f in found[:4]) + (", ..." if len(found) > 4 else "")
         raise ValueError(
@@ -58,7 +67,15 @@ def find_asset(path: str | Path) -> Path:
         raise FileNotFoundError(
             f"{path}: the folder holds no URDF, MJCF or object.json ({', '.join(NAMES)}, one *.urdf or one *.xml)"
         )
-    return found[0]
+    return _inside(found[0], allow_outside)
+
+
+def _inside(path: Path, allow_outside: bool) -> Path:
+    if not allow_outside and not path.resolve().is_relative_to(path.parent.resolve()):
+        raise ValueError(
+            f"{path}: it lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
+        )
+    return path
 
 
 def kind_of(data: bytes, path: Path) -> str:
@@ -83,7 +100,8 @@ def load_object(path: str | Path, *, allow_outside: bool = False) -> Articulated
 
     Args:
       path: the file or folder; its folder is the asset's root.
-      allow_outside: also read meshes, textures and includes outside that root (``../meshes``, absolute paths, links).
+      allow_outside: also read meshes, textures and includes outside that root (``../meshes``, absolute paths, links), and a description
+        that the folder only links to.
 
     Returns:
       The object in metres (``scale`` 1, not normalised) in the description's world frame (SINGAPO's turned to z up, front -x), shown at
@@ -93,10 +111,16 @@ def load_object(path: str | Path, *, allow_outside: bool = False) -> Articulated
       FileNotFoundError: no such file. ValueError: it cannot be read as one tree of parts; one line that names the file, the link
         or joint, and what to do.
     """
-    path = find_asset(path)
     try:
-        data = _read(path)
-        files = AssetFiles(path.parent, allow_outside)
-        return make_object(READERS[kind_of(data, path)](data, path, files), files, path.stem)
-    except (ValueError, OSError, RuntimeError, OverflowError) as error:
-        raise ValueError(one_line(f"{path}: {error}")) from None
+        found = find_asset(path, allow_outside=allow_outside)
+    except FileNotFoundError:
+        raise
+    except (ValueError, OSError) as error:  # an OSError names the path too
+        raise ValueError(one_line(str(error))) from None
+    try:
+        data = _read(found)
+        files = AssetFiles(found.parent, allow_outside)
+        return make_object(READERS[kind_of(data, found)](data, found, files), files, found.stem)
+    except (ValueError, OSError, RuntimeError, OverflowError, MemoryError) as error:
+        why = str(error) or type(error).__name__  # MemoryError says nothing
+        raise ValueError(one_line(f"{found}: {why}")) from None

@@ -7,8 +7,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 from lxml import etree
@@ -24,11 +26,16 @@ from uniart_jax.objects.robot_mesh import (
 from uniart_jax.objects.xml_text import MAX_BYTES, parse_xml
 
 MAX_MODELS = 4  # models attached within models
+MAX_DOCUMENTS = 256  # included or attached
+MAX_TEXT_BYTES = 4 * MAX_BYTES  # of all of them
+MAX_ALL_PIXELS = 4 * MAX_PIXELS  # of all textures and height fields
 MAX_ELEMENTS = 10_000  # with what <replicate> and <attach> multiply; MuJoCo takes seconds for 5,000 bodies, and four times as long for twice as many
 MAX_PARAMETER = 1000  # resolution of a built-in mesh
 _KEPT = ("compiler", "default", "asset", "worldbody", "equality")
 _SOFT = ("composite", "flexcomp", "deformable", "skin")
 _PLACES = ("meshdir", "texturedir", "assetdir", "strippath", "discardvisual", "fusestatic")
+_SIZES = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
+_PNG = b"\x89PNG\r\n\x1a\n"
 _FOLDER = {"mesh": "meshdir", "hfield": "meshdir", "texture": "texturedir"}
 
 
@@ -51,16 +58,34 @@ def self_contained(
     return packer.document(data, path, 0)[0], packer.assets
 
 
+@dataclasses.dataclass(frozen=True)
+class _Packed:
+    """A file in the table, and what MuJoCo makes of it each time that it is named.
+
+    Attributes:
+      name: in the table.
+      pixels: of its image; of a model, of all its textures.
+      elements: of a model, with what it attaches.
+      height: of a model, levels of models within it, itself included.
+    """
+
+    name: str = ""
+    pixels: int = 0
+    elements: int = 0
+    height: int = 0
+
+
 class _Packer:
     def __init__(self, files: AssetFiles, notes: list[str]):
         self.files = files
         self.notes = notes
         self.assets: dict[str, bytes] = {}
-        self.names: dict[tuple[Path, str], str] = {}
+        self.known: dict[tuple[Path, str], _Packed] = {}
+        self.documents = self.text_bytes = 0
 
-    def document(self, data: bytes, path: Path, depth: int) -> tuple[str, int]:
-        """(text, number of elements that its tree will have) of a model."""
-        root = parse_xml(data, self.notes)
+    def document(self, data: bytes, path: Path, depth: int) -> tuple[str, _Packed]:
+        """(text, what it costs) of a model."""
+        root = self._parsed(data)
         if root.tag != "mujoco":
             raise ValueError(f"not an MJCF: its root element is <{root.tag}>, not <mujoco>")
         self._include(root, path.parent, path.parent, {path.resolve()})
@@ -68,17 +93,39 @@ class _Packer:
             raise ValueError(f"<{element.tag}> (line {element.sourceline}): plugins are never run")
         places = _pop_places(root)
         self._prune(root)
-        _check_sizes(root)
-        weights: dict[str, int] = {}
+        pixels = _checked_sizes(root)
+        elements = dict.fromkeys(pixels, 1)
+        models: dict[str, list[_Packed]] = {}
         for element in list(root.iter()):
             if any(str(name).startswith("file") for name in element.attrib):
-                self._pack(element, path.parent, places, weights, depth)
-        weight = _weight(root, weights)
-        if weight > MAX_ELEMENTS:
+                packed = self._pack(element, path.parent, places, depth)
+                pixels[element] = pixels.get(element, 0) + packed.pixels
+                elements[element] = 1 + packed.elements  # a model is read each time it is named
+                if element.tag == "model":
+                    models.setdefault(element.get("name") or "", []).append(packed)
+        attached = {name: max(m.elements for m in found) for name, found in models.items()}
+        count = _total(root, attached, lambda e: elements.get(e, 1))
+        if count > MAX_ELEMENTS:
             raise RefusedError(
-                f"{weight:,} elements, counted as often as <replicate> and <attach> repeat them, are more than {MAX_ELEMENTS:,}"
+                f"{count:,} elements, counted as often as <replicate> and <attach> repeat them, are more than {MAX_ELEMENTS:,}"
             )
-        return etree.tostring(root, encoding="unicode"), weight
+        attached = {name: max(m.pixels for m in found) for name, found in models.items()}
+        seen = _total(root, attached, lambda e: pixels.get(e, 0))
+        if seen > MAX_ALL_PIXELS:
+            raise RefusedError(
+                f"{seen:,} pixels of textures and height fields are more than {MAX_ALL_PIXELS:,}"
+            )
+        height = 1 + max((m.height for found in models.values() for m in found), default=0)
+        return etree.tostring(root, encoding="unicode"), _Packed("", seen, count, height)
+
+    def _parsed(self, data: bytes) -> etree._Element:
+        self.documents += 1
+        self.text_bytes += len(data)
+        if self.documents > MAX_DOCUMENTS or self.text_bytes > MAX_TEXT_BYTES:
+            raise RefusedError(
+                f"more than {MAX_DOCUMENTS} included and attached files, or {MAX_TEXT_BYTES // 2**20} MiB of them"
+            )
+        return parse_xml(data, self.notes)
 
     def _include(self, root: etree._Element, main: Path, own: Path, seen: set[Path]) -> None:
         """Put what ``<include>`` names in its place; MuJoCo too takes each file once."""
@@ -98,7 +145,7 @@ class _Packer:
                 raise ValueError(f"{where}: the file is included twice")
             seen.add(path.resolve())
             try:
-                included = parse_xml(data, self.notes)
+                included = self._parsed(data)
             except ValueError as error:
                 raise ValueError(f"{where}: {error}") from None
             self._include(included, main, path.parent, seen)
@@ -135,9 +182,10 @@ class _Packer:
         element: etree._Element,
         folder: Path,
         places: dict[str, str],
-        weights: dict[str, int],
         depth: int,
-    ) -> None:
+    ) -> _Packed:
+        """Put what an element names into the table; its file, or of several (a cube's sides) the pixels of all."""
+        packed = _Packed()
         for attribute in [str(a) for a in element.attrib if str(a).startswith("file")]:
             name = (element.get(attribute) or "").strip()
             if not name:
@@ -152,28 +200,33 @@ class _Packer:
             path = folder / places.get(_FOLDER.get(element.tag, ""), "") / name
             if element.tag != "model" and attribute == "file" and not element.get("name"):
                 element.set("name", Path(name).stem)  # MuJoCo names it after its file
-            element.set(attribute, self._packed(path, element.tag, where, depth, weights, element))
+            found = self._packed(path, element.tag, where, depth)
+            element.set(attribute, found.name)
+            sides = 6 if element.get("gridsize") else 1  # one side's picture may be asked for six
+            packed = dataclasses.replace(found, pixels=packed.pixels + sides * found.pixels)
+        return packed
 
-    def _packed(self, path, tag, where, depth, weights, element) -> str:
-        """The name in the table of a file; textures are looked at, models are packed in turn."""
-        data = self._read(path, where, MAX_BYTES if tag == "model" else MAX_MESH_BYTES)
-        if tag == "model":
-            if depth + 1 > MAX_MODELS:
-                raise RefusedError(f"{where}: models within models within models")
-            try:
-                text, weight = self.document(data, path, depth + 1)
-            except ValueError as error:
-                raise ValueError(f"{where}: {error}") from None
-            weights[element.get("name") or ""] = weight
-            data, suffix = text.encode(), ".xml"
-        else:
-            suffix = re.sub(r"[^.a-z0-9]", "", path.suffix.lower())
-            if tag in ("texture", "hfield") and suffix == ".png":
-                _check_image(data, where)
-        known = self.names.get((path.resolve(), tag))
+    def _packed(self, path: Path, tag: str, where: str, depth: int) -> _Packed:
+        """A file in the table, read once; textures are looked at, models are packed in turn."""
+        key = (path.resolve(), tag)
+        known = self.known.get(key)
         if known is None:
-            known = self.names[(path.resolve(), tag)] = f"{len(self.assets)}{suffix}"
-            self.assets[known] = data
+            data = self._read(path, where, MAX_BYTES if tag == "model" else MAX_MESH_BYTES)
+            suffix, known = re.sub(r"[^.a-z0-9]", "", path.suffix.lower()), _Packed()
+            if tag == "model":
+                if depth + 1 > MAX_MODELS:
+                    raise RefusedError(f"{where}: models within models within models")
+                try:
+                    text, known = self.document(data, path, depth + 1)
+                except ValueError as error:
+                    raise ValueError(f"{where}: {error}") from None
+                data, suffix = text.encode(), ".xml"
+            elif tag in ("texture", "hfield") and (suffix == ".png" or data.startswith(_PNG)):
+                known = _Packed(pixels=_checked_image(data, where))
+            known = dataclasses.replace(known, name=f"{len(self.assets)}{suffix}")
+            self.known[key], self.assets[known.name] = known, data
+        if depth + known.height > MAX_MODELS:
+            raise RefusedError(f"{where}: models within models within models")
         return known
 
 
@@ -205,31 +258,42 @@ def _numbers(element: etree._Element, *names: str) -> list[float]:
     return found
 
 
-def _check_sizes(root: etree._Element) -> None:
-    """Refuse what would take more memory than a file of its size may."""
-    for tag, names in (("texture", ("width", "height")), ("hfield", ("nrow", "ncol"))):
-        for element in root.iter(tag):
-            sizes = _numbers(element, *names)
-            if not all(0 <= s <= MAX_PIXELS for s in sizes) or (
-                len(sizes) == 2 and sizes[0] * sizes[1] * 6 > MAX_PIXELS  # 6: a cube's sides
-            ):
-                raise RefusedError(f"<{tag} name='{element.get('name') or ''}'>: it is too large")
+def _checked_sizes(root: etree._Element) -> dict[etree._Element, int]:
+    """Pixels of every texture and height field that MuJoCo makes itself; what would take more memory than a file of its size may is refused."""
     for element in root.iter("mesh"):
         if not all(abs(p) <= MAX_PARAMETER for p in _numbers(element, "params")):
             raise RefusedError(f"<mesh name='{element.get('name') or ''}'>: it is too large")
+    return {element: _pixels(element) for element in root.iter(*_SIZES)}
 
 
-def _check_image(data: bytes, where: str) -> None:
+def _pixels(element: etree._Element) -> int:
+    first, second = (max(_numbers(element, n), default=0.0) for n in _SIZES[element.tag])
+    if element.tag == "texture" and element.get("type") != "2d":
+        pixels = 6 * first**2  # a cube: MuJoCo takes the width for its height, whatever that says
+    else:
+        pixels = first * second * (1 if element.tag == "texture" else 6)
+    pixels *= max([3.0, *_numbers(element, "nchannel")]) / 3
+    if not (0 <= first <= MAX_PIXELS and 0 <= second <= MAX_PIXELS and pixels <= MAX_PIXELS):
+        raise RefusedError(f"<{element.tag} name='{element.get('name') or ''}'>: it is too large")
+    return int(pixels)
+
+
+def _checked_image(data: bytes, where: str) -> int:
+    """The number of an image's pixels."""
     try:
         image = Image.open(io.BytesIO(data))
     except IMAGE_ERRORS as error:
         raise ValueError(f"{where}: not an image that can be read ({error})") from None
     if image.width * image.height > MAX_PIXELS:
         raise RefusedError(f"{where}: {image.width} x {image.height} pixels are too many")
+    return image.width * image.height
 
 
-def _weight(element: etree._Element, models: dict[str, int]) -> int:
-    inside = 1 + sum(_weight(child, models) for child in element)
+def _total(
+    element: etree._Element, models: dict[str, int], own: Callable[[etree._Element], int]
+) -> int:
+    """The sum of ``own`` over a tree as MuJoCo builds it: repeated where it is replicated, with the models that it attaches."""
+    inside = own(element) + sum(_total(child, models, own) for child in element)
     if element.tag == "replicate":
         inside *= max(1, *(int(min(n, 1e12)) for n in [0.0, *_numbers(element, "count")]))
     if element.tag == "attach":  # a model without a name goes by one that stands in its own file

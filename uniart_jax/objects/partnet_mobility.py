@@ -21,27 +21,25 @@ other than SAPIEN edit the URDF (joints made fixed, narrower limits, an axis lef
     (any other)                          (ignored)                                        the URDF's joint, noted
 
 A joint comes whole from one file, since a and b belong to the JSON's direction and the URDF flips the axis where a > b: with a
-null or zero direction, or limits that are absent, the URDF's joint is used as it stands, and that is noted.
+null or zero direction, or limits that are absent or no limits, the URDF's joint is used as it stands, and that is noted.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
 
 import numpy as np
 
+from uniart_jax.objects.json_text import parse_json
 from uniart_jax.objects.partnet_freedom import Freedom
 from uniart_jax.objects.partnet_joints import Node, arbitrate
-from uniart_jax.objects.robot import Robot
+from uniart_jax.objects.robot import MAX_NUMBER, MAX_PARTS, Robot
 from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.objects.urdf_read import read_robot
 
 JOINTS, META = "mobility_v2.json", "meta.json"
 MAX_JSON_BYTES = 64 * 2**20
-MAX_PARTS = 4096
-MAX_NUMBER = 1e9
 STILL = ("static", "free", "heavy", "fixed", "junk")
 
 
@@ -81,24 +79,19 @@ def _json(files: AssetFiles, name: str):
         )
     with path.open("rb") as file:
         data = file.read(MAX_JSON_BYTES + 1)
-    if len(data) > MAX_JSON_BYTES:
-        raise ValueError(f"{name} has more than {MAX_JSON_BYTES // 2**20} MiB")
-    try:
-        return json.loads(data.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"{name} is not JSON: {error}") from None
+    return parse_json(data, name, MAX_JSON_BYTES, nan=True)
 
 
 def _category(files: AssetFiles, notes: list[str]) -> str:
     """``meta.json``'s ``model_cat``; an object can do without it."""
     fault = f"{META} is missing or names no model_cat"
     try:
-        meta = _json(files, META) if (files.root / META).exists() else None
+        meta = _json(files, META) if (files.root / META).is_file() else None
         category = meta.get("model_cat") if isinstance(meta, dict) else None
     except (ValueError, OSError) as error:
         category, fault = None, str(error)
     if isinstance(category, str):
-        return category[:80]
+        return category
     notes.append(f"{fault}; the category is unknown")
     return ""
 
@@ -124,7 +117,7 @@ def _nodes(data) -> list[Node]:
             raise ValueError(f"{JOINTS}: two parts have id {number}")
         name = entry.get("name")
         nodes[number] = _node(
-            entry, number, parent, name[:80] if isinstance(name, str) else f"part {number}"
+            entry, number, parent, name if isinstance(name, str) else f"part {number}"
         )
     for node in nodes.values():
         visited, above = {node.id}, node.parent
@@ -158,8 +151,11 @@ def _node(entry: dict, number: int, parent: int, name: str) -> Node:
         return dataclasses.replace(node, fault=f"the {missing} of its axis is null")
     if np.linalg.norm(direction) < 1e-9:
         return dataclasses.replace(node, fault="the direction of its axis is zero")
+    flags = {k: _flag(limit.get(k)) for k in ("noLimit", "rotates", "noRotationLimit")}
+    if odd := [k for k, flag in flags.items() if flag is None]:
+        return dataclasses.replace(node, fault=f"its {odd[0]} is neither true nor false")
     a, b = _number(limit.get("a"), where), _number(limit.get("b"), where)
-    if limit.get("noLimit") is True:
+    if flags["noLimit"]:
         a, b = -np.inf, np.inf
     if a is None or b is None:
         return dataclasses.replace(node, fault="its limits are absent")
@@ -168,10 +164,13 @@ def _node(entry: dict, number: int, parent: int, name: str) -> Node:
     if turns:
         lo, hi = np.deg2rad(lo), np.deg2rad(hi)
     freedoms = [Freedom(turns, origin, direction, float(lo), float(hi))]
-    if kind == "slider" and limit.get("rotates") is True:
+    if kind == "slider" and flags["rotates"]:
         ends = (-np.inf, np.inf)
-        if limit.get("noRotationLimit") is not True:
-            turn = np.deg2rad(_number(limit.get("rotationLimit"), where) or 0.0)
+        if not flags["noRotationLimit"]:
+            turn = _number(limit.get("rotationLimit"), where)
+            if turn is None:
+                return dataclasses.replace(node, fault="its rotation limit is absent")
+            turn = float(np.deg2rad(turn))
             ends = (min(turn, 0.0), max(turn, 0.0))
         freedoms.append(Freedom(True, origin, direction, float(ends[0]), float(ends[1])))
     return dataclasses.replace(node, freedoms=tuple(freedoms), backwards=a > b)
@@ -183,6 +182,13 @@ def _dict(value, where: str) -> dict:
     if not isinstance(value, dict):
         raise ValueError(f"{where}: jointData should hold an axis and a limit")
     return value
+
+
+def _flag(value) -> bool | None:
+    """Whether something is set, written as true or 1; None if it is neither that nor false, 0, null or absent."""
+    if value is None or (isinstance(value, int) and value in (0, 1)):
+        return bool(value)
+    return None
 
 
 def _number(value, where: str) -> float | None:

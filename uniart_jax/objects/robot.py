@@ -12,6 +12,8 @@ import numpy as np
 import trimesh
 
 MOVING = ("revolute", "continuous", "prismatic")
+MAX_NUMBER = 1e9  # beyond it squares and products overflow; no asset is a million kilometres wide
+MAX_PARTS = 4096  # links or joints; the worst steps take seconds for so many
 REFUSED = ("planar", "floating", "spherical")
 
 

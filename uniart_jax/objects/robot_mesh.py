@@ -1,6 +1,6 @@
-"""The meshes that a URDF names: found without leaving the asset's folder, loaded, coloured, one per link.
+"""The meshes that a description names: found without leaving the asset's folder, loaded, coloured, one per link.
 
-**What may be read.** An asset's root is the folder of its URDF. A file is read if its real path (symbolic links followed) lies
+**What may be read.** An asset's root is the folder of its description. A file is read if its real path (symbolic links followed) lies
 under the root, or if the caller passed ``allow_outside``; the same holds for the MTLs, textures and buffers that a mesh names.
 trimesh 5 reads side files only from the mesh's own folder and drops others without a word; PartNet-Mobility's textures
 lie in ``../images``, hence a resolver of our own.
@@ -55,7 +55,7 @@ class AssetFiles:
         return self.allow_outside or path.resolve().is_relative_to(self.root)
 
     def find(self, uri: str) -> Path:
-        """The file that a URDF's ``filename`` means: a path relative to the URDF, absolute, ``file://`` or ``package://``.
+        """The file that a description's ``filename`` means: a path relative to it, absolute, ``file://`` or ``package://``.
 
         A package's root is not known: ``package://NAME/REST`` is looked up as REST and NAME/REST under the asset's folder, then
         (``allow_outside``) beside every folder above it.
@@ -154,10 +154,12 @@ class AssetFiles:
             if not np.allclose(matrix, np.eye(4)):
                 mesh = mesh.copy().apply_transform(matrix)
             mesh = self._sound(mesh, path)
-            if len(mesh.faces):
+            if len(mesh.faces) and _has_area(mesh):
                 meshes.append(mesh)
+            elif len(mesh.faces):
+                self.note(f"mesh '{path.name}': {len(mesh.faces)} faces without area were left out")
         if not meshes:
-            raise ValueError("it holds no faces")
+            raise ValueError("it holds no faces that have an area")
         unit = _unit(scene) if kind == ".dae" else 1.0
         return [m.copy().apply_scale(unit) for m in meshes] if unit != 1 else meshes
 
@@ -190,7 +192,7 @@ class AssetFiles:
             self.notes.append(line)
 
     def texture(self, uri: str) -> Image.Image | None:
-        """The image of a URDF's ``<texture>``; None and a note if it cannot be had."""
+        """The image that a description names as a texture; None and a note if it cannot be had."""
         try:
             image = Image.open(self.find(uri))
             _decode(image)
@@ -220,7 +222,14 @@ class _Resolver(FilePathResolver):
 
     def get(self, name: str) -> bytes:
         try:
+            path = self.absolute(name)
+            if path.is_file() and path.stat().st_size > MAX_MESH_BYTES:
+                raise RefusedError("it is too large")
+            if not path.is_file():  # a pipe would never end
+                raise FileNotFoundError(name)
             data = super().get(name)
+        except RefusedError:
+            raise ValueError(f"'{name}' is too large") from None
         except (OSError, ValueError) as error:
             why = (
                 "lies outside the asset's folder and was not read"
@@ -229,8 +238,6 @@ class _Resolver(FilePathResolver):
             )
             self.files.note(f"mesh '{Path(self.clean).name}': its file '{name.strip()}' {why}")
             raise FileNotFoundError(name) from None
-        if len(data) > MAX_MESH_BYTES:
-            raise ValueError(f"'{name}' is too large")
         if name.strip().lower().endswith(IMAGES):
             try:
                 Image.open(io.BytesIO(data))
@@ -239,6 +246,13 @@ class _Resolver(FilePathResolver):
                     f"mesh '{Path(self.clean).name}': its file '{name.strip()}' is not an image that can be read"
                 )
         return data
+
+
+def _has_area(mesh: trimesh.Trimesh) -> bool:
+    """Whether any face of a mesh can be seen, however small the mesh is."""
+    points = mesh.vertices[mesh.faces]
+    size = float(np.ptp(points.reshape(-1, 3), axis=0).max())
+    return size > 0 and bool(trimesh.triangles.area(points).max() > 1e-12 * size**2)
 
 
 def _decode(image: Image.Image) -> None:
@@ -353,7 +367,7 @@ def primitive(shape: Geometry) -> trimesh.Trimesh:
 
 
 def _paint(mesh: trimesh.Trimesh, shape: Geometry, files: AssetFiles) -> None:
-    """A mesh's own texture or vertex colours win, then the URDF's material, then the mesh's plain colour (as in RViz)."""
+    """A mesh's own texture or vertex colours win, then the description's material, then the mesh's plain colour (as in RViz)."""
     visual = mesh.visual
     uv = visual.uv if isinstance(visual, TextureVisuals) else None
     if isinstance(visual, TextureVisuals):

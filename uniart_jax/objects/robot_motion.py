@@ -1,6 +1,6 @@
-"""What a URDF's joints do: sane limits, and several joints on one edge of the tree lowered to one screw.
+"""What a robot's joints do: sane limits, and several joints on one edge of the tree lowered to one screw.
 
-An edge is a chain of URDF joints through links without a mesh. It has one rotation and one travel, driven by one coordinate:
+An edge is a chain of joints through links without a mesh. It has one rotation and one travel, driven by one coordinate:
 joints coupled by ``<mimic>`` add up, so a revolute and a prismatic joint along one line are a screw (that is how ``write_urdf``
 writes them); an independent turn and travel become one proportional screw if both are bounded; else the larger motion is kept.
 """
@@ -20,7 +20,7 @@ DEGREES_FROM = 2 * np.pi * 1.05
 
 @dataclasses.dataclass
 class Edge:
-    """A moving URDF joint at the shown state. Its coordinate is ``rate`` times that of ``driver`` (mimic), itself otherwise."""
+    """A moving joint at the shown state. Its coordinate is ``rate`` times that of ``driver`` (mimic), itself otherwise."""
 
     raw: RawJoint
     origin: np.ndarray  # world
@@ -123,7 +123,7 @@ def _one_motion(
             edge = dataclasses.replace(edge, driver=edge.raw.name, rate=1.0)
         groups.setdefault(edge.driver, []).append(edge)
     motions = [_coupled(group, mesh, notes) for group in groups.values()]
-    motions = _added([m for m in motions if m.angle or m.travel])
+    motions = _without_held(_added([m for m in motions if m.angle or m.travel]), notes)
     if not motions:  # mimics that undo each other
         return None
     if len(motions) == 1:
@@ -139,6 +139,19 @@ def _one_motion(
         )
         return screw
     return _largest(motions, mesh, notes)
+
+
+def _without_held(motions: list[Motion], notes: list[str]) -> list[Motion]:
+    """Of several motions those whose limits leave room to move; one at least."""
+    if len(motions) < 2:
+        return motions
+    free = [m for m in motions if m.hi - m.lo > 1e-9] or motions[:1]
+    for motion in motions:
+        if not any(motion is f for f in free):
+            notes.append(
+                f"joint {_quoted(motion.names)}: its limits leave no room to move; held fixed"
+            )
+    return free
 
 
 def _largest(motions: list[Motion], mesh: trimesh.Trimesh, notes: list[str]) -> Motion:
@@ -242,9 +255,7 @@ def _screw(motions: list[Motion]) -> Motion | None:
         or not _parallel(turn.direction, slide.direction)
     ):
         return None
-    span = float(np.ptp(slide.spans()[1]))
-    if span < 1e-9:
-        return dataclasses.replace(turn, names=turn.names + slide.names)
+    span = float(np.ptp(slide.spans()[1]))  # _without_held: not 0
     sign = float(np.sign(turn.direction @ slide.direction))
     ends = np.sort(slide.spans()[1] * sign)  # travel along the turn's direction
     pitch = float(np.ptp(turn.spans()[0])) / span

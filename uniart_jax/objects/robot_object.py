@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Sequence
 
@@ -9,15 +10,16 @@ import numpy as np
 
 from uniart_jax.objects.double_faces import single_sided
 from uniart_jax.objects.kinematics import TRAVEL_DEAD_ZONE
+from uniart_jax.objects.names import MAX_NAME, Numbered, clean, printable
 from uniart_jax.objects.object import ArticulatedObject, Part, moved_mesh
-from uniart_jax.objects.robot import Robot
+from uniart_jax.objects.robot import MAX_PARTS, Robot
 from uniart_jax.objects.robot_mesh import AssetFiles, link_mesh
 from uniart_jax.objects.robot_motion import lowered
 from uniart_jax.objects.robot_tree import Tree
 
-_LOST = re.compile(
-    r"^(link|mesh|texture) .*(is missing|left out|not read|cannot be read|outside the asset|not an image)"
-)
+_HEAD = re.compile(r"^(?:(?:link|mesh) '.*?'(?:: | (?=is missing|lies ))|texture ')")
+_QUOTED = re.compile(r"(?<!\w)'[^']*'(?!\w)")
+_LOST = re.compile(r"is missing|left out|not read|cannot be read|outside the asset|not an image")
 
 
 def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject:
@@ -30,6 +32,8 @@ def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject
     Raises:
       ValueError: it is not one tree of parts; without the file's name.
     """
+    if len(robot.links) > MAX_PARTS:
+        raise ValueError(f"it holds {len(robot.links):,} links, more than {MAX_PARTS:,}")
     meshes, removed = {}, {}
     for link in robot.links.values():
         mesh = link_mesh(link, files, robot.notes)
@@ -37,7 +41,7 @@ def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject
             meshes[link.name], removed[link.name] = single_sided(mesh)
     if doubled := [f"'{name}'" for name, count in removed.items() if count]:
         robot.notes.append(
-            f"{sum(removed.values())} faces exist twice, back to back, in links {', '.join(doubled)}: the outer ones were kept"
+            f"{sum(removed.values())} faces exist twice, back to back or repeated, in links {', '.join(doubled)}: the outer ones were kept"
         )
     tree = Tree(robot, {n: float(np.linalg.norm(m.extents)) for n, m in meshes.items()})
     moved = {n: moved_mesh(meshes[n], tree.placed[n]) for n in tree.names}
@@ -45,24 +49,53 @@ def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject
     side = float((corners[:, 1].max(0) - corners[:, 0].min(0)).max())
     if not side > 0:
         raise ValueError("the object has no extent")
-    parts = []
+    parts, index = [], {n: i for i, n in enumerate(tree.names)}
     for link in tree.names:
         parent = tree.parents[link]
         joint = lowered(link, tree.chains[link], moved[link], TRAVEL_DEAD_ZONE * side, robot.notes)
-        above = -1 if parent is None else tree.names.index(parent)
+        above = -1 if parent is None else index[parent]
         parts.append(Part(link, moved[link], above, joint, robot.links[link].label))
-    notes = tuple(one_line(n) for n in dict.fromkeys([*robot.notes, *files.notes]))
-    return ArticulatedObject(
-        tuple(parts), name=robot.name or name, category=robot.category, provenance=notes
-    )
+    parts, name, category = _named(parts, robot.name or name, robot.category, robot.notes)
+    notes = tuple(dict.fromkeys(one_line(n) for n in [*robot.notes, *files.notes]))
+    return ArticulatedObject(tuple(parts), name=name, category=category, provenance=notes)
+
+
+def _named(
+    parts: list[Part], name: str, category: str, notes: list[str]
+) -> tuple[list[Part], str, str]:
+    """Parts, the object's name and its category with names that any file can hold; one note tells of all that were changed."""
+    given = [p.name for p in parts]
+    fresh = Numbered(n for n in given if clean(n) == n)
+    names = [n if clean(n) == n else fresh(clean(n) or "part", MAX_NAME) for n in given]
+    labels = [clean(p.label) for p in parts]
+    before = [*given, *(p.label for p in parts), name, category]
+    after = [*names, *labels, clean(name), clean(category)]
+    changed = [f"'{new}'" for old, new in zip(before, after, strict=True) if old != new]
+    if changed:
+        notes.append(
+            f"names that were too long or held what cannot be printed were changed: {', '.join(dict.fromkeys(changed))}"
+        )
+    renamed = [
+        dataclasses.replace(p, name=n, label=label)
+        for p, n, label in zip(parts, names, labels, strict=True)
+    ]
+    return renamed, clean(name), clean(category)
 
 
 def one_line(text: str) -> str:
-    """A message without line breaks, at most 500 characters."""
-    text = " ".join(str(text).split())
+    """A message that can be printed, without line breaks, at most 500 characters."""
+    text = printable(str(text)[:10_000], "?")
     return text if len(text) <= 500 else text[:497] + "..."
 
 
 def lost_pieces(provenance: Sequence[str]) -> list[str]:
     """Those repairs that tell of geometry or textures that are gone: such an object is incomplete."""
-    return [line for line in provenance if _LOST.search(line)]
+    return [line for line in provenance if _tells_of_loss(line)]
+
+
+def _tells_of_loss(line: str) -> bool:
+    """Whether a repair says so in its own words, not in the names that it quotes."""
+    head = _HEAD.match(line)
+    if head is None:
+        return False
+    return line.startswith("texture") or bool(_LOST.search(_QUOTED.sub("", line[head.end() :])))

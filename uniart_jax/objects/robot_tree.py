@@ -1,8 +1,8 @@
-"""From the joints of a URDF to one tree of links that have a mesh.
+"""From the joints of a robot to one tree of links that have a mesh.
 
-Everything here happens at the *shown* state: a URDF joint's coordinate is 0 there if its limits allow, else the nearest limit.
-Links are placed at that state first, so axes are lines in the URDF's world frame, and collapsing a link that
-has no mesh never moves anything: an edge of the tree is then a chain of URDF joints, which ``robot_motion`` lowers to one.
+Everything here happens at the *shown* state: a joint's coordinate is 0 there if its limits allow, else the nearest limit.
+Links are placed at that state first, so axes are lines in the robot's world frame, and collapsing a link that
+has no mesh never moves anything: an edge of the tree is then a chain of the robot's joints, which ``robot_motion`` lowers to one.
 """
 
 from __future__ import annotations
@@ -36,16 +36,18 @@ class Tree:
         self.sizes = sizes
         self._check(robot)
         joints = {j.child: j for j in robot.joints}
-        self.names = [n for n in robot.links if n not in self._unattached(robot, joints)]
-        parents = [self.names.index(joints[n].parent) if n in joints else -1 for n in self.names]
+        dropped = self._unattached(robot, joints)
+        self.names = [n for n in robot.links if n not in dropped]
+        index = {n: i for i, n in enumerate(self.names)}
+        parents = [index[joints[n].parent] if n in joints else -1 for n in self.names]
         order = topological_order(parents)
         self.parents = {n: joints[n].parent if n in joints else None for n in self.names}
         self.chains: dict[str, list[Edge | RawJoint]] = {n: [] for n in self.names}
         self.placed: dict[str, np.ndarray] = {}
         shown, limits = coordinates(robot)
         driven = drivers(robot)
-        for index in order:
-            name = self.names[index]
+        for number in order:
+            name = self.names[number]
             joint = joints.get(name)
             if joint is None:
                 self.placed[name] = np.eye(4)
@@ -94,15 +96,15 @@ class Tree:
         """Links of trees that hold no mesh beside the one that does; an error if several do or none remains."""
         top: dict[str, str] = {}
         for name in robot.links:
-            node, visited = name, set()
-            while node in joints and node not in visited:
-                visited.add(node)
+            node, way = name, {}
+            while node in joints and node not in top:
+                if node in way:
+                    raise ValueError(f"the joints form a cycle through link '{node}'")
+                way[node] = None
                 node = joints[node].parent
-            if node in visited:
-                raise ValueError(f"the joints form a cycle through link '{node}'")
-            top[name] = node
-        roots = list(dict.fromkeys(top.values()))
-        seen = [r for r in roots if any(n in self.sizes for n in robot.links if top[n] == r)]
+            root = top.get(node, node)
+            top |= dict.fromkeys((*way, name), root)
+        seen = list(dict.fromkeys(top[n] for n in robot.links if n in self.sizes))
         if not seen:
             raise ValueError("no link has a mesh")
         if len(seen) > 1:
@@ -122,12 +124,16 @@ class Tree:
         A fixed child takes its place and its joint; the other children hang on that child. Without one, its children hang on its
         parent by longer chains; at the root, one child becomes the root.
         """
-        gone = []
+        gone: set[str] = set()
+        place = {n: i for i, n in enumerate(self.names)}
+        below: dict[str | None, set[str]] = {n: set() for n in (*self.names, None)}
+        for name, parent in self.parents.items():
+            below[parent].add(name)
         for name in self._upward():
             if name in self.sizes:
                 continue
-            gone.append(name)
-            children = [n for n in self.names if self.parents[n] == name]
+            gone.add(name)
+            children = sorted(below[name], key=place.__getitem__)
             parent = self.parents[name]
             fixed = next((c for c in children if not self.chains[c]), None)
             if fixed is None and parent is None and children:
@@ -150,7 +156,9 @@ class Tree:
                 else:
                     self.parents[child] = parent
                     self.chains[child] = self.chains[name] + self.chains[child]
-            self.names.remove(name)
+                below[self.parents[child]].add(child)
+            below[parent].discard(name)
+        self.names = [n for n in self.names if n not in gone]
         if gone:
             listed = ", ".join(f"'{n}'" for n in self.chains if n in gone)
             self.notes.append(f"links without a mesh were collapsed: {listed}")

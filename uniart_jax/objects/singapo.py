@@ -11,14 +11,13 @@ it is read as prismatic, noted. Meshes: ``objs`` have textures; where none of th
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 from trimesh.transformations import euler_matrix
 
-from uniart_jax.objects.robot import Geometry, Link, RawJoint, Robot
+from uniart_jax.objects.json_text import parse_json
+from uniart_jax.objects.names import Numbered
+from uniart_jax.objects.robot import MAX_NUMBER, MAX_PARTS, Geometry, Link, RawJoint, Robot
 from uniart_jax.objects.robot_mesh import AssetFiles
-from uniart_jax.objects.urdf_read import MAX_NUMBER
 from uniart_jax.objects.xml_text import MAX_BYTES
 
 BASE = euler_matrix(np.pi / 2, 0, -np.pi / 2, axes="sxyz")
@@ -35,23 +34,18 @@ def read_singapo(data: bytes, files: AssetFiles) -> Robot:
     Raises:
       ValueError: not JSON, not this format, or a node that lacks what cannot be guessed; one line, without the file's name.
     """
-    if len(data) > MAX_BYTES:
-        raise ValueError(f"the file has more than {MAX_BYTES // 2**20} MiB")
-    try:
-        document = json.loads(data.decode("utf-8-sig"), parse_constant=_no_number)
-    except RecursionError:
-        raise ValueError("it is not JSON that can be read: nested too deeply") from None
-    except ValueError as error:
-        raise ValueError(f"it is not JSON: {error}") from None
+    document = parse_json(data, "the file", MAX_BYTES)
     nodes = document.get("diffuse_tree") if isinstance(document, dict) else None
     if not isinstance(nodes, list) or not nodes or not all(isinstance(n, dict) for n in nodes):
         raise ValueError("not an object of SINGAPO or CAGE: it has no list of nodes 'diffuse_tree'")
+    if len(nodes) > MAX_PARTS:
+        raise ValueError(f"it lists {len(nodes):,} nodes, more than {MAX_PARTS:,}")
     meta = document.get("meta")
     category = meta.get("obj_cat") if isinstance(meta, dict) else None
     robot = Robot(
         "", {}, [], [], radians=True, category=category if isinstance(category, str) else ""
     )
-    names = _names(nodes, robot.notes)
+    names = _names(nodes)
     places = {i: _axis(node, names[i])[0] for i, node in zip(names, nodes, strict=True)}
     parents = {i: _parent(node, names, names[i]) for i, node in zip(names, nodes, strict=True)}
     _check_children(nodes, parents, robot.notes)
@@ -69,13 +63,10 @@ def read_singapo(data: bytes, files: AssetFiles) -> Robot:
     return robot
 
 
-def _no_number(text: str) -> None:
-    raise ValueError(f"{text} is no number")
-
-
-def _names(nodes: list[dict], notes: list[str]) -> dict[int, str]:
+def _names(nodes: list[dict]) -> dict[int, str]:
     """id -> name; names that repeat are numbered, as every second object has several 'door's."""
     names: dict[int, str] = {}
+    fresh = Numbered()
     for node in nodes:
         number = node.get("id")
         if not isinstance(number, int) or isinstance(number, bool) or number < 0:
@@ -85,12 +76,7 @@ def _names(nodes: list[dict], notes: list[str]) -> dict[int, str]:
         if number in names:
             raise ValueError(f"two nodes of the tree have id {number}")
         given = node.get("name")
-        given = given.strip() if isinstance(given, str) and given.strip() else "part"
-        name, count = given, 1
-        while name in names.values():
-            count += 1
-            name = f"{given}_{count}"
-        names[number] = name
+        names[number] = fresh(given.strip() if isinstance(given, str) and given.strip() else "part")
     return names
 
 

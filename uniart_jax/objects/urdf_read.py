@@ -12,10 +12,18 @@ import numpy as np
 from lxml import etree
 from trimesh.transformations import euler_matrix
 
-from uniart_jax.objects.robot import MOVING, REFUSED, Geometry, Link, RawJoint, Robot
+from uniart_jax.objects.names import Numbered
+from uniart_jax.objects.robot import (
+    MAX_NUMBER,
+    MAX_PARTS,
+    MOVING,
+    REFUSED,
+    Geometry,
+    Link,
+    RawJoint,
+    Robot,
+)
 from uniart_jax.objects.xml_text import parse_xml
-
-MAX_NUMBER = 1e9  # beyond it squares and products overflow; no asset is a million kilometres wide
 
 
 def read_robot(data: bytes) -> Robot:
@@ -26,6 +34,9 @@ def read_robot(data: bytes) -> Robot:
     """
     notes: list[str] = []
     root = _robot_element(data, notes)
+    for tag in ("link", "joint"):
+        if (count := len(root.findall(tag))) > MAX_PARTS:
+            raise ValueError(f"it holds {count:,} {tag}s, more than {MAX_PARTS:,}")
     materials = _materials(root)
     robot = Robot((root.get("name") or "").strip(), {}, [], notes)
     repeated: dict[str, list[Link]] = {}
@@ -39,13 +50,9 @@ def read_robot(data: bytes) -> Robot:
         repeated.setdefault(name, []).append(link)
         robot.links.setdefault(name, link)
     robot.joints = [_joint(e) for e in root.findall("joint")]
-    taken: set[str] = set()
+    fresh = Numbered()
     for joint in robot.joints:
-        name, number = joint.name, 1
-        while joint.name in taken:
-            number += 1
-            joint.name = f"{name}_{number}"
-        taken.add(joint.name)
+        name, joint.name = joint.name, fresh(joint.name)
         if joint.name != name:
             notes.append(f"joint '{name}': the name is taken; renamed '{joint.name}'")
     if not robot.links:

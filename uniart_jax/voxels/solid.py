@@ -2,10 +2,13 @@
 
 A part whose triangles bound an oriented volume (every directed edge is met by its opposite) has integer winding numbers: on the
 lattice they are counted exactly, as signed crossings along columns, however its pieces overlap or touch. Any other part (real data is
-open, flat and self-crossing) asks ``igl.fast_winding_number``. Nothing outside a part's box is inside.
+open, flat and self-crossing) asks ``igl.fast_winding_number``, once for all sub-cells of a basin (``basins``): no surface lies between them, so the number does not
+jump, and it drifts little. Nothing outside a part's box is inside.
 """
 
 from __future__ import annotations
+
+import itertools
 
 import igl
 import numpy as np
@@ -18,6 +21,12 @@ from uniart_jax.voxels.grid import subcell_centers
 from uniart_jax.voxels.overlap import cells_in_ranges
 
 BRUTE_FORCE_FACES = 256  # below this many faces the exact sum beats the hierarchy
+UNCLEAR = 0.1  # a winding number this close to 1/2 may pass it between a basin's root and its other sub-cells
+ROUGH, FINE = (
+    1.0,
+    2.0,
+)  # of libigl's hierarchy: how far off a cluster must be to count as one, in its radii; 2 is its default
+ROUGH_ERROR = 0.25  # what 1 may err by, nearly always (measured against 2: a third of the time)
 RAY_OFFSET = 1e-5  # of rays from the face they leave
 # Columns are shifted by this much of a sub-cell off the lattice, so that they miss edges and corners of axis-aligned models.
 NUDGE = (1.3e-6, 0.7e-6)
@@ -66,18 +75,28 @@ class Solid:
 
     def contains(self, points: np.ndarray) -> np.ndarray:
         """[n] bool, |winding number| > 1/2 at points [n, 3]."""
+        return np.abs(self.winding(points)) > 0.5
+
+    def winding(self, points: np.ndarray) -> np.ndarray:
+        """[n] winding numbers at points [n, 3]; 0 outside the box."""
         winding = np.zeros(len(points))
         for faces, (low, high) in self._pieces:
             near = np.flatnonzero(((points >= low) & (points <= high)).all(1))
             if len(near):
-                query = np.ascontiguousarray(points[near])
-                count = (
-                    igl.winding_number
-                    if len(faces) <= BRUTE_FORCE_FACES
-                    else igl.fast_winding_number
-                )
-                winding[near] += count(self.vertices, faces, query)
-        return np.abs(winding) > 0.5
+                winding[near] += self._count(faces, np.ascontiguousarray(points[near]))
+        return winding
+
+    def _count(self, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Winding numbers of some faces: exact where they are few, else by a hierarchy, roughly first and well where that is near 1/2."""
+        if len(faces) <= BRUTE_FORCE_FACES:
+            return igl.winding_number(self.vertices, faces, points)
+        tree = igl.FastWindingNumberBVH()
+        tree.init(self.vertices, faces, 2)
+        winding = tree.winding_number(points, ROUGH)
+        near = np.flatnonzero(np.abs(np.abs(winding) - 0.5) < ROUGH_ERROR)
+        if len(near):
+            winding[near] = tree.winding_number(np.ascontiguousarray(points[near]), FINE)
+        return winding
 
     def thicker(self, faces: np.ndarray, points: np.ndarray, length: float) -> np.ndarray:
         """[n] bool: going in from points on faces, along the normal, the part goes on for ``length``.
@@ -106,12 +125,13 @@ class Solid:
         return thick
 
     def contains_subcells(
-        self, coords: np.ndarray, resolution: int, subdivisions: int
+        self, coords: np.ndarray, resolution: int, subdivisions: int, basin: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Inside or not at all sub-cell centres of the voxels that meet this part's box.
 
         Args:
           coords: [V, 3] int voxels of the grid over [-1/2, 1/2]^3.
+          basin: [V, r^3] of ``basins``.
 
         Returns:
           (voxels [n] that meet the box, inside [n, r^3] bool).
@@ -123,7 +143,7 @@ class Solid:
         near = coords[voxels].astype(np.int64)
         if not self.closed:
             centers = subcell_centers(near, resolution, subdivisions)
-            return voxels, self.contains(centers.reshape(-1, 3)).reshape(len(voxels), -1)
+            return voxels, self._by_basins(centers, basin[voxels])
         low = near.min(0)
         shape = near.max(0) - low + 1
         inside = self._crossings(
@@ -132,6 +152,21 @@ class Solid:
         inside = inside.reshape([n for s in shape for n in (s, subdivisions)])
         inside = inside.transpose(0, 2, 4, 1, 3, 5)
         return voxels, inside[tuple((near - low).T)].reshape(len(voxels), -1)
+
+    def _by_basins(self, centers: np.ndarray, basin: np.ndarray) -> np.ndarray:
+        """[n, r^3] bool at points [n, r^3, 3]: asked at the root of each basin, and everywhere in one where the answer is not clear."""
+        cells = basin.shape[1]
+        own = basin == np.arange(cells)
+        at = centers[own]
+        winding = np.zeros(basin.shape)
+        winding[own] = self.winding(at)
+        unclear = np.zeros(basin.shape, bool)
+        outside = ((at < self.bounds[0]) | (at > self.bounds[1])).any(1)
+        unclear[own] = outside | (np.abs(np.abs(winding[own]) - 0.5) < UNCLEAR)
+        winding = np.take_along_axis(winding, basin, 1)
+        again = np.take_along_axis(unclear, basin, 1) & ~own
+        winding[again] = self.winding(centers[again])
+        return np.abs(winding) > 0.5
 
     def _crossings(self, low: np.ndarray, shape: np.ndarray, cells: int) -> np.ndarray:
         """[shape] bool, winding number != 0 on a block of the lattice: signed crossings below each point of a column, summed up."""
@@ -179,3 +214,35 @@ def _bounds_volume(faces: np.ndarray) -> bool:
     key = edges.min(1).astype(np.int64) * (faces.max() + 1) + edges.max(1)
     _, index = np.unique(key, return_inverse=True)
     return not np.bincount(index, np.where(forward, 1.0, -1.0)).any()
+
+
+def basins(distance: np.ndarray, subdivisions: int) -> np.ndarray:
+    """Sub-cells of a voxel that no surface parts, as trees: each points to the neighbour farthest from the surface whose free ball it lies in.
+
+    Args:
+      distance: [V, r^3] of each centre from the nearest surface, sub-cells.
+
+    Returns:
+      [V, r^3] int: the sub-cell of the same voxel at each one's root, itself for roots.
+    """
+    r = subdivisions
+    cells = np.asarray(distance, np.float32).reshape(-1, r, r, r)
+    index = np.arange(r**3, dtype=np.int16).reshape(1, r, r, r)
+    root = np.broadcast_to(index, cells.shape).copy()
+    best = cells.copy()
+    for shift in itertools.product((-1, 0, 1), repeat=3):
+        if not any(shift):
+            continue
+        here = tuple(slice(max(0, -s), r - max(0, s)) for s in shift)
+        there = tuple(slice(max(0, s), r - max(0, -s)) for s in shift)
+        length = np.float32(np.linalg.norm(shift) + 1e-3)
+        other = cells[:, *there]
+        better = (other >= length) & (other > best[:, *here])
+        np.copyto(best[:, *here], other, where=better)
+        np.copyto(root[:, *here], np.broadcast_to(index[:, *there], other.shape), where=better)
+    root = root.reshape(len(cells), -1)
+    while True:
+        further = np.take_along_axis(root, root.astype(np.intp), 1)
+        if (further == root).all():
+            return root.astype(np.intp)
+        root = further

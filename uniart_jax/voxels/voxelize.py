@@ -24,7 +24,7 @@ from uniart_jax.voxels.grid import SDF_CLIP, PartGrid, subcell_centers
 from uniart_jax.voxels.joint_code import encode_object
 from uniart_jax.voxels.nearest import Triangles, nearest_faces, tree_query
 from uniart_jax.voxels.overlap import clipped_areas, touched_cells
-from uniart_jax.voxels.solid import Solid
+from uniart_jax.voxels.solid import Solid, basins
 
 THIN = 3**0.5  # sub-cells: thinner shells leak between the samples
 HALF_THIN = THIN / 2
@@ -195,10 +195,11 @@ def _distances(surface, solids, thin, coords, resolution, subdivisions):
     is_thin[need] = _is_thin(surface, thin, owner[need], face[need], weight[need], resolution)
 
     value = distance.copy()
+    basin = basins(distance.reshape(len(coords), -1), subdivisions)
     rivals: list[tuple[int, np.ndarray, bool]] = []
     free = np.ones(len(owner), bool)  # outside every part
     for k, solid in enumerate(solids):
-        voxels, inside = solid.contains_subcells(coords, resolution, subdivisions)
+        voxels, inside = solid.contains_subcells(coords, resolution, subdivisions, basin)
         row, subcell = np.nonzero(inside)
         where = voxels[row] * subdivisions**3 + subcell
         free[where] = False
