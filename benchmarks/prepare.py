@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 from results import report
+from voxelize import by_trimesh
 
 from uniart_jax.config import DataConfig, GridConfig, ModelConfig, UniArtVAEConfig
 from uniart_jax.data.batches import voxel_batches
@@ -82,17 +83,6 @@ def by_open3d(obj: ArticulatedObject, resolution: int) -> set[tuple[int, ...]] |
             mesh, 1 / resolution, min_bound=(-0.5,) * 3, max_bound=(0.5,) * 3
         )
         found |= {tuple(v.grid_index) for v in grid.get_voxels()}
-    return found
-
-
-def by_trimesh(obj: ArticulatedObject, resolution: int) -> set[tuple[int, ...]]:
-    """trimesh's voxel (i, j, k) is centred at (i, j, k) pitches: the mesh is moved so that the two grids agree."""
-    found = set()
-    for part in obj.parts:
-        mesh = part.mesh.copy()
-        mesh.apply_translation([0.5 - 0.5 / resolution] * 3)
-        index = np.round(mesh.voxelized(1 / resolution).points * resolution).astype(int)
-        found |= set(map(tuple, index.clip(0, resolution - 1)))
     return found
 
 

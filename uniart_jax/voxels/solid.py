@@ -20,6 +20,7 @@ from embreex.rtcore_scene import EmbreeScene
 from uniart_jax.voxels.grid import subcell_centers
 from uniart_jax.voxels.overlap import cells_in_ranges
 
+VOXELS_AT_ONCE = 4096  # bounds the memory
 BRUTE_FORCE_FACES = 256  # below this many faces the exact sum beats the hierarchy
 UNCLEAR = 0.1  # a winding number this close to 1/2 may pass it between a basin's root and its other sub-cells
 ROUGH, FINE = (
@@ -56,6 +57,7 @@ class Solid:
             np.sort(welded_faces, axis=1), axis=0, return_inverse=True, return_counts=True
         )
         self.doubled = uses[shared.reshape(-1)] > 1
+        self._trees: dict[int, igl.FastWindingNumberBVH] = {}  # of pieces that were asked
         self._pieces = self._split(welded_faces) if self.closed else [(self.faces, self.bounds)]
 
     def _split(self, welded_faces: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -90,8 +92,10 @@ class Solid:
         """Winding numbers of some faces: exact where they are few, else by a hierarchy, roughly first and well where that is near 1/2."""
         if len(faces) <= BRUTE_FORCE_FACES:
             return igl.winding_number(self.vertices, faces, points)
-        tree = igl.FastWindingNumberBVH()
-        tree.init(self.vertices, faces, 2)
+        if id(faces) not in self._trees:
+            self._trees[id(faces)] = igl.FastWindingNumberBVH()
+            self._trees[id(faces)].init(self.vertices, faces, 2)
+        tree = self._trees[id(faces)]
         winding = tree.winding_number(points, ROUGH)
         near = np.flatnonzero(np.abs(np.abs(winding) - 0.5) < ROUGH_ERROR)
         if len(near):
@@ -142,8 +146,11 @@ class Solid:
             return voxels, np.zeros((0, subdivisions**3), bool)
         near = coords[voxels].astype(np.int64)
         if not self.closed:
-            centers = subcell_centers(near, resolution, subdivisions)
-            return voxels, self._by_basins(centers, basin[voxels])
+            inside = [
+                self._by_basins(subcell_centers(some, resolution, subdivisions), basin[rows])
+                for some, rows in zip(_chunks(near), _chunks(voxels), strict=True)
+            ]
+            return voxels, np.concatenate(inside)
         low = near.min(0)
         shape = near.max(0) - low + 1
         inside = self._crossings(
@@ -214,6 +221,10 @@ def _bounds_volume(faces: np.ndarray) -> bool:
     key = edges.min(1).astype(np.int64) * (faces.max() + 1) + edges.max(1)
     _, index = np.unique(key, return_inverse=True)
     return not np.bincount(index, np.where(forward, 1.0, -1.0)).any()
+
+
+def _chunks(rows: np.ndarray) -> list[np.ndarray]:
+    return [rows[k : k + VOXELS_AT_ONCE] for k in range(0, len(rows), VOXELS_AT_ONCE)]
 
 
 def basins(distance: np.ndarray, subdivisions: int) -> np.ndarray:
