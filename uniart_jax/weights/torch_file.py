@@ -88,6 +88,7 @@ def read_torch(path: Path) -> dict[str, np.ndarray]:
         else:
             problem = f"truncated or damaged ({error}); download it again"
         raise ValueError(f"weights '{path}': {problem}") from None
+    # zipfile says NotImplementedError of what it cannot unpack, RuntimeError of what is encrypted
     except (EOFError, OSError, NotImplementedError, RuntimeError) as error:
         raise ValueError(f"weights '{path}': damaged ({error}); download it again") from None
 
