@@ -1,0 +1,115 @@
+"""``sample.py`` and ``uniart sample``: images in, assets out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from uniart_jax.cli.arguments import Out, Overwrite, check_out
+
+
+def sample(
+    images: Annotated[tuple[Path, ...], tyro.conf.Positional],
+    /,
+    out: Out,
+    checkpoint: str = "nano",
+    seed: int = 0,
+    num_samples: int = 1,
+    steps: int | None = None,
+    guidance: float | None = None,
+    multi_view: bool = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """One image in, a complete articulated object out.
+
+    Args:
+        images: Image files. With an alpha channel or a plain background the object is cut out by itself.
+        checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR.
+        seed: Same seed, same object.
+        num_samples: Samples an image.
+        steps: Solver steps of both flows (default: the checkpoint's).
+        guidance: Classifier-free guidance of both flows, 0 = none (default: the checkpoint's).
+        multi_view: The images are views of one object.
+    """
+    if not images:
+        raise ValueError("sample: give at least one image file")
+    if not 0 <= seed < 2**31:
+        raise ValueError(f"sample: --seed must be in 0..{2**31 - 1}, got {seed}")
+    if num_samples < 1:
+        raise ValueError(f"sample: --num-samples must be at least 1, got {num_samples}")
+    if steps is not None and steps < 1:
+        raise ValueError(f"sample: --steps must be at least 1, got {steps}")
+    from uniart_jax.data.images import check_visible, read_image
+
+    pictures = [read_image(path) for path in images]  # all inputs are checked before any work
+    for path, picture in zip(images, pictures, strict=True):
+        check_visible(picture, f"image '{path}'")
+    folders = sample_folders(images, out, num_samples, multi_view)
+    for folder in folders.values():
+        check_out(folder, overwrite, images)
+    from uniart_jax.pipeline import enable_compilation_cache, load
+
+    enable_compilation_cache()
+    console = Console(stderr=True)
+    with console.status("loading the model") as status:
+        pipeline = load(checkpoint)
+        groups = [("object", list(zip(images, pictures, strict=True)))]
+        if not multi_view:
+            groups = [
+                (path.name, [(path, picture)])
+                for path, picture in zip(images, pictures, strict=True)
+            ]
+        for g, (name, views) in enumerate(groups):
+            for i in range(num_samples):
+                status.update(f"{name}: sample {i + 1} of {num_samples}")
+                obj = pipeline(
+                    [picture for _, picture in views],
+                    seed=seed + i,
+                    steps=steps,
+                    guidance=guidance,
+                    name=views[0][0].stem,
+                    progress=lambda step, name=name: status.update(f"{name}: {step}"),
+                )
+                folder = folders[g, i]
+                obj.save(
+                    folder,
+                    image=views[0][1],
+                    seed=seed + i,
+                    checkpoint=checkpoint,
+                    overwrite=overwrite,
+                )
+                moving = [p.joint.type for p in obj.parts if p.joint.type != "fixed"]
+                kinds = (
+                    ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving)))
+                    or "no moving joint"
+                )
+                console.print(
+                    f"{name}: {len(obj.parts)} parts ({kinds}) -> {folder}", highlight=False
+                )
+
+
+def sample_folders(
+    images, out: Path, num_samples: int, multi_view: bool
+) -> dict[tuple[int, int], Path]:
+    """(image or group, sample) -> folder: OUT itself for one object, else OUT/<stem>/sample-<i>.
+
+    Raises:
+      ValueError: two images have the same stem, so that their folders would be the same.
+    """
+    groups = images[:1] if multi_view else images
+    if len(groups) == 1 and num_samples == 1:
+        return {(0, 0): Path(out)}
+    stems = [Path(p).stem for p in groups]
+    if len(set(stems)) != len(stems):
+        repeated = next(s for s in stems if stems.count(s) > 1)
+        raise ValueError(
+            f"sample: two images are called '{repeated}'; rename one, their folders would be the same"
+        )
+    return {
+        (g, i): Path(out) / stem / f"sample-{i}"
+        for g, stem in enumerate(stems)
+        for i in range(num_samples)
+    }

@@ -1,0 +1,71 @@
+"""``train.py`` and ``uniart train``: a config file and any of its fields by dotted name."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from uniart_jax.config import NETWORKS, Config
+
+Stage = Literal[
+    "all", "image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow"
+]
+
+
+def load_config(path: Path) -> Config:
+    """The ``config()`` of a configs/*.py file.
+
+    Raises:
+      FileNotFoundError, ValueError: no such file, or it has no function ``config`` that returns a ``Config``.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"config '{path}': no such file; see configs/")
+    spec = importlib.util.spec_from_file_location("uniart_config", path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"config '{path}': not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+        config = module.config() if hasattr(module, "config") else None
+    except Exception as error:  # the user's own code
+        raise ValueError(f"config '{path}': {type(error).__name__}: {error}") from error
+    if not isinstance(config, Config):
+        raise ValueError(
+            f"config '{path}': it must define config() returning a uniart_jax.config.Config"
+        )
+    return config
+
+
+@dataclasses.dataclass
+class TrainArguments:
+    """Train one stage or all of them; resumes by itself if WORKDIR holds checkpoints."""
+
+    config: Path
+    """A file in configs/."""
+    stage: Stage = "all"
+    """Which network; 'all' runs them in order, encoding latents between."""
+    workdir: Path | None = None
+    """Where checkpoints, logs and the export go (default: runs/<config name>)."""
+    init: str | None = None
+    """A checkpoint ("nano", a folder) to go on from: the stage begins with its weights, the other networks are taken as they are."""
+
+
+def train(arguments: list[str]) -> None:
+    """Parse ``--config`` and friends, then any field of the config by its dotted name, and train."""
+    # with a config given, --help belongs to its fields
+    fields = "--config" in " ".join(arguments) and bool({"-h", "--help"} & set(arguments))
+    first = [a for a in arguments if not (fields and a in ("-h", "--help"))]
+    known, rest = tyro.cli(TrainArguments, args=first, return_unknown_args=True, prog="train.py")
+    rest += ["--help"] if fields else []
+    default = load_config(known.config)
+    config = tyro.cli(Config, default=default, args=rest, prog="train.py --config …")
+    from uniart_jax.pipeline import enable_compilation_cache
+    from uniart_jax.stages import run
+
+    enable_compilation_cache()
+    stages = NETWORKS if known.stage == "all" else (known.stage,)
+    run(config, stages, known.workdir or Path("runs") / config.name, known.init)
