@@ -4,7 +4,7 @@ import pytest
 import trimesh
 
 from uniart_jax.voxels.grid import subcell_centers
-from uniart_jax.voxels.solid import Solid, basins
+from uniart_jax.voxels.solid import Solid
 
 
 def solid(mesh):
@@ -62,42 +62,54 @@ def test_inside_is_where_the_winding_number_says(make, closed, outward):
     in_box = ((points >= low) & (points <= high)).all(1)
     expected = (winding > 0.5) & in_box  # by definition nothing outside the box is inside
     inside = np.zeros((len(coords), 64), bool)
-    squared, _, _ = igl.point_mesh_squared_distance(points, part.vertices, part.faces)
-    distance = np.sqrt(squared).reshape(len(coords), -1) * 32
     clear = np.abs(winding - 0.5) > 1e-3
-    alone = np.broadcast_to(np.arange(64), distance.shape)
-    for basin in (alone, basins(distance, 4)):
-        voxels, found = part.contains_subcells(coords, 8, 4, basin)
-        inside[voxels] = found
-        np.testing.assert_array_equal(inside.ravel()[clear], expected[clear])
-    np.testing.assert_array_equal(part.contains(points)[clear], expected[clear])
+    voxels, found = part.contains_subcells(coords, 8, 4)
+    inside[voxels] = found
+    np.testing.assert_array_equal(inside.ravel()[clear], expected[clear])
+    np.testing.assert_array_equal(part.contains(points, 0.1)[clear], expected[clear])
 
 
-def test_no_surface_parts_the_cells_of_a_basin():
-    """Around a ball's surface: no basin reaches across, and its root is farther from the surface than any other cell of it."""
-    coords = np.stack(np.unravel_index(np.arange(512), (8, 8, 8)), -1)
-    points = subcell_centers(coords, 8, 4).reshape(-1, 3)
-    signed = (np.linalg.norm(points, axis=1) - 0.35).reshape(512, 64) * 32
-    basin = basins(np.abs(signed), 4)
-    root = np.take_along_axis(signed, basin, 1)
-    assert (np.sign(root) == np.sign(signed)).all()
-    assert (np.abs(root) >= np.abs(signed)).all()
-    own = basin == np.arange(64)
-    assert own.mean() < 0.15 and (np.take_along_axis(basin, basin, 1) == basin).all()
-    # two sheets less than a sub-cell apart: every cell between them stands alone
-    assert (basins(np.full((1, 64), 0.3), 4) == np.arange(64)).all()
+@pytest.mark.parametrize("block", [1e-3, 0.02, 0.3])
+def test_what_is_asked_of_cubes_holds_at_their_points(block):
+    """Through and around the openings of a tube: winding numbers of all sizes, borders near and far."""
+    tube = trimesh.creation.icosphere(3, 0.45)
+    tube.update_faces(np.abs(tube.triangles_center[:, 2]) < 0.3)
+    part = solid(tube)
+    points = np.random.default_rng(1).uniform(part.bounds[0], part.bounds[1], (6000, 3))
+    winding = np.abs(igl.winding_number(part.vertices, part.faces, points))
+    clear = np.abs(winding - 0.5) > 1e-6
+    assert 0.2 < (winding > 0.5).mean() < 0.8
+    np.testing.assert_array_equal(part.contains(points, block)[clear], winding[clear] > 0.5)
 
 
-def test_the_rough_hierarchy_is_refined_where_it_matters():
-    """A ball of many faces with a hole: winding numbers pass 1/2 in free space."""
-    mesh = trimesh.creation.icosphere(4, 0.4)
+@pytest.mark.parametrize("copies", [1, 3])
+def test_winding_numbers_that_pass_a_half_far_from_any_border(copies):
+    """Between two sheets that look away from each other; three of each within a box turned inside out: 3/2 - 1."""
+    ends = []
+    for z, turned in ((0.25, 1), (-0.25, -1)):
+        corners = [[-0.4, -0.4, z], [0.4, -0.4, z], [0.4, 0.4, z], [-0.4, 0.4, z]]
+        ends.append(trimesh.Trimesh(corners[::turned], [[0, 1, 2], [0, 2, 3]], process=False))
+    box = trimesh.creation.box((0.9, 0.9, 0.9))
+    box.invert()
+    part = solid(trimesh.util.concatenate(ends * copies + [box] * (copies == 3)))
+    points = np.random.default_rng(2).uniform(-0.2, 0.2, (4000, 3))
+    winding = np.abs(igl.winding_number(part.vertices, part.faces, points))
+    clear = np.abs(winding - 0.5) > 1e-6
+    assert 0.1 < (winding > 0.5).mean() < 0.9
+    for block in (0.05, 0.1):
+        np.testing.assert_array_equal(part.contains(points, block)[clear], winding[clear] > 0.5)
+
+
+def test_a_lid_of_many_faces_is_asked_by_hierarchy():
+    """A ball with a hole of many edges: winding numbers pass 1/2 in free space."""
+    mesh = trimesh.creation.icosphere(5, 0.4)
     mesh.update_faces(mesh.triangles_center[:, 2] < 0.25)
     part = solid(mesh)
     points = np.random.default_rng(0).uniform(part.bounds[0], part.bounds[1], (4000, 3))
     exact = np.abs(igl.winding_number(part.vertices, part.faces, points))
     clear = np.abs(exact - 0.5) > 0.02
     assert 0.9 < clear.mean() < 1
-    np.testing.assert_array_equal(part.contains(points)[clear], exact[clear] > 0.5)
+    np.testing.assert_array_equal(part.contains(points, 0.03)[clear], exact[clear] > 0.5)
 
 
 @pytest.mark.parametrize("size", [0.04, 0.1, 0.3])

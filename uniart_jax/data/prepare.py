@@ -31,6 +31,7 @@ from uniart_jax.data.folder import (
     shard_rows,
     write_rows,
 )
+from uniart_jax.data.memory import release
 from uniart_jax.data.records import from_object, to_bytes
 from uniart_jax.data.shards import MAX_RECORD_BYTES, shard_writer, sweep
 from uniart_jax.data.sources import FRONTS, Entry, ProceduralEntries, clean, load_entry
@@ -170,10 +171,7 @@ def prepare(
 
 
 def check(settings: Settings, processes: int = 1, part: tuple[int, int] = (0, 1)) -> None:
-    """
-    Raises:
-      ValueError: a setting is out of range.
-    """
+    """Raises ValueError where a setting is out of range."""
     if settings.front not in FRONTS:
         raise ValueError(f"prepare: front must be one of {', '.join(FRONTS)}, got '{settings.front}'")  # fmt: skip
     if not 0 <= settings.part_scale <= 0.5:
@@ -256,6 +254,8 @@ def make_records(settings: Settings, entry: Entry) -> Made:
     made: Made = []
     try:
         obj = load_entry(entry, settings)
+        if settings.source != "procedural":
+            release()  # decoded textures of this object's files and of the object before
         base["repairs"] = listed(obj.provenance)
         base["category"] = entry.category or obj.category
         if settings.strict and (lost := lost_pieces(obj.provenance)):
@@ -274,9 +274,8 @@ def make_records(settings: Settings, entry: Entry) -> Made:
                 data, orbit, facts = _make_record(settings, obj, clearance, entry, row, attempt)
                 row = {**row, **facts, "error": ""}
                 break
-            except (
-                ValueError
-            ) as error:  # boxes too close, parts too small: in another state they may not be
+            except ValueError as error:
+                # boxes too close, parts too small: in another state they may not be
                 row = {**row, "refused": attempt + 1, "error": _reason(error)}
             except Exception as error:
                 row = {**row, "error": _reason(error)}

@@ -6,6 +6,7 @@ turns glTF's textures into it). What is computed with is linear RGB.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,6 +16,7 @@ from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import SimpleMaterial
 
 GRAY = (0.6, 0.6, 0.6)
+POINTS_AT_ONCE = 1 << 15  # whose texels are looked up in one go: bounds the memory
 MAX_ATLAS = 4096  # pixels on a side; larger sums of textures are shrunk
 SWATCH = (
     3  # pixels on a side of a plain colour in an atlas: its middle is exact under bilinear sampling
@@ -53,13 +55,19 @@ def sample_color(mesh: trimesh.Trimesh, faces: np.ndarray, barycentric: np.ndarr
         factor, image = _material(visual.material)
         if image is None or visual.uv is None:
             return np.broadcast_to(srgb_to_linear(factor), (len(faces), 3)).astype(np.float32)
-        uv = np.einsum("nk,nkc->nc", barycentric, np.asarray(visual.uv)[mesh.faces[faces]])
-        return _bilinear(image, uv) * srgb_to_linear(factor).astype(np.float32)
+        gain, corners = srgb_to_linear(factor).astype(np.float32), np.asarray(visual.uv)
+        triangles = np.asarray(mesh.faces)
+        out = np.empty((len(faces), 3), np.float32)
+        for begin in range(0, len(faces), POINTS_AT_ONCE):
+            some = slice(begin, begin + POINTS_AT_ONCE)
+            weight, corner = barycentric[some], corners[triangles[faces[some]]]
+            out[some] = _bilinear(image, np.einsum("nk,nkc->nc", weight, corner)) * gain
+        return out
     if visual.kind == "vertex":
         colors = _LINEAR[np.asarray(visual.vertex_colors)[:, :3]]
         return np.einsum("nk,nkc->nc", barycentric, colors[mesh.faces[faces]]).astype(np.float32)
     if visual.kind == "face":
-        return _LINEAR[np.asarray(visual.face_colors)[faces, :3]]
+        return _LINEAR[np.asarray(visual.face_colors)[:, :3]][faces]
     return np.broadcast_to(srgb_to_linear(np.array(GRAY)), (len(faces), 3)).astype(np.float32)
 
 
@@ -110,13 +118,15 @@ def _bilinear(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
     height, width = image.shape[:2]
     x = np.mod(uv[:, 0], 1.0) * width - 0.5
     y = (1.0 - np.mod(uv[:, 1], 1.0)) * height - 0.5
-    x0, y0 = np.floor(x).astype(int), np.floor(y).astype(int)
-    fx, fy = (x - x0)[:, None], (y - y0)[:, None]
+    x0, y0 = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    fx, fy = x - x0, y - y0
+    pixels = image.reshape(-1, 3)
     out = np.zeros((len(uv), 3), np.float32)
     for dy, wy in ((0, 1 - fy), (1, fy)):
+        row = (y0 + dy) % height * width
         for dx, wx in ((0, 1 - fx), (1, fx)):
-            texel = image[(y0 + dy) % height, (x0 + dx) % width]
-            out += _LINEAR[texel] * (wx * wy).astype(np.float32)
+            texel = pixels.take(row + (x0 + dx) % width, axis=0)
+            out += _LINEAR.take(texel) * (wx * wy).astype(np.float32)[:, None]
     return out
 
 
@@ -225,7 +235,7 @@ def _merge_atlas(
 ) -> trimesh.Trimesh:
     # Each tile: an image; each piece: vertices, faces, which tile, and UVs in that tile's pixels from its lower left.
     tiles: list[np.ndarray] = []
-    tile_of: dict[bytes, int] = {}
+    tile_of: dict[bytes, int] = {}  # by their contents
     palette = {
         tuple(c)
         for m, t in zip(meshes, textures, strict=True)
@@ -256,7 +266,7 @@ def _merge_atlas(
         repeats = np.ceil((uv[faces] - shift[:, None]).max((0, 1)) - 1e-9).astype(int)
         vertices, faces, source, key = _split(mesh.vertices, faces, shift.astype(np.int64))
         image = _tiled(texture, np.maximum(repeats, 1))
-        identity = image.tobytes() + str(image.shape).encode()
+        identity = hashlib.blake2b(image.data, digest_size=16).digest() + str(image.shape).encode()
         if identity not in tile_of:
             tile_of[identity] = len(tiles)
             tiles.append(image)
@@ -277,24 +287,25 @@ def _tiled(image: np.ndarray, repeats: np.ndarray) -> np.ndarray:
     if (size[0], size[1]) != (image.shape[1], image.shape[0]):
         image = np.asarray(Image.fromarray(image).resize((int(size[0]), int(size[1]))))
         repeats = np.minimum(repeats, MAX_ATLAS // 2)
-    return np.tile(image, (int(repeats[1]), int(repeats[0]), 1))
+    if repeats.max() > 1:
+        image = np.tile(image, (int(repeats[1]), int(repeats[0]), 1))
+    return np.ascontiguousarray(image)
 
 
 def _pack(tiles: list[np.ndarray], fixed: int) -> tuple[Image.Image, np.ndarray]:
     """One image holding all tiles, and [n, 4] their (u, v, width, height) in it; the first ``fixed`` keep their size."""
     area = sum(t.shape[0] * t.shape[1] for t in tiles)
     shrink = min(1.0, np.sqrt(0.7 * MAX_ATLAS**2 / area))
-    padded = []
-    for i, tile in enumerate(tiles):
-        if shrink < 1 and i >= fixed:
-            width, height = (max(1, int(s * shrink)) for s in (tile.shape[1], tile.shape[0]))
-            tile = np.asarray(Image.fromarray(tile).resize((width, height)))
-        padded.append(np.pad(tile, ((1, 1), (1, 1), (0, 0)), mode="wrap"))
-    sizes = np.array([(p.shape[1], p.shape[0]) for p in padded])
+    sizes = np.array([(tile.shape[1], tile.shape[0]) for tile in tiles])
+    if shrink < 1:
+        sizes[fixed:] = np.maximum((sizes[fixed:] * shrink).astype(int), 1)
+    sizes += 2  # a gutter all around
     corners, width, height = _shelves(sizes)
     atlas = np.zeros((height, width, 3), np.uint8)
-    for (x, y), tile in zip(corners, padded, strict=True):
-        atlas[y : y + tile.shape[0], x : x + tile.shape[1]] = tile
+    for (x, y), (w, h), tile in zip(corners, sizes, tiles, strict=True):
+        if tile.shape[:2] != (h - 2, w - 2):
+            tile = np.asarray(Image.fromarray(tile).resize((int(w) - 2, int(h) - 2)))
+        atlas[y : y + h, x : x + w] = np.pad(tile, ((1, 1), (1, 1), (0, 0)), mode="wrap")
     below = np.column_stack([corners[:, 0], height - corners[:, 1] - sizes[:, 1]])
     boxes = np.hstack([below + 1, sizes - 2]) / [width, height, width, height]
     return Image.fromarray(atlas), boxes

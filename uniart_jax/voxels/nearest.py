@@ -15,9 +15,7 @@ import numpy as np
 
 from uniart_jax.voxels.overlap import cells_in_ranges
 
-MAX_LISTED = (
-    128  # (triangle, cell) pairs to list per voxel; beyond, the box tree is faster (measured)
-)
+MAX_LISTED = 512  # (triangle, cell) pairs to list per voxel; beyond, they are too many to hold (at 373 still faster than the box tree)
 VALUES_AT_ONCE = 1 << 14  # distances measured in one go: what stays in the first-level cache
 TIE = 1e-5  # squared distances this close, relative or absolute, are ties
 TIE_FLOOR = 1e-13
@@ -142,7 +140,7 @@ def nearest_faces(
       coords: [V, 3] active voxels; each must be touched.
 
     Returns:
-      (distance [V, r^3] float32 in object units, face [V, r^3] int64).
+      (distance [V, r^3] float32 in object units, face [V, r^3] int32).
     """
     sides = _factors(subdivisions)
     # Everything below in object units; rho: from a voxel's centre to its farthest sub-cell centre.
@@ -181,7 +179,7 @@ def nearest_faces(
     best, chosen = (
         a.reshape(shape).transpose(axes).reshape(len(coords), -1) for a in (best, chosen)
     )
-    return np.sqrt(best), chosen.astype(np.int64)
+    return np.sqrt(best), chosen
 
 
 def _voxel_candidates(vertices, faces, triangles, coords, center, resolution, rho):
@@ -199,8 +197,8 @@ def _voxel_candidates(vertices, faces, triangles, coords, center, resolution, rh
     for face, cell in cells_in_ranges(low, high):
         block = index[cell[:, 0], cell[:, 1], cell[:, 2]]
         keep = block >= 0
-        blocks.append(block[keep])
-        items.append(face[keep])
+        blocks.append(block[keep].astype(np.int32))
+        items.append(face[keep].astype(np.int32))
     block, face = np.concatenate(blocks), np.concatenate(items)
     squared = triangles.squared_distance(face, center[block], np.zeros((1, 3), np.float32))[:, 0]
     smallest = np.full(len(coords), np.inf, np.float32)
@@ -217,7 +215,7 @@ def _by_tree(vertices, faces, coords, resolution, subdivisions):
     points = ((coords[:, None] + offsets) / resolution - 0.5).reshape(-1, 3)
     squared, face, _ = tree_query(vertices, faces, points)
     shape = (len(coords), subdivisions**3)
-    return np.sqrt(squared).astype(np.float32).reshape(shape), face.reshape(shape)
+    return np.sqrt(squared).astype(np.float32).reshape(shape), face.astype(np.int32).reshape(shape)
 
 
 def tree_query(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray):

@@ -20,11 +20,11 @@ import scipy.ndimage
 
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.voxels.grid import SDF_CLIP, PartGrid, subcell_centers
+from uniart_jax.voxels.grid import SDF_CLIP, PartGrid, subcell_offsets
 from uniart_jax.voxels.joint_code import encode_object
 from uniart_jax.voxels.nearest import Triangles, nearest_faces, tree_query
 from uniart_jax.voxels.overlap import clipped_areas, touched_cells
-from uniart_jax.voxels.solid import Solid, basins
+from uniart_jax.voxels.solid import Solid
 
 THIN = 3**0.5  # sub-cells: thinner shells leak between the samples
 HALF_THIN = THIN / 2
@@ -107,7 +107,7 @@ def _join(obj: ArticulatedObject) -> _Surface:
     return _Surface(
         vertices,
         faces.astype(np.int64),
-        np.repeat(np.arange(len(counts)), counts),
+        np.repeat(np.arange(len(counts), dtype=np.uint8), counts),
         np.cumsum([0, *counts]),
         Triangles(vertices, faces),
         np.array([p.mesh.visual.kind in ("texture", "vertex") for p in obj.parts]),
@@ -190,8 +190,13 @@ def _distances(surface, solids, thin, coords, resolution, subdivisions):
         surface.vertices, surface.faces, surface.triangles, coords, resolution, subdivisions
     )
     distance, face = distance.reshape(-1) * np.float32(cells), face.reshape(-1)
-    center = subcell_centers(coords, resolution, subdivisions).astype(np.float32).reshape(-1, 3)
     owner = surface.face_part[face]
+    offsets = subcell_offsets(subdivisions)
+
+    def centers(index):
+        voxel, subcell = np.divmod(index, len(offsets))
+        return (coords[voxel] + offsets[subcell]) / resolution - 0.5
+
     has_thin = thin.any(1)
     may_be_thin = np.zeros(len(owner), bool)
     for k in np.flatnonzero(has_thin):
@@ -201,17 +206,16 @@ def _distances(surface, solids, thin, coords, resolution, subdivisions):
         may_be_thin |= np.repeat(around, subdivisions**3) & (owner == k)
     weight = np.zeros((len(owner), 3), np.float32)
     need = np.flatnonzero(may_be_thin | surface.varied[owner])
-    weight[need] = surface.triangles.barycentric(face[need], center[need])
+    weight[need] = surface.triangles.barycentric(face[need], centers(need).astype(np.float32))
     is_thin = np.zeros(len(owner), bool)
     need = np.flatnonzero(may_be_thin)
     is_thin[need] = _is_thin(surface, thin, owner[need], face[need], weight[need], resolution)
 
     value = distance.copy()
-    basin = basins(distance.reshape(len(coords), -1), subdivisions)
     rivals: list[tuple[int, np.ndarray, bool]] = []
     free = np.ones(len(owner), bool)  # outside every part
     for k, solid in enumerate(solids):
-        voxels, inside = solid.contains_subcells(coords, resolution, subdivisions, basin)
+        voxels, inside = solid.contains_subcells(coords, resolution, subdivisions)
         row, subcell = np.nonzero(inside)
         where = voxels[row] * subdivisions**3 + subcell
         free[where] = False
@@ -230,13 +234,12 @@ def _distances(surface, solids, thin, coords, resolution, subdivisions):
         if not len(where):
             continue
         begin, end = surface.first[k], surface.first[k + 1]
-        squared, its_face, _ = tree_query(
-            surface.vertices, surface.faces[begin:end], center[where].astype(np.float64)
-        )
+        points = centers(where)
+        squared, its_face, _ = tree_query(surface.vertices, surface.faces[begin:end], points)
         its_face += begin
         its_distance = (np.sqrt(squared) * cells).astype(np.float32)
         its_value = -its_distance if inside else its_distance.copy()
-        its_weight = surface.triangles.barycentric(its_face, center[where])
+        its_weight = surface.triangles.barycentric(its_face, points.astype(np.float32))
         its_thin = _is_thin(surface, thin, k, its_face, its_weight, resolution)
         its_value[its_thin] = np.minimum(its_value, its_distance - HALF_THIN)[its_thin]
         wins = its_value < value[where]
