@@ -20,12 +20,16 @@ FLOORS = [
 ]
 FLOOR = {name: level for level, names in enumerate(FLOORS) for name in names}
 # Methods that people expect on an object import upwards inside their bodies; the comparison of a stage's latents likewise.
-LAZY = {("objects/object.py", "uniart_jax.export.asset")}
+LAZY = {
+    ("objects/object.py", f"uniart_jax.{module}")
+    for module in ("export.asset", "simulation.validate", "viewer")
+}
 SAME_FLOOR = {
     ("render", "voxels"),
     ("procedural", "voxels"),
     ("procedural", "render"),
     ("diagram", "render"),
+    ("evaluation", "simulation"),
     ("pipeline", "training"),
     ("validation", "pipeline"),
     ("validation", "training"),
@@ -37,7 +41,7 @@ SAME_FLOOR = {
     ("stages", "validation"),
     ("stages", "pipeline"),
 }
-NO_JAX = ["objects", "voxels", "procedural", "data", "export"]
+NO_JAX = ["objects", "voxels", "procedural", "data", "export", "simulation"]
 BARE = ["nn", "models", "flow", "training"]
 
 

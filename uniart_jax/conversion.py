@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.table import Table
 
 from uniart_jax.config import Config, ModelConfig
-from uniart_jax.export.asset import check_target, complete_folder
+from uniart_jax.export.folder import check_target, complete_folder
 from uniart_jax.training.export import export_network, read_config, write_config, write_statistics
 from uniart_jax.weights.compose import Filled, compose
 from uniart_jax.weights.dinov2 import convert_dinov2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import importlib.util
 import json
 import os
 
@@ -17,15 +18,21 @@ from PIL import Image
 
 import uniart_jax
 from uniart_jax.export import asset as asset_module
+from uniart_jax.export import folder as folder_module
 from uniart_jax.export import preview
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.atlas import make_atlas
+from uniart_jax.export.frames import joint_name
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.objects.urdf import joint_name
 
-FILES = {"object.urdf", "object.glb", "meshes", "preview.png", "motion.gif", "report.json"}
+FILES = {
+    *("object.urdf", "object.xml", "object.glb", "view.html", "meshes"),
+    *("preview.png", "motion.gif", "report.json"),
+}
+if importlib.util.find_spec("pxr"):
+    FILES |= {"object.usda", "object.usdz"}
 Q_SEEDS = range(4)
 
 
@@ -72,7 +79,7 @@ def test_folder_is_complete(asset):
 
 
 def test_meshes_are_watertight_on_disk(cabinet, asset):
-    for stem, part in zip(asset_module._file_names(cabinet), cabinet.parts, strict=True):
+    for stem, part in zip(asset_module.file_stems(cabinet), cabinet.parts, strict=True):
         mesh = trimesh.load_mesh(asset / "meshes" / f"{stem}.obj", process=False)
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
         assert mesh.is_watertight
@@ -165,7 +172,7 @@ def test_an_open_cabinet_can_be_simulated(cabinet, asset):
 
 def test_report(cabinet, asset):
     report = json.loads((asset / "report.json").read_text())
-    assert set(report) == {"parts", "rest", "scale", "seed", "checkpoint", "version"}
+    assert set(report) == {"parts", "rest", "notes", "scale", "seed", "checkpoint", "version"}
     assert report["seed"] == 7 and report["checkpoint"] == "x"
     assert report["version"] == uniart_jax.__version__
     assert report["scale"] == cabinet.scale
@@ -258,7 +265,7 @@ def test_roots_and_folders_that_hold_the_input_are_refused(block, tmp_path, monk
         with pytest.raises(ValueError, match=r"holds the input .*photo.png; choose another --out"):
             save_asset(block, tmp_path / "out", image=path, overwrite=True)
     assert image.is_file()
-    monkeypatch.setattr(asset_module.os.path, "ismount", lambda path: True)
+    monkeypatch.setattr(folder_module.os.path, "ismount", lambda path: True)
     with pytest.raises(ValueError, match="root of a file system; choose another --out"):
         save_asset(block, tmp_path / "new")
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
@@ -267,7 +274,7 @@ def test_roots_and_folders_that_hold_the_input_are_refused(block, tmp_path, monk
 def test_what_came_meanwhile_is_kept(tmp_path):
     with (
         pytest.raises(ValueError, match="not empty"),
-        asset_module.complete_folder(tmp_path / "out"),
+        folder_module.complete_folder(tmp_path / "out"),
     ):
         (tmp_path / "out").mkdir()
         (tmp_path / "out" / "mine.txt").write_text("mine")
@@ -289,7 +296,9 @@ def test_a_folder_behind_a_link_is_written_where_it_leads(block, tmp_path):
 
 
 @pytest.mark.parametrize("overwrite", [False, True])
-@pytest.mark.parametrize("stage", ["write_urdf", "write_glb", "write_report", "_swap"])
+@pytest.mark.parametrize(
+    "stage", ["write_urdf", "write_mjcf", "write_glb", "write_page", "write_report", "_swap"]
+)
 def test_a_failure_leaves_everything_as_it_was(block, tmp_path, monkeypatch, stage, overwrite):
     def fail(*_, **__):
         raise OSError("disk full")
@@ -299,7 +308,8 @@ def test_a_failure_leaves_everything_as_it_was(block, tmp_path, monkeypatch, sta
         old.mkdir()
         (old / "report.json").write_text("old")
     target = old if overwrite else tmp_path / "new" / "deep" / "out"
-    monkeypatch.setattr(asset_module, stage, fail)
+    module = folder_module if stage == "_swap" else asset_module
+    monkeypatch.setattr(module, stage, fail)
     with pytest.raises(OSError, match="disk full"):
         save_asset(block, target, overwrite=overwrite, motion=False)
     left = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*")}
@@ -311,14 +321,14 @@ def test_the_old_folder_comes_back_if_the_new_one_cannot_take_its_place(
 ):
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.json").write_text("old")
-    rename = asset_module.Path.rename
+    rename = folder_module.Path.rename
 
     def fail_once(self, target):
         if ".new-" in self.name:
             raise OSError("no")
         return rename(self, target)
 
-    monkeypatch.setattr(asset_module.Path, "rename", fail_once)
+    monkeypatch.setattr(folder_module.Path, "rename", fail_once)
     with pytest.raises(OSError):
         save_asset(block, tmp_path / "out", overwrite=True, motion=False)
     assert (tmp_path / "out" / "report.json").read_text() == "old"
@@ -347,8 +357,8 @@ def test_strange_names_make_plain_files(block, tmp_path):
         for k, name in enumerate(names)
     ]
     folder = save_asset(ArticulatedObject(tuple(parts)), tmp_path / "out", motion=False)
-    assert all(p.parent == folder / "meshes" for p in folder.rglob("*.obj"))
-    assert len(list(folder.rglob("*_collision0.obj"))) == len(names)
+    assert {p.parent for p in folder.rglob("*.obj")} <= {folder / "meshes", folder / "meshes/collision"}
+    assert len(list(folder.rglob("*.obj"))) == len(names)  # boxes need no files
 
 
 def test_flat_open_and_tiny_parts_load_in_mujoco(block, tmp_path):
@@ -376,3 +386,55 @@ def test_save_method_and_image(block, tmp_path):
     with_image = Image.open(folder / "preview.png").width
     block.save(folder, overwrite=True, motion=False)
     assert Image.open(folder / "preview.png").width < with_image
+
+
+def test_formats_are_chosen(block, tmp_path):
+    folder = save_asset(block, tmp_path / "out", formats=("stl", "page"), motion=False)
+    always = {"object.urdf", "meshes", "preview.png", "report.json"}
+    assert {p.name for p in folder.iterdir()} == always | {"view.html", "print"}
+    assert len(list((folder / "print").glob("*.stl"))) == len(block.parts)
+    with pytest.raises(ValueError, match="unknown format 'fbx'; there are urdf, mjcf") as error:
+        save_asset(block, tmp_path / "other", formats=("fbx",))
+    assert "\n" not in str(error.value) and not (tmp_path / "other").exists()
+
+
+def test_size_density_and_mass(block, tmp_path):
+    def masses(**options):
+        folder = save_asset(
+            block, tmp_path / "out", formats=(), motion=False, overwrite=True, **options
+        )
+        report = json.loads((folder / "report.json").read_text())
+        return np.array([p["mass"] for p in report["parts"]]), load_object(folder)
+
+    light, obj = masses(size=2.0, density=100.0)
+    assert (obj.bounds[1] - obj.bounds[0]).max() == pytest.approx(2.0)
+    heavy, _ = masses(size=2.0, density=300.0)
+    np.testing.assert_allclose(heavy, 3 * light, rtol=1e-6)
+    given, _ = masses(mass=12.5)
+    assert given.sum() == pytest.approx(12.5)
+    for options in ({"density": 100.0, "mass": 1.0}, {"density": -1.0}, {"mass": np.nan}):
+        with pytest.raises(ValueError, match="mass"):
+            masses(**options)
+    assert (tmp_path / "out" / "report.json").is_file()
+
+
+def test_a_check_sees_the_complete_folder_and_its_verdict_is_reported(block, tmp_path):
+    seen = []
+
+    def check(folder):
+        seen.extend(p.name for p in folder.iterdir())
+        assert json.loads((folder / "report.json").read_text())["parts"]
+        return {"engine": {"loads": {"passed": True, "value": 0.0, "limit": 0}}}
+
+    folder = save_asset(block, tmp_path / "out", formats=("mjcf",), motion=False, check=check)
+    assert {"object.urdf", "object.xml", "report.json"} <= set(seen)
+    assert json.loads((folder / "report.json").read_text())["validation"]["engine"]["loads"][
+        "passed"
+    ]
+
+    def fail(folder):
+        raise ValueError("no engine")
+
+    with pytest.raises(ValueError, match="no engine"):
+        save_asset(block, tmp_path / "out", formats=(), check=fail, overwrite=True)
+    assert (folder / "object.xml").is_file()

@@ -15,7 +15,7 @@ from urdf_texts import notes
 from uniart_jax.objects.appearance import sample_color, srgb_to_linear
 from uniart_jax.objects.load import load_object
 
-pytest.importorskip("mujoco", reason="pip install 'uniart_jax[mujoco]'")
+pytest.importorskip("mujoco", reason="pip install mujoco")
 
 
 def colors(mesh: trimesh.Trimesh) -> np.ndarray:

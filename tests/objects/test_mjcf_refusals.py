@@ -13,7 +13,7 @@ from PIL import Image
 from uniart_jax.objects import mjcf_text
 from uniart_jax.objects.load import load_object
 
-pytest.importorskip("mujoco", reason="pip install 'uniart_jax[mujoco]'")
+pytest.importorskip("mujoco", reason="pip install mujoco")
 
 
 @pytest.mark.parametrize(
@@ -211,4 +211,4 @@ def test_mujoco_prints_and_logs_nothing(load_mjcf, refuse_mjcf, tmp_path, monkey
 
 def test_without_mujoco_a_line_says_what_to_install(refuse_mjcf, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    assert "pip install 'uniart_jax[mujoco]'" in refuse_mjcf(mjcf(BOX))
+    assert "pip install mujoco" in refuse_mjcf(mjcf(BOX))

@@ -1,116 +1,290 @@
-"""Convex collision shapes.
+"""Convex collision shapes that keep cavities: a drawer holds a ball, a cabinet stays open for its drawers.
 
-A part that nearly fills its convex hull gets the hull. A hollow part built of axis-aligned walls (cabinets, drawers) gets a box for each
-wall, so that a cabinet stays open for its drawers. Every other hollow part (bowls, round drums, slanted walls, open meshes) gets
-its hull too, which fills the hollow: what moves inside it then starts in contact.
+Every closed shell of a part becomes one box, the boxes of its walls, or hulls (``convex_split``); then neighbours are joined while the
+surface allows it. No shape stands out of the part by more than a small share of the object, so that the shapes of two parts meet only
+where the parts do. Shells that are not closed are hulls or thin boxes if they are as good as convex or flat, else they are made solid on a
+grid first.
 """
 
 from __future__ import annotations
 
-import itertools
+from collections.abc import Sequence
 
 import igl
 import numpy as np
 import trimesh
+from manifold3d import Manifold
+from scipy.spatial import QhullError
+from skimage import measure
 
-CONVEX_SHARE = 0.85  # of its hull that a part must fill to be taken as convex
-BOX_BUDGET = 24  # boxes a part; if more are needed the hull is used
-MAX_PLANES = 24  # along an axis; more means that the part is not built of boxes
-FLAT_COSINE = 0.97  # a face is axis-aligned above this
-FLAT_SHARE = 0.7  # of the area of a part built of boxes that is axis-aligned
-PLANE_AREA = 0.004  # share of the part's area that makes a wall
-PLANE_GAP = 0.006  # of the longest side; walls nearer than this are one
-VOLUME_TOLERANCE = 0.2  # relative, of the boxes against the mesh
+from uniart_jax.export.box_cover import as_box, box_cover, box_solid, flat_box
+from uniart_jax.export.convex_split import (
+    Surface,
+    as_manifold,
+    bodies,
+    merge_convex,
+    split_convex,
+    spread,
+    triangles,
+)
+from uniart_jax.export.physics import Box, Hull, Shape
+
+DEPTH = 0.005  # of the object's longest side: how far a shape may stand out of the part
+PART_DEPTH = 0.06  # of the part's longest side: likewise, for small parts
+OVERLAP = 0.004  # of the object's longest side: shapes of two parts that have more in common are made finer
+FINER = (1 / 3, 1 / 9)
+SPLIT_BUDGET = 384  # pieces an object before neighbours are joined, shared by the parts' faces; what bounds the time
+PART_BUDGET = (32, 256)  # pieces a part of those
+SHELL_LEAST = 8  # pieces a hollow shell of those
+HEAVY = 2500  # faces of an object that is not made finer
+SHELL_BUDGET = 256  # shells a part; the smallest are left out
+FACE_BUDGET = (
+    200,
+    600,
+)  # a shell with more faces is simplified by a small share of the depth; with more still by up to .8 of it
+HULL_VERTICES = 64
+THIN = 1e-3  # of the part's longest side: a thinner shell is thickened
+SLIVER = 0.2  # of that: what a cut leaves thinner is dropped; MuJoCo refuses flat hulls
+CELLS = 40  # along an open surface's longest side, when it is given a thickness
 
 
-def collision_pieces(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
-    """Convex meshes, in the mesh's frame and units, that together stand for it; at least one."""
-    hull = _hull(mesh)
-    if not mesh.is_watertight or mesh.volume >= CONVEX_SHARE * hull.volume:
-        return [hull]
-    boxes = _boxes(mesh)
-    return boxes if 0 < len(boxes) <= BOX_BUDGET else [hull]
+def collision_shapes(
+    meshes: Sequence[trimesh.Trimesh], size: float | None = None
+) -> list[tuple[Shape, ...]]:
+    """Convex shapes, in the meshes' frame and units, that together stand for each part; at least one a part.
 
-
-def _hull(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The convex hull, or the box of a flat mesh, thickened to a thousandth of its size."""
-    lo, hi = mesh.bounds
-    thin = 1e-3 * float((hi - lo).max())
-    if (hi - lo).min() > thin:
-        try:
-            return mesh.convex_hull
-        except Exception:  # qhull's error class for flat input is private
-            pass
-    return _box(lo, np.maximum(hi, lo + thin))
-
-
-def _boxes(mesh: trimesh.Trimesh) -> list[trimesh.Trimesh]:
-    """Greedy cover of a box-built solid with boxes, largest seed first; [] if it is not built of boxes.
-
-    The grid's planes are the mesh's own: coordinates at which much of its axis-aligned area lies, so flat walls are met exactly.
+    Args:
+      meshes: [K] parts of one object; closed where they can be.
+      size: longest side of the object, default of all meshes together. Shapes stand out of a closed mesh by at most .75 % of it (or 9 %
+        of the part's own longest side, if that is less), unless it needs more
+        convex pieces than its share of 384 an object. Where shapes of two
+        parts overlap by more than .4 % of it, both parts are made again three times finer, and nine times; a finer cover that
+        overlaps as much is not kept.
     """
-    flat = float(mesh.area_faces[np.abs(mesh.face_normals).max(1) > FLAT_COSINE].sum())
-    if flat < FLAT_SHARE * float(mesh.area):
-        return []
-    edges = [_planes(mesh, axis) for axis in range(3)]
-    if max(len(e) for e in edges) > MAX_PLANES:
-        return []
-    centers = [(e[1:] + e[:-1]) / 2 for e in edges]
-    points = np.stack(np.meshgrid(*centers, indexing="ij"), -1).reshape(-1, 3)
-    winding = igl.winding_number(
-        np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64), points
-    )
-    shape = [len(c) for c in centers]
-    solid = (np.abs(np.asarray(winding)) > 0.5).reshape(shape)
-    sizes = [np.diff(e) for e in edges]
-    volume = sizes[0][:, None, None] * sizes[1][None, :, None] * sizes[2][None, None, :]
-    if abs((solid * volume).sum() / mesh.volume - 1) > VOLUME_TOLERANCE:
-        return []
-    boxes = []
-    while solid.any() and len(boxes) <= BOX_BUDGET:
-        seed = np.unravel_index(np.argmax(np.where(solid, volume, 0)), shape)
-        grown = [_grow(solid, seed, order) for order in itertools.permutations(range(3))]
-        cells = max(grown, key=lambda g: float(volume[g].sum()))
-        solid[cells] = False
-        lo = np.array([edges[a][cells[a].start] for a in range(3)])
-        hi = np.array([edges[a][cells[a].stop] for a in range(3)])
-        boxes.append(_box(lo, hi))
-    return boxes
+    bounds = np.array([m.bounds for m in meshes])
+    size = size or float((bounds[:, 1].max(0) - bounds[:, 0].min(0)).max())
+    counts = np.array([len(m.faces) for m in meshes])
+    budgets = np.clip(SPLIT_BUDGET * counts // counts.sum(), *PART_BUDGET)
+    shapes = [_part_shapes(m, size, 1.0, int(b)) for m, b in zip(meshes, budgets, strict=True)]
+    for fineness in FINER if counts.sum() <= HEAVY else ():
+        overlaps = _overlaps(shapes, OVERLAP * size)
+        again = sorted({k for pair in overlaps for k in pair})
+        tried = list(shapes)
+        for k in again:
+            tried[k] = _part_shapes(meshes[k], size, fineness, int(budgets[k]))
+        left = _overlaps(tried, OVERLAP * size)
+        better = {k for pair, depth in overlaps.items() if left.get(pair, 0.0) < depth / 2 for k in pair}  # fmt: skip
+        shapes = [tried[k] if k in better else shapes[k] for k in range(len(shapes))]
+    return shapes
 
 
-def _planes(mesh: trimesh.Trimesh, axis: int) -> np.ndarray:
-    """[n] coordinates along ``axis`` of the mesh's flat walls, ascending, both ends of its box included."""
-    lo, hi = mesh.bounds[:, axis]
-    facing = np.abs(mesh.face_normals[:, axis]) > FLAT_COSINE
-    where = mesh.triangles_center[facing, axis]
-    area = mesh.area_faces[facing]
-    order = np.argsort(where)
-    where, area = where[order], area[order]
-    gap = PLANE_GAP * float(mesh.extents.max())
-    groups = np.split(np.arange(len(where)), np.flatnonzero(np.diff(where) > gap) + 1)
-    least = PLANE_AREA * float(mesh.area)
-    inner = [float(np.average(where[g], weights=area[g])) for g in groups if area[g].sum() > least]
-    return np.array([lo, *(x for x in inner if lo + gap < x < hi - gap), hi])
+def _overlaps(shapes: Sequence[tuple[Shape, ...]], least: float) -> dict[tuple[int, int], float]:
+    """{(a, b): how thick} of the pairs of parts that have shapes in common by more than ``least``."""
+    solids = [_solid(shape) for own in shapes for shape in own]
+    owner = np.repeat(np.arange(len(shapes)), [len(own) for own in shapes])
+    bounds = np.array([s.bounding_box() for s in solids]).reshape(-1, 2, 3)
+    found: dict[tuple[int, int], float] = {}
+    for i, (lo, hi) in enumerate(bounds):
+        deep = np.minimum(bounds[:i, 1], hi) - np.maximum(bounds[:i, 0], lo)
+        for j in np.flatnonzero((deep.min(1) > least) & (owner[:i] != owner[i])):
+            common = solids[i] ^ solids[j]
+            if common.is_empty() or common.volume() < least**3:
+                continue
+            thick = _width(common.hull())
+            if thick > least:
+                pair = int(owner[j]), int(owner[i])
+                found[pair] = max(found.get(pair, 0.0), thick)
+    return found
 
 
-def _grow(solid: np.ndarray, seed: tuple, order: tuple[int, ...]) -> tuple[slice, ...]:
-    """The box of solid cells grown from ``seed`` as far as it goes, one axis after the other."""
-    lo, hi = list(seed), [s + 1 for s in seed]
-
-    def filled(axis: int, index: int) -> bool:
-        if not 0 <= index < solid.shape[axis]:
-            return False
-        cells = [slice(a, b) for a, b in zip(lo, hi, strict=True)]
-        cells[axis] = slice(index, index + 1)
-        return bool(solid[tuple(cells)].all())
-
-    for axis in order:
-        while filled(axis, lo[axis] - 1):
-            lo[axis] -= 1
-        while filled(axis, hi[axis]):
-            hi[axis] += 1
-    return tuple(slice(a, b) for a, b in zip(lo, hi, strict=True))
+def _solid(shape: Shape) -> Manifold:
+    if isinstance(shape, Box):
+        return box_solid(shape.center, shape.size, shape.rotation)
+    return Manifold.hull_points(np.asarray(shape.mesh.vertices, np.float64))
 
 
-def _box(lo: np.ndarray, hi: np.ndarray) -> trimesh.Trimesh:
-    return trimesh.creation.box(bounds=np.stack([lo, hi]))
+def _part_shapes(
+    mesh: trimesh.Trimesh, size: float, fineness: float, budget: int
+) -> tuple[Shape, ...]:
+    vertices, faces = _welded(mesh)
+    longest = float(np.ptp(vertices, axis=0).max())
+    tolerance = min(DEPTH * size, PART_DEPTH * longest) * fineness
+    thin = max(THIN * longest, 1e-9)
+    solids, open_shells = _shells(vertices, faces)
+    solids += _open_solids(vertices, open_shells, tolerance, thin)
+    solids = [_simple(solid, tolerance) for solid in solids]
+    pieces: list[Manifold] = []
+    hollow: list[tuple[Manifold, Surface]] = []
+    for solid in solids:
+        surface = Surface(*triangles(solid), tolerance)
+        if easy := _few_pieces(solid, surface, thin):
+            pieces += easy
+        else:
+            hollow.append((solid, surface))
+    total = sum(solid.num_tri() for solid, _ in hollow)  # a convex button needs no share
+    for solid, surface in hollow:
+        cut = split_convex(solid, surface, max(SHELL_LEAST, budget * solid.num_tri() // total))
+        pieces += [piece for piece in cut if _width(piece) > SLIVER * thin]
+    if len(pieces) > 1:
+        pieces = merge_convex(pieces, _surface(solids, tolerance))
+    shapes = [_shape(piece, tolerance / 2, thin) for piece in pieces]
+    if not shapes:
+        shapes = [_shape(flat_box(vertices, faces, thin), tolerance / 2, thin)]
+    return tuple(shapes)
+
+
+def _welded(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+    """(vertices, faces): places made one, faces without area dropped while any is left."""
+    welded = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    welded.merge_vertices(merge_tex=True, merge_norm=True)
+    a, b, c = welded.faces.T
+    proper = (a != b) & (b != c) & (a != c)
+    if proper.any():
+        welded.update_faces(proper)
+    welded.remove_unreferenced_vertices()
+    vertices, faces = np.asarray(welded.vertices, np.float64), np.asarray(welded.faces, np.int64)
+    return np.ascontiguousarray(vertices), np.ascontiguousarray(faces)
+
+
+def _shells(vertices: np.ndarray, faces: np.ndarray) -> tuple[list[Manifold], list[np.ndarray]]:
+    """Closed shells as solids, cavities with what they are in; and the faces [f, 3] of every other shell."""
+    pairs = trimesh.graph.face_adjacency(faces)  # edges of two faces only: solids may touch
+    groups = trimesh.graph.connected_components(pairs, nodes=np.arange(len(faces)), min_len=1)
+    extent = [float(np.prod(np.sort(np.ptp(vertices[faces[g]].reshape(-1, 3), axis=0))[1:])) for g in groups]  # fmt: skip
+    largest = np.argsort(-np.array(extent), kind="stable")[:SHELL_BUDGET]
+    solids: list[Manifold] = []
+    cavities: list[Manifold] = []
+    open_shells = []
+    for i in largest:
+        own = faces[groups[i]]
+        used, local = np.unique(own, return_inverse=True)
+        solid = as_manifold(vertices[used], local.reshape(-1, 3))
+        if solid is None or solid.volume() == 0:
+            open_shells.append(own)
+        elif solid.volume() > 0:
+            solids.append(solid)
+        else:
+            cavities.append(solid)
+    for cavity in cavities:
+        box = np.array(cavity.bounding_box())
+        around = [k for k, s in enumerate(solids) if _holds(np.array(s.bounding_box()), box)]
+        if around:
+            k = min(around, key=lambda k: solids[k].volume())
+            points, corners = triangles(solids[k])
+            inner, holes = triangles(cavity)
+            # Manifold.compose would unite them.
+            joined = as_manifold(np.concatenate([points, inner]), np.concatenate([corners, holes + len(points)]))  # fmt: skip
+            solids[k] = solids[k] if joined is None else joined
+        else:  # a shell that is inside out
+            turned = as_manifold(*_turned(cavity))
+            solids += [turned] if turned is not None else []
+    return solids, open_shells
+
+
+def _holds(outer: np.ndarray, inner: np.ndarray) -> bool:
+    return bool((outer[:3] <= inner[:3]).all() and (outer[3:] >= inner[3:]).all())
+
+
+def _simple(solid: Manifold, tolerance: float) -> Manifold:
+    simple, step = solid, tolerance / 5
+    while simple.num_tri() > FACE_BUDGET[step > tolerance / 5] and step < tolerance:
+        coarser = solid.simplify(step)
+        if coarser.is_empty() or coarser.volume() <= 0:
+            break
+        simple, step = coarser, 2 * step
+    return simple
+
+
+def _surface(solids: list[Manifold], tolerance: float) -> Surface:
+    """All shells of a part."""
+    points, corners, count = [], [], 0
+    for solid in solids:
+        own, faces = triangles(solid)
+        points.append(own)
+        corners.append(faces + count)
+        count += len(own)
+    return Surface(np.concatenate(points), np.concatenate(corners), tolerance)
+
+
+def _few_pieces(solid: Manifold, surface: Surface, thin: float) -> list[Manifold]:
+    """The hull of what is as good as convex, the walls of what is built of walls; [] for all else."""
+    hull = solid.hull()
+    if not surface.exceeded(hull):
+        return [hull] if _width(hull) > thin else [flat_box(*triangles(hull), thin)]
+    return [piece for piece in box_cover(surface) if _width(piece) > SLIVER * thin]
+
+
+def _width(hull: Manifold) -> float:
+    """The least distance between two parallel planes that hold a convex solid, one of them along a face."""
+    vertices, faces = triangles(hull)
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    normals = normals[areas > 1e-9 * areas.max()]
+    heights = normals @ vertices.T / np.linalg.norm(normals, axis=1)[:, None]
+    return float(np.ptp(heights, axis=1).min())
+
+
+def _open_solids(
+    vertices: np.ndarray, shells: list[np.ndarray], tolerance: float, thin: float
+) -> list[Manifold]:
+    """Open shells as closed ones: thin boxes where they are flat, hulls where they are as good as convex, else sheets with a thickness."""
+    solids, hollow = [], []
+    for faces in shells:
+        points = vertices[np.unique(faces)]
+        hull = Manifold.hull_points(points)
+        lo, hi = points.min(0), points.max(0)
+        if hull.is_empty() or hull.volume() < thin * np.prod(np.sort(hi - lo)[1:]):
+            corners = np.arange(faces.size).reshape(-1, 3)
+            solids.append(flat_box(vertices[faces].reshape(-1, 3), corners, thin))
+        elif (
+            np.max(igl.point_mesh_squared_distance(spread(hull), vertices, faces)[0])
+            <= tolerance**2
+        ):
+            solids.append(hull)
+        else:
+            hollow.append(faces)
+    return solids + _thickened(vertices, hollow) if hollow else solids
+
+
+def _thickened(vertices: np.ndarray, shells: list[np.ndarray]) -> list[Manifold]:
+    """Closed bodies that hold everything within three quarters of a grid's cell of the shells.
+
+    Winding numbers would tell a solid that lacks a face from a tray no better than we do: both are taken for sheets.
+    """
+    faces = np.concatenate(shells)
+    used = vertices[np.unique(faces)]
+    lo, hi = used.min(0), used.max(0)
+    cell = float((hi - lo).max()) / CELLS
+    axes = [np.arange(a - 2 * cell, b + 2.5 * cell, cell) for a, b in zip(lo, hi, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    squared = igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, faces)[0]
+    field = np.sqrt(np.asarray(squared)).reshape([len(a) for a in axes])
+    at, corners, _, _ = measure.marching_cubes(field, 0.75 * cell, spacing=(cell,) * 3)
+    solid = as_manifold(at + [a[0] for a in axes], corners.astype(np.int64))
+    if solid is not None and solid.volume() < 0:
+        solid = as_manifold(*_turned(solid))
+    if solid is None:
+        return [Manifold.hull_points(used)]
+    return bodies(solid.simplify(cell / 4))
+
+
+def _turned(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
+    points, corners = triangles(solid)
+    return points, np.ascontiguousarray(corners[:, ::-1])
+
+
+def _shape(piece: Manifold, slack: float, thin: float) -> Shape:
+    box = as_box(piece, slack)
+    if box is not None:
+        center, size, frame = box
+        return Box(center, np.maximum(size, thin), frame)
+    hull, step = piece, slack / 8
+    while hull.num_vert() > HULL_VERTICES:  # vertices are dropped, none is moved: it only shrinks
+        hull = piece.simplify(step).hull()
+        step *= 1.5
+    vertices, faces = triangles(hull)
+    try:  # manifold3d's hulls can miss a point by a little
+        return Hull(trimesh.convex.convex_hull(vertices))
+    except QhullError:
+        return Hull(trimesh.Trimesh(vertices, faces, process=False))

@@ -7,29 +7,32 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import uniart_jax
+from uniart_jax.export.frames import joint_name
+from uniart_jax.export.physics import Body
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.objects.urdf import joint_name
 
 
 def make_report(
     obj: ArticulatedObject,
-    masses: Sequence[float],
+    bodies: Sequence[Body],
     watertight: Sequence[bool],
     seed: int | None = None,
     checkpoint: str = "",
+    notes: Sequence[str] = (),
 ) -> dict:
     """The report (docs/architecture.md, "What a user types") as plain JSON values.
 
     Args:
       obj: the object, in object units.
-      masses, watertight: [K] of the exported parts; kg.
+      bodies, watertight: [K] of the exported parts.
       seed, checkpoint: what made the object; None and "" if it was not sampled.
+      notes: what a written format cannot say, a line each; the object's own provenance stands before them.
 
     ``rest`` maps every moving joint, by its name in the URDF, to its coordinate at rest. ``validation`` is absent until a physics
     engine has run.
     """
     parts = []
-    for part, mass, closed in zip(obj.parts, masses, watertight, strict=True):
+    for part, body, closed in zip(obj.parts, bodies, watertight, strict=True):
         joint = None if part.parent < 0 else part.joint
         parts.append(
             {
@@ -40,7 +43,7 @@ def make_report(
                 "direction": None if joint is None else [float(x) for x in joint.direction],
                 "angle": None if joint is None else list(joint.angle),
                 "travel": None if joint is None else [t * obj.scale for t in joint.travel],
-                "mass": float(mass),
+                "mass": float(body.mass),
                 "watertight": bool(closed),
             }
         )
@@ -51,6 +54,7 @@ def make_report(
     return {
         "parts": parts,
         "rest": rest,
+        "notes": [*obj.provenance, *notes],
         "scale": float(obj.scale),
         "seed": seed,
         "checkpoint": checkpoint,

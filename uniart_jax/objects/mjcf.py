@@ -53,7 +53,7 @@ def compiled(text: str, assets: dict[str, bytes], notes: list[str]):
     try:
         import mujoco
     except ImportError:
-        raise ValueError("reading MJCF needs MuJoCo: pip install 'uniart_jax[mujoco]'") from None
+        raise ValueError("reading MJCF needs MuJoCo: pip install mujoco") from None
     said: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda line: said.append(_text(line)))

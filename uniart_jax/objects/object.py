@@ -7,6 +7,7 @@ joint coordinate is 0 (docs/architecture.md, "Frames").
 from __future__ import annotations
 
 import dataclasses
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -250,7 +251,22 @@ class ArticulatedObject:
         return trimesh.util.concatenate(moved)
 
     def save(self, folder: str | Path, **options) -> Path:
-        """Write the asset folder (URDF, meshes, GLB, previews, report); see ``export.asset.save_asset``."""
+        """Write the asset folder (URDF, MJCF, GLB, meshes, page, previews, report); see ``export.asset.save_asset``."""
         from uniart_jax.export.asset import save_asset
 
         return save_asset(self, folder, **options)
+
+    def validate(self, **options) -> dict:
+        """Load the object, written as an asset, in the physics engines and drive its joints; see ``simulation.validate.validate``."""
+        from uniart_jax.export.asset import save_asset
+        from uniart_jax.simulation.validate import validate
+
+        with tempfile.TemporaryDirectory(prefix="uniart-") as folder:
+            asset = save_asset(self, Path(folder) / "asset", formats=("mjcf",), motion=False)
+            return validate(asset, **options)
+
+    def show(self, **options) -> None:
+        """Open a page in the browser with a slider for every joint; see ``viewer.view``."""
+        from uniart_jax.viewer import view
+
+        view(self, **options)

@@ -1,0 +1,370 @@
+"""The MJCF: MuJoCo compiles it without a word, moves it as we do, and it reads back as the object that was written."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+import warnings
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from asset_objects import make_cabinet
+from hand_bodies import Written, write_files
+from hypothesis import given
+from hypothesis import strategies as st
+from lxml import etree
+
+from uniart_jax.export.mjcf import write_mjcf
+from uniart_jax.objects.kinematics import Joint, line_distance
+from uniart_jax.objects.load import load_object
+from uniart_jax.objects.names import clean
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+STATES = 20
+
+
+def written(obj: ArticulatedObject, folder) -> tuple[Written, tuple[str, ...]]:
+    given = write_files(obj, folder)
+    notes = write_mjcf(
+        obj,
+        folder / "object.xml",
+        given.visual_files,
+        given.bodies,
+        given.hull_files,
+        given.texture,
+    )
+    return given, notes
+
+
+def compiled(path) -> mujoco.MjModel:
+    """The model; a warning is a failure."""
+    said = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            model = mujoco.MjModel.from_xml_path(str(path))
+    finally:
+        mujoco.set_mju_user_warning(before)
+    assert said == []
+    return model
+
+
+def set_state(model: mujoco.MjModel, data: mujoco.MjData, obj: ArticulatedObject, q) -> None:
+    for part, value in zip(obj.parts, q, strict=True):
+        joint = part.joint
+        if part.parent < 0 or joint.type == "fixed":
+            continue
+        metric = value if joint.rotates else value * obj.scale
+        data.joint(f"{part.name}_joint").qpos[0] = metric
+        if joint.type == "screw":
+            data.joint(f"{part.name}_travel").qpos[0] = value * joint.pitch * obj.scale
+    mujoco.mj_kinematics(model, data)
+
+
+def largest_error(obj: ArticulatedObject, model: mujoco.MjModel, seed: int) -> float:
+    """Largest distance of a part's box corners from where the object has them, in sizes of the object, over random states."""
+    rng, data = np.random.default_rng(seed), mujoco.MjData(model)
+    at_start, worst = {}, 0.0
+    set_state(model, data, obj, np.zeros(len(obj.parts)))
+    for part in obj.parts:
+        body = data.body(part.name)
+        at_start[part.name] = body.xmat.reshape(3, 3).copy(), body.xpos.copy()
+    for _ in range(STATES):
+        q = np.array([rng.uniform(*p.joint.limits) if p.parent >= 0 else 0 for p in obj.parts])
+        set_state(model, data, obj, q)
+        for part, matrix in zip(obj.parts, obj.forward_kinematics(q), strict=True):
+            corners = trimesh.bounds.corners(part.mesh.bounds)
+            meant = trimesh.transform_points(corners, matrix) * obj.scale
+            turn, origin = at_start[part.name]
+            local = (corners * obj.scale - origin) @ turn
+            body = data.body(part.name)
+            seen = local @ body.xmat.reshape(3, 3).T + body.xpos
+            worst = max(worst, float(np.abs(seen - meant).max()))
+    return worst / float(np.ptp(obj.bounds, axis=0).max() * obj.scale)
+
+
+def assert_same_object(loaded: ArticulatedObject, obj: ArticulatedObject) -> None:
+    size = float(np.ptp(obj.bounds, axis=0).max() * obj.scale)
+    assert {p.name for p in loaded.parts} == {p.name for p in obj.parts}
+    for part in obj.parts:
+        twin = loaded.parts[loaded.index(part.name)]
+        parent = obj.parts[part.parent].name if part.parent >= 0 else None
+        assert (loaded.parts[twin.parent].name if twin.parent >= 0 else None) == parent
+        np.testing.assert_allclose(twin.mesh.bounds, part.mesh.bounds * obj.scale, atol=1e-6 * size)
+        if parent is None:
+            continue
+        joint = dataclasses.replace(part.joint, origin=part.joint.origin * obj.scale)
+        assert twin.joint.type == joint.type
+        np.testing.assert_allclose(twin.joint.angle, joint.angle, atol=1e-9)
+        travel = np.array(joint.travel) * obj.scale
+        np.testing.assert_allclose(twin.joint.travel, travel, atol=1e-9)
+        np.testing.assert_allclose(twin.joint.direction, joint.direction, atol=1e-9)
+        if joint.rotates:
+            assert line_distance(twin.joint, joint) < 1e-9
+
+
+@pytest.fixture(scope="module")
+def cabinet_files(tmp_path_factory):
+    obj = make_cabinet()
+    given, notes = written(obj, tmp_path_factory.mktemp("mjcf") / "cabinet")
+    return obj, given, notes
+
+
+@pytest.fixture(scope="module")
+def model(cabinet_files):
+    return compiled(cabinet_files[1].folder / "object.xml")
+
+
+def test_bodies_stand_where_the_object_has_them(cabinet_files, model):
+    assert largest_error(cabinet_files[0], model, seed=0) <= 1e-6
+
+
+def test_it_reads_back_as_the_same_object(cabinet_files):
+    obj, given, _ = cabinet_files
+    loaded = load_object(given.folder)
+    assert_same_object(loaded, obj)
+    assert all(part.mesh.visual.kind == "texture" for part in loaded.parts)
+
+
+def test_masses_and_inertia(cabinet_files, model):
+    """About the centre of mass, in the object's axes: MuJoCo's main axes and moments give the tensor back."""
+    obj, given, _ = cabinet_files
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for part, body in zip(obj.parts, given.bodies, strict=True):
+        found = data.body(part.name)
+        index = model.body(part.name).id
+        assert model.body_mass[index] == pytest.approx(body.mass)
+        np.testing.assert_allclose(found.xipos, body.center, atol=1e-9)
+        axes = found.ximat.reshape(3, 3)
+        tensor = axes @ np.diag(model.body_inertia[index]) @ axes.T
+        np.testing.assert_allclose(tensor, body.inertia, atol=1e-9 * np.trace(body.inertia))
+
+
+def test_joints_resist_and_end_as_said(cabinet_files, model):
+    obj, given, notes = cabinet_files
+    for part, body in zip(obj.parts, given.bodies, strict=True):
+        if body.dynamics is None:
+            continue
+        joint = model.joint(f"{part.name}_joint")
+        assert joint.damping[0] == body.dynamics.damping
+        assert joint.frictionloss[0] == body.dynamics.friction
+        assert model.jnt_actfrcrange[joint.id, 1] == body.dynamics.effort
+        limited = part.joint.type != "continuous"
+        assert bool(joint.limited[0]) == limited
+        if limited:
+            unit = 1.0 if part.joint.rotates else obj.scale
+            np.testing.assert_allclose(joint.range, np.array(part.joint.limits) * unit)
+    assert any("velocity" in note for note in notes)
+
+
+def test_collision_shapes_are_those_given(cabinet_files, model):
+    """Boxes and hulls, of group 3, with the right corners; visual geoms touch nothing."""
+    obj, given, _ = cabinet_files
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for part, body in zip(obj.parts, given.bodies, strict=True):
+        seen = model.geom(f"{part.name}_visual")
+        assert seen.group[0] == 2 and not seen.contype[0] and not seen.conaffinity[0]
+        box, shape = data.geom(f"{part.name}_collision0"), body.shapes[0]
+        np.testing.assert_allclose(box.xpos, shape.center, atol=1e-9)
+        np.testing.assert_allclose(box.xmat.reshape(3, 3), shape.rotation, atol=1e-9)
+        np.testing.assert_allclose(model.geom(box.name).size * 2, shape.size)
+        hull = model.geom(f"{part.name}_collision1")
+        assert hull.group[0] == 3 and hull.contype[0]
+        at = data.geom(hull.name)
+        mesh = model.mesh(int(hull.dataid[0]))
+        start, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
+        points = model.mesh_vert[start : start + count] @ at.xmat.reshape(3, 3).T + at.xpos
+        np.testing.assert_allclose(points.min(0), body.shapes[1].mesh.bounds[0], atol=1e-6)
+        np.testing.assert_allclose(points.max(0), body.shapes[1].mesh.bounds[1], atol=1e-6)
+
+
+def test_only_groups_that_a_joint_links_never_touch(cabinet_files, model):
+    names = [model.body(i).name for i in range(model.nbody)]
+    signatures = {(int(s) >> 16, int(s) & 0xFFFF) for s in model.exclude_signature}
+    left_out = {frozenset((names[a], names[b])) for a, b in signatures}
+    assert left_out == {
+        frozenset(pair)
+        for pair in [
+            ("body", "door"),
+            ("body", "drawer"),
+            ("body", "wheel 1/2"),
+            ("foot", "door"),
+            ("foot", "drawer"),
+            ("foot", "wheel 1/2"),
+            ("door", "knob"),
+        ]
+    }
+
+
+def test_the_screw_travels_as_it_turns(cabinet_files, model):
+    """Turned by a motor for a second: what the equality leaves is less than 1 % of the travel."""
+    obj, _, _ = cabinet_files
+    data = mujoco.MjData(model)
+    knob = obj.parts[obj.index("knob")]
+    for _ in range(500):
+        data.qfrc_applied[:] = 0
+        data.joint("knob_joint").qfrc_applied[0] = 20
+        mujoco.mj_step(model, data)
+    turned = float(data.joint("knob_joint").qpos[0])
+    travelled = float(data.joint("knob_travel").qpos[0])
+    assert turned > 1
+    assert travelled == pytest.approx(turned * knob.joint.pitch * obj.scale, abs=2e-4)
+
+
+def test_the_keyframe_is_the_rest_state(tmp_path):
+    """Of an object that is shown half open: no coordinate is 0 at rest."""
+    obj = make_cabinet()
+    obj = obj.shown_at(obj.open(0.5))
+    written(obj, tmp_path / "open")
+    model = compiled(tmp_path / "open" / "object.xml")
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("rest").id)
+    for part, q in zip(obj.parts, obj.rest(), strict=True):
+        joint = part.joint
+        if part.parent < 0 or joint.type == "fixed":
+            continue
+        unit = 1.0 if joint.rotates else obj.scale
+        assert q or joint.type == "continuous"
+        assert data.joint(f"{part.name}_joint").qpos[0] == pytest.approx(q * unit)
+        if joint.type == "screw":
+            travel = data.joint(f"{part.name}_travel").qpos[0]
+            assert travel == pytest.approx(q * joint.pitch * obj.scale)
+
+
+def test_it_works_moved_included_and_attached(cabinet_files, tmp_path):
+    """Mesh paths hold where the folder goes, in a scene beside it or above it, and through MjSpec."""
+    home = tmp_path / "elsewhere" / "cabinet"
+    shutil.copytree(cabinet_files[1].folder, home)
+    alone = compiled(home / "object.xml")
+    scene = '<mujoco><include file="{}"/><worldbody><geom type="plane" size="2 2 1" pos="0 0 -1"/></worldbody></mujoco>'
+    for folder, name in ((home, "object.xml"), (home.parent, "cabinet/object.xml")):
+        (folder / "scene.xml").write_text(scene.format(name))
+        included = compiled(folder / "scene.xml")
+        assert included.nq == alone.nq and included.nmesh == alone.nmesh
+        np.testing.assert_array_equal(
+            included.joint("door_joint").range, alone.joint("door_joint").range
+        )
+    spec = mujoco.MjSpec()
+    child = mujoco.MjSpec.from_file(str(home / "object.xml"))
+    spec.attach(child, prefix="a_", frame=spec.worldbody.add_frame())
+    ball = spec.worldbody.add_body(pos=[0, 0, 2])
+    ball.add_freejoint()
+    ball.add_geom(size=[0.1, 0, 0])
+    both = spec.compile()
+    assert both.nq == alone.nq + 7 and both.key(0).name == "a_rest"
+    np.testing.assert_array_equal(both.joint("a_door_joint").range, [-0.4, 1.6])
+
+
+def box(lo, hi) -> trimesh.Trimesh:
+    return trimesh.creation.box(bounds=[lo, hi])
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 50.0])
+def test_any_visual_mesh_loads(tmp_path, scale):
+    """A flat sheet, an open shell, an inside-out box, a mesh with an edge of three faces."""
+    sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
+    shell = box([0, 0, 0], [1, 1, 1])
+    shell.update_faces(np.arange(10))
+    inverted = box([0, 0, 0], [1, 1, 1])
+    inverted.invert()
+    fin = trimesh.Trimesh(
+        [[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, -1, 0]],
+        [[0, 1, 2], [0, 1, 3], [0, 1, 4]],
+    )
+    parts = [Part("base", box([0, 0, -1], [1, 1, 0]))]
+    for name, mesh in (("sheet", sheet), ("shell", shell), ("inverted", inverted), ("fin", fin)):
+        parts.append(Part(name, mesh, 0, Joint([0, 0, 0], [1, 0, 0], (0, 1))))
+    obj = ArticulatedObject(tuple(parts), scale=scale)
+    _, notes = written(obj, tmp_path / "flat")
+    assert not any("visual" in note for note in notes)
+    model = compiled(tmp_path / "flat" / "object.xml")
+    assert int(np.sum(np.asarray(model.geom_group) == 2)) == len(parts)
+    assert_same_object(load_object(tmp_path / "flat"), obj)
+
+
+def test_what_mujoco_takes_no_mesh_of_is_said(tmp_path):
+    triangle = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 1, 2]])
+    obj = ArticulatedObject((Part("base", box([0, 0, -1], [1, 1, 0])), Part("leaf", triangle, 0)))
+    _, notes = written(obj, tmp_path / "leaf")
+    assert any("'leaf' has no visual geom" in note for note in notes)
+    compiled(tmp_path / "leaf" / "object.xml")
+
+
+def test_a_part_alone(tmp_path):
+    obj = ArticulatedObject((Part("world", box([0, 0, 0], [1, 1, 1])),))
+    _, notes = written(obj, tmp_path / "one")
+    assert notes == ("MJCF: part 'world' is called 'world_2': MuJoCo keeps the name for itself",)
+    model = compiled(tmp_path / "one" / "object.xml")
+    assert model.nq == 0 and model.body(1).name == "world_2"
+
+
+def test_lists_that_do_not_fit_are_refused(tmp_path):
+    obj = make_cabinet()
+    given = write_files(obj, tmp_path / "a")
+    path = tmp_path / "a" / "object.xml"
+    with pytest.raises(ValueError, match="bodies has 1 entries for 6 parts"):
+        write_mjcf(obj, path, given.visual_files, given.bodies[:1], given.hull_files, given.texture)
+    with pytest.raises(ValueError, match="part 'body' has 1 hulls and 0 hull_files"):
+        write_mjcf(obj, path, given.visual_files, given.bodies, [[]] * 6, given.texture)
+    still = [dataclasses.replace(b, dynamics=None) for b in given.bodies]
+    with pytest.raises(ValueError, match="'door' has no dynamics"):
+        write_mjcf(obj, path, given.visual_files, still, given.hull_files, given.texture)
+    named = dataclasses.replace(obj.parts[0], name="a\0b")
+    bad = dataclasses.replace(obj, parts=(named, *obj.parts[1:]))
+    with pytest.raises(ValueError, match="cannot stand in XML") as error:
+        write_mjcf(bad, path, given.visual_files, given.bodies, given.hull_files, given.texture)
+    assert "\n" not in str(error.value) and not path.exists()
+
+
+NAMES = st.lists(
+    st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=8)
+    | st.sampled_from(["world", "world_2", "", 'a"<&', "a/b", " a ", "a_joint", "base_collision0"]),
+    min_size=3,
+    max_size=3,
+    unique=True,
+)
+
+
+@given(names=NAMES, data=st.data())
+def test_any_tree_and_names(tmp_path_factory, names, data):
+    """Random joints of every kind under random names: compiled, and the same motion by body index."""
+    folder = tmp_path_factory.mktemp("any")
+    number = st.floats(-1, 1)
+    parts = [Part(names[0], box([0, 0, 0], [1, 2, 3]))]
+    for k in (1, 2):
+        vector = st.tuples(number, number, number)
+        direction = data.draw(vector.filter(lambda v: np.linalg.norm(v) > 0.1))
+        kind = data.draw(st.sampled_from(["revolute", "continuous", "prismatic", "screw", "fixed"]))
+        lo, hi = data.draw(st.floats(-3, -0.1)), data.draw(st.floats(0.1, 3))
+        pitch = data.draw(st.sampled_from([-0.3, 0.2]))
+        angle, travel = {
+            "revolute": ((lo, hi), (0, 0)),
+            "continuous": ((-4, 4), (0, 0)),
+            "prismatic": ((0, 0), (lo, hi)),
+            "screw": ((lo, hi), (pitch * lo, pitch * hi)),
+            "fixed": ((0, 0), (0, 0)),
+        }[kind]
+        joint = Joint(data.draw(vector), direction, angle, travel)
+        parts.append(
+            Part(names[k], box([k, 0, 0], [k + 1, 1, 1]), data.draw(st.integers(0, k - 1)), joint)
+        )
+    obj = ArticulatedObject(tuple(parts), scale=0.7)
+    written(obj, folder / "x")
+    model = compiled(folder / "x" / "object.xml")
+    endless = sum(p.joint.type == "continuous" for p in obj.parts)
+    assert int(np.sum(np.asarray(model.jnt_limited))) == model.njnt - endless
+    root = etree.parse(folder / "x" / "object.xml").getroot()
+    bodies = [b.get("name") for b in root.iter("body")]
+    assert [model.body(i + 1).name for i in range(3)] == bodies
+    renamed = [n for n in names if n in ("", "world")]
+    if not renamed:
+        assert set(bodies) == set(names)
+        assert largest_error(obj, model, seed=1) <= 1e-6
+    if all(n == clean(n) and n not in ("", "world") for n in names):
+        assert_same_object(load_object(folder / "x"), obj)

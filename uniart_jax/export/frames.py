@@ -1,0 +1,107 @@
+"""Where bodies stand, what their joints are called and which of them never touch: the same in every format.
+
+A body's frame stands at its joint's origin with the object frame's axes. Metres and radians, object frame at the shown state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from uniart_jax.export.physics import Body, Hull
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+
+def joint_name(part: Part) -> str:
+    """The joint that carries ``part``'s coordinate q (of a screw, the one that turns)."""
+    return f"{part.name}_joint"
+
+
+def travel_name(part: Part) -> str:
+    """The joint along which a screw slides."""
+    return f"{part.name}_travel"
+
+
+def body_frames(obj: ArticulatedObject) -> list[np.ndarray]:
+    """[K] of [3], origin of every body's frame: a point of its axis; a fixed part shares its parent's frame, the root's is 0."""
+    frames: list[np.ndarray] = []
+    for part in obj.parts:
+        if part.parent < 0:
+            frames.append(np.zeros(3))
+        elif part.joint.type == "fixed":
+            frames.append(frames[part.parent])
+        else:
+            frames.append(part.joint.origin * obj.scale)
+    return frames
+
+
+def moves(part: Part) -> bool:
+    """Whether the part has a joint that moves it."""
+    return part.parent >= 0 and part.joint.type != "fixed"
+
+
+def metric_travel(part: Part, scale: float) -> tuple[float, float]:
+    """(lower, upper) end of the joint's travel in metres; of a left-handed screw the ends of q are swapped."""
+    lo, hi = sorted(t * scale for t in part.joint.travel)
+    return lo, hi
+
+
+def rest_coordinates(obj: ArticulatedObject) -> np.ndarray:
+    """[K] ``obj.rest()`` in radians and metres."""
+    return obj.rest() * [1.0 if p.joint.rotates else obj.scale for p in obj.parts]
+
+
+def rigid_groups(obj: ArticulatedObject) -> list[int]:
+    """[K] the part that leads each part's group: a part and what is fixed to it move as one."""
+    leaders: list[int] = []
+    for k, part in enumerate(obj.parts):
+        leaders.append(k if part.parent < 0 or moves(part) else leaders[part.parent])
+    return leaders
+
+
+def linked_pairs(obj: ArticulatedObject) -> list[tuple[int, int]]:
+    """Pairs of parts of two rigid groups that one moving joint links: they touch at the joint, so contacts between them are left out."""
+    leaders = rigid_groups(obj)
+    members: dict[int, list[int]] = {}
+    for k, leader in enumerate(leaders):
+        members.setdefault(leader, []).append(k)
+    return [
+        (above, below)
+        for leader, group in members.items()
+        if obj.parts[leader].parent >= 0
+        for above in members[leaders[obj.parts[leader].parent]]
+        for below in group
+    ]
+
+
+def check_lengths(writer: str, obj: ArticulatedObject, **given: Sequence) -> None:
+    """One entry for every part.
+
+    Raises:
+      ValueError: a list of another length.
+    """
+    for name, values in given.items():
+        if len(values) != len(obj.parts):
+            raise ValueError(
+                f"{writer}: {name} has {len(values)} entries for {len(obj.parts)} parts"
+            )
+
+
+def check_bodies(writer: str, obj: ArticulatedObject, bodies: Sequence[Body]) -> None:
+    """One body for every part, with the dynamics of every joint that moves.
+
+    Raises:
+      ValueError: another number of bodies, or a moving part without dynamics.
+    """
+    check_lengths(writer, obj, bodies=bodies)
+    for part, body in zip(obj.parts, bodies, strict=True):
+        if moves(part) and body.dynamics is None:
+            raise ValueError(
+                f"{writer}: the body of part '{part.name}' has no dynamics, but its joint moves"
+            )
+
+
+def hulls(body: Body) -> list[Hull]:
+    """The body's shapes that need a mesh, in their order."""
+    return [shape for shape in body.shapes if isinstance(shape, Hull)]

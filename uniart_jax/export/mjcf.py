@@ -1,0 +1,269 @@
+"""Writing MJCF, MuJoCo's own format. Reading is ``load.load_object``.
+
+Bodies are nested as the parts are; every body's frame stands at its joint's origin with the object frame's axes, as in the URDF. A screw
+is a hinge and a slide of one body, held together by ``<equality>``. Geoms of group 2 are seen, those of group 3 collide.
+(MuJoCo's XML reference: mujoco.readthedocs.io/en/stable/XMLreference.html.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+from trimesh.transformations import quaternion_from_matrix
+
+from uniart_jax.export.frames import (
+    body_frames,
+    check_bodies,
+    check_lengths,
+    hulls,
+    joint_name,
+    linked_pairs,
+    metric_travel,
+    moves,
+    rest_coordinates,
+    travel_name,
+)
+from uniart_jax.export.physics import Body, Box, Dynamics
+from uniart_jax.objects.names import Numbered
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.objects.robot_object import one_line
+
+WORLD = "world"  # MuJoCo's own body
+MIN_AREA = 1e-12  # m^2: a mesh of less, MuJoCo refuses
+MATERIAL = "material"
+STIFF = {"solref": "0.008 1", "solimp": "0.999 0.9999 0.001"}  # of the constraint in a screw
+
+
+def write_mjcf(
+    obj: ArticulatedObject,
+    path: Path,
+    visual_files: Sequence[str],
+    bodies: Sequence[Body],
+    hull_files: Sequence[Sequence[str]],
+    texture: str,
+) -> tuple[str, ...]:
+    """Write ``obj`` as MJCF in metres and radians at its shown state, its root fixed to the world.
+
+    Args:
+      obj: any object; ``scale`` turns it into metres.
+      path: the file to write. The files below lie relative to its folder and are not written here.
+      visual_files: [K] OBJ of every part, metres, object frame.
+      bodies: [K] mass, collision shapes and dynamics.
+      hull_files: [K] OBJ of each part's hulls in the order of its shapes (boxes need none), metres, object frame.
+      texture: image of all visual meshes.
+
+    Returns:
+      What MJCF cannot say, a line each.
+
+    Raises:
+      ValueError: lists that do not fit the parts, or a name that XML cannot hold.
+    """
+    check_bodies("write_mjcf", obj, bodies)
+    check_lengths("write_mjcf", obj, visual_files=visual_files, hull_files=hull_files)
+    for part, body, files in zip(obj.parts, bodies, hull_files, strict=True):
+        if len(hulls(body)) != len(files):
+            raise ValueError(
+                f"write_mjcf: part '{part.name}' has {len(hulls(body))} hulls and {len(files)} hull_files"
+            )
+    try:
+        writer = _Writer(obj, bodies)
+        root = writer.document(visual_files, hull_files, texture)
+    except ValueError as error:
+        raise ValueError(
+            one_line(f"write_mjcf: a name or file name cannot stand in XML: {error}")
+        ) from None
+    path.write_bytes(etree.tostring(root, pretty_print=True, encoding="utf-8"))
+    return tuple(writer.notes)
+
+
+class _Writer:
+    """One pass over the tree, depth first, as MuJoCo numbers bodies and joints."""
+
+    def __init__(self, obj: ArticulatedObject, bodies: Sequence[Body]):
+        self.obj, self.bodies = obj, bodies
+        self.frames = body_frames(obj)
+        self.notes: list[str] = []
+        self.rest = rest_coordinates(obj)
+        self.key: list[float] = []  # coordinates at rest, in MuJoCo's order
+        self.names = self._names()
+        self.mesh_names = Numbered()
+        self.children: list[list[int]] = [[] for _ in obj.parts]
+        for k, part in enumerate(obj.parts):
+            if part.parent >= 0:
+                self.children[part.parent].append(k)
+
+    def _names(self) -> list[str]:
+        """[K] of the bodies: the parts', but not MuJoCo's own and none empty."""
+        given = [p.name for p in self.obj.parts]
+        fresh = Numbered([*given, WORLD])
+        names = [fresh(n or "part") if n in ("", WORLD) else n for n in given]
+        self.notes += [
+            f"MJCF: part '{old}' is called '{new}': MuJoCo keeps the name for itself"
+            for old, new in zip(given, names, strict=True)
+            if old != new
+        ]
+        return names
+
+    def document(
+        self, visual_files: Sequence[str], hull_files: Sequence[Sequence[str]], texture: str
+    ) -> etree._Element:
+        root = etree.Element("mujoco", model=self.obj.name or "object")
+        etree.SubElement(root, "compiler", angle="radian")
+        self.asset = etree.SubElement(root, "asset")
+        etree.SubElement(self.asset, "texture", name="texture", type="2d", file=texture)
+        etree.SubElement(
+            self.asset, "material", name=MATERIAL, texture="texture", specular="0", shininess="0"
+        )
+        world = etree.SubElement(root, "worldbody")
+        elements: dict[int, etree._Element] = {}
+        waiting = [0]
+        while waiting:  # a tree may be deeper than Python's stack
+            k = waiting.pop()
+            parent = self.obj.parts[k].parent
+            above = world if parent < 0 else elements[parent]
+            elements[k] = self._body(above, k, visual_files[k], hull_files[k])
+            waiting += self.children[k][::-1]
+        self._couplings(root)
+        keyframe = etree.SubElement(root, "keyframe")
+        etree.SubElement(keyframe, "key", name="rest", qpos=_vector(self.key))
+        if any(moves(p) for p in self.obj.parts):
+            self.notes.append("MJCF: it has no velocity limits of joints; they were left out")
+        return root
+
+    def _body(
+        self, above: etree._Element, k: int, visual: str, hull_files: Sequence[str]
+    ) -> etree._Element:
+        part, body, frame = self.obj.parts[k], self.bodies[k], self.frames[k]
+        origin = self.frames[part.parent] if part.parent >= 0 else np.zeros(3)
+        element = etree.SubElement(above, "body", name=self.names[k], pos=_vector(frame - origin))
+        tensor = np.asarray(body.inertia)
+        etree.SubElement(
+            element,
+            "inertial",
+            pos=_vector(body.center - frame),
+            mass=_number(body.mass),
+            fullinertia=_vector(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
+        )
+        if moves(part) and body.dynamics is not None:
+            self._joints(element, part, body.dynamics, float(self.rest[k]))
+        at = _vector(-frame)
+        if _drawable(part, self.obj.scale):
+            seen = {"contype": "0", "conaffinity": "0", "group": "2", "material": MATERIAL}
+            self._mesh_geom(element, visual, at, f"{part.name}_visual", seen)
+        else:
+            self.notes.append(
+                f"MJCF: part '{part.name}' has no visual geom: MuJoCo takes no mesh of one triangle or without area"
+            )
+        files = iter(hull_files)
+        for i, shape in enumerate(body.shapes):
+            name, group = f"{part.name}_collision{i}", {"group": "3"}
+            if isinstance(shape, Box):
+                turn = np.eye(4)
+                turn[:3, :3] = shape.rotation
+                etree.SubElement(
+                    element,
+                    "geom",
+                    name=name,
+                    type="box",
+                    pos=_vector(shape.center - frame),
+                    quat=_vector(quaternion_from_matrix(turn)),
+                    size=_vector(np.asarray(shape.size) / 2),
+                    **group,
+                )
+            else:
+                self._mesh_geom(element, next(files), at, name, group)
+        return element
+
+    def _mesh_geom(
+        self, element: etree._Element, file: str, at: str, name: str, options: dict[str, str]
+    ) -> None:
+        mesh = self.mesh_names(Path(file).stem)
+        # MuJoCo weighs every mesh, though <inertial> makes it needless, and refuses flat ones unless they are shells.
+        etree.SubElement(self.asset, "mesh", name=mesh, file=file, inertia="shell")
+        etree.SubElement(element, "geom", name=name, type="mesh", mesh=mesh, pos=at, **options)
+
+    def _joints(self, element: etree._Element, part: Part, dynamics: Dynamics, rest: float) -> None:
+        joint, axis = part.joint, _vector(part.joint.direction)
+        resistance = {
+            "damping": _number(dynamics.damping),
+            "frictionloss": _number(dynamics.friction),
+        }
+        if dynamics.effort > 0:
+            limit = _vector([-dynamics.effort, dynamics.effort])
+            resistance["actuatorfrcrange"] = limit
+        travel = metric_travel(part, self.obj.scale)
+        if joint.rotates:
+            hinge = etree.SubElement(
+                element, "joint", name=joint_name(part), type="hinge", axis=axis, **resistance
+            )
+            if joint.type != "continuous":
+                hinge.set("range", _vector(joint.angle))
+            self.key.append(rest)
+            if joint.type == "screw":
+                self._slide(element, travel_name(part), axis, travel, {})
+                self.key.append(rest * joint.pitch * self.obj.scale)
+        else:
+            self._slide(element, joint_name(part), axis, travel, resistance)
+            self.key.append(rest)
+
+    def _slide(
+        self,
+        element: etree._Element,
+        name: str,
+        axis: str,
+        travel: tuple[float, float],
+        resistance: dict[str, str],
+    ) -> None:
+        etree.SubElement(
+            element,
+            "joint",
+            name=name,
+            type="slide",
+            axis=axis,
+            range=_vector(travel),
+            **resistance,
+        )
+
+    def _couplings(self, root: etree._Element) -> None:
+        """Contacts that are left out, and screws held together."""
+        pairs = linked_pairs(self.obj)
+        if pairs:
+            contact = etree.SubElement(root, "contact")
+            for a, b in pairs:
+                etree.SubElement(contact, "exclude", body1=self.names[a], body2=self.names[b])
+        screws = [p for p in self.obj.parts if moves(p) and p.joint.type == "screw"]
+        if not screws:
+            return
+        tendons = etree.SubElement(root, "tendon")
+        equality = etree.SubElement(root, "equality")
+        for part in screws:
+            name, pitch = f"{part.name}_screw", part.joint.pitch * self.obj.scale
+            slide, hinge = travel_name(part), joint_name(part)
+            polynomial = _vector([0, pitch, 0, 0, 0])
+            etree.SubElement(
+                equality, "joint", name=name, joint1=slide, joint2=hinge, polycoef=polynomial
+            )
+            # That is what other programs read. MuJoCo makes it as soft as if metres and radians weighed alike (dof_invweight0),
+            # and the slide of a knob stands still; a tendon of constant length, slide - pitch * hinge = 0, has the right weight.
+            tendon = etree.SubElement(tendons, "fixed", name=name)
+            etree.SubElement(tendon, "joint", joint=slide, coef="1")
+            etree.SubElement(tendon, "joint", joint=hinge, coef=_number(-pitch))
+            etree.SubElement(equality, "tendon", name=f"{name}_tendon", tendon1=name, **STIFF)
+
+
+def _drawable(part: Part, scale: float) -> bool:
+    """Whether MuJoCo takes the part's mesh: four places at least, and an area."""
+    places = np.unique(np.asarray(part.mesh.vertices), axis=0)
+    return len(places) > 3 and float(part.mesh.area) * scale**2 > MIN_AREA
+
+
+def _number(value: float) -> str:
+    """Short where it can be, and exact: limits and axes survive the round trip bit for bit."""
+    return repr(float(value) + 0.0)
+
+
+def _vector(values) -> str:
+    return " ".join(_number(v) for v in values)

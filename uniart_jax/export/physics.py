@@ -1,0 +1,75 @@
+"""An object as a physics engine sees it: what every format's writer takes.
+
+Metres, kilograms, seconds, radians; the object frame at the shown state.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import trimesh
+
+
+@dataclasses.dataclass(frozen=True)
+class Box:
+    """A solid box.
+
+    Attributes:
+      center: [3] metres, object frame.
+      size: [3] full side lengths, metres.
+      rotation: [3, 3] whose columns are the box's own axes in the object frame (right-handed).
+    """
+
+    center: np.ndarray
+    size: np.ndarray
+    rotation: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Hull:
+    """A convex solid.
+
+    Attributes:
+      mesh: closed convex surface, metres, object frame.
+    """
+
+    mesh: trimesh.Trimesh
+
+
+Shape = Box | Hull
+
+
+@dataclasses.dataclass(frozen=True)
+class Dynamics:
+    """How a joint resists. For a joint that rotates in N m (damping N m s / rad), else in N (N s / m).
+
+    Attributes:
+      damping: viscous.
+      friction: dry; holds the part where it is against gravity.
+      effort, velocity: what a drive may use at most (rad / s or m / s).
+    """
+
+    damping: float
+    friction: float
+    effort: float
+    velocity: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Body:
+    """One part of an ``ArticulatedObject``, same order as its parts.
+
+    Attributes:
+      mass: kg.
+      center: [3] centre of mass, metres, object frame.
+      inertia: [3, 3] tensor about ``center``, kg m^2, object frame's axes.
+      shapes: convex pieces that together stand for the part in collisions; at least one.
+      dynamics: of the joint to its parent; None for the root and fixed parts.
+    """
+
+    mass: float
+    center: np.ndarray
+    inertia: np.ndarray
+    shapes: tuple[Shape, ...]
+    dynamics: Dynamics | None

@@ -1,0 +1,253 @@
+"""Writing USD: a UsdPhysics articulation that Isaac Sim and others load as it is, and the same as one USDZ file. Needs usd-core.
+
+    /PhysicsScene            gravity, for who opens the file by itself; not part of the default prim, so a reference does not bring it
+    /<object>                default prim, ArticulationRootAPI
+      <part>                 RigidBodyAPI, MassAPI; its frame stands at its joint's origin with the object frame's axes, as in the URDF
+        visual  collision    what is seen; convex shapes of purpose 'guide'
+      <part>_turn            the body without a shape that a screw turns and its part slides on
+      materials  joints
+
+Metres, kilograms, z up; angles of joints in degrees, as UsdPhysics has them. Names that are no USD identifiers are kept as display names.
+(openusd.org/release/api/usd_physics_page_front.html; PhysxJointAPI and PhysxJointAxisAPI: Omniverse Physics' "Physx Joint Schema".)
+"""
+
+from __future__ import annotations
+
+import struct
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from uniart_jax.export.atlas import Surface
+from uniart_jax.export.frames import (
+    body_frames,
+    check_bodies,
+    check_lengths,
+    joint_name,
+    linked_pairs,
+    metric_travel,
+    rigid_groups,
+    travel_name,
+)
+from uniart_jax.export.physics import Body
+from uniart_jax.export.usd_joints import place_joint, set_dynamics, set_limits
+from uniart_jax.export.usd_shapes import (
+    define_collision,
+    define_material,
+    define_visual,
+    set_mass,
+    vector,
+)
+from uniart_jax.objects.names import Numbered, printable
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+CARRIER_MASS = 0.01  # kg; of a body without a shape
+CARRIER_GYRATION = 0.01  # m
+GRAVITY = 9.81  # m / s^2
+SCENE = "PhysicsScene"
+ZIP_EPOCH = b"\x00\x00\x21\x00"  # 1980-01-01 00:00, a zip's first
+
+
+def write_usd(
+    obj: ArticulatedObject,
+    path: Path,
+    surfaces: Sequence[Surface],
+    bodies: Sequence[Body],
+    texture: str,
+) -> tuple[str, ...]:
+    """Write ``obj`` as ``path`` (.usda) and, packed with its texture, as .usdz beside it.
+
+    Args:
+      obj: any object; ``scale`` turns it into metres.
+      path: the .usda file.
+      surfaces: [K] of the parts, object frame and units, shown state.
+      bodies: [K] mass, collision shapes and dynamics.
+      texture: image of all surfaces, written already, relative to the folder of ``path``.
+
+    Returns:
+      What UsdPhysics cannot say, a line each.
+
+    Raises:
+      ValueError: usd-core is not installed, lists that do not fit the parts, or no such texture.
+    """
+    try:
+        from pxr import Sdf, Usd, UsdUtils
+    except ImportError:
+        raise ValueError("writing USD needs usd-core: pip install 'uniart_jax[usd]'") from None
+    check_bodies("write_usd", obj, bodies)
+    check_lengths("write_usd", obj, surfaces=surfaces)
+    if path.suffix.lower() != ".usda":
+        raise ValueError(f"write_usd: {path} does not end in .usda")
+    if not (path.parent / texture).is_file():
+        raise ValueError(f"write_usd: the texture {path.parent / texture} is missing")
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    writer = _Writer(obj, bodies, Usd.Stage.Open(layer))
+    writer.fill(surfaces, texture)
+    layer.Export(str(path))
+    package = path.with_suffix(".usdz")
+    if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(path)), str(package)):
+        raise ValueError(f"write_usd: {package} cannot be written")
+    _forget_dates(package)
+    return tuple(writer.notes)
+
+
+def _forget_dates(package: Path) -> None:
+    """Set the dates of all files in a zip to 1980, in place (USDZ's contents are aligned), so that equal contents are equal files."""
+    data = bytearray(package.read_bytes())
+    with zipfile.ZipFile(package) as archive:
+        at, files = archive.start_dir, archive.infolist()
+    for info in files:  # .ZIP File Format Specification, 4.3.7 and 4.3.12
+        for field in (info.header_offset + 10, at + 12):
+            data[field : field + 4] = ZIP_EPOCH
+        at += 46 + sum(struct.unpack_from("<3H", data, at + 28))
+    package.write_bytes(data)
+
+
+class _Writer:
+    """Fills a stage. Prims of parts, carriers and joints are named once, told apart where two names become one identifier."""
+
+    def __init__(self, obj: ArticulatedObject, bodies: Sequence[Body], stage):
+        from pxr import UsdGeom
+
+        self.obj, self.bodies, self.stage = obj, bodies, stage
+        self.frames = body_frames(obj)
+        self.notes: list[str] = []
+        name = Numbered([SCENE])(identifier(obj.name or "object"))
+        self.root = UsdGeom.Xform.Define(stage, f"/{name}").GetPrim()
+        self.taken = Numbered(["materials", "joints"])
+        self.taken_joints = Numbered()
+        self.parts = [self._define(p.name, self.frames[k]) for k, p in enumerate(obj.parts)]
+
+    def fill(self, surfaces: Sequence[Surface], texture: str) -> None:
+        from pxr import UsdGeom, UsdPhysics
+
+        self._stage_metadata()
+        UsdGeom.Scope.Define(self.stage, self.root.GetPath().AppendChild("materials"))
+        place = self.root.GetPath().AppendPath("materials/material")
+        material = define_material(self.stage, place, f"./{texture}")
+        for k, (body, surface) in enumerate(zip(self.bodies, surfaces, strict=True)):
+            prim, frame = self.parts[k], self.frames[k]
+            set_mass(prim, body.mass, body.center - frame, body.inertia)
+            define_visual(prim, surface, self.obj.scale, frame, material)
+            define_collision(prim, body.shapes, frame)
+        UsdGeom.Scope.Define(self.stage, self.root.GetPath().AppendChild("joints"))
+        for k, part in enumerate(self.obj.parts):
+            if part.parent >= 0:
+                self._connect(k, part)
+        base = self._joint(UsdPhysics.FixedJoint, "root_joint", self.root, self.parts[0])
+        place_joint(base, self.frames[0], None)
+        self._filter_pairs()
+
+    def _stage_metadata(self) -> None:
+        from pxr import Kind, Usd, UsdGeom, UsdPhysics
+
+        UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.z)
+        UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
+        UsdPhysics.SetStageKilogramsPerUnit(self.stage, 1.0)
+        self.stage.SetDefaultPrim(self.root)
+        Usd.ModelAPI(self.root).SetKind(Kind.Tokens.component)
+        UsdPhysics.ArticulationRootAPI.Apply(self.root)
+        set_display_name(self.root, self.obj.name)
+        scene = UsdPhysics.Scene.Define(self.stage, f"/{SCENE}")
+        scene.CreateGravityDirectionAttr((0.0, 0.0, -1.0))
+        scene.CreateGravityMagnitudeAttr(GRAVITY)
+
+    def _define(self, name: str, frame: np.ndarray):
+        """A body's prim at its frame."""
+        from pxr import UsdGeom, UsdPhysics
+
+        place = self.root.GetPath().AppendChild(self.taken(identifier(name)))
+        body = UsdGeom.Xform.Define(self.stage, place)
+        body.AddTranslateOp().Set(vector(frame, double=True))
+        UsdPhysics.RigidBodyAPI.Apply(body.GetPrim())
+        set_display_name(body.GetPrim(), name)
+        return body.GetPrim()
+
+    def _joint(self, kind, name: str, above, below):
+        """A joint between two prims; ``above`` may be the root, which is no body: the world, wherever the object is put."""
+        place = self.root.GetPath().AppendChild("joints")
+        joint = kind.Define(self.stage, place.AppendChild(self.taken_joints(identifier(name))))
+        joint.CreateBody0Rel().SetTargets([above.GetPath()])
+        joint.CreateBody1Rel().SetTargets([below.GetPath()])
+        set_display_name(joint.GetPrim(), name)
+        return joint
+
+    def _connect(self, k: int, part: Part) -> None:
+        from pxr import UsdPhysics
+
+        above, below, joint = self.parts[part.parent], self.parts[k], part.joint
+        at = self.frames[k] - self.frames[part.parent]
+        name, dynamics = joint_name(part), self.bodies[k].dynamics
+        travel = metric_travel(part, self.obj.scale)
+        if joint.type == "fixed" or dynamics is None:
+            fixed = self._joint(UsdPhysics.FixedJoint, name, above, below)
+            place_joint(fixed, at, None)
+            return
+        if not joint.rotates:
+            slide = self._joint(UsdPhysics.PrismaticJoint, name, above, below)
+            place_joint(slide, at, joint.direction)
+            set_limits(slide, travel)
+            set_dynamics(slide, dynamics, "linear")
+            return
+        carrier = None
+        if joint.type == "screw":
+            carrier = self._define(f"{part.name}_turn", self.frames[k])
+            moment = CARRIER_MASS * CARRIER_GYRATION**2
+            set_mass(carrier, CARRIER_MASS, np.zeros(3), moment * np.eye(3))
+        turn = self._joint(UsdPhysics.RevoluteJoint, name, above, carrier or below)
+        place_joint(turn, at, joint.direction)
+        if joint.type != "continuous":
+            set_limits(turn, np.rad2deg(joint.angle))
+        set_dynamics(turn, dynamics, "angular")
+        if carrier:
+            slide = self._joint(UsdPhysics.PrismaticJoint, travel_name(part), carrier, below)
+            place_joint(slide, np.zeros(3), joint.direction)
+            set_limits(slide, travel)
+            self._couple(part, turn, slide)
+
+    def _couple(self, part: Part, turn, slide) -> None:
+        """Say how a screw's slide follows its turn; UsdPhysics has no schema for it."""
+        from pxr import Sdf
+
+        pitch = float(part.joint.pitch * self.obj.scale)
+        prim = slide.GetPrim()
+        prim.CreateRelationship("uniart:screw:joint", custom=True).SetTargets([turn.GetPath()])
+        ratio = prim.CreateAttribute(
+            "uniart:screw:metersPerRadian", Sdf.ValueTypeNames.Double, custom=True
+        )
+        ratio.Set(pitch)
+        self.notes.append(
+            f"USD: UsdPhysics has no screws: '{travel_name(part)}' does not follow '{joint_name(part)}' by itself; drive it by {pitch:.6g} m / rad (uniart:screw:metersPerRadian)"
+        )
+
+    def _filter_pairs(self) -> None:
+        """No contacts between groups that a joint links, nor within one (bodies fixed to one another are bodies nevertheless)."""
+        from pxr import UsdPhysics
+
+        leaders = rigid_groups(self.obj)
+        pairs = linked_pairs(self.obj)
+        groups: dict[int, list[int]] = {}
+        for k, leader in enumerate(leaders):
+            pairs += [(other, k) for other in groups.setdefault(leader, [])]
+            groups[leader].append(k)
+        targets: dict[int, list] = {}
+        for above, below in pairs:
+            targets.setdefault(below, []).append(self.parts[above].GetPath())
+        for k, paths in sorted(targets.items()):
+            filtered = UsdPhysics.FilteredPairsAPI.Apply(self.parts[k])
+            filtered.CreateFilteredPairsRel().SetTargets(paths)
+
+
+def identifier(name: str) -> str:
+    """``name`` with an underscore for whatever a USD identifier cannot hold."""
+    from pxr import Tf
+
+    return Tf.MakeValidIdentifier(printable(name))
+
+
+def set_display_name(prim, name: str) -> None:
+    """Keep a name that is no identifier."""
+    if name and name != prim.GetName():
+        prim.SetDisplayName(printable(name))
