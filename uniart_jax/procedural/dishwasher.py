@@ -9,7 +9,7 @@ import numpy as np
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import appliances, materials
 from uniart_jax.procedural.fronts import add_door, add_knob
-from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, slide
+from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, hinge, slide
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
@@ -77,7 +77,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
             finish = materials.hardware(rng)
             add_knob(asm, door, at, r, max(0.022, 2.2 * unit), finish, finish.darker(0.4), None)
     else:
-        add_door(asm, root, lo, hi, "-z", angle, look)
+        door = add_door(asm, root, lo, hi, "-z", angle, look)
 
     count = int(rng.choice([0, 1, 2, 3], p=[0.12, 0.2, 0.5, 0.18]))
     wire = max(0.014, 1.6 * unit)
@@ -86,7 +86,12 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         if rng.random() < 0.5
         else materials.plain(rng.uniform(0.3, 0.9, 3) * [0.5, 0.7, 1])
     )
-    zs = np.linspace(tub_lo[2], tub_hi[2], count + 1)
+    floor = tub_lo[2]
+    if count:  # racks roll out over the door: it opens flat, and they stand above it
+        opened = hinge((lo + hi) / 2 * [0, 1, 0] + [lo[0], 0, lo[2]], (0, -1, 0), max(angle, np.pi / 2))
+        asm.parts[door] = dataclasses.replace(asm.parts[door], joint=opened)
+        floor = max(floor, lo[2] + asm.parts[door].mesh.bounds[1, 0] - lo[0])
+    zs = np.linspace(floor, tub_hi[2], count + 1)
     pull = float(rng.uniform(0.5, 0.9))
     for k in range(count):
         tall = (zs[k + 1] - zs[k]) * float(rng.uniform(0.4, 0.6))
