@@ -10,8 +10,9 @@ import sys
 import tyro
 
 from uniart_jax.cli.arguments import guarded
-from uniart_jax.cli.assets import convert, evaluate, reconstruct
+from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
 from uniart_jax.cli.data import features, inspect, prepare, stats
+from uniart_jax.cli.evaluation import evaluate
 from uniart_jax.cli.sample import sample
 from uniart_jax.cli.train import load_config, train
 
@@ -21,6 +22,9 @@ COMMANDS = {
     "prepare": prepare,
     "features": features,
     "sample": sample,
+    "export": export,
+    "validate": validate,
+    "view": view,
     "reconstruct": reconstruct,
     "evaluate": evaluate,
     "inspect": inspect,

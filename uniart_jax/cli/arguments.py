@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -14,6 +14,20 @@ Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
 Overwrite = Annotated[
     bool, tyro.conf.arg(help="Replace OUT if it is not empty (swapped at the end).")
 ]
+Formats = Annotated[
+    tuple[Literal["urdf", "mjcf", "glb", "page", "usd", "stl"], ...] | None,
+    tyro.conf.arg(
+        help="What to write beside the URDF (default: all but stl; usd if usd-core is installed). stl: for printing, millimetres."
+    ),
+]
+Size = Annotated[
+    str | None,
+    tyro.conf.arg(help='Metres of the longest side, or a kind of thing ("oven") of usual size.'),
+]
+Density = Annotated[
+    float | None, tyro.conf.arg(help="kg / m^3 of all parts (default: 500, light wood).")
+]
+Mass = Annotated[float | None, tyro.conf.arg(help="kg of the whole object, instead of a density.")]
 
 
 def guarded(command: Callable[[], int | None]) -> int:
@@ -35,18 +49,44 @@ def guarded(command: Callable[[], int | None]) -> int:
         return 130
 
 
-def check_out(folder: Path, overwrite: bool, inputs: tuple[Path, ...] = ()) -> None:
+def check_out(
+    folder: Path,
+    overwrite: bool,
+    inputs: tuple[Path, ...] = (),
+    marks: tuple[str, ...] | None = None,
+) -> None:
     """Refuse, before any work, an output folder that cannot be written or that holds an input.
+
+    Args:
+      marks: files one of which a folder must hold to be replaced (default: an asset's).
 
     Raises:
       ValueError: it or a parent is a file, or it is not empty and may not be replaced.
     """
-    from uniart_jax.export.asset import check_target
+    from uniart_jax.export.folder import MARKS, check_target
 
     for place in (folder, *folder.parents):
         if place.exists() and not place.is_dir():
             raise ValueError(f"output '{place}': a file of that name exists; choose another --out")
-    check_target(folder, overwrite, inputs=inputs)
+    check_target(folder, overwrite, inputs=inputs, marks=marks or MARKS)
+
+
+def tried(folder: Path, found: list[dict]) -> dict:
+    """What the physics engines say of an asset, also put into ``found``."""
+    from uniart_jax.simulation.validate import validate, verdicts
+
+    found.append(verdicts(validate(folder)))
+    return found[0]
+
+
+def validation_lines(verdicts: dict[str, dict]) -> Iterator[str]:
+    """What a person wants to know of a report's ``validation``: a line an engine, and one for each check that failed."""
+    for where, checks in verdicts.items():
+        failed = {name: check for name, check in checks.items() if not check["passed"]}
+        yield f"{where}: {len(checks) - len(failed)} of {len(checks)} checks passed"
+        for name, check in failed.items():
+            why = check.get("reason") or f"{check['value']:.3g}, limit {check['limit']:.3g}"
+            yield f"  {name}: {why}"
 
 
 def shard_numbers(text: str) -> tuple[int, int]:

@@ -1,14 +1,158 @@
-"""``uniart reconstruct | convert | evaluate``: assets and checkpoints that exist already."""
+"""``uniart export | validate | view | reconstruct | convert``: assets and checkpoints that exist already."""
 
 from __future__ import annotations
 
-import os
+import json
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
+from rich.console import Console
 
-from uniart_jax.cli.arguments import Out, Overwrite, check_out
+from uniart_jax.cli.arguments import (
+    Density,
+    Formats,
+    Mass,
+    Out,
+    Overwrite,
+    Size,
+    check_out,
+    tried,
+    validation_lines,
+)
+
+Asset = Annotated[Path, tyro.conf.Positional]
+
+
+def export(
+    asset: Asset,
+    /,
+    out: Out,
+    formats: Formats = None,
+    size: Size = None,
+    density: Density = None,
+    mass: Mass = None,
+    refine: bool = False,
+    check: bool = True,
+    allow_outside: bool = False,
+    overwrite: Overwrite = False,
+) -> int:
+    """Write anybody's object as an asset that simulators load as it is: collision shapes, masses, limits, every format.
+
+    Args:
+        asset: A URDF, an MJCF, SINGAPO's object.json, or a folder with one.
+        refine: Draw in limits and shift axes where a joint runs into the object.
+        check: Try it in the physics engines that are installed (report.json says how it went).
+        allow_outside: Let the asset name files outside its own folder.
+    """
+    check_out(out, overwrite, (asset,))
+    from uniart_jax.export.asset import save_asset
+    from uniart_jax.export.size import parse_size, typical_size
+    from uniart_jax.objects.load import load_object
+    from uniart_jax.simulation.refine import refine as mended
+
+    obj = load_object(asset, allow_outside=allow_outside)
+    metres = parse_size(size) if size else None
+    if metres is None and not is_metric(asset, allow_outside):
+        metres = typical_size(obj.category)
+    found: list[dict] = []
+    console = Console(stderr=True, highlight=False)
+    with console.status("collision shapes, textures, physics"):
+        save_asset(
+            obj,
+            out,
+            formats=formats,
+            size=metres,
+            density=density,
+            mass=mass,
+            overwrite=overwrite,
+            mend=mended if refine else None,
+            check=(lambda folder: tried(folder, found)) if check else None,
+        )
+    for line in json.loads((out / "report.json").read_text("utf-8"))["notes"]:
+        console.print(f"note: {line}", markup=False)
+    for line in validation_lines(found[0]) if found else ():
+        console.print(line, markup=False)
+    console.print(f"{obj.name or asset.stem}: {len(obj.parts)} parts -> {out}", markup=False)
+    return 0
+
+
+def is_metric(asset: Path, allow_outside: bool) -> bool:
+    """Whether a file's lengths are metres: PartNet-Mobility's and SINGAPO's objects are normalised."""
+    from uniart_jax.objects.load import find_asset, kind_of
+
+    path = find_asset(asset, allow_outside=allow_outside)
+    return kind_of(path.read_bytes(), path) in ("urdf", "mjcf")
+
+
+def validate(
+    asset: Asset,
+    /,
+    out: Annotated[
+        Path | None, tyro.conf.arg(help="Folder to write (default: out/validation/NAME).")
+    ] = None,
+    engines: tuple[Literal["mujoco", "pybullet"], ...] | None = None,
+    refine: bool = False,
+    allow_outside: bool = False,
+    overwrite: Overwrite = False,
+) -> int:
+    """Load an asset in physics engines, drive its joints, judge it. Exit code 0 if it is sound, 1 if not, 2 if it cannot be read.
+
+    Args:
+        asset: A URDF, an MJCF, or a folder with object.urdf (ours or anybody's).
+        engines: Default: MuJoCo and, where it is installed, PyBullet (pip install 'uniart_jax[pybullet]').
+        refine: Also write the object with joints drawn in or shifted where they run into it, to OUT/refined, and judge that.
+        allow_outside: Let the asset name files outside its own folder.
+    """
+    out = out or Path("out") / "validation" / (asset.stem or "asset")
+    check_out(out, overwrite, (asset,), VALIDATION_MARKS)
+    from uniart_jax.export.folder import complete_folder
+    from uniart_jax.simulation import validate as simulation
+
+    console = Console(stderr=True, highlight=False)
+    with (
+        complete_folder(out, overwrite, VALIDATION_MARKS) as folder,
+        console.status("loading, sweeping, driving"),
+    ):
+        found = simulation.validate(asset, out=folder, engines=engines, allow_outside=allow_outside)
+        if refine:
+            from uniart_jax.objects.load import load_object
+            from uniart_jax.simulation.refine import refine as mended
+
+            obj = load_object(asset, allow_outside=allow_outside)
+            obj.save(folder / "refined", motion=False, mend=mended)
+            notes = json.loads((folder / "refined" / "report.json").read_text("utf-8"))["notes"]
+            after = simulation.validate(folder / "refined", out=folder / "refined", engines=engines)
+    for line in validation_lines(simulation.verdicts(found)):
+        print(line)
+    for engine, why in found["not_run"].items():
+        print(f"{engine}: not run ({why})")
+    if refine:
+        for line in [n for n in notes if n.startswith("refine:")]:
+            print(line)
+        print("refined:")
+        for line in validation_lines(simulation.verdicts(after)):
+            print(line)
+        found = after
+    sound = simulation.is_sound(found)
+    console.print(f"{asset}: {'sound' if sound else 'not sound'} -> {out}", markup=False)
+    return 0 if sound else 1
+
+
+VALIDATION_MARKS = ("validation.json",)
+
+
+def view(asset: Asset, /, port: int = 8080, allow_outside: bool = False) -> None:
+    """Open a page with a slider for every joint of an asset (pip install 'uniart_jax[view]'). Ctrl-C ends it.
+
+    Args:
+        asset: A URDF, an MJCF, SINGAPO's object.json, or a folder with one.
+        port: Where the page is served on this machine.
+        allow_outside: Let the asset name files outside its own folder.
+    """
+    from uniart_jax.viewer import view as show
+
+    show(asset, port=port, allow_outside=allow_outside)
 
 
 def reconstruct(
@@ -38,62 +182,6 @@ def reconstruct(
     reconstruct_asset(
         asset, out, resolution, subdivisions, allow_outside=allow_outside, overwrite=overwrite
     )
-
-
-def evaluate(
-    what: Annotated[Literal["procedural", "representation"], tyro.conf.Positional],
-    root: Annotated[Path | None, tyro.conf.Positional] = None,
-    /,
-    *,
-    out: Out,
-    checkpoint: str = "nano",
-    count: int | None = None,
-    records: Path | None = None,
-    pictures: int = 16,
-    unseen: bool = False,
-    processes: int | None = None,
-    allow_outside: bool = False,
-) -> None:
-    """Measure a checkpoint on held-out procedural objects (or the representation alone) and write a table and pictures.
-
-    Args:
-        what: "procedural": image to object. "representation": truth to voxels to object, no network.
-        root: representation: a folder of assets, measured at 32 and 64 voxels a side, instead of procedural objects.
-        checkpoint: As for sample.py.
-        count: Held-out objects, seeds from 1,000,000 on (default 128), or assets (default all).
-        records: Training records for the retrieval baseline; without them it is left out.
-        pictures: How many objects are drawn.
-        unseen: The families that are never trained on, instead of the trained ones.
-        processes: Worker processes beside the networks' own (default: one a core, at most 8).
-        allow_outside: representation: let assets name files outside their own folders.
-    """
-    for name, value in (("count", count), ("processes", processes)):
-        if value is not None and value < 1:
-            raise ValueError(f"evaluate: --{name} must be at least 1, got {value}")
-    if out.exists() and not out.is_dir():
-        raise ValueError(f"output '{out}': a file of that name exists; choose another --out")
-    workers = processes or min(os.cpu_count() or 1, 8)
-    if root is not None:
-        if what != "representation":
-            raise ValueError("evaluate: a folder of assets goes with 'representation'; it has no images")  # fmt: skip
-        from uniart_jax.evaluation.assets import evaluate_assets
-
-        evaluate_assets(root, out, count=count, processes=workers, allow_outside=allow_outside)
-        return
-    from uniart_jax.evaluation import procedural
-    from uniart_jax.pipeline import enable_compilation_cache
-
-    enable_compilation_cache()
-    share: dict[str, Any] = {
-        "unseen": unseen,
-        "processes": workers,
-    }
-    if what == "representation":
-        procedural.evaluate_representation(out, count=count or 128, **share)
-    else:
-        procedural.evaluate_checkpoint(
-            checkpoint, out, count=count or 128, records=records, pictures=pictures, **share
-        )
 
 
 def convert(

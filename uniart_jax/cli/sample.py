@@ -8,7 +8,17 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from uniart_jax.cli.arguments import Out, Overwrite, check_out
+from uniart_jax.cli.arguments import (
+    Density,
+    Formats,
+    Mass,
+    Out,
+    Overwrite,
+    Size,
+    check_out,
+    tried,
+    validation_lines,
+)
 
 
 def sample(
@@ -21,6 +31,12 @@ def sample(
     steps: int | None = None,
     guidance: float | None = None,
     multi_view: bool = False,
+    formats: Formats = None,
+    size: Size = None,
+    density: Density = None,
+    mass: Mass = None,
+    refine: bool = True,
+    check: bool = True,
     overwrite: Overwrite = False,
 ) -> None:
     """One image in, a complete articulated object out.
@@ -33,6 +49,8 @@ def sample(
         steps: Solver steps of both flows (default: the checkpoint's).
         guidance: Classifier-free guidance of both flows, 0 = none (default: the checkpoint's).
         multi_view: The images are views of one object.
+        refine: Draw in limits and shift axes a little where a joint runs into the object (report.json says which).
+        check: Try the asset in the physics engines that are installed (report.json says how it went).
     """
     if not images:
         raise ValueError("sample: give at least one image file")
@@ -42,6 +60,11 @@ def sample(
         raise ValueError(f"sample: --num-samples must be at least 1, got {num_samples}")
     if steps is not None and steps < 1:
         raise ValueError(f"sample: --steps must be at least 1, got {steps}")
+    from uniart_jax.export.mass import check_weights
+    from uniart_jax.export.size import parse_size
+
+    metres = parse_size(size) if size else None
+    check_weights(density, mass)
     from uniart_jax.data.images import check_visible, read_image
 
     pictures = [read_image(path) for path in images]  # all inputs are checked before any work
@@ -51,6 +74,7 @@ def sample(
     for folder in folders.values():
         check_out(folder, overwrite, images)
     from uniart_jax.pipeline import enable_compilation_cache, load
+    from uniart_jax.simulation.refine import refine as mended
 
     enable_compilation_cache()
     console = Console(stderr=True)
@@ -73,13 +97,21 @@ def sample(
                     name=views[0][0].stem,
                     progress=lambda step, name=name: status.update(f"{name}: {step}"),
                 )
+                status.update(f"{name}: collision shapes, textures, physics")
                 folder = folders[g, i]
+                found: list[dict] = []
                 obj.save(
                     folder,
+                    formats=formats,
+                    size=metres,
+                    density=density,
+                    mass=mass,
                     image=views[0][1],
                     seed=seed + i,
                     checkpoint=checkpoint,
                     overwrite=overwrite,
+                    mend=mended if refine else None,
+                    check=(lambda path, found=found: tried(path, found)) if check else None,
                 )
                 moving = [p.joint.type for p in obj.parts if p.joint.type != "fixed"]
                 kinds = (
@@ -89,6 +121,8 @@ def sample(
                 console.print(
                     f"{name}: {len(obj.parts)} parts ({kinds}) -> {folder}", highlight=False
                 )
+                for line in validation_lines(found[0]) if found else ():
+                    console.print(f"  {line}", highlight=False, markup=False)
 
 
 def sample_folders(

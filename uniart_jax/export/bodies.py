@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import trimesh
@@ -43,3 +44,9 @@ def make_bodies(
         inertials, collision_shapes(metric, size), joint_dynamics(obj, inertials), strict=True
     )
     return tuple(Body(*inertial, shapes, dynamics) for inertial, shapes, dynamics in parts)
+
+
+def with_joints(bodies: Sequence[Body], obj: ArticulatedObject) -> tuple[Body, ...]:
+    """The bodies of an object whose joints were changed."""
+    dynamics = joint_dynamics(obj, [(b.mass, b.center, b.inertia) for b in bodies])
+    return tuple(dataclasses.replace(b, dynamics=d) for b, d in zip(bodies, dynamics, strict=True))

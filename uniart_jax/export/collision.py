@@ -8,6 +8,7 @@ grid first.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import igl
@@ -17,7 +18,7 @@ from manifold3d import Manifold
 from scipy.spatial import QhullError
 from skimage import measure
 
-from uniart_jax.export.box_cover import as_box, box_cover, box_solid, flat_box
+from uniart_jax.export.box_cover import as_box, box_cover, flat_box
 from uniart_jax.export.convex_split import (
     Surface,
     as_manifold,
@@ -28,15 +29,36 @@ from uniart_jax.export.convex_split import (
     triangles,
 )
 from uniart_jax.export.physics import Box, Hull, Shape
+from uniart_jax.export.separation import overlaps, separated, width
 
-DEPTH = 0.005  # of the object's longest side: how far a shape may stand out of the part
-PART_DEPTH = 0.06  # of the part's longest side: likewise, for small parts
-OVERLAP = 0.004  # of the object's longest side: shapes of two parts that have more in common are made finer
-FINER = (1 / 3, 1 / 9)
-SPLIT_BUDGET = 384  # pieces an object before neighbours are joined, shared by the parts' faces; what bounds the time
-PART_BUDGET = (32, 256)  # pieces a part of those
-SHELL_LEAST = 8  # pieces a hollow shell of those
-HEAVY = 2500  # faces of an object that is not made finer
+
+@dataclasses.dataclass(frozen=True)
+class Detail:
+    """How closely shapes follow the surface.
+
+    Attributes:
+      depth: of the object's longest side: how far a shape may stand out of its part.
+      budget: convex pieces an object before neighbours are joined, shared by the parts' faces; what bounds the time.
+      part: least and most of those a part may have.
+      finer: factors of ``depth`` that are tried in turn for parts whose shapes overlap.
+    """
+
+    depth: float
+    budget: int
+    part: tuple[int, int]
+    finer: tuple[float, ...]
+
+
+MADE = Detail(0.005, 384, (32, 256), (1 / 3, 1 / 9))
+ROUGH = Detail(
+    0.01, 128, (16, 96), ()
+)  # marching cubes of a network's output: finer shapes would follow its noise
+ROUGH_FACES = 2500  # of an object that is taken for rough
+PART_DEPTH = (
+    0.06  # of the part's longest side: how far a shape may stand out of it, for small parts
+)
+OVERLAP = 0.004  # of the object's longest side, that shapes of two parts may have in common
+SHELL_LEAST = 8  # pieces a hollow shell of the budget
 SHELL_BUDGET = 256  # shells a part; the smallest are left out
 FACE_BUDGET = (
     200,
@@ -55,60 +77,43 @@ def collision_shapes(
 
     Args:
       meshes: [K] parts of one object; closed where they can be.
-      size: longest side of the object, default of all meshes together. Shapes stand out of a closed mesh by at most .75 % of it (or 9 %
-        of the part's own longest side, if that is less), unless it needs more
-        convex pieces than its share of 384 an object. Where shapes of two
-        parts overlap by more than .4 % of it, both parts are made again three times finer, and nine times; a finer cover that
-        overlaps as much is not kept.
+      size: longest side of the object, default of all meshes together. Shapes stand out of a closed mesh by at most .75 % of it (rough
+        surfaces of many faces: 1.5 %; or 9 % of the part's own longest side, if that is less), unless it needs more convex pieces
+        than its share. Where shapes of two parts overlap by more than .4 %, both parts are made again, finer, as far as that helps, and
+        what still overlaps is cut apart (``separation``).
     """
     bounds = np.array([m.bounds for m in meshes])
     size = size or float((bounds[:, 1].max(0) - bounds[:, 0].min(0)).max())
     counts = np.array([len(m.faces) for m in meshes])
-    budgets = np.clip(SPLIT_BUDGET * counts // counts.sum(), *PART_BUDGET)
-    shapes = [_part_shapes(m, size, 1.0, int(b)) for m, b in zip(meshes, budgets, strict=True)]
-    for fineness in FINER if counts.sum() <= HEAVY else ():
-        overlaps = _overlaps(shapes, OVERLAP * size)
-        again = sorted({k for pair in overlaps for k in pair})
-        tried = list(shapes)
-        for k in again:
-            tried[k] = _part_shapes(meshes[k], size, fineness, int(budgets[k]))
-        left = _overlaps(tried, OVERLAP * size)
-        better = {k for pair, depth in overlaps.items() if left.get(pair, 0.0) < depth / 2 for k in pair}  # fmt: skip
-        shapes = [tried[k] if k in better else shapes[k] for k in range(len(shapes))]
-    return shapes
+    detail = MADE if counts.sum() <= ROUGH_FACES else ROUGH
+    budgets = np.clip(detail.budget * counts // counts.sum(), *detail.part)
 
+    def make(k: int, fineness: float) -> tuple[Shape, ...]:
+        return _part_shapes(meshes[k], size, detail.depth * fineness, fineness, int(budgets[k]))
 
-def _overlaps(shapes: Sequence[tuple[Shape, ...]], least: float) -> dict[tuple[int, int], float]:
-    """{(a, b): how thick} of the pairs of parts that have shapes in common by more than ``least``."""
-    solids = [_solid(shape) for own in shapes for shape in own]
-    owner = np.repeat(np.arange(len(shapes)), [len(own) for own in shapes])
-    bounds = np.array([s.bounding_box() for s in solids]).reshape(-1, 2, 3)
-    found: dict[tuple[int, int], float] = {}
-    for i, (lo, hi) in enumerate(bounds):
-        deep = np.minimum(bounds[:i, 1], hi) - np.maximum(bounds[:i, 0], lo)
-        for j in np.flatnonzero((deep.min(1) > least) & (owner[:i] != owner[i])):
-            common = solids[i] ^ solids[j]
-            if common.is_empty() or common.volume() < least**3:
-                continue
-            thick = _width(common.hull())
-            if thick > least:
-                pair = int(owner[j]), int(owner[i])
-                found[pair] = max(found.get(pair, 0.0), thick)
-    return found
+    shapes = [make(k, 1.0) for k in range(len(meshes))]
+    for fineness in detail.finer:
+        found = overlaps(shapes, OVERLAP * size)
+        again = {k for pair in found for k in pair}
+        tried = [make(k, fineness) if k in again else own for k, own in enumerate(shapes)]
+        left = overlaps(tried, OVERLAP * size)
+        better = {k for pair, deep in found.items() if left.get(pair, 0.0) < deep / 2 for k in pair}
+        shapes = [tried[k] if k in better else own for k, own in enumerate(shapes)]
 
+    def rebuild(piece: Manifold) -> Shape | None:
+        lo, hi = np.reshape(piece.bounding_box(), (2, 3))
+        thin = THIN * float((hi - lo).max())
+        return None if width(piece) <= SLIVER * thin else _shape(piece, OVERLAP * size / 4, thin)
 
-def _solid(shape: Shape) -> Manifold:
-    if isinstance(shape, Box):
-        return box_solid(shape.center, shape.size, shape.rotation)
-    return Manifold.hull_points(np.asarray(shape.mesh.vertices, np.float64))
+    return separated(shapes, OVERLAP * size, rebuild)
 
 
 def _part_shapes(
-    mesh: trimesh.Trimesh, size: float, fineness: float, budget: int
+    mesh: trimesh.Trimesh, size: float, depth: float, fineness: float, budget: int
 ) -> tuple[Shape, ...]:
     vertices, faces = _welded(mesh)
     longest = float(np.ptp(vertices, axis=0).max())
-    tolerance = min(DEPTH * size, PART_DEPTH * longest) * fineness
+    tolerance = min(depth * size, PART_DEPTH * fineness * longest)
     thin = max(THIN * longest, 1e-9)
     solids, open_shells = _shells(vertices, faces)
     solids += _open_solids(vertices, open_shells, tolerance, thin)
@@ -124,7 +129,7 @@ def _part_shapes(
     total = sum(solid.num_tri() for solid, _ in hollow)  # a convex button needs no share
     for solid, surface in hollow:
         cut = split_convex(solid, surface, max(SHELL_LEAST, budget * solid.num_tri() // total))
-        pieces += [piece for piece in cut if _width(piece) > SLIVER * thin]
+        pieces += [piece for piece in cut if width(piece) > SLIVER * thin]
     if len(pieces) > 1:
         pieces = merge_convex(pieces, _surface(solids, tolerance))
     shapes = [_shape(piece, tolerance / 2, thin) for piece in pieces]
@@ -210,19 +215,8 @@ def _few_pieces(solid: Manifold, surface: Surface, thin: float) -> list[Manifold
     """The hull of what is as good as convex, the walls of what is built of walls; [] for all else."""
     hull = solid.hull()
     if not surface.exceeded(hull):
-        return [hull] if _width(hull) > thin else [flat_box(*triangles(hull), thin)]
-    return [piece for piece in box_cover(surface) if _width(piece) > SLIVER * thin]
-
-
-def _width(hull: Manifold) -> float:
-    """The least distance between two parallel planes that hold a convex solid, one of them along a face."""
-    vertices, faces = triangles(hull)
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas = np.linalg.norm(normals, axis=1)
-    normals = normals[areas > 1e-9 * areas.max()]
-    heights = normals @ vertices.T / np.linalg.norm(normals, axis=1)[:, None]
-    return float(np.ptp(heights, axis=1).min())
+        return [hull] if width(hull) > thin else [flat_box(*triangles(hull), thin)]
+    return [piece for piece in box_cover(surface) if width(piece) > SLIVER * thin]
 
 
 def _open_solids(

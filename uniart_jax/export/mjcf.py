@@ -34,6 +34,10 @@ from uniart_jax.objects.robot_object import one_line
 WORLD = "world"  # MuJoCo's own body
 MIN_AREA = 1e-12  # m^2: a mesh of less, MuJoCo refuses
 MATERIAL = "material"
+HELD = {
+    "solreffriction": "0.004 1",
+    "solimpfriction": "0.999 0.9999 0.001 0.5 2",
+}  # dry friction that does not creep
 STIFF = {"solref": "0.008 1", "solimp": "0.999 0.9999 0.001"}  # of the constraint in a screw
 
 
@@ -190,6 +194,7 @@ class _Writer:
         resistance = {
             "damping": _number(dynamics.damping),
             "frictionloss": _number(dynamics.friction),
+            **HELD,
         }
         if dynamics.effort > 0:
             limit = _vector([-dynamics.effort, dynamics.effort])

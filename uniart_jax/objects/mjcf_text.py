@@ -31,8 +31,8 @@ MAX_TEXT_BYTES = 4 * MAX_BYTES  # of all of them
 MAX_ALL_PIXELS = 4 * MAX_PIXELS  # of all textures and height fields
 MAX_ELEMENTS = 10_000  # with what <replicate> and <attach> multiply; MuJoCo takes seconds for 5,000 bodies, and four times as long for twice as many
 MAX_PARAMETER = 1000  # resolution of a built-in mesh
-_KEPT = ("compiler", "default", "asset", "worldbody", "equality")
-_SOFT = ("composite", "flexcomp", "deformable", "skin")
+KEPT = ("compiler", "default", "asset", "worldbody", "equality")
+SOFT = ("composite", "flexcomp", "deformable", "skin")
 _PLACES = ("meshdir", "texturedir", "assetdir", "strippath", "discardvisual", "fusestatic")
 _SIZES = {"texture": ("width", "height"), "hfield": ("nrow", "ncol")}
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -54,7 +54,7 @@ def self_contained(
       ValueError: what ``parse_xml`` refuses, a plugin, a file that is missing, too large or outside the asset's folder, includes
         or attachments without end; one line that names element and file.
     """
-    packer = _Packer(files, notes)
+    packer = Packer(files, notes)
     return packer.document(data, path, 0)[0], packer.assets
 
 
@@ -75,7 +75,7 @@ class _Packed:
     height: int = 0
 
 
-class _Packer:
+class Packer:
     def __init__(self, files: AssetFiles, notes: list[str]):
         self.files = files
         self.notes = notes
@@ -165,11 +165,11 @@ class _Packer:
 
     def _prune(self, root: etree._Element) -> None:
         for element in list(root):
-            if element.tag not in (*_KEPT, *_SOFT):
+            if element.tag not in (*KEPT, *SOFT):
                 root.remove(element)
-        for element in list(root.iter(*_SOFT)):
+        for element in list(root.iter(*SOFT)):
             self.notes.append(f"link: a soft body (<{element.tag}>) was left out")
-            _remove(element)
+            remove(element)
         for equality in root.findall("equality"):
             for element in list(equality):
                 if element.tag != "joint":
@@ -241,7 +241,7 @@ def _pop_places(root: etree._Element) -> dict[str, str]:
     return {name: text.strip().replace("\\", "/") for name, text in places.items()}
 
 
-def _remove(element: etree._Element) -> None:
+def remove(element: etree._Element) -> None:
     parent = element.getparent()
     if parent is not None:
         parent.remove(element)

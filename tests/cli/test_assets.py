@@ -1,0 +1,130 @@
+"""``uniart export | validate | view``: what a user types, reads and gets as exit code."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+pytest.importorskip("mujoco")
+
+from uniart_jax import cli
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.load import load_object
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+
+def chest(angle: float = 1.4) -> ArticulatedObject:
+    """A closed block with a lid hinged at its back edge; a negative angle turns the lid into the block."""
+    block = trimesh.creation.box(bounds=[[-0.3, -0.4, -0.3], [0.3, 0.4, 0.2]])
+    lid = trimesh.creation.box(bounds=[[-0.3, -0.4, 0.205], [0.3, 0.4, 0.25]])
+    joint = Joint([0.3, 0, 0.205], [0, 1, 0], (min(angle, 0), max(angle, 0)))
+    return ArticulatedObject((Part("block", block), Part("lid", lid, 0, joint)), name="chest")
+
+
+@pytest.fixture(scope="module")
+def assets(tmp_path_factory):
+    """A sound chest and one whose lid goes into it; tests only read them."""
+    root = tmp_path_factory.mktemp("assets")
+    for name, angle in (("sound", 1.4), ("inward", -1.0)):
+        chest(angle).save(root / name, formats=("mjcf",), motion=False)
+    return root
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    def call(*arguments) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["uniart", *map(str, arguments)])
+        with pytest.raises(SystemExit) as done:
+            cli.main()
+        out, err = capsys.readouterr()
+        return int(done.value.code or 0), out, err
+
+    return call
+
+
+def test_validate_tells_sound_from_not(run, assets, tmp_path):
+    code, out, _ = run("validate", assets / "sound", "--out", tmp_path / "a", "--engines", "mujoco")
+    assert code == 0 and "mujoco" in out and "sweep" not in out
+    assert {p.name for p in (tmp_path / "a").iterdir()} == {"validation.json", "validation.png"}
+    code, out, _ = run(
+        "validate", assets / "inward", "--out", tmp_path / "b", "--engines", "mujoco"
+    )
+    assert code == 1 and "sweep" in out and "lid_joint" in out
+    found = json.loads((tmp_path / "b" / "validation.json").read_text())
+    assert not found["engines"]["mujoco"]["sweep"]["passed"]
+
+
+def test_validate_of_what_is_no_asset_is_one_line(run, assets, tmp_path):
+    (tmp_path / "no.urdf").write_text("<robot")
+    for bad in (tmp_path / "absent", tmp_path / "no.urdf"):
+        code, out, err = run("validate", bad, "--out", tmp_path / "out", "--engines", "mujoco")
+        assert code == 2 and err.startswith("error: ") and err.count("\n") == 1 and not out
+    assert not (tmp_path / "out").exists()
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.doc").write_text("")
+    code, _, err = run("validate", assets / "sound", "--out", tmp_path / "mine", "--overwrite")
+    assert code == 2 and "not replaced" in err
+
+
+def test_validate_refines_on_request(run, tmp_path):
+    chest(-1.0).save(tmp_path / "inward", formats=("mjcf",), motion=False)
+    wide = chest(
+        2.6
+    )  # the lid's range ends far behind the block: nothing is there, so nothing changes
+    wide.save(tmp_path / "wide", formats=("mjcf",), motion=False)
+    code, out, _ = run(
+        *("validate", tmp_path / "wide", "--out", tmp_path / "w", "--refine"),
+        *("--engines", "mujoco"),
+    )
+    assert code == 0 and "refined:" in out
+    limits = load_object(tmp_path / "w" / "refined").parts[1].joint.limits
+    assert limits == pytest.approx((0, 2.6))
+    code, out, _ = run(
+        *("validate", tmp_path / "inward", "--out", tmp_path / "i", "--refine"),
+        *("--engines", "mujoco"),
+    )
+    assert code == 1 and "left as it is" in out  # no nearby axis helps a lid that goes in
+
+
+def test_export_sizes_weighs_and_checks(run, assets, tmp_path):
+    out = tmp_path / "out"
+    options = ("--size", "oven", "--mass", "20", "--formats", "mjcf", "stl")
+    code, _, err = run("export", assets / "sound", "--out", out, *options)
+    assert code == 0 and "2 parts" in err
+    obj, report = load_object(out), json.loads((out / "report.json").read_text())
+    assert np.ptp(obj.bounds, axis=0).max() == pytest.approx(0.9)
+    assert sum(p["mass"] for p in report["parts"]) == pytest.approx(20)
+    assert report["validation"]["mujoco"]["loads"]["passed"]
+    assert (out / "object.xml").is_file() and (out / "print").is_dir()
+    assert not (out / "object.glb").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--size", "house"), "give metres, or a category"),
+        (("--size", "-1"), "between 0.001 and 1000"),
+        (("--mass", "1", "--density", "1"), "not both"),
+        (("--mass", "nan"), "positive"),
+    ],
+)
+def test_export_refuses_what_cannot_be(run, assets, tmp_path, options, said):
+    code, _, err = run("export", assets / "sound", "--out", tmp_path / "out", *options)
+    assert code == 2 and said in err and err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_normalised_data_set_gets_usual_sizes(tmp_path):
+    from uniart_jax.cli.assets import is_metric
+
+    chest().save(tmp_path / "ours", formats=(), motion=False)
+    assert is_metric(tmp_path / "ours", False)
+    folder = tmp_path / "partnet"
+    folder.mkdir()
+    (folder / "mobility.urdf").write_text("<robot name='x'/>")
+    (folder / "mobility_v2.json").write_text("[]")
+    assert not is_metric(folder, False)

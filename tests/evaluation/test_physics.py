@@ -1,0 +1,64 @@
+"""``uniart evaluate physics``: every object counts, what was done stays done, what cannot be tried is a failure."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+pytest.importorskip("mujoco")
+
+from uniart_jax.evaluation.physics import evaluate_physics, markdown, summarize_trials
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+ENGINES = ("mujoco",)
+
+
+def test_a_folder_of_assets_with_a_bad_one(tmp_path):
+    drawer = Joint(np.zeros(3), [-1, 0, 0], (0, 0), (0, 0.3))
+    parts = (
+        Part("shelf", trimesh.creation.box(bounds=[[0, -0.3, 0], [0.4, 0.3, 0.1]])),
+        Part("tray", trimesh.creation.box(bounds=[[0, -0.3, 0.102], [0.4, 0.3, 0.2]]), 0, drawer),
+    )
+    ArticulatedObject(parts).save(tmp_path / "in" / "good", formats=(), motion=False)
+    (tmp_path / "in" / "bad").mkdir()
+    (tmp_path / "in" / "bad" / "object.urdf").write_text("<robot name='bad'></robot>")
+    out = tmp_path / "out"
+    found = evaluate_physics(out, root=tmp_path / "in", engines=ENGINES)
+    row = found["rows"]["assets"]
+    assert row["objects"] == 2 and row["sound"] == 0.5 and row["loads mujoco"] == 0.5
+    assert row["joints mujoco"] == 1 and row["70 % mujoco"] == 1.0
+    bad = next(r for r in found["objects"]["assets"] if "bad" in r["name"])
+    assert not bad["sound"] and bad["failed"]
+    assert json.loads((out / "metrics.json").read_text())["rows"] == found["rows"]
+    assert "| assets |" in (out / "table.md").read_text()
+
+    kept = next((out / "results" / "assets").glob("*good*.json"))
+    known = json.loads(kept.read_text()) | {"sound": False}
+    kept.write_text(json.dumps(known))
+    again = evaluate_physics(out, root=tmp_path / "in", engines=ENGINES)
+    assert again["rows"]["assets"]["sound"] == 0.0  # taken from the file, not done anew
+    with pytest.raises(ValueError, match="other objects or engines; choose another --out"):
+        evaluate_physics(out, root=tmp_path / "other", engines=ENGINES)
+
+
+def test_both_sources_at_once_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="not both"):
+        evaluate_physics(tmp_path / "out", root=tmp_path, checkpoint="nano")
+    assert not (tmp_path / "out").exists()
+
+
+def test_figures_of_a_row():
+    good = {
+        "name": "a", "sound": True, "failed": [], "yourdfpy": True, "watertight": True,
+        "engines": {"mujoco": {"loads": True, "stands": True}}, "joints": {"mujoco": {"x": True, "y": False}},
+        "seconds": {"export": 2.0, "validate": 3.0},
+    }  # fmt: skip
+    bad = good | {"name": "b", "sound": False, "engines": {}, "joints": {}, "seconds": {}, "yourdfpy": False}  # fmt: skip
+    row = summarize_trials([good, bad])
+    assert row["loads mujoco"] == 0.5 and row["stands mujoco"] == 0.5 and row["sound"] == 0.5
+    assert row["joints mujoco"] == 2 and row["70 % mujoco"] == 0.5 and row["export s"] == 2.0
+    assert markdown({"truth": row}).count("\n") == 2

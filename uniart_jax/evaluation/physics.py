@@ -1,0 +1,281 @@
+"""Do assets work in a simulator? Objects written as assets, loaded in every engine, their joints driven; one table.
+
+truth       held-out procedural objects as they were drawn: what export and validation themselves can do
+assets      every asset below a folder, read and written anew
+sampled     what a checkpoint makes of held-out images
+refined     the same objects after ``simulation.refine``
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from uniart_jax import procedural
+from uniart_jax.data.folder import Settings
+from uniart_jax.data.sources import Entry, find_entries, load_entry
+from uniart_jax.evaluation.procedural import held_out
+from uniart_jax.export.asset import save_asset
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.pipeline import load
+from uniart_jax.processes import each
+from uniart_jax.progress import track
+from uniart_jax.simulation.primitives import REACH
+from uniart_jax.simulation.refine import refine
+from uniart_jax.simulation.sweep import DEPTH
+from uniart_jax.simulation.validate import is_sound, validate
+
+FORMATS = ("urdf", "mjcf")
+console = Console(stderr=True, highlight=False)
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """One object to be tried.
+
+    Attributes:
+      row: of the table.
+      name: of its folder.
+      source: the object itself, what it is made from (a family and seed, an entry with its settings), or why there is none.
+    """
+
+    row: str
+    name: str
+    source: ArticulatedObject | tuple[str, int] | tuple[Entry, Settings] | str
+
+    def make(self) -> ArticulatedObject:
+        """The object; raises what its source raises."""
+        if isinstance(self.source, ArticulatedObject):
+            return self.source
+        if isinstance(self.source, str):
+            raise ValueError(self.source)
+        first, second = self.source
+        if isinstance(first, Entry):
+            assert isinstance(second, Settings)
+            return load_entry(first, second)
+        assert isinstance(second, int)
+        return procedural.generate(first, second)
+
+
+def evaluate_physics(
+    out: Path,
+    *,
+    root: Path | None = None,
+    checkpoint: str | None = None,
+    count: int | None = None,
+    unseen: bool = False,
+    engines: Sequence[str] | None = None,
+    allow_outside: bool = False,
+    processes: int = 1,
+) -> dict[str, Any]:
+    """Write, load and drive objects. Goes on where it was stopped: results that are there are kept.
+
+    Args:
+      out: ``assets/<row>/<name>/`` with ``validation.png``, ``results/<row>/<name>.json``, ``metrics.json``, ``table.md``.
+      root: a folder of assets. checkpoint: what makes objects of held-out images. Neither: held-out objects themselves.
+      count: objects; default 200, all assets of a folder, or 64 of a checkpoint.
+      engines: default MuJoCo and, where it is installed, PyBullet.
+
+    Raises:
+      FileNotFoundError: ``root`` holds no assets. ValueError: both are given, or results of other objects lie there.
+    """
+    if root is not None and checkpoint is not None:
+        raise ValueError("evaluate physics: give a folder of assets or --checkpoint, not both")
+    settings = {"root": str(root or ""), "checkpoint": checkpoint or "", "unseen": unseen, "engines": list(engines or ())}  # fmt: skip
+    _claim(out, settings)
+    if checkpoint is not None:
+        count = count or 64
+        trials: Iterable[Trial] = _sampled(checkpoint, count, unseen, out)
+        total = 2 * count
+    else:
+        found = _assets(root, count, allow_outside) if root is not None else _truth(count or 200, unseen)  # fmt: skip
+        trials, total = found, len(found)
+    run = functools.partial(_run, Path(out), tuple(engines or ()) or None)
+    made = each(processes, run, trials, 2 * processes, functools.partial(_died, Path(out)))
+    rows: dict[str, list[dict]] = {}
+    for row, result in track(made, "assets in simulators", total):
+        rows.setdefault(row, []).append(result)
+    table = {row: summarize_trials(results) for row, results in rows.items()}
+    content = {**settings, "rows": table, "objects": rows}
+    (out / "metrics.json").write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
+    (out / "table.md").write_text(markdown(table) + "\n")
+    print(markdown(table))
+    for row, results in rows.items():
+        for result in results:
+            if not result["sound"]:
+                console.print(f"{row}, {result['name']}: {'; '.join(result['failed']) or 'failed'}")
+    return content
+
+
+def _claim(out: Path, settings: dict) -> None:
+    """Begin in ``out``, or go on there with the same settings."""
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "settings.json"
+    if file.is_file() and json.loads(file.read_text()) != settings:
+        raise ValueError(f"{out}: it holds results of other objects or engines; choose another --out")  # fmt: skip
+    file.write_text(json.dumps(settings, indent=2) + "\n")
+
+
+def _truth(count: int, unseen: bool) -> list[Trial]:
+    families = procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
+    drawn = [(families[i % len(families)], procedural.HELD_OUT_SEED + i) for i in range(count)]
+    return [Trial("truth", f"{family}-{seed}", (family, seed)) for family, seed in drawn]
+
+
+def _assets(root: Path, count: int | None, allow_outside: bool) -> list[Trial]:
+    settings = Settings("urdf", root=str(root), allow_outside=allow_outside)
+    entries = find_entries(root, "urdf")[:count]
+    return [
+        Trial("assets", f"{i:04d}-{Path(e.key).name}", (e, settings)) for i, e in enumerate(entries)
+    ]
+
+
+def _sampled(checkpoint: str, count: int, unseen: bool, out: Path) -> Iterator[Trial]:
+    """Two trials an image, before and after refining; the networks run in this process, only where a result is missing."""
+    pipeline = None
+    for index in range(count):
+        name = f"{index:04d}"
+        files = [_result_file(out, row, name) for row in ("sampled", "refined")]
+        if all(f.is_file() for f in files):
+            yield from (Trial(row, name, "done before") for row in ("sampled", "refined"))
+            continue
+        pipeline = pipeline or load(checkpoint)
+        model = pipeline.config.model
+        test = held_out(
+            index,
+            unseen=unseen,
+            resolution=model.grid.resolution,
+            subdivisions=model.grid.subdivisions,
+            image_size=model.image_encoder.image_size,
+        )
+        try:
+            source: ArticulatedObject | str = pipeline(test.image, seed=index)
+        except ValueError as error:  # no object in the image: a failure that counts
+            source = str(error)
+        yield from (Trial(row, name, source) for row in ("sampled", "refined"))
+
+
+def _result_file(out: Path, row: str, name: str) -> Path:
+    return out / "results" / row / f"{name}.json"
+
+
+def _run(out: Path, engines: Sequence[str] | None, trial: Trial) -> tuple[str, dict]:
+    """One object's figures; kept in a file."""
+    file = _result_file(out, trial.row, trial.name)
+    if file.is_file():
+        return trial.row, json.loads(file.read_text())
+    result = _try(out / "assets" / trial.row / trial.name, engines, trial)
+    return trial.row, _keep(file, result)
+
+
+def _died(out: Path, trial: Trial) -> tuple[str, dict]:
+    result = _failure(trial.name, "its worker process died")
+    return trial.row, _keep(_result_file(out, trial.row, trial.name), result)
+
+
+def _keep(file: Path, result: dict) -> dict:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    partial = file.with_suffix(".new")
+    partial.write_text(json.dumps(result, indent=2, allow_nan=False) + "\n")
+    partial.replace(file)
+    return result
+
+
+def _failure(name: str, why: str) -> dict:
+    """What an object counts as that could not even be tried."""
+    return {"name": name, "sound": False, "failed": [why], "engines": {}, "yourdfpy": False, "watertight": False, "joints": {}, "seconds": {}}  # fmt: skip
+
+
+def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
+    try:
+        obj = trial.make()
+        mend = refine if trial.row == "refined" else None
+        start = time.perf_counter()
+        save_asset(obj, folder, formats=FORMATS, motion=False, overwrite=True, mend=mend)
+        written = time.perf_counter()
+        found = validate(folder, out=folder, engines=engines)
+        done = time.perf_counter()
+    except Exception as error:  # one object must not cost the figures of all others
+        return _failure(trial.name, f"{type(error).__name__}: {' '.join(str(error).split())}")
+    ran = found["engines"]
+    failed = [
+        f"{where} {name} ({check.get('reason', check['value'])})"
+        for where, checks in [*ran.items(), ("geometry", found["geometry"])]
+        for name, check in checks.items()
+        if not check["passed"]
+    ]
+    return {
+        "name": trial.name,
+        "sound": is_sound(found),
+        "failed": failed,
+        "engines": {e: {name: c["passed"] for name, c in checks.items()} for e, checks in ran.items()},
+        "yourdfpy": _opens(folder / "object.urdf"),
+        "watertight": bool(found["geometry"]["watertight"]["passed"]),
+        "joints": {
+            e: {name: _works(joint) for name, joint in found["joints"][e].items()} for e in ran
+        },
+        "seconds": {"export": written - start, "validate": done - written},
+    }  # fmt: skip
+
+
+def _works(joint: dict) -> bool:
+    """The paper's rule: the driven joint comes to 70 % of its range and nothing runs into anything."""
+    return joint["reached"] >= REACH and joint["collision"] <= DEPTH
+
+
+def _opens(urdf: Path) -> bool:
+    import yourdfpy
+
+    try:
+        yourdfpy.URDF.load(str(urdf))
+    except Exception as error:  # whatever a foreign loader raises is a failure to be counted
+        console.print(f"{urdf.parent.name}: yourdfpy refused it ({error})")
+        return False
+    return True
+
+
+def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
+    """Shares of objects and of joints, and median seconds. An object that could not be tried fails everything.
+
+    Joints of objects that failed before they were driven are not known; ``driven`` says of how many objects they are.
+    """
+    engines = sorted({engine for r in results for engine in r["engines"]})
+    row: dict[str, float] = {"objects": len(results)}
+    for engine in engines:
+        loaded = [r["engines"].get(engine, {}).get("loads", False) for r in results]
+        row[f"loads {engine}"] = float(np.mean(loaded))
+    row["loads yourdfpy"] = float(np.mean([r["yourdfpy"] for r in results]))
+    row["watertight"] = float(np.mean([r["watertight"] for r in results]))
+    for engine in engines:
+        row[f"stands {engine}"] = float(np.mean([r["engines"].get(engine, {}).get("stands", False) for r in results]))  # fmt: skip
+    for engine in engines:
+        works = [w for r in results for w in r["joints"].get(engine, {}).values()]
+        row[f"joints {engine}"] = len(works)
+        row[f"70 % {engine}"] = float(np.mean(works)) if works else 0.0
+    row["sound"] = float(np.mean([r["sound"] for r in results]))
+    for step in ("export", "validate"):
+        taken = [r["seconds"][step] for r in results if r["seconds"]]
+        row[f"{step} s"] = float(np.median(taken)) if taken else 0.0
+    return row
+
+
+def markdown(table: dict[str, dict[str, float]]) -> str:
+    """A line a row."""
+    columns = list(dict.fromkeys(key for row in table.values() for key in row))
+    lines = ["| | " + " | ".join(columns) + " |", "|" + "---|" * (len(columns) + 1)]
+    for name, row in table.items():
+        cells = [_cell(key, row[key]) if key in row else "-" for key in columns]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _cell(key: str, value: float) -> str:
+    return f"{value:.0f}" if key == "objects" or key.startswith("joints") else f"{value:.3g}"

@@ -1,0 +1,131 @@
+"""Convex shapes of two parts that have room in common: how much, and cut apart.
+
+Surfaces that touch or cross, as generated ones do along every seam, would push each other for ever in a simulator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from manifold3d import Manifold
+
+from uniart_jax.export.box_cover import box_solid
+from uniart_jax.export.convex_split import triangles
+from uniart_jax.export.physics import Box, Shape
+
+PLANES = 8  # directions that are tried for a cut, the thinnest first
+MOST_LOST = 0.5  # of the volumes of the two shapes, summed: more is not cut away
+
+
+def overlaps(shapes: Sequence[tuple[Shape, ...]], least: float) -> dict[tuple[int, int], float]:
+    """{(a, b): how thick} of the pairs of parts that have shapes in common by more than ``least``."""
+    solids, owner = _solids(shapes)
+    found: dict[tuple[int, int], float] = {}
+    for i, j in _near(solids, owner, least):
+        common = _common(solids[i], solids[j], least)
+        if common is not None:
+            pair = int(owner[j]), int(owner[i])
+            found[pair] = max(found.get(pair, 0.0), width(common))
+    return found
+
+
+def separated(
+    shapes: Sequence[tuple[Shape, ...]],
+    least: float,
+    rebuild: Callable[[Manifold], Shape | None],
+) -> list[tuple[Shape, ...]]:
+    """The shapes with those of two parts cut apart by planes where they overlap by more than ``least``.
+
+    A convex shape cut by a plane stays convex. Of a pair the plane is taken that costs the least; where any would cost more than half
+    of a shape (an axle through a block) they stay as they are. ``rebuild`` makes a shape of what is left, None of a sliver.
+    """
+    solids, owner = _solids(shapes)
+    cut: set[int] = set()
+    for i, j in _near(solids, owner, least):
+        common = _common(solids[i], solids[j], least)
+        halves = None if common is None else _apart(solids[i], solids[j], common)
+        if halves is not None:
+            solids[i], solids[j] = halves
+            cut |= {i, j}
+    flat = [shape for own in shapes for shape in own]
+    kept = [rebuild(solids[i]) if i in cut else flat[i] for i in range(len(flat))]
+    out = []
+    for k, own in enumerate(shapes):
+        left = tuple(s for s, o in zip(kept, owner, strict=True) if o == k and s is not None)
+        out.append(left or own)
+    return out
+
+
+def width(hull: Manifold) -> float:
+    """The least distance between two parallel planes that hold a convex solid, one of them along a face."""
+    vertices, _ = triangles(hull)
+    return float(np.ptp(_normals(hull) @ vertices.T, axis=1).min())
+
+
+def _normals(hull: Manifold) -> np.ndarray:
+    """[n, 3] unit normals of the faces that have an area."""
+    vertices, faces = triangles(hull)
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    kept = areas > 1e-9 * areas.max()
+    return normals[kept] / areas[kept, None]
+
+
+def _solids(shapes: Sequence[tuple[Shape, ...]]) -> tuple[list[Manifold], np.ndarray]:
+    """Every shape as a solid, and the part that each is of."""
+    solids = [_solid(shape) for own in shapes for shape in own]
+    return solids, np.repeat(np.arange(len(shapes)), [len(own) for own in shapes])
+
+
+def _solid(shape: Shape) -> Manifold:
+    if isinstance(shape, Box):
+        return box_solid(shape.center, shape.size, shape.rotation)
+    return Manifold.hull_points(np.asarray(shape.mesh.vertices, np.float64))
+
+
+def _near(solids: Sequence[Manifold], owner: np.ndarray, least: float) -> list[tuple[int, int]]:
+    """Pairs of shapes of different parts whose boxes overlap by more than ``least``."""
+    bounds = np.array([s.bounding_box() for s in solids]).reshape(-1, 2, 3)
+    pairs = []
+    for i, (lo, hi) in enumerate(bounds):
+        deep = np.minimum(bounds[:i, 1], hi) - np.maximum(bounds[:i, 0], lo)
+        pairs += [
+            (i, int(j)) for j in np.flatnonzero((deep.min(1) > least) & (owner[:i] != owner[i]))
+        ]
+    return pairs
+
+
+def _common(one: Manifold, two: Manifold, least: float) -> Manifold | None:
+    """What two shapes share, if it is thicker than ``least``."""
+    common = one ^ two
+    if common.is_empty() or common.volume() < least**3:
+        return None
+    hull = common.hull()
+    return hull if width(hull) > least else None
+
+
+def _apart(one: Manifold, two: Manifold, common: Manifold) -> tuple[Manifold, Manifold] | None:
+    """Both on their own side of the plane that takes the least of them; None if that is too much."""
+    vertices, _ = triangles(common)
+    normals = _normals(common)
+    thin = np.argsort(np.ptp(normals @ vertices.T, axis=1), kind="stable")
+    tried: list[np.ndarray] = []
+    for normal in normals[thin]:
+        if all(abs(normal @ other) < 0.99 for other in tried):
+            tried.append(normal)
+        if len(tried) == PLANES:
+            break
+    best, least = None, MOST_LOST
+    for normal in tried:
+        heights = vertices @ normal
+        for offset in (heights.min(), (heights.min() + heights.max()) / 2, heights.max()):
+            first = one.split_by_plane(tuple(normal), float(offset))
+            second = two.split_by_plane(tuple(normal), float(offset))
+            for side in (0, 1):  # ``one`` above the plane, or below
+                kept, other = first[side], second[1 - side]
+                lost = 2 - kept.volume() / one.volume() - other.volume() / two.volume()
+                if lost < least and not kept.is_empty() and not other.is_empty():
+                    best, least = (kept, other), lost
+    return best

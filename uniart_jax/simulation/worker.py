@@ -1,0 +1,59 @@
+"""One engine's process: ``python -m uniart_jax.simulation.worker JOB RESULT``.
+
+JOB is JSON: {"engine", "path" of the staged description, "plan" or null, "seconds"}. A file that breaks an engine breaks this process only.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+
+from uniart_jax.simulation.engine import Engine, Plan, make_plan
+
+
+def load(engine: str, path: Path, plan: Plan | None) -> Engine:
+    """The asset in an engine, ``mujoco`` or ``pybullet``.
+
+    Raises:
+      ValueError, RuntimeError, ImportError: it does not load; engines have their own ways to say so.
+    """
+    if engine == "mujoco":
+        from uniart_jax.simulation.mujoco_engine import MujocoEngine
+
+        return MujocoEngine(path, plan)
+    from uniart_jax.simulation.bullet_engine import BulletEngine
+
+    return BulletEngine(path, plan)
+
+
+def main(job_file: str, result_file: str) -> None:
+    """Do a job; the result is there complete or not at all."""
+    job = json.loads(Path(job_file).read_text("utf-8"))
+    _bound(job["seconds"])
+    plan = make_plan(job["plan"]) if job["plan"] else None
+    try:
+        engine = load(job["engine"], Path(job["path"]), plan)
+    except Exception as error:  # whatever an engine raises on a file that it does not take
+        result = {"refused": f"{error}" or type(error).__name__}
+    else:
+        from uniart_jax.simulation.measure import measure
+
+        result = measure(engine) if plan else {}
+    partial = Path(f"{result_file}.new")
+    partial.write_text(json.dumps(result, allow_nan=False), "utf-8")
+    os.replace(partial, result_file)
+
+
+def _bound(seconds: float) -> None:
+    """No more processor time than that, should whoever started this be gone."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return
+    resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
