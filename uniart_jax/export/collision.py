@@ -51,7 +51,7 @@ class Detail:
 
 MADE = Detail(0.005, 384, (32, 256), (1 / 3, 1 / 9))
 ROUGH = Detail(
-    0.01, 128, (16, 96), ()
+    0.015, 64, (8, 48), ()
 )  # marching cubes of a network's output: finer shapes would follow its noise
 ROUGH_FACES = 2500  # of an object that is taken for rough
 PART_DEPTH = (
@@ -78,7 +78,7 @@ def collision_shapes(
     Args:
       meshes: [K] parts of one object; closed where they can be.
       size: longest side of the object, default of all meshes together. Shapes stand out of a closed mesh by at most .75 % of it (rough
-        surfaces of many faces: 1.5 %; or 9 % of the part's own longest side, if that is less), unless it needs more convex pieces
+        surfaces of many faces: 2.3 %; or 9 % of the part's own longest side, if that is less), unless it needs more convex pieces
         than its share. Where shapes of two parts overlap by more than .4 %, both parts are made again, finer, as far as that helps, and
         what still overlaps is cut apart (``separation``).
     """

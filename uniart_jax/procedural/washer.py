@@ -302,8 +302,8 @@ def _top_loader(rng: np.random.Generator) -> ArticulatedObject:
     lid = Shape()
     lo, hi = (
         np.array([start, -lid_y, height + 0.002]),
-        np.array([back, lid_y, height + 0.002 + thick]),
-    )
+        np.array([back - (0.028 if ys else 0), lid_y, height + 0.002 + thick]),
+    )  # opened, it stands before the knobs
     frame = 0.16 * (back - start)
     if rng.random() < 0.4:  # a window in the lid
         hole = box(

@@ -243,12 +243,29 @@ class _Copy:
         return {name: s[0] for name, s in zip(self.joints, states, strict=True)}
 
     def mass_matrix(self) -> np.ndarray:
-        """[J, J] in the present state."""
-        now = list(self.coordinates().values())
-        if not now:
-            return np.zeros((0, 0))
-        matrix = pybullet.calculateMassMatrix(self.body, now, physicsClientId=self.client)
-        return np.array(matrix).reshape(len(now), len(now))
+        """[J, J] in the present state, from how every link moves with each joint.
+
+        PyBullet's own ``calculateMassMatrix`` refuses sound robots whose tensors, once turned, are symmetric to 7e-15 only.
+        """
+        numbers, client = list(self.joints.values()), self.client
+        states = [pybullet.getJointState(self.body, i, physicsClientId=client)[:2] for i in numbers]
+        moved = []
+        for k in range(len(numbers)):
+            for i, number in enumerate(numbers):
+                pybullet.resetJointState(
+                    self.body, number, states[i][0], float(i == k), physicsClientId=client
+                )
+            rows = []
+            for link in self.links[1:]:
+                mass, moments = self.inertias[link]
+                state = self.state(link)
+                spin = _matrix(state[0], state[1])[:3, :3].T @ np.array(state[7])
+                rows += [np.sqrt(mass) * np.array(state[6]), np.sqrt(moments) * spin]
+            moved.append(np.concatenate(rows))
+        for number, (position, velocity) in zip(numbers, states, strict=True):
+            pybullet.resetJointState(self.body, number, position, velocity, physicsClientId=client)
+        rows = np.reshape(moved, (len(numbers), -1))
+        return rows @ rows.T
 
     def state(self, link: str) -> tuple:
         """``getLinkState`` as of now; for the root, which never moves, the same eight entries."""
