@@ -123,7 +123,7 @@ def test_a_joint_that_is_free_nowhere_is_left_and_said():
     )
     same, (done,) = refine(obj, bodies)
     assert same.parts[2].joint.limits == obj.parts[2].joint.limits
-    assert done.free_after < 0.5 and "left as it is" in same.provenance[-1]
+    assert done.free_after < 0.2 and "left as it is" in same.provenance[-1]
 
 
 def test_a_continuous_joint_that_hits_becomes_revolute_and_a_screw_keeps_its_pitch():

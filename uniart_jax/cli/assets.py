@@ -49,7 +49,7 @@ def export(
     from uniart_jax.export.asset import save_asset
     from uniart_jax.export.size import parse_size, typical_size
     from uniart_jax.objects.load import load_object
-    from uniart_jax.simulation.refine import refine as mended
+    from uniart_jax.simulation.refine import mend
 
     obj = load_object(asset, allow_outside=allow_outside)
     metres = parse_size(size) if size else None
@@ -66,7 +66,7 @@ def export(
             density=density,
             mass=mass,
             overwrite=overwrite,
-            mend=mended if refine else None,
+            mend=mend if refine else None,
             check=(lambda folder: tried(folder, found)) if check else None,
         )
     for line in json.loads((out / "report.json").read_text("utf-8"))["notes"]:
@@ -117,10 +117,10 @@ def validate(
         found = simulation.validate(asset, out=folder, engines=engines, allow_outside=allow_outside)
         if refine:
             from uniart_jax.objects.load import load_object
-            from uniart_jax.simulation.refine import refine as mended
+            from uniart_jax.simulation.refine import mend
 
             obj = load_object(asset, allow_outside=allow_outside)
-            obj.save(folder / "refined", motion=False, mend=mended)
+            obj.save(folder / "refined", motion=False, mend=mend)
             notes = json.loads((folder / "refined" / "report.json").read_text("utf-8"))["notes"]
             after = simulation.validate(folder / "refined", out=folder / "refined", engines=engines)
     for line in validation_lines(simulation.verdicts(found)):

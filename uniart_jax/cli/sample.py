@@ -74,7 +74,7 @@ def sample(
     for folder in folders.values():
         check_out(folder, overwrite, images)
     from uniart_jax.pipeline import enable_compilation_cache, load
-    from uniart_jax.simulation.refine import refine as mended
+    from uniart_jax.simulation.refine import mend
 
     enable_compilation_cache()
     console = Console(stderr=True)
@@ -110,7 +110,7 @@ def sample(
                     seed=seed + i,
                     checkpoint=checkpoint,
                     overwrite=overwrite,
-                    mend=mended if refine else None,
+                    mend=mend if refine else None,
                     check=(lambda path, found=found: tried(path, found)) if check else None,
                 )
                 moving = [p.joint.type for p in obj.parts if p.joint.type != "fixed"]

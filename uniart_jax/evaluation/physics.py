@@ -29,7 +29,7 @@ from uniart_jax.pipeline import load
 from uniart_jax.processes import each
 from uniart_jax.progress import track
 from uniart_jax.simulation.primitives import REACH
-from uniart_jax.simulation.refine import refine
+from uniart_jax.simulation.refine import mend
 from uniart_jax.simulation.sweep import DEPTH
 from uniart_jax.simulation.validate import is_sound, validate
 
@@ -197,9 +197,15 @@ def _failure(name: str, why: str) -> dict:
 def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
     try:
         obj = trial.make()
-        mend = refine if trial.row == "refined" else None
         start = time.perf_counter()
-        save_asset(obj, folder, formats=FORMATS, motion=False, overwrite=True, mend=mend)
+        save_asset(
+            obj,
+            folder,
+            formats=FORMATS,
+            motion=False,
+            overwrite=True,
+            mend=mend if trial.row == "refined" else None,
+        )
         written = time.perf_counter()
         found = validate(folder, out=folder, engines=engines)
         done = time.perf_counter()

@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image
 
 from uniart_jax.export.atlas import Atlas, make_atlas
-from uniart_jax.export.bodies import make_bodies, with_joints
+from uniart_jax.export.bodies import make_bodies
 from uniart_jax.export.folder import check_target, complete_folder
 from uniart_jax.export.frames import hulls
 from uniart_jax.export.glb import write_glb
@@ -46,7 +46,7 @@ from uniart_jax.objects.object import ArticulatedObject
 Format = Literal["urdf", "mjcf", "glb", "page", "usd", "stl"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 Check = Callable[[Path], dict]
-Mend = Callable[[ArticulatedObject, Sequence[Body]], tuple[ArticulatedObject, object]]
+Mend = Callable[[ArticulatedObject, Sequence[Body]], tuple[ArticulatedObject, Sequence[Body]]]
 
 
 def default_formats() -> tuple[Format, ...]:
@@ -85,7 +85,7 @@ def save_asset(
       seed, checkpoint: what made the object, for the report.
       overwrite: replace a folder that holds an asset; the old one stands until the new one is complete.
       motion: also write ``motion.gif`` (if anything moves).
-      mend: changes joints once the collision shapes are known (``simulation.refine.refine``).
+      mend: mends joints and shapes once these are known (``simulation.refine.mend``).
       check: looks at the written folder before it takes its place and returns the report's ``validation``
         (``simulation.validate``).
 
@@ -107,8 +107,7 @@ def save_asset(
         atlas = make_atlas(obj)
         bodies = make_bodies(obj, [s.mesh for s in atlas.surfaces], density=density, mass=mass)
         if mend is not None:
-            obj, _ = mend(obj, bodies)
-            bodies = with_joints(bodies, obj)
+            obj, bodies = mend(obj, bodies)
         notes = _write_simulation(obj, atlas, bodies, target, chosen)
         textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
         if "glb" in chosen or "page" in chosen:

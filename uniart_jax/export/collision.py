@@ -100,12 +100,14 @@ def collision_shapes(
         better = {k for pair, deep in found.items() if left.get(pair, 0.0) < deep / 2 for k in pair}
         shapes = [tried[k] if k in better else own for k, own in enumerate(shapes)]
 
-    def rebuild(piece: Manifold) -> Shape | None:
-        lo, hi = np.reshape(piece.bounding_box(), (2, 3))
-        thin = THIN * float((hi - lo).max())
-        return None if width(piece) <= SLIVER * thin else _shape(piece, OVERLAP * size / 4, thin)
+    return separated(shapes, OVERLAP * size, lambda piece: rebuilt(piece, size))
 
-    return separated(shapes, OVERLAP * size, rebuild)
+
+def rebuilt(piece: Manifold, size: float) -> Shape | None:
+    """What is left of a shape that was cut, as a shape again; None if it is a sliver. ``size``: longest side of the object."""
+    lo, hi = np.reshape(piece.bounding_box(), (2, 3))
+    thin = THIN * float((hi - lo).max())
+    return None if width(piece) <= SLIVER * thin else _shape(piece, OVERLAP * size / 4, thin)
 
 
 def _part_shapes(

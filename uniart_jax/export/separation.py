@@ -23,10 +23,10 @@ def overlaps(shapes: Sequence[tuple[Shape, ...]], least: float) -> dict[tuple[in
     solids, owner = _solids(shapes)
     found: dict[tuple[int, int], float] = {}
     for i, j in _near(solids, owner, least):
-        common = _common(solids[i], solids[j], least)
-        if common is not None:
+        deep = _common_width(solids[i], solids[j], least)
+        if deep > least:
             pair = int(owner[j]), int(owner[i])
-            found[pair] = max(found.get(pair, 0.0), width(common))
+            found[pair] = max(found.get(pair, 0.0), deep)
     return found
 
 
@@ -43,8 +43,7 @@ def separated(
     solids, owner = _solids(shapes)
     cut: set[int] = set()
     for i, j in _near(solids, owner, least):
-        common = _common(solids[i], solids[j], least)
-        halves = None if common is None else _apart(solids[i], solids[j], common)
+        halves = apart(solids[i], solids[j], least)
         if halves is not None:
             solids[i], solids[j] = halves
             cut |= {i, j}
@@ -75,11 +74,12 @@ def _normals(hull: Manifold) -> np.ndarray:
 
 def _solids(shapes: Sequence[tuple[Shape, ...]]) -> tuple[list[Manifold], np.ndarray]:
     """Every shape as a solid, and the part that each is of."""
-    solids = [_solid(shape) for own in shapes for shape in own]
+    solids = [as_solid(shape) for own in shapes for shape in own]
     return solids, np.repeat(np.arange(len(shapes)), [len(own) for own in shapes])
 
 
-def _solid(shape: Shape) -> Manifold:
+def as_solid(shape: Shape) -> Manifold:
+    """A shape as a solid."""
     if isinstance(shape, Box):
         return box_solid(shape.center, shape.size, shape.rotation)
     return Manifold.hull_points(np.asarray(shape.mesh.vertices, np.float64))
@@ -106,8 +106,17 @@ def _common(one: Manifold, two: Manifold, least: float) -> Manifold | None:
     return hull if width(hull) > least else None
 
 
-def _apart(one: Manifold, two: Manifold, common: Manifold) -> tuple[Manifold, Manifold] | None:
-    """Both on their own side of the plane that takes the least of them; None if that is too much."""
+def _common_width(one: Manifold, two: Manifold, least: float) -> float:
+    """How thick what two convex shapes share is; 0 if that is not more than ``least``."""
+    common = _common(one, two, least)
+    return 0.0 if common is None else width(common)
+
+
+def apart(one: Manifold, two: Manifold, least: float) -> tuple[Manifold, Manifold] | None:
+    """Both on their own side of the plane that takes the least of them; None if that is too much, or they share no more than ``least``."""
+    common = _common(one, two, least)
+    if common is None:
+        return None
     vertices, _ = triangles(common)
     normals = _normals(common)
     thin = np.argsort(np.ptp(normals @ vertices.T, axis=1), kind="stable")

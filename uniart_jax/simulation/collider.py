@@ -13,6 +13,8 @@ import numpy as np
 from uniart_jax.export.physics import Body, Box
 from uniart_jax.objects.object import ArticulatedObject
 
+Pair = tuple[int, int]
+
 
 class Collider:
     """The shapes of all parts as free bodies, made once for many states. Depths are metres."""
@@ -42,9 +44,18 @@ class Collider:
                 part.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
+        self.owner = self.model.geom_bodyid - 1  # geoms are the shapes in their order
 
-    def depths(self, poses: np.ndarray) -> dict[tuple[int, int], float]:
+    def depths(self, poses: np.ndarray) -> dict[Pair, float]:
         """{(a, b): metres} of every pair of parts a < b that dig into each other, at ``poses`` [K, 4, 4] from the shown state, object units."""
+        found: dict[Pair, float] = {}
+        for (i, j), depth in self.shape_depths(poses).items():
+            a, b = sorted((int(self.owner[i]), int(self.owner[j])))
+            found[a, b] = max(found.get((a, b), 0.0), depth)
+        return found
+
+    def shape_depths(self, poses: np.ndarray) -> dict[Pair, float]:
+        """The same of every pair i < j of shapes, numbered through all parts."""
         qpos = self.data.qpos.reshape(-1, 7)
         qpos[:, :3] = poses[:, :3, 3] * self.scale
         for k, pose in enumerate(poses):
@@ -53,8 +64,7 @@ class Collider:
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_collision(self.model, self.data)
         contact = self.data.contact
-        owner = self.model.geom_bodyid[contact.geom] - 1
-        found: dict[tuple[int, int], float] = {}
-        for (a, b), distance in zip(np.sort(owner, 1).tolist(), contact.dist.tolist(), strict=True):
-            found[a, b] = max(found.get((a, b), 0.0), -distance)
+        found: dict[Pair, float] = {}
+        for (i, j), d in zip(np.sort(contact.geom, 1).tolist(), contact.dist.tolist(), strict=True):
+            found[i, j] = max(found.get((i, j), 0.0), -d)
         return found

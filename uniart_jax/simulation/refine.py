@@ -15,9 +15,11 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 
+from uniart_jax.export.bodies import with_joints
 from uniart_jax.export.physics import Body
 from uniart_jax.objects.kinematics import Joint, forward_kinematics
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.simulation.clearing import clear
 from uniart_jax.simulation.collider import Collider
 
 DEPTH_LIMIT = 0.01  # of the object's longest side: deeper than as shown by more is a collision
@@ -26,7 +28,7 @@ STATES = (21, 121)  # of a joint's range that are tried, least and most
 SHIFTS = (0.01, 0.02, 0.03)  # of the longest side: how far an axis may be moved
 DIRECTIONS = 8  # about the axis, for each of them
 MAX_OPENED = 3  # times that parts in the way are opened first
-MIN_FREE = 0.5  # of its range that a joint must keep; one that is freer nowhere is left as it is
+MIN_FREE = 0.2  # of its range that a joint must keep; one that is freer nowhere is left as it is
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,10 +54,19 @@ class Refinement:
         """The refinement as one readable line of provenance."""
         share = f"{self.free_before:.0%} of its range was free"
         if self.free_after < MIN_FREE:
-            return f"refine: joint of '{self.part}': {share}; no nearby axis frees half of it, left as it is"
+            return f"refine: joint of '{self.part}': {share}; no nearby axis frees a fifth of it, left as it is"
         lo, hi = self.limits_after
         moved = f"axis moved by {self.shift:.4g} m, " if self.shift else ""
         return f"refine: joint of '{self.part}': {share}; {moved}limits drawn in to ({lo:.4g}, {hi:.4g})"
+
+
+def mend(
+    obj: ArticulatedObject, bodies: Sequence[Body]
+) -> tuple[ArticulatedObject, tuple[Body, ...]]:
+    """``clear`` and ``refine``: shapes that scrape are cut back, then limits and axes mended. ``provenance`` tells it all."""
+    bodies, lines = clear(obj, bodies)
+    obj, _ = refine(dataclasses.replace(obj, provenance=obj.provenance + lines), bodies)
+    return obj, with_joints(bodies, obj)
 
 
 def refine(
