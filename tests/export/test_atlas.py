@@ -7,7 +7,8 @@ import pytest
 import trimesh
 from asset_objects import hollow_box, marching_cubes_block, painted_box, textured_plate
 
-from uniart_jax.export.atlas import FACE_BUDGET, Atlas, make_atlas, rasterize
+from uniart_jax.export.atlas import FACE_BUDGET, Atlas, make_atlas, rasterize, simplify
+from uniart_jax.export.collision import collision_shapes
 from uniart_jax.export.wavefront import TEXTURE_FILE, write_material, write_textured
 from uniart_jax.objects.appearance import linear_to_srgb, sample_color
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -134,3 +135,12 @@ def test_obj_files_are_closed_and_colored(mixed, tmp_path):
         loaded.merge_vertices(merge_tex=True, merge_norm=True)
         assert loaded.is_watertight
         assert loaded.volume == pytest.approx(8 * part.mesh.volume, rel=1e-6)
+
+
+def test_an_open_surface_with_an_odd_number_of_faces_does_not_crash():
+    """manifold3d does, with a signal, when it is given one."""
+    ball = trimesh.creation.icosphere(3)
+    odd = trimesh.Trimesh(ball.vertices, ball.faces[:-1], process=False)
+    ((vertices, faces),) = simplify([odd], 1.0, budget=100)
+    assert len(faces) and np.isfinite(vertices).all()
+    assert collision_shapes([odd])

@@ -104,7 +104,9 @@ def validate(
         refine: Also write the object with joints drawn in or shifted where they run into it, to OUT/refined, and judge that.
         allow_outside: Let the asset name files outside its own folder.
     """
-    out = out or Path("out") / "validation" / (asset.stem or "asset")
+    if out is None:  # ours to replace
+        name = asset.resolve().parent.name if asset.stem == "object" else asset.resolve().stem
+        out, overwrite = Path("out") / "validation" / (name or "asset"), True
     check_out(out, overwrite, (asset,), VALIDATION_MARKS)
     from uniart_jax.export.folder import complete_folder
     from uniart_jax.simulation import validate as simulation

@@ -47,6 +47,8 @@ def evaluate(
         raise ValueError(f"output '{out}': a file of that name exists; choose another --out")
     workers = processes or min(os.cpu_count() or 1, 8)
     if what == "physics":
+        if records is not None or (root is not None and unseen):
+            raise ValueError("evaluate physics: it takes no --records, and no --unseen with a folder of assets")  # fmt: skip
         from uniart_jax.evaluation.physics import evaluate_physics
 
         evaluate_physics(
@@ -62,7 +64,7 @@ def evaluate(
         return
     if root is not None:
         if what != "representation":
-            raise ValueError("evaluate: a folder of assets goes with 'representation'; it has no images")  # fmt: skip
+            raise ValueError("evaluate: a folder of assets goes with 'representation' or 'physics'; it has no images")  # fmt: skip
         from uniart_jax.evaluation.assets import evaluate_assets
 
         evaluate_assets(root, out, count=count, processes=workers, allow_outside=allow_outside)

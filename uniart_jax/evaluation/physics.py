@@ -24,6 +24,7 @@ from uniart_jax.data.folder import Settings
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.export.asset import save_asset
+from uniart_jax.export.frames import joint_name, moves
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import load
 from uniart_jax.processes import each
@@ -89,7 +90,7 @@ def evaluate_physics(
     """
     if root is not None and checkpoint is not None:
         raise ValueError("evaluate physics: give a folder of assets or --checkpoint, not both")
-    settings = {"root": str(root or ""), "checkpoint": checkpoint or "", "unseen": unseen, "engines": list(engines or ())}  # fmt: skip
+    settings = {"root": str(root or ""), "checkpoint": checkpoint or "", "unseen": unseen, "engines": list(engines or ()), "allow_outside": allow_outside}  # fmt: skip
     _claim(out, settings)
     if checkpoint is not None:
         count = count or 64
@@ -105,7 +106,7 @@ def evaluate_physics(
         rows.setdefault(row, []).append(result)
     table = {row: summarize_trials(results) for row, results in rows.items()}
     content = {**settings, "rows": table, "objects": rows}
-    (out / "metrics.json").write_text(json.dumps(content, indent=2, allow_nan=False) + "\n")
+    _keep(out / "metrics.json", content)
     (out / "table.md").write_text(markdown(table) + "\n")
     print(markdown(table))
     for row, results in rows.items():
@@ -121,7 +122,7 @@ def _claim(out: Path, settings: dict) -> None:
     file = out / "settings.json"
     if file.is_file() and json.loads(file.read_text()) != settings:
         raise ValueError(f"{out}: it holds results of other objects or engines; choose another --out")  # fmt: skip
-    file.write_text(json.dumps(settings, indent=2) + "\n")
+    _keep(file, settings)
 
 
 def _truth(count: int, unseen: bool) -> list[Trial]:
@@ -189,14 +190,16 @@ def _keep(file: Path, result: dict) -> dict:
     return result
 
 
-def _failure(name: str, why: str) -> dict:
-    """What an object counts as that could not even be tried."""
-    return {"name": name, "sound": False, "failed": [why], "engines": {}, "yourdfpy": False, "watertight": False, "joints": {}, "seconds": {}}  # fmt: skip
+def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
+    """What an object counts as that could not even be tried; ``moving``: its joints, as far as they are known."""
+    return {"name": name, "moving": list(moving), "sound": False, "failed": [why], "engines": {}, "yourdfpy": False, "watertight": False, "joints": {}, "seconds": {}}  # fmt: skip
 
 
 def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
+    moving: list[str] = []
     try:
         obj = trial.make()
+        moving = [joint_name(part) for part in obj.parts if moves(part)]
         start = time.perf_counter()
         save_asset(
             obj,
@@ -210,7 +213,8 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
         found = validate(folder, out=folder, engines=engines)
         done = time.perf_counter()
     except Exception as error:  # one object must not cost the figures of all others
-        return _failure(trial.name, f"{type(error).__name__}: {' '.join(str(error).split())}")
+        why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return _failure(trial.name, why, moving)
     ran = found["engines"]
     failed = [
         f"{where} {name} ({check.get('reason', check['value'])})"
@@ -220,6 +224,7 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
     ]
     return {
         "name": trial.name,
+        "moving": moving,
         "sound": is_sound(found),
         "failed": failed,
         "engines": {e: {name: c["passed"] for name, c in checks.items()} for e, checks in ran.items()},
@@ -249,10 +254,7 @@ def _opens(urdf: Path) -> bool:
 
 
 def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
-    """Shares of objects and of joints, and median seconds. An object that could not be tried fails everything.
-
-    Joints of objects that failed before they were driven are not known; ``driven`` says of how many objects they are.
-    """
+    """Shares of objects and of joints, and median seconds. An object that could not be tried fails everything, its moving joints too."""
     engines = sorted({engine for r in results for engine in r["engines"]})
     row: dict[str, float] = {"objects": len(results)}
     for engine in engines:
@@ -263,7 +265,11 @@ def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
     for engine in engines:
         row[f"stands {engine}"] = float(np.mean([r["engines"].get(engine, {}).get("stands", False) for r in results]))  # fmt: skip
     for engine in engines:
-        works = [w for r in results for w in r["joints"].get(engine, {}).values()]
+        works = [
+            r["joints"].get(engine, {}).get(name, False)
+            for r in results
+            for name in {*r["moving"], *r["joints"].get(engine, {})}
+        ]
         row[f"joints {engine}"] = len(works)
         row[f"70 % {engine}"] = float(np.mean(works)) if works else 0.0
     row["sound"] = float(np.mean([r["sound"] for r in results]))

@@ -98,6 +98,8 @@ def simplify(
     solids: dict[int, manifold3d.Manifold] = {}
     if sum(len(f) for _, f in merged) > budget:
         for k, (vertices, faces) in enumerate(merged):
+            if len(faces) % 2:  # not closed, and manifold3d crashes on an odd number
+                continue
             solid = manifold3d.Manifold(
                 manifold3d.Mesh(vertices.astype(np.float32), faces.astype(np.uint32))
             )

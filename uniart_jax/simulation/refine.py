@@ -108,10 +108,14 @@ def refine(
                 other = sweep.free_range(candidate)
                 if _share(other, joint) > _share(free, joint) + 1e-9:
                     best, free, moved = candidate, other, distance
-            after[k] = _share(free, given[k])
+            limited = _limited(best, free)
+            same = (
+                limited.type == joint.type or joint.type == "continuous"
+            )  # no span fell into a dead zone
+            after[k] = _share(free, given[k]) if same else 0.0
             if after[k] >= MIN_FREE:
                 shift[k] += moved * obj.scale
-                obj = _with_joint(obj, k, _limited(best, free))
+                obj = _with_joint(obj, k, limited)
     done = []
     for k in sorted(before):
         unit = 1.0 if given[k].rotates else obj.scale
