@@ -357,7 +357,10 @@ def test_strange_names_make_plain_files(block, tmp_path):
         for k, name in enumerate(names)
     ]
     folder = save_asset(ArticulatedObject(tuple(parts)), tmp_path / "out", motion=False)
-    assert {p.parent for p in folder.rglob("*.obj")} <= {folder / "meshes", folder / "meshes/collision"}
+    assert {p.parent for p in folder.rglob("*.obj")} <= {
+        folder / "meshes",
+        folder / "meshes/collision",
+    }
     assert len(list(folder.rglob("*.obj"))) == len(names)  # boxes need no files
 
 

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from uniart_jax.export.bodies import make_bodies
 from uniart_jax.export.dynamics import joint_dynamics
 from uniart_jax.export.frames import joint_name
-from uniart_jax.export.mass import mesh_inertial
+from uniart_jax.export.mass import part_inertials
 from uniart_jax.export.urdf import write_urdf
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
 
 def dynamics(obj: ArticulatedObject):
-    return joint_dynamics(obj, [mesh_inertial(p.mesh, obj.scale) for p in obj.parts])
+    return joint_dynamics(obj, part_inertials([p.mesh for p in obj.parts], obj.scale, None, None))
 
 
 def two_parts(joint: Joint, scale: float = 1.0, child=None) -> ArticulatedObject:
@@ -86,7 +86,7 @@ def test_friction_beats_gravity_in_any_allowed_state(seed):
         parts.append(Part(f"p{k}", body, int(rng.integers(k)), joint))
     obj = ArticulatedObject(tuple(parts), scale=float(rng.uniform(0.1, 2)))
     parts = list(obj.parts)  # parents first
-    inertials = [mesh_inertial(p.mesh, obj.scale) for p in parts]
+    inertials = part_inertials([p.mesh for p in parts], obj.scale, None, None)
     found = joint_dynamics(obj, inertials)
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
@@ -109,6 +109,25 @@ def test_friction_beats_gravity_in_any_allowed_state(seed):
         for part, given_ in zip(parts[1:], found[1:], strict=True):
             load = abs(data.joint(part.name).qfrc_bias[0])
             assert given_.friction >= 1.1 * load  # 1.3 over the largest tried
+
+
+@pytest.mark.parametrize("links", [6, 30, 100])
+def test_a_long_chain_asks_for_few_states(links, monkeypatch):
+    ball = trimesh.creation.box([0.1, 0.1, 0.1])
+    parts = [Part("base", ball)]
+    for k in range(links):
+        link = ball.copy().apply_translation([0.1 * (k + 1), 0, 0])
+        hinge = Joint([0.1 * k + 0.05, 0, 0], [0, k % 2, 1 - k % 2], (-0.5, 0.5))
+        parts.append(Part(f"link{k}", link, k, hinge))
+    obj = ArticulatedObject(tuple(parts))
+    states, forward = [], ArticulatedObject.forward_kinematics
+    count = lambda self, q: states.append(q) or forward(self, q)  # noqa: E731
+    monkeypatch.setattr(ArticulatedObject, "forward_kinematics", count)
+    found = dynamics(obj)
+    assert len(states) <= 1 + 11 * links + 64 + 2200
+    assert (links > 10) or len(states) == 1 + 11 * links + 64 + 2 * 11 * links**2
+    weight, arm = links * 0.1**3 * 500 * 9.81, 0.1 * links / 2
+    assert found[2].friction > 0.9 * 1.3 * weight * arm * ((links - 1) / links) ** 2
 
 
 def test_nothing_falls_or_explodes_in_mujoco(tmp_path):

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from uniart_jax.export.collision import collision_shapes
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.physics import Box, Hull
-from uniart_jax.export.separation import MOST_LOST, overlaps, separated, width
+from uniart_jax.export.separation import MOST_LOST, as_solid, overlaps, separated, width
 
 LEAST = 0.004
 
@@ -79,6 +79,67 @@ def test_any_two_hulls_end_apart_or_as_they_were(seed):
         cut = trimesh.Trimesh(two[0].mesh.vertices, two[0].mesh.faces)
         inside = trimesh.proximity.signed_distance(one[0].mesh, cut.vertices)
         assert inside.min() > -1e-6  # nothing was added
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), count=st.integers(2, 5))
+def test_a_shape_that_meets_several_keeps_half_of_what_it_was(seed, count):
+    rng = np.random.default_rng(seed)
+    shapes = [(box([0, 0, 0], [1, 1, 1]),)]
+    for _ in range(count):
+        at = rng.normal(size=3)
+        at *= rng.uniform(0.5, 0.9) / np.abs(at).max()
+        corners = rng.uniform(-0.4, 0.4, (12, 3)) + at
+        shapes.append((Hull(trimesh.convex.convex_hull(corners)),))
+    apart = separated(shapes, LEAST, hull)
+    for one, two in zip(shapes, apart, strict=True):
+        assert volume(two) >= (1 - MOST_LOST) * volume(one) - 1e-9
+    left = overlaps(apart, LEAST * 1.01)
+    for a, b in left:  # what is left was refused: either no plane is cheap, or one had given before
+        assert refused(apart[a][0], apart[b][0], volume(shapes[a]), volume(shapes[b]))
+
+
+def refused(one, two, first: float, second: float) -> bool:
+    """Whether no cut of the two at a third or half of the way is within what they may lose."""
+    a, b = as_solid(one), as_solid(two)
+    vertices, faces = triangles(a ^ b)
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(normals, axis=1)
+    normals = normals[areas > 1e-9 * areas.max()] / areas[areas > 1e-9 * areas.max(), None]
+    thinnest = normals[np.ptp(normals @ vertices.T, axis=1).argmin()]
+    heights = vertices @ thinnest
+    for offset in (heights.min(), (heights.min() + heights.max()) / 2, heights.max()):
+        pieces = [s.split_by_plane(tuple(thinnest), float(offset)) for s in (a, b)]
+        for side in (0, 1):
+            kept, other = pieces[0][side].volume(), pieces[1][1 - side].volume()
+            lost = (a.volume() - kept) / first + (b.volume() - other) / second
+            if lost < 0.999 * MOST_LOST and min(kept / first, other / second) > 1.001 * (1 - MOST_LOST):  # fmt: skip
+                return False
+    return True
+
+
+def test_cuts_of_several_neighbours_add_up():
+    """A bar that six plates reach into by an eighth each, from both ends: it gives no more than half."""
+    bar = box([0, 0, 0], [4, 1, 1])
+    plates = []
+    for step in range(3):
+        for side in (-1, 1):
+            plates.append((box([side * (2.75 - 0.5 * step), 0, 0], [2.5, 20, 20]),))
+    apart = separated([(bar,), *plates], LEAST, hull)
+    assert 0.5 <= volume(apart[0]) / 4 < 0.8
+
+
+def test_a_part_of_slivers_keeps_its_largest_shape():
+    shapes = [
+        (box([0, 0, 0], [1, 1, 1]), box([0, 0, 3], [1, 1, 2])),
+        (box([0.9, 0, 0], [1, 1, 1]), box([0.9, 0, 3], [1, 1, 2])),
+    ]
+    apart = separated(shapes, LEAST, lambda piece: None)
+    assert [len(own) for own in apart] == [1, 1]
+    assert apart[0][0] is shapes[0][1] and apart[1][0] is shapes[1][1]
+    whole = separated([*shapes, ()], LEAST, hull)
+    assert [len(own) for own in whole] == [2, 2, 0] and not overlaps(whole, 1e-6)
 
 
 def test_width_is_the_thinnest_extent():

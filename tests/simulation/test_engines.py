@@ -14,6 +14,7 @@ from uniart_jax.simulation.primitives import FORCE, compound, drive
 from uniart_jax.simulation.reading import Description, descriptions
 from uniart_jax.simulation.stand import leave_alone
 from uniart_jax.simulation.sweep import sweep
+from uniart_jax.simulation.validate import is_sound, validate
 from uniart_jax.simulation.worker import load
 
 pytest.importorskip("mujoco", reason="pip install 'uniart_jax[mujoco]'")
@@ -91,6 +92,16 @@ def test_masses_are_those_of_the_file(name, tmp_path):
     (block,) = loaded(name, asset).inertias()
     assert block.link == "block" and block.mass == pytest.approx(MASS)
     assert np.sort(block.moments) == pytest.approx([0.03, 0.04, 0.05])
+
+
+@both
+@pytest.mark.parametrize("parts", [1, 2])
+def test_an_asset_without_a_moving_joint_stands(name, tmp_path, parts):
+    foot = [link("foot", [([0, 0, 0], [0.1, 0.1, 0.1])]), joint("held", "fixed", "top", "foot", [0, 0, -0.1], None)]  # fmt: skip
+    asset = write(tmp_path / "a", robot(link("top", [([0, 0, 0], [0.3, 0.3, 0.1])]), *foot[: 2 * parts - 2]))  # fmt: skip
+    result = validate(asset, engines=[name])
+    assert is_sound(result), result
+    assert {"loads", "overlap", "stands"} <= set(result["engines"][name])
 
 
 @both

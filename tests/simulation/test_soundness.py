@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 import trimesh
@@ -11,8 +13,10 @@ from lxml import etree
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.objects.robot import Geometry, Link, Robot
+from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.simulation.measure import impossible, number
-from uniart_jax.simulation.soundness import finite_check, gaps, surface
+from uniart_jax.simulation.soundness import finite_check, gaps, mesh_checks, surface
 
 SHAPES = st.one_of(
     st.builds(lambda s: trimesh.creation.box(s), st.lists(st.floats(0.01, 100), min_size=3, max_size=3)),
@@ -43,6 +47,27 @@ def test_two_blocks_that_share_an_edge_are_closed():
     blocks = [trimesh.creation.box(bounds=[[x, x, 0], [x + 1, x + 1, 1]]) for x in (0, 1)]
     both = surface(trimesh.util.concatenate(blocks))
     assert (both.open, both.turned) == (0, 0) and both.volume == pytest.approx(2)
+
+
+def test_a_wall_inside_leaves_a_surface_open():
+    """Two tetrahedra on either side of one triangle: three faces at each of its edges, two at all others."""
+    vertices = [[1, 0, 0], [-1, 1, 0], [-1, -1, 0], [0, 0, 1], [0, 0, -1]]
+    upper = [[i, (i + 1) % 3, 3] for i in range(3)]
+    lower = [[(i + 1) % 3, i, 4] for i in range(3)]
+    assert surface(trimesh.Trimesh(vertices, [*upper, *lower], process=False)).open == 0
+    assert surface(trimesh.Trimesh(vertices, [*upper, *lower, [0, 1, 2]], process=False)).open == 3
+
+
+def test_a_mesh_that_was_repaired_is_judged_anew(tmp_path):
+    path = tmp_path / "m.obj"
+    good = "v 0.0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    shape = Geometry("mesh", np.ones(3), np.eye(4), "m.obj")
+    robot = Robot("r", {"a": Link("a", [shape], [])}, [], [])
+    for text, passed in ((good, True), (good.replace("0.0", "nan", 1), False), (good, True)):
+        path.write_text(text)
+        os.utime(path, (1, 1))  # the same size and the same time
+        checks = mesh_checks(robot, AssetFiles(tmp_path, False))
+        assert checks["finite_meshes"]["passed"] == passed
 
 
 @given(st.floats(0, 0.05), st.booleans())

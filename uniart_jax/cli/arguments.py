@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -31,13 +33,18 @@ Mass = Annotated[float | None, tyro.conf.arg(help="kg of the whole object, inste
 
 
 def guarded(command: Callable[[], int | None]) -> int:
-    """Run a command; user errors become one line and exit code 2, Ctrl-C becomes 130."""
+    """Run a command; user errors become one line and exit code 2, Ctrl-C becomes 130, SIGTERM 143 with temporary folders removed."""
 
     def show(message, category, filename, lineno, file=None, line=None):
         if issubclass(category, UserWarning):
             print(f"warning: {message}", file=sys.stderr)
 
+    def stop(*_):
+        raise SystemExit(143)
+
     warnings.showwarning = show
+    with contextlib.suppress(ValueError):  # not the main thread: somebody else's program
+        signal.signal(signal.SIGTERM, stop)
     try:
         return command() or 0
     except (ValueError, OSError, ArithmeticError, MemoryError) as error:

@@ -27,7 +27,7 @@ def make_bodies(
       obj: any object.
       meshes: [K] the parts' surfaces as they are exported, object units, object frame; closed where they can be.
       density: kg / m^3 of all parts, default 500.
-      mass: kg of the whole object, shared by the parts' volumes; instead of a density. No part is lighter than a thousandth of all, or a gram.
+      mass: kg of the whole object, shared by the parts' volumes; instead of a density. No part is lighter than a thousandth of all (by density: or a gram).
 
     Raises:
       ValueError: another number of meshes than parts; both density and mass, or one that is not a positive number.

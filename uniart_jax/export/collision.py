@@ -15,10 +15,10 @@ import igl
 import numpy as np
 import trimesh
 from manifold3d import Manifold
-from scipy.spatial import QhullError
+from scipy.spatial import ConvexHull, QhullError
 from skimage import measure
 
-from uniart_jax.export.box_cover import as_box, box_cover, flat_box
+from uniart_jax.export.box_cover import as_box, box_cover, flat_box, own_frame
 from uniart_jax.export.convex_split import (
     Surface,
     as_manifold,
@@ -64,19 +64,22 @@ FACE_BUDGET = (
     200,
     600,
 )  # a shell with more faces is simplified by a small share of the depth; with more still by up to .8 of it
+CONVEX = 1e-3  # of its hull's volume that a convex solid may lack
 HULL_VERTICES = 64
+DIRECTIONS = 26  # with twelve extremes and what lies farthest out, at most 64 points
 THIN = 1e-3  # of the part's longest side: a thinner shell is thickened
 SLIVER = 0.2  # of that: what a cut leaves thinner is dropped; MuJoCo refuses flat hulls
+TINY = 1e-5  # metres: a smaller part is a box of at least this; its corners would be welded to nothing, and manifold3d crashes on that
 CELLS = 40  # along an open surface's longest side, when it is given a thickness
 
 
 def collision_shapes(
     meshes: Sequence[trimesh.Trimesh], size: float | None = None
 ) -> list[tuple[Shape, ...]]:
-    """Convex shapes, in the meshes' frame and units, that together stand for each part; at least one a part.
+    """Convex shapes, in the meshes' frame, that together stand for each part; at least one a part.
 
     Args:
-      meshes: [K] parts of one object; closed where they can be.
+      meshes: [K] parts of one object, metres; closed where they can be. A part below a hundredth of a millimetre is a box of that size.
       size: longest side of the object, default of all meshes together. Shapes stand out of a closed mesh by at most .75 % of it (rough
         surfaces of many faces: 2.3 %; or 9 % of the part's own longest side, if that is less), unless it needs more convex pieces
         than its share. Where shapes of two parts overlap by more than .4 %, both parts are made again, finer, as far as that helps, and
@@ -114,7 +117,10 @@ def _part_shapes(
     mesh: trimesh.Trimesh, size: float, depth: float, fineness: float, budget: int
 ) -> tuple[Shape, ...]:
     vertices, faces = _welded(mesh)
-    longest = float(np.ptp(vertices, axis=0).max())
+    lo, hi = vertices.min(0), vertices.max(0)
+    longest = float((hi - lo).max())
+    if longest < TINY:
+        return (Box((lo + hi) / 2, np.maximum(hi - lo, TINY), np.eye(3)),)
     tolerance = min(depth * size, PART_DEPTH * fineness * longest)
     thin = max(THIN * longest, 1e-9)
     solids, open_shells = _shells(vertices, faces)
@@ -193,6 +199,8 @@ def _holds(outer: np.ndarray, inner: np.ndarray) -> bool:
 
 
 def _simple(solid: Manifold, tolerance: float) -> Manifold:
+    if solid.volume() >= (1 - CONVEX) * solid.hull().volume():
+        return solid  # its hull is all that is asked for, and flat ones would lose their thickness
     simple, step = solid, tolerance / 5
     while simple.num_tri() > FACE_BUDGET[step > tolerance / 5] and step < tolerance:
         coarser = solid.simplify(step)
@@ -230,7 +238,7 @@ def _open_solids(
         points = vertices[np.unique(faces)]
         hull = Manifold.hull_points(points)
         lo, hi = points.min(0), points.max(0)
-        if hull.is_empty() or hull.volume() < thin * np.prod(np.sort(hi - lo)[1:]):
+        if hull.is_empty() or hull.volume() <= thin * np.prod(np.sort(hi - lo)[1:]):
             corners = np.arange(faces.size).reshape(-1, 3)
             solids.append(flat_box(vertices[faces].reshape(-1, 3), corners, thin))
         elif (
@@ -275,12 +283,42 @@ def _shape(piece: Manifold, slack: float, thin: float) -> Shape:
     if box is not None:
         center, size, frame = box
         return Box(center, np.maximum(size, thin), frame)
-    hull, step = piece, slack / 8
-    while hull.num_vert() > HULL_VERTICES:  # vertices are dropped, none is moved: it only shrinks
-        hull = piece.simplify(step).hull()
-        step *= 1.5
-    vertices, faces = triangles(hull)
+    vertices, faces = triangles(piece)
+    if len(vertices) > HULL_VERTICES:
+        vertices = vertices[_outermost(vertices, own_frame(vertices, faces))]
+        vertices, faces = triangles(Manifold.hull_points(vertices))
     try:  # manifold3d's hulls can miss a point by a little
         return Hull(trimesh.convex.convex_hull(vertices))
     except QhullError:
         return Hull(trimesh.Trimesh(vertices, faces, process=False))
+
+
+def _outermost(points: np.ndarray, frame: np.ndarray) -> np.ndarray:
+    """[n <= HULL_VERTICES] which of a solid's points [v, 3] have nearly its hull, however flat it is.
+
+    The extremes along its own axes and the object's keep its extents; then the farthest in directions spread over a sphere, then those
+    that lie farthest out of the hull so far, both in coordinates in which the points spread alike along all axes.
+    """
+    offset = points - points.mean(0)
+    axes = np.concatenate([np.eye(3), frame.T])
+    _, spans, main = np.linalg.svd(offset, full_matrices=False)
+    even = offset @ main.T / np.maximum(spans, 1e-12 * spans[0])
+    height = 1 - (2 * np.arange(DIRECTIONS) + 1) / DIRECTIONS
+    turn = np.pi * (3 - 5**0.5) * np.arange(DIRECTIONS)
+    ring = np.sqrt(1 - height**2)
+    directions = np.stack([ring * np.cos(turn), ring * np.sin(turn), height])
+    along = np.column_stack([offset @ axes.T, -offset @ axes.T, even @ directions])
+    chosen = np.unique(along.argmax(0))
+    try:
+        hull = ConvexHull(even[chosen], incremental=True)
+        while len(chosen) < HULL_VERTICES:
+            out = (even @ hull.equations[:, :3].T + hull.equations[:, 3]).max(1)
+            out[chosen] = 0
+            farthest = int(out.argmax())
+            if out[farthest] <= 0:
+                break
+            chosen = np.append(chosen, farthest)
+            hull.add_points(even[[farthest]])
+    except QhullError:  # nearly flat; the extremes are chosen
+        pass
+    return chosen

@@ -172,7 +172,8 @@ def bodies(solid: Manifold) -> list[Manifold]:
 
 def as_manifold(vertices: np.ndarray, faces: np.ndarray) -> Manifold | None:
     """A closed, oriented surface as a solid; None if it is not one."""
-    if len(faces) < 4 or len(faces) % 2:  # manifold3d crashes on an odd number, which no closed surface has
+    # manifold3d crashes on an odd number, which no closed surface has.
+    if len(faces) < 4 or len(faces) % 2:
         return None
     # Copies: the bindings refuse arrays that are read-only, as what they return is.
     mesh = Mesh64(np.array(vertices, np.float64, order="C"), np.array(faces, np.uint64, order="C"))

@@ -14,6 +14,7 @@ FLOOR = 0.03  # likewise, over the weight below the joint times its radius of gy
 TIME = 0.2  # seconds in which damping stops a part that was pushed
 STATES = 64  # drawn within the limits, beside the sweeps of each joint
 SWEEP = 11  # states of each joint's own sweep
+CLIMB = 2200  # states of all climbs at the most: whole chains of ten joints, less of longer ones
 TURN_SPEED = 6.0  # rad / s
 TRAVEL_SPEED = 2.0  # m / s
 ACCELERATION = 20.0  # effort brings a part to its top speed in 1 / 20 s
@@ -29,7 +30,8 @@ def joint_dynamics(
       inertials: per part (kg, centre of mass [3] m, tensor about it [3, 3]), object frame at the shown state.
 
     Gravity's load on a joint, of everything that hangs on it, is the largest found over its own sweep, 64 states drawn within all limits
-    and a climb from the worst of them. Dry friction is 1.3 times that load, so a part stays where it is left; a hand at the far edge of a part then needs at most 2.3 times what
+    and a climb from the worst of them (objects of more than ten joints: over the nearest joints of a chain only, and over none past fifty;
+    the load of a long chain's joint is then taken for too small). Dry friction is 1.3 times that load, so a part stays where it is left; a hand at the far edge of a part then needs at most 2.3 times what
     carrying it there takes (a 2 kg lid, 40 cm deep, centre of mass in its middle: 23 N at its rim against 10 N), and for a door on a
     vertical hinge or a drawer on level rails, where there is no load, 3 % of its weight. Damping is inertia / .2 s. Effort is five times
     friction and load together plus what brings the part to its top speed in 1 / 20 s.
@@ -84,8 +86,10 @@ def _largest_loads(
         drawn = rng.random(len(limits))
         drawn = np.where(rng.random(len(limits)) < 1 / 3, np.round(drawn), drawn)  # an end
         attempt(limits[:, 0] + drawn * (limits[:, 1] - limits[:, 0]))
+    most = CLIMB // (2 * SWEEP * max(1, len(moving)))
     for k in moving:  # climb from the worst, one coordinate after the other
         chain = [j for j in moving if k in below[j] or j in below[k]]
+        chain = sorted(sorted(chain, key=lambda j: abs(j - k))[:most])
         for _ in range(2 if len(chain) > 1 else 0):
             for j in chain:
                 sweep(worst[k].copy(), j)

@@ -13,21 +13,6 @@ MIN_GYRATION = 1e-3  # m: no part's mass is closer together than this, whatever 
 Inertial = tuple[float, np.ndarray, np.ndarray]
 
 
-def mesh_inertial(mesh: trimesh.Trimesh, scale: float = 1.0, density: float = DENSITY) -> Inertial:
-    """Mass, centre of mass and inertia tensor about it, of a solid of even density.
-
-    Args:
-      mesh: in object units; its volume counts if it is closed, else its convex hull's, else its box's.
-      scale: metres per unit.
-
-    Returns:
-      (kg, [3] m, [3, 3] kg m^2), object frame; positive definite with a + b > c for the principal moments, at least 1 g.
-    """
-    properties = _solid(mesh, scale).mass_properties
-    volume, inertia = float(properties.mass), np.asarray(properties.inertia)
-    return _possible(volume * density, volume, np.asarray(properties.center_mass), inertia)
-
-
 def check_weights(density: float | None, mass: float | None) -> None:
     """Refuse both at once (ValueError), and what is not a positive number."""
     if density is not None and mass is not None:
@@ -40,13 +25,17 @@ def check_weights(density: float | None, mass: float | None) -> None:
 def part_inertials(
     meshes: list[trimesh.Trimesh], scale: float, density: float | None, mass: float | None
 ) -> list[Inertial]:
-    """``mesh_inertial`` of every part of an object; none is lighter than a thousandth of all.
+    """Mass, centre of mass and inertia tensor about it of every part, as solids of even density.
 
     Args:
-      meshes: [K], object units.
+      meshes: [K], object units; the volume counts of what is closed, else its convex hull's, else its box's.
       scale: metres per unit.
-      density: kg / m^3 of all parts, default 500.
-      mass: kg of the whole object, shared by the volumes; instead of a density.
+      density: kg / m^3 of all parts, default 500. No part is lighter than a thousandth of all, or 1 g.
+      mass: kg of the whole object, shared by the volumes; instead of a density. The masses add up to it; no part is lighter than a
+        thousandth of it (of more than 500 parts: than half the mean).
+
+    Returns:
+      [K] (kg, [3] m, [3, 3] kg m^2), object frame; positive definite with a + b > c for the principal moments.
 
     Raises:
       ValueError: both are given, or one is not positive and finite.
@@ -56,20 +45,29 @@ def part_inertials(
     volumes = np.array([float(p.mass) for p in properties])
     total = float(mass if mass is not None else volumes.sum() * (density or DENSITY))
     masses = volumes / volumes.sum() * total
-    least = max(MIN_MASS, MIN_SHARE * total) if mass is None else MIN_SHARE * total
-    if mass is not None:  # the light ones take from the others
-        light = masses < least
-        masses[~light] *= (total - least * light.sum()) / masses[~light].sum()
-    masses = np.maximum(masses, least)
+    if mass is None:
+        masses = np.maximum(masses, max(MIN_MASS, MIN_SHARE * total))
+    else:
+        masses = _lifted(masses, min(MIN_SHARE, 0.5 / len(masses)) * total)
     return [
         _possible(float(m), float(p.mass), np.asarray(p.center_mass), np.asarray(p.inertia))
         for m, p in zip(masses, properties, strict=True)
     ]
 
 
+def _lifted(masses: np.ndarray, least: float) -> np.ndarray:
+    """Masses of the same sum, none less than ``least``: the light ones take from the others."""
+    total, light = masses.sum(), masses < least
+    while True:  # what gives can become light itself
+        left = masses / masses[~light].sum() * (total - least * light.sum())
+        lighter = light | (left < least)
+        if (lighter == light).all():
+            return np.where(light, least, left)
+        light = lighter
+
+
 def _possible(mass: float, volume: float, center: np.ndarray, inertia: np.ndarray) -> Inertial:
     """The inertial of a body of this mass and of a solid's shape (volume, and inertia at density 1), held from below."""
-    mass = max(mass, MIN_MASS)
     inertia = inertia * (mass / volume)
     # I = tr(S) 1 - S with S the second moments: any positive S gives a possible body, so it is S that is held from below.
     second = np.trace(inertia) / 2 * np.eye(3) - inertia

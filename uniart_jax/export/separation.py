@@ -15,7 +15,7 @@ from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.physics import Box, Shape
 
 PLANES = 8  # directions that are tried for a cut, the thinnest first
-MOST_LOST = 0.5  # of the volumes of the two shapes, summed: more is not cut away
+MOST_LOST = 0.5  # of a shape's first volume, by all its cuts; and of two shapes', summed, by one cut: more is not cut away
 
 
 def overlaps(shapes: Sequence[tuple[Shape, ...]], least: float) -> dict[tuple[int, int], float]:
@@ -37,13 +37,16 @@ def separated(
 ) -> list[tuple[Shape, ...]]:
     """The shapes with those of two parts cut apart by planes where they overlap by more than ``least``.
 
-    A convex shape cut by a plane stays convex. Of a pair the plane is taken that costs the least; where any would cost more than half
-    of a shape (an axle through a block) they stay as they are. ``rebuild`` makes a shape of what is left, None of a sliver.
+    A convex shape cut by a plane stays convex. Of a pair the plane is taken that costs the least, as shares of what the shapes were at
+    first, summed; where any would cost half or more (an axle through a block), or would leave less than half of what one was before
+    all its cuts, the pair stays as it is. ``rebuild`` makes a shape of what is left, None of a sliver, which is dropped; a part that had
+    nothing but slivers keeps its largest shape, uncut.
     """
     solids, owner = _solids(shapes)
+    first = [solid.volume() for solid in solids]
     cut: set[int] = set()
     for i, j in _near(solids, owner, least):
-        halves = apart(solids[i], solids[j], least)
+        halves = apart(solids[i], solids[j], least, (first[i], first[j]))
         if halves is not None:
             solids[i], solids[j] = halves
             cut |= {i, j}
@@ -51,8 +54,9 @@ def separated(
     kept = [rebuild(solids[i]) if i in cut else flat[i] for i in range(len(flat))]
     out = []
     for k, own in enumerate(shapes):
-        left = tuple(s for s, o in zip(kept, owner, strict=True) if o == k and s is not None)
-        out.append(left or own)
+        its = np.flatnonzero(owner == k)
+        left = tuple(s for i in its if (s := kept[i]) is not None)
+        out.append(left or (own and (flat[max(its, key=lambda i: first[i])],)))
     return out
 
 
@@ -112,8 +116,17 @@ def _common_width(one: Manifold, two: Manifold, least: float) -> float:
     return 0.0 if common is None else width(common)
 
 
-def apart(one: Manifold, two: Manifold, least: float) -> tuple[Manifold, Manifold] | None:
-    """Both on their own side of the plane that takes the least of them; None if that is too much, or they share no more than ``least``."""
+def apart(
+    one: Manifold, two: Manifold, least: float, first: tuple[float, float] | None = None
+) -> tuple[Manifold, Manifold] | None:
+    """Both on their own side of the plane that takes the least of them; None if that is too much, or they share no more than ``least``.
+
+    Args:
+      one, two: convex.
+      least: how thick what they share must be.
+      first: volumes before earlier cuts, that the losses are shares of; default the present ones.
+    """
+    of = first or (one.volume(), two.volume())
     common = _common(one, two, least)
     if common is None:
         return None
@@ -127,14 +140,16 @@ def apart(one: Manifold, two: Manifold, least: float) -> tuple[Manifold, Manifol
         if len(tried) == PLANES:
             break
     best, least = None, MOST_LOST
+    had = one.volume() / of[0] + two.volume() / of[1]
     for normal in tried:
         heights = vertices @ normal
         for offset in (heights.min(), (heights.min() + heights.max()) / 2, heights.max()):
-            first = one.split_by_plane(tuple(normal), float(offset))
-            second = two.split_by_plane(tuple(normal), float(offset))
+            halves = one.split_by_plane(tuple(normal), float(offset))
+            others = two.split_by_plane(tuple(normal), float(offset))
             for side in (0, 1):  # ``one`` above the plane, or below
-                kept, other = first[side], second[1 - side]
-                lost = 2 - kept.volume() / one.volume() - other.volume() / two.volume()
-                if lost < least and not kept.is_empty() and not other.is_empty():
+                kept, other = halves[side], others[1 - side]
+                shares = kept.volume() / of[0], other.volume() / of[1]
+                lost = had - sum(shares)
+                if lost < least and min(shares) >= 1 - MOST_LOST:
                     best, least = (kept, other), lost
     return best

@@ -88,7 +88,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     )
     floor = tub_lo[2]
     if count:  # racks roll out over the door: it opens flat, and they stand above it
-        opened = hinge((lo + hi) / 2 * [0, 1, 0] + [lo[0], 0, lo[2]], (0, -1, 0), max(angle, np.pi / 2))
+        opened = hinge(
+            (lo + hi) / 2 * [0, 1, 0] + [lo[0], 0, lo[2]], (0, -1, 0), max(angle, np.pi / 2)
+        )
         asm.parts[door] = dataclasses.replace(asm.parts[door], joint=opened)
         floor = max(floor, lo[2] + asm.parts[door].mesh.bounds[1, 0] - lo[0])
     zs = np.linspace(floor, tub_hi[2], count + 1)

@@ -248,6 +248,8 @@ class _Copy:
         PyBullet's own ``calculateMassMatrix`` refuses sound robots whose tensors, once turned, are symmetric to 7e-15 only.
         """
         numbers, client = list(self.joints.values()), self.client
+        if not numbers:
+            return np.zeros((0, 0))
         states = [pybullet.getJointState(self.body, i, physicsClientId=client)[:2] for i in numbers]
         moved = []
         for k in range(len(numbers)):

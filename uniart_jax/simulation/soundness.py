@@ -66,12 +66,13 @@ def surface(mesh: trimesh.Trimesh) -> Surface:
 def mesh_checks(robot: Robot, files: AssetFiles) -> dict[str, dict]:
     """Missing meshes, watertight, normals outward, finite vertices, collision shapes: each names its links."""
     missing, leaking, inverted, broken = [], [], [], []
+    holds_nan = functools.cache(_holds_nan)  # once a file, but again next time: it may be repaired
     for link in robot.links.values():
         for shape in [*link.visuals, *link.collisions]:
             if shape.kind == "mesh" and shape.mesh is None:
                 try:
                     found = files.find(shape.filename)
-                    if _holds_nan(found):
+                    if holds_nan(found):
                         broken.append(f"link '{link.name}': '{shape.filename}'")
                     files.meshes(found)
                 except FileNotFoundError:
@@ -95,7 +96,6 @@ def mesh_checks(robot: Robot, files: AssetFiles) -> dict[str, dict]:
     }
 
 
-@functools.lru_cache(maxsize=256)
 def _holds_nan(path: Path) -> bool:
     """Whether an OBJ or STL says a coordinate that is not finite; readers leave such vertices out without a word."""
     data = path.read_bytes()

@@ -1,6 +1,7 @@
 """An asset's description and the files that it names, copied to a folder where an engine may open all that it finds.
 
-Nothing outside the asset's folder is copied, so no engine ever reads there; what is missing stays missing, for the engine to say so.
+Nothing outside the asset's folder is copied, and no staged file says a name that leads out of the copy: PyBullet looks for a relative one
+beside every folder above, MuJoCo below ``compiler``'s ``meshdir``. What is missing stays missing, under a name that is nowhere.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from uniart_jax.objects.xml_text import parse_xml
 
 # What shapes the physics of an MJCF; actuators would hold the joints, keyframes and sensors say nothing about it.
 _PHYSICS = (*KEPT, "option", "size", "statistic", "contact", "tendon")
-_SIDE_FILES = re.compile(rb"^\s*(?:mtllib|usemtl)\b.*$", re.MULTILINE)
+_PLACES = ("meshdir", "assetdir", "texturedir")  # of compiler; of the first two, the former counts
+_MATERIALS = (b"mtllib", b"usemtl")
 
 
 class _Physical(Packer):
@@ -46,7 +48,7 @@ def stage_mjcf(data: bytes, path: Path, files: AssetFiles, folder: Path) -> Path
     packer = _Physical(files, [])
     text = packer.document(data, path, 0)[0]
     for name, content in packer.assets.items():
-        (folder / name).write_bytes(content)
+        (folder / name).write_bytes(_alone(name, content))
     staged = folder / "model.xml"
     staged.write_text(text, "utf-8")
     return staged
@@ -69,13 +71,21 @@ def stage_urdf(data: bytes, files: AssetFiles, folder: Path, *, shown: bool) -> 
     root = parse_xml(data, [])
     if root.tag != "robot":
         raise ValueError(f"not a URDF: its root element is <{root.tag}>, not <robot>")
-    places = [c.attrib.pop("meshdir") for c in root.iter("compiler") if "meshdir" in c.attrib]
-    for element in list(root.iter("texture", *(() if shown else ("visual",)))):
+    place = _pop_place(root)
+    # engines know no name spaces: they take <mesh xmlns="..."> for a mesh
+    for element in list(root.iter("{*}texture", *(() if shown else ("{*}visual",)))):
         remove(element)
     names: dict[Path, str] = {}
-    for element in root.iter("mesh"):
-        found = _find(element.get("filename") or "", places, files)
+    missing: dict[str, str] = {}
+    for element in root.iter(etree.Element):
+        if etree.QName(element).localname != "mesh":
+            for attribute in ("filename", "file"):  # of a cdf, a deformable, a plugin
+                element.attrib.pop(attribute, None)
+            continue
+        said = element.get("filename") or ""
+        found = _find(said, place, files)
         if found is None:
+            element.set("filename", missing.setdefault(said, f"missing-{len(missing)}.obj"))
             continue
         if found not in names:
             names[found] = f"{len(names)}{re.sub(r'[^.a-z0-9]', '', found.suffix.lower())}"
@@ -86,8 +96,17 @@ def stage_urdf(data: bytes, files: AssetFiles, folder: Path, *, shown: bool) -> 
     return staged
 
 
-def _find(name: str, places: list[str], files: AssetFiles) -> Path | None:
-    for uri in [*(f"{place}/{name}" for place in places[-1:]), name]:
+def _pop_place(root: etree._Element) -> str:
+    """Where ``compiler`` says meshes lie; later ones win. No folder is left for an engine to look into."""
+    place = ""
+    for compiler in root.iter("{*}compiler"):
+        found = {p: compiler.attrib.pop(p) for p in _PLACES if p in compiler.attrib}
+        place = found.get("meshdir", found.get("assetdir", place))
+    return str(place).strip()
+
+
+def _find(name: str, place: str, files: AssetFiles) -> Path | None:
+    for uri in [*([f"{place}/{name}"] if place else []), name]:
         try:
             return files.find(uri.strip())
         except FileNotFoundError:
@@ -102,7 +121,15 @@ def _find(name: str, places: list[str], files: AssetFiles) -> Path | None:
 def _copy(source: Path, target: Path) -> None:
     if source.stat().st_size > MAX_MESH_BYTES:
         raise RefusedError(f"mesh '{source.name}': it has more than {MAX_MESH_BYTES // 2**20} MiB")
-    data = source.read_bytes()
-    if source.suffix.lower() == ".obj":  # its materials are files too, and no engine needs them
-        data = _SIDE_FILES.sub(b"", data)
-    target.write_bytes(data)
+    target.write_bytes(_alone(target.name, source.read_bytes()))
+
+
+def _alone(name: str, data: bytes) -> bytes:
+    """A mesh without its materials, which are files too and which no engine needs.
+
+    A line ends at a carriage return as well, and PyBullet reads a long one in pieces: no line that says the words anywhere is kept.
+    """
+    if not name.endswith(".obj") or not any(word in data for word in _MATERIALS):
+        return data
+    lines = data.splitlines()
+    return b"\n".join(x for x in lines if not any(word in x for word in _MATERIALS)) + b"\n"

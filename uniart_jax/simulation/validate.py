@@ -138,7 +138,7 @@ class _Job:
         with self.said.open("wb") as said:
             self.process = subprocess.Popen(
                 [*command, str(job_file), str(self.result_file)],
-                stdin=subprocess.DEVNULL,
+                stdin=subprocess.PIPE,  # nothing is said; that it ends tells the worker to end
                 stdout=subprocess.DEVNULL,  # engines talk
                 stderr=said,
                 cwd=folder,  # MuJoCo writes its log where it stands
@@ -151,6 +151,8 @@ class _Job:
     def __exit__(self, *_: object) -> None:
         self.process.kill()
         self.process.wait()
+        if self.process.stdin is not None:
+            self.process.stdin.close()
 
     def result(self) -> dict:
         """What ``measure.measure`` found, with the check ``loads``."""

@@ -1,16 +1,22 @@
 """One engine's process: ``python -m uniart_jax.simulation.worker JOB RESULT``.
 
 JOB is JSON: {"engine", "path" of the staged description, "plan" or null, "seconds"}. A file that breaks an engine breaks this process only.
+It ends when its input does, a pipe that whoever started it holds open.
 """
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
+import signal
 import sys
+import threading
 from pathlib import Path
 
 from uniart_jax.simulation.engine import Engine, Plan, make_plan
+
+_PR_SET_PDEATHSIG = 1  # Linux's sys/prctl.h
 
 
 def load(engine: str, path: Path, plan: Plan | None) -> Engine:
@@ -30,6 +36,7 @@ def load(engine: str, path: Path, plan: Plan | None) -> Engine:
 
 def main(job_file: str, result_file: str) -> None:
     """Do a job; the result is there complete or not at all."""
+    _end_with_parent()
     job = json.loads(Path(job_file).read_text("utf-8"))
     _bound(job["seconds"])
     plan = make_plan(job["plan"]) if job["plan"] else None
@@ -44,6 +51,19 @@ def main(job_file: str, result_file: str) -> None:
     partial = Path(f"{result_file}.new")
     partial.write_text(json.dumps(result, allow_nan=False), "utf-8")
     os.replace(partial, result_file)
+
+
+def _end_with_parent() -> None:
+    """Do not outlive whoever started this, even where an engine blocks."""
+    if sys.platform == "linux":  # also where an engine never lets the thread below run
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, ctypes.c_ulong(signal.SIGKILL))
+    threading.Thread(target=_watch, daemon=True).start()
+
+
+def _watch() -> None:
+    while os.read(0, 1):
+        pass
+    os._exit(1)
 
 
 def _bound(seconds: float) -> None:
