@@ -217,7 +217,7 @@ def test_axes_are_compared_as_lines():
 
 
 def test_objects_import_without_jax():
-    modules = ["kinematics", "object", "appearance", "urdf"]
+    modules = ["kinematics", "object", "appearance", "load"]
     lines = [f"import uniart_jax.objects.{m}" for m in modules] + [
         "import sys",
         "assert 'jax' not in sys.modules",
