@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from planted_assets import cabinet, chest, jar, joint, link, robot, slider, solid, write
 
-from uniart_jax.simulation.engine import GRAVITY
+from uniart_jax.export.physics import GRAVITY
 from uniart_jax.simulation.planning import plan_asset
 from uniart_jax.simulation.primitives import FORCE, compound, drive
 from uniart_jax.simulation.reading import Description, descriptions

@@ -8,16 +8,18 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
+
+from uniart_jax.export.formats import Format
 
 Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
 Overwrite = Annotated[
     bool, tyro.conf.arg(help="Replace OUT if it is not empty (swapped at the end).")
 ]
 Formats = Annotated[
-    tuple[Literal["urdf", "mjcf", "glb", "page", "usd", "stl"], ...] | None,
+    tuple[Format, ...] | None,
     tyro.conf.arg(
         help="What to write beside the URDF (default: all but stl; usd if usd-core is installed). stl: for printing, millimetres."
     ),

@@ -6,11 +6,9 @@ object.glb    view.html           print/<part>.stl           preview.png   motio
 
 from __future__ import annotations
 
-import importlib.util
 import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 from PIL import Image
@@ -18,6 +16,7 @@ from PIL import Image
 from uniart_jax.export.atlas import Atlas, make_atlas
 from uniart_jax.export.bodies import make_bodies
 from uniart_jax.export.folder import check_target, complete_folder
+from uniart_jax.export.formats import FORMATS, Format, default_formats
 from uniart_jax.export.frames import hulls
 from uniart_jax.export.glb import write_glb
 from uniart_jax.export.mjcf import write_mjcf
@@ -43,16 +42,8 @@ from uniart_jax.export.wavefront import (
 )
 from uniart_jax.objects.object import ArticulatedObject
 
-Format = Literal["urdf", "mjcf", "glb", "page", "usd", "stl"]
-FORMATS: tuple[Format, ...] = get_args(Format)
 Check = Callable[[Path], dict]
 Mend = Callable[[ArticulatedObject, Sequence[Body]], tuple[ArticulatedObject, Sequence[Body]]]
-
-
-def default_formats() -> tuple[Format, ...]:
-    """All but files for printing; USD where usd-core is installed."""
-    usd = importlib.util.find_spec("pxr") is not None
-    return tuple(f for f in FORMATS if f != "stl" and (f != "usd" or usd))
 
 
 def save_asset(

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from uniart_jax.export.mass import Inertial
-from uniart_jax.export.physics import Dynamics
+from uniart_jax.export.physics import GRAVITY, Dynamics
+from uniart_jax.objects.kinematics import subtrees
 from uniart_jax.objects.object import ArticulatedObject
 
-GRAVITY = 9.81  # m / s^2, along -z
 HOLD = 1.3  # dry friction over the largest gravity load
 FLOOR = 0.03  # likewise, over the weight below the joint times its radius of gyration (1 for a joint that travels)
 TIME = 0.2  # seconds in which damping stops a part that was pushed
@@ -36,7 +36,7 @@ def joint_dynamics(
     vertical hinge or a drawer on level rails, where there is no load, 3 % of its weight. Damping is inertia / .2 s. Effort is five times
     friction and load together plus what brings the part to its top speed in 1 / 20 s.
     """
-    below = _below(obj)
+    below = [sorted(own) for own in subtrees(obj.parents)]
     largest = _largest_loads(obj, inertials, below)
     found: list[Dynamics | None] = []
     for k, part in enumerate(obj.parts):
@@ -118,11 +118,3 @@ def _loads(
             load = (load + GRAVITY * (moment[1] * axis[0] - moment[0] * axis[1])) * obj.scale
         loads[k] = abs(load)
     return loads
-
-
-def _below(obj: ArticulatedObject) -> list[list[int]]:
-    """Per part, itself and all that hang on it."""
-    below = [[k] for k in range(len(obj.parts))]
-    for k in range(len(obj.parts) - 1, 0, -1):  # parents stand before their children
-        below[obj.parts[k].parent] += below[k]
-    return below

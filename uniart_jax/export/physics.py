@@ -10,6 +10,8 @@ import dataclasses
 import numpy as np
 import trimesh
 
+GRAVITY = 9.81  # m / s^2, along -z
+
 
 @dataclasses.dataclass(frozen=True)
 class Box:

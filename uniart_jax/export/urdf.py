@@ -15,7 +15,7 @@ import numpy as np
 from lxml import etree
 from scipy.spatial.transform import Rotation
 
-from uniart_jax.export.dynamics import GRAVITY, HOLD
+from uniart_jax.export.dynamics import HOLD
 from uniart_jax.export.frames import (
     body_frames,
     check_bodies,
@@ -25,7 +25,7 @@ from uniart_jax.export.frames import (
     metric_travel,
     travel_name,
 )
-from uniart_jax.export.physics import Body, Box, Dynamics
+from uniart_jax.export.physics import GRAVITY, Body, Box, Dynamics
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.robot_object import one_line

@@ -31,7 +31,7 @@ from uniart_jax.export.frames import (
     rigid_groups,
     travel_name,
 )
-from uniart_jax.export.physics import Body
+from uniart_jax.export.physics import GRAVITY, Body
 from uniart_jax.export.usd_joints import place_joint, set_dynamics, set_limits
 from uniart_jax.export.usd_shapes import (
     define_collision,
@@ -45,7 +45,6 @@ from uniart_jax.objects.object import ArticulatedObject, Part
 
 CARRIER_MASS = 0.01  # kg; of a body without a shape
 CARRIER_GYRATION = 0.01  # m
-GRAVITY = 9.81  # m / s^2
 SCENE = "PhysicsScene"
 ZIP_EPOCH = b"\x00\x00\x21\x00"  # 1980-01-01 00:00, a zip's first
 

@@ -182,6 +182,14 @@ def topological_order(parents: Sequence[int]) -> list[int]:
     return order
 
 
+def subtrees(parents: Sequence[int]) -> list[set[int]]:
+    """[K] each node and all that hang on it; parents stand before their children."""
+    below = [{k} for k in range(len(parents))]
+    for k in range(len(parents) - 1, 0, -1):
+        below[parents[k]] |= below[k]
+    return below
+
+
 def forward_kinematics(
     parents: Sequence[int], joints: Sequence[Joint], q: np.ndarray
 ) -> np.ndarray:

@@ -17,7 +17,8 @@ import numpy as np
 import pybullet
 from trimesh.transformations import quaternion_matrix
 
-from uniart_jax.simulation.engine import GRAVITY, TIMESTEP, LinkInertia, Pair, Plan
+from uniart_jax.export.physics import GRAVITY
+from uniart_jax.simulation.engine import TIMESTEP, LinkInertia, Pair, Plan
 
 POSED_SIZE = 100.0  # m
 NEAR = 1.0  # m, at that size; at 0 Bullet looks for nothing between links of several shapes

@@ -12,7 +12,6 @@ from typing import Protocol
 import numpy as np
 
 Pair = tuple[str, str]  # names of two links, sorted
-GRAVITY = 9.81  # m / s^2
 TIMESTEP = 0.001  # s; small parts on a hand's spring need it
 
 

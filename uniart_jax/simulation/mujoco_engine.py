@@ -12,7 +12,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from uniart_jax.simulation.engine import GRAVITY, TIMESTEP, LinkInertia, Pair, Plan
+from uniart_jax.export.physics import GRAVITY
+from uniart_jax.simulation.engine import TIMESTEP, LinkInertia, Pair, Plan
 
 _MOVING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 _SOLID = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)

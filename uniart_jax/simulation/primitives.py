@@ -12,7 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from uniart_jax.simulation.engine import GRAVITY, Engine, Pair, PlannedJoint
+from uniart_jax.export.physics import GRAVITY
+from uniart_jax.simulation.engine import Engine, Pair, PlannedJoint
 from uniart_jax.simulation.stand import Rest, watch
 from uniart_jax.simulation.sweep import DEPTH, deepest
 

@@ -17,7 +17,7 @@ import trimesh
 
 from uniart_jax.export.bodies import with_joints
 from uniart_jax.export.physics import Body
-from uniart_jax.objects.kinematics import Joint, forward_kinematics
+from uniart_jax.objects.kinematics import Joint, forward_kinematics, subtrees
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.simulation.clearing import clear
 from uniart_jax.simulation.collider import Collider
@@ -179,10 +179,7 @@ class _Sweep:
     ):
         self.collider, self.obj, self.k, self.limit = collider, obj, k, limit
         self.state, self.hit = state, set()
-        self.below = {k}
-        for child, part in enumerate(obj.parts):
-            if part.parent in self.below:
-                self.below.add(child)
+        self.below = subtrees(obj.parents)[k]
         self.base = collider.depths(np.tile(np.eye(4), (len(obj.parts), 1, 1)))  # as shown
         self.count = self._count(obj.parts[k].joint)
 

@@ -16,6 +16,7 @@ import trimesh
 from lxml import etree
 from trimesh import transform_points
 
+from uniart_jax.objects.kinematics import subtrees
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot import Geometry, Link, Robot
 from uniart_jax.objects.robot_mesh import AssetFiles, primitive
@@ -155,9 +156,7 @@ def gaps(obj: ArticulatedObject) -> dict:
     frames = obj.forward_kinematics(obj.rest())
     moved = [transform_points(p.mesh.vertices, f) for p, f in zip(obj.parts, frames, strict=True)]
     size = float(np.ptp(np.concatenate(moved), axis=0).max())
-    below = [{k} for k in range(len(obj.parts))]
-    for k in range(len(obj.parts) - 1, 0, -1):
-        below[obj.parts[k].parent] |= below[k]
+    below = subtrees(obj.parents)
     wide: list[str] = []
     widest = 0.0
     for k in range(1, len(obj.parts)):

@@ -6,7 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from uniart_jax.simulation.engine import GRAVITY, Engine, Plan
+from uniart_jax.export.physics import GRAVITY
+from uniart_jax.simulation.engine import Engine, Plan
 
 SECONDS = 2.0  # simulated
 MOVED = 0.05  # of its range, that a joint may move by itself
