@@ -1,0 +1,45 @@
+"""What every comparison of two objects agrees on: the frame, the states, and how a figure is called.
+
+A family of figures is one module with ``METRICS: dict[str, Metric]`` and a function of two objects, both from ``at_rest``, that returns a
+number for every key. NaN means that there is nothing to compare (no joint, say) and is left out of means; what a *wrong* prediction gets is
+a number. A prediction that is missing or cannot be read counts as ``Metric.worst`` everywhere.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Literal
+
+import numpy as np
+
+from uniart_jax.objects.object import ArticulatedObject
+
+# 0 is the rest state (RS); articulated states (AS) are the mean over all five, as SINGAPO's code has it.
+STATES = np.linspace(0.0, 1.0, 5)
+
+Figures = dict[str, float]
+
+
+@dataclasses.dataclass(frozen=True)
+class Metric:
+    """One figure.
+
+    Attributes:
+      title: for tables, a few characters.
+      better: which way is better.
+      worst: what a prediction counts as that is missing or cannot be read.
+      about: one sentence for the report: what it measures, in which unit.
+    """
+
+    title: str
+    better: Literal["higher", "lower"]
+    worst: float
+    about: str
+
+
+def at_rest(obj: ArticulatedObject) -> ArticulatedObject:
+    """The object as all figures see it: every joint at its rest state and measured from there, centred, longest side 1.
+
+    Rest and range are each object's own (``ArticulatedObject.rest``, ``open``), so is the scale: an image does not tell a size.
+    """
+    return obj.shown_at(obj.rest()).normalized()
