@@ -11,6 +11,7 @@ from uniart_jax.export.collision import collision_shapes
 from uniart_jax.export.dynamics import joint_dynamics
 from uniart_jax.export.mass import part_inertials
 from uniart_jax.export.physics import Body
+from uniart_jax.export.voxel_boxes import as_cells, is_rough
 from uniart_jax.objects.object import ArticulatedObject
 
 
@@ -37,12 +38,14 @@ def make_bodies(
     inertials = part_inertials(list(meshes), obj.scale, density, mass)
     lo, hi = obj.bounds
     size = float((hi - lo).max()) * obj.scale
-    metric = [
-        trimesh.Trimesh(mesh.vertices * obj.scale, mesh.faces, process=False) for mesh in meshes
-    ]
-    parts = zip(
-        inertials, collision_shapes(metric, size), joint_dynamics(obj, inertials), strict=True
-    )
+    if is_rough(obj):
+        shapes = as_cells(obj, meshes).shapes(obj.scale)
+    else:
+        metric = [
+            trimesh.Trimesh(m.vertices * obj.scale, m.faces, process=False) for m in meshes
+        ]
+        shapes = collision_shapes(metric, size)
+    parts = zip(inertials, shapes, joint_dynamics(obj, inertials), strict=True)
     return tuple(Body(*inertial, shapes, dynamics) for inertial, shapes, dynamics in parts)
 
 

@@ -17,8 +17,10 @@ import trimesh
 
 from uniart_jax.export.bodies import with_joints
 from uniart_jax.export.physics import Body
+from uniart_jax.export.voxel_boxes import as_cells, is_rough
 from uniart_jax.objects.kinematics import Joint, forward_kinematics, subtrees
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.simulation.carving import carve
 from uniart_jax.simulation.clearing import clear
 from uniart_jax.simulation.collider import Collider
 
@@ -64,7 +66,14 @@ def mend(
     obj: ArticulatedObject, bodies: Sequence[Body]
 ) -> tuple[ArticulatedObject, tuple[Body, ...]]:
     """``clear`` and ``refine``: shapes that scrape are cut back, then limits and axes mended. ``provenance`` tells it all."""
-    bodies, lines = clear(obj, bodies)
+    if is_rough(obj):
+        cells, lines = carve(obj, as_cells(obj, [part.mesh for part in obj.parts]))
+        bodies = tuple(
+            dataclasses.replace(body, shapes=shapes)
+            for body, shapes in zip(bodies, cells.shapes(obj.scale), strict=True)
+        )
+    else:
+        bodies, lines = clear(obj, bodies)
     obj, _ = refine(dataclasses.replace(obj, provenance=obj.provenance + lines), bodies)
     return obj, with_joints(bodies, obj)
 

@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint, topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.voxels.debris import without_debris
 from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import FACE_BUDGET, dense_field, part_mesh, simplify, srgb_bytes
 from uniart_jax.voxels.joint_code import LARGEST, box_corners, canonical, decode_part, decode_tree
@@ -29,7 +30,7 @@ def assemble(
       grid: attributes on active voxels, true or predicted.
       scale: metres per object unit.
       name: name of the object.
-      tolerance: of ``joint_code.decode_part``: 0 for true grids, ``NETWORK_TOLERANCE`` for predicted ones.
+      tolerance: of ``joint_code.decode_part``: 0 for true grids, ``NETWORK_TOLERANCE`` for predicted ones, whose specks in the air are left out.
 
     Returns:
       Object with parts 'base', 'link_1', ... (parents first, larger first); every mesh is closed and edge-manifold.
@@ -52,7 +53,7 @@ def assemble(
     meshes = mesh_parts(grid, parts)
     order = topological_order(parents)
     position = {old: new for new, old in enumerate(order)}
-    return ArticulatedObject(
+    obj = ArticulatedObject(
         tuple(
             Part(
                 "base" if parents[k] < 0 else f"link_{position[k]}",
@@ -65,6 +66,7 @@ def assemble(
         scale=scale,
         name=name,
     )
+    return without_debris(obj) if tolerance else obj
 
 
 def _finite(grid: VoxelGrid) -> VoxelGrid:

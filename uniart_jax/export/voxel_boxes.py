@@ -1,0 +1,178 @@
+"""Boxes for rough surfaces: parts as cells of one lattice, each cell one part's, and the cells covered by few boxes.
+
+What a network makes has bumps of a hundredth of the object everywhere. Convex hulls of that fill cavities and cross the neighbours;
+cells of one lattice cannot. The lattice lies along the object's axes at rest, where doors and drawers are closed, so that flat parts are few boxes.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+from scipy import ndimage
+
+from uniart_jax.export.physics import Box, Shape
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.voxels.crossings import lattice_windings
+
+ROUGH_FACES = 2500  # fewer are no rough object
+# (radians, share of edges that are bent by more). Marching cubes of a network's output have .8 and .5; a smooth surface of many faces has
+# .95 and .05, furniture .6 and .45.
+BENT = ((0.05, 0.7), (0.2, 0.4))
+CELLS = 64  # along the object's longest side
+BOXES = 64  # a part, at most
+UNCOVERED = 0.02  # of a part's cells that no box need hold
+FILLED = 0.5  # of the cells of a layer by which a box grows, that must be the part's
+SEEDS = 24  # cells that boxes are grown from, for each that is kept
+LEAST_CELLS = 3  # a part with fewer gets all cells that its corners are in
+GAP = 0.0015  # of the longest side, between the boxes of neighbours
+FREE = -1  # owner of a cell that is nobody's
+
+
+def is_rough(obj: ArticulatedObject) -> bool:
+    """Whether an object's surface is bumpy all over, as what a network makes is: no hull would follow it."""
+    if sum(len(part.mesh.faces) for part in obj.parts) <= ROUGH_FACES:
+        return False
+    welded = [trimesh.Trimesh(p.mesh.vertices, p.mesh.faces) for p in obj.parts]
+    angles = np.concatenate([mesh.face_adjacency_angles for mesh in welded])
+    return all(float((angles > bend).mean()) > share for bend, share in BENT)
+
+
+@dataclasses.dataclass(frozen=True)
+class Cells:
+    """An object at rest on a lattice.
+
+    Attributes:
+      corner: [3] of cell (0, 0, 0), and ``side`` of a cell; object units, object frame.
+      rest: [K, 4, 4] of each part from the shown state to rest.
+      full: [K, n, n, n] bool: the part's own cells; no cell is two parts'.
+      spare: [K, n, n, n] bool: cells beside them that its boxes may hold too, because no other part ever gets there.
+    """
+
+    corner: np.ndarray
+    side: float
+    rest: np.ndarray
+    full: np.ndarray
+    spare: np.ndarray
+
+    def centers(self, cells: np.ndarray) -> np.ndarray:
+        """[n, 3] centres of cells [n, 3]."""
+        return self.corner + (cells + 0.5) * self.side
+
+    def holding(self, points: np.ndarray) -> np.ndarray:
+        """[n, 3] int cells that hold points [n, 3]."""
+        return np.floor((points - self.corner) / self.side).astype(np.int64)
+
+    def shapes(self, scale: float) -> list[tuple[Shape, ...]]:
+        """[K] boxes for every part, in metres by ``scale``, in the frame of the shown state; none for a part without cells."""
+        out = []
+        for k, pose in enumerate(np.linalg.inv(self.rest)):
+            boxes = []
+            for low, high in cover(self.full[k], self.spare[k]):
+                center = self.corner + (low + high) / 2 * self.side
+                sides = (high - low) * self.side - 2 * GAP * CELLS * self.side
+                moved = pose[:3, :3] @ center + pose[:3, 3]
+                boxes.append(Box(moved * scale, sides * scale, pose[:3, :3].copy()))
+            out.append(tuple(boxes))
+        return out
+
+
+def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells:
+    """The parts on one lattice. Where parts cross, a cell goes to the part that it lies deepest in.
+
+    Args:
+      obj: any object. meshes: [K] its parts' surfaces, object units, object frame; one that is open counts by its corners alone.
+    """
+    rest = obj.forward_kinematics(obj.rest())
+    corners = [trimesh.transform_points(m.vertices, t) for m, t in zip(meshes, rest, strict=True)]
+    low = np.min([c.min(0) for c in corners], 0)
+    high = np.max([c.max(0) for c in corners], 0)
+    side = float(np.ptp(obj.bounds, axis=0).max()) / CELLS
+    n = int(np.ceil((high - low).max() / side)) + 4  # room for spare cells
+    corner = (low + high) / 2 - n * side / 2
+    owner = np.full((n, n, n), FREE, np.int16)
+    depth = np.zeros((n, n, n), np.float32)
+    for k, mesh in enumerate(meshes):
+        vertices = (corners[k] - corner) / side
+        first = np.floor(vertices.min(0)).astype(np.int64)
+        shape = np.floor(vertices.max(0)).astype(np.int64) + 1 - first
+        inside = np.zeros(shape, bool)
+        if mesh.is_watertight:
+            triangles = vertices[np.asarray(mesh.faces)] / n - 0.5
+            inside = lattice_windings(triangles, first, shape, n) != 0  # inside out, too
+        if inside.sum() < LEAST_CELLS:
+            inside[tuple((np.floor(vertices).astype(np.int64) - first).T)] = True
+        deep = np.asarray(ndimage.distance_transform_edt(np.pad(inside, 1)))[1:-1, 1:-1, 1:-1]
+        place = tuple(slice(a, a + s) for a, s in zip(first, shape, strict=True))
+        take = inside & (deep > depth[place])
+        owner[place][take] = k
+        depth[place][take] = deep[take]
+    for k, place in enumerate(corners):
+        if not (
+            owner == k
+        ).any():  # it lies inside others: the cell that most of its corners are in
+            held, count = np.unique(
+                np.floor((place - corner) / side).astype(np.int64), axis=0, return_counts=True
+            )
+            owner[tuple(held[count.argmax()])] = k
+    full = owner == np.arange(len(meshes), dtype=np.int16)[:, None, None, None]
+    near = np.stack([ndimage.binary_dilation(f, np.ones((3, 3, 3))) for f in full])
+    alone = near & (near.sum(0) == 1) & (owner == FREE)
+    return Cells(corner, side, rest, full, alone)
+
+
+def cover(full: np.ndarray, spare: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(low [3], high [3]) of boxes that hold ``full`` but for a small share, and nothing but ``full`` and some of ``spare`` [n, n, n].
+
+    Greedy: of the boxes grown from some cells that none holds yet the one that holds the most of them. Deterministic.
+    """
+    cells = np.argwhere(full)
+    if not len(cells):
+        return []
+    low, high = np.maximum(cells.min(0) - 1, 0), cells.max(0) + 2
+    place = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+    full, allowed = full[place], (full | spare)[place]
+    rng, orders = np.random.default_rng(0), list(itertools.permutations(range(3)))
+    left = full.copy()
+    boxes, grown = [], []
+    while left.sum() > UNCOVERED * len(cells) and len(boxes) < BOXES:
+        seeds = rng.permutation(np.argwhere(left))[:SEEDS]
+        for seed in seeds:
+            grown += [_grow(full, allowed, seed, orders[i]) for i in rng.permutation(6)[:2]]
+        gain = [int(left[box].sum()) for box in grown]
+        order = np.argsort(gain, kind="stable")[::-1]
+        best = grown[order[0]]
+        left[best] = False
+        boxes.append((low + [s.start for s in best], low + [s.stop for s in best]))
+        grown = [grown[i] for i in order[1 : 2 * SEEDS]]  # good ones are tried again
+    return boxes
+
+
+def _grow(
+    full: np.ndarray, allowed: np.ndarray, seed: np.ndarray, order: tuple[int, ...]
+) -> tuple[slice, ...]:
+    """The box around a cell, a layer at a time, in every direction that is open."""
+    low, high = [int(s) for s in seed], [int(s) + 1 for s in seed]
+
+    def open_at(axis: int, index: int) -> bool:
+        if not 0 <= index < full.shape[axis]:
+            return False
+        layer = [slice(a, b) for a, b in zip(low, high, strict=True)]
+        layer[axis] = slice(index, index + 1)
+        cells = tuple(layer)
+        return bool(allowed[cells].all()) and bool(full[cells].mean() >= FILLED)
+
+    growing = True
+    while growing:
+        growing = False
+        for axis in order:
+            while open_at(axis, low[axis] - 1):
+                low[axis] -= 1
+                growing = True
+            while open_at(axis, high[axis]):
+                high[axis] += 1
+                growing = True
+    return tuple(slice(a, b) for a, b in zip(low, high, strict=True))
