@@ -20,9 +20,9 @@ from uniart_jax.objects.kinematics import subtrees
 from uniart_jax.objects.object import ArticulatedObject
 
 MOST_LOST = 0.5  # of a part's cells, in all
-# Of a part's cells that meet another: more, and one may be a door that should be open, or a rack that should be in; the second where the
-# other is open already.
-PASSED = (0.3, 0.1)
+PASSED = 0.3  # of the moving part's cells that meet another: more, and the other may be a door that should be open
+FREED = 0.05  # of that, or of the part's cells: less is no meeting
+CROWDED = 0.1  # of a part's cells that meet another one which is open: more, and the two are not meant to be open together
 STATES = (25, 65)  # of a joint's range that are tried, least and most
 # Of a cell: how far from its centre, along each axis, the points of it lie that are looked at. Parent and child do not push each other in
 # a simulator and may share a third of a cell; others must not touch.
@@ -107,9 +107,14 @@ def carve(obj: ArticulatedObject, cells: Cells) -> tuple[Cells, tuple[str, ...]]
             only = swung if swung and k not in swung else range(len(obj.parts))
             still = [i for i in only if i not in below[k]]
             met = _meetings(obj, cells, k, below[k], still, others)
-            barred = _barred(obj, cells, k, below, others, met, PASSED[bool(swung)])
+            if not swung:
+                left = _barred(obj, cells, k, below, others, met)
+            elif obj.parts[swung[0]].joint.type == "continuous":  # has no place to go back to
+                left = set()
+            else:
+                left = {pair for pair, m in met.items() if _crowded(cells, pair, m)}
             for (a, b), meeting in met.items():
-                if (a, b) in barred:
+                if (a, b) in left:
                     continue
                 sides = [(a, meeting.moving), (b, meeting.still)]
                 for i, own in sorted(sides, key=lambda side: side[1].sum() / first[side[0]]):
@@ -142,6 +147,11 @@ def _surroundings(
             yield state, below[j]
 
 
+def _crowded(cells: Cells, pair: tuple[int, int], met: _Meeting) -> bool:
+    counts = np.array([met.moving.sum(), met.still.sum()])
+    return bool((counts > CROWDED * cells.full[list(pair)].sum((1, 2, 3))).any())
+
+
 def _barred(
     obj: ArticulatedObject,
     cells: Cells,
@@ -149,28 +159,27 @@ def _barred(
     below: list[list[int]],
     others: np.ndarray,
     met: dict[tuple[int, int], _Meeting],
-    passed: float,
 ) -> set[tuple[int, int]]:
-    """Pairs that meet because of where another joint is: a rack and the closed door before it, the door and the rack that is out."""
-    ends, found = (obj.rest(), obj.open()), set()
+    """Pairs that meet because a part is closed that can be opened first: a rack and the door before it."""
+    found = set()
     bare = dataclasses.replace(cells, spare=np.zeros_like(cells.spare))
     for (a, b), meeting in met.items():
-        counts = np.array([meeting.moving.sum(), meeting.still.sum()])
-        if (counts <= passed * cells.full[[a, b]].sum((1, 2, 3))).all():
+        count = int(meeting.moving.sum())
+        if count <= PASSED * cells.full[a].sum():
             continue
-        above = b
-        while above >= 0 and obj.parts[above].joint.type == "fixed":
-            above = obj.parts[above].parent
-        if above < 0 or k in below[above]:
+        door = b
+        while door >= 0 and obj.parts[door].joint.type == "fixed":
+            door = obj.parts[door].parent
+        if door < 0 or k in below[door]:
             continue
-        for end in ends:
-            state = others.copy()
-            state[above] = end[above]
-            if state[above] == others[above]:
-                continue
-            again = _meetings(obj, bare, k, below[k], [b], state).get((a, b))
-            if again is None or again.moving.sum() < counts[0] / 2:
-                found.add((a, b))
+        state = others.copy()
+        state[door] = obj.open()[door]
+        after = _meetings(obj, bare, k, below[k], [b], state).get((a, b))
+        way = _meetings(obj, bare, door, below[door], [a], others).values()
+        if (after is None or after.moving.sum() < FREED * count) and not any(
+            m.still.sum() > FREED * cells.full[a].sum() for m in way
+        ):
+            found.add((a, b))
     return found
 
 
