@@ -1,7 +1,8 @@
-"""``uniart convert``: published checkpoints of TRELLIS and DINOv2 -> a checkpoint folder of ours (``training.export``).
+"""``uniart convert``: published checkpoints of TRELLIS and DINOv2 -> a checkpoint folder of ours (``training.export``); OpenShape's encoders.
 
     CKPT_DIR/[ckpts/]<name>.json, <name>.safetensors, pipeline.json  ->  DIR/config.json, <network>.safetensors, latent_stats.safetensors
     dinov2_vit?14_reg….pth                                           ->  image_encoder.safetensors
+    OPENSHAPE_DIR/model.pt, open_clip_*.safetensors                  ->  DIR/openshape.json, … (``weights.openshape``)
 
 What the files are is read off their content (``weights``); here they are found, written and reported.
 """
@@ -19,17 +20,22 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from uniart_jax.config import Config, ModelConfig
+from uniart_jax.config import Config, ModelConfig, to_json
 from uniart_jax.export.folder import check_target, complete_folder
 from uniart_jax.training.export import export_network, read_config, write_config, write_statistics
 from uniart_jax.weights.compose import Filled, compose
 from uniart_jax.weights.dinov2 import convert_dinov2
+from uniart_jax.weights.openclip import convert_image_tower
+from uniart_jax.weights.openshape import CARD, OpenShapeConfig, convert_point_encoder, files_of
 from uniart_jax.weights.read import read_tensors
 from uniart_jax.weights.sampling import Sampling, read_sampling
 from uniart_jax.weights.trellis import PLACES, convert_trellis
 from uniart_jax.weights.trellis_options import OUT_OF_SCOPE, class_name, out_of_scope
 
 MARKS = ("config.json",)  # what a folder must hold to be replaced
+# Names of the published files, and where they are; the first that is there is taken.
+POINT_ENCODER = (("model.pt", "model.safetensors"), "model.pt of huggingface.co/OpenShape/openshape-pointbert-vitg14-rgb")  # fmt: skip
+IMAGE_TOWER = (("open_clip_*.safetensors", "open_clip_*.bin"), "open_clip_model.safetensors of huggingface.co/laion/CLIP-ViT-bigG-14-laion2B-39B-b160k")  # fmt: skip
 console = Console(stderr=True, highlight=False)
 
 
@@ -133,6 +139,46 @@ def convert_dinov2_file(source: Path, out: Path, overwrite: bool = False) -> Pat
     return out
 
 
+def convert_openshape_folder(
+    source: Path, out: Path, overwrite: bool = False, config: OpenShapeConfig | None = None
+) -> Path:
+    """OpenShape's point encoder and OpenCLIP's image tower for evaluation; ``out`` appears complete or not at all.
+
+    Args:
+      source: a folder with both published files.
+      config: None = ``openshape-pointbert-vitg14-rgb`` and ViT-bigG-14.
+
+    Raises:
+      FileNotFoundError: no such folder, or one of the files is not in it.
+      ValueError: ``out`` is not empty, or a file is of another network.
+    """
+    check_target(out, overwrite, [source], marks=(CARD,))
+    config = config or OpenShapeConfig()
+    files = [_published(source, *kind) for kind in (POINT_ENCODER, IMAGE_TOWER)]
+    converters = (
+        lambda tensors: convert_point_encoder(tensors, config.point_encoder),
+        lambda tensors: convert_image_tower(tensors, config.image_tower),
+    )
+    params = []
+    for path, converted in zip(files, converters, strict=True):
+        try:
+            params.append(converted(read_tensors(path)))
+        except ValueError as error:
+            where = "" if str(path) in str(error) else f"'{path}': "
+            raise ValueError(f"{where}{error}") from None
+    with complete_folder(out, overwrite, marks=(CARD,)) as folder:
+        for stem, tree in files_of(*params).items():
+            export_network(folder, stem, tree, "stored")
+        (folder / CARD).write_text(to_json(config) + "\n", encoding="utf-8")
+    names = {"point_encoder": "OpenShape", "image_tower": "OpenCLIP"}
+    filled = {
+        name: Filled(tree, (names[name],), len(jax.tree.leaves(tree)))
+        for name, tree in zip(names, params, strict=True)
+    }
+    report(out, filled, [], [])
+    return out
+
+
 def find_networks(folder: Path) -> list[Source]:
     """The networks in a folder, or in its ``ckpts``: every ``<name>.safetensors`` with a ``<name>.json`` beside it.
 
@@ -215,6 +261,15 @@ def report(
     if missing:
         console.print(f"not there: {', '.join(missing)}")
     console.print(f"-> {out}")
+
+
+def _published(folder: Path, names: Sequence[str], origin: str) -> Path:
+    if not folder.is_dir():
+        raise FileNotFoundError(f"'{folder}': no such folder; give one with OpenShape's and OpenCLIP's files")  # fmt: skip
+    found = [path for name in names for path in sorted(folder.glob(name))]
+    if not found:
+        raise FileNotFoundError(f"'{folder}': no {' or '.join(names)} in it; put {origin} there")
+    return found[0]
 
 
 def _json(path: Path) -> Any:

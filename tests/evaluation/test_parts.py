@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from uniart_jax.evaluation.parts import compare_parts, match_parts, summarize
-from uniart_jax.objects.joint_errors import range_iou, signed_axis_error
+from uniart_jax.objects.joint_errors import pivot_at_part, range_iou, signed_axis_error
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -60,6 +60,34 @@ def test_continuous_joints_have_no_wrong_way():
     spin = Joint([0, 0, 0], [0, 0, 1], angle=(-np.pi, np.pi))
     back = Joint([0, 0, 0], [0, 0, -1], angle=(-np.pi, np.pi))
     assert signed_axis_error(back, spin) == pytest.approx(0)
+
+
+def test_screws_count_turn_travel_and_hand():
+    right = Joint([0, 0, 0], [0, 0, 1], angle=(0, 6.0), travel=(0, 0.3))
+    left = Joint([0, 0, 0], [0, 0, 1], angle=(0, 6.0), travel=(0, -0.3))
+    steep = Joint([0, 0, 0], [0, 0, -1], angle=(-6.0, 0), travel=(-0.4, 0))  # the same hand
+    assert signed_axis_error(left, right) == pytest.approx(180)
+    assert range_iou(left, right) == 0
+    assert signed_axis_error(steep, right) == 0
+    assert range_iou(steep, right) == pytest.approx(0.75)
+    mirrored = right.transformed(np.diag([1.0, 1, -1, 1]))
+    assert signed_axis_error(mirrored, left.transformed(np.diag([1.0, 1, -1, 1]))) == pytest.approx(180)  # fmt: skip
+    half = right.shown_at(3.0)
+    assert range_iou(half, left.shown_at(3.0)) == pytest.approx(
+        1
+    )  # from half way: both ways are open
+    assert signed_axis_error(half, left.shown_at(3.0)) == pytest.approx(180)
+    assert range_iou(DOOR, Joint([0, 0, 0], [0, 0, 1], travel=(0, 1.5))) == 0  # a turn is no travel
+
+
+def test_pivot_at_the_part():
+    """Two axes that cross at z = 1, 45 degrees apart: at z = 0.2 the nearest point of the tilted one is 0.8 / sqrt 2 away."""
+    upright, tilted = (Joint([0, 0, 1], d, angle=(0, 1)) for d in ([0, 0, 1], [0, 1, 1]))
+    assert pivot_at_part(tilted, upright, np.array([0.3, 0.4, 0.2])) == pytest.approx(0.8 / 2**0.5)
+    assert pivot_at_part(upright, upright, np.array([0.3, 0.4, 0.2])) == 0
+    again = compare_parts(cabinet(DOOR), cabinet(DOOR))
+    np.testing.assert_array_equal(again.match, [0, 1, 2])
+    np.testing.assert_array_equal(again.pivot_at_part, [np.nan, 0, np.nan])
 
 
 @pytest.mark.parametrize(

@@ -187,7 +187,7 @@ def reconstruct(
 
 
 def convert(
-    kind: Annotated[Literal["trellis", "dinov2"], tyro.conf.Positional],
+    kind: Annotated[Literal["trellis", "dinov2", "openshape"], tyro.conf.Positional],
     path: Annotated[Path, tyro.conf.Positional],
     /,
     out: Annotated[Path, tyro.conf.arg(help="Folder to write; 'dinov2': the file, or its folder.")],
@@ -196,9 +196,14 @@ def convert(
     """Make a checkpoint of published weights, to sample with or to train on from. Nothing is downloaded and nothing unpickled.
 
     Args:
-        kind: "trellis": a folder with <name>.json and <name>.safetensors, or with them in ckpts. "dinov2": a file of dinov2_vit{s,b,l}14_reg.
+        kind: "trellis": a folder with <name>.json and <name>.safetensors, or with them in ckpts. "dinov2": a file of dinov2_vit{s,b,l}14_reg. "openshape": a folder with OpenShape's model.pt and OpenCLIP's open_clip_model.safetensors, for "uniart evaluate".
         path: The folder or file.
     """
-    from uniart_jax.conversion import convert_dinov2_file, convert_trellis_folder
+    from uniart_jax import conversion
 
-    (convert_trellis_folder if kind == "trellis" else convert_dinov2_file)(path, out, overwrite)
+    converters = {
+        "trellis": conversion.convert_trellis_folder,
+        "dinov2": conversion.convert_dinov2_file,
+        "openshape": conversion.convert_openshape_folder,
+    }
+    converters[kind](path, out, overwrite)

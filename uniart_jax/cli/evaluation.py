@@ -1,4 +1,4 @@
-"""``uniart evaluate``: figures of checkpoints, of the representation, of assets in simulators."""
+"""``uniart evaluate``: predictions against references, and figures of checkpoints, of the representation, of assets in simulators."""
 
 from __future__ import annotations
 
@@ -10,35 +10,53 @@ import tyro
 
 from uniart_jax.cli.arguments import Out
 
+OWN = ("baselines", "procedural", "representation", "physics")
+Engines = tuple[Literal["mujoco", "pybullet"], ...]
+Samples = Literal["mean", "best", "first"]
+
 
 def evaluate(
-    what: Annotated[Literal["procedural", "representation", "physics"], tyro.conf.Positional],
-    root: Annotated[Path | None, tyro.conf.Positional] = None,
+    what: Annotated[
+        str,
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="PRED|baselines|procedural|representation|physics"),
+    ],
+    root: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[REF|ROOT]")] = None,
     /,
     *,
     out: Out,
+    samples: Samples | None = None,
+    only: tuple[str, ...] | None = None,
+    openshape: Path | None = None,
     checkpoint: str | None = None,
     count: int | None = None,
     records: Path | None = None,
-    pictures: int = 16,
+    pictures: int | None = None,
     unseen: bool = False,
     processes: int | None = None,
-    engines: tuple[Literal["mujoco", "pybullet"], ...] | None = None,
+    engines: Engines | None = None,
     allow_outside: bool = False,
 ) -> None:
-    """Measure a checkpoint on held-out procedural objects, the representation alone, or assets in simulators; write tables and pictures.
+    """Hold anybody's predictions against references: uniart evaluate PRED REF --out DIR. Writes metrics.json, table.md, report.html.
+
+    PRED and REF are folders of assets (URDF, MJCF, object.json) matched by name, or one asset each; PRED/NAME may hold several samples.
+    Or measure a checkpoint on held-out procedural objects, beside retrieval and controls (baselines) or station by station (procedural), the
+    representation alone, or assets in simulators (physics).
 
     Args:
-        what: "procedural": image to object. "representation": truth to voxels to object, no network. "physics": written as assets and driven in simulators.
-        root: representation, physics: a folder of assets instead of procedural objects (representation: at 32 and 64 voxels a side).
+        what: A folder of predictions, or one of the four words; a folder of such a name is given as ./physics.
+        root: The references. representation, physics: a folder of assets instead of procedural objects (representation: at 32 and 64 voxels a side).
+        samples: PRED REF: how several samples of an object count (default: mean; best: by pose error).
+        only: PRED REF: these figures of surface, articulation, pose_error, singapo, appearance, openshape, physics.
+        openshape: PRED REF, baselines: OpenShape's converted weights; without them that figure is not computed.
         checkpoint: As for sample.py (default nano). physics: judge what it makes of held-out images; without one, the true objects.
         count: Held-out objects, seeds from 1,000,000 on (default 128; physics 200, of a checkpoint 64), or assets (default all).
         records: Training records for the retrieval baseline; without them it is left out.
-        pictures: How many objects are drawn.
+        pictures: procedural: how many objects are drawn (default 16).
         unseen: The families that are never trained on, instead of the trained ones.
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
         engines: physics: MuJoCo and, where it is installed, PyBullet by default.
-        allow_outside: With ROOT: let assets name files outside their own folders.
+        allow_outside: Let assets name files outside their own folders. PRED REF: also follow links that lead out of them.
     """
     for name, value in (("count", count), ("processes", processes)):
         if value is not None and value < 1:
@@ -46,6 +64,38 @@ def evaluate(
     if out.exists() and not out.is_dir():
         raise ValueError(f"output '{out}': a file of that name exists; choose another --out")
     workers = processes or min(os.cpu_count() or 1, 8)
+    if what not in OWN:
+        _refuse(
+            "PRED REF",
+            checkpoint=checkpoint,
+            count=count,
+            records=records,
+            pictures=pictures,
+            unseen=unseen,
+            engines=engines,
+        )
+        _compare(Path(what), root, out, samples or "mean", only, openshape, workers, allow_outside)
+        return
+    _refuse(what, samples=samples, only=only)
+    if what == "baselines":
+        _refuse(what, pictures=pictures, engines=engines, allow_outside=allow_outside)
+        if root is not None:
+            raise ValueError("evaluate baselines: it takes no folder; REF are held-out procedural objects")  # fmt: skip
+        from uniart_jax.evaluation.baselines import evaluate_baselines
+        from uniart_jax.pipeline import enable_compilation_cache
+
+        enable_compilation_cache()
+        evaluate_baselines(
+            checkpoint or "nano",
+            out,
+            records=records,
+            count=count or 128,
+            unseen=unseen,
+            openshape=openshape,
+            processes=workers,
+        )
+        return
+    _refuse(what, openshape=openshape)
     if what == "physics":
         if records is not None or (root is not None and unseen):
             raise ValueError("evaluate physics: it takes no --records, and no --unseen with a folder of assets")  # fmt: skip
@@ -85,6 +135,44 @@ def evaluate(
             out,
             count=count or 128,
             records=records,
-            pictures=pictures,
+            pictures=16 if pictures is None else pictures,
             **share,
         )
+
+
+def _refuse(what: str, **options: Any) -> None:
+    """Options that belong to the other uses of the command."""
+    for name, value in options.items():
+        if value:
+            raise ValueError(f"evaluate {what}: it takes no --{name.replace('_', '-')}")
+
+
+def _compare(
+    predictions: Path,
+    references: Path | None,
+    out: Path,
+    samples: Samples,
+    only: tuple[str, ...] | None,
+    openshape: Path | None,
+    processes: int,
+    allow_outside: bool,
+) -> None:
+    if references is None:
+        kinds = ", ".join(OWN)
+        why = "give the references too: uniart evaluate PRED REF --out DIR"
+        if not predictions.exists():
+            why = f"no such folder, and none of {kinds}"
+        raise ValueError(f"evaluate '{predictions}': {why}")
+    from uniart_jax.evaluation.compare import compare
+
+    name = predictions.resolve().name or "predictions"
+    compare(
+        {name: predictions},
+        references,
+        out,
+        only=only,
+        samples=samples,
+        processes=processes,
+        allow_outside=allow_outside,
+        openshape=openshape,
+    )

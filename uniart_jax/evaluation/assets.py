@@ -15,7 +15,7 @@ from rich.console import Console
 from uniart_jax.data.card import error_kinds
 from uniart_jax.data.folder import Settings
 from uniart_jax.data.sources import Entry, find_entries, load_entry
-from uniart_jax.evaluation.procedural import without_nan
+from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.reconstruction import reconstruct, score_reconstruction
 from uniart_jax.processes import each
 from uniart_jax.progress import track

@@ -5,8 +5,8 @@ from __future__ import annotations
 import igl
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
 
+from uniart_jax.evaluation.nearest import chamfer
 from uniart_jax.evaluation.parts import match_parts
 from uniart_jax.objects.object import ArticulatedObject
 
@@ -17,16 +17,10 @@ VOLUME_POINTS = 20_000
 def surface_points(
     mesh: trimesh.Trimesh, number: int = SURFACE_POINTS, seed: int = 0
 ) -> np.ndarray:
-    """[number, 3] points uniform on the surface, deterministic by seed."""
-    points, _ = trimesh.sample.sample_surface(mesh, number, seed=seed)
+    """[number, 3] points uniform on the surface, deterministic by seed; of a mesh without area, uniform over its faces."""
+    weight = mesh.area_faces if mesh.area > 0 else np.ones(len(mesh.faces))
+    points, _ = trimesh.sample.sample_surface(mesh, number, face_weight=weight, seed=seed)
     return np.asarray(points)
-
-
-def chamfer(a: np.ndarray, b: np.ndarray) -> float:
-    """Mean of the two directions' mean nearest distances (not squared) between point sets [n, 3], [m, 3]."""
-    forward = cKDTree(b).query(a)[0].mean()
-    backward = cKDTree(a).query(b)[0].mean()
-    return float((forward + backward) / 2)
 
 
 def object_chamfer(
@@ -36,15 +30,16 @@ def object_chamfer(
     reference_q: np.ndarray | None = None,
 ) -> float:
     """Chamfer distance of two objects' whole surfaces, each at its own joint state (default: shown)."""
-    return chamfer(
+    points = (
         surface_points(predicted.mesh(predicted_q), seed=0),
         surface_points(reference.mesh(reference_q), seed=1),
     )
+    return float(chamfer(*points))
 
 
 def outer_chamfer(predicted: ArticulatedObject, reference: ArticulatedObject) -> float:
     """Chamfer distance of the surfaces that can be seen from outside (at least one of 64 directions is free)."""
-    return chamfer(_visible_points(predicted, 0), _visible_points(reference, 1))
+    return float(chamfer(_visible_points(predicted, 0), _visible_points(reference, 1)))
 
 
 def _visible_points(obj: ArticulatedObject, seed: int) -> np.ndarray:

@@ -17,7 +17,7 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from uniart_jax.objects.joint_errors import range_iou, signed_axis_error
+from uniart_jax.objects.joint_errors import pivot_at_part, range_iou, signed_axis_error
 from uniart_jax.objects.kinematics import line_distance
 from uniart_jax.objects.object import ArticulatedObject
 
@@ -56,9 +56,11 @@ def match_parts(predicted: np.ndarray, reference: np.ndarray) -> tuple[np.ndarra
 class PartScores:
     """Arrays over the reference's parts, K of them; the root is included with ``moving`` false.
 
-    ``axis_error`` (degrees), ``pivot`` (object units) and ``range_iou`` are NaN where there is nothing to compare.
+    ``match`` is the index of the predicted part or -1, ``matched`` whether it is within ``FOUND``. ``axis_error`` (degrees), ``pivot``
+    and ``pivot_at_part`` (object units) and ``range_iou`` are NaN where there is nothing to compare.
     """
 
+    match: np.ndarray
     moving: np.ndarray
     found: np.ndarray
     right: np.ndarray
@@ -68,6 +70,7 @@ class PartScores:
     box_error: np.ndarray
     axis_error: np.ndarray
     pivot: np.ndarray
+    pivot_at_part: np.ndarray
     range_iou: np.ndarray
     count_right: bool
     tree_right: bool
@@ -80,7 +83,7 @@ def compare_parts(predicted: ArticulatedObject, reference: ArticulatedObject) ->
     moving = np.array([p.joint.type != "fixed" for p in reference.parts])
     type_right, right = np.zeros(number, bool), np.zeros(number, bool)
     parent_right = np.zeros(number, bool)
-    axis, pivot, ranges = (np.full(number, np.nan) for _ in range(3))
+    axis, pivot, at_part, ranges = (np.full(number, np.nan) for _ in range(4))
     for k, part in enumerate(reference.parts):
         if match[k] < 0:
             continue
@@ -96,10 +99,12 @@ def compare_parts(predicted: ArticulatedObject, reference: ArticulatedObject) ->
             right[k] &= axis[k] < RIGHT_AXIS
             if part.joint.rotates:
                 pivot[k] = line_distance(guess.joint, part.joint)
+                at_part[k] = pivot_at_part(guess.joint, part.joint, part.box[:3])
                 right[k] &= pivot[k] < RIGHT_PIVOT
     count_right = len(predicted.parts) == number
     matched = distance < FOUND
     return PartScores(
+        match=match,
         moving=moving,
         found=matched & type_right,
         right=right,
@@ -109,6 +114,7 @@ def compare_parts(predicted: ArticulatedObject, reference: ArticulatedObject) ->
         box_error=distance,
         axis_error=axis,
         pivot=pivot,
+        pivot_at_part=at_part,
         range_iou=ranges,
         count_right=count_right,
         tree_right=bool(count_right and matched.all() and parent_right.all()),

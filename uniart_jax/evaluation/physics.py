@@ -22,6 +22,7 @@ from rich.console import Console
 from uniart_jax import procedural
 from uniart_jax.data.folder import Settings
 from uniart_jax.data.sources import Entry, find_entries, load_entry
+from uniart_jax.evaluation.kept import claim, keep
 from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.frames import joint_name, moves
@@ -91,7 +92,7 @@ def evaluate_physics(
     if root is not None and checkpoint is not None:
         raise ValueError("evaluate physics: give a folder of assets or --checkpoint, not both")
     settings = {"root": str(root or ""), "checkpoint": checkpoint or "", "unseen": unseen, "engines": list(engines or ()), "allow_outside": allow_outside}  # fmt: skip
-    _claim(out, settings)
+    claim(out, settings, "other objects or engines")
     if checkpoint is not None:
         count = count or 64
         trials: Iterable[Trial] = _sampled(checkpoint, count, unseen, out)
@@ -106,7 +107,7 @@ def evaluate_physics(
         rows.setdefault(row, []).append(result)
     table = {row: summarize_trials(results) for row, results in rows.items()}
     content = {**settings, "rows": table, "objects": rows}
-    _keep(out / "metrics.json", content)
+    keep(out / "metrics.json", content)
     (out / "table.md").write_text(markdown(table) + "\n")
     print(markdown(table))
     for row, results in rows.items():
@@ -114,15 +115,6 @@ def evaluate_physics(
             if not result["sound"]:
                 console.print(f"{row}, {result['name']}: {'; '.join(result['failed']) or 'failed'}")
     return content
-
-
-def _claim(out: Path, settings: dict) -> None:
-    """Begin in ``out``, or go on there with the same settings."""
-    out.mkdir(parents=True, exist_ok=True)
-    file = out / "settings.json"
-    if file.is_file() and json.loads(file.read_text()) != settings:
-        raise ValueError(f"{out}: it holds results of other objects or engines; choose another --out")  # fmt: skip
-    _keep(file, settings)
 
 
 def _truth(count: int, unseen: bool) -> list[Trial]:
@@ -174,20 +166,12 @@ def _run(out: Path, engines: Sequence[str] | None, trial: Trial) -> tuple[str, d
     if file.is_file():
         return trial.row, json.loads(file.read_text())
     result = _try(out / "assets" / trial.row / trial.name, engines, trial)
-    return trial.row, _keep(file, result)
+    return trial.row, keep(file, result)
 
 
 def _died(out: Path, trial: Trial) -> tuple[str, dict]:
     result = _failure(trial.name, "its worker process died")
-    return trial.row, _keep(_result_file(out, trial.row, trial.name), result)
-
-
-def _keep(file: Path, result: dict) -> dict:
-    file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_suffix(".new")
-    partial.write_text(json.dumps(result, indent=2, allow_nan=False) + "\n")
-    partial.replace(file)
-    return result
+    return trial.row, keep(_result_file(out, trial.row, trial.name), result)
 
 
 def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:

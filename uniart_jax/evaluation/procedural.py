@@ -16,7 +16,6 @@ import functools
 import importlib
 import importlib.util
 import json
-import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
@@ -28,13 +27,11 @@ from rich.console import Console
 from rich.table import Table
 
 from uniart_jax import procedural
-from uniart_jax.data.folder import read_manifest
-from uniart_jax.data.image_table import load_image_table
-from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.geometry import object_chamfer
+from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.parts import PartScores, compare_parts, summarize
 from uniart_jax.evaluation.pictures import write_comparison
-from uniart_jax.evaluation.reconstruction import object_of_record
+from uniart_jax.evaluation.retrieval import make_retrieval
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
 from uniart_jax.pipeline import Pipeline, load
@@ -269,68 +266,6 @@ def check_asset(obj: ArticulatedObject, folder: Path) -> dict[str, bool]:
             console.print(f"{folder.name}: {name} refused it ({error})")
             found[name] = False
     return found
-
-
-def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], ArticulatedObject]:
-    """Image [S, S, 3] in [0, 1] -> object of the training record whose image is nearest by cosine of its features.
-
-    The features are the model's own image encoder's: pre-trained on joints and boxes, hence as strong a retriever as we have. Its volume is
-    averaged over cubes of 2^3 cells and the index kept in half precision: 25 KB a view.
-    """
-    if (last := largest_seed(records)) >= procedural.HELD_OUT_SEED:
-        raise ValueError(
-            f"{records}: holds held-out objects (seed {last}); give the records that the checkpoint was trained on"
-        )
-    model, split = pipeline.config.model, pipeline.config.data.split
-    table, source = load_image_table(records, model, split), RecordSource(records, split)
-    views = table.images.reshape(-1, *table.images.shape[2:])
-
-    def features(images: np.ndarray) -> np.ndarray:
-        condition = pipeline.encode_images(images)
-        tokens = np.asarray(condition.tokens).reshape(len(images), -1)
-        volume = np.asarray(condition.volume)
-        items, side, channels = len(volume), volume.shape[1] // 2, volume.shape[-1]
-        pooled = volume.reshape(items, side, 2, side, 2, side, 2, channels).mean((2, 4, 6))
-        return np.concatenate([unit(tokens), unit(pooled.reshape(items, -1))], -1)
-
-    index: np.ndarray | None = None
-    starts = range(0, len(views), 32)
-    for start in track(starts, "retrieval index", len(starts), unit="batches"):
-        chunk = views[start : start + 32]
-        padded = np.zeros((32, *views.shape[1:]), np.float32)
-        padded[: len(chunk)] = chunk / np.float32(255)
-        rows = features(padded)[: len(chunk)]
-        if index is None:
-            index = np.zeros((len(views), rows.shape[1]), np.float16)
-        index[start : start + len(chunk)] = rows
-    assert index is not None
-    parts = np.array_split(index, max(1, len(index) // 4096))
-
-    def retrieve(pixels: np.ndarray) -> ArticulatedObject:
-        query = features(pixels[None])[0]
-        nearest = int(np.argmax(np.concatenate([p.astype(np.float32) @ query for p in parts])))
-        return object_of_record(source[nearest // table.images.shape[1]])
-
-    return retrieve
-
-
-def largest_seed(records: Path) -> int:
-    """Of all objects in a folder that ``uniart prepare`` made; 0 for other records."""
-    if not (Path(records) / "manifest.csv").is_file():
-        return 0
-    return max((int(row["seed"] or 0) for row in read_manifest(records)), default=0)
-
-
-def unit(x: np.ndarray) -> np.ndarray:
-    """Rows [n, d] at length 1."""
-    return x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), 1e-9)
-
-
-def without_nan(value: Any) -> Any:
-    """Nested dictionaries of figures with NaN as None: JSON has no NaN."""
-    if isinstance(value, dict):
-        return {key: without_nan(item) for key, item in value.items()}
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def write_results(out: Path, rows: dict[str, list[Score]], extra: dict[str, Any]) -> dict[str, Any]:

@@ -52,6 +52,7 @@ def make_report(
         if part.parent >= 0 and part.joint.type != "fixed":
             rest[joint_name(part)] = float(q if part.joint.rotates else q * obj.scale)
     return {
+        "category": obj.category,
         "parts": parts,
         "rest": rest,
         "notes": [*obj.provenance, *notes],

@@ -1,0 +1,155 @@
+"""All methods on one split: what each is made of, failures, and going on where it was stopped."""
+
+import dataclasses
+import functools
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from uniart_jax import procedural
+from uniart_jax.cli.evaluation import evaluate
+from uniart_jax.evaluation import baselines
+from uniart_jax.evaluation.baselines import baseline_methods, evaluate_baselines
+from uniart_jax.evaluation.compare import compare
+from uniart_jax.evaluation.metric import at_rest
+from uniart_jax.evaluation.procedural import held_out
+from uniart_jax.evaluation.retrieval import training_objects
+from uniart_jax.objects.load import load_object
+from uniart_jax.objects.object import ArticulatedObject
+
+COUNT = 3
+NAMES = ["0000-storage_furniture", "0001-table", "0002-refrigerator"]
+METHODS = ["model", "retrieval_true_boxes", "retrieval_predicted_boxes", "rest_only", "mirrored"]
+
+
+class Networks:
+    """Stands for a checkpoint: of image ``seed`` it makes a microwave; in those of ``empty`` it finds nothing."""
+
+    def __init__(self, *empty: int):
+        grid = types.SimpleNamespace(resolution=32, subdivisions=4)
+        encoder = types.SimpleNamespace(image_size=32)
+        model = types.SimpleNamespace(grid=grid, image_encoder=encoder)
+        self.config = types.SimpleNamespace(model=model)
+        self.empty, self.asked = empty, []
+
+    def __call__(self, image, *, seed, name):
+        self.asked.append(seed)
+        assert np.array_equal(image, held_out(seed, image_size=32).image)
+        if seed in self.empty:
+            raise ValueError(f"{name}: the model found no object in the image")
+        obj = procedural.generate("microwave", seed)
+        bare = tuple(dataclasses.replace(p, label="") for p in obj.parts)
+        return dataclasses.replace(obj, parts=bare, name=name)
+
+    def prepare(self, image):
+        return image[..., :3]
+
+
+@pytest.fixture(scope="module")
+def patch():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(baselines, "training_objects", lambda: training_objects(21))
+        yield patch
+
+
+@pytest.fixture(scope="module")
+def networks(patch) -> Networks:
+    networks = Networks(1)
+    patch.setattr(baselines, "load", lambda checkpoint: networks)
+    return networks
+
+
+@pytest.fixture(scope="module")
+def folder(networks, tmp_path_factory) -> Path:
+    """Stopped after one object, then three."""
+    folder = tmp_path_factory.mktemp("baselines")
+    baseline_methods("toy", folder, count=1)
+    baseline_methods("toy", folder, count=COUNT)
+    return folder
+
+
+def test_what_every_method_is_made_of(networks, folder):
+    methods, references = baseline_methods("toy", folder, count=COUNT)
+    assert networks.asked == [0, 1, 2]  # each once, the failure too
+    assert list(references) == NAMES
+    assert list(methods) == METHODS
+    assert list(methods["model"]) == [NAMES[0], NAMES[2]]
+    assert "found no object" in (folder / "objects" / "model" / f"{NAMES[1]}.json").read_text()
+    for k, name in enumerate(NAMES):
+        assert np.allclose(references[name].boxes, held_out(k, image_size=32).obj.boxes)
+        assert references[name].category == procedural.SEEN_FAMILIES[k]
+        truth = at_rest(references[name])
+        retrieved = methods["retrieval_true_boxes"][name]
+        assert np.allclose(retrieved.boxes, truth.boxes, atol=1e-6)
+        assert np.allclose(retrieved.open(), truth.open())
+        assert not same_meshes(retrieved, truth)
+        for control in ("rest_only", "mirrored"):
+            assert same_meshes(methods[control][name], truth)
+    assert list(methods["retrieval_predicted_boxes"]) == list(methods["model"])
+    for name, path in methods["model"].items():
+        made, retrieved = at_rest(load_object(path)), methods["retrieval_predicted_boxes"][name]
+        assert np.allclose(retrieved.boxes, made.boxes, atol=1e-6)
+        assert [p.parent for p in retrieved.parts] == [p.parent for p in made.parts]
+    with pytest.raises(ValueError, match="another checkpoint, split or records; choose another"):
+        baseline_methods("toy", folder, count=COUNT, unseen=True)
+
+
+def same_meshes(a: ArticulatedObject, b: ArticulatedObject) -> bool:
+    pairs = zip(a.parts, b.parts, strict=True)
+    return all(p.mesh.vertices.shape == q.mesh.vertices.shape and np.allclose(p.mesh.vertices, q.mesh.vertices) for p, q in pairs)  # fmt: skip
+
+
+def test_all_methods_are_measured(networks, folder, monkeypatch):
+    quick = functools.partial(compare, only=("articulation", "pose_error"))
+    monkeypatch.setattr(baselines, "compare", quick)
+    found = evaluate_baselines("toy", folder, count=2)
+    rows = {method: content["rows"] for method, content in found["methods"].items()}
+    assert list(rows) == METHODS
+    for method, failed in zip(METHODS, (0.5, 0, 0.5, 0, 0), strict=True):
+        assert np.isclose(rows[method]["failed"]["mean"], failed)
+    pose = {method: row["pose_error"]["mean"] for method, row in rows.items()}
+    rest = {method: row["pose_rest"]["mean"] for method, row in rows.items()}
+    for control in ("rest_only", "mirrored"):
+        assert rest[control] < 1e-6 and pose[control] > 0.02
+    assert pose["mirrored"] > pose["rest_only"]
+    assert rows["mirrored"]["wrong_way"]["mean"] == 1.0
+    assert rows["retrieval_true_boxes"]["part_recall"]["mean"] == 1.0
+    # other shapes, the right motion
+    assert 0.001 < rest["retrieval_true_boxes"] <= pose["retrieval_true_boxes"] < pose["mirrored"]
+    assert (folder / "table.md").is_file()
+
+
+def test_the_nearest_image_is_asked_where_there_are_records(patch, tmp_path, monkeypatch):
+    asked = []
+
+    def make(pipeline, records):
+        def retrieve(pixels):
+            asked.append(pixels.shape)
+            return procedural.generate("laptop", 5)
+
+        return retrieve
+
+    monkeypatch.setattr(baselines, "load", lambda checkpoint: Networks(0))
+    monkeypatch.setattr(baselines, "make_retrieval", make)
+    records = Path("records")
+    methods, references = baseline_methods("toy", tmp_path, count=1, records=records)
+    assert asked == [(32, 32, 3)] and list(methods["nearest_image"]) == list(references)
+    found = load_object(methods["nearest_image"][NAMES[0]])
+    assert len(found.parts) == len(procedural.generate("laptop", 5).parts)
+    monkeypatch.setattr(baselines, "make_retrieval", None)  # no index where nothing is missing
+    again, _ = baseline_methods("toy", tmp_path, count=1, records=records)
+    assert list(again) == ["model", "nearest_image", *METHODS[1:]] and not again["model"]
+
+
+def test_the_command(tmp_path, monkeypatch):
+    asked = {}
+    monkeypatch.setattr(baselines, "evaluate_baselines", lambda *a, **k: asked.update(k, args=a))
+    evaluate("baselines", out=tmp_path, records=Path("records"), unseen=True, processes=3)
+    assert asked == {"args": ("nano", tmp_path), "records": Path("records"), "count": 128, "unseen": True, "openshape": None, "processes": 3}  # fmt: skip
+    for wrong in ({"only": ("surface",)}, {"samples": "best"}, {"pictures": 3}):
+        with pytest.raises(ValueError, match="evaluate baselines: it takes no --"):
+            evaluate("baselines", out=tmp_path, **wrong)
+    with pytest.raises(ValueError, match="it takes no folder"):
+        evaluate("baselines", tmp_path, out=tmp_path)

@@ -1,0 +1,204 @@
+"""A checkpoint beside everything it should be compared with, all on one split of held-out procedural objects.
+
+    model                      image -> object
+    nearest_image              image -> the object of the training record whose image is nearest (needs the records)
+    retrieval_true_boxes       boxes, labels, tree and joints of the truth, parts of the library (``evaluation.retrieval``)
+    retrieval_predicted_boxes  boxes, tree and joints of the model's object (no labels), parts of the library
+    rest_only, mirrored        controls: the truth with a planted mistake (``evaluation.controls``)
+
+``nearest_image`` is a record's object, assembled from its voxels as the model's is. What networks make is kept as assets and made once;
+all else is a function of them and of the split.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from uniart_jax import procedural
+from uniart_jax.config import ModelConfig
+from uniart_jax.evaluation.compare import compare
+from uniart_jax.evaluation.controls import CONTROLS
+from uniart_jax.evaluation.kept import claim, keep
+from uniart_jax.evaluation.metric import at_rest
+from uniart_jax.evaluation.pairs import Source
+from uniart_jax.evaluation.procedural import HeldOut, held_out
+from uniart_jax.evaluation.retrieval import (
+    make_library,
+    make_retrieval,
+    retrieve_parts,
+    training_objects,
+)
+from uniart_jax.export.asset import save_asset
+from uniart_jax.objects.load import load_object
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.pipeline import load
+from uniart_jax.processes import in_order, process_pool
+from uniart_jax.progress import track
+
+BASELINE_CONTROLS = ("rest_only", "mirrored")
+Objects = Mapping[str, Source]
+
+
+def evaluate_baselines(
+    checkpoint: str,
+    out: Path,
+    *,
+    records: Path | None = None,
+    count: int = 128,
+    unseen: bool = False,
+    openshape: Path | None = None,
+    processes: int = 1,
+) -> dict[str, Any]:
+    """All methods against the truth, every figure: ``compare`` of ``baseline_methods``. Goes on where it was stopped.
+
+    Args:
+      openshape: OpenShape's converted weights, as ``compare`` takes them.
+    """
+    methods, references = baseline_methods(
+        checkpoint, out, records=records, count=count, unseen=unseen, processes=processes
+    )
+    return compare(methods, references, Path(out), openshape=openshape, processes=processes)
+
+
+def baseline_methods(
+    checkpoint: str,
+    out: Path,
+    *,
+    records: Path | None = None,
+    count: int = 128,
+    unseen: bool = False,
+    processes: int = 1,
+) -> tuple[dict[str, Objects], Objects]:
+    """Every method's objects, and the references, by name (``0003-dishwasher``). Goes on where it was stopped.
+
+    Args:
+      checkpoint: as for ``pipeline.load``.
+      out: a folder; ``objects/<method>/<name>/`` are the assets of ``model`` and ``nearest_image``, and ``<name>.json`` says why there is
+        none. A name that a method lacks is a failure of the method.
+      records: what the checkpoint was trained on; None = no ``nearest_image``.
+      count: held-out objects, of the families that are never trained on if ``unseen``.
+
+    Raises:
+      ValueError: the records hold held-out objects, or objects of another checkpoint, split or records lie in ``out``.
+    """
+    folder = Path(out) / "objects"
+    claim(
+        folder,
+        {"checkpoint": str(checkpoint), "records": str(records or ""), "unseen": unseen},
+        "another checkpoint, split or records",
+    )
+    model = make_assets(checkpoint, folder, records, count, unseen, processes)
+    draw = functools.partial(_truth, unseen=unseen, model=model)
+    with process_pool(processes) as submit:
+        drawn = in_order(submit, draw, range(count), 2 * processes)
+        truth: dict[str, ArticulatedObject] = dict(track(drawn, "references", count))
+    methods: dict[str, Objects] = {
+        method: {name: folder / method / name for name in truth if _is_made(folder, method, name)}
+        for method in ("model", *(["nearest_image"] if records else []))
+    }
+    library = make_library(training_objects(), processes)
+    methods["retrieval_true_boxes"] = {
+        name: retrieve_parts(at_rest(obj), library) for name, obj in truth.items()
+    }
+    methods["retrieval_predicted_boxes"] = {
+        name: retrieve_parts(at_rest(load_object(folder / "model" / name)), library)
+        for name in methods["model"]
+    }
+    for control in BASELINE_CONTROLS:
+        methods[control] = {name: CONTROLS[control](obj) for name, obj in truth.items()}
+    return methods, truth
+
+
+def make_assets(
+    checkpoint: str,
+    folder: Path,
+    records: Path | None,
+    count: int,
+    unseen: bool,
+    processes: int,
+) -> ModelConfig:
+    """What networks make of the images: ``folder/model/<name>`` and, given records, ``folder/nearest_image/<name>``, where it is missing.
+
+    Networks run in this process, ``processes`` others draw images and write assets. Returns the model's settings.
+    """
+    pipeline = load(checkpoint)
+    model = pipeline.config.model
+    families = split_families(unseen)
+    names = {index: object_name(index, families) for index in range(count)}
+    methods = ["model", *(["nearest_image"] if records else [])]
+    missing = {
+        method: [i for i in range(count) if not _is_settled(folder, method, names[i])]
+        for method in methods
+    }
+    todo = sorted(set().union(*missing.values()))
+    if not todo:
+        return model
+    retrieve = None
+    if records and missing["nearest_image"]:
+        retrieve = make_retrieval(pipeline, records)
+    written: list[Future[None]] = []
+    ahead = 2 * processes
+    with process_pool(processes) as submit:
+        draw = functools.partial(_test, unseen=unseen, model=model)
+        tests = in_order(submit, draw, todo, ahead)
+        for index, test in zip(todo, track(tests, "images to objects", len(todo)), strict=True):
+            name = names[index]
+            if index in missing["model"]:
+                try:
+                    obj = pipeline(test.image, seed=index, name=name)
+                    written.append(submit(_write, obj, folder / "model" / name))
+                except ValueError as error:  # no object in the image: a failure that counts
+                    keep(_failure_file(folder, "model", name), {"why": str(error)})
+            if retrieve is not None and index in missing["nearest_image"]:
+                obj = retrieve(pipeline.prepare(test.image))
+                written.append(submit(_write, obj, folder / "nearest_image" / name))
+            for future in written[:-ahead]:  # wait rather than pile them up
+                future.result()
+        for future in written:
+            future.result()
+    return model
+
+
+def split_families(unseen: bool) -> Sequence[str]:
+    """The families of a held-out split."""
+    return procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
+
+
+def object_name(index: int, families: Sequence[str]) -> str:
+    """Of held-out object ``index``: ``0003-dishwasher``."""
+    return f"{index:04d}-{families[index % len(families)]}"
+
+
+def _test(index: int, unseen: bool, model: ModelConfig) -> HeldOut:
+    return held_out(
+        index,
+        unseen=unseen,
+        resolution=model.grid.resolution,
+        subdivisions=model.grid.subdivisions,
+        image_size=model.image_encoder.image_size,
+    )
+
+
+def _truth(index: int, unseen: bool, model: ModelConfig) -> tuple[str, ArticulatedObject]:
+    test = _test(index, unseen, model)
+    return object_name(index, split_families(unseen)), test.obj
+
+
+def _write(obj: ArticulatedObject, folder: Path) -> None:
+    save_asset(obj, folder, formats=(), motion=False)
+
+
+def _failure_file(folder: Path, method: str, name: str) -> Path:
+    return folder / method / f"{name}.json"
+
+
+def _is_made(folder: Path, method: str, name: str) -> bool:
+    return (folder / method / name / "object.urdf").is_file()
+
+
+def _is_settled(folder: Path, method: str, name: str) -> bool:
+    return _is_made(folder, method, name) or _failure_file(folder, method, name).is_file()

@@ -1,0 +1,287 @@
+"""Predictions against references: every family of figures over every object, for one method or several. ``uniart evaluate PRED REF``.
+
+    OUT/metrics.json    {"methods": {method: {"rows", "categories", "sets", "objects", "failures", "uncolored", "confusion"}}, "metrics", ...}
+    OUT/table.md        a table a family of figures, a line a method
+    OUT/report.html     the same for people: distributions, and pictures of the worst
+    OUT/results/<method>/<name>/<sample>.json     one prediction's figures, written when they are there
+
+Work that was stopped goes on with the same command: a result is taken as it is if its prediction and its reference have not changed. A bad
+prediction is a failure that counts with the worst values; a bad reference is an error, since nothing can be held against it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+import uniart_jax
+from uniart_jax.evaluation import kept_checks
+from uniart_jax.evaluation.kept import claim, keep, read_kept, without_nan
+from uniart_jax.evaluation.metric import Metric
+from uniart_jax.evaluation.pairs import (
+    Missing,
+    Pair,
+    Predictions,
+    Source,
+    find_pairs,
+    find_references,
+    fingerprint,
+    read_sets,
+)
+from uniart_jax.evaluation.report import write_report
+from uniart_jax.evaluation.summary import (
+    FAILED,
+    FAILED_METRIC,
+    LEVEL,
+    RESAMPLES,
+    SEED,
+    Samples,
+    chosen_samples,
+    object_figures,
+    sum_confusions,
+    summarize_objects,
+)
+from uniart_jax.evaluation.table import print_table, write_table
+from uniart_jax.evaluation.trial import (
+    FAMILIES,
+    PHYSICS,
+    Reference,
+    Setup,
+    Trial,
+    died,
+    family_module,
+    light_jax,
+    reference_at_rest,
+    run_trial,
+    source_at_rest,
+)
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.processes import each
+from uniart_jax.progress import track
+
+Results = dict[tuple[str, str, int], dict[str, Any]]  # method, object, sample
+console = Console(stderr=True, highlight=False)
+
+
+def compare(
+    methods: Mapping[str, Predictions],
+    reference: Path | Mapping[str, Source],
+    out: Path,
+    *,
+    only: Sequence[str] | None = None,
+    samples: Samples = "mean",
+    processes: int = 1,
+    allow_outside: bool = False,
+    openshape: Path | None = None,
+    families: Mapping[str, str] = FAMILIES,
+) -> dict[str, Any]:
+    """Hold each method's predictions against the references; writes what the module's head lists and prints a table.
+
+    Args:
+      methods: name -> folder of assets, or {object: object or several, as files, in memory, or functions that make them}.
+      reference: folder of assets, or {object: the same}.
+      only: families of figures; default all, "openshape" where its weights are given.
+      samples: how several samples of an object become one figure (``summary``).
+      processes: worker processes; 1 = this one.
+      allow_outside: follow links out of the folders and read what assets name outside their own.
+      openshape: its converted weights.
+      families: name -> module with ``METRICS`` and ``measure``.
+
+    Returns:
+      What ``metrics.json`` holds, with NaN where that has null.
+
+    Raises:
+      FileNotFoundError: a folder that is not there or holds nothing. ValueError: no name in common, a reference that cannot be used, results
+        of something else in ``out``, figures that cannot be had.
+    """
+    out = Path(out)
+    groups, metrics = _metrics(only, openshape, families)
+    if samples == "best" and "pose_error" not in groups:
+        raise ValueError("evaluate: the best sample is the one with the smallest pose error: add pose_error to --only")  # fmt: skip
+    references = find_references(reference, allow_outside=allow_outside)
+    sets = read_sets(reference, list(references)) if isinstance(reference, Path) else {}
+    pairs: dict[str, list[Pair]] = {}
+    for method, predictions in methods.items():
+        pairs[method], surplus = find_pairs(predictions, references, allow_outside=allow_outside)
+        if surplus:
+            console.print(f"{method}: {len(surplus)} without a reference are left out: {', '.join(surplus[:5])}{', ...' if len(surplus) > 5 else ''}", markup=False)  # fmt: skip
+    settings = {
+        "reference": _said(reference),
+        "methods": {method: _said(p) for method, p in methods.items()},
+        "figures": list(groups),
+        "openshape": str(openshape or ""),
+        "allow_outside": allow_outside,
+        "version": uniart_jax.__version__,
+    }
+    claim(out, settings, "other predictions, references or figures")
+    if only is None and openshape is None and "openshape" in families:
+        module = family_module("openshape", families)
+        console.print(f"OpenShape similarity is {module.NOT_COMPUTED}", markup=False)
+    options = {"openshape": {"weights": openshape}} if openshape else {}
+    setup = Setup({name: families[name] for name in groups if name != PHYSICS}, options)
+    setup = dataclasses.replace(setup, allow_outside=allow_outside)
+    trials = list(_trials(pairs, out, allow_outside))
+    results = _run(setup, trials, processes)
+    content = {
+        "methods": {
+            method: _method(method, found, results, metrics, groups, samples, sets)
+            for method, found in pairs.items()
+        },
+        "metrics": {
+            key: {"title": m.title, "better": m.better, "about": m.about}
+            for key, m in {**metrics, FAILED: FAILED_METRIC}.items()
+        },
+        "groups": {"failures": [FAILED], **groups},
+        "settings": {
+            **settings,
+            "samples": samples,
+            "interval": {
+                "level": LEVEL,
+                "resamples": RESAMPLES,
+                "seed": SEED,
+                "method": "percentile bootstrap over objects",
+            },
+        },
+    }
+    keep(out / "metrics.json", without_nan(content))
+    write_table(out / "table.md", content)
+    with console.status("drawing the worst"):
+        write_report(out, content, functools.partial(_load_pair, trials, results))
+    print_table(content)
+    return content
+
+
+def _metrics(
+    only: Sequence[str] | None, openshape: Path | None, families: Mapping[str, str]
+) -> tuple[dict[str, list[str]], dict[str, Metric]]:
+    """The figures of every family that is wanted, and what they are."""
+    known = [*families, PHYSICS]
+    if only is None:
+        only = [name for name in known if name != "openshape" or openshape]
+    if unknown := [name for name in only if name not in known]:
+        raise ValueError(f"evaluate: no figures are called '{unknown[0]}'; there are {', '.join(known)}")  # fmt: skip
+    if "openshape" in only and openshape is None:
+        raise ValueError("evaluate: the figures 'openshape' need weights: --openshape WEIGHTS")
+    if "openshape" in only:
+        family_module("openshape", families).load(openshape)  # a mistake shows before the work
+    groups: dict[str, list[str]] = {}
+    metrics: dict[str, Metric] = {}
+    for name in (n for n in known if n in only):
+        module = kept_checks if name == PHYSICS else family_module(name, families)
+        if repeated := set(metrics) & set(module.METRICS):
+            raise ValueError(f"evaluate: two families have a figure '{min(repeated)}', one is {name}")  # fmt: skip
+        groups[name] = list(module.METRICS)
+        metrics |= module.METRICS
+    if not metrics:
+        raise ValueError(f"evaluate: no figures were chosen; there are {', '.join(known)}")
+    return groups, metrics
+
+
+def _trials(pairs: Mapping[str, list[Pair]], out: Path, allow_outside: bool) -> Iterator[Trial]:
+    """All samples of all methods, those of one object one after the other."""
+    for same in zip(*pairs.values(), strict=True):
+        source = same[0].reference
+        reference = Reference(same[0].name, source, fingerprint(source), allow_outside)
+        for method, pair in zip(pairs, same, strict=True):
+            for i, prediction in enumerate(pair.samples):
+                file = out / "results" / method / pair.name / f"{i}.json"
+                made_of = f"{fingerprint(prediction)} {reference.made_of}"
+                yield Trial(method, i, prediction, reference, made_of, file)
+
+
+def _run(setup: Setup, trials: Sequence[Trial], processes: int) -> Results:
+    """All results, those that lie there and those that are missing."""
+    results: Results = {}
+    missing = []
+    for trial in trials:
+        found = read_kept(trial.file)
+        if found is None or found.get("made_of") != trial.made_of:
+            missing.append(trial)
+        else:
+            results[trial.method, trial.reference.name, trial.sample] = found
+    if results:
+        console.print(f"{len(results)} of {len(trials)} comparisons were made before")
+    with light_jax(processes):
+        run = functools.partial(run_trial, setup)
+        made = each(processes, run, missing, 2 * processes, died)
+        for trial, result in zip(missing, track(made, "comparisons", len(missing)), strict=True):
+            results[trial.method, trial.reference.name, trial.sample] = result
+    return results
+
+
+def _method(
+    method: str,
+    pairs: Sequence[Pair],
+    results: Results,
+    metrics: Mapping[str, Metric],
+    groups: Mapping[str, list[str]],
+    samples: Samples,
+    sets: Mapping[str, str],
+) -> dict[str, Any]:
+    """Everything that is told of one method."""
+    by_name = {p.name: [results[method, p.name, i] for i in range(len(p.samples))] for p in pairs}
+    every = [r for found in by_name.values() for r in found]
+    optional = [
+        key for key in groups.get(PHYSICS, []) if all(r["figures"].get(key) is None for r in every)
+    ]  # nobody validated anything: not computed rather than failed
+    chosen, objects, failures, categories = {}, {}, {}, {}
+    for name, found in by_name.items():
+        chosen[name] = chosen_samples(found, metrics, samples, _best_by(groups))
+        objects[name], why = object_figures(chosen[name], metrics, optional)
+        if why:
+            failures[name] = why
+        categories[name] = next((r["category"] for r in found if r["category"]), "")
+    parts = {
+        "categories": _grouped(categories),
+        "sets": _grouped(sets),
+    }
+    return {
+        "rows": summarize_objects(objects, list(objects)),
+        **{
+            part: {group: summarize_objects(objects, names) for group, names in members.items()}
+            for part, members in parts.items()
+        },
+        "objects": objects,
+        "failures": failures,
+        "uncolored": [name for name, found in chosen.items() if any(r["uncolored"] for r in found)],
+        "confusion": sum_confusions(list(chosen.values())),
+    }
+
+
+def _load_pair(
+    trials: Sequence[Trial], results: Results, method: str, name: str
+) -> tuple[ArticulatedObject, ArticulatedObject]:
+    """Prediction and reference to be drawn: of several samples the first with figures.
+
+    Raises:
+      ValueError: there is no such prediction, or it cannot be read.
+    """
+    same = [t for t in trials if (t.method, t.reference.name) == (method, name)]
+    good = [t for t in same if results[method, name, t.sample]["figures"]]
+    prediction = (good or same)[0].prediction
+    if isinstance(prediction, Missing):
+        raise ValueError(prediction.why)
+    reference = same[0].reference
+    return source_at_rest(prediction, reference.allow_outside), reference_at_rest(reference)
+
+
+def _best_by(groups: Mapping[str, list[str]]) -> str:
+    return next(iter(groups.get("pose_error", [])), "")
+
+
+def _grouped(groups: Mapping[str, str]) -> dict[str, list[str]]:
+    """Group -> its members, both in alphabetical order; what has no group is left out."""
+    members: dict[str, list[str]] = {}
+    for name, group in sorted(groups.items()):
+        if group:
+            members.setdefault(group, []).append(name)
+    return dict(sorted(members.items()))
+
+
+def _said(source: Path | Mapping[str, Any]) -> str:
+    return str(source) if isinstance(source, Path) else "in memory"

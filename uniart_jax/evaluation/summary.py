@@ -1,0 +1,127 @@
+"""From figures of single predictions to figures of methods: over samples, then over objects, with 95 % intervals.
+
+Samples of one object are brought to one number first, so that an object counts once however often it was sampled:
+
+* ``mean``: the mean over samples, a failed sample with the worst value;
+* ``best``: the sample with the smallest pose error, one sample for all figures and not the best of each;
+* ``first``: the first sample.
+
+Intervals are percentile bootstraps over objects (2,000 resamples, always the same), never over samples, which are not independent. A figure
+that does not apply to an object (None) is left out of means; ``count`` tells for how many it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from uniart_jax.evaluation.metric import Figures, Metric
+
+Samples = Literal["mean", "best", "first"]
+RESAMPLES = 2000
+LEVEL = 0.95
+SEED = 0
+CHUNK = 1 << 22  # resampled values in memory at a time
+FAILED = "failed"
+FAILED_METRIC = Metric(
+    "failed",
+    "lower",
+    1.0,
+    "Share of predictions that are missing, cannot be read, or made a figure fail; what could not be measured counts with the worst value.",
+)
+
+
+def chosen_samples(
+    results: Sequence[Mapping[str, Any]],
+    metrics: Mapping[str, Metric],
+    samples: Samples,
+    best_by: str = "",
+) -> list[Mapping[str, Any]]:
+    """The samples of one object that count.
+
+    Args:
+      results: of ``trial.run_trial``, in the samples' order.
+      best_by: the figure that ``best`` goes by; of equals the first.
+    """
+    if samples == "mean":
+        return list(results)
+    if samples == "first":
+        return [results[0]]
+    sign = 1 if metrics[best_by].better == "lower" else -1
+    values = [sign * _filled(result, metrics, ())[best_by] for result in results]
+    return [results[int(np.argmin(np.where(np.isnan(values), np.inf, values)))]]
+
+
+def object_figures(
+    results: Sequence[Mapping[str, Any]],
+    metrics: Mapping[str, Metric],
+    optional: Sequence[str] = (),
+) -> tuple[Figures, str]:
+    """One object's figures from the samples that count, and why any of them failed ("" if none did).
+
+    Args:
+      optional: figures that a failed prediction lacks rather than has at their worst.
+    """
+    rows = [_filled(result, metrics, optional) for result in results]
+    figures = {key: _mean([row[key] for row in rows]) for key in rows[0]}
+    failures = [result["failure"] for result in results if result["failure"]]
+    why = "; ".join(dict.fromkeys(failures))
+    some = 0 < len(failures) < len(results)
+    return figures, f"{len(failures)} of {len(results)} samples: {why}" if some else why
+
+
+def summarize_objects(objects: Mapping[str, Figures], names: Sequence[str]) -> dict[str, dict[str, float]]:  # fmt: skip
+    """Metric -> {"mean", "low", "high", "count"} over the objects called ``names``; NaN where nothing applies, no interval for one object."""
+    keys = list(next(iter(objects.values())))
+    table = np.array([[objects[name][key] for key in keys] for name in names])
+    rows = {}
+    for key, column in zip(keys, table.T, strict=True):
+        known = column[~np.isnan(column)]
+        low, high = interval(known)
+        rows[key] = {"mean": _mean(known), "low": low, "high": high, "count": len(known)}
+    return rows
+
+
+def interval(values: np.ndarray) -> tuple[float, float]:
+    """Percentile bootstrap of the mean of [n] values; NaN for fewer than two."""
+    n = len(values)
+    if n < 2:
+        return np.nan, np.nan
+    rng = np.random.default_rng(SEED)
+    step = max(1, CHUNK // n)
+    means = [
+        values[rng.integers(0, n, (min(step, RESAMPLES - start), n))].mean(1)
+        for start in range(0, RESAMPLES, step)
+    ]
+    tail = (1 - LEVEL) / 2
+    low, high = np.quantile(np.concatenate(means), [tail, 1 - tail])
+    return float(low), float(high)
+
+
+def sum_confusions(objects: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, dict[str, float]]:
+    """{reference's joint type: {predicted type: parts}} over objects, of each the mean over its samples that count; types sorted."""
+    total: dict[str, dict[str, float]] = {}
+    for results in objects:
+        for result in results:
+            for truth, row in result["confusion"].items():
+                into = total.setdefault(truth, {})
+                for guess, count in row.items():
+                    into[guess] = into.get(guess, 0) + count / len(results)
+    return {truth: dict(sorted(row.items())) for truth, row in sorted(total.items())}
+
+
+def _filled(result: Mapping[str, Any], metrics: Mapping[str, Metric], optional: Sequence[str]) -> Figures:  # fmt: skip
+    """Every metric's value: NaN where nothing is to be compared, the worst where it could not be measured."""
+    found = result["figures"]
+    row = {}
+    for key, metric in metrics.items():
+        value = found.get(key, None if key in optional else metric.worst)
+        row[key] = np.nan if value is None else float(value)
+    return row | {FAILED: float(bool(result["failure"]))}
+
+
+def _mean(values: Sequence[float] | np.ndarray) -> float:
+    known = [v for v in values if not np.isnan(v)]
+    return float(np.mean(known)) if known else float("nan")

@@ -1,0 +1,121 @@
+"""The figures of methods as tables: ``table.md`` and the terminal."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from uniart_jax.evaluation.summary import FAILED
+
+Row = Mapping[str, Mapping[str, float]]
+TITLES = {
+    "failures": "Failures",
+    "surface": "Surface",
+    "articulation": "Parts and joints",
+    "pose_error": "Pose error",
+    "singapo": "SINGAPO / CAGE protocol",
+    "appearance": "Appearance",
+    "openshape": "OpenShape",
+    "physics": "Physics engines",
+}
+
+
+def write_table(file: Path, content: Mapping[str, Any]) -> None:
+    """Markdown: a table a family of figures, a line a method and, below it, one for each of its sets and categories."""
+    partial = file.with_suffix(".new")
+    partial.write_text("\n".join(_lines(content)) + "\n", encoding="utf-8")
+    os.replace(partial, file)
+
+
+def print_table(content: Mapping[str, Any]) -> None:
+    """A line a figure, a column a method: a terminal is narrower than it is high."""
+    table = Table("", *content["methods"])
+    for family, keys in _groups(content).items():
+        table.add_section()
+        table.add_row(f"[bold]{family}")
+        for key in keys:
+            rows = [method["rows"][key] for method in content["methods"].values()]
+            table.add_row(_title(key, content), *(_cell(row) for row in rows))
+    console = Console(highlight=False)
+    console.print(table)
+    for name, method in content["methods"].items():
+        for line in _remarks(name, method):
+            console.print(line, markup=False)
+
+
+def _lines(content: Mapping[str, Any]) -> Iterator[str]:
+    settings = content["settings"]
+    yield f"Reference {settings['reference']}. Samples of one object: {settings['samples']}. Mean and 95 % interval (bootstrap over objects, none where all agree); ↑ higher is better, ↓ lower."
+    for family, keys in _groups(content).items():
+        yield f"\n## {family}\n"
+        yield f"| | objects | {' | '.join(_title(key, content) for key in keys)} |"
+        yield "|" + "---|" * (len(keys) + 2)
+        for name, method in content["methods"].items():
+            yield _line(_text(name), method["rows"], keys)
+            for part in ("sets", "categories"):
+                for group, rows in method[part].items():
+                    yield _line(f"{_text(name)}: {_text(group)}", rows, keys)
+    for name, method in content["methods"].items():
+        if remarks := list(_remarks(name, method)):
+            yield ""
+            yield from remarks
+        if method["failures"]:
+            yield f"\n## Failures of {_text(name)}\n"
+            yield from (f"- {_text(n)}: {_text(why)}" for n, why in method["failures"].items())
+        if method["confusion"]:
+            yield f"\n## Joint types of {_text(name)}\n"
+            yield from _confusion(method["confusion"])
+
+
+def _groups(content: Mapping[str, Any]) -> dict[str, list[str]]:
+    """Title of a family -> its figures."""
+    groups: dict[str, list[str]] = content["groups"]
+    return {TITLES.get(name, name): keys for name, keys in groups.items()}
+
+
+def _title(key: str, content: Mapping[str, Any]) -> str:
+    metric = content["metrics"][key]
+    return f"{_text(metric['title'])} {'↑' if metric['better'] == 'higher' else '↓'}"
+
+
+def _line(name: str, rows: Row, keys: list[str]) -> str:
+    cells = [_cell(rows[key]) for key in keys]
+    return f"| {name} | {rows[FAILED]['count']} | {' | '.join(cells)} |"
+
+
+def _cell(figure: Mapping[str, float]) -> str:
+    mean, low, high = (figure[key] for key in ("mean", "low", "high"))
+    if math.isnan(mean):
+        return "-"
+    ends = [] if math.isnan(low) or low == high else [low, high]
+    largest = max(abs(value) for value in (mean, *ends))
+    digits = min(max(2 - math.floor(math.log10(largest)), 1), 6) if largest else 1
+    told = [f"{value:.{digits}f}" for value in (mean, *ends)]
+    return f"{told[0]} [{told[1]}, {told[2]}]" if ends else told[0]
+
+
+def _remarks(name: str, method: Mapping[str, Any]) -> Iterator[str]:
+    objects = len(method["objects"])
+    if method["failures"]:
+        yield f"{name}: {len(method['failures'])} of {objects} objects have failures, counted with the worst values."
+    if method["uncolored"]:
+        yield f"{name}: {len(method['uncolored'])} of {objects} objects have no colours and were given the truth's for PSNR."
+
+
+def _confusion(table: Mapping[str, Mapping[str, float]]) -> Iterator[str]:
+    guesses = sorted({guess for row in table.values() for guess in row})
+    yield f"| reference \\ prediction | {' | '.join(guesses)} |"
+    yield "|" + "---|" * (len(guesses) + 1)
+    for truth, row in table.items():
+        yield f"| {truth} | {' | '.join(f'{row.get(g, 0):g}' for g in guesses)} |"
+
+
+def _text(text: str) -> str:
+    """Text of strangers in a cell of Markdown."""
+    return text.replace("\\", "\\\\").replace("|", "\\|").replace("<", "&lt;").replace("\n", " ")

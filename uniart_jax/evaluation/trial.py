@@ -1,0 +1,266 @@
+"""One prediction against its reference: all figures, or why there are none. This is what a worker process does."""
+
+from __future__ import annotations
+
+import collections
+import contextlib
+import dataclasses
+import functools
+import gc
+import importlib
+import json
+import math
+import os
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from uniart_jax.evaluation.kept import keep
+from uniart_jax.evaluation.kept_checks import read_checks
+from uniart_jax.evaluation.metric import at_rest
+from uniart_jax.evaluation.pairs import Missing, Source
+from uniart_jax.objects.load import load_object
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.robot_object import one_line
+
+# Family -> module with METRICS and measure(pred, ref, **options); loaded where it is needed.
+FAMILIES = {
+    name: f"uniart_jax.evaluation.{name}"
+    for name in ("surface", "articulation", "pose_error", "singapo", "appearance", "openshape")
+}
+PHYSICS = "physics"  # figures that the assets' own files tell
+DIED = "its worker process died (out of memory, or a crash in C)"
+
+
+@dataclasses.dataclass(frozen=True)
+class Setup:
+    """What all trials share.
+
+    Attributes:
+      families: family -> module, of ``FAMILIES``. options: family -> keywords of its ``measure``.
+    """
+
+    families: Mapping[str, str]
+    options: Mapping[str, Mapping[str, Any]]
+    allow_outside: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """A truth; equal to another one if its fingerprint is."""
+
+    name: str
+    source: Source = dataclasses.field(compare=False)
+    made_of: str
+    allow_outside: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Trial:
+    """One sample of one method.
+
+    Attributes:
+      made_of: fingerprint of prediction and reference; a kept result of another one is not taken.
+      file: where the result is kept.
+    """
+
+    method: str
+    sample: int
+    prediction: Source | Missing
+    reference: Reference
+    made_of: str
+    file: Path
+
+
+def family_module(name: str, families: Mapping[str, str] = FAMILIES) -> ModuleType:
+    """The module of a family of figures.
+
+    Raises:
+      ValueError: it is not there.
+    """
+    try:
+        return importlib.import_module(families[name])
+    except ModuleNotFoundError as error:
+        raise ValueError(
+            f"the figures '{name}' cannot be loaded ({error}); leave them out with --only"
+        ) from None
+
+
+def run_trial(setup: Setup, trial: Trial) -> dict[str, Any]:
+    """The figures of one prediction; kept in ``trial.file``.
+
+    Returns:
+      ``figures`` {metric: number or None for "nothing to compare"}; a metric that is absent could not be measured, and ``failure`` says
+      why. Also ``category`` (the reference's), ``uncolored``, ``confusion``, ``seconds`` {step: s}.
+
+    Raises:
+      ValueError: the reference is at fault; no figure could be trusted.
+    """
+    gc.collect()  # meshes hold themselves in cycles: a worker would grow by 10 MB an object
+    result = _blank(trial)
+    start = time.perf_counter()
+    reference = reference_at_rest(trial.reference)
+    result["category"] = reference.category or _category(trial.reference.source)
+    result["confusion"] = _all_missing(setup, reference)
+    result["seconds"]["reference"] = time.perf_counter() - start
+    if isinstance(trial.prediction, Missing):
+        return keep(trial.file, result | {"failure": trial.prediction.why})
+    start = time.perf_counter()
+    try:
+        prediction = source_at_rest(trial.prediction, setup.allow_outside)
+    except Exception as error:  # one prediction must not cost the figures of all others
+        return keep(trial.file, result | {"failure": _why(error)})
+    result["seconds"]["prediction"] = time.perf_counter() - start
+    _measure(setup, prediction, reference, result)
+    if isinstance(trial.prediction, Path):
+        checks = read_checks(trial.prediction, allow_outside=setup.allow_outside)
+        result["figures"] |= _numbers(checks)
+    return keep(trial.file, result)
+
+
+def died(trial: Trial) -> dict[str, Any]:
+    """The result of a trial that killed its worker; not kept, since with fewer processes or more memory it may come through."""
+    return _blank(trial) | {"failure": DIED}
+
+
+@functools.lru_cache(maxsize=1)  # several predictions of one object come one after the other
+def reference_at_rest(reference: Reference) -> ArticulatedObject:
+    """The truth as figures see it.
+
+    Raises:
+      ValueError: it cannot be used; one line that names it.
+    """
+    try:
+        return source_at_rest(reference.source, reference.allow_outside)
+    except Exception as error:
+        raise ValueError(f"reference '{reference.name}' cannot be used: {_why(error)}") from None
+
+
+def source_at_rest(source: Source, allow_outside: bool = False) -> ArticulatedObject:
+    """The object as figures see it (``metric.at_rest``).
+
+    Raises:
+      ValueError, FileNotFoundError: it cannot be read, or holds numbers that are none.
+    """
+    if isinstance(source, Path):
+        source = load_object(source, allow_outside=allow_outside)
+    obj = source if isinstance(source, ArticulatedObject) else source()
+    if not all(np.isfinite(part.mesh.vertices).all() for part in obj.parts):
+        raise ValueError("its meshes hold coordinates that are not finite")
+    return at_rest(obj)
+
+
+@contextlib.contextmanager
+def light_jax(processes: int) -> Iterator[None]:
+    """Worker processes started inside run JAX on the CPU with one thread; this process is left as it is."""
+    wanted = {
+        "JAX_PLATFORMS": "cpu",
+        "NPROC": "1",  # XLA's pool of threads
+        "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false".strip(),
+    }
+    before = {name: os.environ.get(name) for name in wanted}
+    if processes > 1:
+        os.environ.update(wanted)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def _blank(trial: Trial) -> dict[str, Any]:
+    return {"method": trial.method, "name": trial.reference.name, "sample": trial.sample, "made_of": trial.made_of, "category": "", "figures": {}, "failure": "", "uncolored": False, "confusion": {}, "seconds": {}}  # fmt: skip
+
+
+def _measure(
+    setup: Setup,
+    prediction: ArticulatedObject,
+    reference: ArticulatedObject,
+    result: dict[str, Any],
+) -> None:
+    failures = []
+    for family in setup.families:
+        module = _loaded(family, setup.families[family])
+        start = time.perf_counter()
+        try:
+            found = module.measure(prediction, reference, **setup.options.get(family, {}))
+            if set(found) != set(module.METRICS):
+                raise ValueError(f"expected the figures {sorted(module.METRICS)}, got {sorted(found)}")  # fmt: skip
+            numbers = _numbers(found)
+            if hasattr(module, "confusion"):
+                result["confusion"] = _nested(module.confusion(prediction, reference))
+            if hasattr(module, "uncolored"):
+                result["uncolored"] = bool(module.uncolored(prediction))
+        except Exception as error:  # figures of other families still stand
+            failures.append(f"{family}: {_why(error)}")
+        else:
+            result["figures"] |= numbers
+        result["seconds"][family] = time.perf_counter() - start
+    result["failure"] = "; ".join(failures)
+
+
+@functools.cache
+def _loaded(family: str, module: str) -> ModuleType:
+    found = family_module(family, {family: module})
+    if "jax" in sys.modules:
+        from uniart_jax.pipeline import enable_compilation_cache
+
+        enable_compilation_cache()
+    return found
+
+
+def _all_missing(setup: Setup, reference: ArticulatedObject) -> dict[str, dict[str, int]]:
+    """The confusion of joint types with nothing: what a prediction counts as that cannot be read."""
+    modules = [_loaded(family, module) for family, module in setup.families.items()]
+    missing = next((m.MISSING for m in modules if hasattr(m, "confusion")), None)
+    if missing is None:
+        return {}
+    counts = collections.Counter(part.joint.type for part in reference.parts)
+    return _nested({(kind, missing): count for kind, count in counts.items()})
+
+
+def _nested(table: Mapping[tuple[str, str], int]) -> dict[str, dict[str, int]]:
+    """{reference's type: {prediction's type: parts}}, as JSON has it."""
+    rows: dict[str, dict[str, int]] = {}
+    for (truth, guess), count in sorted(table.items()):
+        rows.setdefault(truth, {})[guess] = int(count)
+    return rows
+
+
+def _category(source: Source) -> str:
+    """What an asset folder of ours says that it is; "" where it is none."""
+    report = source / "report.json" if isinstance(source, Path) else None
+    if report is None or not report.is_file() or report.is_symlink():
+        return ""
+    try:
+        found = json.loads(report.read_text(encoding="utf-8")).get("category", "")
+    except (ValueError, AttributeError):
+        return ""
+    return found if isinstance(found, str) else ""
+
+
+def _numbers(figures: Mapping[str, float]) -> dict[str, float | None]:
+    """As JSON has them: None for NaN.
+
+    Raises:
+      ValueError: one is infinite.
+    """
+    for name, value in figures.items():
+        if math.isinf(value):
+            raise ValueError(f"'{name}' is infinite")
+    return {name: None if math.isnan(v) else float(v) for name, v in figures.items()}
+
+
+def _why(error: Exception) -> str:
+    text = one_line(str(error))
+    if isinstance(error, ValueError | OSError) and text:
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
