@@ -84,8 +84,11 @@ def test_motions_reversed_twice_are_the_truth(obj):
         assert np.allclose(once.open(fraction), q, atol=1e-9)
         assert np.allclose(twice.forward_kinematics(q), truth.forward_kinematics(q), atol=1e-9)
         for k, part in enumerate(once.parts):
-            back = part.joint.motion(q[k]) @ truth.parts[k].joint.motion(q[k])
-            assert np.allclose(back, np.eye(4), atol=1e-9)
+            there = truth.parts[k].joint
+            if there.type == "continuous":  # has no wrong way
+                assert np.allclose(part.joint.motion(q[k]), there.motion(q[k]), atol=1e-9)
+                continue
+            assert np.allclose(part.joint.motion(q[k]) @ there.motion(q[k]), np.eye(4), atol=1e-9)
 
 
 @settings(max_examples=10)

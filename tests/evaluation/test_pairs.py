@@ -147,3 +147,17 @@ def test_fingerprints_change_with_what_they_are_of(tmp_path):
     assert fingerprint(load_object(door)) != fingerprint(one)
     kinds = [functools.partial(load_object, name) for name in ("a", "a", "b")]
     assert fingerprint(kinds[0]) == fingerprint(kinds[1]) != fingerprint(kinds[2])
+
+
+def test_a_sample_without_an_asset_is_a_failure(tmp_path):
+    pred, ref = tmp_path / "pred", tmp_path / "ref"
+    toy_assets.write(ref / "one", "body")
+    toy_assets.write(pred / "one" / "sample-0", "body")
+    (pred / "one" / "sample-1").mkdir()
+    (pred / "one" / "sample-2").mkdir()
+    (pred / "one" / "sample-2" / "preview.png").write_bytes(b"")
+    (pred / "one" / "pictures").mkdir()
+    pairs, _ = found(pred, ref)
+    good, *bad = pairs["one"]
+    assert good == pred / "one" / "sample-0"
+    assert [b.why for b in bad] == ["sample-1: no asset in it", "sample-2: no asset in it"]

@@ -159,7 +159,8 @@ def test_compat_forgives_wrong_proportions():
 def test_compats_overlap_depends_on_the_truth():
     """Their Chamfer distance scales the prediction that AOR then sees; what they compare it with should not matter."""
     two = cabinet(((-0.4, 0.4, 0), hinge()), ((-0.6, -0.2, 0), Joint.fixed()))
-    wide = ArticulatedObject((Part("base", box((1, 3, 1))),))
+    pair = (Part(f"part{i}", box((0.1, 0.1, 0.1)), 0) for i in range(2))
+    wide = ArticulatedObject((Part("base", box((1, 3, 1))), *pair))
     itself, other = measure(two, two), measure(two, wide)
     assert abs(itself["compat_aor"] - other["compat_aor"]) > 0.005
     assert itself["fixed_aor"] == other["fixed_aor"]

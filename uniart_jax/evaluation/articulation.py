@@ -3,7 +3,7 @@
 Parts are matched one to one by their boxes at rest (Hungarian, ``parts.match_parts``). A part is **matched** if its match is within
 ``parts.FOUND``, and a **joint pair** is a moving reference part, matched, whose match has the same joint type. Two rules for all figures:
 
-* A missing part is 0 in every share of the reference's parts (recall, types, edges, parts right, part IoU). Axis, pivot and range are means
+* A missing part is 0 in every share of the reference's parts (recall, edges, parts right, part IoU). Axis, pivot and range are means
   over the joint pairs, so they say how good the joints are that were found; read them beside recall and types.
 * NaN means that the *reference* has nothing to compare: it has no moving part (types, joints), no axis with a place (pivots), no edge. Where
   it has, and no pair of the prediction qualifies, the figure is ``Metric.worst``: nobody gains by failing on a whole object.

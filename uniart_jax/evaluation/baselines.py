@@ -24,7 +24,7 @@ from uniart_jax.evaluation.compare import compare
 from uniart_jax.evaluation.controls import CONTROLS
 from uniart_jax.evaluation.kept import claim, keep
 from uniart_jax.evaluation.metric import at_rest
-from uniart_jax.evaluation.pairs import Source
+from uniart_jax.evaluation.pairs import Source, fingerprint
 from uniart_jax.evaluation.procedural import HeldOut, held_out
 from uniart_jax.evaluation.retrieval import (
     make_library,
@@ -35,7 +35,7 @@ from uniart_jax.evaluation.retrieval import (
 from uniart_jax.export.asset import save_asset
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.pipeline import load
+from uniart_jax.pipeline import checkpoint_folder, load
 from uniart_jax.processes import in_order, process_pool
 from uniart_jax.progress import track
 
@@ -88,7 +88,11 @@ def baseline_methods(
     folder = Path(out) / "objects"
     claim(
         folder,
-        {"checkpoint": str(checkpoint), "records": str(records or ""), "unseen": unseen},
+        {
+            "checkpoint": f"{checkpoint} {fingerprint(checkpoint_folder(checkpoint))}",
+            "records": str(records or ""),
+            "unseen": unseen,
+        },
         "another checkpoint, split or records",
     )
     model = make_assets(checkpoint, folder, records, count, unseen, processes)
@@ -104,10 +108,15 @@ def baseline_methods(
     methods["retrieval_true_boxes"] = {
         name: retrieve_parts(at_rest(obj), library) for name, obj in truth.items()
     }
-    methods["retrieval_predicted_boxes"] = {
-        name: retrieve_parts(at_rest(load_object(folder / "model" / name)), library)
-        for name in methods["model"]
-    }
+    methods["retrieval_predicted_boxes"] = {}
+    for name in methods["model"]:
+        try:
+            sampled = load_object(folder / "model" / name)
+        except (
+            ValueError
+        ):  # named among the model's own failures; a name that is absent counts as one
+            continue
+        methods["retrieval_predicted_boxes"][name] = retrieve_parts(at_rest(sampled), library)
     for control in BASELINE_CONTROLS:
         methods[control] = {name: CONTROLS[control](obj) for name, obj in truth.items()}
     return methods, truth

@@ -21,6 +21,7 @@ from rich.console import Console
 
 import uniart_jax
 from uniart_jax.evaluation import kept_checks
+from uniart_jax.evaluation.articulation import MISSING, SURPLUS
 from uniart_jax.evaluation.kept import claim, keep, read_kept, without_nan
 from uniart_jax.evaluation.metric import Metric
 from uniart_jax.evaluation.pairs import (
@@ -48,6 +49,7 @@ from uniart_jax.evaluation.summary import (
 )
 from uniart_jax.evaluation.table import print_table, write_table
 from uniart_jax.evaluation.trial import (
+    DIED,
     FAMILIES,
     PHYSICS,
     Reference,
@@ -114,7 +116,7 @@ def compare(
         "reference": _said(reference),
         "methods": {method: _said(p) for method, p in methods.items()},
         "figures": list(groups),
-        "openshape": str(openshape or ""),
+        "openshape": f"{openshape} {fingerprint(openshape)}" if openshape else "",
         "allow_outside": allow_outside,
         "version": uniart_jax.__version__,
     }
@@ -211,7 +213,23 @@ def _run(setup: Setup, trials: Sequence[Trial], processes: int) -> Results:
         made = each(processes, run, missing, 2 * processes, died)
         for trial, result in zip(missing, track(made, "comparisons", len(missing)), strict=True):
             results[trial.method, trial.reference.name, trial.sample] = result
-    return results
+    return _with_known(results)
+
+
+def _with_known(results: Results) -> Results:
+    """Results of workers that died, with the category and the parts to be found that other results tell of the object."""
+    known: dict[str, dict[str, Any]] = {}
+    for (_, name, _), result in results.items():
+        if result["confusion"]:
+            known.setdefault(name, result)
+    filled = {}
+    for key, result in results.items():
+        other = known.get(key[1])
+        if result["failure"] == DIED and other is not None:
+            missing = {kind: {MISSING: sum(row.values())} for kind, row in other["confusion"].items() if kind != SURPLUS}  # fmt: skip
+            result = result | {"category": other["category"], "confusion": missing}
+        filled[key] = result
+    return filled
 
 
 def _method(

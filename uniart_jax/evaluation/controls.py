@@ -29,10 +29,15 @@ def rest_only(obj: ArticulatedObject) -> ArticulatedObject:
 
 
 def mirrored(obj: ArticulatedObject) -> ArticulatedObject:
-    """Every motion reversed about rest: doors open inwards, drawers go in. Twice: the truth."""
-    return _with_joints(
-        obj, lambda part: dataclasses.replace(part.joint, direction=-part.joint.direction)
-    )
+    """Every motion reversed about rest: doors open inwards, drawers go in; what turns for ever has no wrong way. Twice: the truth."""
+    return _with_joints(obj, _reversed)
+
+
+def _reversed(part: Part) -> Joint:
+    joint = part.joint
+    if joint.type == "continuous":
+        return joint
+    return dataclasses.replace(joint, direction=-joint.direction)
 
 
 def half_range(obj: ArticulatedObject) -> ArticulatedObject:

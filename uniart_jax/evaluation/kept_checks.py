@@ -28,7 +28,7 @@ METRICS = {
         "joints work",
         "higher",
         0.0,
-        f"Share of driven joints that come to {REACH:.0%} of their range without running into anything, as validation.json says.",
+        f"Share of driven joints that come to {REACH:.0%} of their range without running into anything, as validation.json says; 0 where an engine refused the asset.",
     ),
 }
 
@@ -49,10 +49,12 @@ def read_checks(asset: Path, *, allow_outside: bool = False) -> Figures:
         for joints in _dict(validation.get("joints")).values()
         for joint in _dict(joints).values()
     ]
-    return {
-        "sound": float(all(passed)) if ran else np.nan,
-        "joints_work": float(np.mean(works)) if works else 0.0 if refused else np.nan,
-    }
+    share = np.nan
+    if refused:  # in that engine no joint works
+        share = 0.0
+    elif works:
+        share = float(np.mean(works))
+    return {"sound": float(all(passed)) if ran else np.nan, "joints_work": share}
 
 
 def _works(joint: dict[str, Any]) -> bool:

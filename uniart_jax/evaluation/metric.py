@@ -12,6 +12,7 @@ from typing import Literal
 
 import numpy as np
 
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 
 # 0 is the rest state (RS); articulated states (AS) are the mean over all five, as SINGAPO's code has it.
@@ -40,6 +41,18 @@ class Metric:
 def at_rest(obj: ArticulatedObject) -> ArticulatedObject:
     """The object as all figures see it: every joint at its rest state and measured from there, centred, longest side 1.
 
-    Rest and range are each object's own (``ArticulatedObject.rest``, ``open``), so is the scale: an image does not tell a size.
+    Rest and range are each object's own (``ArticulatedObject.rest``, ``open``), so is the scale: an image does not tell a size. What turns for
+    ever has no way to open: the largest component of its axis is made positive, so that a wheel and the same wheel with its axis
+    reversed are one.
     """
-    return obj.shown_at(obj.rest()).normalized()
+    obj = obj.shown_at(obj.rest()).normalized()
+    parts = tuple(dataclasses.replace(p, joint=_one_way(p.joint)) for p in obj.parts)
+    return dataclasses.replace(obj, parts=parts)
+
+
+def _one_way(joint: Joint) -> Joint:
+    direction = joint.direction
+    if joint.type != "continuous" or direction[np.abs(direction).argmax()] > 0:
+        return joint
+    lo, hi = joint.angle
+    return dataclasses.replace(joint, direction=-direction, angle=(-hi, -lo))

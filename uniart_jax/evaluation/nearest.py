@@ -9,8 +9,8 @@ and stops at the first that cannot hold anything nearer than (2): branch and bou
 The Hilbert curve has no jumps, so its blocks are compact: half as many visits as along a Morton curve (measured on surfaces). Sets are padded to
 powers of two, so few programs are compiled; what stands in the padding is never read.
 
-A CPU takes the blocks one after another, an accelerator ``TOGETHER`` at once, until the slowest of them is done. ``scipy.spatial.cKDTree`` is
-somewhat faster on a CPU (docs/benchmarks.md) but runs nowhere else; one road for all is worth more.
+A CPU takes the blocks one after another, an accelerator ``TOGETHER`` at once, until the slowest of them is done. There is one road for all platforms:
+beside ``scipy.spatial.cKDTree`` on a CPU it is of the same order, quicker for sets that are far apart (docs/benchmarks.md).
 
 Curve: J. Skilling, Programming the Hilbert curve (2004).
 """

@@ -29,6 +29,7 @@ from uniart_jax.objects.object import ArticulatedObject
 
 SETS = "sets.json"
 MAX_BYTES = 16 * 2**20
+SAMPLE = re.compile(r"sample-\d+")  # folders that sample.py writes
 OUTSIDE = "it is a link that leads out of its folder; --allow-outside follows it"
 
 
@@ -219,12 +220,15 @@ def _samples(path: Path, root: Path, allow_outside: bool) -> tuple[Source | Miss
         return (path,)
     if not path.is_dir():
         return ()
-    inner = sorted((p for p in path.iterdir() if _is_folder(p)), key=lambda p: _natural(p.name))
-    return tuple(
-        p if _may_read(p, root, allow_outside) else Missing(f"{p.name}: {OUTSIDE}")
-        for p in inner
-        if not _may_read(p, root, allow_outside) or _is_asset(p, allow_outside)
-    )
+    found: list[Source | Missing] = []
+    for inner in sorted((p for p in path.iterdir() if _is_folder(p)), key=lambda p: _natural(p.name)):  # fmt: skip
+        if not _may_read(inner, root, allow_outside):
+            found.append(Missing(f"{inner.name}: {OUTSIDE}"))
+        elif _is_asset(inner, allow_outside):
+            found.append(inner)
+        elif SAMPLE.fullmatch(inner.name):  # a sample that failed is a failure
+            found.append(Missing(f"{inner.name}: no asset in it"))
+    return tuple(found)
 
 
 def _children(root: Path) -> Iterator[tuple[str, Path]]:

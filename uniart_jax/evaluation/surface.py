@@ -66,6 +66,7 @@ def measure(pred: ArticulatedObject, ref: ArticulatedObject, points: int = POINT
         )
     )
     apart, f_scores = chamfer_of(*distances), f_score_of(*distances, THRESHOLD)
+    apart = np.minimum(apart, FARTHEST)  # a drawer that flies away must not swamp a mean
     return {
         "rs_chamfer": float(apart[0]),
         "as_chamfer": float(apart.mean()),

@@ -7,10 +7,12 @@ object.glb    view.html           print/<part>.stl           preview.png   motio
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import trimesh
 from PIL import Image
 
 from uniart_jax.export.atlas import Atlas, make_atlas
@@ -43,7 +45,10 @@ from uniart_jax.export.wavefront import (
 from uniart_jax.objects.object import ArticulatedObject
 
 Check = Callable[[Path], dict]
-Mend = Callable[[ArticulatedObject, Sequence[Body]], tuple[ArticulatedObject, Sequence[Body]]]
+Mend = Callable[
+    [ArticulatedObject, Sequence[Body], Sequence[trimesh.Trimesh]],
+    tuple[ArticulatedObject, Sequence[Body]],
+]
 
 
 def save_asset(
@@ -57,6 +62,7 @@ def save_asset(
     image: str | Path | np.ndarray | Image.Image | None = None,
     seed: int | None = None,
     checkpoint: str = "",
+    details: Mapping[str, Any] | None = None,
     overwrite: bool = False,
     motion: bool = True,
     mend: Mend | None = None,
@@ -73,7 +79,7 @@ def save_asset(
       size: metres of the longest side; default as ``obj.scale`` says.
       density: kg / m^3 of every part (default 500, light wood). mass: kg of the whole object instead.
       image: the picture that the object was made from, shown beside it in ``preview.png``.
-      seed, checkpoint: what made the object, for the report.
+      seed, checkpoint: what made the object, for the report. details: further entries of it, plain JSON values.
       overwrite: replace a folder that holds an asset; the old one stands until the new one is complete.
       motion: also write ``motion.gif`` (if anything moves).
       mend: mends joints and shapes once these are known (``simulation.refine.mend``).
@@ -96,9 +102,10 @@ def save_asset(
     obj = obj if size is None else resized(obj, size)
     with complete_folder(folder, overwrite) as target:
         atlas = make_atlas(obj)
-        bodies = make_bodies(obj, [s.mesh for s in atlas.surfaces], density=density, mass=mass)
+        meshes = [surface.mesh for surface in atlas.surfaces]
+        bodies = make_bodies(obj, meshes, density=density, mass=mass)
         if mend is not None:
-            obj, bodies = mend(obj, bodies)
+            obj, bodies = mend(obj, bodies, meshes)
         notes = _write_simulation(obj, atlas, bodies, target, chosen)
         textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
         if "glb" in chosen or "page" in chosen:
@@ -113,7 +120,7 @@ def save_asset(
         if motion:
             write_motion(shown, target / "motion.gif", view)
         closed = [surface.mesh.is_watertight for surface in atlas.surfaces]
-        report = make_report(obj, bodies, closed, seed, checkpoint, notes)
+        report = make_report(obj, bodies, closed, seed, checkpoint, notes) | dict(details or {})
         write_report(report, target / "report.json")
         if check is not None:
             write_report(report | {"validation": check(target)}, target / "report.json")

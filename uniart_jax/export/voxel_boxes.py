@@ -23,8 +23,8 @@ ROUGH_FACES = 2500  # fewer are no rough object
 # .95 and .05, furniture .6 and .45.
 BENT = ((0.05, 0.7), (0.2, 0.4))
 CELLS = 64  # along the object's longest side
-BOXES = 64  # a part, at most
-UNCOVERED = 0.02  # of a part's cells that no box need hold
+# (boxes a part, share of its cells that no box need hold): the second where the first do not suffice, as for bowls and slanted plates
+ENOUGH = ((64, 0.02), (256, 0.08))
 FILLED = 0.5  # of the cells of a layer by which a box grows, that must be the part's
 SEEDS = 24  # cells that boxes are grown from, for each that is kept
 LEAST_CELLS = 3  # a part with fewer gets all cells that its corners are in
@@ -67,7 +67,7 @@ class Cells:
         return np.floor((points - self.corner) / self.side).astype(np.int64)
 
     def shapes(self, scale: float) -> list[tuple[Shape, ...]]:
-        """[K] boxes for every part, in metres by ``scale``, in the frame of the shown state; none for a part without cells."""
+        """[K] boxes for every part, in metres by ``scale``, in the frame of the shown state."""
         out = []
         for k, pose in enumerate(np.linalg.inv(self.rest)):
             boxes = []
@@ -90,7 +90,7 @@ def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells
     corners = [trimesh.transform_points(m.vertices, t) for m, t in zip(meshes, rest, strict=True)]
     low = np.min([c.min(0) for c in corners], 0)
     high = np.max([c.max(0) for c in corners], 0)
-    side = float(np.ptp(obj.bounds, axis=0).max()) / CELLS
+    side = max(float(np.ptp(obj.bounds, axis=0).max()), float((high - low).max())) / CELLS
     n = int(np.ceil((high - low).max() / side)) + 4  # room for spare cells
     corner = (low + high) / 2 - n * side / 2
     owner = np.full((n, n, n), FREE, np.int16)
@@ -111,13 +111,13 @@ def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells
         owner[place][take] = k
         depth[place][take] = deep[take]
     for k, place in enumerate(corners):
-        if not (
-            owner == k
-        ).any():  # it lies inside others: the cell that most of its corners are in
-            held, count = np.unique(
-                np.floor((place - corner) / side).astype(np.int64), axis=0, return_counts=True
-            )
-            owner[tuple(held[count.argmax()])] = k
+        if (owner == k).any():
+            continue
+        # it lies inside others: the nearest cell that is nobody's, or one of several that somebody has
+        count = np.bincount(owner[owner != FREE], minlength=len(meshes))
+        open_to_all = np.argwhere((owner == FREE) | (count[owner] > 1))
+        away = np.abs(corner + (open_to_all + 0.5) * side - place.mean(0)).sum(1)
+        owner[tuple(open_to_all[away.argmin()])] = k
     full = owner == np.arange(len(meshes), dtype=np.int16)[:, None, None, None]
     near = np.stack([ndimage.binary_dilation(f, np.ones((3, 3, 3))) for f in full])
     alone = near & (near.sum(0) == 1) & (owner == FREE)
@@ -138,7 +138,7 @@ def cover(full: np.ndarray, spare: np.ndarray) -> list[tuple[np.ndarray, np.ndar
     rng, orders = np.random.default_rng(0), list(itertools.permutations(range(3)))
     left = full.copy()
     boxes, grown = [], []
-    while left.sum() > UNCOVERED * len(cells) and len(boxes) < BOXES:
+    while any(len(boxes) < most and left.sum() > share * len(cells) for most, share in ENOUGH):
         seeds = rng.permutation(np.argwhere(left))[:SEEDS]
         for seed in seeds:
             grown += [_grow(full, allowed, seed, orders[i]) for i in rng.permutation(6)[:2]]

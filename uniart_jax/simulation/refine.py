@@ -63,11 +63,17 @@ class Refinement:
 
 
 def mend(
-    obj: ArticulatedObject, bodies: Sequence[Body]
+    obj: ArticulatedObject, bodies: Sequence[Body], meshes: Sequence[trimesh.Trimesh]
 ) -> tuple[ArticulatedObject, tuple[Body, ...]]:
-    """``clear`` and ``refine``: shapes that scrape are cut back, then limits and axes mended. ``provenance`` tells it all."""
+    """``clear``, or ``carve`` where the object is rough, and ``refine``: shapes that scrape are cut back, then limits and axes mended.
+
+    Args:
+      bodies, meshes: [K] of its parts, and the surfaces that they were made of, object units (``export.bodies.make_bodies``).
+
+    ``provenance`` tells it all.
+    """
     if is_rough(obj):
-        cells, lines = carve(obj, as_cells(obj, [part.mesh for part in obj.parts]))
+        cells, lines = carve(obj, as_cells(obj, meshes))
         bodies = tuple(
             dataclasses.replace(body, shapes=shapes)
             for body, shapes in zip(bodies, cells.shapes(obj.scale), strict=True)
