@@ -12,7 +12,7 @@ import dataclasses
 import functools
 import json
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.frames import joint_name, moves
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.pipeline import load
+from uniart_jax.pipeline import enable_compilation_cache, load
 from uniart_jax.processes import each
 from uniart_jax.progress import track
 from uniart_jax.simulation.primitives import REACH
@@ -95,11 +95,12 @@ def evaluate_physics(
     claim(out, settings, "other objects or engines")
     if checkpoint is not None:
         count = count or 64
-        trials: Iterable[Trial] = _sampled(checkpoint, count, unseen, out)
         total = 2 * count
+        sampled = _sampled(checkpoint, count, unseen, out)
+        trials = list(track(sampled, "images to objects", total, unit="trials"))
     else:
-        found = _assets(root, count, allow_outside) if root is not None else _truth(count or 200, unseen)  # fmt: skip
-        trials, total = found, len(found)
+        trials = _assets(root, count, allow_outside) if root is not None else _truth(count or 200, unseen)  # fmt: skip
+        total = len(trials)
     run = functools.partial(_run, Path(out), tuple(engines or ()) or None)
     made = each(processes, run, trials, 2 * processes, functools.partial(_died, Path(out)))
     rows: dict[str, list[dict]] = {}
@@ -140,7 +141,9 @@ def _sampled(checkpoint: str, count: int, unseen: bool, out: Path) -> Iterator[T
         if all(f.is_file() for f in files):
             yield from (Trial(row, name, "done before") for row in ("sampled", "refined"))
             continue
-        pipeline = pipeline or load(checkpoint)
+        if pipeline is None:
+            enable_compilation_cache()
+            pipeline = load(checkpoint)
         model = pipeline.config.model
         test = held_out(
             index,
