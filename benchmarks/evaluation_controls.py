@@ -143,7 +143,7 @@ def known(rows: list[Figures], key: str) -> np.ndarray:
 def cell(value: float) -> str:
     if np.isnan(value):
         return "-"
-    return f"{value:.0f}" if abs(value) >= 10 else f"{value:.4f}"
+    return f"{value:.0f}" if abs(value) >= 10 else f"{value:.4f}".replace("-0.0000", "0.0000")
 
 
 def draw(rows: Rows, path: Path) -> None:
