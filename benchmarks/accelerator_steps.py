@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import inspect
 import math
 import os
 import statistics
@@ -130,8 +129,7 @@ def step(job: dict[str, Any]) -> dict[str, Any]:
         size = state.params
         train_step = make_train_step(loss, optimizer, stage.ema_decay)
         # the function that the step compiles, to see its compilation alone
-        update = inspect.getclosurevars(train_step).nonlocals["update"]
-        lowered = jax.jit(update, donate_argnums=0)
+        lowered = jax.jit(train_step.update, donate_argnums=0)
     parameters = sum(x.size for x in jax.tree.leaves(size))
     begin = time.perf_counter()
     compiled = lowered.lower(state, batch, key).compile()

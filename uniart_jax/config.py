@@ -13,6 +13,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat"]
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash"]
 STAGES = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
+TOLERANCES = (1e-4, 1.0)  # of adaptive solvers
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 
 
@@ -180,10 +181,16 @@ class ModelConfig:
 
 @dataclasses.dataclass(frozen=True)
 class StageConfig:
-    """How one network is trained."""
+    """How one network is trained.
+
+    ``accumulate``: micro-batches that a batch is cut into; their gradients are averaged before one update. ``gradient_clip``: largest global norm, 0 = any.
+    ``clip_percentile``: of the last ``clip_window`` gradients' norms, if that is less (TRELLIS: 95 of 1000); 0 = not. ``freeze``: parameters that stay
+    as they are, by dotted name or prefix.
+    """
 
     steps: int = 800_000
     batch_size: int = 64
+    accumulate: int = 1
     learning_rate: float = 1e-4
     schedule: Literal["constant", "cosine"] = "constant"
     warmup_steps: int = 1000
@@ -191,6 +198,9 @@ class StageConfig:
     betas: tuple[float, float] = (0.9, 0.999)
     ema_decay: float = 0.9995
     gradient_clip: float = 1.0
+    clip_percentile: float = 0.0
+    clip_window: int = 1000
+    freeze: tuple[str, ...] = ()
     log_every: int = 100
     evaluate_every: int = 5000
     save_every: int = 5000
@@ -272,8 +282,15 @@ class MeshConfig:
 
 @dataclasses.dataclass(frozen=True)
 class SampleConfig:
-    """Sampling defaults that belong to a checkpoint."""
+    """Sampling defaults that belong to a checkpoint.
 
+    ``adaptive``: each item in steps of its own, of an error of about ``tolerance`` (``flow.solvers``); ``steps`` and ``rescale_t`` then give the
+    first step's length alone.
+    """
+
+    solver: Literal["euler", "heun"] = "euler"
+    adaptive: bool = False
+    tolerance: float = 0.1
     steps: int = 25
     guidance: float = 1.0
     guidance_interval: tuple[float, float] = (0.0, 1.0)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
-from collections.abc import Callable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from uniart_jax.data.columns import column_note, column_path
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
 from uniart_jax.progress import advancing
+from uniart_jax.training import distributed
 from uniart_jax.training.export import load_network
 from uniart_jax.training.readout import WEIGHTS, fit_metric
 
@@ -37,13 +40,17 @@ ENCODE_KEYS = (
     "plans",
 )
 ENCODE_BATCH = 4
+SHARD_BATCHES = latent_store.SHARD_ITEMS // ENCODE_BATCH
 METRIC_ITEMS, METRIC_VOXELS = 200, 500
 
 console = Console(stderr=True, highlight=False)
 
 
 def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """All records, and their mirror images if asked for and known (``DataConfig``), through both VAEs; again only if weights or records changed."""
+    """All records, and their mirror images if asked for and known (``DataConfig``), through both VAEs; again only if weights or records changed.
+
+    Several processes share the work; all return when it is done.
+    """
     parameters = {
         name: load_network(workdir, name, build(name, config.model).abstract()) for name in ENCODED
     }
@@ -54,10 +61,8 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
         jobs.append((data.validation, data.validation_split, workdir / "latents-validation", (False,)))  # fmt: skip
     for records, split, out, mirrors in jobs:
         key = digest(config, workdir, Path(records), split)
-        if latent_store.latents_key(out) != key:
-            console.print(f"encoding {records}")
-            items = encode_records(config, parameters, records, mirrors, split)
-            latent_store.write_latents(out, items, key=key)
+        if distributed.told(latent_store.latents_key(out) != key):
+            encode_records(config, parameters, records, mirrors, split, out, key)
     found = latent_store.read_statistics(workdir / "latents")
     return {
         "structure": (found.structure_mean, found.structure_std),
@@ -119,29 +124,87 @@ def encode_records(
     parameters: dict[str, Any],
     records: str | Path,
     mirrors: Sequence[bool],
-    split: str = "",
-) -> Iterator[dict[str, Any]]:
-    """Items for ``latents.write_latents``: latent means and pictures of every record."""
-    encode = make_encoder(config.model)
-    keys = (*ENCODE_KEYS, *config.model.uniart_vae.feature_channels)
-    with advancing("encoding", len(RecordSource(records, split)) * len(mirrors)) as advance:
+    split: str,
+    out: Path,
+    key: str,
+) -> None:
+    """Latent means and pictures of every record to the folder ``out``, complete or absent.
+
+    A process encodes each n-th shard on its first device; the folder is the same whatever their number.
+
+    Args:
+      mirrors: which passes to make, of the records as they are and of their mirror images.
+      key: of ``digest``.
+    """
+    if distributed.is_first():
+        console.print(f"encoding {records}")
+    distributed.first_does(lambda: latent_store.begin_latents(out))
+    try:
+        _encode_shards(config, parameters, records, mirrors, split, out)
+        distributed.wait()
+        distributed.first_does(lambda: latent_store.finish_latents(out, key))
+    except BaseException:
+        if distributed.is_first():
+            latent_store.drop_latents(out)
+        raise
+
+
+def _encode_shards(
+    config: Config,
+    parameters: dict[str, Any],
+    records: str | Path,
+    mirrors: Sequence[bool],
+    split: str,
+    out: Path,
+) -> None:
+    """This process's shards."""
+    index, count = jax.process_index(), jax.process_count()
+    parameters = jax.device_put(parameters, jax.local_devices()[0])
+    total = len(RecordSource(records, split)) * len(mirrors) // count
+    shown = advancing("encoding", total) if index == 0 else contextlib.nullcontext(lambda: None)
+    with shown as advance:
         for mirrored in mirrors:
-            for batch in record_batches(
-                records, config.data, config.model, ENCODE_BATCH, split=split, mirrored=mirrored
-            ):
-                out = jax.device_get(encode(parameters, {key: batch[key] for key in keys}))
-                for b in np.nonzero(batch["record"] >= 0)[0]:
-                    count = batch["counts"][b]
-                    yield {
-                        "record": int(batch["record"][b]),
-                        "mirrored": mirrored,
-                        "structure": out["structure"][b],
-                        "coords": batch["coords"][b, :count],
-                        "voxel_part": batch["voxel_part"][b, :count],
-                        "latent": out["latent"][b, :count],
-                        "images": np.round(batch["images"][b] * 255),
-                    }
-                    advance()
+            batches = record_batches(
+                records,
+                config.data,
+                config.model,
+                ENCODE_BATCH,
+                split=split,
+                mirrored=mirrored,
+                mine=lambda number: number // SHARD_BATCHES % count == index,
+            )
+            shards = (n for n in itertools.count(index, count) for _ in range(SHARD_BATCHES))
+            numbered = zip(shards, batches, strict=False)
+            for shard, group in itertools.groupby(numbered, key=lambda pair: pair[0]):
+                items = []
+                for _, batch in group:
+                    items += encode_batch(config.model, parameters, batch, mirrored)
+                    for _ in range((batch["record"] >= 0).sum()):
+                        advance()
+                latent_store.write_latent_shard(out, f"{mirrored:d}-{shard:05d}", items)
+
+
+def encode_batch(
+    model: ModelConfig, parameters: dict[str, Any], batch: dict[str, Any], mirrored: bool
+) -> list[dict[str, Any]]:
+    """Items for ``latents.write_latent_shard`` of a batch of ``record_batches``."""
+    keys = (*ENCODE_KEYS, *model.uniart_vae.feature_channels)
+    out = jax.device_get(make_encoder(model)(parameters, {key: batch[key] for key in keys}))
+    items = []
+    for b in np.nonzero(batch["record"] >= 0)[0]:
+        count = batch["counts"][b]
+        items.append(
+            {
+                "record": int(batch["record"][b]),
+                "mirrored": mirrored,
+                "structure": out["structure"][b],
+                "coords": batch["coords"][b, :count],
+                "voxel_part": batch["voxel_part"][b, :count],
+                "latent": out["latent"][b, :count],
+                "images": np.round(batch["images"][b] * 255),
+            }
+        )
+    return items
 
 
 def dense_occupancy(coords: jax.Array, counts: jax.Array, resolution: int) -> jax.Array:

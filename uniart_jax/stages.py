@@ -33,7 +33,7 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
 from uniart_jax.models.network import build
 from uniart_jax.pipeline import checkpoint_folder
-from uniart_jax.training import objectives
+from uniart_jax.training import distributed, objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
     copy_export,
@@ -47,6 +47,7 @@ from uniart_jax.training.export import (
     write_statistics,
 )
 from uniart_jax.training.loop import run_stage
+from uniart_jax.training.microbatches import in_parts
 from uniart_jax.training.sharding import make_mesh, put_batch
 from uniart_jax.training.state import begin_with, create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
@@ -77,7 +78,7 @@ def run(
         )
     stages = trainable(config, stages)
     check_features(config, stages)
-    if overlapping(config.data):
+    if overlapping(config.data) and distributed.is_first():
         warnings.warn("data.validation holds records that are trained on: its figures say nothing about new objects; give another folder or split", stacklevel=2)  # fmt: skip
     init = init or config.init
     source = checkpoint_folder(init) if init else None
@@ -86,16 +87,14 @@ def run(
         for name in stages:
             load_network(source, name, build(name, config.model).abstract())
         taken = adoptable(config, source, stages, workdir)
-    claim(config, workdir)
-    alone = [n for n in stages if n not in ("image_encoder", "structure_vae")]
-    if jax.process_count() > 1 and alone:
-        # segment plans index one process's own tokens, and latents are written by one process
+    distributed.first_does(lambda: claim(config, workdir))
+    if not (workdir / "config.json").is_file():
         raise ValueError(
-            f"stage {alone[0]}: trains on one process (all its devices); start it without jax.distributed"
+            f"workdir '{workdir}': not the first process's folder; give all processes one on a shared file system"
         )
     if source is not None:
         adopt(source, taken, workdir)
-    ensure_records(config)
+    distributed.first_does(lambda: ensure_records(config))
     for name in (n for n in NETWORKS if n in stages):
         train_network(name, config, workdir, source)
 
@@ -166,11 +165,12 @@ def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:
     """Copy networks of checkpoint ``source`` into WORKDIR, a flow with the statistics of its latent."""
     for name in names:
         copy_export(source, workdir / "export", f"{name}.safetensors")
-        if (latent := name.removesuffix("_flow")) != name:
+        if (latent := name.removesuffix("_flow")) != name and distributed.is_first():
             mean, std = read_statistics(source, latent)
             write_statistics(workdir / "export", latent, mean, std)
-    if marks := untrained(source):
+    if (marks := untrained(source)) and distributed.is_first():
         mark(workdir, names, marks)
+    distributed.wait()
 
 
 def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
@@ -279,18 +279,20 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
     if name.endswith("_flow"):
         if source is not None and same_ground(source, (), workdir):
             units = source  # flows of the same encoder and VAEs go on in the units that they know
-        claim_inputs(folder, config, workdir, units)
+        distributed.first_does(lambda: claim_inputs(folder, config, workdir, units))
     with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
-        trained = max(checkpoints.steps, default=0)
-        if trained >= stage.steps and exported(workdir, name):
+        trained = distributed.told(max(checkpoints.steps, default=0))
+    if distributed.told(trained >= stage.steps and exported(workdir, name)):
+        if distributed.is_first():
             console.print(f"{name}: already trained ({stage.steps} steps); skipped")
-            return
+        return
     if name.endswith("_flow"):
         statistics = encode_all(config, workdir)
         latent = name.removesuffix("_flow")
         if units is not None:
             statistics[latent] = read_statistics(units, latent)
-        write_statistics(workdir / "export", latent, *statistics[latent])
+        ours = statistics[latent]
+        distributed.first_does(lambda: write_statistics(workdir / "export", latent, *ours))
     make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
     extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
     if name == "latent_flow" and config.loss.readout_share:
@@ -305,17 +307,23 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
         state = run_stage(
             name,
             state=start,
-            train_step=make_train_step(loss_fn, optimizer, stage.ema_decay),
+            train_step=make_train_step(
+                loss_fn,
+                optimizer,
+                stage.ema_decay,
+                freeze=stage.freeze,
+                accumulate=stage.accumulate,
+            ),
             batches=iter(stage_batches(name, config, workdir)),
-            put=make_put(name, config, workdir, mesh),
+            put=in_parts(make_put(name, config, workdir, mesh), stage.accumulate, config.model),
             key=jax.random.fold_in(key, 1),
             checkpoints=checkpoints,
             stage=stage,
             workdir=workdir,
-            evaluate=make_evaluation(name, config, workdir, statistics),
+            evaluate=distributed.by_the_first(make_evaluation(name, config, workdir, statistics)),
         )
     export_network(workdir / "export", name, state.ema)  # on every process; the first one writes
-    mark(workdir, [name], ())
+    distributed.first_does(lambda: mark(workdir, [name], ()))
 
 
 def stage_batches(name: str, config: Config, workdir: Path) -> Any:
@@ -326,16 +334,14 @@ def stage_batches(name: str, config: Config, workdir: Path) -> Any:
     share: dict[str, Any] = {
         "process_index": jax.process_index(),
         "process_count": jax.process_count(),
+        "accumulate": getattr(config, name).accumulate,
     }
+    records = (config.data.records, config.data, config.model, batch_size)
     of_records = {"split": config.data.split, **share}
     if name in ("image_encoder", "structure_vae"):
-        return image_batches(
-            config.data.records, config.data, config.model, batch_size, **of_records
-        )
+        return image_batches(*records, **of_records)
     if name == "uniart_vae":
-        return voxel_batches(
-            config.data.records, config.data, config.model, batch_size, **of_records
-        )
+        return voxel_batches(*records, **of_records)
     flow: Any = name
     return latent_store.latent_batches(
         workdir / "latents", config.data, config.model, batch_size, stage=flow, **share

@@ -184,7 +184,8 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
         for start in range(0, number, IMAGE_BATCH):
             items = [source[i] for i in chosen[start : start + IMAGE_BATCH]]
             condition = _condition(items, condition_of)
-            latent = sampler(state.ema, statistics["structure"], condition, jax.random.key(start))
+            key = jax.random.key(start)
+            latent = sampler(state.ema, statistics["structure"], condition, key).x
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
             for row, item in zip(truth, items, strict=True):
                 row[tuple(item["coords"].astype(int).T)] = True
@@ -215,7 +216,7 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
             voxels = flow_inputs(coords, counts, config.model)
             key = jax.random.key(index)
             condition = _condition([item], condition_of)
-            latent = sampler(state.ema, statistics["latent"], condition, key, voxels)
+            latent = sampler(state.ema, statistics["latent"], condition, key, voxels).x
             batch: dict[str, Any] = {"coords": coords, "counts": counts}
             batch["plans"] = voxel_plans(
                 batch, config.model.uniart_vae, config.model.grid, parts=False

@@ -1,5 +1,8 @@
 """Checkpoints: state and data position together, newest good one first, differences by name."""
 
+import asyncio
+import threading
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -68,6 +71,49 @@ def test_a_state_changed_after_save_is_saved_as_it_was(tmp_path):
         data.state["next"] = 99
     state, position = restore(tmp_path)
     assert (value(state), position) == (3, {"next": 3})
+
+
+def test_saving_does_not_wait_for_the_disk_and_reads_no_donated_buffer(tmp_path, monkeypatch):
+    """The disk is slow without end; the loop goes on all the same, and what it then does to the state is not what is saved."""
+    written, released = checkpoints_module._Position.save, threading.Event()
+
+    async def slow(self, directory):
+        write = await written(self, directory)
+
+        async def later():
+            await asyncio.to_thread(released.wait, 300)
+            await write
+
+        return later()
+
+    monkeypatch.setattr(checkpoints_module._Position, "save", slow)
+    change = jax.jit(lambda tree: jax.tree.map(lambda x: x * 0 - 1, tree), donate_argnums=0)
+    like = {"params": {"kernel": jnp.full((1024, 1024), 5.0)}}
+    state = jax.tree.map(jnp.copy, like)
+    with Checkpoints(tmp_path) as checkpoints:
+        checkpoints.save(5, state, Counter({"next": 5}))
+        for _ in range(10):
+            state = change(state)
+        now, complete = float(state["params"]["kernel"][0, 0]), (tmp_path / "5").exists()
+        released.set()
+        checkpoints.wait()
+        assert (now, complete) == (-1, False)
+        assert (tmp_path / "5").exists()
+        found = checkpoints.restore(like, data := Counter(None))
+    assert float(found["params"]["kernel"].min()) == float(found["params"]["kernel"].max()) == 5
+    assert data.state == {"next": 5}
+
+
+def test_a_save_that_was_cut_off_is_said_and_the_one_before_taken(tmp_path, capsys):
+    fill(tmp_path, [1, 2])
+    (tmp_path / "2").rename(tmp_path / "2.orbax-checkpoint-tmp-1234")
+    capsys.readouterr()
+    assert value(restore(tmp_path)[0]) == 1
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and f"{tmp_path}/2 was not finished" in err
+    fill(tmp_path, [2])
+    assert value(restore(tmp_path)[0]) == 2
+    assert capsys.readouterr().err == ""
 
 
 def truncate(folder):

@@ -1,6 +1,6 @@
 """A toy stage for the tests: a two-layer network, Grain batches with their order recorded. Run as a program it trains in its own process:
 
-python toy_run.py WORKDIR STEPS SAVE_EVERY [--devices N --fsdp M] [--slow SECONDS] [--nan STEP] [--out FILE] [--processes N --process I --port P]
+python toy_run.py WORKDIR STEPS SAVE_EVERY [--devices N --fsdp M] [--accumulate N] [--slow SECONDS] [--nan STEP] [--out FILE] [--processes N --process I --port P]
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("save_every", type=int)
     parser.add_argument("--devices", type=int, default=1)
     parser.add_argument("--fsdp", type=int, default=1)
+    parser.add_argument("--accumulate", type=int, default=1)
     parser.add_argument("--slow", type=float, default=0.0)
     parser.add_argument("--nan", type=int, default=-1)
     parser.add_argument("--out", type=Path)
@@ -108,21 +109,23 @@ def program(stage, fsdp):
     from uniart_jax.training.step import make_train_step
 
     optimizer = make_optimizer(stage)
-    step = make_train_step(loss_fn, optimizer, stage.ema_decay)
+    step = make_train_step(loss_fn, optimizer, stage.ema_decay, accumulate=stage.accumulate)
     return make_mesh(MeshConfig(fsdp=fsdp)), optimizer, step
 
 
 def train(workdir, stage, batches, *, fsdp=1, **options):
     import jax
 
+    from uniart_jax.config import ModelConfig
     from uniart_jax.training.checkpoints import Checkpoints
     from uniart_jax.training.loop import run_stage
+    from uniart_jax.training.microbatches import in_parts
     from uniart_jax.training.sharding import put_batch
     from uniart_jax.training.state import create_state
 
     # With a constant rate the number of steps says only when to stop.
     assert stage.schedule == "constant" and stage.steps > stage.warmup_steps
-    shared = make_stage(100, 1, warmup_steps=stage.warmup_steps)
+    shared = make_stage(100, 1, warmup_steps=stage.warmup_steps, accumulate=stage.accumulate)
     mesh, optimizer, train_step = program(shared, fsdp)
     with Checkpoints(workdir / "checkpoints" / "toy", keep=stage.keep_checkpoints) as checkpoints:
         return run_stage(
@@ -130,7 +133,7 @@ def train(workdir, stage, batches, *, fsdp=1, **options):
             state=create_state(init, optimizer, jax.random.key(0), mesh),
             train_step=train_step,
             batches=batches,
-            put=functools.partial(put_batch, mesh=mesh),
+            put=in_parts(functools.partial(put_batch, mesh=mesh), stage.accumulate, ModelConfig()),
             key=jax.random.key(1),
             checkpoints=checkpoints,
             stage=stage,
@@ -160,7 +163,7 @@ def main() -> None:
 
     sharding.MIN_SHARDED_SIZE = 1
     batches = make_batches(nan_at=args.nan, slow=args.slow, share=share)
-    stage = make_stage(args.steps, args.save_every)
+    stage = make_stage(args.steps, args.save_every, accumulate=args.accumulate)
     state = train(args.workdir, stage, batches, fsdp=args.fsdp)
     if args.fsdp > 1:
         assert not state.params["out"]["kernel"].sharding.is_fully_replicated

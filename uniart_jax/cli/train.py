@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+import json
+from collections.abc import Sequence
+from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import tyro
 
-from uniart_jax.config import NETWORKS, Config
+import uniart_jax
+from uniart_jax.config import NETWORKS, Config, to_json
 
 Stage = Literal[
     "all", "image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow"
@@ -52,6 +56,31 @@ class TrainArguments:
     """Where checkpoints, logs and the export go (default: runs/<config name>)."""
     init: str | None = None
     """A checkpoint ("nano", a folder) to go on from: the stage begins with its weights, the other networks are taken as they are."""
+    distributed: bool = False
+    """One of several processes that train together; TPU pods, SLURM, Open MPI and Kubernetes are detected (docs/scaling.md)."""
+    coordinator: str | None = None
+    """HOST:PORT of process 0, where nothing is detected; with --processes and --process."""
+    processes: int | None = None
+    """How many processes there are."""
+    process: int | None = None
+    """Which of them this is, from 0."""
+    wait: float = 300.0
+    """Seconds for all processes to come."""
+
+
+def settings(config: Config, stages: Sequence[str], init: str | Path | None) -> dict[str, Any]:
+    """What processes that train together must have in common, by name: every field of the config, what is asked for, versions."""
+    named = {"stages": list(stages), "init": str(init), "jax": version("jax"), "uniart_jax": uniart_jax.__version__}  # fmt: skip
+
+    def flatten(prefix: str, values: dict[str, Any]) -> None:
+        for key, value in values.items():
+            if isinstance(value, dict):
+                flatten(f"{prefix}{key}.", value)
+            else:
+                named[f"{prefix}{key}"] = value
+
+    flatten("", json.loads(to_json(config)))
+    return named
 
 
 def train(arguments: list[str]) -> None:
@@ -65,7 +94,13 @@ def train(arguments: list[str]) -> None:
     config = tyro.cli(Config, default=default, args=rest, prog="train.py --config …")
     from uniart_jax.pipeline import enable_compilation_cache
     from uniart_jax.stages import run
+    from uniart_jax.training import distributed
 
     enable_compilation_cache()
     stages = NETWORKS if known.stage == "all" else (known.stage,)
-    run(config, stages, known.workdir or Path("runs") / config.name, known.init)
+    by_hand = (known.coordinator, known.processes, known.process)
+    if known.distributed or any(value is not None for value in by_hand):
+        distributed.start(*by_hand, wait=known.wait)
+    with distributed.together():
+        distributed.check_equal(settings(config, stages, known.init))
+        run(config, stages, known.workdir or Path("runs") / config.name, known.init)

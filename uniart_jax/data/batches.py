@@ -52,6 +52,7 @@ def voxel_batches(
     seed: int | None = None,
     process_index: int = 0,
     process_count: int = 1,
+    accumulate: int = 1,
 ) -> grain.IterDataset[Batch]:
     """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it reads features), with its attention plans;
     of each object some windows where ``data.voxel_crop`` says so (``data.windows``), some objects made again
@@ -61,6 +62,7 @@ def voxel_batches(
       records: a prepared folder. split: of its records (``RecordSource``).
       data: voxel buckets, mirror, live and its strengths, seed (unless ``seed`` is given) and workers (0: threads of this process).
       batch_size: over all processes; each gets ``batch_size / process_count`` items, all of the same width.
+      accumulate: micro-batches that each process will cut its items into.
 
     Raises:
       FileNotFoundError, ValueError: no records, another grid than the model's, no features that the model reads, fewer records than a batch, or a
@@ -82,7 +84,7 @@ def voxel_batches(
         data=data,
         model=model,
         seed=seed,
-        rows=local_rows(batch_size, process_index, process_count),
+        rows=local_rows(batch_size, process_index, process_count, accumulate),
     )
     return pipeline(order, load, data.workers)
 
@@ -95,6 +97,7 @@ def record_batches(
     *,
     split: str = "",
     mirrored: bool = False,
+    mine: Callable[[int], bool] = lambda number: True,
 ) -> grain.IterDataset[Batch]:
     """Every record once, ordered by width: for encoding and for evaluation.
 
@@ -102,10 +105,10 @@ def record_batches(
     each record in ``RecordSource(records, split)``; -1 marks items that only fill up a batch (their counts are 0).
 
     Args:
-      mirrored: mirror every record.
+      mirrored: mirror every record. mine: which batches of the pass to make, by their number.
     """
     source, sizes = open_records(records, model.grid, split, model.uniart_vae.feature_channels)
-    order = OnePass(*usable(sizes, data, model.grid), batch_size)
+    order = OnePass(*usable(sizes, data, model.grid), batch_size, mine)
     load = functools.partial(_load_records, source=source, model=model, mirrored=mirrored)
     return pipeline(order, load, data.workers)
 
@@ -118,7 +121,7 @@ def _load_voxels(
     data: DataConfig,
     model: ModelConfig,
     seed: int,
-    rows: slice,
+    rows: np.ndarray,
 ) -> Batch:
     rng = draw.generator(seed)
     mirrors = rng.random(len(draw.records)) < 0.5
@@ -275,18 +278,22 @@ def usable(sizes: np.ndarray, data: DataConfig, grid: GridConfig) -> tuple[np.nd
     return records, fitting_width(sizes[records, 0], data.voxel_buckets)
 
 
-def local_rows(batch_size: int, process_index: int, process_count: int) -> slice:
-    """This process's items of a batch.
+def local_rows(
+    batch_size: int, process_index: int, process_count: int, accumulate: int = 1
+) -> np.ndarray:
+    """[batch_size / process_count] which items of a batch are this process's: its share of each micro-batch in turn, so that a micro-batch is the same items,
+    in the same order, whatever the number of processes.
 
     Raises:
-      ValueError: the batch does not divide into the processes.
+      ValueError: the batch does not divide into the processes and micro-batches.
     """
-    if batch_size % process_count or not 0 <= process_index < process_count:
+    if batch_size % (process_count * accumulate) or not 0 <= process_index < process_count:
+        parts = f" in {accumulate} micro-batches each" if accumulate > 1 else ""
         raise ValueError(
-            f"data: a batch of {batch_size} cannot be shared equally by {process_count} processes (this is {process_index})"
+            f"data: a batch of {batch_size} cannot be shared equally by {process_count} processes{parts} (this is {process_index})"
         )
-    share = batch_size // process_count
-    return slice(process_index * share, (process_index + 1) * share)
+    rows = np.arange(batch_size).reshape(accumulate, process_count, -1)
+    return rows[:, process_index].reshape(-1)
 
 
 def pipeline(order, load: Callable[[Draw], Batch], workers: int) -> grain.IterDataset[Batch]:

@@ -176,6 +176,7 @@ def image_batches(
     seed: int | None = None,
     process_index: int = 0,
     process_count: int = 1,
+    accumulate: int = 1,
 ) -> grain.IterDataset[Batch]:
     """Endless shuffled batches of ``ImageTable.take``, a random view each, mirrored with probability 1/2.
 
@@ -185,12 +186,12 @@ def image_batches(
     seed = data.seed if seed is None else seed
     widths = np.zeros(len(table.usable), np.int64)
     order = ShuffledOrder(table.usable, widths, batch_size, seed)
-    rows = local_rows(batch_size, process_index, process_count)
+    rows = local_rows(batch_size, process_index, process_count, accumulate)
     load = functools.partial(_load, table=table, mirror=data.mirror, seed=seed, rows=rows)
     return pipeline(order, load, workers=0)
 
 
-def _load(draw: Draw, *, table: ImageTable, mirror: bool, seed: int, rows: slice) -> Batch:
+def _load(draw: Draw, *, table: ImageTable, mirror: bool, seed: int, rows: np.ndarray) -> Batch:
     rng = draw.generator(seed)
     views, mirrors = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
     return table.take(draw.records[rows], views[rows], (mirrors & mirror)[rows])

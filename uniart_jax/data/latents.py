@@ -15,7 +15,7 @@ import functools
 import itertools
 import json
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -48,14 +48,20 @@ class LatentStatistics:
 
 
 class _Moments:
-    def __init__(self):
-        self.count, self.sum, self.squares = 0, 0.0, 0.0
+    def __init__(self, count: int = 0, total: Any = 0.0, squares: Any = 0.0):
+        self.count, self.sum, self.squares = count, total, squares
 
     def add(self, values: np.ndarray) -> None:
         values = np.asarray(values, np.float64).reshape(-1, values.shape[-1])
-        self.count += len(values)
-        self.sum = self.sum + values.sum(0)
-        self.squares = self.squares + (values**2).sum(0)
+        self.join(len(values), values.sum(0), (values**2).sum(0))
+
+    def join(self, count: int, total: Any, squares: Any) -> None:
+        self.count += count
+        self.sum = self.sum + np.asarray(total)
+        self.squares = self.squares + np.asarray(squares)
+
+    def listed(self) -> tuple[int, list[float], list[float]]:
+        return self.count, np.asarray(self.sum).tolist(), np.asarray(self.squares).tolist()
 
     def mean_std(self) -> tuple[list[float], list[float]]:
         mean = np.asarray(self.sum) / self.count
@@ -75,53 +81,91 @@ def write_latents(
     Raises:
       ValueError: a value is not finite in half precision, or there are no items.
     """
-    out = Path(out)
-    temporary = out.with_name(f".{out.name}.tmp")
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir(parents=True)
+    begin_latents(out)
+    stream = iter(items)
+    try:
+        for shard in itertools.count():
+            if not (chunk := list(itertools.islice(stream, SHARD_ITEMS))):
+                break
+            write_latent_shard(out, f"{shard:05d}", chunk)
+        return finish_latents(out, key)
+    except BaseException:
+        drop_latents(out)
+        raise
+
+
+def _unfinished(out: str | Path) -> Path:
+    return Path(out).with_name(f".{Path(out).name}.tmp")
+
+
+def begin_latents(out: str | Path) -> None:
+    """Start a new folder of latents beside ``out``; then ``write_latent_shard``, by any number of processes, and ``finish_latents`` or ``drop_latents``."""
+    drop_latents(out)
+    _unfinished(out).mkdir(parents=True)
+
+
+def drop_latents(out: str | Path) -> None:
+    """Remove what ``begin_latents`` started."""
+    shutil.rmtree(_unfinished(out), ignore_errors=True)
+
+
+def write_latent_shard(out: str | Path, name: str, items: Sequence[Mapping[str, Any]]) -> None:
+    """One file of items, and one with their sizes and moments, so that the statistics are the same whoever wrote which. Args and errors: as ``write_latents``.
+
+    Args:
+      name: of the shard; items are ordered by it.
+    """
+    moments = {"structure": _Moments(), "latent": _Moments()}
+    sizes, packed = [], []
+    for item in items:
+        arrays = {field: np.asarray(item[field]) for field in FIELDS}
+        for field in ("coords", "voxel_part", "images"):
+            arrays[field] = arrays[field].astype(np.uint8)
+        for field, moment in moments.items():
+            with np.errstate(over="ignore"):
+                arrays[field] = arrays[field].astype(np.float16)
+            if not np.isfinite(arrays[field]).all():
+                raise ValueError(
+                    f"latents: {field} of record {item['record']} is not finite in half precision; train its network longer"
+                )
+            moment.add(arrays[field])
+        sizes.append(len(arrays["coords"]))
+        meta = {"record": int(item["record"]), "mirrored": bool(item["mirrored"])}
+        packed.append(pack_arrays(arrays, meta))
+    path = _unfinished(out) / f"latents-{name}.arrayrecord"
+    write_shard(path, packed)
+    found = {"voxels": sizes, **{field: moment.listed() for field, moment in moments.items()}}
+    write_text(path.with_suffix(".json"), json.dumps(found))
+
+
+def finish_latents(out: str | Path, key: str) -> LatentStatistics:
+    """All shards as the complete folder ``out``, in the place of what an earlier pass left there.
+
+    Raises:
+      ValueError: there are no items.
+    """
+    temporary = _unfinished(out)
     structure, latent = _Moments(), _Moments()
     sizes: list[int] = []
-
-    def packed() -> Iterator[bytes]:
-        for item in items:
-            arrays = {name: np.asarray(item[name]) for name in FIELDS}
-            for name in ("coords", "voxel_part", "images"):
-                arrays[name] = arrays[name].astype(np.uint8)
-            for name in ("structure", "latent"):
-                with np.errstate(over="ignore"):
-                    arrays[name] = arrays[name].astype(np.float16)
-                if not np.isfinite(arrays[name]).all():
-                    raise ValueError(
-                        f"latents: {name} of record {item['record']} is not finite in half precision; train its network longer"
-                    )
-            structure.add(arrays["structure"])
-            latent.add(arrays["latent"])
-            sizes.append(len(arrays["coords"]))
-            meta = {"record": int(item["record"]), "mirrored": bool(item["mirrored"])}
-            yield pack_arrays(arrays, meta)
-
-    stream = packed()
-    shard = 0
-    try:
-        while chunk := list(itertools.islice(stream, SHARD_ITEMS)):
-            write_shard(temporary / f"latents-{shard:05d}.arrayrecord", chunk)
-            shard += 1
-        if not sizes:
-            raise ValueError("latents: no items to write; are there records?")
-        structure_mean, structure_std = structure.mean_std()
-        latent_mean, latent_std = latent.mean_std()
-        metadata = {
-            "key": key,
-            "voxels": sizes,
-            "structure_mean": structure_mean,
-            "structure_std": structure_std,
-            "latent_mean": latent_mean,
-            "latent_std": latent_std,
-        }
-        write_text(temporary / "metadata.json", json.dumps(metadata))
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
-        raise
+    for path in sorted(temporary.glob("latents-*.json")):
+        found = json.loads(path.read_text())
+        structure.join(*found["structure"])
+        latent.join(*found["latent"])
+        sizes += found["voxels"]
+        path.unlink()
+    if not sizes:
+        raise ValueError("latents: no items to write; are there records?")
+    structure_mean, structure_std = structure.mean_std()
+    latent_mean, latent_std = latent.mean_std()
+    metadata = {
+        "key": key,
+        "voxels": sizes,
+        "structure_mean": structure_mean,
+        "structure_std": structure_std,
+        "latent_mean": latent_mean,
+        "latent_std": latent_std,
+    }
+    write_text(temporary / "metadata.json", json.dumps(metadata))
     shutil.rmtree(out, ignore_errors=True)
     temporary.rename(out)
     return read_statistics(out)
@@ -176,6 +220,7 @@ def latent_batches(
     seed: int | None = None,
     process_index: int = 0,
     process_count: int = 1,
+    accumulate: int = 1,
 ) -> grain.IterDataset[Batch]:
     """Endless shuffled batches for a flow stage, a random view of each item.
 
@@ -198,13 +243,13 @@ def latent_batches(
         source=source,
         model=model,
         seed=seed,
-        rows=local_rows(batch_size, process_index, process_count),
+        rows=local_rows(batch_size, process_index, process_count, accumulate),
     )
     return pipeline(ShuffledOrder(records, widths, batch_size, seed), load, data.workers)
 
 
 def _draw_items(
-    draw: Draw, source: LatentSource, seed: int, rows: slice
+    draw: Draw, source: LatentSource, seed: int, rows: np.ndarray
 ) -> tuple[list[dict[str, Any]], Batch]:
     views = draw.generator(seed).random(len(draw.records))[rows]
     items = [source[int(index)] for index in draw.records[rows]]
@@ -214,7 +259,7 @@ def _draw_items(
 
 
 def _load_structure(
-    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: slice
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray
 ) -> Batch:
     items, batch = _draw_items(draw, source, seed, rows)
     batch["structure"] = np.stack([item["structure"] for item in items]).astype(np.float32)
@@ -222,7 +267,7 @@ def _load_structure(
 
 
 def _load_latents(
-    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: slice
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray
 ) -> Batch:
     items, batch = _draw_items(draw, source, seed, rows)
     channels = items[0]["latent"].shape[-1]

@@ -6,7 +6,7 @@ So the whole state of a pipeline is one integer, resuming is exact, and every ho
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -92,13 +92,26 @@ class ShuffledOrder:
 class OnePass:
     """Every record once, in order of width, then of index; the last batch of a width is filled up with -1."""
 
-    def __init__(self, records: np.ndarray, widths: np.ndarray, batch_size: int):
+    def __init__(
+        self,
+        records: np.ndarray,
+        widths: np.ndarray,
+        batch_size: int,
+        mine: Callable[[int], bool] = lambda number: True,
+    ):
+        """
+        Args:
+          mine: whether batch ``number`` of the pass is drawn here; others are left out.
+        """
         self._draws: list[Draw] = []
+        number = 0
         for width in np.unique(widths):
-            mine = np.asarray(records)[widths == width]
-            padded = np.concatenate([mine, np.full(-len(mine) % batch_size, -1)])
+            these = np.asarray(records)[widths == width]
+            padded = np.concatenate([these, np.full(-len(these) % batch_size, -1)])
             for rows in padded.reshape(-1, batch_size):
-                self._draws.append(Draw(len(self._draws), rows, int(width)))
+                if mine(number):
+                    self._draws.append(Draw(number, rows, int(width)))
+                number += 1
 
     def __len__(self) -> int:
         return len(self._draws)

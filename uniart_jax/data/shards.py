@@ -12,6 +12,7 @@ import json
 import os
 import re
 import socket
+import threading
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -24,6 +25,9 @@ from array_record.python.array_record_data_source import ArrayRecordDataSource
 
 MAX_RECORD_BYTES = 1 << 30
 MIN_FILE_BYTES = 1 << 16  # of any ArrayRecord file
+# numpy parses a header with ``ast``, which CPython does not always survive in several threads at once ("AST constructor recursion depth
+# mismatch"), and Grain reads records in several.
+HEADERS = threading.Lock()
 _HOST = re.sub(r"[^A-Za-z0-9]", "_", socket.gethostname())
 _ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # bytes depend on content alone, so that reruns can be compared
 
@@ -54,11 +58,12 @@ def unpack_arrays(
             if sum(info.file_size for info in archive.infolist()) > MAX_RECORD_BYTES:
                 raise ValueError("it would be larger than 1 GiB")
             files = {info.filename: archive.read(info) for info in archive.infolist()}
-        arrays = {
-            key[:-4]: np.lib.format.read_array(io.BytesIO(value), allow_pickle=False)
-            for key, value in files.items()
-            if key.endswith(".npy")
-        }
+        with HEADERS:
+            arrays = {
+                key[:-4]: np.lib.format.read_array(io.BytesIO(value), allow_pickle=False)
+                for key, value in files.items()
+                if key.endswith(".npy")
+            }
         meta = json.loads(files["meta.json"])
         if not isinstance(meta, dict):
             raise ValueError("meta.json is not an object")

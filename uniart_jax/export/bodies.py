@@ -41,9 +41,7 @@ def make_bodies(
     if is_rough(obj):
         shapes = as_cells(obj, meshes).shapes(obj.scale)
     else:
-        metric = [
-            trimesh.Trimesh(m.vertices * obj.scale, m.faces, process=False) for m in meshes
-        ]
+        metric = [trimesh.Trimesh(m.vertices * obj.scale, m.faces, process=False) for m in meshes]
         shapes = collision_shapes(metric, size)
     parts = zip(inertials, shapes, joint_dynamics(obj, inertials), strict=True)
     return tuple(Body(*inertial, shapes, dynamics) for inertial, shapes, dynamics in parts)

@@ -25,6 +25,7 @@ from uniart_jax.training.export import differences, flat_names
 
 State = TypeVar("State")
 _ASIDE = "damaged-"
+_POSITION = "process_0.json"
 _ABSENT = (None, errno.ENOENT, errno.ENOTDIR, errno.EISDIR)
 
 
@@ -39,7 +40,7 @@ class CheckpointableIterator(Protocol):
 
 
 class _Position:
-    """An iterator's state as an Orbax ``StatefulCheckpointable``: one JSON file a process, for each reads its own share."""
+    """An iterator's state as an Orbax ``StatefulCheckpointable``: one JSON file for all processes, of whatever number, since batches are drawn globally."""
 
     def __init__(self, state: Any = None):
         self.state = state
@@ -51,21 +52,18 @@ class _Position:
 
         async def write() -> None:
             path = await directory.await_creation()
-            await asyncio.to_thread((path / self._file()).write_text, text)
+            if jax.process_index() == 0:
+                await asyncio.to_thread((path / _POSITION).write_text, text)
 
         return write()
 
     async def load(self, directory: Any) -> Any:
         async def read() -> None:
-            value = json.loads(await asyncio.to_thread((directory / self._file()).read_text))
+            value = json.loads(await asyncio.to_thread((directory / _POSITION).read_text))
             raw = "base64" in value
             self.state = base64.b64decode(value["base64"]) if raw else value["json"]
 
         return read()
-
-    @staticmethod
-    def _file() -> str:
-        return f"process_{jax.process_index()}.json"
 
 
 class Checkpoints:
@@ -73,6 +71,7 @@ class Checkpoints:
 
     def __init__(self, folder: str | Path, keep: int = 2):
         self.folder = Path(folder).absolute()
+        self._say_cut_off()
         self._orbax = ocp.training.Checkpointer(
             self.folder,
             preservation_policy=ocp.training.preservation_policies.LatestN(max(keep, 1)),
@@ -87,8 +86,17 @@ class Checkpoints:
 
     @property
     def steps(self) -> list[int]:
-        """Steps that have a complete checkpoint, ascending."""
+        """Steps that have a complete checkpoint, or whose save is under way, ascending."""
         return [checkpoint.step for checkpoint in self._orbax.checkpoints]
+
+    def _say_cut_off(self) -> None:
+        """A process killed during a save leaves it under another name; Orbax removes that when it opens the folder."""
+        if jax.process_index() == 0:
+            names = (
+                re.match(r"(\d+)\.orbax-checkpoint-tmp", p.name) for p in self.folder.glob("*")
+            )
+            for step in sorted({int(name[1]) for name in names if name}):
+                print(f"warning: checkpoint {self.folder}/{step} was not finished, the run was killed while it was saved; taking the one before", file=sys.stderr)  # fmt: skip
 
     def save(
         self,

@@ -15,6 +15,8 @@ from jax.sharding import AxisType, Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from uniart_jax.config import MeshConfig
+from uniart_jax.nn.shared_plans import plan_sizes, shared_plans
+from uniart_jax.training.distributed import largest
 
 AXES = ("data", "fsdp")
 # Smaller arrays cost more in latency than they save in memory.
@@ -23,6 +25,9 @@ MIN_SHARDED_SIZE = 2**16
 
 def make_mesh(config: MeshConfig) -> Mesh:
     """The mesh over all devices of all processes; -1 for "all the rest".
+
+    Over several processes the devices of each are neighbours, and ``fsdp`` is filled first: as much of it as goes stays within a host, and the rows of a batch are in
+    the order of the processes.
 
     Raises:
       ValueError: the sizes do not multiply to the number of devices.
@@ -38,7 +43,11 @@ def make_mesh(config: MeshConfig) -> Mesh:
             "set mesh.data and mesh.fsdp so that their product does (-1 once = all the rest)"
         )
     # Explicit since jax 0.9's default changed: collectives are left to the compiler.
-    return jax.make_mesh(tuple(sizes), AXES, axis_types=(AxisType.Auto,) * 2)
+    types = (AxisType.Auto,) * 2
+    if jax.process_count() == 1:
+        return jax.make_mesh(tuple(sizes), AXES, axis_types=types)
+    devices = sorted(jax.devices(), key=lambda device: (device.process_index, device.id))
+    return Mesh(np.array(devices).reshape(sizes), AXES, axis_types=types)
 
 
 def replicated(mesh: Mesh) -> NamedSharding:
@@ -70,18 +79,25 @@ def put_batch(batch: Any, mesh: Mesh) -> Any:
     """Host arrays of this process -> global arrays on the mesh.
 
     An array whose first axis this process's devices divide is split (items, and whatever goes with them); another one, such as a
-    segment plan's, is replicated. Either way the program computes the same numbers.
+    segment plan's, is replicated. Either way the program computes the same numbers. Over several processes ``batch["plans"]`` become plans of the whole batch
+    (``nn.shared_plans``), of the shapes that the largest share needs.
 
     Raises:
       ValueError: several processes and an array that cannot be split: replicas would differ.
     """
     split, whole = batch_sharding(mesh), replicated(mesh)
-    local = mesh.size // jax.process_count()
+    processes = jax.process_count()
+    local = mesh.size // processes
+    if processes > 1 and isinstance(batch, dict) and batch.get("plans"):
+        plans = batch["plans"]
+        sizes = largest(plan_sizes(plans))
+        plans = shared_plans(plans, sizes, jax.process_index(), processes, local)
+        batch = {**batch, "plans": plans}
 
     def put(path: Any, leaf: Any) -> jax.Array:
         leaf = np.asarray(leaf)
         divides = leaf.ndim > 0 and leaf.shape[0] > 0 and leaf.shape[0] % local == 0
-        if not divides and jax.process_count() > 1:
+        if not divides and processes > 1:
             name = jax.tree_util.keystr(path, simple=True, separator=".")
             raise ValueError(
                 f"batch '{name}' {leaf.shape}: the first axis does not divide over this process's "

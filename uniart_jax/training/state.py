@@ -1,12 +1,12 @@
 """What a training run carries from step to step, and the optimizer that changes it.
 
 AdamW with global-norm clipping and linear warm-up, then constant (the paper, TRELLIS) or cosine to zero. Everything is one pytree,
-so one sharding rule, one checkpoint and one donated buffer serve it all.
+so one sharding rule, one checkpoint and one donated buffer serve it all: the recent gradient norms of adaptive clipping too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import optax
 
 from uniart_jax.config import StageConfig
+from uniart_jax.training.export import flat_names
 from uniart_jax.training.sharding import state_sharding
 
 FROZEN = jax.tree_util.DictKey("pos_emb")  # a structure flow's position table: no gradient either
@@ -47,9 +48,13 @@ def make_schedule(stage: StageConfig) -> optax.Schedule:
 
 
 def make_optimizer(stage: StageConfig) -> optax.GradientTransformation:
-    """AdamW as ``stage`` says; gradients clipped by global norm (0 = not), decay only on kernels (two or more axes, no frozen table)."""
+    """AdamW as ``stage`` says; gradients clipped by global norm, decay only on kernels (two or more axes, no frozen table).
+
+    ``gradient_clip`` is the threshold (0 = none); with ``clip_percentile`` it is the most that ``clip_by_recent_norms`` allows. Parameters that ``freeze`` names have no
+    moments; ``init`` raises a ValueError where it names none.
+    """
     b1, b2 = stage.betas
-    adamw = optax.adamw(
+    optimizer = optax.adamw(
         make_schedule(stage),
         b1=b1,
         b2=b2,
@@ -58,9 +63,107 @@ def make_optimizer(stage: StageConfig) -> optax.GradientTransformation:
             lambda path, p: p.ndim >= 2 and path[-1] != FROZEN, params
         ),
     )
-    if stage.gradient_clip > 0:
-        return optax.chain(optax.clip_by_global_norm(stage.gradient_clip), adamw)
-    return adamw
+    if stage.clip_percentile > 0:
+        adaptive = clip_by_recent_norms(
+            stage.gradient_clip, stage.clip_percentile, stage.clip_window
+        )
+        optimizer = optax.chain(adaptive, optimizer)
+    elif stage.gradient_clip > 0:
+        optimizer = optax.chain(optax.clip_by_global_norm(stage.gradient_clip), optimizer)
+    if not stage.freeze:
+        return optimizer
+
+    def trained(params: Params) -> Any:
+        return jax.tree.map(lambda kept: not kept, frozen_mask(params, stage.freeze))
+
+    return optax.masked(optimizer, trained)
+
+
+class RecentNorms(NamedTuple):
+    """State of ``clip_by_recent_norms``.
+
+    Attributes:
+      norms: [window] float32 global norms of the last gradients before clipping, a ring.
+      count: int32 []; norms recorded so far.
+      threshold: float32 []; that the last gradients were clipped to; the largest float32 where there was none.
+    """
+
+    norms: jax.Array
+    count: jax.Array
+    threshold: jax.Array
+
+
+def clip_by_recent_norms(
+    most: float, percentile: float, window: int
+) -> optax.GradientTransformation:
+    """Clip the global norm to min(``most``, the ``percentile`` of the last ``window`` norms); to ``most`` (0 = not) until that many are known.
+
+    Upstream: TRELLIS ``utils/grad_clip_utils.py``, AdaptiveGradClipper (95, 1000): a rare large gradient is cut to what is usual at
+    this stage of the run. A step that is not finite leaves no norm, as it leaves the whole state (``step``).
+
+    Raises:
+      ValueError: percentile or window out of range.
+    """
+    if not 0 < percentile <= 100 or window < 1:
+        raise ValueError(
+            f"optimizer: clip_percentile {percentile} of clip_window {window} norms; give a percentile in (0, 100] and a window of 1 or more"
+        )
+    ceiling = most if most > 0 else float(jnp.finfo(jnp.float32).max)
+
+    def init(params: Params) -> RecentNorms:
+        del params
+        return RecentNorms(jnp.zeros(window), jnp.zeros((), jnp.int32), jnp.float32(ceiling))
+
+    def update(grads: Params, state: RecentNorms, params: Params = None) -> tuple[Any, RecentNorms]:
+        del params
+        norm = optax.tree.norm(grads)
+        usual = jnp.percentile(state.norms, percentile)
+        threshold = jnp.where(state.count >= window, jnp.minimum(usual, ceiling), ceiling)
+        factor = jnp.where(norm > threshold, threshold / norm, 1.0)
+        norms = state.norms.at[state.count % window].set(norm)
+        # the count stays small enough for int32 in a run of any length, and the ring in phase
+        count = jnp.where(state.count + 1 >= 2 * window, window, state.count + 1)
+        clipped = jax.tree.map(lambda g: g * factor, grads)
+        return clipped, RecentNorms(norms, count, threshold.astype(jnp.float32))
+
+    return optax.GradientTransformation(init, update)
+
+
+def clip_threshold(opt_state: optax.OptState) -> dict[str, jax.Array]:
+    """``{"clip_threshold": of the last step}`` where clipping adapts, else empty."""
+    states = jax.tree.leaves(opt_state, is_leaf=lambda node: isinstance(node, RecentNorms))
+    found = [state.threshold for state in states if isinstance(state, RecentNorms)]
+    return {"clip_threshold": found[0]} if found else {}
+
+
+def frozen_mask(params: Params, prefixes: Sequence[str]) -> Any:
+    """Whether each parameter is named by one of ``prefixes``: its dotted name, or the beginning of it up to a dot ("decoder.blocks").
+
+    Raises:
+      ValueError: a prefix names nothing (what there is at its place is listed), or nothing would be left to train.
+    """
+    names = list(flat_names(params))
+
+    def below(prefix: str) -> list[str]:
+        return [n for n in names if n == prefix or n.startswith(f"{prefix}.")]
+
+    for prefix in prefixes:
+        if below(prefix):
+            continue
+        parent = prefix
+        while parent and not below(parent):
+            parent = parent.rpartition(".")[0]
+        start = len(parent) + 1 if parent else 0
+        inside = (name[start:] for name in (below(parent) if parent else names))
+        found = dict.fromkeys(rest.split(".")[0] for rest in inside)
+        place = f" below '{parent}'" if parent else ""
+        raise ValueError(
+            f"freeze: no parameter is named '{prefix}'; there are{place}: {', '.join(found)}"
+        )
+    kept = {name for prefix in prefixes for name in below(prefix)}
+    if len(kept) == len(names):
+        raise ValueError(f"freeze: {', '.join(prefixes)} leaves nothing to train; name fewer")
+    return jax.tree.unflatten(jax.tree.structure(params), [name in kept for name in names])
 
 
 def create_state(

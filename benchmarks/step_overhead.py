@@ -1,0 +1,186 @@
+"""How much of a training run's time is not the jitted step: input, sending, logging, saving, at ``configs/nano.py``'s size on this machine.
+
+    python benchmarks/step_overhead.py [uniart_vae latent_flow] [--records data-cache/nano] [--objects 64] [--steps 40] [--rounds 3] [--out out/bench]
+
+The loop is ``training.loop.run_stage`` as ``train.py`` runs it (Grain pipelines, logs, asynchronous Orbax saves), after everything is compiled; beside it,
+in turns, the bare step on the same batches, made and sent before.
+
+- ``overhead``: 1 - (seconds of the bare steps) / (seconds of the loop), medians of the rounds; ``least`` and ``most`` of them. On a CPU the pipeline also takes
+  cores from the step, and this counts it. A round saves twice; of what those two hold the loop up, as much is counted as a run with the config's
+  ``save_every`` has.
+- ``starved``: the share of steps that were dispatched when the device had already finished the one before; those after a log or a save are.
+
+Gate: overhead <= 5 %. Without ``--records``, ``--objects`` procedural ones are made in a temporary folder; the flow stands on the shipped model's
+encoder and VAEs.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import importlib.util
+import os
+import statistics
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import jax
+from results import report
+
+from uniart_jax import stages
+from uniart_jax.config import NETWORKS, Config
+from uniart_jax.data.prepare import prepare_procedural
+from uniart_jax.encoding import encode_all
+from uniart_jax.models.network import build
+from uniart_jax.pipeline import checkpoint_folder
+from uniart_jax.training import objectives
+from uniart_jax.training.checkpoints import Checkpoints
+from uniart_jax.training.loop import run_stage
+from uniart_jax.training.sharding import make_mesh
+from uniart_jax.training.state import create_state, make_optimizer
+from uniart_jax.training.step import make_train_step
+
+
+def nano(records: Path) -> Config:
+    path = Path(__file__).parents[1] / "configs" / "nano.py"
+    spec = importlib.util.spec_from_file_location("nano", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    config = module.config()
+    data = dataclasses.replace(config.data, records=str(records), validation="", procedural=0)
+    return dataclasses.replace(config, data=data)
+
+
+class Watched:
+    """A train step that notes when it is dispatched, and whether and when the step before was done by then."""
+
+    def __init__(self, step: Any):
+        self._step, self._last = step, None
+        self.marks: list[tuple[float, bool]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._step, name)
+
+    def __call__(self, state: Any, batch: Any, key: Any) -> Any:
+        ready = self._last is None or self._last.is_ready()
+        self.marks.append((time.perf_counter(), ready))
+        state, metrics = self._step(state, batch, key)
+        self._last = metrics["loss"]
+        return state, metrics
+
+
+class WatchedCheckpoints(Checkpoints):
+    """Notes how long saving holds the loop up."""
+
+    blocked = 0.0
+
+    def save(self, *args: Any, wait: bool = False, **more: Any) -> None:
+        begin = time.perf_counter()
+        super().save(*args, **more)
+        self.blocked += time.perf_counter() - begin
+        if wait:
+            self.wait()
+
+
+def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -> dict[str, Any]:
+    stage, extra = getattr(config, name), []
+    if name.endswith("_flow"):
+        taken = [n for n in NETWORKS if not n.endswith("_flow")]
+        stages.claim(config, workdir)
+        stages.adopt(checkpoint_folder("nano"), taken, workdir)
+        extra = list(encode_all(config, workdir)[name.removesuffix("_flow")])
+    network, mesh = build(name, config.model), make_mesh(config.mesh)
+    loss = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
+    optimizer = make_optimizer(stage)
+    bare = make_train_step(loss, optimizer, stage.ema_decay)
+    put = stages.make_put(name, config, workdir, mesh)
+    key = jax.random.key(0)
+    loops, bares, idles, saves = [], [], [], []
+    for round_ in range(rounds + 1):  # the first one compiles
+        batches, seen = iter(stages.stage_batches(name, config, workdir)), []
+
+        class Kept:
+            def __next__(self, batches=batches, seen=seen):
+                seen.append(next(batches))
+                return seen[-1]
+
+            get_state, set_state = batches.get_state, batches.set_state
+
+        this = dataclasses.replace(
+            stage, steps=steps + 2, log_every=10, save_every=steps // 2, evaluate_every=10**9
+        )
+        state = create_state(network.init, optimizer, key, mesh)
+        watched = Watched(bare)
+        folder = workdir / f"round-{name}-{round_}"
+        with WatchedCheckpoints(folder / "checkpoints") as checkpoints:
+            run_stage(
+                name,
+                state=state,
+                train_step=watched,
+                batches=Kept(),
+                put=put,
+                key=key,
+                checkpoints=checkpoints,
+                stage=this,
+                workdir=folder,
+            )
+        sent = [jax.block_until_ready(put(batch)) for batch in seen]
+        state = create_state(network.init, optimizer, key, mesh)
+        begin = 0.0
+        for i, batch in enumerate(sent[:-1]):
+            if i == 1:
+                jax.block_until_ready(state)
+                begin = time.perf_counter()
+            state, metrics = bare(state, batch, key)
+            metrics["loss"].block_until_ready()
+        alone = time.perf_counter() - begin
+        # marks 1 .. steps + 1 enclose ``steps`` steps of the loop
+        times = [t for t, _ in watched.marks]
+        wall = times[steps + 1] - times[1]
+        if round_:
+            loops.append(wall)
+            bares.append(alone)
+            idles.append(sum(ready for _, ready in watched.marks[2 : steps + 2]) / steps)
+            saves.append(checkpoints.blocked / 2)
+            print(f"{name}: loop {wall / steps:.3f} s a step, bare {alone / steps:.3f}, starved {idles[-1]:.2f}, a save {saves[-1]:.2f}", flush=True)  # fmt: skip
+    loop, alone, save = (statistics.median(v) for v in (loops, bares, saves))
+    in_run = loop - 2 * save + save * steps / stage.save_every
+    return {
+        "stage": name,
+        "steps": steps,
+        "step s": alone / steps,
+        "loop s": in_run / steps,
+        "overhead": 1 - alone / in_run,
+        "least": min(1 - a / w for a, w in zip(bares, loops, strict=True)),
+        "most": max(1 - a / w for a, w in zip(bares, loops, strict=True)),
+        "starved": statistics.median(idles),
+        "a save s": save,
+        "programs": len(bare.compiled),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("stages", nargs="*", default=["uniart_vae", "latent_flow"])
+    parser.add_argument("--records", type=Path)
+    parser.add_argument("--objects", type=int, default=64)
+    parser.add_argument("--steps", type=int, default=40)
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--out", type=Path, default=Path("out/bench"))
+    arguments = parser.parse_args()
+    rows = []
+    with tempfile.TemporaryDirectory() as temporary:
+        records = arguments.records
+        if records is None:
+            records = Path(temporary) / "records"
+            prepare_procedural(records, arguments.objects, views=2, processes=os.cpu_count() or 1)
+        for name in arguments.stages:
+            workdir = Path(temporary) / name
+            rows.append(measure(name, nano(records), workdir, arguments.steps, arguments.rounds))
+    report("step_overhead", rows, arguments.out)
+
+
+if __name__ == "__main__":
+    main()

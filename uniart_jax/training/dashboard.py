@@ -1,0 +1,242 @@
+"""What a run says: the terminal, TensorBoard and ``metrics/<stage>.jsonl``, the same numbers in all of them.
+
+Beside a stage's own losses every row about training holds ``grad_norm``, ``learning_rate`` and
+
+    samples_per_second, steps_per_second   without the time of saving and evaluating
+    data_wait_seconds                      of making batches while the device had nothing to do, since the last row (at most)
+    save_seconds                           that saving held the loop up, since the last row
+    peak_share                             products of the step a second / measured rate of a large product (``training.flops``)
+    memory_gib, peak_memory_gib            of the fullest device of this process, where the device counts them
+    programs                               compiled so far: one for each set of batch shapes (voxel bucket); the log says which when it compiles
+    program_<n>_steps, program_<n>_samples_per_second    of each of them, where there are several
+    clip_threshold                         where it adapts
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import jax
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from tensorboardX import SummaryWriter
+
+from uniart_jax.config import StageConfig
+from uniart_jax.progress import PLAIN_INTERVAL, duration
+from uniart_jax.training.flops import matmul_peak
+from uniart_jax.training.programs import Program
+from uniart_jax.training.state import make_schedule
+
+Scalars = dict[str, float]
+
+
+class Meter:
+    """Metrics since the last row, fetched one step late and checked for finiteness, and where the time went."""
+
+    def __init__(self, name: str, stage: StageConfig):
+        self.name, self.stage = name, stage
+        self.latest: Scalars = {}
+        self._pending: tuple[int, Any, Program | None] | None = None
+        self._compiled = False
+        self._schedule = make_schedule(stage)
+        self._start = self._settled = time.perf_counter()
+        self._clear()
+
+    def _clear(self) -> None:
+        self._seen: list[Scalars] = []
+        self._steps, self._seconds = 0, 0.0
+        self._flops: Counter[str] = Counter()
+        self._waited, self._saved = 0.0, 0.0
+        self._of_program: dict[int, list[float]] = {}
+
+    def waited(self, seconds: float) -> None:
+        """Before a step is dispatched: its batch took so long. That counts where the device has already finished the step before."""
+        if self._pending is None or self._pending[1]["loss"].is_ready():
+            self._waited += seconds
+
+    def saved(self, seconds: float) -> None:
+        """Saving took so long."""
+        self._saved += seconds
+
+    def add(self, step: int, metrics: Any, program: Program | None = None) -> None:
+        """``metrics`` of update ``step`` are under way; those of the one before are waited for."""
+        self.settle()
+        self._pending = (step, metrics, program)
+
+    def settle(self) -> None:
+        """Until the last step is done.
+
+        Raises:
+          FloatingPointError: its loss or gradients are not finite.
+        """
+        if self._pending is None:
+            return
+        (step, metrics, program), self._pending = self._pending, None
+        values = {key: float(value) for key, value in jax.device_get(metrics).items()}
+        if not values.pop("finite"):
+            bad = sorted(key for key, value in values.items() if not math.isfinite(value))
+            raise FloatingPointError(
+                f"{self.name}: {', '.join(bad)} not finite at step {step}; stopped, nothing saved since the last checkpoint; "
+                "lower the learning rate or look at the data"
+            )
+        self.latest = values
+        self._seen.append(values)
+        now, begin = time.perf_counter(), self._settled
+        self._settled = now
+        if not self._compiled:  # the first step is mostly compilation
+            self._compiled = True
+            self._start = now
+            return
+        self._steps += 1
+        if program is not None:
+            self._flops.update(program.flops)
+            self._of_program.setdefault(program.number, []).append(now - begin)
+
+    def row(self, step: int, programs: int | None = None) -> Scalars:
+        """Means over the steps where a metric is a number (one may be undefined on a batch), rates, and a new start."""
+        result = {}
+        for key in self.latest:
+            values = [seen[key] for seen in self._seen if math.isfinite(seen[key])]
+            result[key] = math.fsum(values) / len(values) if values else math.nan
+        result["learning_rate"] = float(self._schedule(step - 1))
+        if self._steps and self._seconds > 0:
+            result["steps_per_second"] = self._steps / self._seconds
+            result["samples_per_second"] = self._steps * self.stage.batch_size / self._seconds
+            if self._flops:
+                result["peak_share"] = ideal_seconds(self._flops) / self._seconds
+        result["data_wait_seconds"], result["save_seconds"] = self._waited, self._saved
+        result |= device_memory()
+        if programs is not None:
+            result["programs"] = programs
+        for number, seconds in sorted(self._of_program.items()) if (programs or 0) > 1 else ():
+            result[f"program_{number}_steps"] = len(seconds)
+            rate = len(seconds) * self.stage.batch_size / max(math.fsum(seconds), 1e-9)
+            result[f"program_{number}_samples_per_second"] = rate
+        self._clear()
+        return result
+
+    def pause(self) -> None:
+        """Wait for the device and stop the clock: saving and evaluating are no part of samples a second."""
+        self.settle()
+        self._seconds += time.perf_counter() - self._start
+        self._start = time.perf_counter()
+
+    def restart(self) -> None:
+        """Go on after a pause."""
+        self._start = self._settled = time.perf_counter()
+
+
+def ideal_seconds(flops: Counter[str]) -> float:
+    """Seconds that products, counted by dtype, would take all devices at the rate of a large product of that dtype."""
+    return sum(n / (matmul_peak(dtype) * jax.device_count()) for dtype, n in flops.items())
+
+
+def device_memory() -> Scalars:
+    """GiB in use, and most ever in use, of the fullest device of this process; empty where devices do not count them (CPU)."""
+    found = [stats for d in jax.local_devices() if (stats := d.memory_stats())]
+    names = {"bytes_in_use": "memory_gib", "peak_bytes_in_use": "peak_memory_gib"}
+    return {
+        name: max(stats[key] for stats in found) / 2**30
+        for key, name in names.items()
+        if found and all(key in stats for stats in found)
+    }
+
+
+class Reporter:
+    """Terminal, TensorBoard and ``metrics/<name>.jsonl`` of a stage; only the first process writes."""
+
+    def __init__(self, name: str, workdir: Path, step: int, stage: StageConfig):
+        self.name, self.stage = name, stage
+        self.writes = jax.process_index() == 0
+        self.console = Console(stderr=True, highlight=False, soft_wrap=True)
+        self._next_line = 0.0
+        self._start = (step, time.perf_counter())
+        self._bar: Progress | None = None
+        if not self.writes:
+            return
+        self.path = workdir / "metrics" / f"{name}.jsonl"
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        _drop_after(self.path, step)
+        self.board = SummaryWriter(str(workdir / "tensorboard" / name), purge_step=step + 1)
+        if self.console.is_terminal:
+            columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())  # fmt: skip
+            bar = Progress(*columns, TextColumn("{task.fields[info]}"), console=self.console)
+            self._task = bar.add_task(name, total=stage.steps, completed=step, info="")
+            self._bar = bar
+
+    def __enter__(self) -> Reporter:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+        if self.writes:
+            self.board.close()
+
+    def say(self, text: str) -> None:
+        """One line for a person."""
+        if self.writes:
+            self.console.print(text, markup=False)
+
+    def log(self, step: int, kind: str, scalars: Scalars, images: dict[str, np.ndarray] | None = None) -> None:  # fmt: skip
+        """A row of numbers, and pictures, to the log files."""
+        if not self.writes:
+            return
+        values = {key: float(value) for key, value in scalars.items()}
+        # JSON has no NaN.
+        row = {key: value if math.isfinite(value) else None for key, value in values.items()}
+        row = {"step": step, "kind": kind, "time": round(time.time(), 3), **row}
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+        for key, value in values.items():
+            if math.isfinite(value):
+                self.board.add_scalar(f"{kind}/{key}", value, step)
+        for key, image in (images or {}).items():
+            self.board.add_image(f"{kind}/{key}", np.asarray(image), step, dataformats="HWC")
+        if kind != "train" or images:
+            self.board.flush()
+            self.say(f"{self.name} {step}: " + "  ".join(f"{k} {v:.4g}" for k, v in values.items()))
+
+    def progress(self, step: int, latest: Scalars) -> None:
+        """The bar, or a line now and then."""
+        if not self.writes or not latest:
+            return
+        now = time.perf_counter()
+        begin, start = self._start
+        rate = (step - begin) / max(now - start, 1e-9)
+        info = f"loss {latest['loss']:.4g}  {rate * self.stage.batch_size:.3g} samples/s"
+        if self._bar is not None:
+            self._bar.update(self._task, completed=step, info=info)
+        elif now >= self._next_line or step == self.stage.steps:
+            self._next_line = now + PLAIN_INTERVAL
+            left = duration((self.stage.steps - step) / rate)
+            self.say(f"{self.name} {step}/{self.stage.steps}  {info}  ETA {left}")
+            sys.stderr.flush()
+
+
+def _drop_after(path: Path, step: int) -> None:
+    """Remove the rows of steps that a killed run reported and did not save; a torn last line goes too."""
+    if not path.exists():
+        return
+    kept = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            if json.loads(line)["step"] <= step:
+                kept.append(line + "\n")
+        except (ValueError, KeyError, TypeError):
+            continue
+    temporary = path.with_suffix(".tmp")
+    temporary.write_text("".join(kept), encoding="utf-8")
+    temporary.replace(path)

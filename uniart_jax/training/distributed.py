@@ -1,0 +1,274 @@
+"""Several processes that train together: how they find one another, agree, wait and fail.
+
+Devices talk by collectives inside compiled programs. What hosts have to tell one another (shapes, verdicts, "done", "failed") goes through the key-value
+store of ``jax.distributed``'s coordinator instead: it waits for hours without a time-out, needs no device, and does not stand behind a running step.
+
+All processes call these functions in the same order. With one process each is free and does nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import json
+import os
+import re
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
+
+import jax
+from jax.experimental import multihost_utils
+
+from uniart_jax.training.export import differences
+
+T = TypeVar("T")
+POLL = 1000  # milliseconds between two looks at whether another process has failed
+FAREWELL = 20.0  # seconds in which the others can hear of a failure
+_FAILED, _HEARD = "uniart/failed", "uniart/heard"
+_meetings = itertools.count()
+
+
+def start(
+    coordinator: str | None = None,
+    processes: int | None = None,
+    process: int | None = None,
+    wait: float = 300.0,
+) -> None:
+    """Join the other processes; before anything else that touches a device.
+
+    Args:
+      coordinator: HOST:PORT of process 0. None: TPU pods, SLURM, Open MPI and Kubernetes are detected (``jax.distributed.initialize``).
+      processes, process: how many there are and which this is, with ``coordinator``.
+      wait: seconds for all of them to come. Then this process ends with one line and exit code 2: JAX would abort.
+
+    Raises:
+      ValueError: numbers that do not fit, an environment that is not known, or a port that cannot be opened.
+    """
+    by_hand = {"coordinator": coordinator, "processes": processes, "process": process}
+    missing = [f"--{name}" for name, value in by_hand.items() if value is None]
+    if (coordinator is None and len(missing) < 3) or (coordinator is not None and missing):
+        raise ValueError(f"distributed: {', '.join(missing)} missing; give --coordinator HOST:PORT --processes N --process I, or --distributed alone where it can be detected")  # fmt: skip
+    if coordinator is not None:
+        _, colon, port = coordinator.rpartition(":")
+        if not (colon and port.isdecimal() and 0 < int(port) < 2**16):
+            raise ValueError(f"--coordinator '{coordinator}': give HOST:PORT of process 0, such as node0:8476")  # fmt: skip
+        assert processes is not None and process is not None
+        if not 0 <= process < processes:
+            raise ValueError(f"--process {process} of --processes {processes}: give 0 to {processes - 1}, each once")  # fmt: skip
+    where = coordinator or "the coordinator of this cluster"
+    with _time_limit(wait, f"not all processes came to {where} within {wait:g} s; start all of them with the same --processes and different --process, and check that the port can be reached"):  # fmt: skip
+        try:
+            jax.distributed.initialize(
+                coordinator,
+                processes,
+                process,
+                local_device_ids=slurm_devices(os.environ) if coordinator is None else None,
+                # by the caller's numbers alone, even inside a SLURM job
+                cluster_detection_method=None if coordinator is None else "deactivate",
+                initialization_timeout=int(wait) + 3600,  # ours is sooner
+            )
+        except RuntimeError as error:
+            reason = str(error).splitlines()[0]
+            raise ValueError(f"distributed: cannot start at {where} ({reason}); is the port in use, or this not its host? choose another port on all processes") from None  # fmt: skip
+        except ValueError as error:
+            raise ValueError(f"distributed: no cluster detected ({error}); give --coordinator HOST:PORT --processes N --process I") from None  # fmt: skip
+
+
+def slurm_devices(environment: Mapping[str, str]) -> list[int] | None:
+    """The GPUs of this task of a SLURM job: those that it sees, shared equally by the tasks on its node; None elsewhere (JAX's own choice).
+
+    JAX takes one GPU a task, so that a single task on a node of eight would leave seven idle.
+    """
+    get = environment.get
+    if not all(name in environment for name in ("SLURM_STEP_TASKS_PER_NODE", "SLURM_NODEID", "SLURM_LOCALID")):  # fmt: skip
+        return None
+    visible = get("CUDA_VISIBLE_DEVICES")
+    seen = len([d for d in visible.split(",") if d]) if visible else int(get("SLURM_GPUS_ON_NODE", "0"))  # fmt: skip
+    tasks: list[int] = []
+    for number, times in re.findall(r"(\d+)(?:\(x(\d+)\))?", environment["SLURM_STEP_TASKS_PER_NODE"]):  # fmt: skip
+        tasks += [int(number)] * int(times or 1)
+    here = 1 if "SLURM_GPUS_PER_TASK" in environment else tasks[int(environment["SLURM_NODEID"])]
+    if not seen or seen % here:
+        return None
+    share, local = seen // here, int(environment["SLURM_LOCALID"]) % here
+    return list(range(local * share, (local + 1) * share))
+
+
+def is_first() -> bool:
+    """Whether this process writes and speaks."""
+    return jax.process_index() == 0
+
+
+@contextlib.contextmanager
+def together() -> Iterator[None]:
+    """What one process raises inside is raised by all that wait or ask in here; one that cannot be told, because it is in a collective, ends by JAX's heartbeat.
+
+    Raises:
+      ValueError: another process failed; it says which, and why.
+    """
+    try:
+        yield
+    except BaseException as error:  # a signal ends a process by SystemExit
+        if not jax.distributed.is_initialized():
+            raise
+        signalled = not isinstance(error, Exception)
+        message = "a signal" if signalled else " ".join(str(error).split()) or type(error).__name__
+        me, store = jax.process_index(), _store()
+        with contextlib.suppress(RuntimeError):  # somebody was faster
+            store.key_value_set(_FAILED, json.dumps([me, message]))
+        who, why = _failure() or (me, message)
+        with contextlib.suppress(RuntimeError):
+            store.key_value_set(f"{_HEARD}/{me}", "")
+        if who != me:
+            if why == message:  # all of them found it
+                raise
+            raise ValueError(f"process {who} stopped: {why}") from None
+        if not _all_heard(store):
+            if not signalled:
+                print(f"error: {message}", file=sys.stderr, flush=True)
+            # an orderly exit would wait for them
+            os._exit(error.code if isinstance(error, SystemExit) and isinstance(error.code, int) else 2)  # fmt: skip
+        raise
+
+
+def wait() -> None:
+    """Until every process is here."""
+    _meet("", lambda _: "")
+
+
+def told(value: T) -> T:
+    """The first process's value (JSON-able), on all: for what files say, which may show up later on other hosts."""
+    return json.loads(_meet(json.dumps(value), lambda texts: texts[0]))
+
+
+def first_does(action: Callable[[], T]) -> T | None:
+    """``action()`` by the first process while the others wait; None on those. What it raises, all raise."""
+    result = action() if is_first() else None
+    wait()
+    return result
+
+
+def by_the_first(evaluate: Callable[..., Any] | None) -> Callable[..., Any] | None:
+    """``loop.run_stage``'s evaluation, run by the first process alone, on one device, while the others wait; with one process it stays as it is."""
+    if evaluate is None or jax.process_count() == 1:
+        return evaluate
+
+    def run(state: Any, step: int) -> tuple[dict[str, Any], dict[str, Any]]:
+        whole = multihost_utils.process_allgather(state.ema, tiled=True)  # with all processes
+
+        def judge() -> Any:
+            placed = jax.device_put(whole, jax.local_devices()[0])
+            return evaluate(state._replace(ema=placed), step)
+
+        return first_does(judge) or ({}, {})
+
+    return run
+
+
+def largest(values: Sequence[int]) -> list[int]:
+    """Elementwise over processes.
+
+    Raises:
+      ValueError: another number of values.
+    """
+
+    def combine(texts: list[str]) -> str:
+        rows = [json.loads(text) for text in texts]
+        if len({len(row) for row in rows}) > 1:
+            return json.dumps([])
+        return json.dumps([max(column) for column in zip(*rows, strict=True)])
+
+    found = json.loads(_meet(json.dumps([int(v) for v in values]), combine))
+    if len(found) != len(values):
+        raise ValueError("distributed: the processes' batches differ in structure; do all read the same records with the same config?")  # fmt: skip
+    return found
+
+
+def check_equal(settings: Mapping[str, Any]) -> None:
+    """Compare JSON-able settings by name.
+
+    Raises:
+      ValueError: on every process, if one has others than the first; it is named, and what differs.
+    """
+
+    def combine(texts: list[str]) -> str:
+        first, *others = [json.loads(text) for text in texts]
+        for number, other in enumerate(others, 1):
+            if differ := differences(first, other):
+                return f"process {number} was started with other settings than process 0 ({'; '.join(differ)}); start all with the same command and files"  # fmt: skip
+        return ""
+
+    if problem := _meet(json.dumps(settings), combine):
+        raise ValueError(f"distributed: {problem}")
+
+
+def _store() -> Any:
+    # not public, but what Orbax builds on as well
+    from jax._src.distributed import global_state
+
+    return global_state.client
+
+
+def _meet(text: str, combine: Callable[[list[str]], str]) -> str:
+    """The texts of all processes, combined by the first: 2 N messages, and none to wait for but the slowest process."""
+    count, me = jax.process_count(), jax.process_index()
+    if count == 1:
+        return combine([text])
+    number, store = next(_meetings), _store()
+    if me:
+        store.key_value_set(f"uniart/{number}/{me}", text)
+        return _read(f"uniart/{number}/all")
+    answer = combine([text, *(_read(f"uniart/{number}/{i}") for i in range(1, count))])
+    store.key_value_set(f"uniart/{number}/all", answer)
+    store.key_value_delete(f"uniart/{number - 1}")  # whoever is here has read it
+    return answer
+
+
+def _read(key: str) -> str:
+    """The value of a key as soon as it is there."""
+    store = _store()
+    while True:
+        try:
+            return store.blocking_key_value_get(key, POLL)
+        except RuntimeError as error:
+            if "DEADLINE_EXCEEDED" not in str(error):
+                raise
+        if failure := _failure():
+            raise ValueError(f"process {failure[0]} stopped: {failure[1]}")
+
+
+def _failure() -> tuple[int, str] | None:
+    try:
+        who, why = json.loads(_store().key_value_try_get(_FAILED))
+    except RuntimeError:  # no such key
+        return None
+    return who, why
+
+
+def _all_heard(store: Any) -> bool:
+    end = time.monotonic() + FAREWELL
+    while time.monotonic() < end:
+        if len(store.key_value_dir_get(_HEARD)) == jax.process_count():
+            return True
+        time.sleep(0.1)
+    return False
+
+
+@contextlib.contextmanager
+def _time_limit(seconds: float, message: str) -> Iterator[None]:
+    """End the program with a line and exit code 2: the call inside can neither be interrupted nor fail by itself."""
+
+    def end() -> None:
+        print(f"error: distributed: {message}", file=sys.stderr, flush=True)
+        os._exit(2)
+
+    timer = threading.Timer(seconds, end)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
