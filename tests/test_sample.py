@@ -31,7 +31,8 @@ def sample(*arguments, expect=0):
 @pytest.fixture(scope="module")
 def asset(tmp_path_factory):
     out = tmp_path_factory.mktemp("sample") / "asset"
-    sample(EXAMPLE, "--out", out, "--steps", 4)
+    result = sample(EXAMPLE, "--out", out, "--steps", 4)
+    assert "network evaluations: structure 4, latent 4" in result.stderr
     return out
 
 
@@ -50,7 +51,9 @@ def test_report_matches_the_urdf(asset):
     assert {p["name"] for p in report["parts"]} <= set(robot.link_map)
     assert all(p["watertight"] and p["mass"] > 0 for p in report["parts"])
     assert sum(p["parent"] is None for p in report["parts"]) == 1
-    assert report["seed"] == 0 and report["checkpoint"] == "nano"
+    assert report["seed"] == 0 and report["checkpoint"] == "nano" and "spread" not in report
+    how = {"solver": "euler", "adaptive": False, "steps": 4, "guidance": 1.0, "evaluations": 4}
+    assert report["sampling"] == {"structure": how, "latent": how}
     for path in sorted((asset / "meshes").glob("*.obj")):
         mesh = trimesh.load(path, force="mesh", process=True)
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
@@ -98,6 +101,49 @@ def test_bad_images_are_one_line(tmp_path, write, says):
     assert says in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1 and result.stderr.startswith("error: ")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--adaptive", "--steps", 4), "--adaptive chooses its own steps"),
+        (("--tolerance", 0.1), "--tolerance belongs to --adaptive"),
+        (("--adaptive", "--tolerance", 0), "--tolerance must be in 0.0001..1"),
+        (("--adaptive", "--tolerance", "nan"), "--tolerance must be in 0.0001..1"),
+        (("--solver", "rk4"), "rk4"),
+        (("--num-samples", 0), "--num-samples"),
+    ],
+)
+def test_nonsense_options(tmp_path, options, says):
+    result = sample(EXAMPLE, "--out", tmp_path / "out", *options, expect=2)
+    assert says in result.stderr and not (tmp_path / "out").exists()
+
+
+@shipped
+@pytest.mark.slow
+def test_several_adaptive_samples_say_how_much_they_agree(tmp_path):
+    options = ("--num-samples", 3, "--solver", "heun", "--adaptive", "--tolerance", 0.1)
+    sample(EXAMPLE, "--out", tmp_path / "out", *options, "--no-check")
+    for i in range(3):
+        report = json.loads(
+            (tmp_path / "out" / "cabinet" / f"sample-{i}" / "report.json").read_text()
+        )
+        assert report["seed"] == i and report["spread"]["samples"] == 3
+        names = {p["name"] for p in report["parts"] if p["parent"] is not None}
+        assert set(report["spread"]["joints"]) == names
+        assert all(1 <= j["matched"] <= 3 for j in report["spread"]["joints"].values())
+        for flow in ("structure", "latent"):
+            how = report["sampling"][flow]
+            assert how["solver"] == "heun" and how["adaptive"] and how["tolerance"] == 0.1
+            assert how["evaluations"] >= 3 and "steps" not in how
+
+
+@shipped
+@pytest.mark.slow
+@pytest.mark.parametrize("views", [2, 3])
+def test_views_make_one_object(tmp_path, views):
+    sample(*[EXAMPLE] * views, "--out", tmp_path / "out", "--multi-view", "--no-check")
+    assert (tmp_path / "out" / "object.urdf").is_file()
 
 
 def test_unknown_checkpoint(tmp_path):

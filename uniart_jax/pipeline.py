@@ -28,6 +28,7 @@ from uniart_jax.config import (
     StructureSampleConfig,
 )
 from uniart_jax.data.images import crop, foreground, read_image
+from uniart_jax.flow.solvers import Solution
 from uniart_jax.models.gaussian_decoder import gaussian_parameters
 from uniart_jax.models.network import build
 from uniart_jax.nn.segments import voxel_plans
@@ -49,6 +50,16 @@ from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 PRETRAINED = Path(__file__).parent / "pretrained"
 LATENTS = ("structure", "latent")
 GAUSSIANS = "gaussian_decoder.safetensors"
+
+
+@dataclasses.dataclass(frozen=True)
+class Sample:
+    """A sampled object and how: of both flows ("structure", "latent") the options and the velocities that were asked for; with guidance each is one call
+    of the network on twice the batch."""
+
+    obj: ArticulatedObject
+    options: dict[str, SampleConfig]
+    evaluations: dict[str, int]
 
 
 class Pipeline:
@@ -74,20 +85,27 @@ class Pipeline:
     def __call__(
         self,
         image: str | Path | np.ndarray | Sequence[str | Path | np.ndarray],
+        **options: Any,
+    ) -> ArticulatedObject:
+        """The object alone of ``sample``, which see."""
+        return self.sample(image, **options).obj
+
+    def sample(
+        self,
+        image: str | Path | np.ndarray | Sequence[str | Path | np.ndarray],
         *,
         seed: int = 0,
-        steps: int | None = None,
-        guidance: float | None = None,
         name: str = "object",
         progress: Callable[[str], None] = lambda step: None,
-    ) -> ArticulatedObject:
+        **changes: Any,
+    ) -> Sample:
         """One image (or several views of one object) to an object.
 
         Args:
           image: path, or [H, W, 3 or 4] uint8 sRGB; a sequence of them = several views.
           seed: same seed, same object.
-          steps, guidance: of both flows; None = the checkpoint's own.
           progress: called with the name of each step.
+          changes: of both flows' options (``options``): steps, guidance, solver, adaptive, tolerance, …
 
         Raises:
           FileNotFoundError, ValueError: an image cannot be used, no object was found in it, or the checkpoint is not trained so far.
@@ -100,35 +118,38 @@ class Pipeline:
             )
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
-        structure_options, latent_options = self.options(steps, guidance)
+        structure_options, latent_options = self.options(**changes)
         progress("looking at the image")
         pixels = np.stack([self.prepare(view) for view in views])
         condition = join_views(self.encode_images(pixels))
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
-        coords = self.sample_structure(condition, keys[0], structure_options)[0]
+        structure = self.solve_structure(condition, keys[0], structure_options)
+        coords = self.active_voxels(structure.x, structure_options)[0]
         if len(coords) == 0:
             raise ValueError(
                 f"{name}: the model found no object in the image; crop to the object or try another seed"
             )
         progress(f"{len(coords)} voxels")
-        latent = self.sample_latents([coords], condition, keys[1], latent_options)[0]
+        solution = self.solve_latents([coords], condition, keys[1], latent_options)
         progress("parts and joints")
+        latent = np.asarray(solution.x)[0, : len(coords)]
         grid = self.decode_sampled(coords, latent, latent_options)
-        return assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
+        return Sample(
+            assemble(grid, name=name, tolerance=NETWORK_TOLERANCE),
+            {"structure": structure_options, "latent": latent_options},
+            {
+                "structure": int(structure.evaluations[0]),
+                "latent": int(solution.evaluations[0]),
+            },
+        )
 
-    def options(
-        self, steps: int | None, guidance: float | None
-    ) -> tuple[StructureSampleConfig, LatentSampleConfig]:
-        """The checkpoint's sampling options, changed where asked."""
-        changes: dict[str, Any] = {}
-        if steps is not None:
-            changes["steps"] = steps
-        if guidance is not None:
-            changes["guidance"] = guidance
+    def options(self, **changes: Any) -> tuple[StructureSampleConfig, LatentSampleConfig]:
+        """The checkpoint's sampling options, changed where asked (``SampleConfig``'s fields); None = as they are."""
+        asked = {name: value for name, value in changes.items() if value is not None}
         replace = dataclasses.replace
         structure, latent = self.config.sample_structure, self.config.sample_latent
-        return replace(structure, **changes), replace(latent, **changes)
+        return replace(structure, **asked), replace(latent, **asked)
 
     def prepare(self, image: str | Path | np.ndarray) -> np.ndarray:
         """[S, S, 3] float32 in [0, 1]: read, foreground, square crop, on black."""
@@ -151,11 +172,22 @@ class Pipeline:
     def sample_structure(
         self, condition: Condition, key: jax.Array, options: StructureSampleConfig | None = None
     ) -> list[np.ndarray]:
-        """Active voxels [V_i, 3] of each item; at most as many as the largest bucket holds, the most certain first."""
+        """Active voxels [V_i, 3] of each item (``active_voxels``)."""
+        return self.active_voxels(self.solve_structure(condition, key, options).x, options)
+
+    def solve_structure(
+        self, condition: Condition, key: jax.Array, options: StructureSampleConfig | None = None
+    ) -> Solution:
+        """Structure latents [B, s, s, s, C] and what they cost."""
+        sampler = self._structure_sampler(options or self.config.sample_structure)
+        parameters = self.parameters["structure_flow"]
+        return sampler(parameters, self.statistics["structure"], condition, key)
+
+    def active_voxels(
+        self, latent: jax.Array, options: StructureSampleConfig | None = None
+    ) -> list[np.ndarray]:
+        """Structure latents -> active voxels [V_i, 3] of each item; at most as many as the largest bucket holds, the most certain first."""
         options = options or self.config.sample_structure
-        latent = self._structure_sampler(options)(
-            self.parameters["structure_flow"], self.statistics["structure"], condition, key
-        )
         logits = np.asarray(self._decode_structure(self.parameters["structure_vae"], latent))
         most = max(self.config.data.voxel_buckets)
         found = []
@@ -173,12 +205,22 @@ class Pipeline:
         options: SampleConfig | None = None,
     ) -> list[np.ndarray]:
         """UniArt latents [V_i, C] on the active voxels of each item."""
+        latent = np.asarray(self.solve_latents(coords, condition, key, options).x)
+        return [row[: len(voxels)] for row, voxels in zip(latent, coords, strict=True)]
+
+    def solve_latents(
+        self,
+        coords: Sequence[np.ndarray],
+        condition: Condition,
+        key: jax.Array,
+        options: SampleConfig | None = None,
+    ) -> Solution:
+        """UniArt latents [B, V, C] on the active voxels of each item, padded, and what they cost."""
         padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
         voxels = flow_inputs(padded, counts, self.config.model)
         sampler = self._latent_sampler(options or self.config.sample_latent)
         parameters = self.parameters["latent_flow"]
-        latent = np.asarray(sampler(parameters, self.statistics["latent"], condition, key, voxels))
-        return [row[:count] for row, count in zip(latent, counts, strict=True)]
+        return sampler(parameters, self.statistics["latent"], condition, key, voxels)
 
     def encode_voxels(
         self,

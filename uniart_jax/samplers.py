@@ -12,9 +12,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from uniart_jax.config import ModelConfig, SampleConfig
+from uniart_jax.config import FlowConfig, ModelConfig, SampleConfig
 from uniart_jax.flow.guidance import guide
-from uniart_jax.flow.solvers import euler
+from uniart_jax.flow.solvers import Solution, Velocity, solve
+from uniart_jax.models.flow_transformer import T_MIN
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 
@@ -44,8 +45,8 @@ def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
     return run
 
 
-def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
-    """Jitted (params, (mean, std), condition, key) -> structure latents [B, s, s, s, C]."""
+def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., Solution]:
+    """Jitted (params, (mean, std), condition, key) -> structure latents [B, s, s, s, C] and what they cost."""
     network = build("structure_flow", model)
     vae = model.structure_vae
     side = model.grid.resolution // vae.patch_size // 2 ** (len(vae.channels) - 1)
@@ -62,13 +63,14 @@ def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callabl
 
         nothing = jax.tree.map(jnp.zeros_like, condition)
         guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
-        return euler(guided, noise, options.steps, options.rescale_t) * std + mean
+        found = _solve(guided, noise, options, model.structure_flow)
+        return found._replace(x=found.x * std + mean)
 
     return run
 
 
-def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., jax.Array]:
-    """Jitted (params, (mean, std), condition, key, voxels) -> UniArt latents [B, V, C], padding zero; ``voxels`` of ``flow_inputs``."""
+def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., Solution]:
+    """Jitted (params, (mean, std), condition, key, voxels) -> UniArt latents [B, V, C], padding zero, and what they cost; ``voxels`` of ``flow_inputs``."""
     network = build("latent_flow", model)
     channels = model.uniart_vae.latent_channels
 
@@ -84,10 +86,29 @@ def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[.
 
         nothing = jax.tree.map(jnp.zeros_like, condition)
         guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
-        sample = euler(guided, noise, options.steps, options.rescale_t)
-        return jnp.where(valid, sample * std + mean, 0)
+        found = _solve(guided, noise, options, model.latent_flow, valid)
+        return found._replace(x=jnp.where(valid, found.x * std + mean, 0))
 
     return run
+
+
+def _solve(
+    velocity: Velocity,
+    noise: jax.Array,
+    options: SampleConfig,
+    flow: FlowConfig,
+    valid: jax.Array | None = None,
+) -> Solution:
+    return solve(
+        velocity,
+        noise,
+        options.solver,
+        options.steps,
+        options.rescale_t,
+        tolerance=options.tolerance if options.adaptive else None,
+        valid=valid,
+        end=T_MIN if flow.prediction == "data" else 0.0,
+    )
 
 
 def pad_coords(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -19,6 +19,10 @@ from uniart_jax.cli.arguments import (
     tried,
     validation_lines,
 )
+from uniart_jax.config import TOLERANCES
+
+if TYPE_CHECKING:
+    from uniart_jax.pipeline import Sample
 
 
 def sample(
@@ -30,6 +34,9 @@ def sample(
     num_samples: int = 1,
     steps: int | None = None,
     guidance: float | None = None,
+    solver: Literal["euler", "heun"] | None = None,
+    adaptive: bool = False,
+    tolerance: float | None = None,
     multi_view: bool = False,
     formats: Formats = None,
     size: Size = None,
@@ -45,9 +52,12 @@ def sample(
         images: Image files. With an alpha channel or a plain background the object is cut out by itself.
         checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR.
         seed: Same seed, same object.
-        num_samples: Samples an image.
+        num_samples: Samples an image; with several, report.json says how much they agree on each joint.
         steps: Solver steps of both flows (default: the checkpoint's).
         guidance: Classifier-free guidance of both flows, 0 = none (default: the checkpoint's).
+        solver: Of both flows (default: the checkpoint's). Heun asks the network twice a step.
+        adaptive: Steps as long as the error allows, instead of --steps of them.
+        tolerance: Of --adaptive: error that is allowed (default: the checkpoint's).
         multi_view: The images are views of one object.
         refine: Draw in limits and shift axes a little where a joint runs into the object (report.json says which).
         check: Try the asset in the physics engines that are installed (report.json says how it went).
@@ -60,6 +70,15 @@ def sample(
         raise ValueError(f"sample: --num-samples must be at least 1, got {num_samples}")
     if steps is not None and steps < 1:
         raise ValueError(f"sample: --steps must be at least 1, got {steps}")
+    if adaptive and steps is not None:
+        raise ValueError(
+            "sample: --adaptive chooses its own steps; give --tolerance, or --steps alone"
+        )
+    if tolerance is not None and not adaptive:
+        raise ValueError("sample: --tolerance belongs to --adaptive; give both or neither")
+    least, most = TOLERANCES
+    if tolerance is not None and not least <= tolerance <= most:
+        raise ValueError(f"sample: --tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
     from uniart_jax.export.mass import check_weights
     from uniart_jax.export.size import parse_size
 
@@ -76,6 +95,13 @@ def sample(
     from uniart_jax.pipeline import enable_compilation_cache, load
     from uniart_jax.simulation.refine import mend
 
+    changes = {
+        "steps": steps,
+        "guidance": guidance,
+        "solver": solver,
+        "adaptive": adaptive or (False if steps is not None else None),
+        "tolerance": tolerance,
+    }
     enable_compilation_cache()
     console = Console(stderr=True)
     with console.status("loading the model") as status:
@@ -87,18 +113,20 @@ def sample(
                 for path, picture in zip(images, pictures, strict=True)
             ]
         for g, (name, views) in enumerate(groups):
+            made: list[Sample] = []
             for i in range(num_samples):
                 status.update(f"{name}: sample {i + 1} of {num_samples}")
-                obj = pipeline(
+                one = pipeline.sample(
                     [picture for _, picture in views],
                     seed=seed + i,
-                    steps=steps,
-                    guidance=guidance,
                     name=views[0][0].stem,
                     progress=lambda step, name=name: status.update(f"{name}: {step}"),
+                    **changes,
                 )
+                made.append(one)
+            for i, one in enumerate(made):
                 status.update(f"{name}: collision shapes, textures, physics")
-                folder = folders[g, i]
+                folder, obj = folders[g, i], one.obj
                 found: list[dict] = []
                 obj.save(
                     folder,
@@ -109,6 +137,7 @@ def sample(
                     image=views[0][1],
                     seed=seed + i,
                     checkpoint=checkpoint,
+                    details=details(made, i),
                     overwrite=overwrite,
                     mend=mend if refine else None,
                     check=(lambda path, found=found: tried(path, found)) if check else None,
@@ -121,8 +150,30 @@ def sample(
                 console.print(
                     f"{name}: {len(obj.parts)} parts ({kinds}) -> {folder}", highlight=False
                 )
+                counts = ", ".join(f"{flow} {n}" for flow, n in one.evaluations.items())
+                console.print(f"  network evaluations: {counts}", highlight=False)
                 for line in validation_lines(found[0]) if found else ():
                     console.print(f"  {line}", highlight=False, markup=False)
+
+
+def details(made: list[Sample], index: int) -> dict[str, Any]:
+    """What report.json says of sample ``index`` beside the object: how it was sampled and, where there are several, how much they agree."""
+    from uniart_jax.evaluation.spread import joint_spread
+
+    one = made[index]
+    sampling = {}
+    for flow, options in one.options.items():
+        fixed = {"steps": options.steps}
+        sampling[flow] = {
+            "solver": options.solver,
+            "adaptive": options.adaptive,
+            **({"tolerance": options.tolerance} if options.adaptive else fixed),
+            "guidance": options.guidance,
+            "evaluations": one.evaluations[flow],
+        }
+    if len(made) == 1:
+        return {"sampling": sampling}
+    return {"sampling": sampling, "spread": joint_spread([s.obj for s in made], index)}
 
 
 def sample_folders(

@@ -21,7 +21,7 @@ def guide(
     weight: float,
     interval: tuple[float, float] = (0.0, 1.0),
 ) -> Velocity:
-    """A velocity (x, t) -> v that is guided while ``interval[0] <= t <= interval[1]``, conditional elsewhere.
+    """A velocity (x, t) -> v that is guided while ``interval[0] <= t <= interval[1]``, conditional elsewhere; t a scalar, or [B] a time an item.
 
     Args:
       velocity: (x [B, ...], t [B], condition) -> v. Where guided it is called once with x and t doubled to [2 B, ...]: every item
@@ -31,22 +31,33 @@ def guide(
     """
 
     def conditional(x: jax.Array, t: jax.Array) -> jax.Array:
-        return velocity(x, jnp.full(x.shape[0], t, jnp.float32), condition)
+        return velocity(x, _times(t, x.shape[0]), condition)
 
     if weight == 0:
         return conditional
 
+    def inside(t: jax.Array) -> jax.Array:
+        return (t >= interval[0]) & (t <= interval[1])
+
     def guided(x: jax.Array, t: jax.Array) -> jax.Array:
         both = jax.tree.map(_interleave, condition, negative)
-        v = velocity(_interleave(x, x), jnp.full(2 * x.shape[0], t, jnp.float32), both)
+        times = _times(t, x.shape[0])
+        v = velocity(_interleave(x, x), jnp.repeat(times, 2), both)
         with_condition, without = v[::2], v[1::2]
-        return with_condition + weight * (with_condition - without)
+        here = inside(times).reshape(-1, *[1] * (x.ndim - 1))
+        return with_condition + jnp.where(here, weight * (with_condition - without), 0)
+
+    if interval[0] <= 0 and interval[1] >= 1:
+        return guided  # one network to compile, not two
 
     def choose(x: jax.Array, t: jax.Array) -> jax.Array:
-        inside = (t >= interval[0]) & (t <= interval[1])
-        return jax.lax.cond(inside, guided, conditional, x, t)
+        return jax.lax.cond(inside(t).any(), guided, conditional, x, t)
 
     return choose
+
+
+def _times(t: jax.Array, items: int) -> jax.Array:
+    return jnp.broadcast_to(jnp.asarray(t, jnp.float32), (items,))
 
 
 def _interleave(a: jax.Array, b: jax.Array) -> jax.Array:

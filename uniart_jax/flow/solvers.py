@@ -1,14 +1,40 @@
-"""Fixed-step solvers of dx/dt = v(x, t) from noise (t = 1) to data (t = 0). They know nothing of guidance."""
+"""Solvers of dx/dt = v(x, t) from noise (t = 1) to data (t = 0), in fixed or adaptive steps. They know nothing of guidance.
+
+With f = v(x, t) and g = v(x - h f, t - h):
+
+    x <- x - h f               Euler   (1)
+    x <- x - h (f + g) / 2     Heun    (2)
+    e  = h (g - f) / 2         (2) - (1): the error of (1), for both adaptive solvers
+
+Adaptive Euler keeps e / h below the tolerance (error per unit time), adaptive Heun e (error per step, while the better value is taken): with
+either the error at t = 0 is proportional to the tolerance (Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", II.4). g is the
+next step's f in Euler, so it costs one velocity a step; Heun costs two, and one where a step is repeated.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-Velocity = Callable[[jax.Array, jax.Array], jax.Array]  # (x [B, ...], t scalar) -> v
+from uniart_jax.config import TOLERANCES
+
+Velocity = Callable[[jax.Array, jax.Array], jax.Array]  # (x [B, ...], t scalar or [B]) -> v
+Solver = Literal["euler", "heun"]
+MIN_STEP = 1e-3  # a step so short is taken whatever its error
+SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
+INTEGRAL, PROPORTIONAL = 0.7, 0.4  # exponents of the step controller
+
+
+class Solution(NamedTuple):
+    """x [B, ...] at t = 0, and how many velocities each item took: ``evaluations`` [B] int32."""
+
+    x: jax.Array
+    evaluations: jax.Array
 
 
 def time_steps(steps: int, rescale_t: float = 1.0) -> np.ndarray:
@@ -30,21 +56,171 @@ def euler(velocity: Velocity, x: jax.Array, steps: int, rescale_t: float = 1.0) 
         here, after = times
         return x - (here - after) * velocity(x, here), None
 
-    return jax.lax.scan(step, x, _intervals(steps, rescale_t))[0]
+    return jax.lax.scan(step, x, _intervals(time_steps(steps, rescale_t)))[0]
 
 
-def heun(velocity: Velocity, x: jax.Array, steps: int, rescale_t: float = 1.0) -> jax.Array:
-    """x at t = 0 by ``steps`` Heun steps: second order, two velocities a step."""
+def heun(
+    velocity: Velocity, x: jax.Array, steps: int, rescale_t: float = 1.0, end: float = 0.0
+) -> jax.Array:
+    """x at t = 0 by ``steps`` Heun steps: second order, two velocities a step. A step that ends below ``end`` is an Euler step (``solve``)."""
 
-    def step(x, times):
-        here, after = times
-        first = velocity(x, here)
-        second = velocity(x - (here - after) * first, after)
-        return x - (here - after) * (first + second) / 2, None
+    def evaluate(now, stage):  # a scan over velocities, not steps: the network is compiled once
+        x, slope = now
+        t, h, first, second = stage
+        v = velocity(jnp.where(second, x - h * slope, x), t)
+        moved = jnp.where(second, x - h * (slope + v) / 2, x - h * v)
+        return (jnp.where(first, x, moved), v), None
 
-    return jax.lax.scan(step, x, _intervals(steps, rescale_t))[0]
+    stages = _heun_stages(time_steps(steps, rescale_t), end)
+    return jax.lax.scan(evaluate, (x, jnp.zeros_like(x)), stages)[0][0]
 
 
-def _intervals(steps: int, rescale_t: float) -> tuple[jax.Array, jax.Array]:
-    t = jnp.asarray(time_steps(steps, rescale_t), jnp.float32)
+def solve(
+    velocity: Velocity,
+    x: jax.Array,
+    solver: Solver,
+    steps: int,
+    rescale_t: float = 1.0,
+    *,
+    tolerance: float | None = None,
+    valid: jax.Array | None = None,
+    end: float = 0.0,
+) -> Solution:
+    """x at t = 0 from x [B, ...] at t = 1.
+
+    Args:
+      steps, rescale_t: the steps (``time_steps``); where they adapt, only the first one's length.
+      tolerance: adaptive steps with an error of about this much, of values near 1; None = fixed steps.
+      valid: mask, broadcastable to x; what is outside does not count as error.
+      end: at times below it the velocity is not to be trusted, so the last stretch is one Euler step from there (or, with fixed steps, from
+        where the last step begins). For networks that predict x_0, whose velocity is a difference over t.
+
+    Raises:
+      ValueError: fewer than one step, or a tolerance outside ``config.TOLERANCES``.
+    """
+    times = time_steps(steps, rescale_t)
+    if tolerance is not None:
+        first = min(float(times[0] - times[1]), 1.0 - end)
+        return _adaptive(velocity, x, solver, first, tolerance, valid, end)
+    if solver == "heun":
+        evaluations = len(_heun_stages(times, end)[0])
+        x = heun(velocity, x, steps, rescale_t, end)
+    else:
+        evaluations, x = steps, euler(velocity, x, steps, rescale_t)
+    return Solution(x, jnp.full(x.shape[0], evaluations, jnp.int32))
+
+
+class _Progress(NamedTuple):
+    """Where each item stands: x at time t, the velocity there if ``known``, the step it tries next, the error of the last one, velocities so far."""
+
+    x: jax.Array
+    t: jax.Array
+    slope: jax.Array
+    known: jax.Array
+    step: jax.Array
+    error: jax.Array
+    evaluations: jax.Array
+
+
+def _adaptive(
+    velocity: Velocity,
+    x: jax.Array,
+    solver: Solver,
+    first: float,
+    tolerance: float,
+    valid: jax.Array | None,
+    end: float,
+) -> Solution:
+    """Each item in steps of its own. A round of the loop is one call of the velocity, for all items, each where it is: at the start of its step or
+    at its trial end; so the network is compiled once, no item waits for another's second stage, and one that is done stays as it is."""
+    least, most = TOLERANCES
+    if not least <= tolerance <= most:
+        raise ValueError(f"tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
+    items, order = x.shape[0], 2 if solver == "heun" else 1
+    inside = jnp.broadcast_to(True if valid is None else valid, x.shape)
+
+    def over(a: jax.Array) -> jax.Array:
+        return a.reshape(-1, *[1] * (x.ndim - 1))
+
+    def norm(error: jax.Array, before: jax.Array, after: jax.Array) -> jax.Array:
+        """[B] root mean square of the error in units of what is allowed: 1 is just right."""
+        allowed = tolerance * (1 + jnp.maximum(jnp.abs(before), jnp.abs(after)))
+        squares = jnp.where(inside, jnp.square(error / allowed), 0)
+        axes = tuple(range(1, x.ndim))
+        return jnp.sqrt(squares.sum(axes) / jnp.maximum(inside.sum(axes), 1))
+
+    def body(now: _Progress) -> _Progress:
+        running = now.t > 0
+        left = now.t - end
+        last = now.step >= left * 0.9  # no sliver is left for another step
+        h = jnp.where(last, left, now.step)
+        after = jnp.where(last, end, now.t - h)
+        trial = now.x - over(h) * now.slope
+        v = velocity(jnp.where(over(now.known), trial, now.x), jnp.where(now.known, after, now.t))
+
+        change = (v - now.slope) / 2
+        if solver == "heun":
+            reached, error = trial - over(h) * change, over(h) * change
+        else:
+            reached, error = trial, change
+        size = norm(error, now.x, reached)
+        finite, shortest = jnp.isfinite(size), h <= MIN_STEP
+        tried = running & now.known
+        accepted = tried & ((finite & (size <= 1)) | shortest)
+        scaled = jnp.maximum(size, 1e-6)
+        grown = SAFETY * scaled ** (-INTEGRAL / order) * now.error ** (PROPORTIONAL / order)
+        shrunk = SAFETY * scaled ** (-1 / order)
+        factor = jnp.where(
+            size <= 1, jnp.clip(grown, SHRINK, GROW), jnp.clip(shrunk, SHRINK, SAFETY)
+        )
+        step = jnp.maximum(h * jnp.where(finite, factor, SHRINK), MIN_STEP)
+
+        x = jnp.where(over(accepted), reached, now.x)
+        t = jnp.where(accepted, after, now.t)
+        t = jnp.where(tried & shortest & ~finite, 0.0, t)  # no shorter step will mend that
+        starts = running & ~now.known
+        fresh = starts | (accepted & (solver == "euler"))  # v was asked for at (x, t)
+        known = jnp.where(accepted, solver == "euler", now.known | starts)
+        slope = jnp.where(over(fresh), v, now.slope)
+        leap = known & (t <= end) & (t > 0)
+        x = jnp.where(over(leap), x - over(t) * slope, x)
+        return _Progress(
+            x,
+            jnp.where(leap, 0.0, t),
+            slope,
+            known,
+            jnp.where(tried, step, now.step),
+            jnp.where(accepted & finite, scaled, now.error),
+            now.evaluations + running,
+        )
+
+    start = _Progress(
+        x,
+        jnp.ones(items),
+        jnp.zeros_like(x),
+        jnp.zeros(items, bool),
+        jnp.full(items, first),
+        jnp.ones(items),
+        jnp.zeros(items, jnp.int32),
+    )
+    done = jax.lax.while_loop(lambda now: (now.t > 0).any(), body, start)
+    return Solution(done.x, done.evaluations)
+
+
+def _heun_stages(
+    times: np.ndarray, end: float
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """[n] time, step, whether it is the first or the second of a Heun step's two velocities; one that is neither makes an Euler step."""
+    stages = []
+    for here, after in itertools.pairwise(times):
+        h, whole = here - after, after >= end
+        stages.append((here, h, whole, False))
+        if whole:
+            stages.append((after, h, False, True))
+    t, h, first, second = zip(*stages, strict=True)
+    return jnp.array(t, jnp.float32), jnp.array(h, jnp.float32), jnp.array(first), jnp.array(second)
+
+
+def _intervals(times: np.ndarray) -> tuple[jax.Array, jax.Array]:
+    t = jnp.asarray(times, jnp.float32)
     return t[:-1], t[1:]

@@ -1,0 +1,185 @@
+"""Adaptive solvers and what fixed ones cost, on equations whose solution is known."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from uniart_jax.flow.guidance import guide
+from uniart_jax.flow.solvers import euler, heun, solve
+
+RATES = jnp.array([0.5, 2.0, 8.0])  # of dx/dt = rate x from t = 1 to 0: easy to stiff-ish
+SOLVERS = ("euler", "heun")
+
+
+def decay(x, t):
+    return RATES[: len(x), None] * x
+
+
+@functools.partial(jax.jit, static_argnames=("velocity", "solver", "tolerance", "steps", "end"))
+def adaptive(x, velocity, solver, tolerance, steps=4, end=0.0, valid=None):
+    return solve(velocity, x, solver, steps, 3.0, tolerance=tolerance, end=end, valid=valid)
+
+
+def ones():
+    return jnp.ones((3, 2))
+
+
+def counted(velocity, x, *args, **more):
+    """solve() step by step in Python, and the times at which the velocity was asked for."""
+    times = []
+
+    def watched(x, t):
+        times.append(np.array(t))
+        return velocity(x, t)
+
+    with jax.disable_jit():
+        return solve(watched, x, *args, **more), times
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_adaptive_errors_are_of_the_size_asked_for(solver):
+    errors = []
+    for tolerance in (0.1, 0.03, 0.01):
+        found = adaptive(ones(), decay, solver, tolerance)
+        error = np.abs(found.x - np.exp(-RATES)[:, None]).max(1)
+        assert (error < tolerance).all()
+        errors.append(error[:2])
+    assert (np.array(errors[-1]) < np.array(errors[0]) / 3).all()  # in proportion, nearly
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_easy_items_take_fewer_velocities(solver):
+    few, some, many = adaptive(ones(), decay, solver, 0.03).evaluations
+    assert 3 < few < some < many < 200
+
+
+def test_heun_is_the_cheaper_one_where_much_is_asked_and_dearer_where_little():
+    cost = {s: adaptive(ones(), decay, s, 0.01).evaluations for s in SOLVERS}
+    assert (cost["heun"][1:] < cost["euler"][1:]).all()
+    x0, noise = jnp.zeros((1, 4)), jnp.ones((1, 4))
+    straight = {s: adaptive(noise, lambda x, t: noise - x0, s, 0.01) for s in SOLVERS}
+    for found in straight.values():
+        np.testing.assert_allclose(found.x, 0, atol=1e-6)
+    # steps of .1, .5, .4: the next is at most five times as long
+    assert int(straight["euler"].evaluations[0]) == 4
+    assert int(straight["heun"].evaluations[0]) == 6
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("tolerance", [None, 0.1])
+def test_velocities_are_counted(solver, tolerance):
+    found, times = counted(
+        lambda x, t: 4 * x, jnp.ones((1, 2)), solver, 4, 3.0, tolerance=tolerance
+    )
+    assert found.evaluations.dtype == jnp.int32 and found.evaluations.shape == (1,)
+    assert int(found.evaluations[0]) == len(times)
+    if tolerance is None:
+        assert len(times) == {"euler": 4, "heun": 8}[solver]
+
+
+def test_a_batch_is_its_items():
+    """Neither result nor count of an item depends on what else is in the batch, bit for bit where the velocity's own do not."""
+    for solver in SOLVERS:
+        together = adaptive(ones(), decay, solver, 0.03)
+        others = adaptive(jnp.ones((3, 2)).at[2].set(1e3), decay, solver, 0.03)
+        np.testing.assert_array_equal(together.x[:2], others.x[:2])
+        np.testing.assert_array_equal(together.evaluations[:2], others.evaluations[:2])
+        alone = adaptive(jnp.ones((1, 2)), decay, solver, 0.03)
+        np.testing.assert_allclose(alone.x[0], together.x[0], rtol=1e-6)
+        assert alone.evaluations[0] == together.evaluations[0]
+
+
+def test_an_item_that_cannot_be_solved_ends_and_harms_nobody():
+    def broken(x, t):
+        return jnp.where(jnp.arange(3)[:, None] == 1, jnp.nan, decay(x, t))
+
+    for solver in SOLVERS:
+        found, good = (adaptive(ones(), v, solver, 0.1) for v in (broken, decay))
+        assert np.isnan(found.x[1]).all() and found.evaluations[1] < 20
+        for item in (0, 2):
+            np.testing.assert_array_equal(found.x[item], good.x[item])
+            assert found.evaluations[item] == good.evaluations[item]
+
+
+@pytest.mark.parametrize("garbage", [1e6, np.nan])
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_padding_neither_moves_a_valid_row_nor_counts_as_error(solver, garbage):
+    valid = jnp.array([[True, True, False]] * 2)[..., None]
+    x = jnp.ones((2, 3, 4))
+
+    def clean(x, t):
+        return 2 * x
+
+    def dirty(x, t):
+        wobble = jnp.sin(50 * t).reshape(-1, 1, 1) * garbage
+        return jnp.where(valid, 2 * x, wobble)
+
+    expected = adaptive(x[:, :2], clean, solver, 0.03)
+    found = adaptive(x, dirty, solver, 0.03, valid=valid)
+    start = adaptive(jnp.where(valid, x, garbage), dirty, solver, 0.03, valid=valid)
+    for case in (found, start):
+        np.testing.assert_allclose(case.x[:, :2], expected.x, rtol=1e-6)
+        np.testing.assert_array_equal(case.evaluations, expected.evaluations)
+    unmasked = adaptive(x, dirty, solver, 0.03)
+    assert (unmasked.evaluations != expected.evaluations).all()
+
+
+def test_the_same_again():
+    runs = [adaptive(ones(), decay, "heun", 0.03) for _ in range(2)]
+    np.testing.assert_array_equal(runs[0].x, runs[1].x)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("tolerance", [None, 0.1])
+def test_below_the_end_one_euler_step_and_no_velocity(solver, tolerance):
+    """As a network that predicts x_0 needs it: there its velocity is a small difference over a small t."""
+    x0 = jnp.full((1, 2), 0.25)
+
+    def of_data(x, t):
+        return (x - x0) / jnp.maximum(jnp.reshape(t, (-1, 1)), 0.05)
+
+    found, times = counted(of_data, jnp.ones((1, 2)), solver, 4, 3.0, tolerance=tolerance, end=0.05)
+    np.testing.assert_allclose(found.x, x0, atol=1e-5)
+    assert min(float(t.min()) for t in times) >= 0.05 - 1e-6
+    assert int(found.evaluations[0]) == len(times)
+    if tolerance is None:
+        assert len(times) == {"euler": 4, "heun": 7}[solver]
+
+
+def test_heun_of_one_step_with_an_end_is_euler():
+    x = ones()
+    np.testing.assert_array_equal(heun(decay, x, 1, end=0.05), euler(decay, x, 1))
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_rescaled_fixed_steps_keep_their_order(solver):
+    def error(steps):
+        x = solve(lambda x, t: x, jnp.ones((1, 1)), solver, steps, 3.0).x
+        return abs(float(x[0, 0]) - np.exp(-1.0))
+
+    least, most = {"euler": (1.7, 2.3), "heun": (3.2, 4.8)}[solver]
+    assert least < error(10) / error(20) < most
+
+
+def test_guidance_where_items_are_at_times_of_their_own():
+    def velocity(x, t, condition):
+        assert t.shape == (x.shape[0],)
+        return x * 0 + condition
+
+    condition, negative = jnp.arange(2.0)[:, None], jnp.full((2, 1), 10.0)
+    guided = guide(velocity, condition, negative, 2.0, (0.5, 1.0))
+    x, t = jnp.zeros((2, 3)), jnp.array([0.4, 0.6])
+    np.testing.assert_allclose(guided(x, t)[:, 0], [0, 1 + 2 * (1 - 10)])
+    np.testing.assert_allclose(guided(x, t[::-1])[:, 0], [0 + 2 * (0 - 10), 1])
+
+
+@pytest.mark.parametrize(
+    ("steps", "tolerance", "says"),
+    [(0, None, "at least 1"), (0, 0.1, "at least 1"), (4, 0.0, "0.0001..1"), (4, 2.0, "0.0001..1")],
+)
+def test_nonsense_is_refused(steps, tolerance, says):
+    with pytest.raises(ValueError, match=says):
+        solve(decay, ones(), "euler", steps, tolerance=tolerance)

@@ -1,0 +1,156 @@
+"""The two samplers at toy size, with weights that answer to everything: batches, padding, views, costs."""
+
+import dataclasses
+
+import jax
+import numpy as np
+import pytest
+
+from uniart_jax.config import (
+    FlowConfig,
+    GridConfig,
+    LatentSampleConfig,
+    ModelConfig,
+    StructureVAEConfig,
+    UniArtVAEConfig,
+)
+from uniart_jax.models.network import build
+from uniart_jax.samplers import (
+    Condition,
+    flow_inputs,
+    join_views,
+    make_latent_sampler,
+    make_structure_sampler,
+    pad_coords,
+)
+
+FLOW = FlowConfig(
+    model_channels=24,
+    num_blocks=1,
+    num_heads=2,
+    cond_channels=8,
+    patch_size=2,
+    volume_channels=3,
+    volume_resolution=4,
+    prediction="data",
+)
+MODEL = ModelConfig(
+    grid=GridConfig(resolution=8, subdivisions=2, max_parts=4),
+    structure_vae=StructureVAEConfig(channels=(4, 8), latent_channels=3),
+    uniart_vae=UniArtVAEConfig(latent_channels=4),
+    structure_flow=FLOW,
+    latent_flow=dataclasses.replace(FLOW, stem="patch", voxel_channels=8),
+)
+OPTIONS = LatentSampleConfig(steps=3, guidance=1.5, guidance_interval=(0.5, 1.0), tolerance=0.3)
+KEY = jax.random.key(0)
+PLAIN = (np.float32(0), np.float32(1))  # mean and deviation of the latents
+rng = np.random.default_rng(0)
+
+
+def weights(name):
+    """Random everywhere: layers that begin at zero would hide mistakes."""
+    shapes = build(name, MODEL).abstract()
+    return jax.tree.map(lambda a: 0.1 * rng.normal(size=a.shape).astype(np.float32), shapes)
+
+
+STRUCTURE, LATENT = weights("structure_flow"), weights("latent_flow")
+
+
+def seen(items):
+    return Condition(
+        rng.normal(size=(items, 5, 8)).astype("f4"),
+        rng.normal(size=(items, 4, 4, 4, 3)).astype("f4"),
+    )
+
+
+def with_solver(solver, adaptive):
+    return dataclasses.replace(OPTIONS, solver=solver, adaptive=adaptive)
+
+
+@pytest.mark.parametrize("solver", ["euler", "heun"])
+def test_costs(solver):
+    fixed = make_structure_sampler(MODEL, with_solver(solver, False))
+    adaptive = make_structure_sampler(MODEL, with_solver(solver, True))
+    condition = seen(2)
+    found = fixed(STRUCTURE, PLAIN, condition, KEY)
+    assert found.x.shape == (2, 4, 4, 4, 3) and np.isfinite(found.x).all()
+    # Heun's last step ends below the time from which a predicted x_0 gives a velocity
+    assert found.evaluations.tolist() == [{"euler": 3, "heun": 5}[solver]] * 2
+    found = adaptive(STRUCTURE, PLAIN, condition, KEY)
+    again = adaptive(STRUCTURE, PLAIN, condition, KEY)
+    assert (found.evaluations > 3).all() and np.isfinite(found.x).all()
+    np.testing.assert_array_equal(found.x, again.x)
+
+
+def test_tighter_tolerances_cost_more_and_agree_more():
+    """With many fixed steps of Heun as the truth."""
+    condition = seen(2)
+
+    def sampled(**changes):
+        options = dataclasses.replace(OPTIONS, solver="heun", guidance=0.0, **changes)
+        return make_structure_sampler(MODEL, options)(STRUCTURE, PLAIN, condition, KEY)
+
+    truth = np.asarray(sampled(steps=100).x)
+    loose, tight = (sampled(adaptive=True, tolerance=t) for t in (0.3, 0.03))
+    errors = [np.sqrt(np.mean((np.asarray(a.x) - truth) ** 2)) for a in (loose, tight)]
+    assert errors[1] < errors[0] and errors[1] < 0.05
+    assert (tight.evaluations > loose.evaluations).all()
+
+
+@pytest.mark.parametrize("solver", ["euler", "heun"])
+def test_an_items_adaptive_steps_know_nothing_of_its_neighbours(solver):
+    """Guided within an interval, that items enter at times of their own; the other item of the batch is exchanged."""
+    sampler = make_latent_sampler(MODEL, with_solver(solver, True))
+    coords = [np.argwhere(rng.random((8,) * 3) < s).astype(np.int32) for s in (0.2, 0.3, 0.4)]
+    condition = seen(3)
+
+    def sampled(items):
+        padded, counts = pad_coords([coords[i] for i in items], (256,))
+        part = Condition(*(a[np.array(items)] for a in condition))
+        voxels = flow_inputs(padded, counts, MODEL)
+        return sampler(LATENT, PLAIN, part, KEY, voxels), counts
+
+    (first, counts), (second, _) = sampled([0, 1]), sampled([0, 2])
+    n = int(counts[0])
+    assert first.evaluations[0] == second.evaluations[0]
+    np.testing.assert_allclose(first.x[0, :n], second.x[0, :n], atol=1e-4)
+    assert not np.asarray(first.x[0, n:]).any()  # padding
+    assert np.abs(np.asarray(first.x[1] - second.x[1])).max() > 0.01
+
+
+def test_padding_does_not_count_as_error():
+    """The same voxels among more padding, with noise that is the same on them: the same steps."""
+    coords = [np.argwhere(rng.random((8,) * 3) < 0.2).astype(np.int32)]
+    condition, found = seen(1), []
+    sampler = make_latent_sampler(MODEL, with_solver("heun", True))
+    draw = jax.random.normal
+    noise = np.asarray(draw(KEY, (1, 512, 4)))
+    for width in (128, 512):
+        padded, counts = pad_coords(coords, (width,))
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(jax.random, "normal", lambda key, shape: noise[:, : shape[1]])
+            found.append(sampler(LATENT, PLAIN, condition, KEY, flow_inputs(padded, counts, MODEL)))
+    n = len(coords[0])
+    assert found[0].evaluations.tolist() == found[1].evaluations.tolist()
+    np.testing.assert_allclose(found[0].x[0, :n], found[1].x[0, :n], atol=1e-4)
+
+
+@pytest.mark.parametrize("views", [2, 3])
+def test_several_views_are_one_condition(views):
+    """Tokens side by side, volumes averaged; their order does not matter, and none is left out."""
+    condition = seen(views)
+    joined = join_views(condition)
+    assert joined.tokens.shape == (1, 5 * views, 8) and joined.volume.shape == (1, 4, 4, 4, 3)
+    np.testing.assert_allclose(joined.volume[0], condition.volume.mean(0), atol=1e-6)
+    sampler = make_structure_sampler(MODEL, OPTIONS)
+
+    def sampled(order):
+        some = Condition(condition.tokens[order], condition.volume[order])
+        return np.asarray(sampler(STRUCTURE, PLAIN, join_views(some), KEY).x)
+
+    everything = list(range(views))
+    a = sampled(everything)
+    np.testing.assert_allclose(a, sampled(everything[::-1]), atol=1e-4)
+    for left_out in everything:
+        others = [v for v in everything if v != left_out]
+        assert np.abs(a - sampled(others)).max() > 0.01
