@@ -17,6 +17,7 @@ FLOORS = [
     {"weights", "export", "samplers"},
     {"training", "pipeline", "validation", "encoding", "features", "stages", "conversion"},
     {"simulation", "evaluation", "viewer"},
+    {"experiments"},
     {"cli"},
 ]
 FLOOR = {name: level for level, names in enumerate(FLOORS) for name in names}

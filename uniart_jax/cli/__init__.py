@@ -13,6 +13,7 @@ from uniart_jax.cli.arguments import guarded
 from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
 from uniart_jax.cli.data import features, inspect, prepare, stats
 from uniart_jax.cli.evaluation import evaluate
+from uniart_jax.cli.experiment import experiment
 from uniart_jax.cli.sample import sample
 from uniart_jax.cli.train import load_config, train
 
@@ -27,6 +28,7 @@ COMMANDS = {
     "view": view,
     "reconstruct": reconstruct,
     "evaluate": evaluate,
+    "experiment": experiment,
     "inspect": inspect,
     "stats": stats,
     "convert": convert,

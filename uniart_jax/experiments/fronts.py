@@ -1,0 +1,66 @@
+"""A checkpoint to begin with whose UniArt VAE has another aggregation: its front is drawn anew, everything else is kept.
+
+As ``weights.compose`` does with TRELLIS's: of the encoder's input layer the rows of the visual features, which stand first, are kept and the others
+begin at zero, so that the first latents are those of the visual features alone. The linear path past it, where there is one, likewise;
+without visual features these layers are drawn anew too.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from uniart_jax.config import NETWORKS, Config
+from uniart_jax.models.network import build
+from uniart_jax.training.export import (
+    STATISTICS,
+    copy_export,
+    export_network,
+    flat_names,
+    has_export,
+    load_network,
+    read_config,
+    write_config,
+)
+
+FRONT = "front."
+INPUTS = ("encoder.input_layer.kernel", "encoder.path.kernel")
+
+
+def fitted(source: Path, config: Config, folder: Path) -> Path:
+    """``source``, or, where its aggregation is another than the config's, a checkpoint in ``folder`` with a front of the config's.
+
+    Raises:
+      FileNotFoundError, ValueError: ``source`` is no checkpoint with a UniArt VAE, or differs from the config in more than the aggregation.
+    """
+    model = read_config(source).model
+    wanted = config.model.uniart_vae.aggregation
+    if model.uniart_vae.aggregation == wanted or not has_export(source, "uniart_vae.safetensors"):
+        return source
+    found = read_config(source)
+    other = dataclasses.replace(model.uniart_vae, aggregation=wanted)
+    found = dataclasses.replace(found, model=dataclasses.replace(model, uniart_vae=other))
+    old = flat_names(load_network(source, "uniart_vae", build("uniart_vae", model).abstract()))
+    drawn = build("uniart_vae", found.model).init(jax.random.key(config.seed))
+    leaves, visual = [], other.visual_channels
+    for name, leaf in flat_names(drawn).items():
+        if name.startswith(FRONT) or (name in INPUTS and not visual):
+            leaves.append(np.asarray(leaf))
+        elif name in INPUTS:
+            rows = np.zeros(leaf.shape, np.float32)
+            rows[:visual] = old[name][:visual]
+            leaves.append(rows)
+        else:
+            leaves.append(old[name])
+    params = jax.tree.unflatten(jax.tree.structure(drawn), leaves)
+    export_network(folder, "uniart_vae", params, "stored")
+    for name in NETWORKS:
+        if name != "uniart_vae" and has_export(source, f"{name}.safetensors"):
+            copy_export(source, folder, f"{name}.safetensors")
+    if has_export(source, STATISTICS):
+        copy_export(source, folder, STATISTICS)
+    write_config(folder, found)
+    return folder
