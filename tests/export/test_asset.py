@@ -172,7 +172,8 @@ def test_an_open_cabinet_can_be_simulated(cabinet, asset):
 
 def test_report(cabinet, asset):
     report = json.loads((asset / "report.json").read_text())
-    assert set(report) == {"parts", "rest", "notes", "scale", "seed", "checkpoint", "version"}
+    assert set(report) == {"category", "parts", "rest", "notes", "scale", "seed", "checkpoint", "version"}  # fmt: skip
+    assert report["category"] == cabinet.category
     assert report["seed"] == 7 and report["checkpoint"] == "x"
     assert report["version"] == uniart_jax.__version__
     assert report["scale"] == cabinet.scale
