@@ -23,6 +23,8 @@ from uniart_jax.pipeline import PRETRAINED
 from uniart_jax.procedural import HELD_OUT_SEED, generate
 from uniart_jax.training.export import export_network, flat_names, load_network, write_config
 
+TRAINS = pytest.mark.slow  # two arms: half a minute
+
 ROOT = Path(__file__).parent.parent
 FILES = sorted((ROOT / "configs/experiments").glob("*.py"))
 COLUMNS = ("as_chamfer", "parts_right")
@@ -111,7 +113,7 @@ def done(tmp_path_factory):
     return experiment, folder / "out"
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_the_queue_leaves_a_table_of_all_arms(done):
     experiment, out = done
     content = json.loads((out / "metrics.json").read_text())
@@ -125,7 +127,7 @@ def test_the_queue_leaves_a_table_of_all_arms(done):
     assert text.count("| concat |") == 2 and "AS CD ↓" in text
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_a_queue_goes_on_where_it_was_stopped(done, monkeypatch):
     """What is trained is not trained again, what is judged is not judged again, and what is missing comes out the same."""
     experiment, out = done
@@ -141,7 +143,7 @@ def test_a_queue_goes_on_where_it_was_stopped(done, monkeypatch):
     assert {p: p.read_text() for p in out.glob("*/seed-*/figures/*.json")} == before
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_an_arm_of_other_settings_is_refused_before_any_work(done):
     experiment, out = done
     arm = experiment.arms["concat"]
@@ -153,14 +155,14 @@ def test_an_arm_of_other_settings_is_refused_before_any_work(done):
         run.run_experiment(experiment, out, arms=["sum"])
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_two_processes_never_work_in_one_folder(done):
     experiment, out = done
     with run.alone(out), pytest.raises(ValueError, match="another process works on it"):
         run.run_experiment(experiment, out)
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_seeds_reach_the_weights_and_the_order_of_data(done, monkeypatch, tmp_path):
     experiment, _ = done
     seen = []
@@ -170,7 +172,7 @@ def test_seeds_reach_the_weights_and_the_order_of_data(done, monkeypatch, tmp_pa
     assert seen == [(0, 0), (1, 1)]
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_records_without_a_joint_type(done, tmp_path):
     experiment, _ = done
     source = Path(experiment.records[0].folder)
@@ -182,7 +184,7 @@ def test_records_without_a_joint_type(done, tmp_path):
         run.leave_out(source, tmp_path / "none", "helical")
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_another_front_keeps_everything_behind_it(done, tmp_path):
     """A VAE with visual features, as TRELLIS's weights make it: the trunk's input keeps their rows and the rest begins at zero."""
     experiment, _ = done
@@ -207,7 +209,7 @@ def test_another_front_keeps_everything_behind_it(done, tmp_path):
     assert behind and all(np.array_equal(before[name], after[name]) for name in behind)
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_views_begin_with_the_objects_own(done):
     experiment, _ = done
     arm, model = experiment.arms["uniart"], experiment.arms["uniart"].config.model
@@ -228,7 +230,7 @@ def test_test_objects_can_be_asked_for_a_joint_type():
         judge.test_names(Objects(joint_type="planar"), 1)
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_records_are_test_objects_too(done):
     experiment, _ = done
     source = experiment.records[0].folder
@@ -265,7 +267,7 @@ def test_what_cannot_be_compared_is_left_out_of_means():
     assert np.isnan(difference(np.full((1, 2), np.nan), np.zeros((1, 2)))["mean"])
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_a_half_judged_seed_is_not_in_the_table(done, tmp_path):
     experiment, _ = done
     names = judge.test_names(Objects(), 2)
@@ -296,7 +298,7 @@ def test_mistakes_are_one_line(monkeypatch, capsys, arguments, said):
     assert done.value.code == 2 and said in error and error.count("\n") == 1
 
 
-@pytest.mark.slow  # trains two arms: half a minute
+@TRAINS
 def test_prepared_records_are_not_made_again(done, monkeypatch):
     experiment, _ = done
     monkeypatch.setattr(run, "prepare_procedural", lambda *_, **__: pytest.fail("made again"))

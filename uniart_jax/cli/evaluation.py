@@ -44,7 +44,7 @@ def evaluate(
     representation alone, or assets in simulators (physics).
 
     Args:
-        what: A folder of predictions, or one of the four words; a folder of such a name is given as ./physics.
+        what: A folder of predictions, or one of the four words baselines, procedural, representation, physics; a folder of such a name is given as ./physics.
         root: The references. representation, physics: a folder of assets instead of procedural objects (representation: at 32 and 64 voxels a side).
         samples: PRED REF: how several samples of an object count (default: mean; best: by pose error).
         only: PRED REF: these figures of surface, articulation, pose_error, singapo, appearance, openshape, physics.
