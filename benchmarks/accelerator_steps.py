@@ -45,6 +45,7 @@ from uniart_jax.config import (
 )
 from uniart_jax.models.network import build
 from uniart_jax.training import objectives
+from uniart_jax.training.flops import matmul_flops
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 
@@ -82,31 +83,16 @@ def loss_of(name: str, model: ModelConfig):
     return network, getattr(objectives, f"make_{name}_loss")(network, config)
 
 
-def products(jaxpr: Any) -> float:
-    """FLOP of the matrix products of a jaxpr, those in its loops as often as they run."""
-    total = 0.0
-    for equation in jaxpr.eqns:
-        times = equation.params["length"] if equation.primitive.name == "scan" else 1
-        if equation.primitive.name == "dot_general":
-            (contracted, _), _ = equation.params["dimension_numbers"]
-            left = equation.invars[0].aval.shape
-            total += 2.0 * math.prod(equation.outvars[0].aval.shape) * math.prod(left[i] for i in contracted)  # fmt: skip
-        for value in equation.params.values():
-            for inner in value if isinstance(value, (tuple, list)) else (value,):
-                inner = getattr(inner, "jaxpr", inner)
-                if hasattr(inner, "eqns"):
-                    total += times * products(inner)
-    return total
-
-
 def forward_products(job: dict[str, Any], batch: Any) -> float:
     """FLOP of the forward pass's matrix products, attention in plain XLA so that it is seen."""
     model = model_of(job["tiny"], kernel="xla")
     if job["network"] == "image_encoder":
         network = build("image_encoder", model)
-        return products(jax.make_jaxpr(network.apply)(network.abstract(), batch["image"]).jaxpr)
+        return matmul_flops(
+            jax.make_jaxpr(network.apply)(network.abstract(), batch["image"])
+        ).total()
     network, loss = loss_of(job["network"], model)
-    return products(jax.make_jaxpr(loss)(network.abstract(), batch, jax.random.key(0)).jaxpr)
+    return matmul_flops(jax.make_jaxpr(loss)(network.abstract(), batch, jax.random.key(0))).total()
 
 
 def step(job: dict[str, Any]) -> dict[str, Any]:

@@ -118,6 +118,21 @@ def pantry(folder: Path, *, locked: bool = False) -> Path:
     )  # fmt: skip
 
 
+def corner(folder: Path) -> Path:
+    """Two blocks that slide into the same corner from two sides, where there is room for one, and a third that slides elsewhere."""
+    cube = [([0, 0, 0], [0.2, 0.2, 0.2])]
+    return write(
+        folder,
+        robot(
+            link("body", [([0, 0, -0.15], [1, 1, 0.05])]),
+            *(link(name, cube) for name in ("first", "second", "third")),
+            joint("first_slide", "prismatic", "body", "first", [-0.3, 0.3, 0], [1, 0, 0], (0, 0.6), friction=0.5),
+            joint("second_slide", "prismatic", "body", "second", [0.3, -0.3, 0], [0, 1, 0], (0, 0.6), friction=0.5),
+            joint("third_slide", "prismatic", "body", "third", [-0.3, -0.3, 0], [0, 1, 0], (0, 0.2), friction=0.5),
+        ),
+    )  # fmt: skip
+
+
 def chest(folder: Path, *, friction: float = 8.0) -> Path:
     """A box with a lid that flips about a horizontal hinge, and a dial on the lid that rotates without end."""
     body = [(c, s) for c, s in shell([-0.3, -0.4, 0], [0.3, 0.4, 0.3], 0.02)[:4]]

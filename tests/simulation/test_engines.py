@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 
 import numpy as np
 import pytest
-from planted_assets import cabinet, chest, jar, joint, link, robot, slider, solid, write
+from planted_assets import cabinet, chest, corner, jar, joint, link, robot, slider, solid, write
 
 from uniart_jax.export.physics import GRAVITY
 from uniart_jax.simulation.planning import plan_asset
 from uniart_jax.simulation.primitives import FORCE, compound, drive
 from uniart_jax.simulation.reading import Description, descriptions
 from uniart_jax.simulation.stand import leave_alone
-from uniart_jax.simulation.sweep import sweep
+from uniart_jax.simulation.sweep import opens_beside, sweep
 from uniart_jax.simulation.validate import is_sound, validate
 from uniart_jax.simulation.worker import load
 
@@ -211,6 +212,27 @@ def test_a_hand_holds_the_handle_else_what_is_far_from_the_axis(tmp_path):
 
 def test_flip_and_rotate_takes_a_chain_where_there_is_one(tmp_path):
     none = {"flip": (), "rotate": (), "door_hinge": (), "drawer_slide": ()}
-    assert [j.name for j in compound(plan_of(chest(tmp_path / "a")).joints, none) or ()] == ["flip", "rotate"]  # fmt: skip
-    assert [j.name for j in compound(plan_of(cabinet(tmp_path / "b")).joints, none) or ()] == ["door_hinge", "drawer_slide"]  # fmt: skip
-    assert compound(plan_of(jar(tmp_path / "c")).joints, {"turn": ()}) is None
+
+    def chosen(joints, together):
+        return [j.name for j in compound(joints, none, together) or ()]
+
+    chain, apart = plan_of(chest(tmp_path / "a")).joints, plan_of(cabinet(tmp_path / "b")).joints
+    assert chosen(chain, lambda a, b: True) == ["flip", "rotate"]
+    assert chosen(apart, lambda a, b: True) == ["door_hinge", "drawer_slide"]
+    assert chosen(apart, lambda a, b: a.name == "drawer_slide") == ["drawer_slide", "door_hinge"]
+    assert chosen(apart, lambda a, b: False) == ["door_hinge", "drawer_slide"]
+    assert compound(plan_of(jar(tmp_path / "c")).joints, {"turn": ()}, lambda a, b: True) is None
+
+
+@both
+def test_flip_and_rotate_leaves_out_joints_that_bar_each_other(name, tmp_path):
+    engine = loaded(name, corner(tmp_path))
+    first, second, third = engine.plan.joints
+    at_rest = engine.depths({})
+    beside = functools.partial(opens_beside, engine, at_rest=at_rest)
+    assert not beside(first, second) and not beside(second, first)
+    assert beside(first, third) and beside(third, second)
+    none = {joint.name: () for joint in engine.plan.joints}
+    assert compound(engine.plan.joints, none, beside) == (first, third)
+    assert drive(engine, (first, third), at_rest).passed
+    assert not drive(engine, (first, second), at_rest).passed

@@ -23,7 +23,7 @@ MOST_LOST = 0.5  # of a part's cells, in all
 PASSED = 0.3  # of the moving part's cells that meet another: more, and the other may be a door that should be open
 FREED = 0.05  # of that, or of the part's cells: less is no meeting
 CROWDED = 0.1  # of a part's cells that meet another one which is open: more, and the two are not meant to be open together
-STATES = (25, 65)  # of a joint's range that are tried, least and most
+STATES = (25, 193)  # of a joint's range that are tried, least and most
 # Of a cell: how far from its centre, along each axis, the points of it lie that are looked at. Parent and child do not push each other in
 # a simulator and may share a third of a cell; others must not touch.
 INSETS = (0.49, 0.35)
@@ -176,9 +176,12 @@ def _barred(
         state[door] = obj.open()[door]
         after = _meetings(obj, bare, k, below[k], [b], state).get((a, b))
         way = _meetings(obj, bare, door, below[door], [a], others).values()
-        if (after is None or after.moving.sum() < FREED * count) and not any(
-            m.still.sum() > FREED * cells.full[a].sum() for m in way
-        ):
+        free = not any(
+            share.sum() > FREED * cells.full[part].sum()
+            for m in way
+            for part, share in ((a, m.still), (b, m.moving))
+        )
+        if free and (after is None or after.moving.sum() < FREED * count):
             found.add((a, b))
     return found
 

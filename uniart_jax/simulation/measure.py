@@ -6,6 +6,7 @@ stand apart, under "joints" and "motions".
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from uniart_jax.simulation.engine import Engine, Pair, PlannedJoint
 from uniart_jax.simulation.primitives import REACH, Motion, compound, drive
 from uniart_jax.simulation.stand import BEYOND, GROWTH, MOVED, leave_alone, speed_limit
-from uniart_jax.simulation.sweep import DEPTH, JointSweep, sweep
+from uniart_jax.simulation.sweep import DEPTH, JointSweep, opens_beside, sweep
 
 OVERLAP = 0.02  # of the object's size, that parts may dig into each other at rest
 DIGITS = 5  # of what is told
@@ -61,7 +62,11 @@ def measure(engine: Engine) -> dict:
         for name, members in groups.items():
             if members:
                 checks[name] = _driven([motions[m] for m in members])
-        pair = compound(plan.joints, {s.joint: s.after for s in sweeps})
+        pair = compound(
+            plan.joints,
+            {s.joint: s.after for s in sweeps},
+            functools.partial(opens_beside, engine, at_rest=at_rest),
+        )
         every = list(motions.values())
         if pair:
             both = drive(engine, pair, at_rest)

@@ -8,7 +8,7 @@ hinge opening, slider pulling, and flip-and-rotate, where a second hand moves a 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -157,15 +157,20 @@ def _ramp(time: float) -> tuple[float, float]:
 
 
 def compound(
-    joints: Sequence[PlannedJoint], after: Mapping[str, Sequence[str]]
+    joints: Sequence[PlannedJoint],
+    after: Mapping[str, Sequence[str]],
+    together: Callable[[PlannedJoint, PlannedJoint], bool],
 ) -> tuple[PlannedJoint, PlannedJoint] | None:
     """The two joints of flip-and-rotate: one that carries the other if there is such a chain, else the first two, hinges first; None if there are not two.
 
     Args:
       after: joint -> those that must be open before it.
+      together: whether the second has its way with the first open. Two doors may share a room that only one can open into: the first pair
+        that can be open together is taken, or the first of all where none can.
     """
     turning_first = sorted(joints, key=lambda j: j.kind == "prismatic")
     pairs = [(a, b) for a in turning_first for b in turning_first if a is not b]
     able = [(a, b) for a, b in pairs if not after[a.name] and set(after[b.name]) <= {a.name}]
     chains = [(a, b) for a, b in able if b.part in a.moved]
-    return next(iter([*chains, *able]), None)
+    ordered = list(dict.fromkeys([*chains, *able]))
+    return next((pair for pair in ordered if together(*pair)), next(iter(ordered), None))

@@ -85,6 +85,15 @@ def _way(
     return JointSweep(joint.name, values, depth, [pair for _, pair in found], free, after)
 
 
+def opens_beside(
+    engine: Engine, first: PlannedJoint, second: PlannedJoint, at_rest: Mapping[Pair, float]
+) -> bool:
+    """Whether ``second`` can go all its way from rest to its goal while ``first`` is open."""
+    way = np.linspace(second.rest, second.goal, STEPS + 1)
+    states = ({first.name: first.goal, second.name: float(v)} for v in way)
+    return all(deepest(engine, q, at_rest)[0] <= DEPTH for q in states)
+
+
 def _barring(engine: Engine, joint: PlannedJoint, way: JointSweep) -> str | None:
     """The joint that moves one of the two links that run into each other, but not with ``joint``; None if there is none left."""
     pair = way.pairs[way.worst] or ()

@@ -10,10 +10,10 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint, topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.debris import without_debris
 from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import FACE_BUDGET, dense_field, part_mesh, simplify, srgb_bytes
 from uniart_jax.voxels.joint_code import LARGEST, box_corners, canonical, decode_part, decode_tree
+from uniart_jax.voxels.loose_parts import with_parts_joined, without_debris
 from uniart_jax.voxels.segment import Segmentation, outside, segment
 
 EXPLAINED = (
@@ -66,7 +66,7 @@ def assemble(
         scale=scale,
         name=name,
     )
-    return without_debris(obj) if tolerance else obj
+    return with_parts_joined(without_debris(obj)) if tolerance else obj
 
 
 def _finite(grid: VoxelGrid) -> VoxelGrid:

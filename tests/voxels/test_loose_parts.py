@@ -1,0 +1,86 @@
+"""Specks in the air are left out; what is near is moved until it touches; parts that touch, carry something or are large stay."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.simulation.soundness import gaps
+from uniart_jax.voxels.loose_parts import with_parts_joined, without_debris
+
+
+def cube(side: float, at: tuple[float, float, float]) -> trimesh.Trimesh:
+    mesh = trimesh.creation.box([side] * 3)
+    while len(mesh.vertices) < 3000:
+        mesh = mesh.subdivide()
+    return mesh.apply_translation(at)
+
+
+def make(*parts: tuple[str, trimesh.Trimesh, int]) -> ArticulatedObject:
+    return ArticulatedObject(tuple(Part(*part) for part in parts))
+
+
+BASE = ("base", cube(0.6, (0, 0, 0)), -1)
+
+
+def test_a_speck_in_the_air_is_left_out_and_the_others_are_counted_anew():
+    obj = make(BASE, ("link_1", cube(0.05, (-0.45, 0, 0)), 0), ("link_2", cube(0.05, (0.325, 0, 0)), 0))  # fmt: skip
+    left = without_debris(obj)
+    assert [p.name for p in left.parts] == ["base", "link_1"]
+    assert left.parts[1].mesh is obj.parts[2].mesh and left.parts[1].parent == 0
+
+
+def test_a_speck_that_carries_only_specks_goes_with_them():
+    obj = make(BASE, ("link_1", cube(0.05, (-0.45, 0, 0)), 0), ("link_2", cube(0.05, (-0.45, 0.2, 0)), 1))  # fmt: skip
+    assert len(without_debris(obj).parts) == 1
+
+
+def test_what_touches_or_carries_or_is_large_stays():
+    for part in (
+        ("link_1", cube(0.05, (-0.325, 0, 0)), 0),  # touches
+        ("link_1", cube(0.3, (-0.8, 0, 0)), 0),  # large
+    ):
+        obj = make(BASE, part)
+        assert without_debris(obj) is obj
+    carrier = make(BASE, ("link_1", cube(0.05, (-0.45, 0, 0)), 0), ("link_2", cube(0.5, (1, 0, 0)), 1))  # fmt: skip
+    assert without_debris(carrier) is carrier
+    alone = make(BASE)
+    assert without_debris(alone) is alone
+
+
+def turned(part: str, at: tuple[float, float, float], parent: int, **joint) -> tuple:
+    return part, cube(0.2, at), parent, Joint((at[0] - 0.1, at[1] - 0.1, at[2]), (0, 0, 1), **joint)
+
+
+def test_a_part_that_hangs_near_the_others_is_moved_until_it_touches_with_its_joint_and_what_it_carries():
+    door = turned("link_1", (-0.45, 0, 0), 0, angle=(0, 1.5))
+    knob = ("link_2", cube(0.05, (-0.575, 0, 0)), 1)
+    obj = make(BASE, door, knob)
+    joined = with_parts_joined(obj)
+    way = joined.parts[1].mesh.bounds[0] - obj.parts[1].mesh.bounds[0]
+    np.testing.assert_allclose(way, [0.05, 0, 0], atol=0.006)
+    assert joined.parts[1].mesh.bounds[1, 0] < -0.3  # not into the base
+    np.testing.assert_allclose(joined.parts[1].joint.origin - obj.parts[1].joint.origin, way)
+    np.testing.assert_allclose(joined.parts[2].mesh.bounds - obj.parts[2].mesh.bounds, [way, way])
+    assert joined.parts[0] is obj.parts[0] and "'link_1' hung in the air" in joined.provenance[-1]
+    assert gaps(obj)["value"] > 0.02 and gaps(joined)["passed"]
+
+
+def test_the_way_is_that_at_rest_though_doors_are_shown_open():
+    """A box that slides out of a door, the door shown open: what it lacks at rest lies along another axis of the object as shown."""
+    door = turned("link_1", (-0.4, 0, 0), 0, angle=(0, np.pi / 2))
+    box = "link_2", cube(0.1, (-0.605, 0, 0)), 1, Joint((0, 0, 0), (0, 0, 1), travel=(0, 0.4))
+    shown = make(BASE, door, box).shown_at(np.array([0, np.pi / 4, 0.3]))
+    assert not gaps(shown)["passed"]
+    joined = with_parts_joined(shown)
+    way = joined.parts[2].mesh.bounds[0] - shown.parts[2].mesh.bounds[0]
+    np.testing.assert_allclose(way, [0.035, 0.035, 0], atol=0.006)
+    assert gaps(joined)["passed"]
+
+
+def test_what_touches_or_is_far_is_not_moved():
+    for at in ((-0.4, 0, 0), (-0.41, 0, 0), (-0.9, 0, 0)):
+        obj = make(BASE, turned("link_1", at, 0, angle=(0, 1.5)))
+        assert with_parts_joined(obj) is obj

@@ -1,0 +1,89 @@
+"""Parts that a network's output leaves hanging in the air: specks are left out, what is near the others is moved until it touches them."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from uniart_jax.objects.kinematics import subtrees
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+DISTANCE = 0.02  # of the longest side: a part of next to no volume that is farther from all others is a speck
+NEAR = (
+    0.015,
+    0.1,
+)  # of the longest side: a part that is this far from all others is moved until it touches
+TOUCHING = 0.005  # of the longest side, that lie between two parts once they were moved together
+VOLUME = 0.01  # of the object's
+
+
+def without_debris(obj: ArticulatedObject) -> ArticulatedObject:
+    """The object without parts that carry nothing, hang in the air as shown, and hold less than a hundredth of its volume.
+
+    Args:
+      obj: parts are closed, and their vertices lie dense: a cell of the lattice they were found on apart.
+    """
+    size = float(np.ptp(obj.bounds, axis=0).max())
+    volume = np.array([abs(part.mesh.volume) for part in obj.parts])
+    kept = list(range(len(obj.parts)))
+    for k in reversed(range(1, len(obj.parts))):  # children stand behind their parents
+        carries = any(obj.parts[i].parent == k for i in kept)
+        if carries or volume[k] > VOLUME * volume.sum():
+            continue
+        others = np.concatenate([obj.parts[i].mesh.vertices for i in kept if i != k])
+        if cKDTree(others).query(obj.parts[k].mesh.vertices)[0].min() > DISTANCE * size:
+            kept.remove(k)
+    if len(kept) == len(obj.parts):
+        return obj
+    position = {old: new for new, old in enumerate(kept)} | {-1: -1}
+    parts = []
+    for k in kept:
+        part = obj.parts[k]
+        name = f"link_{position[k]}" if part.parent >= 0 else part.name
+        parts.append(dataclasses.replace(part, name=name, parent=position[part.parent]))
+    return dataclasses.replace(obj, parts=tuple(parts))
+
+
+def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:
+    """The object with parts that hang in the air at rest, less than .1 of it away, moved until they touch.
+
+    A part goes with all that hangs on it, its joint too, along the shortest way. ``provenance`` tells each.
+
+    Args:
+      obj: vertices lie dense, as for ``without_debris``.
+    """
+    size = float(np.ptp(obj.bounds, axis=0).max())
+    for k in range(1, len(obj.parts)):
+        poses = obj.forward_kinematics(obj.rest())
+        vertices = [
+            part.mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
+            for part, pose in zip(obj.parts, poses, strict=True)
+        ]
+        below = subtrees(obj.parents)[k]
+        others = np.concatenate([v for i, v in enumerate(vertices) if i not in below])
+        mine = np.concatenate([vertices[i] for i in sorted(below)])
+        distances, nearest = cKDTree(others).query(mine, distance_upper_bound=NEAR[1] * size)
+        first = int(distances.argmin())
+        gap = float(distances[first])
+        if not NEAR[0] * size < gap < np.inf:
+            continue
+        way = (others[nearest[first]] - mine[first]) * (1 - TOUCHING * size / gap)
+        way = poses[obj.parts[k].parent][:3, :3].T @ way  # as it is when the object is as shown
+        line = f"'{obj.parts[k].name}' hung in the air, {gap / size:.3f} of the object's size from all else: moved until it touches"
+        obj = dataclasses.replace(
+            obj,
+            parts=tuple(_moved(p, way) if i in below else p for i, p in enumerate(obj.parts)),
+            provenance=(*obj.provenance, line),
+        )
+    return obj
+
+
+def _moved(part: Part, way: np.ndarray) -> Part:
+    mesh = part.mesh.copy()
+    mesh.apply_translation(way)
+    joint = part.joint
+    if joint.type != "fixed":
+        joint = dataclasses.replace(joint, origin=joint.origin + way)
+    return dataclasses.replace(part, mesh=mesh, joint=joint)
