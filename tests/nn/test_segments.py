@@ -209,12 +209,19 @@ def test_neighbors_are_mutual(seed):
     assert (near[np.arange(40) >= counts[:, None]] == 80).all()
 
 
-def test_flow_plan_can_be_fitted_to_the_batch():
+@pytest.mark.parametrize("block, cells", [(4, 16), (8, 16), (12, 32), (16, 64)])
+def test_flow_plan_is_fitted_to_the_batch_by_few_sizes(block, cells):
+    """All voxels of a block of a grid with 64 cells: the smallest share of them that suffices."""
     from uniart_jax.config import FlowConfig
 
-    coords, counts = voxels(5, 2, 60, 8)
-    config, grid = FlowConfig(stem="patch", patch_size=4), GridConfig(resolution=8)
-    full = flow_plan(coords, counts, config, grid).pools[0]
-    fitted = flow_plan(coords, counts, config, grid, round_to=3).pools[0]
-    assert full.coords.shape[1] == 8
-    assert fitted.coords.shape[1] in (3, 6, 8) and fitted.counts.tolist() == full.counts.tolist()
+    coords = np.argwhere(np.ones((block,) * 3, bool)).astype(np.int32)
+    width = 16**3
+    padded = np.zeros((1, width, 3), np.int32)
+    padded[0, : len(coords)] = coords
+    counts, config = np.array([len(coords)]), FlowConfig(stem="patch", patch_size=4)
+    plan = flow_plan(padded, counts, config, GridConfig(resolution=16)).pools[0]
+    exact = flow_plan(padded, counts, config, GridConfig(resolution=16), round_to=3).pools[0]
+    active = (block // 4) ** 3
+    assert plan.coords.shape[1] == cells and plan.counts.tolist() == [active]
+    assert exact.coords.shape[1] == min(-(-active // 3) * 3, 64)
+    np.testing.assert_array_equal(plan.coords[0, :active], exact.coords[0, :active])

@@ -104,13 +104,16 @@ def test_every_program_has_its_own_rate(monkeypatch):
     meter = dashboard.Meter("toy", StageConfig(batch_size=6))
     of = lambda number: Program(number, print, {}, Counter(float32=10**9), 0.0, 0)  # noqa: E731
     for step, number in enumerate([1, 1, 2, 1, 2]):
-        meter.add(step, {"loss": jnp.float32(1), "finite": True}, of(number))
+        padded = {"padding": jnp.float32(0.1 * step)} if number == 2 else {}
+        meter.add(step, {"loss": jnp.float32(1), "finite": True, **padded}, of(number))
         clock[0] += {1: 1.0, 2: 3.0}[number]
     meter.pause()
     row = meter.row(5, programs=2)
     assert (row["program_1_steps"], row["program_2_steps"]) == (2, 2)  # without the first
     assert row["program_1_samples_per_second"] == pytest.approx(6)
     assert row["program_2_samples_per_second"] == pytest.approx(2)
+    assert row["program_2_padding"] == pytest.approx((0.3 + 0.5) / 2)
+    assert "program_1_padding" not in row
     assert row["steps_per_second"] == pytest.approx(4 / 8)
     assert row["peak_share"] == pytest.approx(4e9 / 4e9 / 8 / jax.device_count())
     assert not any(name.startswith("program_") for name in meter.row(6, programs=1))

@@ -27,7 +27,7 @@ from uniart_jax.data.batches import Batch, local_rows, pipeline, usable
 from uniart_jax.data.folder import read_metadata, write_text
 from uniart_jax.data.order import Draw, ShuffledOrder
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
-from uniart_jax.nn.grids import CELL_STEP, flow_plan
+from uniart_jax.nn.grids import flow_plan
 
 FIELDS = ("structure", "coords", "voxel_part", "latent", "images")
 SHARD_ITEMS = 256
@@ -279,9 +279,6 @@ def _load_latents(
         batch["coords"][b, : len(item["coords"])] = item["coords"]
         batch["voxel_part"][b, : len(item["coords"])] = item["voxel_part"]
         batch["latent"][b, : len(item["coords"])] = item["latent"]
-    batch["plans"] = {
-        "flow": flow_plan(
-            batch["coords"], batch["counts"], model.latent_flow, model.grid, round_to=CELL_STEP
-        )
-    }
+    plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
+    batch["plans"] = {"flow": plan}
     return batch

@@ -9,9 +9,9 @@ import numpy as np
 
 from uniart_jax.config import FlowConfig, GridConfig
 
-CELL_STEP = (
-    64  # cells of a batch are padded to multiples of this: little waste, few shapes to compile
-)
+# Cells of a batch are padded to one of these shares of what its voxels could fill: few shapes to compile, most of a surface's in two or three.
+CELL_SHARES = (0.25, 0.375, 0.5, 0.75, 1.0)
+CELL_STEP = 64  # where a single object is sampled: to a multiple of this, less waste
 
 
 class Pool(NamedTuple):
@@ -104,24 +104,20 @@ def flow_plan(
 ) -> FlowPlan:
     """The plan of the latent flow's stem for voxels [B, V, 3].
 
-    Capacity of a level: all cells of its grid or all voxels, whichever is less, so it always suffices; for the 'conv' stem, of that as many
-    sixteenths as this batch needs (a surface's voxels share their cell with three others, so three to six). With ``round_to`` it is the most cells of an item of
-    this batch, rounded up to a multiple: less padding, a few more shapes to compile.
+    Capacity of a level: all cells of its grid or all voxels, whichever is less, of that the smallest of ``CELL_SHARES`` which suffices for this batch. With ``round_to``
+    it is the most cells of an item of this batch, rounded up to a multiple: less padding, more shapes to compile.
     """
     side = grid.resolution
 
     def pool(coords: np.ndarray, counts: np.ndarray, factor: int) -> Pool:
         most = min(coords.shape[1], (-(-side // factor)) ** 3)
-        if round_to or config.stem == "conv":
-            cells = [
-                np.unique(c[:n] // factor, axis=0) for c, n in zip(coords, counts, strict=True)
-            ]
-            active = max([1, *map(len, cells)])
-            if round_to:
-                most = min(most, -(-active // round_to) * round_to)
-            else:
-                step = math.ceil(most / 16)
-                most = min(most, -(-active // step) * step)
+        cells = [np.unique(c[:n] // factor, axis=0) for c, n in zip(coords, counts, strict=True)]
+        active = max([1, *map(len, cells)])
+        if round_to:
+            sizes = [-(-active // round_to) * round_to]
+        else:
+            sizes = [n for share in CELL_SHARES if (n := math.ceil(share * most)) >= active]
+        most = min(most, sizes[0])
         return plan_pool(coords, counts, factor, most)
 
     if config.stem == "patch":

@@ -159,7 +159,7 @@ def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
         )
         kl = kl_loss(out["mean"], out["logvar"], valid)
         loss = geometry["occupancy"] + geometry["sdf"] + weights.color * geometry["color"]
-        metrics = {**geometry, **articulation, "kl": kl}
+        metrics = {**geometry, **articulation, "kl": kl, "padding": 1 - valid.mean()}
         loss = loss + articulation.pop("foreign")
         loss = loss + weights.articulation * sum(articulation.values()) + weights.kl * kl
         if weights.alignment:
@@ -235,7 +235,8 @@ def make_latent_flow_loss(
         )
         weights = part_weights(batch["voxel_part"], mask.astype(jnp.float32), parts, share)
         error = flow_loss(v, x0, noise, weights, metric=metric)
-        return summarize_flow(error, v, x, x0, t, mask, flow.prediction)
+        loss, metrics = summarize_flow(error, v, x, x0, t, mask, flow.prediction)
+        return loss, metrics | {"padding": 1 - mask.mean()}
 
     return loss_fn
 
