@@ -19,6 +19,7 @@ from uniart_jax.simulation.engine import Engine, Pair, PlannedJoint
 STEPS = 10  # of a joint's range
 FIRST = 3  # joints that may have to be open before another
 DEPTH = 0.01  # limit, of the object's size
+TOUCH = 0.001  # of the object's size: less is no contact
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,10 +89,10 @@ def _way(
 def opens_beside(
     engine: Engine, first: PlannedJoint, second: PlannedJoint, at_rest: Mapping[Pair, float]
 ) -> bool:
-    """Whether ``second`` can go all its way from rest to its goal while ``first`` is open."""
-    way = np.linspace(second.rest, second.goal, STEPS + 1)
+    """Whether ``second`` goes all its way from rest to its goal while ``first`` is open, and brushes against nothing: shapes that touch push back."""
+    way = np.linspace(second.rest, second.goal, 4 * STEPS + 1)
     states = ({first.name: first.goal, second.name: float(v)} for v in way)
-    return all(deepest(engine, q, at_rest)[0] <= DEPTH for q in states)
+    return all(deepest(engine, q, at_rest)[0] <= TOUCH for q in states)
 
 
 def _barring(engine: Engine, joint: PlannedJoint, way: JointSweep) -> str | None:
