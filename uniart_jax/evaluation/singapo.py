@@ -55,6 +55,7 @@ from uniart_jax.evaluation.singapo_kinematics import (
     same_hash,
     siblings,
 )
+from uniart_jax.evaluation.surface import motions
 from uniart_jax.objects.object import ArticulatedObject
 
 SURFACE_POINTS = 2_048  # a part
@@ -144,8 +145,8 @@ def fixed_figures(
     thin = FLAT * float(np.ptp(ref.bounds, axis=0).max())
     boxes_a = _thick(_moved_boxes(pred.boxes, onto), thin)
     boxes_b = _thick(ref.boxes, thin)
-    poses_a = onto @ _poses(pred, STATES) @ back
-    poses_b = _poses(ref, STATES)
+    poses_a = onto @ motions(pred) @ back
+    poses_b = motions(ref)
     matches = match(corners(boxes_a), corners(boxes_b))
     i, j = _pairs(matches)
     a, b, a_to_b = boxes_a[i], boxes_b[j], np.linalg.inv(poses_b[:, j]) @ poses_a[:, i]
@@ -327,18 +328,13 @@ def _thick(boxes: np.ndarray, least: float) -> np.ndarray:
     return np.concatenate([boxes[:, :3], np.maximum(boxes[:, 3:], least)], 1)
 
 
-def _poses(obj: ArticulatedObject, states: np.ndarray) -> np.ndarray:
-    """[S, K, 4, 4] from rest; ``obj`` stands at rest."""
-    return np.stack([obj.forward_kinematics(obj.open(s)) for s in states])
-
-
 def fixed_sibling_overlap(obj: ArticulatedObject, thin: float) -> float:
     """AOR by true limits, screws included, overlaps exact; -1 without siblings."""
     i, j = siblings(obj.parents).T
     if not len(i):
         return -1.0
     boxes = _thick(obj.boxes, thin)
-    poses = _poses(obj, AOR_STATES)
+    poses = motions(obj, AOR_STATES)
     a, b = boxes[i], boxes[j]
     shared = exact_intersection(a, b, np.linalg.inv(poses[:, j]) @ poses[:, i])
     return float((shared / (volumes(a) + volumes(b) - shared)).mean())

@@ -23,6 +23,8 @@ without a match counts 0. There is no Chamfer distance of parts: what a missing 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from uniart_jax.evaluation.geometry import surface_points
@@ -96,9 +98,9 @@ def object_points(obj: ArticulatedObject, number: int, seed: int) -> tuple[np.nd
     return np.concatenate(points), np.repeat(np.arange(parts), counts)
 
 
-def motions(obj: ArticulatedObject) -> np.ndarray:
-    """[S, K, 4, 4] of every part from rest to each of ``STATES``."""
-    return np.stack([obj.forward_kinematics(obj.open(state)) for state in STATES])
+def motions(obj: ArticulatedObject, states: Sequence[float] | np.ndarray = STATES) -> np.ndarray:
+    """[S, K, 4, 4] of every part from rest to each of ``states``; ``obj`` stands at rest."""
+    return np.stack([obj.forward_kinematics(obj.open(state)) for state in states])
 
 
 def _part_f_score(pred, ref, pred_points, ref_points) -> float:
