@@ -183,6 +183,14 @@ def test_a_flow_leaves_the_other_ones_statistics(trained, tmp_path):
     assert (statistics["structure.mean"] == 7).all()
 
 
+def test_a_wrong_freeze_is_told_before_the_first_stage_trains(trained, tmp_path):
+    config, _ = trained
+    wrong = dataclasses.replace(config.latent_flow, freeze=("trunk",))
+    with pytest.raises(ValueError, match=r"^latent_flow\.freeze: no parameter is named 'trunk'"):
+        stages.run(dataclasses.replace(config, latent_flow=wrong), stages.NETWORKS, tmp_path / "w")
+    assert not (tmp_path / "w").exists()
+
+
 def test_records_of_other_settings_are_refused(trained, tmp_path):
     config, _ = trained
     data = config.data

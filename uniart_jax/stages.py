@@ -49,7 +49,7 @@ from uniart_jax.training.export import (
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.microbatches import in_parts
 from uniart_jax.training.sharding import make_mesh, put_batch
-from uniart_jax.training.state import begin_with, create_state, make_optimizer
+from uniart_jax.training.state import begin_with, create_state, frozen_mask, make_optimizer
 from uniart_jax.training.step import make_train_step
 from uniart_jax.validation import load_conditioner, make_evaluation
 
@@ -67,7 +67,7 @@ def run(
         its own resumes from that.
 
     Raises:
-      ValueError: WORKDIR belongs to another model, a flow's checkpoint to other inputs, or ``init`` does not fit the config.
+      ValueError: WORKDIR belongs to another model, a flow's checkpoint to other inputs, ``init`` does not fit the config, or a stage's ``freeze`` its network.
       FileNotFoundError: records or an earlier stage's weights are missing.
       FloatingPointError: loss or gradients are not finite.
     """
@@ -83,6 +83,7 @@ def run(
     init = init or config.init
     source = checkpoint_folder(init) if init else None
     taken: list[str] = []
+    check_freeze(config, stages)
     if source is not None:  # before anything is written
         for name in stages:
             load_network(source, name, build(name, config.model).abstract())
@@ -136,6 +137,15 @@ def check_features(config: Config, stages: Sequence[str]) -> None:
     for folder, split in ((data.records, data.split), (data.validation, data.validation_split)):
         if folder:
             open_records(folder, config.model.grid, split, features)
+
+
+def check_freeze(config: Config, stages: Sequence[str]) -> None:
+    """Whether every stage's ``freeze`` names parameters of its network; ValueError if not."""
+    for name in stages:
+        try:
+            frozen_mask(build(name, config.model).abstract(), getattr(config, name).freeze)
+        except ValueError as error:
+            raise ValueError(f"{name}.{error}") from None
 
 
 def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:

@@ -380,7 +380,9 @@ def test_flat_open_and_tiny_parts_load_in_mujoco(block, tmp_path):
         model = mujoco.MjModel.from_xml_path(str(folder / "object.urdf"))
         assert model.njnt == 1
         report = json.loads((folder / "report.json").read_text())
-        assert report["parts"][1]["watertight"] == (name == "speck")
+        assert report["parts"][1]["watertight"]
+        told = f"open surfaces were given a thickness: '{lid.name}'" in report["notes"]
+        assert told == (name != "speck")
 
 
 def test_save_method_and_image(block, tmp_path):

@@ -117,7 +117,12 @@ def test_flat_and_degenerate_parts_get_texels():
     sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
     sliver = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], process=False)
     atlas = make_atlas(as_object(sheet, sliver), 64)
-    assert len(atlas.surfaces[0].faces) == 2 and len(atlas.surfaces[1].faces) == 1
+    assert [len(mesh.faces) for mesh in atlas.unclosed] == [2, 1]
+    assert [len(s.faces) for s in atlas.surfaces] == [
+        2 + 2 + 4 * 2,
+        1 + 1 + 3 * 2,
+    ]  # both sides and a rim
+    assert all(s.mesh.is_watertight for s in atlas.surfaces)
     assert np.isfinite(np.concatenate([s.uv for s in atlas.surfaces])).all()
 
 

@@ -102,10 +102,9 @@ def save_asset(
     obj = obj if size is None else resized(obj, size)
     with complete_folder(folder, overwrite) as target:
         atlas = make_atlas(obj)
-        meshes = [surface.mesh for surface in atlas.surfaces]
-        bodies = make_bodies(obj, meshes, density=density, mass=mass)
+        bodies = make_bodies(obj, atlas.unclosed, density=density, mass=mass)
         if mend is not None:
-            obj, bodies = mend(obj, bodies, meshes)
+            obj, bodies = mend(obj, bodies, atlas.unclosed)
         notes = _write_simulation(obj, atlas, bodies, target, chosen)
         textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
         if "glb" in chosen or "page" in chosen:
@@ -148,7 +147,9 @@ def _write_simulation(
         for hull, file in zip(hulls(body), hull_files[-1], strict=True):
             write_plain(hull.mesh, folder / file)
     write_urdf(obj, folder, [[file] for file in visual], bodies, hull_files)
-    notes: list[str] = []
+    opened = [len(s.faces) != len(m.faces) for s, m in zip(atlas.surfaces, atlas.unclosed, strict=True)]  # fmt: skip
+    named = [f"'{part.name}'" for part, was_open in zip(obj.parts, opened, strict=True) if was_open]
+    notes = [f"open surfaces were given a thickness: {', '.join(named)}"] if named else []
     texture = f"meshes/{TEXTURE_FILE}"
     if "mjcf" in formats:
         notes += write_mjcf(obj, folder / "object.xml", visual, bodies, hull_files, texture)

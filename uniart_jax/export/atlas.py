@@ -19,6 +19,7 @@ import xatlas
 from PIL import Image
 from scipy import ndimage
 
+from uniart_jax.export.closing import closed
 from uniart_jax.objects.appearance import linear_to_srgb, sample_color
 from uniart_jax.objects.object import ArticulatedObject
 
@@ -38,7 +39,7 @@ class Surface:
 
     Attributes:
       vertices: [v, 3] float64, no two in the same place; object frame at the shown state, object units.
-      faces: [f, 3] into ``vertices``; closed where the source is.
+      faces: [f, 3] into ``vertices``; closed.
       uv: [t, 2] in [0, 1], v up.
       uv_faces: [f, 3] into ``uv``.
     """
@@ -67,22 +68,30 @@ class Surface:
 
 @dataclasses.dataclass(frozen=True)
 class Atlas:
-    """[K] surfaces, in the order of the object's parts, over one sRGB texture."""
+    """[K] surfaces, in the order of the object's parts, over one sRGB texture.
+
+    Attributes:
+      surfaces: closed, all of them.
+      unclosed: [K] the same before open ones were given a thickness: what their collision shapes and masses are made of.
+    """
 
     surfaces: tuple[Surface, ...]
     texture: Image.Image
+    unclosed: tuple[trimesh.Trimesh, ...]
 
 
 def make_atlas(obj: ArticulatedObject, size: int = TEXTURE_SIZE) -> Atlas:
-    """Simplify, unwrap and bake every part of ``obj`` into one atlas of about ``size`` texels a side."""
+    """Simplify, close, unwrap and bake every part of ``obj`` into one atlas of about ``size`` texels a side."""
     sources = [part.mesh for part in obj.parts]
     side = float((obj.bounds[1] - obj.bounds[0]).max())
-    geometry = simplify(sources, side)
-    charts = _grid_charts if _is_rough(geometry) else _xatlas_charts
+    simple = simplify(sources, side)
+    charts = _grid_charts if _is_rough(simple) else _xatlas_charts
+    geometry = [closed(vertices, faces, side) for vertices, faces in simple]
     layout, width, height = charts(geometry, side, size)
     surfaces = [Surface(*g, *uv) for g, uv in zip(geometry, layout, strict=True)]
     texture = bake(surfaces, sources, width, height)
-    return Atlas(tuple(surfaces), texture)
+    unclosed = tuple(trimesh.Trimesh(*g, process=False) for g in simple)
+    return Atlas(tuple(surfaces), texture, unclosed)
 
 
 def simplify(

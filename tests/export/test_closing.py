@@ -1,0 +1,88 @@
+"""Sheets with a thickness: every edge has two faces, what is seen stays where it was, what was closed is untouched."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from uniart_jax.export.closing import APART, THICKNESS, closed
+from uniart_jax.simulation.soundness import surface
+
+BOX = trimesh.creation.box()
+
+
+def close(vertices, faces) -> trimesh.Trimesh:
+    vertices = np.asarray(vertices, np.float64)
+    side = float(np.ptp(vertices, axis=0).max())
+    return trimesh.Trimesh(*closed(vertices, np.asarray(faces), side), process=False)
+
+
+def tube(radius: float) -> trimesh.Trimesh:
+    mesh = trimesh.creation.cylinder(radius, 1, sections=16)
+    mesh.update_faces(np.abs(mesh.face_normals[:, 2]) < 0.5)
+    mesh.remove_unreferenced_vertices()
+    return mesh
+
+
+SHEETS = {
+    "square": ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]),
+    "faces that disagree": ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 3, 2]]),
+    "three on an edge": ([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 0.2, 0], [0.1, 1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]]),
+    "two that meet in a point": ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], [[0, 1, 2], [0, 3, 4]]),
+    "back to back": ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]),
+    "box without a face": (BOX.vertices, BOX.faces[2:]),
+    "tube": (tube(0.05).vertices, tube(0.05).faces),
+    "narrow tube": (tube(0.002).vertices, tube(0.002).faces),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SHEETS)
+def test_sheets_become_solids(name):
+    vertices, faces = SHEETS[name]
+    solid = close(vertices, faces)
+    found = surface(solid)
+    assert (found.open, found.turned) == (0, 0)
+    if name != "back to back":  # already bounds nothing: every edge has two faces
+        assert found.volume > 0 and solid.is_volume
+        assert trimesh.Trimesh(solid.vertices, solid.faces).is_watertight  # as a reader merges it
+    distance = np.abs(np.asarray(solid.vertices)[:, None] - np.asarray(vertices, float)).max(-1)
+    assert distance.min(1).max() <= THICKNESS * 2 * np.ptp(vertices, axis=0).max()
+
+
+def test_what_is_seen_stays_and_the_layer_lies_behind():
+    vertices, faces = SHEETS["square"]
+    solid = close(vertices, faces)
+    np.testing.assert_allclose(solid.vertices[:4], vertices, atol=3 * APART)
+    assert solid.bounds[1, 2] <= 0 and solid.bounds[0, 2] == pytest.approx(-THICKNESS)
+    assert solid.volume == pytest.approx(THICKNESS, rel=0.01)
+
+
+def test_what_is_closed_is_untouched():
+    vertices, faces = closed(BOX.vertices, BOX.faces, 1.0)
+    assert vertices is BOX.vertices and np.array_equal(faces, BOX.faces)
+    moved = np.concatenate([BOX.vertices, np.asarray(BOX.vertices) + [3, 0, 0]])
+    both = np.concatenate([BOX.faces, np.asarray(BOX.faces)[2:] + 8])
+    solid = close(moved, both)
+    whole, sheet = sorted(solid.split(), key=lambda m: m.bounds[0, 0])
+    assert whole.volume == pytest.approx(1.0, abs=1e-12) and len(whole.faces) == 12
+    assert 0 < sheet.volume < 0.1
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.02, 0.98), st.floats(0, 0.5))
+def test_any_faces_of_any_surface(seed, kept, flipped):
+    """A sphere and a box that share no vertex, faces left out and turned at random."""
+    rng = np.random.default_rng(seed)
+    ball = trimesh.creation.icosphere(2)
+    mesh = trimesh.util.concatenate([ball, BOX.copy().apply_translation([2.5, 0, 0])])
+    faces = np.asarray(mesh.faces)[rng.random(len(mesh.faces)) < kept]
+    if not len(faces):
+        return
+    turned = rng.random(len(faces)) < flipped
+    faces[turned] = faces[turned][:, ::-1]
+    found = surface(close(mesh.vertices, faces))
+    assert (found.open, found.turned) == (0, 0)
+    assert found.volume > 0 or not (turned.any() or found.volume < 0)

@@ -1,0 +1,78 @@
+"""From a folder in TRELLIS's layout to networks trained on: convert, read features, train with parts frozen, load. Random weights, toy size."""
+
+import dataclasses
+import sys
+
+import numpy as np
+import pytest
+from hand_records import make_record, write_folder
+from official import write_folder as write_official
+from safetensors.numpy import load_file, save_file
+from test_convert import BUFFERS, ENCODER, dinov2_state
+from test_features import orbit, write_orbits
+
+import uniart_jax
+from uniart_jax import cli, features, stages
+from uniart_jax.config import NETWORKS, DataConfig, StageConfig
+from uniart_jax.training.export import read_config
+
+FROZEN = {
+    "structure_vae": ("encoder",),
+    "uniart_vae": ("encoder.blocks",),
+    "structure_flow": ("blocks",),
+    "latent_flow": ("blocks.0", "input_layer"),
+}
+
+
+def convert(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["uniart", "convert", *map(str, arguments)])
+    with pytest.raises(SystemExit) as error:
+        cli.main()
+    assert error.value.code == 0
+
+
+@pytest.mark.slow
+def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_path, monkeypatch):
+    checkpoint = tmp_path / "checkpoint"
+    write_official(tmp_path / "official", buffers=BUFFERS)
+    save_file(dinov2_state(dataclasses.replace(ENCODER, width=24)), tmp_path / "dinov2.safetensors")
+    convert(monkeypatch, "trellis", tmp_path / "official", "--out", checkpoint)
+    convert(monkeypatch, "dinov2", tmp_path / "dinov2.safetensors", "--out", checkpoint)
+    assert stages.untrained(checkpoint)
+    model = read_config(checkpoint).model
+
+    grid, size = model.grid, model.image_encoder.image_size
+    made = [
+        make_record(k, 60 + 9 * k, 3, grid.resolution, grid.subdivisions, size) for k in range(4)
+    ]
+    folder = tmp_path / "records"
+    folder.mkdir()
+    write_folder(folder, made)
+    write_orbits(folder, [(r.meta["id"], orbit(r, size)) for r in made])
+    features.write_visual(folder, checkpoint / "image_encoder.safetensors", progress=False)
+
+    stage = StageConfig(steps=2, batch_size=2, warmup_steps=0, learning_rate=1e-3, log_every=1, evaluate_every=2, save_every=2)  # fmt: skip
+    config = dataclasses.replace(
+        read_config(checkpoint),
+        model=model,
+        data=DataConfig(records=str(folder), voxel_buckets=(128,), mirror_latents=False),
+        **{name: dataclasses.replace(stage, freeze=kept) for name, kept in FROZEN.items()},
+    )
+    work = tmp_path / "work"
+    stages.run(config, NETWORKS, work, init=checkpoint)
+
+    for name, kept in FROZEN.items():
+        # what is exported is rounded to half precision
+        before, after = (
+            {key: value.astype(np.float16) for key, value in load_file(file).items()}
+            for file in (checkpoint / f"{name}.safetensors", work / "export" / f"{name}.safetensors")
+        )  # fmt: skip
+        assert before.keys() <= after.keys()
+        frozen = {key for key in before if key.startswith(tuple(f"{k}." for k in kept))}
+        same = {key for key in before if np.array_equal(after[key], before[key])}
+        assert frozen and frozen <= same, name
+        assert len(same - frozen) < 0.2 * len(before), name  # all else was trained on
+    encoder = [p.read_bytes() for p in (checkpoint / "image_encoder.safetensors", work / "export" / "image_encoder.safetensors")]  # fmt: skip
+    assert encoder[0] == encoder[1]
+    assert not stages.untrained(work)
+    assert uniart_jax.load(work).config.model == model
