@@ -2,7 +2,7 @@
 
 Commands: uniart convert trellis CKPTS --out weights/trellis                      CKPTS: the ckpts folder of TRELLIS-image-large
           uniart convert dinov2 dinov2_vitl14_reg4_pretrain.pth --out weights/trellis
-          uniart prepare partnet-mobility ROOT --split closed --states 5 --part-scale 0.1 --resolution 64 --subdivisions 4 --max-parts 64 --orbit-views 150 --image-size 518 --out data-cache/partnet
+          uniart prepare partnet-mobility ROOT --split closed --states 5 --views 3 --part-scale 0.1 --resolution 64 --subdivisions 4 --max-parts 64 --orbit-views 150 --image-size 518 --out data-cache/partnet
           uniart features data-cache/partnet --weights weights/trellis/image_encoder.safetensors
           python train.py --config configs/paper.py
 Data: five random states an object and 45,000 samples are the paper's figures. A record's orbit is 150 pictures of 518 pixels (4 MB where surfaces have plain

@@ -8,16 +8,25 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from scipy import stats
 
 from uniart_jax import cli, stages
 from uniart_jax.cli import load_config
+from uniart_jax.config import NETWORKS
+from uniart_jax.data import folder as data_folder
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.kept import keep
-from uniart_jax.experiments import judge, run
-from uniart_jax.experiments.design import Arm, Experiment, Objects, Records, load_experiment
-from uniart_jax.experiments.fronts import fitted
-from uniart_jax.experiments.table import difference, row, write_tables
+from uniart_jax.experiments import inputs, judge, run
+from uniart_jax.experiments.design import (
+    Arm,
+    Experiment,
+    Objects,
+    Records,
+    load_experiment,
+    with_aggregation,
+)
+from uniart_jax.experiments.fronts import drawn_alike, fitted
+from uniart_jax.experiments.settings import described
+from uniart_jax.experiments.table import write_tables
 from uniart_jax.models.network import build
 from uniart_jax.pipeline import PRETRAINED
 from uniart_jax.procedural import HELD_OUT_SEED, generate
@@ -28,6 +37,7 @@ TRAINS = pytest.mark.slow  # two arms: half a minute
 ROOT = Path(__file__).parent.parent
 FILES = sorted((ROOT / "configs/experiments").glob("*.py"))
 COLUMNS = ("as_chamfer", "parts_right")
+COLUMNS_OF_ROWS = data_folder.COLUMNS
 
 
 @pytest.mark.parametrize("size", ["nano", "paper"])
@@ -41,7 +51,7 @@ def test_every_arm_has_the_networks_that_its_station_needs(path, size):
     assert set(experiment.columns) <= set(judge.METRICS)
     shipped = {p.stem for p in (PRETRAINED / "nano").glob("*.safetensors")}
     for name, arm in experiment.arms.items():
-        has = set(experiment.arms[arm.of].stages if arm.of else arm.stages)
+        has = set(experiment.trained(name).stages)
         if size == "paper":
             has.add("image_encoder")  # DINOv2, beside TRELLIS's weights
         elif "nano" in (arm.init, arm.beside):
@@ -55,11 +65,48 @@ def test_arms_differ_in_what_they_say_and_nothing_else():
     arms = load_experiment(ROOT / "configs/experiments/aggregation.py").arms
     assert set(arms) == {"uniart", "self_attention", "residual", "pooling", "concat"}
     for kind, arm in arms.items():
-        model = arm.config.model
-        vae = dataclasses.replace(model.uniart_vae, aggregation="uniart")
-        same = dataclasses.replace(arm.config, model=dataclasses.replace(model, uniart_vae=vae))
-        assert model.uniart_vae.aggregation == kind
+        assert arm.config.model.uniart_vae.aggregation == kind
+        same = with_aggregation(arm.config, "uniart")
         assert dataclasses.replace(arm, config=same) == arms["uniart"]
+        assert not arm.config.model.uniart_vae.part_segment  # whole parts
+
+
+def test_the_papers_configuration_is_trained_once():
+    """Of all experiments but main, the arms that are main's are main's; each network is trained in one place."""
+    trained = {}
+    for path in FILES:
+        if path.stem == "unseen_joint":
+            continue
+        experiment = load_experiment(path, "paper")
+        for name, arm in experiment.arms.items():
+            folder = experiment.folder(name, Path("runs") / f"{path.stem}-paper")
+            made = experiment.trained(name)
+            assert trained.setdefault(folder, made.config) == made.config
+            assert arm.config == made.config
+    configs = [(c.data.records, c.init, c.model) for c in trained.values()]
+    assert all(configs.count(c) == 1 for c in configs)
+    assert Path("runs/main-paper/uniart") in trained and len(trained) == 7
+
+
+@TRAINS
+def test_what_arms_share_begins_alike(tmp_path):
+    config = load_config(ROOT / "configs/debug.py")
+    stages = ("uniart_vae",)
+    assert drawn_alike(config, stages, tmp_path / "none") is None
+    found = {}
+    for kind in ("concat", "residual"):  # the second without the width of the first
+        other = with_aggregation(config, kind)
+        folder = drawn_alike(other, stages, tmp_path / kind)
+        network = build("uniart_vae", other.model)
+        found[kind] = flat_names(load_network(folder, "uniart_vae", network.abstract()))
+    key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index("uniart_vae"))  # stages.py
+    base = flat_names(jax.jit(build("uniart_vae", config.model).init)(key))
+    for names in found.values():
+        shared = [n for n, leaf in names.items() if n in base and base[n].shape == leaf.shape]
+        assert {"front.geometry.kernel", "geometry_head.kernel"} <= set(shared)
+        for name in shared:
+            np.testing.assert_allclose(names[name], base[name], rtol=1e-6)
+    assert any(n.startswith("front.fuse") for n in found["concat"])
 
 
 def toy(folder: Path) -> Experiment:
@@ -79,8 +126,7 @@ def toy(folder: Path) -> Experiment:
         data=data,
         uniart_vae=dataclasses.replace(debug.uniart_vae, steps=2, save_every=1),
     )
-    concat = dataclasses.replace(model.uniart_vae, aggregation="concat")
-    other = dataclasses.replace(base, model=dataclasses.replace(base.model, uniart_vae=concat))
+    other = with_aggregation(base, "concat")
     arms = {
         "uniart": Arm(base, ("uniart_vae",), "vae"),
         "concat": Arm(other, ("uniart_vae",), "vae"),
@@ -91,17 +137,28 @@ def toy(folder: Path) -> Experiment:
 
 
 def test_settings_are_what_figures_depend_on(tmp_path):
-    """A default may be added later; another weight of the checkpoint, or another step, is another arm."""
+    """Another weight of a checkpoint, or another of its options, is another arm; so are other records."""
     arm = toy(tmp_path).arms["uniart"]
-    found = run.settings(arm)
-    assert found["config"]["uniart_vae"]["steps"] == 2 and "loss" in found["config"]
-    assert "betas" not in found["config"]["uniart_vae"]  # the default
+    with pytest.raises(FileNotFoundError, match=r"no metadata\.json"):
+        described(arm)
+    (tmp_path / "records").mkdir()
+    (tmp_path / "records/metadata.json").write_text("{}")
+    rows = tmp_path / "records/manifest.csv"
+    rows.write_text(",".join(COLUMNS_OF_ROWS) + "\n")
+    found = described(arm)
+    assert found["config"]["uniart_vae"]["steps"] == 2
+    assert "betas" in found["config"]["uniart_vae"]  # defaults too: they may change
+    rows.write_text(rows.read_text() + "a" + "," * (len(COLUMNS_OF_ROWS) - 1) + "\n")
+    assert described(arm)["records"] != found["records"]
     for folder, weight in (("a", 0.0), ("b", 1.0)):
         export_network(tmp_path / folder, "uniart_vae", {"w": np.full(3, weight)})
     judged = dataclasses.replace(arm, stages=(), of="", init=str(tmp_path / "a"))
     other = dataclasses.replace(judged, init=str(tmp_path / "b"))
-    assert run.settings(judged)["weights"] != run.settings(other)["weights"]
-    assert "config" not in run.settings(judged)
+    first = described(judged)
+    assert "config" not in first
+    assert list(first["weights"].values()) != list(described(other)["weights"].values())
+    write_config(tmp_path / "a", arm.config)
+    assert described(judged)["weights"] != first["weights"]
 
 
 @pytest.fixture(scope="module")
@@ -120,11 +177,16 @@ def test_the_queue_leaves_a_table_of_all_arms(done):
     assert list(content["arms"]) == list(experiment.arms)
     assert all(arm["seeds"] == [0] for arm in content["arms"].values())
     assert "differences" in content["arms"]["concat"]
-    assert "differences" not in content["arms"]["again"]  # other objects
+    assert content["arms"]["concat"]["over"] == "objects"  # of one training
+    assert content["arms"]["again"]["over"] == "other objects"
+    sizes = [arm["parameters"] for arm in content["arms"].values()]
+    assert sizes[0] == sizes[2] != sizes[1]
     families = {p.stem.split("-")[1] for p in (out / "again/seed-0/figures").glob("*.json")}
     assert families == {"toilet"}
     text = (out / "table.md").read_text()
     assert text.count("| concat |") == 2 and "AS CD ↓" in text
+    assert "| concat | uniart | objects, one training |" in text
+    assert "no evidence on what was varied" in text
 
 
 @TRAINS
@@ -149,8 +211,10 @@ def test_an_arm_of_other_settings_is_refused_before_any_work(done):
     arm = experiment.arms["concat"]
     longer = dataclasses.replace(arm.config.uniart_vae, steps=3)
     arms = {**experiment.arms, "concat": dataclasses.replace(arm, config=dataclasses.replace(arm.config, uniart_vae=longer))}  # fmt: skip
-    with pytest.raises(ValueError, match="arm of other settings"):
-        run.run_experiment(dataclasses.replace(experiment, arms=arms), out)
+    changed = dataclasses.replace(experiment, arms=arms)
+    for chosen in ([], ["uniart"]):  # what lies there enters the table, whatever is asked for
+        with pytest.raises(ValueError, match=r"arm concat there are of other settings .config.uniart_vae.steps 2 instead of 3"):  # fmt: skip
+            run.run_experiment(changed, out, arms=chosen)
     with pytest.raises(ValueError, match="no arm 'sum'; there are uniart, concat, again"):
         run.run_experiment(experiment, out, arms=["sum"])
 
@@ -158,7 +222,7 @@ def test_an_arm_of_other_settings_is_refused_before_any_work(done):
 @TRAINS
 def test_two_processes_never_work_in_one_folder(done):
     experiment, out = done
-    with run.alone(out), pytest.raises(ValueError, match="another process works on it"):
+    with inputs.alone(out), pytest.raises(ValueError, match="another process works on it"):
         run.run_experiment(experiment, out)
 
 
@@ -176,12 +240,15 @@ def test_seeds_reach_the_weights_and_the_order_of_data(done, monkeypatch, tmp_pa
 def test_records_without_a_joint_type(done, tmp_path):
     experiment, _ = done
     source = Path(experiment.records[0].folder)
-    run.leave_out(source, tmp_path / "rest", "screw")
+    inputs.leave_out(source, tmp_path / "rest", "screw")
     for split, families in (("train", ["door"]), ("screw", ["bottle", "bottle"])):
         found = RecordSource(tmp_path / "rest", split)
         assert [r.meta["id"].split("-")[0] for r in found] == families
     with pytest.raises(ValueError, match="0 of 3 records have a joint 'helical'"):
-        run.leave_out(source, tmp_path / "none", "helical")
+        inputs.leave_out(source, tmp_path / "none", "helical")
+    before = {p: p.lstat().st_mtime_ns for p in (tmp_path / "rest").iterdir()}
+    inputs.leave_out(source, tmp_path / "rest", "screw")  # others may read it
+    assert {p: p.lstat().st_mtime_ns for p in (tmp_path / "rest").iterdir()} == before
 
 
 @TRAINS
@@ -242,31 +309,6 @@ def test_records_are_test_objects_too(done):
         judge.test_object(dataclasses.replace(arm, views=2), "0002", arm.config.model)
 
 
-def test_intervals_over_objects_and_over_trainings():
-    rng = np.random.default_rng(0)
-    objects, noise = rng.normal(size=40), rng.normal(size=(3, 1)) * 0.1
-    reference = objects + rng.normal(size=(3, 1))
-    values = reference + 0.5 + noise
-    found = difference(values, reference)  # objects and the seeds' own level cancel
-    low, high = stats.t.interval(0.95, 2, 0.5 + noise.mean(), stats.sem(noise[:, 0]))
-    assert found == pytest.approx({"mean": 0.5 + noise.mean(), "low": low, "high": high})
-    single = difference(objects[None] + 1, objects[None])
-    assert single == pytest.approx({"mean": 1, "low": 1, "high": 1})
-    mean = row(np.stack([objects, objects + 1]))
-    assert mean["mean"] == pytest.approx(objects.mean() + 0.5)
-    assert mean["seeds"] == pytest.approx([objects.mean(), objects.mean() + 1])
-    width = 2 * 1.96 * objects.std() / 40**0.5
-    assert mean["high"] - mean["low"] == pytest.approx(width, rel=0.15)
-
-
-def test_what_cannot_be_compared_is_left_out_of_means():
-    gap = np.array([[1.0, np.nan, 3.0], [3.0, np.nan, np.nan]])
-    assert row(gap)["mean"] == pytest.approx(2.5)  # objects: (1 + 3) / 2 and 3
-    apart = difference(gap, np.zeros((2, 3)))
-    assert apart["mean"] == pytest.approx(2.5)  # seeds: 2 and 3
-    assert np.isnan(difference(np.full((1, 2), np.nan), np.zeros((1, 2)))["mean"])
-
-
 @TRAINS
 def test_a_half_judged_seed_is_not_in_the_table(done, tmp_path):
     experiment, _ = done
@@ -277,7 +319,7 @@ def test_a_half_judged_seed_is_not_in_the_table(done, tmp_path):
             keep(file, {"figures": {"as_chamfer": 0.5}, "failure": "none found"})
     content = write_tables(experiment, tmp_path, 2)
     assert list(content["arms"]) == ["uniart"]
-    assert "without a result, counted with the worst values: uniart 2" in (tmp_path / "table.md").read_text()  # fmt: skip
+    assert "something failed, counted with the worst values: uniart 2" in (tmp_path / "table.md").read_text()  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -299,7 +341,34 @@ def test_mistakes_are_one_line(monkeypatch, capsys, arguments, said):
 
 
 @TRAINS
-def test_prepared_records_are_not_made_again(done, monkeypatch):
+def test_records_are_made_once_and_checked(done, monkeypatch):
     experiment, _ = done
-    monkeypatch.setattr(run, "prepare_procedural", lambda *_, **__: pytest.fail("made again"))
-    run.make_records(experiment.records[0], experiment.arms["uniart"])
+    model = experiment.arms["uniart"].config.model
+    (records,) = experiment.records
+    monkeypatch.setattr(inputs, "prepare_procedural", lambda *_, **__: pytest.fail("made again"))
+    inputs.make_records(records, model)
+    for change, said in (
+        ({"families": ("door",)}, "families .'bottle', 'door'. instead of .'door'."),
+        ({"views": 3}, "views 1 instead of 3"),
+        ({"count": 2}, "3 objects instead of 2"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            inputs.make_records(dataclasses.replace(records, **change), model)
+    asked = []
+    monkeypatch.setattr(inputs, "prepare_procedural", lambda *a, **_: asked.append(a[1]))
+    inputs.make_records(dataclasses.replace(records, count=4), model)
+    assert asked == [4]
+
+
+@TRAINS
+def test_what_is_missing_is_said_before_any_training(done, monkeypatch, tmp_path):
+    experiment, out = done
+    monkeypatch.setattr(run, "train_arm", lambda *_: pytest.fail("trained"))
+    source = experiment.records[0].folder
+    shown = Arm(experiment.arms["uniart"].config, (), "vae", Objects(records=source), of="uniart", views=2)  # fmt: skip
+    more = dataclasses.replace(experiment, arms={**experiment.arms, "two": shown})
+    with pytest.raises(ValueError, match=r"arm two: .*1 images, 2 are shown; prepare it with --views 2"):  # fmt: skip
+        run.run_experiment(more, out)
+    with pytest.raises(ValueError, match=r"'again' judges the networks of 'uniart', .* --arms uniart again"):  # fmt: skip
+        run.run_experiment(experiment, tmp_path / "out", arms=["again"])
+    run.missing_networks(experiment, out, ["again"], 1)  # trained before

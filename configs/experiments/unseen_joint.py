@@ -5,9 +5,9 @@ What varies: whether records with sliding parts (prismatic joints) are among the
 Expected: that the joint code carries over, if articulation is a continuum of screws rather than a list of types: type 1 of the code is then beyond everything
       that was seen (0, or between for the few screws), and the decoder has to go there.
 Nano: the UniArt VAE of configs/nano.py for 450 steps of 4 objects, judged on its reconstruction of held-out objects that have a sliding part. Objects without
-      drawers are also other objects, so a difference is of both.
+      drawers are also other objects, and fewer, so a difference is of all that.
 Paper size: none; the paper has no such table.
-Hardware and time, nano: one CPU core; 450 steps at .84 s on an idle one, two arms, three seeds.
+Hardware and time, nano: one CPU core; 450 steps at .84 s on an idle one, two arms, three seeds. A whole run is not yet measured.
 """
 
 import dataclasses

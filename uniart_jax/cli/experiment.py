@@ -25,10 +25,10 @@ def experiment(
         size: nano: on procedural objects, on a laptop. paper: on PartNet-Mobility, with what configs/paper.py asks for.
         seeds: Trainings of each arm (default: the experiment's own).
         count: Test objects (default: the experiment's own).
-        arms: Only these.
-        out: Where everything goes (default: runs/experiments/NAME, with -paper at that size).
+        arms: Only these; one whose networks another arm trains needs that one too, or trained before.
+        out: Where everything goes (default: runs/experiments/NAME, with -paper at that size). Arms that another experiment has too are trained in its folder beside.
     """
-    from uniart_jax.experiments.design import find_experiment, load_experiment
+    from uniart_jax.experiments.design import find_experiment, folder_name, load_experiment
     from uniart_jax.experiments.run import run_experiment
     from uniart_jax.pipeline import enable_compilation_cache
 
@@ -36,6 +36,5 @@ def experiment(
         if value is not None and value < 1:
             raise ValueError(f"experiment: --{option} must be at least 1, got {value}")
     enable_compilation_cache()
-    stem = find_experiment(name).stem + ("-paper" if size == "paper" else "")
-    folder = out or Path("runs/experiments") / stem
+    folder = out or Path("runs/experiments") / folder_name(find_experiment(name), size)
     run_experiment(load_experiment(name, size), folder, seeds=seeds, count=count, arms=arms)

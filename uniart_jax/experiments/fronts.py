@@ -1,13 +1,16 @@
-"""A checkpoint to begin with whose UniArt VAE has another aggregation: its front is drawn anew, everything else is kept.
+"""A checkpoint to begin with whose UniArt VAE has another aggregation, so that arms begin as alike as they can.
 
-As ``weights.compose`` does with TRELLIS's: of the encoder's input layer the rows of the visual features, which stand first, are kept and the others
+``fitted``: from a checkpoint; the front is drawn anew, everything else is kept. As ``weights.compose`` does with TRELLIS's: of the encoder's input layer the rows of the visual features, which stand first, are kept and the others
 begin at zero, so that the first latents are those of the visual features alone. The linear path past it, where there is one, likewise;
 without visual features these layers are drawn anew too.
+
+``drawn_alike``: from nothing; what has the same name and shape as in the network with part-wise attention has its values too.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 
 import jax
@@ -63,4 +66,29 @@ def fitted(source: Path, config: Config, folder: Path) -> Path:
     if has_export(source, STATISTICS):
         copy_export(source, folder, STATISTICS)
     write_config(folder, found)
+    return folder
+
+
+def drawn_alike(config: Config, stages: Sequence[str], folder: Path) -> Path | None:
+    """A checkpoint in ``folder`` with the networks of ``stages`` as a training of ``config`` draws them, but for the UniArt VAE: what it shares by name and
+    shape with that of aggregation 'uniart' is drawn as there. None where that is its own aggregation, or it is not trained.
+    """
+    model = config.model
+    wanted = dataclasses.replace(model.uniart_vae, aggregation="uniart")
+    if "uniart_vae" not in stages or model.uniart_vae == wanted:
+        return None
+    for name in stages:
+        key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))  # stages.py
+        params = jax.jit(build(name, model).init)(key)
+        if name == "uniart_vae":
+            other = build(name, dataclasses.replace(model, uniart_vae=wanted))
+            shared = flat_names(jax.jit(other.init)(key))
+            leaves = [
+                found
+                if (found := shared.get(n)) is not None and found.shape == leaf.shape
+                else leaf
+                for n, leaf in flat_names(params).items()
+            ]
+            params = jax.tree.unflatten(jax.tree.structure(params), leaves)
+        export_network(folder, name, params, "float32")
     return folder

@@ -4,6 +4,9 @@ vae            the truth's voxels -> UniArt VAE -> object
 structure      image -> active voxels
 latent_flow    image and the truth's active voxels -> object
 object         image -> object
+
+What cannot be made or measured of one object counts with the worst values, and says why; where the truth itself is at fault, the object counts for no arm.
+The others go on. Only what speaks of the machine stops: memory, files, the device.
 """
 
 from __future__ import annotations
@@ -12,13 +15,15 @@ import dataclasses
 import functools
 import gc
 import importlib
+import math
 from pathlib import Path
 
 import jax
 import numpy as np
 
 from uniart_jax.config import ModelConfig
-from uniart_jax.data.records import RecordSource
+from uniart_jax.data.folder import read_manifest
+from uniart_jax.data.records import RecordSource, split_places
 from uniart_jax.evaluation.kept import keep, read_kept, without_nan
 from uniart_jax.evaluation.metric import Figures, Metric, at_rest
 from uniart_jax.evaluation.procedural import HeldOut, held_out
@@ -26,6 +31,7 @@ from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.experiments.design import Arm, Objects, Station
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.robot_object import one_line
 from uniart_jax.pipeline import Pipeline, checkpoint_folder
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, UNSEEN_FAMILIES, generate
 from uniart_jax.progress import track
@@ -55,6 +61,8 @@ METRICS: dict[str, Metric] = {
         ).METRICS.items()
     },
 }
+MACHINE = (MemoryError, OSError, jax.errors.JaxRuntimeError)  # no network's failures
+TRUTH = "the truth: "  # what a failure begins with that is no arm's
 SEARCHED = 40  # objects looked through for one that has a joint of the wanted type
 
 
@@ -88,8 +96,15 @@ def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> No
     pipeline = load_networks(checkpoint, NEEDS[arm.station])
     for k in track(missing, "judging", len(missing)):
         gc.collect()  # meshes hold themselves in cycles
-        test = test_object(arm, names[k], pipeline.config.model)
-        figures, failure = measure(arm, pipeline, test, seed * 10_000 + k)
+        try:
+            test = test_object(arm, names[k], pipeline.config.model)
+            at_rest(test.truth.obj)
+        except MACHINE:
+            raise
+        except Exception as error:
+            figures, failure = dict.fromkeys(figure_names(arm.station), np.nan), TRUTH + why(error)
+        else:
+            figures, failure = measure(arm, pipeline, test, seed * 10_000 + k)
         keep(folder / f"{names[k]}.json", {"figures": without_nan(figures), "failure": failure})
 
 
@@ -109,31 +124,75 @@ def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
     return Pipeline(config, parameters, statistics, folder)
 
 
+@functools.lru_cache
+def parameter_count(model: ModelConfig, station: Station) -> int:
+    """Of the networks that stand between a station and the figures."""
+    leaves = [leaf for n in NEEDS[station] for leaf in jax.tree.leaves(build(n, model).abstract())]
+    return sum(math.prod(leaf.shape) for leaf in leaves)
+
+
 def measure(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> tuple[Figures, str]:
-    """What the networks make of one object, against the truth; and why it is nothing, "" if it is something."""
+    """What the networks make of one object, against the truth; and what failed of it, "" if nothing did.
+
+    Raises:
+      OSError, MemoryError, JaxRuntimeError: the machine is at fault.
+    """
     truth = test.truth
-    if arm.station == "structure":
-        found = pipeline.sample_structure(look(pipeline, test), jax.random.key(seed))[0]
-        dense = [occupancy(c, truth.grid.resolution) for c in (found, truth.grid.coords)]
-        overlap = (dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()
-        return {"structure_iou": float(overlap)}, ""
-    if arm.station == "object":
-        try:
-            made = pipeline(test.images, seed=seed)
-        except ValueError as error:  # nothing was found in the image: a failure that counts
-            worst = {key: metric.worst for key, metric in METRICS.items() if key != "structure_iou"}
-            return worst, str(error)
-    else:
-        made = make_object(arm.station, pipeline, test, seed)
-    pred, ref = at_rest(made), at_rest(truth.obj)
+    ref = at_rest(truth.obj)
+    try:
+        if arm.station == "structure":
+            return structure_overlap(pipeline, test, seed), ""
+        pred = at_rest(make_object(arm.station, pipeline, test, seed))
+    except MACHINE:
+        raise
+    except Exception as error:  # one object must not cost the figures of all others
+        return {name: METRICS[name].worst for name in figure_names(arm.station)}, why(error)
     figures: Figures = {}
+    failures = []
     for family in FAMILIES:
-        figures |= importlib.import_module(f"uniart_jax.evaluation.{family}").measure(pred, ref)
-    return figures, ""
+        module = importlib.import_module(f"uniart_jax.evaluation.{family}")
+        try:
+            found = module.measure(pred, ref)
+            if bad := [name for name, value in found.items() if math.isinf(value)]:
+                raise ValueError(f"'{bad[0]}' is infinite")
+        except MACHINE:
+            raise
+        except Exception as error:  # figures of other families still stand
+            found = {name: metric.worst for name, metric in module.METRICS.items()}
+            failures.append(f"{family}: {why(error)}")
+        figures |= found
+    return figures, "; ".join(failures)
+
+
+def figure_names(station: Station) -> list[str]:
+    """Those that a station is judged by."""
+    return [name for name in METRICS if (name == "structure_iou") == (station == "structure")]
+
+
+def why(error: Exception) -> str:
+    """An error on one line."""
+    text = one_line(str(error))
+    if isinstance(error, ValueError) and text:
+        return text
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+def structure_overlap(pipeline: Pipeline, test: Test, seed: int) -> Figures:
+    """Of the sampled active voxels with the true ones."""
+    grid = test.truth.grid
+    found = pipeline.sample_structure(look(pipeline, test), jax.random.key(seed))[0]
+    one, other = (occupancy(c, grid.resolution) for c in (found, grid.coords))
+    return {"structure_iou": float((one & other).sum() / (one | other).sum())}
 
 
 def make_object(station: Station, pipeline: Pipeline, test: Test, seed: int) -> ArticulatedObject:
-    """The object of a station that is given the true active voxels: "vae" or "latent_flow"."""
+    """The object that a station ends with.
+
+    Raises:
+      ValueError: nothing was found in the image.
+    """
+    if station == "object":
+        return pipeline(test.images, seed=seed)
     grid = test.truth.grid
     if station == "vae":
         latent = pipeline.encode_voxels(grid, **test.features)
@@ -151,14 +210,13 @@ def look(pipeline: Pipeline, test: Test) -> Condition:
 
 @functools.lru_cache
 def test_names(tests: Objects, count: int) -> tuple[str, ...]:
-    """The first ``count`` test objects by name: their number, and their family where they are procedural.
+    """The first ``count`` test objects by name, fewer if there are no more: their number, and their family where they are procedural.
 
     Raises:
-      ValueError: of ``SEARCHED`` objects in a row none has a joint of the wanted type.
+      FileNotFoundError, ValueError: the records are not complete or have no such split; or of ``SEARCHED`` objects in a row none has a joint of the wanted type.
     """
     if tests.records:
-        number = len(RecordSource(tests.records, tests.split))
-        return tuple(f"{k:04d}" for k in range(min(count, number)))
+        return record_names(tests.records, tests.split, count)
     families = UNSEEN_FAMILIES if tests.unseen else SEEN_FAMILIES
     names: list[str] = []
     index, last = 0, -1
@@ -175,6 +233,16 @@ def test_names(tests: Objects, count: int) -> tuple[str, ...]:
     return tuple(names)
 
 
+def record_names(folder: str, split: str, count: int) -> tuple[str, ...]:
+    """The first record of each object of a split, by its number among the records of that split."""
+    objects = [row["object"] for row in read_manifest(folder) if not row["error"]]
+    places = split_places(folder, split, len(objects)) if split else range(len(objects))
+    first: dict[str, int] = {}
+    for k, place in enumerate(places):
+        first.setdefault(objects[place], k)
+    return tuple(f"{k:04d}" for k in list(first.values())[:count])
+
+
 def test_object(arm: Arm, name: str, model: ModelConfig) -> Test:
     """The test object of that name, as the model's grid and image size want it.
 
@@ -187,7 +255,7 @@ def test_object(arm: Arm, name: str, model: ModelConfig) -> Test:
         record = RecordSource(tests.records, tests.split, columns)[index]
         images = list(record.images[: arm.views])
         if len(images) < arm.views:
-            raise ValueError(f"{tests.records}: a record has {len(images)} images, {arm.views} are shown")  # fmt: skip
+            raise ValueError(f"{tests.records}: a record has {len(images)} images, {arm.views} are shown; prepare it with --views {arm.views}")  # fmt: skip
         obj, family = object_of_record(record), str(record.meta.get("category", ""))
         truth = HeldOut(family, index, obj, record.grid(), images[0])
         return Test(truth, images, {c: getattr(record, c).astype(np.float32) for c in columns})

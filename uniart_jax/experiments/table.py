@@ -1,56 +1,69 @@
-"""The figures of arms as one table: ``table.md`` for people, ``metrics.json`` with everything.
-
-Two things are random, and each has its interval:
-
-* *objects*: an arm's mean over test objects, each first averaged over the trainings, has a percentile bootstrap over objects;
-* *trainings*: the difference of an arm from the reference arm, on the same objects, has Student's t interval over seeds, paired by seed
-  (equal seeds see equal batches). With one seed only, a percentile bootstrap over objects of their paired differences instead; for arms on
-  other objects there is no pairing, and no difference is told.
-"""
+"""The figures of arms as one table: ``table.md`` for people, ``metrics.json`` with everything. Which intervals there are: ``intervals``."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from uniart_jax.evaluation.kept import keep, read_kept, without_nan
-from uniart_jax.evaluation.summary import LEVEL, interval
+from uniart_jax.evaluation.summary import LEVEL
 from uniart_jax.experiments.design import Experiment
-from uniart_jax.experiments.judge import METRICS, test_names
+from uniart_jax.experiments.intervals import difference, row, unpaired
+from uniart_jax.experiments.judge import METRICS, TRUTH, parameter_count, test_names
+from uniart_jax.pipeline import checkpoint_folder
+from uniart_jax.training.export import read_config
 
-Values = dict[str, np.ndarray]  # figure -> [S, N], NaN where there is nothing to compare
+FAILED = "failure.json"  # in a training's folder: why it has no result
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """What is known of an arm.
+
+    Attributes:
+      seeds: that are judged completely.
+      values: figure -> [S, N], NaN where there is nothing to compare.
+      trained: whether seeds are trainings; else there is one, and it stands for all.
+      failures: objects that failed, over all seeds. faulty: objects without a truth. broken: trainings without a result, and why.
+    """
+
+    seeds: list[int]
+    values: dict[str, np.ndarray]
+    objects: int
+    trained: bool
+    failures: int
+    faulty: int
+    broken: dict[int, str]
 
 
 def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any]:
     """Everything judged completely so far; returns what ``metrics.json`` holds, with NaN where that has null."""
     found = {name: collect(experiment, out, name, count) for name in experiment.arms}
     arms: dict[str, Any] = {}
-    for name, (seeds, values, failures) in found.items():
-        if not seeds:
+    for name, judged in found.items():
+        if not judged.seeds:
             continue
         arms[name] = {
-            "seeds": seeds,
-            "objects": count,
-            "failures": failures,
-            "rows": {key: row(v) for key, v in values.items()},
+            "seeds": judged.seeds,
+            "objects": judged.objects,
+            "parameters": parameters(experiment, name),
+            "failures": judged.failures,
+            "faulty": judged.faulty,
+            "rows": {key: row(v) for key, v in judged.values.items()},
         }
-    tests = {name: arm.tests for name, arm in experiment.arms.items()}
-    for name in arms:
-        if name == experiment.reference or tests[name] != tests[experiment.reference]:
-            continue
-        pairs = matched_seeds(found[name], found[experiment.reference])
-        if pairs is not None:
-            ours, theirs = pairs
-            arms[name]["differences"] = {k: difference(ours[k], theirs[k]) for k in ours}
+        against = experiment.arms[name].against or experiment.reference
+        if name != against and found[against].seeds:
+            arms[name] |= compare(experiment, name, against, found)
     columns = [key for key in experiment.columns if any(key in a["rows"] for a in arms.values())]
     content = {
         "reference": experiment.reference,
         "columns": columns,
         "level": LEVEL,
         "arms": arms,
+        "broken": {name: judged.broken for name, judged in found.items() if judged.broken},
         "metrics": {key: {"title": METRICS[key].title, "better": METRICS[key].better, "about": METRICS[key].about} for key in columns},
     }  # fmt: skip
     keep(out / "metrics.json", without_nan(content))
@@ -60,104 +73,112 @@ def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any
     return content
 
 
-def collect(
-    experiment: Experiment, out: Path, name: str, count: int
-) -> tuple[list[int], Values, int]:
-    """The seeds of an arm that are judged completely, their figures, and how many objects failed in them."""
+def collect(experiment: Experiment, out: Path, name: str, count: int) -> Judged:
+    """What lies in ``out`` of an arm."""
     names = test_names(experiment.arms[name].tests, count)
-    seeds, rows, failures = [], [], 0
+    seeds, rows, reasons, broken = [], [], [], {}
     for folder in sorted((out / name).glob("seed-*"), key=lambda p: int(p.name[5:])):
+        seed = int(folder.name[5:])
+        if failed := read_kept(folder / FAILED):
+            broken[seed] = failed["failure"]
+            continue
         results = [read_kept(folder / "figures" / f"{n}.json") for n in names]
         if any(result is None for result in results):
             continue
-        seeds.append(int(folder.name[5:]))
+        seeds.append(seed)
         rows.append([result["figures"] for result in results if result])
-        failures += sum(bool(result["failure"]) for result in results if result)
+        reasons += [result["failure"] for result in results if result and result["failure"]]
     keys = list(rows[0][0]) if rows else []
     values = {
         key: np.array([[np.nan if (v := f[key]) is None else v for f in row] for row in rows], float)
         for key in keys
     }  # fmt: skip
-    return seeds, values, failures
+    trained = bool(experiment.trained(name).stages)
+    faulty = sum(reason.startswith(TRUTH) for reason in reasons)
+    failures = len(reasons) - faulty
+    return Judged(seeds, values, len(names), trained, failures, faulty, broken)
 
 
-def matched_seeds(
-    one: tuple[list[int], Values, int], other: tuple[list[int], Values, int]
-) -> tuple[Values, Values] | None:
-    """Both arms' figures of the seeds that both have; None where there are none, or not the same figures."""
-    both = [s for s in one[0] if s in other[0]]
-    if not both or one[1].keys() != other[1].keys():
-        return None
-    first, second = (
-        {key: v[[seeds.index(s) for s in both]] for key, v in values.items()}
-        for seeds, values, _ in (one, other)
-    )
-    return first, second
+def parameters(experiment: Experiment, name: str) -> int:
+    """Of the networks that an arm is judged by."""
+    arm, made = experiment.arms[name], experiment.trained(name)
+    config = made.config if made.stages else read_config(checkpoint_folder(made.init))
+    return parameter_count(config.model, arm.station)
 
 
-def row(values: np.ndarray) -> dict[str, Any]:
-    """Mean of [S, N] over trainings and objects, its interval over objects, and each training's mean."""
-    objects = over_seeds(values)
-    objects = objects[~np.isnan(objects)]
-    low, high = interval(objects)
+def compare(
+    experiment: Experiment, name: str, against: str, found: dict[str, Judged]
+) -> dict[str, Any]:
+    """``against``, ``differences`` {figure: mean, low, high}, ``over`` what their intervals are, and of other objects ``kept``; {} without equal seeds."""
+    one, other = found[name], found[against]
+    shared = [key for key in one.values if key in other.values]
+    if experiment.arms[name].tests != experiment.arms[against].tests:
+        both = {k: unpaired(one.values[k], other.values[k], METRICS[k].better) for k in shared}
+        return {
+            "against": against,
+            "over": "other objects",
+            "differences": {key: v["difference"] for key, v in both.items()},
+            "kept": {key: v["kept"] for key, v in both.items()},
+        }
+    ours, theirs = matched(one, other)
+    if not ours:
+        return {}
     return {
-        "mean": float(objects.mean()) if len(objects) else float("nan"),
-        "low": low,
-        "high": high,
-        "seeds": [float(np.nanmean(v)) if not np.isnan(v).all() else float("nan") for v in values],
+        "against": against,
+        "over": "trainings" if len(ours) > 1 else "objects",
+        "pairs": len(ours) if one.trained or other.trained else 0,
+        "differences": {
+            key: difference(one.values[key][ours], other.values[key][theirs]) for key in shared
+        },
     }
 
 
-def difference(values: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """Mean of [S, N] minus another [S, N] of the same seeds and objects, and its interval (the module's head)."""
-    apart = values - reference
-    known = ~np.isnan(apart)
-    if not known.any():
-        return dict.fromkeys(("mean", "low", "high"), float("nan"))
-    if len(apart) == 1:
-        low, high = interval(apart[0][known[0]])
-        return {"mean": float(np.nanmean(apart)), "low": low, "high": high}
-    by_seed = np.array([v[k].mean() for v, k in zip(apart, known, strict=True) if k.any()])
-    number, mean = len(by_seed), by_seed.mean()
-    half = np.nan
-    if number > 1:
-        half = stats.t.ppf((1 + LEVEL) / 2, number - 1) * by_seed.std(ddof=1) / number**0.5
-    return {"mean": float(mean), "low": float(mean - half), "high": float(mean + half)}
-
-
-def over_seeds(values: np.ndarray) -> np.ndarray:
-    """[N] mean of [S, N] over the trainings where it is known; NaN where it never is."""
-    known = ~np.isnan(values)
-    total = np.where(known, values, 0).sum(0)
-    return np.where(known.any(0), total / np.maximum(known.sum(0), 1), np.nan)
+def matched(one: Judged, other: Judged) -> tuple[list[int], list[int]]:
+    """Rows of both that belong together: equal seeds; what is not trained, with every training of the other."""
+    if one.trained and other.trained:
+        both = [seed for seed in one.seeds if seed in other.seeds]
+        return [one.seeds.index(s) for s in both], [other.seeds.index(s) for s in both]
+    number = max(len(one.seeds) if one.trained else 1, len(other.seeds) if other.trained else 1)
+    first, second = (list(range(number)) if j.trained else [0] * number for j in (one, other))
+    return first, second
 
 
 def lines(content: dict[str, Any]) -> list[str]:
-    """Markdown: means, then differences from the reference."""
+    """Markdown: means, differences, what is kept on other objects, and what the intervals are."""
     columns, arms = content["columns"], content["arms"]
     arrows = {"higher": "↑", "lower": "↓"}
-    titles = [f"{content['metrics'][c]['title']} {arrows[content['metrics'][c]['better']]}" for c in columns]  # fmt: skip
-    text = [
-        f"| arm | seeds | objects | {' | '.join(titles)} |",
-        "|" + "---|" * (len(columns) + 3),
-    ]
+    titles = " | ".join(f"{content['metrics'][c]['title']} {arrows[content['metrics'][c]['better']]}" for c in columns)  # fmt: skip
+    text = [f"| arm | seeds | objects | parameters | {titles} |", "|" + "---|" * (len(columns) + 4)]
     for name, arm in arms.items():
-        cells = [cell(arm["rows"].get(c)) for c in columns]
-        text.append(f"| {name} | {len(arm['seeds'])} | {arm['objects']} | {' | '.join(cells)} |")
-    apart = {name: arm["differences"] for name, arm in arms.items() if "differences" in arm}
-    if apart:
-        text += [
-            "",
-            f"| minus {content['reference']} | {' | '.join(titles)} |",
-            "|" + "---|" * (len(columns) + 1),
-        ]
-        for name, found in apart.items():
-            cells = [cell(found.get(c), sign="+") for c in columns]
-            text.append(f"| {name} | {' | '.join(cells)} |")
-    failed = [f"{name} {arm['failures']}" for name, arm in arms.items() if arm["failures"]]
-    if failed:
-        text += ["", f"Objects without a result, counted with the worst values: {', '.join(failed)}."]  # fmt: skip
+        cells = " | ".join(cell(arm["rows"].get(c)) for c in columns)
+        text.append(f"| {name} | {len(arm['seeds'])} | {arm['objects']} | {arm['parameters']:,} | {cells} |")  # fmt: skip
+    for key, title, sign in (("differences", "minus", "+"), ("kept", "share kept of", "")):
+        some = {name: arm for name, arm in arms.items() if key in arm}
+        if some:
+            text += ["", f"| arm | {title} | interval over | {titles} |", "|" + "---|" * (len(columns) + 3)]  # fmt: skip
+        for name, arm in some.items():
+            cells = " | ".join(cell(arm[key].get(c), sign) for c in columns)
+            text.append(f"| {name} | {arm['against']} | {over(arm)} | {cells} |")
+    text += ["", f"In brackets: {content['level']:.0%} intervals, of means over objects."]
+    if any("one training" in over(arm) for arm in arms.values() if "over" in arm):
+        text += ["Over objects of one training: of these networks, no evidence on what was varied."]
+    for key, told in (
+        ("failures", "of which something failed, counted with the worst values"),
+        ("faulty", "left out, because the truth is at fault"),
+    ):
+        if some := [f"{name} {arm[key]}" for name, arm in arms.items() if arm[key]]:
+            text += ["", f"Objects {told}: {', '.join(some)}."]
+    for name, broken in content["broken"].items():
+        told = "; ".join(f"seed {seed}: {reason}" for seed, reason in broken.items())
+        text += ["", f"Trainings of {name} without a result, in no figure above: {told}."]
     return text
+
+
+def over(arm: dict[str, Any]) -> str:
+    """What an arm's interval of its difference is over, in words."""
+    if arm["over"] == "trainings":
+        return f"{arm['pairs']} trainings"
+    return "objects, one training" if arm.get("pairs") == 1 else arm["over"]
 
 
 def cell(figure: dict[str, float] | None, sign: str = "") -> str:

@@ -1,0 +1,153 @@
+"""What goes wrong in a queue: objects and trainings that fail, settings that changed, a test set by objects; nothing is trained here."""
+
+import csv
+import dataclasses
+import json
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from uniart_jax.config import Config
+from uniart_jax.data.folder import COLUMNS
+from uniart_jax.evaluation.kept import keep, read_kept
+from uniart_jax.experiments import judge, run, settings, table
+from uniart_jax.experiments.design import Arm, Elsewhere, Experiment
+from uniart_jax.experiments.settings import FILE, check_kept, claim_arm, differences
+
+PIPELINE: Any = None  # nothing is asked of it
+ARM = Arm(Config(), ("uniart_vae",), "vae")
+ARMS = {"one": ARM, "two": ARM, "again": dataclasses.replace(ARM, stages=(), of="two")}
+QUEUE = Experiment(ARMS, "one", ("rs_chamfer",), seeds=2, count=1)
+
+
+@pytest.fixture
+def fakes(monkeypatch):
+    """A queue whose trainings and figures cost nothing; ``failing`` are those that diverge."""
+    failing, trained = set(), []
+
+    def train(arm, seed, workdir):
+        trained.append((workdir.parent.name, seed))
+        if trained[-1] in failing:
+            raise FloatingPointError("uniart_vae: loss is nan at step 7")
+        return workdir
+
+    def figures(arm, checkpoint, seed, folder, count):
+        (name,) = judge.test_names(arm.tests, count)
+        keep(folder / f"{name}.json", {"figures": {"rs_chamfer": 0.1 + seed}, "failure": ""})
+
+    monkeypatch.setattr(run, "prepare", lambda *_: None)
+    monkeypatch.setattr(run, "train_arm", train)
+    monkeypatch.setattr(run, "judge", figures)
+    monkeypatch.setattr(table, "parameters", lambda *_: 1)
+    return failing, trained
+
+
+def test_a_training_that_diverges_is_a_result_and_tried_again(fakes, tmp_path):
+    failing, trained = fakes
+    failing.add(("two", 1))
+    run.run_experiment(QUEUE, tmp_path)
+    content = json.loads((tmp_path / "metrics.json").read_text())
+    assert {name: arm["seeds"] for name, arm in content["arms"].items()} == {"one": [0, 1], "two": [0], "again": [0]}  # fmt: skip
+    assert set(content["broken"]) == {"two", "again"}
+    assert "of two without a result, in no figure above: seed 1: uniart_vae: loss is nan" in (tmp_path / "table.md").read_text()  # fmt: skip
+    failing.clear()
+    trained.clear()
+    run.run_experiment(QUEUE, tmp_path)
+    assert ("two", 1) in trained
+    assert not json.loads((tmp_path / "metrics.json").read_text())["broken"]
+
+
+def test_an_arm_of_another_experiment_is_trained_in_its_folder(fakes, monkeypatch, tmp_path):
+    failing, trained = fakes
+    arms = {name: dataclasses.replace(ARM, stages=(), of="main/there") for name in ("a", "b")}
+    elsewhere = {"main/there": Elsewhere(ARM, tmp_path.relative_to(tmp_path) / "main-paper/there")}
+    experiment = Experiment(arms, "a", ("rs_chamfer",), seeds=1, count=1, others=elsewhere)
+    claimed = []
+    monkeypatch.setattr(run, "claim_arm", lambda e, name, folder: claimed.append(folder))
+    run.run_experiment(experiment, tmp_path / "mine")
+    assert set(claimed) == {tmp_path / "main-paper/there"}
+    assert set(trained) == {("there", 0)}
+    failing.add(("there", 0))
+    trained.clear()
+    run.run_experiment(experiment, tmp_path / "mine")
+    assert trained == [("there", 0)]  # it failed for both
+    assert read_kept(tmp_path / "mine/b/seed-0/failure.json") is not None
+
+
+def test_settings_that_differ_are_named(monkeypatch, tmp_path):
+    monkeypatch.setattr(settings, "records_digest", lambda _: "ab")
+    folder = tmp_path / "two"
+    claim_arm(QUEUE, "two", folder)
+    claim_arm(QUEUE, "two", folder)
+    kept = read_kept(folder / FILE)
+    assert kept is not None
+    del kept["config"]["uniart_vae"]["betas"]  # a setting that is newer than the folder
+    keep(folder / FILE, kept)
+    check_kept(QUEUE, "two", folder)
+    kept["config"]["uniart_vae"]["learning_rate"] = 7.0
+    keep(folder / FILE, kept)
+    with pytest.raises(ValueError, match=r"results of arm two .*uniart_vae.learning_rate 7.0 instead"):  # fmt: skip
+        check_kept(QUEUE, "two", folder)
+    (folder / "seed-0").mkdir()
+    (folder / FILE).unlink()
+    with pytest.raises(ValueError, match=r"arm two has results there without settings\.json"):
+        check_kept(QUEUE, "two", folder)
+    assert settings.settings(QUEUE, "again")["of"] == settings.settings(QUEUE, "two")
+    assert differences({"a": {"b": 1}}, {"a": {"b": 1, "c": 2}}, {"a": {"c": 2}}) == []
+    assert differences({"a": {"b": 1}}, {"a": {"b": 1, "c": 3}}, {"a": {"c": 2}}) == ["a.c 2 instead of 3"]  # fmt: skip
+
+
+def test_of_each_object_one_record_is_tested(tmp_path):
+    """Records are object by object, five states each; the test split is some of the objects, and a state may have failed."""
+    with (tmp_path / "manifest.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        for thing, split in (("a", "train"), ("b", "test"), ("c", "test"), ("d", "test")):
+            for state in range(5):
+                error = "lost" if (thing, state) == ("c", 0) else ""
+                writer.writerow({"object": thing, "state": state, "split": split, "error": error})
+    assert judge.record_names(str(tmp_path), "test", 200) == ("0000", "0005", "0009")
+    assert judge.record_names(str(tmp_path), "test", 2) == ("0000", "0005")
+    assert judge.record_names(str(tmp_path), "", 200) == ("0000", "0005", "0010", "0014")
+
+
+def test_an_object_without_a_truth_counts_for_nobody(monkeypatch, tmp_path):
+    def broken(*_):
+        raise ValueError("two boxes are equal")
+
+    monkeypatch.setattr(judge, "load_networks", lambda *_: SimpleNamespace(config=Config()))
+    monkeypatch.setattr(judge, "test_object", broken)
+    judge.judge(ARM, tmp_path, 0, tmp_path / "one/seed-0/figures", 2)
+    monkeypatch.setattr(table, "parameters", lambda *_: 1)
+    content = table.write_tables(QUEUE, tmp_path, 2)
+    arm = content["arms"]["one"]
+    assert (arm["faulty"], arm["failures"]) == (2, 0)
+    assert arm["rows"]["rs_chamfer"]["mean"] != arm["rows"]["rs_chamfer"]["mean"]  # NaN
+
+
+def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
+    (name,) = judge.test_names(ARM.tests, 1)
+    model = dataclasses.replace(Config().model, grid=dataclasses.replace(Config().model.grid, resolution=8))  # fmt: skip
+    test = judge.test_object(ARM, name, model)
+
+    def broken(*_):
+        raise IndexError("no part\nat all")
+
+    monkeypatch.setattr(judge, "make_object", broken)
+    figures, failure = judge.measure(ARM, PIPELINE, test, 0)
+    assert failure == "IndexError: no part at all"
+    assert figures == {k: m.worst for k, m in judge.METRICS.items() if k != "structure_iou"}
+    monkeypatch.setattr(judge, "make_object", lambda *_: test.truth.obj)
+    monkeypatch.setattr("uniart_jax.evaluation.pose_error.measure", broken)
+    figures, failure = judge.measure(ARM, PIPELINE, test, 0)
+    assert failure == "pose_error: IndexError: no part at all"
+    assert figures["pose_error"] == judge.METRICS["pose_error"].worst
+    assert figures["rs_chamfer"] < 0.01  # the others stand
+
+    def full(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(judge, "make_object", full)
+    with pytest.raises(MemoryError):  # the machine's fault, not the network's
+        judge.measure(ARM, PIPELINE, test, 0)

@@ -1,0 +1,183 @@
+"""What an experiment stands on: its records, made or checked; its test sets and checkpoints, looked at before anything is trained."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import dataclasses
+import fcntl
+import functools
+import hashlib
+import io
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+
+from uniart_jax.config import ModelConfig
+from uniart_jax.data.folder import read_manifest, read_metadata, write_text
+from uniart_jax.data.prepare import prepare_procedural
+from uniart_jax.data.records import RecordSource, record_rows, shard_paths
+from uniart_jax.experiments.design import Arm, Records
+from uniart_jax.experiments.judge import test_names, test_object
+from uniart_jax.pipeline import checkpoint_folder
+from uniart_jax.procedural import SEEN_FAMILIES
+from uniart_jax.stages import prepared_objects
+
+MAX_PARTS = 64
+console = Console(stderr=True, highlight=False)
+
+
+@contextlib.contextmanager
+def alone(out: Path) -> Iterator[None]:
+    """One process at a time in ``out``: two would write each other's checkpoints. The lock goes with its process, however that ends.
+
+    Raises:
+      ValueError: another process has it.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / "lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise ValueError(f"{out}: another process works on it; wait for it, or stop it first") from None  # fmt: skip
+        yield
+
+
+@contextlib.contextmanager
+def in_turn(folder: Path) -> Iterator[None]:
+    """One process at a time makes the records of ``folder``, which experiments share; the others wait."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with folder.with_name(f".{folder.name}.lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            console.print(f"{folder}: another process makes these records; waiting for it")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def make_records(records: Records, model: ModelConfig) -> None:
+    """Make the records of an experiment where they are not there yet, on the grid of ``model``; go on with what was left unfinished.
+
+    Raises:
+      ValueError: the folder holds records of other settings, of other families, or more of them.
+    """
+    folder = Path(records.folder)
+    with in_turn(folder):
+        if records.source:
+            leave_out(Path(records.source), folder, records.leave_out)
+            return
+        held = prepared_objects(folder)
+        if held < records.count:
+            prepare_procedural(
+                folder,
+                records.count,
+                families=records.families or None,
+                grid=dataclasses.replace(model.grid, max_parts=MAX_PARTS),
+                views=records.views,
+                image_size=model.image_encoder.image_size,
+                processes=os.cpu_count() or 1,
+            )
+            return
+        asked = {
+            "source": "procedural",
+            "families": list(records.families or SEEN_FAMILIES),
+            "start_seed": 0,
+            "resolution": model.grid.resolution,
+            "subdivisions": model.grid.subdivisions,
+            "max_parts": MAX_PARTS,
+            "views": records.views,
+            "image_size": model.image_encoder.image_size,
+            "states": 1,
+        }
+        found = read_metadata(folder)
+        differ = [f"{k} {found.get(k)} instead of {v}" for k, v in asked.items() if found.get(k) != v]  # fmt: skip
+        if held > records.count:
+            differ.append(f"{held} objects instead of {records.count}")
+        if differ:
+            raise ValueError(f"{folder}: holds other records than the experiment's ({', '.join(differ)}); move that folder away")  # fmt: skip
+
+
+def leave_out(source: Path, folder: Path, joint_type: str) -> None:
+    """Another view of prepared records: the same shards, of which those with a joint of that type have it as their split, the others "train".
+
+    Nothing is touched where all of it is there already: another process may read it.
+
+    Raises:
+      ValueError: no record has such a joint, or all have.
+    """
+    rows = record_rows(source)
+    has = [joint_type in {j.split(":")[0] for j in row["joints"].split()} for row in rows]
+    if not any(has) or all(has):
+        raise ValueError(f"{source}: {sum(has)} of {len(has)} records have a joint '{joint_type}'; nothing to hold apart")  # fmt: skip
+    folder.mkdir(parents=True, exist_ok=True)
+    wanted = {path.name: path.resolve() for path in [*shard_paths(source), source / "metadata.json"]}  # fmt: skip
+    for link in folder.iterdir():
+        if link.is_symlink() and link.name not in wanted:
+            link.unlink()
+    for name, target in wanted.items():
+        link = folder / name
+        if not (link.is_symlink() and link.readlink() == target):
+            link.unlink(missing_ok=True)
+            link.symlink_to(target)
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row, apart in zip(rows, has, strict=True):
+        writer.writerow({**row, "split": joint_type if apart else "train"})
+    manifest = folder / "manifest.csv"
+    if not manifest.is_file() or manifest.read_text(encoding="utf-8") != text.getvalue():
+        write_text(manifest, text.getvalue())
+
+
+def records_digest(folder: str | Path) -> str:
+    """Of what a prepared folder says that it holds.
+
+    Raises:
+      FileNotFoundError, ValueError: it is not a complete prepared folder.
+    """
+    read_metadata(folder)
+    read_manifest(folder)
+    files = [Path(folder) / name for name in ("metadata.json", "manifest.csv")]
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()[:16]
+
+
+def checkpoint_digest(checkpoint: str) -> str:
+    """Of all networks of a checkpoint, and of the options that it is sampled with."""
+    total = hashlib.sha256()
+    folder = checkpoint_folder(checkpoint)
+    folder = folder if list(folder.glob("*.safetensors")) else folder / "export"
+    for path in sorted([*folder.glob("*.safetensors"), *folder.glob("config.json")]):
+        found = path.stat()
+        total.update(path.name.encode() + _file_digest(path, found.st_size, found.st_mtime_ns))
+    return total.hexdigest()[:16]
+
+
+@functools.cache  # gigabytes, asked for by every arm
+def _file_digest(path: Path, size: int, changed: int) -> bytes:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").digest()
+
+
+def check_arm(name: str, arm: Arm, trained: Arm, count: int) -> None:
+    """Whether an arm can be trained and judged, as far as that can be told before: an arm must not fail after a training of days.
+
+    Args:
+      trained: the arm whose networks it is judged by.
+
+    Raises:
+      FileNotFoundError, ValueError: records, a split, a column or an image is missing; the arm is named.
+    """
+    try:
+        if trained.stages:
+            data, features = trained.config.data, trained.config.model.uniart_vae.feature_channels
+            RecordSource(data.records, data.split, tuple(features))
+        names = test_names(arm.tests, count)
+        if not names:
+            raise ValueError(f"{arm.tests.records}: no test object in it")
+        if arm.tests.records:
+            test_object(arm, names[0], trained.config.model)
+    except (OSError, ValueError) as error:
+        raise type(error)(f"arm {name}: {error}") from None
