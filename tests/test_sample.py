@@ -11,7 +11,10 @@ import trimesh
 import yourdfpy
 from PIL import Image
 
-from uniart_jax.pipeline import PRETRAINED
+from uniart_jax.cli import guarded
+from uniart_jax.cli import sample as sample_command
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.pipeline import PRETRAINED, Sample
 
 ROOT = Path(__file__).parent.parent
 shipped = pytest.mark.skipif(
@@ -144,6 +147,38 @@ def test_several_adaptive_samples_say_how_much_they_agree(tmp_path):
 def test_views_make_one_object(tmp_path, views):
     sample(*[EXAMPLE] * views, "--out", tmp_path / "out", "--multi-view", "--no-check")
     assert (tmp_path / "out" / "object.urdf").is_file()
+
+
+class Finder:
+    """A pipeline that finds an object for some seeds only."""
+
+    def __init__(self, seeds):
+        self.seeds = seeds
+
+    def sample(self, image, *, seed, **_):
+        if seed not in self.seeds:
+            raise ValueError(f"cabinet: the model found no object ({seed})")
+        parts = [Part("body", trimesh.creation.box((0.4, 0.4, 0.4)), -1)]
+        return Sample(ArticulatedObject(parts), {}, {"structure": 1, "latent": 1})
+
+
+@pytest.mark.parametrize(("seeds", "code"), [((0, 2), 1), ((1,), 1), ((0, 1, 2), 0), ((), 2)])
+def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, capsys, seeds, code):
+    monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: Finder(seeds))
+    found = guarded(lambda: sample_command((EXAMPLE,), tmp_path, num_samples=3, check=False, refine=False, formats=("urdf",)))  # fmt: skip
+    assert found == code
+    made = {i for i in range(3) if (tmp_path / f"cabinet/sample-{i}/object.urdf").is_file()}
+    assert made == set(seeds)
+    for i in seeds:
+        report = json.loads((tmp_path / f"cabinet/sample-{i}/report.json").read_text())
+        assert report["seed"] == i
+        assert (report["spread"]["samples"] if len(seeds) > 1 else 1) == len(seeds)
+        assert ("spread" in report) == (len(seeds) > 1)
+    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+    if code == 1:
+        assert errors == [f"error: cabinet.png, seed {i}: cabinet: the model found no object ({i})" for i in range(3) if i not in seeds]  # fmt: skip
+    elif code == 2:
+        assert errors == ["error: cabinet: the model found no object (0)"]
 
 
 def test_unknown_checkpoint(tmp_path):

@@ -12,7 +12,6 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat"]
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash"]
-STAGES = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 TOLERANCES = (1e-4, 1.0)  # of adaptive solvers
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 

@@ -40,6 +40,8 @@ Evaluation = Callable[[TrainState, int], tuple[dict[str, float], dict[str, np.nd
 IMAGE_BATCH = 16
 VOXEL_BATCH = 2
 OBJECTS = 48  # of the validation records; enough to see a trend, few enough to look often
+PICTURES, PICTURE = 4, 128  # objects that are shown, and pixels a side of each view
+Cells = tuple[np.ndarray, np.ndarray | None]  # [N, 3] indices, [N, 3] linear colours
 
 
 def make_evaluation(
@@ -104,10 +106,9 @@ def _image_encoder(config: Config) -> Evaluation:
                     record.codes,
                     record.parents,
                 )
-                if len(pictures) < 4:
-                    pictures.append(
-                        _silhouettes(batch["image"][b], truth[b], out["occupancy"][b] > 0)
-                    )
+                if len(pictures) < PICTURES:
+                    both = filled(truth[b]), filled(out["occupancy"][b] > 0)
+                    pictures.append(beside(*both, truth.shape[1], batch["image"][b]))
         figures = {"iou": float(np.mean(overlaps)), "camera": float(np.mean(cameras))}
         return {**figures, **summarize_readings(rows)}, {"occupancy": np.concatenate(pictures)}
 
@@ -119,12 +120,16 @@ def _structure_vae(config: Config) -> Evaluation:
     apply = jax.jit(lambda params, occupancy: network.apply(params, occupancy)["logits"])
 
     def evaluate(state, step):
-        overlaps = []
+        overlaps, pictures = [], []
         for batch in _pictures(config):
             truth = np.asarray(batch["occupancy"], bool)
             logits = np.asarray(apply(state.ema, batch["occupancy"].astype(np.float32)))
-            overlaps += list(iou(logits > 0, truth)[batch["record"] >= 0])
-        return {"iou": float(np.mean(overlaps))}, {}
+            known = batch["record"] >= 0
+            overlaps += list(iou(logits > 0, truth)[known])
+            for b in np.flatnonzero(known)[: PICTURES - len(pictures)]:
+                both = filled(truth[b]), filled(logits[b] > 0)
+                pictures.append(beside(*both, truth.shape[1]))
+        return {"iou": float(np.mean(overlaps))}, {"occupancy": np.concatenate(pictures)}
 
     return evaluate
 
@@ -138,7 +143,7 @@ def _uniart_vae(config: Config) -> Evaluation:
         return network.apply(params, latent, batch, method="decode")
 
     def evaluate(state, step):
-        rows, inside, colors = [], [], []
+        rows, inside, colors, pictures = [], [], [], []
         for batch in record_batches(
             data.validation, data, config.model, VOXEL_BATCH, split=data.validation_split
         ):
@@ -162,8 +167,13 @@ def _uniart_vae(config: Config) -> Evaluation:
                 inside.append((truth & guess).sum() / max((truth | guess).sum(), 1))
                 color = decode_color(batch["color"][b, :count])
                 colors.append(np.abs(out["color"][b, :count] - color).mean())
+                if len(pictures) < PICTURES:
+                    coords = batch["coords"][b, :count]
+                    found = solid(coords, out["sdf"][b, :count], out["color"][b, :count])
+                    true = solid(coords, batch["sdf"][b, :count], color)
+                    pictures.append(beside(true, found, _sub_cells(config)))
         figures = {"inside_iou": float(np.mean(inside)), "color_error": float(np.mean(colors))}
-        return {**figures, **summarize_readings(rows)}, {}
+        return {**figures, **summarize_readings(rows)}, {"surface": np.concatenate(pictures)}
 
     return evaluate
 
@@ -178,7 +188,7 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
     threshold = config.sample_structure.threshold
 
     def evaluate(state, step):
-        overlaps = []
+        overlaps, pictures = [], []
         number = min(OBJECTS, len(source)) // IMAGE_BATCH * IMAGE_BATCH or len(source)
         chosen = spread(len(source), number)
         for start in range(0, number, IMAGE_BATCH):
@@ -189,8 +199,12 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
             for row, item in zip(truth, items, strict=True):
                 row[tuple(item["coords"].astype(int).T)] = True
-            overlaps += list(iou(np.asarray(decode(parameters, latent)) > threshold, truth))
-        return {"iou": float(np.mean(overlaps))}, {}
+            found = np.asarray(decode(parameters, latent)) > threshold
+            overlaps += list(iou(found, truth))
+            for b, item in enumerate(items[: PICTURES - len(pictures)]):
+                both, image = (filled(truth[b]), filled(found[b])), item["images"][0] / 255
+                pictures.append(beside(*both, truth.shape[1], image))
+        return {"iou": float(np.mean(overlaps))}, {"occupancy": np.concatenate(pictures)}
 
     return evaluate
 
@@ -206,7 +220,7 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
     condition_of = load_conditioner(config, workdir)
 
     def evaluate(state, step):
-        rows, inside = [], []
+        rows, inside, pictures = [], [], []
         for index in spread(len(source), OBJECTS):
             item = source[index]
             record: Record = records[int(item["record"])]
@@ -231,10 +245,15 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
                 record.parents,
             )
             grid = voxel_grid(out, 0, coords[0, :count], config.model.grid)
-            guess = faired(grid, options.sdf_offset, options.sdf_blur).sdf < 0
-            truth = record.sdf < 0
+            smooth = faired(grid, options.sdf_offset, options.sdf_blur)
+            truth, guess = record.sdf < 0, smooth.sdf < 0
             inside.append((truth & guess).sum() / max((truth | guess).sum(), 1))
-        return {"inside_iou": float(np.mean(inside)), **summarize_readings(rows)}, {}
+            if len(pictures) < PICTURES:
+                true = solid(record.coords, record.sdf, decode_color(record.color))
+                found = solid(smooth.coords, smooth.sdf, smooth.color)
+                pictures.append(beside(true, found, _sub_cells(config), item["images"][0] / 255))
+        figures = {"inside_iou": float(np.mean(inside)), **summarize_readings(rows)}
+        return figures, {"surface": np.concatenate(pictures)}
 
     return evaluate
 
@@ -254,15 +273,40 @@ def _condition(items: list[dict[str, Any]], condition_of: Callable[..., Conditio
     return condition_of(jnp.asarray(images))
 
 
-def _silhouettes(image: np.ndarray, truth: np.ndarray, guess: np.ndarray) -> np.ndarray:
-    """[S, 5 S, 3]: the image, then front and side depth of the true and of the predicted occupancy."""
-    size = image.shape[0]
+def filled(occupancy: np.ndarray) -> Cells:
+    """The occupied cells of a dense grid [R, R, R], without colours."""
+    return np.argwhere(occupancy), None
 
-    def depth(grid: np.ndarray, axis: int) -> np.ndarray:
-        first = np.where(grid.any(axis), 1 - grid.argmax(axis) / grid.shape[axis], 0)
-        picture = first.T[::-1]
-        times = size // picture.shape[0]
-        return np.repeat(np.kron(picture, np.ones((times, times)))[..., None], 3, -1)
 
-    tiles = [depth(grid, axis) for axis in (0, 1) for grid in (truth, guess)]
-    return np.concatenate([image, *tiles], 1)
+def solid(coords: np.ndarray, sdf: np.ndarray, color: np.ndarray) -> Cells:
+    """The sub-cells [V, r^3] of voxels [V, 3] that lie inside the object, with their colours."""
+    r = round(sdf.shape[1] ** (1 / 3))
+    within = np.indices((r, r, r)).reshape(3, -1).T
+    inside = sdf < 0
+    return (coords.astype(int)[:, None] * r + within)[inside], color[inside]
+
+
+def beside(
+    true: Cells, found: Cells, resolution: int, image: np.ndarray | None = None
+) -> np.ndarray:
+    """[S, 4 S, 3] in [0, 1]: front and side of the true cells, then of those found; [S, 5 S, 3] with the image [S, S, 3] before them.
+
+    The front is seen from -x, the side from -y, z up. What is nearer is brighter. ``resolution``: cells a side of the grid.
+    """
+    size = PICTURE if image is None else image.shape[0]
+    pixels = np.arange(size) * resolution // size
+    tiles = [] if image is None else [np.asarray(image)]
+    for cells, colors in (true, found):
+        tint = 1.0 if colors is None else np.clip(colors, 0, 1) ** (1 / 2.2)
+        for axis, across in ((0, resolution - 1 - cells[:, 1]), (1, cells[:, 0])):
+            depth = cells[:, axis].astype(np.int16)
+            order = np.argsort(-depth, kind="stable")  # the nearest is drawn last
+            picture = np.zeros((resolution, resolution, 3), np.float32)
+            light = (1 - 0.7 * depth / resolution)[:, None] * tint
+            picture[resolution - 1 - cells[order, 2], across[order]] = light[order]
+            tiles.append(picture[pixels][:, pixels])
+    return np.concatenate(tiles, 1)
+
+
+def _sub_cells(config: Config) -> int:
+    return config.model.grid.resolution * config.model.grid.subdivisions

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from uniart_jax.flow import solvers
 from uniart_jax.flow.guidance import guide
-from uniart_jax.flow.solvers import euler, heun, solve
+from uniart_jax.flow.solvers import euler, heun, solve, time_steps
 
 RATES = jnp.array([0.5, 2.0, 8.0])  # of dx/dt = rate x from t = 1 to 0: easy to stiff-ish
 SOLVERS = ("euler", "heun")
@@ -147,6 +148,74 @@ def test_below_the_end_one_euler_step_and_no_velocity(solver, tolerance):
     assert int(found.evaluations[0]) == len(times)
     if tolerance is None:
         assert len(times) == {"euler": 4, "heun": 7}[solver]
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_many_fixed_steps_leave_out_the_times_below_the_end(solver):
+    """The last of sixty is .048."""
+    x0 = jnp.full((1, 2), 0.25)
+
+    def of_data(x, t):
+        v = (x - x0) / jnp.maximum(jnp.reshape(t, (-1, 1)), 0.05)
+        return jnp.where(t < 0.05 - 1e-6, jnp.nan, v)  # asked for there, it shows
+
+    times = time_steps(60, 3.0)
+    assert times[-2] < 0.05 < times[-3]
+    found = solve(of_data, jnp.ones((1, 2)), solver, 60, 3.0, end=0.05)
+    np.testing.assert_allclose(found.x, x0, atol=1e-5)
+    assert int(found.evaluations[0]) == {"euler": 59, "heun": 117}[solver]
+    np.testing.assert_array_equal(time_steps(25, 3.0, 0.05), time_steps(25, 3.0))  # .111 is last
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("end", [0.0, 0.05])
+def test_a_jump_close_to_the_end_is_passed(solver, end, monkeypatch):
+    """As at the edge of a guidance interval. A least step stretched to the end is taken: otherwise it is rejected and tried again for ever."""
+    monkeypatch.setattr(solvers, "MOST", 10**6)  # without help
+    edges = end + jnp.linspace(1e-4, 1.2e-3, 64)
+
+    def jump(x, t):
+        return jnp.where(t >= edges, 2.0, 0.0)[:, None] * x
+
+    x = jnp.linspace(1.0, 3.0, 64)[:, None] * jnp.ones((1, 4))
+    found = bounded(jump, x, solver, 0.01, end)
+    assert np.isfinite(found.x).all() and (found.evaluations < 1000).all()
+
+
+def test_a_velocity_of_half_precision_comes_to_an_end(monkeypatch):
+    """The error of a short step is rounding, which no shorter one lowers."""
+    monkeypatch.setattr(solvers, "MOST", 10**6)
+
+    def coarse(x, t):
+        return (x + 0.3 * jnp.sin(40 * x)).astype(jnp.bfloat16).astype(jnp.float32)
+
+    noise = jnp.asarray(np.random.default_rng(0).normal(size=(32, 64)), jnp.float32)
+    found = bounded(coarse, noise, "euler", 1e-3, 0.0)
+    assert np.isfinite(found.x).all() and (found.evaluations < 2900).all()
+
+
+def bounded(velocity, x, solver, tolerance, end):
+    """solve() in a loop that gives up, where the solver's own would go on for ever."""
+    loop = jax.lax.while_loop
+
+    def limited(condition, body, start):
+        def go_on(carry):
+            return condition(carry[0]) & (carry[1] < 3000)
+
+        return loop(go_on, lambda carry: (body(carry[0]), carry[1] + 1), (start, 0))[0]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(jax.lax, "while_loop", limited)
+        return solve(velocity, x, solver, 25, 3.0, tolerance=tolerance, end=end)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("end", [0.0, 0.05])
+def test_after_so_many_velocities_one_step_is_left(solver, end, monkeypatch):
+    monkeypatch.setattr(solvers, "MOST", 20)
+    found = solve(decay, ones(), solver, 4, 3.0, tolerance=1e-4, end=end)
+    assert (found.evaluations >= 20).all() and (found.evaluations <= 23).all()
+    assert np.isfinite(found.x).all()
 
 
 def test_heun_of_one_step_with_an_end_is_euler():

@@ -15,7 +15,7 @@ import toy_run
 from uniart_jax.config import StageConfig
 from uniart_jax.training import dashboard, flops
 from uniart_jax.training.flops import matmul_flops
-from uniart_jax.training.programs import Program
+from uniart_jax.training.programs import Program, Programs
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 
@@ -112,11 +112,44 @@ def test_every_program_has_its_own_rate(monkeypatch):
     assert (row["program_1_steps"], row["program_2_steps"]) == (2, 2)  # without the first
     assert row["program_1_samples_per_second"] == pytest.approx(6)
     assert row["program_2_samples_per_second"] == pytest.approx(2)
-    assert row["program_2_padding"] == pytest.approx((0.3 + 0.5) / 2)
+    assert row["program_2_padding"] == pytest.approx((0.2 + 0.4) / 2)
     assert "program_1_padding" not in row
     assert row["steps_per_second"] == pytest.approx(4 / 8)
     assert row["peak_share"] == pytest.approx(4e9 / 4e9 / 8 / jax.device_count())
     assert not any(name.startswith("program_") for name in meter.row(6, programs=1))
+
+
+def test_compiling_is_charged_to_no_program(tmp_path, monkeypatch):
+    """A new shape at the fourth step; compiling takes a hundred seconds by the clock."""
+    ahead, clock = [0.0], time.perf_counter
+    monkeypatch.setattr(dashboard.time, "perf_counter", lambda: clock() + ahead[0])
+    compile_ = Programs.compile
+
+    def slow(self, *arguments):
+        ahead[0] += 100
+        return compile_(self, *arguments)
+
+    monkeypatch.setattr(Programs, "compile", slow)
+    batches = toy_run.make_batches()
+
+    class Narrower:
+        drawn = 0
+
+        def __next__(self):
+            self.drawn += 1
+            batch = next(batches)
+            return {n: v[:2] for n, v in batch.items()} if self.drawn in (4, 6) else batch
+
+        get_state, set_state = batches.get_state, batches.set_state
+
+    toy_run.program.cache_clear()
+    toy_run.train(tmp_path, toy_run.make_stage(8, 100, log_every=8), Narrower())
+    toy_run.program.cache_clear()
+    (row,) = rows(tmp_path)
+    assert ahead[0] == 200 and row["programs"] == 2
+    assert (row["program_1_steps"], row["program_2_steps"]) == (5, 2)
+    seconds = [row[f"program_{n}_steps"] * 8 / row[f"program_{n}_samples_per_second"] for n in (1, 2)]  # fmt: skip
+    assert sum(seconds) < 100 and 7 / row["steps_per_second"] < 100
 
 
 def test_products_are_counted_with_their_loops():
@@ -145,6 +178,18 @@ def test_the_peak_is_measured_once():
     begin = time.perf_counter()
     assert flops.matmul_peak("float32") == rate > 1e8
     assert time.perf_counter() - begin < max(first, 1e-3)
+
+
+def test_a_device_without_room_for_a_large_product_has_no_peak(monkeypatch):
+    def full(*_):
+        raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory")
+
+    monkeypatch.setattr(flops, "_measured", full)
+    assert flops.matmul_peak.__wrapped__("float32") is None
+    monkeypatch.setattr(dashboard, "matmul_peak", lambda dtype: 2e9 if dtype == "float32" else None)
+    count = jax.device_count()
+    assert dashboard.ideal_seconds(Counter(float32=10**9)) == pytest.approx(0.5 / count)
+    assert dashboard.ideal_seconds(Counter(float32=10**9, bfloat16=1)) is None
 
 
 def init(key):

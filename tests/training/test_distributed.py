@@ -115,6 +115,55 @@ def test_sigterm_to_one_process_saves_the_same_step_of_both(tmp_path):
     assert int(np.load(tmp_path / "one.npz")["step"]) == steps
 
 
+def test_a_record_that_one_process_cannot_read_ends_both_at_once(tmp_path):
+    """It comes while a step that is saved computes: nobody waits in a save for the one that has failed."""
+    work = tmp_path / "work"
+    first, second = one_each(toy(work, 100, 3), 2)
+    begin = time.monotonic()
+    found = finished(first, [*second, "--fail", 4])
+    assert time.monotonic() - begin < LIMIT / 2
+    assert all(code for code, _ in found), found
+    assert "process 1 stopped: record 17 is damaged" in found[0][1]
+    assert "ValueError: record 17 is damaged" in found[1][1]
+    assert "process 0" not in found[1][1]
+    assert [path.name for path in (work / "checkpoints/toy").iterdir()] == ["3"]
+
+
+def test_a_part_that_one_process_cannot_read_sets_the_checkpoint_aside_for_both(tmp_path):
+    # small arrays would stand in the first process's file
+    work, splits = tmp_path / "work", ("--devices", 2, "--fsdp", 4, "--width", 8192)
+    assert [code for code, _ in finished(*one_each(toy(work, 4, 2, *splits), 2))] == [0, 0]
+    parts = [p for p in (work / "checkpoints/toy/4").rglob("*") if p.is_file() and "/d/" in str(p)]
+    theirs = [path for path in parts if "process_1" in str(path)]
+    assert theirs and len(theirs) < len(parts)
+    for path in theirs:
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    begin = time.monotonic()
+    found = finished(*one_each(toy(work, 6, 2, *splits), 2))
+    assert time.monotonic() - begin < 250  # Orbax's barriers wait for 300
+    assert [code for code, _ in found] == [0, 0], found
+    assert found[0][1].count("4 is damaged (") == 1 and "resumed at step 2" in found[0][1]
+    assert "damaged" not in found[1][1] and "handler" not in found[0][1].split("4 is damaged")[1].split(");")[0]  # fmt: skip
+    assert {p.name for p in (work / "checkpoints/toy").iterdir()} == {"2", "damaged-4", "4", "6"}
+
+
+def test_sigterm_ends_a_program_that_has_joined_the_others():
+    """JAX's own handler would keep it for itself, until a loop listens again."""
+    code = f"""
+import signal, sys, time
+signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+from uniart_jax.training import distributed
+distributed.start("localhost:{free_port()}", 1, 0)
+print("joined", flush=True)
+time.sleep({LIMIT})
+"""
+    with started(["-c", code]) as (running,):
+        assert running.stdout.readline().strip() == "joined"
+        running.send_signal(signal.SIGTERM)
+        running.communicate(timeout=60)
+        assert running.returncode == 143
+
+
 def command(config: Path, port: int, process: int, *options) -> list:
     where = ["--coordinator", f"localhost:{port}", "--processes", 2, "--process", process]
     return ["train.py", "--config", config, *where, *options]

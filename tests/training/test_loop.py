@@ -140,6 +140,78 @@ def test_data_that_ends_is_an_error(tmp_path):
         toy_run.train(tmp_path, toy_run.make_stage(2, 2), Ends())
 
 
+def evaluation(calls):
+    def evaluate(state, step):
+        calls.append(step)
+        return {"parts": float(np.asarray(state.ema["out"]["bias"]).sum())}, {}
+
+    return evaluate
+
+
+@pytest.mark.parametrize("stopped", [3, 6])
+def test_an_evaluation_that_a_signal_forestalls_is_made_up_for(tmp_path, stopped):
+    """At the last step too, which has only been saved then: the rows are those of a run without a break."""
+    stage = toy_run.make_stage(6, 100, evaluate_every=3)
+    batches = toy_run.make_batches()
+
+    class Stops:
+        drawn = 0
+
+        def __next__(self):
+            self.drawn += 1
+            if self.drawn == stopped:
+                os.kill(os.getpid(), signal.SIGTERM)
+            return next(batches)
+
+        get_state, set_state = batches.get_state, batches.set_state
+
+    calls, unbroken = [], []
+    toy_run.train(tmp_path / "a", stage, toy_run.make_batches(), evaluate=evaluation(unbroken))
+    with pytest.raises(SystemExit) as error:
+        # the batch of step n is drawn, and the signal comes, when step n - 1 is past asking
+        toy_run.train(tmp_path / "b", stage, Stops(), evaluate=evaluation(calls))
+    assert error.value.code == 143
+    assert saved_steps(tmp_path / "b") == [stopped] and stopped not in calls
+    for _ in range(2):
+        toy_run.train(tmp_path / "b", stage, toy_run.make_batches(), evaluate=evaluation(calls))
+    assert calls == unbroken == [3, 6]
+
+
+@pytest.mark.parametrize("at", [3, 6])
+def test_a_signal_while_a_step_is_saved_or_evaluated_is_obeyed(tmp_path, at):
+    calls = []
+
+    def killed(state, step):
+        if step == at:
+            os.kill(os.getpid(), signal.SIGTERM)
+        return evaluation(calls)(state, step)
+
+    stage = toy_run.make_stage(6, 100, evaluate_every=3)
+    old = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(SystemExit) as error:
+        toy_run.train(tmp_path, stage, toy_run.make_batches(), evaluate=killed)
+    assert error.value.code == 143 and signal.getsignal(signal.SIGTERM) is old
+    toy_run.train(tmp_path, stage, toy_run.make_batches(), evaluate=evaluation(calls))
+    assert calls == [3, 6]
+
+
+def test_a_last_step_that_was_killed_while_it_was_evaluated_is_evaluated_later(tmp_path, straight):
+    class Killed(BaseException):
+        pass
+
+    def killed(state, step):
+        raise Killed
+
+    calls, stage = [], toy_run.make_stage(12, 4)
+    with pytest.raises(Killed):
+        toy_run.train(tmp_path, stage, toy_run.make_batches(), evaluate=killed)
+    for _ in range(2):
+        state = toy_run.train(tmp_path, stage, toy_run.make_batches(), evaluate=evaluation(calls))
+    assert calls == [12]
+    assert_same(straight[1], state)
+    assert [row["kind"] for row in rows(tmp_path)] == ["train"] * 12 + ["evaluation"]
+
+
 def start(workdir: Path, *arguments: str) -> subprocess.Popen:
     return subprocess.Popen(
         [*PROGRAM, str(workdir), *arguments], stderr=subprocess.PIPE, text=True, env=dict(os.environ)

@@ -1,6 +1,6 @@
 """A toy stage for the tests: a two-layer network, Grain batches with their order recorded. Run as a program it trains in its own process:
 
-python toy_run.py WORKDIR STEPS SAVE_EVERY [--devices N --fsdp M] [--accumulate N] [--slow SECONDS] [--nan STEP] [--out FILE] [--processes N --process I --port P]
+python toy_run.py WORKDIR STEPS SAVE_EVERY [--devices N --fsdp M] [--accumulate N] [--slow SECONDS] [--nan STEP] [--out FILE] [--processes N --process I --port P] [--fail STEP] [--width W]
 """
 
 from __future__ import annotations
@@ -29,17 +29,21 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--process", type=int, default=0)
     parser.add_argument("--port", type=int, default=0)
+    parser.add_argument("--fail", type=int, default=-1)
+    parser.add_argument("--width", type=int, default=16)
     return parser.parse_args()
 
 
-def init(key):
+def init(key, width=16):
     import jax
     import jax.numpy as jnp
 
     first, second = jax.random.split(key)
     return {
-        "blocks": {0: {"kernel": jax.random.normal(first, (4, 16)) / 2, "bias": jnp.zeros(16)}},
-        "out": {"kernel": jax.random.normal(second, (16, 8)) / 4, "bias": jnp.zeros(8)},
+        "blocks": {
+            0: {"kernel": jax.random.normal(first, (4, width)) / 2, "bias": jnp.zeros(width)}
+        },
+        "out": {"kernel": jax.random.normal(second, (width, 8)) / width**0.5, "bias": jnp.zeros(8)},
     }
 
 
@@ -54,7 +58,7 @@ def loss_fn(params, batch, key):
     return loss, {"error": jnp.sqrt(loss)}
 
 
-def make_batches(seen=None, nan_at=-1, slow=0.0, share=slice(None)):
+def make_batches(seen=None, nan_at=-1, slow=0.0, share=slice(None), fail_at=-1):
     import grain
     import numpy as np
 
@@ -80,6 +84,8 @@ def make_batches(seen=None, nan_at=-1, slow=0.0, share=slice(None)):
             if seen is not None:
                 seen.append(batch["index"].tolist())
             self.count += 1
+            if self.count == fail_at:
+                raise ValueError("record 17 is damaged")
             if self.count == nan_at:
                 batch["y"] = batch["y"] * np.nan
             return batch
@@ -113,7 +119,7 @@ def program(stage, fsdp):
     return make_mesh(MeshConfig(fsdp=fsdp)), optimizer, step
 
 
-def train(workdir, stage, batches, *, fsdp=1, **options):
+def train(workdir, stage, batches, *, fsdp=1, width=16, **options):
     import jax
 
     from uniart_jax.config import ModelConfig
@@ -130,7 +136,9 @@ def train(workdir, stage, batches, *, fsdp=1, **options):
     with Checkpoints(workdir / "checkpoints" / "toy", keep=stage.keep_checkpoints) as checkpoints:
         return run_stage(
             "toy",
-            state=create_state(init, optimizer, jax.random.key(0), mesh),
+            state=create_state(
+                functools.partial(init, width=width), optimizer, jax.random.key(0), mesh
+            ),
             train_step=train_step,
             batches=batches,
             put=in_parts(functools.partial(put_batch, mesh=mesh), stage.accumulate, ModelConfig()),
@@ -151,20 +159,22 @@ def main() -> None:
 
     flags.FLAGS.mark_as_parsed()
     jax.config.update("jax_num_cpu_devices", args.devices)
+    from uniart_jax.training import distributed
+
     share = slice(None)
     if args.processes > 1:
         jax.config.update("jax_cpu_collectives_implementation", "gloo")
-        address = f"localhost:{args.port}"
-        jax.distributed.initialize(address, args.processes, args.process)
+        distributed.start(f"localhost:{args.port}", args.processes, args.process)
         size = 8 // args.processes
         share = slice(args.process * size, (args.process + 1) * size)
     from uniart_jax.training import sharding
     from uniart_jax.training.export import export_network, flat_names
 
     sharding.MIN_SHARDED_SIZE = 1
-    batches = make_batches(nan_at=args.nan, slow=args.slow, share=share)
+    batches = make_batches(nan_at=args.nan, slow=args.slow, share=share, fail_at=args.fail)
     stage = make_stage(args.steps, args.save_every, accumulate=args.accumulate)
-    state = train(args.workdir, stage, batches, fsdp=args.fsdp)
+    with distributed.together():
+        state = train(args.workdir, stage, batches, fsdp=args.fsdp, width=args.width)
     if args.fsdp > 1:
         assert not state.params["out"]["kernel"].sharding.is_fully_replicated
     if args.out:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -45,14 +48,16 @@ def sample(
     refine: bool = True,
     check: bool = True,
     overwrite: Overwrite = False,
-) -> None:
+) -> int:
     """One image in, a complete articulated object out.
+
+    A sample that fails, as where no object is found in the image, does not cost the others: exit code 1 if some failed, 2 if all did.
 
     Args:
         images: Image files. With an alpha channel or a plain background the object is cut out by itself.
         checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR.
         seed: Same seed, same object.
-        num_samples: Samples an image; with several, report.json says how much they agree on each joint.
+        num_samples: Samples an image; with several, report.json says how much those that were made agree on each joint.
         steps: Solver steps of both flows (default: the checkpoint's).
         guidance: Classifier-free guidance of both flows, 0 = none (default: the checkpoint's).
         solver: Of both flows (default: the checkpoint's). Heun asks the network twice a step.
@@ -112,48 +117,68 @@ def sample(
                 (path.name, [(path, picture)])
                 for path, picture in zip(images, pictures, strict=True)
             ]
+        wanted, failed = len(groups) * num_samples, []
         for g, (name, views) in enumerate(groups):
-            made: list[Sample] = []
+            drawn: dict[int, Sample] = {}
             for i in range(num_samples):
                 status.update(f"{name}: sample {i + 1} of {num_samples}")
-                one = pipeline.sample(
-                    [picture for _, picture in views],
-                    seed=seed + i,
-                    name=views[0][0].stem,
-                    progress=lambda step, name=name: status.update(f"{name}: {step}"),
-                    **changes,
-                )
-                made.append(one)
-            for i, one in enumerate(made):
+                with _noted(failed, name, seed + i, wanted):
+                    drawn[i] = pipeline.sample(
+                        [picture for _, picture in views],
+                        seed=seed + i,
+                        name=views[0][0].stem,
+                        progress=lambda step, name=name: status.update(f"{name}: {step}"),
+                        **changes,
+                    )
+            made = list(drawn.values())
+            for index, (i, one) in enumerate(drawn.items()):
                 status.update(f"{name}: collision shapes, textures, physics")
-                folder, obj = folders[g, i], one.obj
                 found: list[dict] = []
-                obj.save(
-                    folder,
-                    formats=formats,
-                    size=metres,
-                    density=density,
-                    mass=mass,
-                    image=views[0][1],
-                    seed=seed + i,
-                    checkpoint=checkpoint,
-                    details=details(made, i),
-                    overwrite=overwrite,
-                    mend=mend if refine else None,
-                    check=(lambda path, found=found: tried(path, found)) if check else None,
-                )
-                moving = [p.joint.type for p in obj.parts if p.joint.type != "fixed"]
-                kinds = (
-                    ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving)))
-                    or "no moving joint"
-                )
-                console.print(
-                    f"{name}: {len(obj.parts)} parts ({kinds}) -> {folder}", highlight=False
-                )
-                counts = ", ".join(f"{flow} {n}" for flow, n in one.evaluations.items())
-                console.print(f"  network evaluations: {counts}", highlight=False)
-                for line in validation_lines(found[0]) if found else ():
-                    console.print(f"  {line}", highlight=False, markup=False)
+                with _noted(failed, name, seed + i, wanted):
+                    one.obj.save(
+                        folders[g, i],
+                        formats=formats,
+                        size=metres,
+                        density=density,
+                        mass=mass,
+                        image=views[0][1],
+                        seed=seed + i,
+                        checkpoint=checkpoint,
+                        details=details(made, index),
+                        overwrite=overwrite,
+                        mend=mend if refine else None,
+                        check=(lambda path, found=found: tried(path, found)) if check else None,
+                    )
+                    for line in lines(name, one, folders[g, i], found):
+                        console.print(line, highlight=False, markup=False)
+    if len(failed) == wanted:
+        raise failed[0][1]
+    for what, error in failed:
+        print(f"error: {what}: {' '.join(str(error).split())}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+@contextlib.contextmanager
+def _noted(
+    failed: list[tuple[str, Exception]], name: str, seed: int, wanted: int
+) -> Iterator[None]:
+    """What goes wrong with one of several samples is noted: it does not cost the others."""
+    try:
+        yield
+    except ValueError as error:
+        if wanted == 1:
+            raise
+        failed.append((f"{name}, seed {seed}", error))
+
+
+def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[str]:
+    """What is said about a sample that was saved, with its verdicts in the engines."""
+    moving = [p.joint.type for p in one.obj.parts if p.joint.type != "fixed"]
+    kinds = ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving))) or "no moving joint"
+    yield f"{name}: {len(one.obj.parts)} parts ({kinds}) -> {folder}"
+    yield f"  network evaluations: {', '.join(f'{flow} {n}' for flow, n in one.evaluations.items())}"
+    for line in validation_lines(found[0]) if found else ():
+        yield f"  {line}"
 
 
 def details(made: list[Sample], index: int) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from uniart_jax.config import TOLERANCES
 Velocity = Callable[[jax.Array, jax.Array], jax.Array]  # (x [B, ...], t scalar or [B]) -> v
 Solver = Literal["euler", "heun"]
 MIN_STEP = 1e-3  # a step so short is taken whatever its error
+MOST = 4000  # velocities an item, after which the rest of the way is one step
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
 INTEGRAL, PROPORTIONAL = 0.7, 0.4  # exponents of the step controller
 
@@ -37,8 +38,8 @@ class Solution(NamedTuple):
     evaluations: jax.Array
 
 
-def time_steps(steps: int, rescale_t: float = 1.0) -> np.ndarray:
-    """[steps + 1] times from 1 to 0, r t / (1 + (r - 1) t): r > 1 spends more steps near noise (TRELLIS).
+def time_steps(steps: int, rescale_t: float = 1.0, end: float = 0.0) -> np.ndarray:
+    """At most [steps + 1] times from 1 to 0, r t / (1 + (r - 1) t): r > 1 spends more steps near noise (TRELLIS). None lies between 0 and ``end``.
 
     Raises:
       ValueError: fewer than one step.
@@ -46,23 +47,26 @@ def time_steps(steps: int, rescale_t: float = 1.0) -> np.ndarray:
     if steps < 1:
         raise ValueError(f"sampling needs at least 1 step, not {steps}")
     t = np.linspace(1, 0, steps + 1)
-    return rescale_t * t / (1 + (rescale_t - 1) * t)
+    t = rescale_t * t / (1 + (rescale_t - 1) * t)
+    return t[(t >= end) | (t == 0)]
 
 
-def euler(velocity: Velocity, x: jax.Array, steps: int, rescale_t: float = 1.0) -> jax.Array:
-    """x at t = 0 by ``steps`` Euler steps; first order, exact where the velocity is constant along paths."""
+def euler(
+    velocity: Velocity, x: jax.Array, steps: int, rescale_t: float = 1.0, end: float = 0.0
+) -> jax.Array:
+    """x at t = 0 by ``steps`` Euler steps; first order, exact where the velocity is constant along paths. ``end``: of ``solve``."""
 
     def step(x, times):
         here, after = times
         return x - (here - after) * velocity(x, here), None
 
-    return jax.lax.scan(step, x, _intervals(time_steps(steps, rescale_t)))[0]
+    return jax.lax.scan(step, x, _intervals(time_steps(steps, rescale_t, end)))[0]
 
 
 def heun(
     velocity: Velocity, x: jax.Array, steps: int, rescale_t: float = 1.0, end: float = 0.0
 ) -> jax.Array:
-    """x at t = 0 by ``steps`` Heun steps: second order, two velocities a step. A step that ends below ``end`` is an Euler step (``solve``)."""
+    """x at t = 0 by ``steps`` Heun steps: second order, two velocities a step; with an ``end`` the last one is an Euler step (``solve``)."""
 
     def evaluate(now, stage):  # a scan over velocities, not steps: the network is compiled once
         x, slope = now
@@ -71,7 +75,7 @@ def heun(
         moved = jnp.where(second, x - h * (slope + v) / 2, x - h * v)
         return (jnp.where(first, x, moved), v), None
 
-    stages = _heun_stages(time_steps(steps, rescale_t), end)
+    stages = _heun_stages(time_steps(steps, rescale_t, end), end)
     return jax.lax.scan(evaluate, (x, jnp.zeros_like(x)), stages)[0][0]
 
 
@@ -90,15 +94,16 @@ def solve(
 
     Args:
       steps, rescale_t: the steps (``time_steps``); where they adapt, only the first one's length.
-      tolerance: adaptive steps with an error of about this much, of values near 1; None = fixed steps.
+      tolerance: adaptive steps with an error of about this much, of values near 1; None = fixed steps. Adaptive ones are at least ``MIN_STEP`` long, whatever
+        their error, and after ``MOST`` velocities one is left.
       valid: mask, broadcastable to x; what is outside does not count as error.
-      end: at times below it the velocity is not to be trusted, so the last stretch is one Euler step from there (or, with fixed steps, from
-        where the last step begins). For networks that predict x_0, whose velocity is a difference over t.
+      end: at times below it the velocity is not asked for: the last stretch is one Euler step from there or, with fixed steps, from the last of their times that
+        is not below it; those between are left out. For networks that predict x_0, whose velocity is a difference over t.
 
     Raises:
       ValueError: fewer than one step, or a tolerance outside ``config.TOLERANCES``.
     """
-    times = time_steps(steps, rescale_t)
+    times = time_steps(steps, rescale_t, end)
     if tolerance is not None:
         first = min(float(times[0] - times[1]), 1.0 - end)
         return _adaptive(velocity, x, solver, first, tolerance, valid, end)
@@ -106,7 +111,7 @@ def solve(
         evaluations = len(_heun_stages(times, end)[0])
         x = heun(velocity, x, steps, rescale_t, end)
     else:
-        evaluations, x = steps, euler(velocity, x, steps, rescale_t)
+        evaluations, x = len(times) - 1, euler(velocity, x, steps, rescale_t, end)
     return Solution(x, jnp.full(x.shape[0], evaluations, jnp.int32))
 
 
@@ -152,7 +157,8 @@ def _adaptive(
     def body(now: _Progress) -> _Progress:
         running = now.t > 0
         left = now.t - end
-        last = now.step >= left * 0.9  # no sliver is left for another step
+        enough = now.evaluations >= MOST  # no controller is trusted to come to an end by itself
+        last = (now.step >= left * 0.9) | enough  # no sliver is left for another step
         h = jnp.where(last, left, now.step)
         after = jnp.where(last, end, now.t - h)
         trial = now.x - over(h) * now.slope
@@ -164,7 +170,8 @@ def _adaptive(
         else:
             reached, error = trial, change
         size = norm(error, now.x, reached)
-        finite, shortest = jnp.isfinite(size), h <= MIN_STEP
+        # ``last`` may stretch a step of the least length; a rejection would only bring the same again
+        finite, shortest = jnp.isfinite(size), (h <= MIN_STEP) | (now.step <= MIN_STEP) | enough
         tried = running & now.known
         accepted = tried & ((finite & (size <= 1)) | shortest)
         scaled = jnp.maximum(size, 1e-6)

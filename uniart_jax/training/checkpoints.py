@@ -14,13 +14,14 @@ import json
 import re
 import shutil
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 import jax
-from jax.experimental import multihost_utils
 from orbax.checkpoint import v1 as ocp
 
+from uniart_jax.training import distributed
 from uniart_jax.training.export import differences, flat_names
 
 State = TypeVar("State")
@@ -130,6 +131,7 @@ class Checkpoints:
 
         A damaged checkpoint is moved aside (``damaged-<step>``) with a one-line warning, and the one before is taken. Failures that
         say nothing about the checkpoint, such as too little memory or a missing permission, are raised as they are.
+        Each of several processes reads its part without waiting for the others; then they agree on whether all could.
 
         Raises:
           ValueError: the checkpoint is of another structure (missing, extra and mismatched names are listed), or all are damaged,
@@ -137,11 +139,9 @@ class Checkpoints:
         """
         abstract = jax.tree.map(_abstract, like)
         expected = flat_names(abstract)
-        for step in reversed(self.steps):
-            try:
-                saved = dict(ocp.metadata(self.folder / str(step), "state").metadata)
-            except Exception as error:
-                self._set_aside(step, error)
+        for step in distributed.told(self.steps[::-1]):
+            saved = self._read(step, _metadata)
+            if saved is None:
                 continue
             here, there = _kinds(expected), _kinds(saved)
             # moments and averages repeat the parameters' names: once is enough to read
@@ -154,10 +154,10 @@ class Checkpoints:
             items: dict[str, Any] = {"state": expected}
             if iterator is not None:
                 items["data"] = _Position()
-            try:
-                loaded = self._orbax.load_checkpointables(step, items)
-            except Exception as error:
-                self._set_aside(step, error)
+            loaded = self._read(
+                step, lambda path, items=items: ocp.load_checkpointables(path, items)
+            )
+            if loaded is None:
                 continue
             if iterator is not None:
                 iterator.set_state(loaded["data"].state)
@@ -171,31 +171,64 @@ class Checkpoints:
             )
         return None
 
-    def _set_aside(self, step: int, error: Exception) -> None:
-        if _of_the_machine(error):
-            raise error
-        reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:200]
-        print(f"warning: checkpoint {self.folder}/{step} is damaged ({reason}); trying the one before", file=sys.stderr)  # fmt: skip
-        if jax.process_index() == 0:
-            source = self.folder / str(step)
-            aside = self.folder / f"{_ASIDE}{step}"
+    def _read(self, step: int, read: Callable[[Path], dict[str, Any]]) -> dict[str, Any] | None:
+        """What ``read`` makes of a checkpoint; None where it is damaged for any process, and then it is aside."""
+        me, alone = jax.process_index(), ocp.Context()
+        # at Orbax's barriers the others would wait for a process that has failed, and take the time-out for damage
+        alone.multiprocessing.primary_host = me
+        alone.multiprocessing.active_processes = {me}
+        found, error = None, None
+        try:
+            with alone:
+                found = read(self.folder / str(step))
+        except Exception as failure:
+            if _of_the_machine(failure):
+                raise
+            error = ValueError(_innermost(failure))
+        error = distributed.shared_error(error)
+        if error is None:
+            return found
+        if distributed.is_first():
+            print(f"warning: checkpoint {self.folder}/{step} is damaged ({error}); trying the one before", file=sys.stderr)  # fmt: skip
+            source, aside = self.folder / str(step), self.folder / f"{_ASIDE}{step}"
             shutil.rmtree(aside, ignore_errors=True)
             if source.exists():
                 source.rename(aside)
-        if jax.process_count() > 1:
-            multihost_utils.sync_global_devices("damaged checkpoint set aside")
+        distributed.wait()
         self._orbax.reload()
+        return None
+
+
+def _metadata(folder: Path) -> dict[str, Any]:
+    found = ocp.metadata(folder, "state").metadata
+    if found is None:
+        raise ValueError("nothing tells which arrays it holds")
+    return dict(found)
+
+
+def _innermost(error: BaseException) -> str:
+    """What went wrong first, in a line: libraries wrap it in what they were doing."""
+    seen: list[BaseException] = []
+    within: BaseException | None = error
+    while within is not None and within not in seen:
+        seen.append(within)
+        grouped = getattr(within, "exceptions", (None,))[0]
+        within = grouped or within.__cause__ or within.__context__
+    texts = [" ".join(str(one).split()) for one in seen]
+    return next(filter(None, reversed(texts)), type(seen[-1]).__name__)[:200]
 
 
 def _of_the_machine(error: BaseException | None) -> bool:
-    """Whether reading failed for want of memory, access or a working disk, and so says nothing about what was to be read."""
+    """Whether reading failed for want of memory, access, time or a working disk, and so says nothing about what was to be read."""
     if error is None:
         return False
     if isinstance(error, MemoryError) or (
         isinstance(error, OSError) and error.errno not in _ABSENT
     ):
         return True
-    if re.search("RESOURCE_EXHAUSTED|PERMISSION_DENIED", str(error)):  # of XLA and TensorStore
+    if re.search(
+        "RESOURCE_EXHAUSTED|PERMISSION_DENIED|DEADLINE_EXCEEDED", str(error)
+    ):  # of XLA and TensorStore
         return True
     causes = (error.__cause__ or error.__context__, *getattr(error, "exceptions", ()))
     return any(_of_the_machine(cause) for cause in causes)

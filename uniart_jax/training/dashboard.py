@@ -2,10 +2,10 @@
 
 Beside a stage's own losses every row about training holds ``grad_norm``, ``learning_rate`` and
 
-    samples_per_second, steps_per_second   without the time of saving and evaluating
+    samples_per_second, steps_per_second   without the time of compiling, saving and evaluating
     data_wait_seconds                      of making batches while the device had nothing to do, since the last row (at most)
     save_seconds                           that saving held the loop up, since the last row
-    peak_share                             products of the step a second / measured rate of a large product (``training.flops``)
+    peak_share                             products of the step a second / measured rate of a large product (``training.flops``), where that can be measured
     memory_gib, peak_memory_gib            of the fullest device of this process, where the device counts them
     programs                               compiled so far: one for each set of batch shapes (voxel bucket); the log says which when it compiles
     program_<n>_steps, _samples_per_second, _padding     of each of them, where there are several: how often it ran, how fast, the share of its voxels that was padding
@@ -105,14 +105,15 @@ class Meter:
         """Means over the steps where a metric is a number (one may be undefined on a batch), rates, and a new start."""
         result = {}
         for key in self.latest:
-            values = [seen[key] for seen in self._seen if math.isfinite(seen[key])]
+            values = [v for seen in self._seen if math.isfinite(v := seen.get(key, math.nan))]
             result[key] = math.fsum(values) / len(values) if values else math.nan
         result["learning_rate"] = float(self._schedule(step - 1))
         if self._steps and self._seconds > 0:
             result["steps_per_second"] = self._steps / self._seconds
             result["samples_per_second"] = self._steps * self.stage.batch_size / self._seconds
-            if self._flops:
-                result["peak_share"] = ideal_seconds(self._flops) / self._seconds
+            ideal = ideal_seconds(self._flops)
+            if ideal:
+                result["peak_share"] = ideal / self._seconds
         result["data_wait_seconds"], result["save_seconds"] = self._waited, self._saved
         result |= device_memory()
         if programs is not None:
@@ -129,7 +130,7 @@ class Meter:
         return result
 
     def pause(self) -> None:
-        """Wait for the device and stop the clock: saving and evaluating are no part of samples a second."""
+        """Wait for the device and stop the clock: compiling, saving and evaluating are no part of samples a second."""
         self.settle()
         self._seconds += time.perf_counter() - self._start
         self._start = time.perf_counter()
@@ -139,9 +140,11 @@ class Meter:
         self._start = self._settled = time.perf_counter()
 
 
-def ideal_seconds(flops: Counter[str]) -> float:
-    """Seconds that products, counted by dtype, would take all devices at the rate of a large product of that dtype."""
-    return sum(n / (matmul_peak(dtype) * jax.device_count()) for dtype, n in flops.items())
+def ideal_seconds(flops: Counter[str]) -> float | None:
+    """Seconds that products, counted by dtype, would take all devices at the rate of a large product of that dtype; None where one is not known."""
+    peaks = {dtype: matmul_peak(dtype) for dtype in flops}
+    rates = {dtype: peak * jax.device_count() for dtype, peak in peaks.items() if peak}
+    return sum(n / rates[dtype] for dtype, n in flops.items()) if len(rates) == len(peaks) else None
 
 
 def device_memory() -> Scalars:
@@ -229,6 +232,14 @@ class Reporter:
             left = duration((self.stage.steps - step) / rate)
             self.say(f"{self.name} {step}/{self.stage.steps}  {info}  ETA {left}")
             sys.stderr.flush()
+
+
+def has_row(workdir: Path, name: str, step: int, kind: str) -> bool:
+    """Whether the log of stage ``name`` holds a row of this kind about this step."""
+    path = workdir / "metrics" / f"{name}.jsonl"
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    start = f'{{"step": {step}, "kind": "{kind}", '  # as ``Reporter.log`` writes it
+    return any(line.startswith(start) and line.endswith("}") for line in lines)
 
 
 def _drop_after(path: Path, step: int) -> None:

@@ -31,13 +31,21 @@ _FAILED, _HEARD = "uniart/failed", "uniart/heard"
 _meetings = itertools.count()
 
 
+class OtherFailed(ValueError):
+    """Another process failed: which one, and why."""
+
+    def __init__(self, process: int, reason: str):
+        super().__init__(f"process {process} stopped: {reason}")
+        self.process, self.reason = process, reason
+
+
 def start(
     coordinator: str | None = None,
     processes: int | None = None,
     process: int | None = None,
     wait: float = 300.0,
 ) -> None:
-    """Join the other processes; before anything else that touches a device.
+    """Join the other processes; before anything else that touches a device. SIGTERM goes on to do what the program has told it to.
 
     Args:
       coordinator: HOST:PORT of process 0. None: TPU pods, SLURM, Open MPI and Kubernetes are detected (``jax.distributed.initialize``).
@@ -59,6 +67,10 @@ def start(
         if not 0 <= process < processes:
             raise ValueError(f"--process {process} of --processes {processes}: give 0 to {processes - 1}, each once")  # fmt: skip
     where = coordinator or "the coordinator of this cluster"
+    with contextlib.suppress(
+        AttributeError
+    ):  # its own handler would swallow SIGTERM until a loop listens; older versions have neither
+        jax.config.update("jax_enable_preemption_service", False)
     with _time_limit(wait, f"not all processes came to {where} within {wait:g} s; start all of them with the same --processes and different --process, and check that the port can be reached"):  # fmt: skip
         try:
             jax.distributed.initialize(
@@ -115,17 +127,18 @@ def together() -> Iterator[None]:
         if not jax.distributed.is_initialized():
             raise
         signalled = not isinstance(error, Exception)
-        message = "a signal" if signalled else " ".join(str(error).split()) or type(error).__name__
         me, store = jax.process_index(), _store()
+        found = (error.process, error.reason) if isinstance(error, OtherFailed) else None
+        cause, message = found or (me, "a signal" if signalled else _in_a_line(error))
         with contextlib.suppress(RuntimeError):  # somebody was faster
-            store.key_value_set(_FAILED, json.dumps([me, message]))
-        who, why = _failure() or (me, message)
+            store.key_value_set(_FAILED, json.dumps([cause, message]))
+        who, why = _failure() or (cause, message)
         with contextlib.suppress(RuntimeError):
             store.key_value_set(f"{_HEARD}/{me}", "")
         if who != me:
             if why == message:  # all of them found it
                 raise
-            raise ValueError(f"process {who} stopped: {why}") from None
+            raise OtherFailed(who, why) from None
         if not _all_heard(store):
             if not signalled:
                 print(f"error: {message}", file=sys.stderr, flush=True)
@@ -187,6 +200,15 @@ def largest(values: Sequence[int]) -> list[int]:
     return found
 
 
+def shared_error(error: Exception | None) -> Exception | None:
+    """What went wrong here, or else on another process (``OtherFailed``); None where all went well. So all go on, or none."""
+    if jax.process_count() == 1:
+        return error
+    mine = "" if error is None else json.dumps([jax.process_index(), _in_a_line(error)])
+    found = _meet(mine, lambda texts: next(filter(None, texts), ""))
+    return OtherFailed(*json.loads(found)) if found and error is None else error
+
+
 def check_equal(settings: Mapping[str, Any]) -> None:
     """Compare JSON-able settings by name.
 
@@ -203,6 +225,10 @@ def check_equal(settings: Mapping[str, Any]) -> None:
 
     if problem := _meet(json.dumps(settings), combine):
         raise ValueError(f"distributed: {problem}")
+
+
+def _in_a_line(error: BaseException) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _store() -> Any:
@@ -237,7 +263,7 @@ def _read(key: str) -> str:
             if "DEADLINE_EXCEEDED" not in str(error):
                 raise
         if failure := _failure():
-            raise ValueError(f"process {failure[0]} stopped: {failure[1]}")
+            raise OtherFailed(*failure)
 
 
 def _failure() -> tuple[int, str] | None:

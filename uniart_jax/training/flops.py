@@ -47,19 +47,31 @@ def matmul_flops(jaxpr: Any) -> Counter[str]:
 
 
 @functools.cache
-def matmul_peak(dtype: str) -> float:
-    """FLOP/s of products of square matrices on one device of this process, measured: the limit a step is judged by. Well under a second."""
+def matmul_peak(dtype: str) -> float | None:
+    """FLOP/s of products of square matrices on one device of this process, measured: the limit a step is judged by. Well under a second.
+
+    None where the device's memory is too full for that (up to two matrices of ``LARGEST``, freed at the end); it is not tried again.
+    """
+    try:
+        return _measured(dtype)
+    except (jax.errors.JaxRuntimeError, MemoryError):
+        return None
+
+
+def _measured(dtype: str) -> float:
     device = jax.local_devices()[0]
     product = jax.jit(jnp.matmul)
     size, rate = 512, 0.0
     while size <= LARGEST:
-        a = jax.device_put(jnp.ones((size, size), dtype), device)
-        jax.block_until_ready(product(a, a))
+        a = jnp.ones((size, size), dtype, device=device)
+        jax.block_until_ready(product(a, a)).delete()
         seconds = math.inf
         for _ in range(3):
             begin = time.perf_counter()
-            jax.block_until_ready(product(a, a))
+            result = jax.block_until_ready(product(a, a))
             seconds = min(seconds, time.perf_counter() - begin)
+            result.delete()
+        a.delete()
         rate = max(rate, 2 * size**3 / seconds)
         if seconds > LONG_ENOUGH:
             break

@@ -1,7 +1,8 @@
 """The loop of one stage: resume, step, report, evaluate, save; it ends at the last step, a signal or a value that is not finite.
 
 Order in which a run comes back: the newest good checkpoint of ``WORKDIR/checkpoints/<stage>`` gives weights, moments, average, step
-and place in the data; what the log files hold beyond that step is dropped; without a checkpoint the given state starts at step 0.
+and place in the data; what the log files hold beyond that step is dropped; an evaluation that was due at that step and is not in them is made up for;
+without a checkpoint the given state starts at step 0.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from jax.experimental import multihost_utils
 
 from uniart_jax.config import StageConfig
 from uniart_jax.training.checkpoints import CheckpointableIterator, Checkpoints
-from uniart_jax.training.dashboard import Meter, Reporter, Scalars
+from uniart_jax.training.dashboard import Meter, Reporter, Scalars, has_row
+from uniart_jax.training.distributed import is_first, told
 from uniart_jax.training.prefetch import Prefetch
 from uniart_jax.training.profiling import Profiler
 from uniart_jax.training.programs import Programs
@@ -55,7 +57,8 @@ def run_stage(
       workdir: gets ``tensorboard/<name>``, ``metrics/<name>.jsonl`` and, on SIGUSR1, ``profile`` (``training.profiling``).
       evaluate: (state, step) -> (scalars, images [H, W, 3] in [0, 1] or uint8), every ``evaluate_every`` steps and at the end.
 
-    A stage whose last step is saved is only restored. SIGTERM and SIGINT save and raise SystemExit(128 + signal).
+    A stage whose last step is saved and evaluated is only restored. SIGTERM and SIGINT save and raise SystemExit(128 + signal), also where they come while the last step
+    is saved or evaluated, so that no next stage begins.
 
     Raises:
       FloatingPointError: loss or gradients are not finite; step and metrics are named and nothing is saved.
@@ -63,19 +66,23 @@ def run_stage(
     """
     restored = checkpoints.restore(state, batches)
     state = state if restored is None else restored
-    step = int(state.step)
-    if step >= stage.steps:
+    step, workdir = int(state.step), Path(workdir)
+    due = step > 0 and (step % stage.evaluate_every == 0 or step >= stage.steps)
+    missed = evaluate is not None and due and not told(has_row(workdir, name, step, "evaluation"))
+    if step >= stage.steps and is_first():
         print(f"{name}: already trained ({step} steps); skipped", file=sys.stderr)
+    if step >= stage.steps and not missed:
         return state
-    workdir = Path(workdir)
     with (
         Reporter(name, workdir, step, stage) as report,
         _Signals() as signals,
         Profiler(workdir / "profile", report.say) as profiler,
     ):
-        if step:
+        if 0 < step < stage.steps:
             report.say(f"{name}: resumed at step {step}")
-        meter, ahead = Meter(name, stage), Prefetch(batches, put)
+        if missed and evaluate is not None:
+            report.log(step, "evaluation", *evaluate(state, step))
+        meter, ahead, stop = Meter(name, stage), Prefetch(batches, put), None
         while step < stage.steps:
             profiler.before(step)
             try:
@@ -83,14 +90,15 @@ def run_stage(
             except StopIteration:
                 raise ValueError(f"{name}: the data ended at step {step}; repeat it") from None
             meter.waited(ahead.seconds)
-            compiled = len(train_step.compiled)
+            if not train_step.knows(batch):
+                meter.pause()
+                report.say(f"{name}: step {step + 1} {train_step.learn(state, batch, key)}")
+                meter.restart()
             state, metrics = train_step(state, batch, key)
             step += 1
-            if len(train_step.compiled) > compiled:
-                report.say(f"{name}: step {step} {train_step.news()}")
             last = step == stage.steps
             log, test = step % stage.log_every == 0, step % stage.evaluate_every == 0
-            stop = signals.asked(log)
+            stop = signals.asked(log or last)
             save = step % stage.save_every == 0 or last or stop is not None
             if not last and stop is None:
                 ahead.fetch()
@@ -106,15 +114,17 @@ def run_stage(
                 checkpoints.save(step, state, ahead, wait=last or stop is not None)
                 meter.saved(time.perf_counter() - begin)
             if stop is not None:
-                report.say(
-                    f"{name}: {signal.Signals(stop).name}; saved at step {step}; the same command resumes"
-                )
-                raise SystemExit(128 + stop)
+                break
             if evaluate is not None and (test or last):
                 report.log(step, "evaluation", *evaluate(state, step))
             if log or test or save:
                 meter.restart()
             report.progress(step, meter.latest)
+    # By now another signal ends the program as usual: none is lost in between.
+    stop = signals.asked(True) if stop is None else stop
+    if stop is not None:
+        report.say(f"{name}: {signal.Signals(stop).name}; saved at step {step}; the same command resumes")  # fmt: skip
+        raise SystemExit(128 + stop)
     return state
 
 
@@ -141,7 +151,7 @@ class _Signals:
         self.__exit__()
 
     def asked(self, meeting: bool) -> int | None:
-        """The signal to obey now. Several processes must save together, so there they agree at ``meeting`` steps only."""
+        """The signal to obey now. Several processes must save together, so there they agree at ``meeting`` steps only: the last one and those that are logged."""
         if jax.process_count() == 1:
             return self._received
         if not meeting:

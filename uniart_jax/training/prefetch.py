@@ -11,6 +11,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import jax
+
+from uniart_jax.training import distributed
 from uniart_jax.training.checkpoints import CheckpointableIterator
 
 
@@ -29,15 +32,27 @@ class Prefetch:
         self.seconds = 0.0
 
     def fetch(self) -> None:
-        """Make and send the next batch, unless one waits. What goes wrong is raised when that batch is asked for."""
+        """Make and send the next batch, unless one waits. What goes wrong is raised when that batch is asked for: the steps before it can still be saved.
+
+        Several processes agree on whether all have made theirs: none saves or evaluates without the others. What goes wrong in sending on one process is raised at
+        once, for the others wait for it there.
+        """
         if self._waiting is not None or self._error is not None:
             return
         begin = time.perf_counter()
+        batch, failed = None, None
         try:
-            batch = self._put(next(self._batches))
-            self._waiting = batch, copy.deepcopy(self._batches.get_state())
-        except Exception as error:  # the steps before it can still be saved
-            self._error = error
+            batch = next(self._batches)
+        except Exception as error:
+            failed = error
+        self._error = distributed.shared_error(failed)
+        if self._error is None:
+            try:
+                self._waiting = self._put(batch), copy.deepcopy(self._batches.get_state())
+            except Exception as error:
+                if jax.process_count() > 1:
+                    raise
+                self._error = error
         self.seconds = time.perf_counter() - begin
 
     def __next__(self) -> Any:

@@ -60,13 +60,21 @@ class Programs:
         return list(self._by_shapes.values())
 
     def __call__(self, state: Any, batch: Any, key: jax.Array) -> tuple[Any, Any]:
-        leaves, structure = jax.tree.flatten(batch)
-        shapes = (structure, tuple((np.shape(leaf), leaf.dtype) for leaf in leaves))
+        shapes = _shapes(batch)
         program = self._by_shapes.get(shapes)
         if program is None:
             program = self._by_shapes[shapes] = self.compile(state, batch, key)
         self.latest = program
         return program.call(state, batch, key)
+
+    def knows(self, batch: Any) -> bool:
+        """Whether there is a program for a batch of these shapes."""
+        return _shapes(batch) in self._by_shapes
+
+    def learn(self, state: Any, batch: Any, key: jax.Array) -> str:
+        """Compile and keep the program for these arguments, without running it; the line about it (``news``)."""
+        self._by_shapes[_shapes(batch)] = self.compile(state, batch, key)
+        return self.news()
 
     def news(self) -> str:
         """About the newest program: what differs in its shapes from the one before, seconds, products, memory."""
@@ -97,6 +105,11 @@ class Programs:
             time.perf_counter() - begin,
             getattr(memory, "temp_size_in_bytes", 0),
         )
+
+
+def _shapes(batch: Any) -> Any:
+    leaves, structure = jax.tree.flatten(batch)
+    return structure, tuple((np.shape(leaf), leaf.dtype) for leaf in leaves)
 
 
 def _name(path: Any) -> str:

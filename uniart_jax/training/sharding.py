@@ -69,8 +69,8 @@ def state_sharding(mesh: Mesh, abstract: Any, min_size: int | None = None) -> An
         axes = [axis for axis, size in enumerate(leaf.shape) if size % parts == 0]
         if parts == 1 or not axes or int(np.prod(leaf.shape)) < min_size:
             return replicated(mesh)
-        largest = max(axes, key=lambda axis: (leaf.shape[axis], axis))
-        return NamedSharding(mesh, P(*(None,) * largest, "fsdp"))
+        longest = max(axes, key=lambda axis: (leaf.shape[axis], axis))
+        return NamedSharding(mesh, P(*(None,) * longest, "fsdp"))
 
     return jax.tree.map(place, abstract)
 
