@@ -56,7 +56,7 @@ def test_what_is_seen_stays_and_the_layer_lies_behind():
     vertices, faces = SHEETS["square"]
     solid = close(vertices, faces)
     np.testing.assert_allclose(solid.vertices[:4], vertices, atol=3 * APART)
-    assert solid.bounds[1, 2] <= 0 and solid.bounds[0, 2] == pytest.approx(-THICKNESS)
+    assert solid.bounds[1, 2] <= 0 and solid.bounds[0, 2] == pytest.approx(-THICKNESS, rel=0.01)
     assert solid.volume == pytest.approx(THICKNESS, rel=0.01)
 
 
@@ -66,6 +66,7 @@ def test_what_is_closed_is_untouched():
     moved = np.concatenate([BOX.vertices, np.asarray(BOX.vertices) + [3, 0, 0]])
     both = np.concatenate([BOX.faces, np.asarray(BOX.faces)[2:] + 8])
     solid = close(moved, both)
+    assert len(solid.faces) == 12 + 10 * 2 + 4 * 2
     whole, sheet = sorted(solid.split(), key=lambda m: m.bounds[0, 0])
     assert whole.volume == pytest.approx(1.0, abs=1e-12) and len(whole.faces) == 12
     assert 0 < sheet.volume < 0.1
@@ -85,4 +86,44 @@ def test_any_faces_of_any_surface(seed, kept, flipped):
     faces[turned] = faces[turned][:, ::-1]
     found = surface(close(mesh.vertices, faces))
     assert (found.open, found.turned) == (0, 0)
-    assert found.volume > 0 or not (turned.any() or found.volume < 0)
+    assert found.volume > 0
+    solid = close(mesh.vertices, faces)
+    assert solid.is_watertight and trimesh.Trimesh(solid.vertices, solid.faces).is_watertight
+
+
+@pytest.mark.parametrize("shift", [(1, 0, 0), (1, 1, 0), (1, 1, 1)], ids=["face", "edge", "corner"])
+@pytest.mark.parametrize("flipped", [False, True])
+def test_solids_that_touch_stay_solid(shift, flipped):
+    both = trimesh.util.concatenate([BOX, BOX.copy().apply_translation(shift)])
+    both.merge_vertices()
+    faces = np.asarray(both.faces).copy()
+    if flipped:
+        faces[3] = faces[3][::-1]
+    vertices, out = closed(np.asarray(both.vertices), faces, 2.0)
+    assert len(out) == 24
+    assert surface(trimesh.Trimesh(vertices, out, process=False)).volume == pytest.approx(2.0)
+
+
+def test_a_sheet_that_touches_a_solid_leaves_it_whole():
+    flap = trimesh.Trimesh([[0.5, 0.5, -0.5], [0.5, 0.5, 0.5], [1.5, 1, 0.5]], [[0, 1, 2]])
+    both = trimesh.util.concatenate([BOX, flap])
+    both.merge_vertices()
+    solid = close(both.vertices, both.faces)
+    assert len(solid.faces) == 12 + 8 and solid.is_watertight
+    assert solid.volume == pytest.approx(1 + flap.area * 2 * THICKNESS, abs=1e-3)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-6, 1e-5, 0.3, 3.1416])
+def test_a_flat_sheet_is_as_thick_however_it_lies(turn):
+    vertices, faces = SHEETS["square"]
+    matrix = trimesh.transformations.rotation_matrix(turn, [1, 0.3, 0.2])
+    moved = trimesh.transform_points(np.asarray(vertices, float), matrix)
+    solid = trimesh.Trimesh(*closed(moved, np.asarray(faces), 1.0), process=False)
+    assert solid.volume == pytest.approx(THICKNESS, rel=0.01)
+
+
+def test_a_narrow_tube_has_a_thin_wall():
+    mesh = tube(0.002)
+    solid = close(mesh.vertices, mesh.faces)
+    assert 0 < solid.volume < np.pi * 0.002**2
+    assert np.linalg.norm(solid.vertices[:, :2], axis=1).min() > 0.0008

@@ -218,6 +218,7 @@ def test_flip_and_rotate_takes_a_chain_where_there_is_one(tmp_path):
 
     chain, apart = plan_of(chest(tmp_path / "a")).joints, plan_of(cabinet(tmp_path / "b")).joints
     assert chosen(chain, lambda a, b: True) == ["flip", "rotate"]
+    assert chosen(chain, lambda a, b: False) == ["flip", "rotate"]  # never passed over
     assert chosen(apart, lambda a, b: True) == ["door_hinge", "drawer_slide"]
     assert chosen(apart, lambda a, b: a.name == "drawer_slide") == ["drawer_slide", "door_hinge"]
     assert chosen(apart, lambda a, b: False) == ["door_hinge", "drawer_slide"]

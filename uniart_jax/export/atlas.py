@@ -27,6 +27,7 @@ TEXTURE_SIZE = 1024  # texels a side, about: xatlas picks the exact size
 FACE_BUDGET = 10_000  # faces of all parts together
 # Fractions of the object's longest side, tried in turn until the budget is met: from 1/8 of a sub-cell at 128^3 to 2 sub-cells.
 TOLERANCES = tuple(2.0 ** (k / 2) / 1024 for k in range(9))
+OPENED = 2  # faces that an open surface's count as, which is given a second side
 PADDING = 3  # texels between charts
 ROUGH_EDGES = 6000  # fewer edges are no trouble, however sharp
 ROUGH_ANGLE = 0.6  # radians between the faces of a sharp edge
@@ -114,7 +115,7 @@ def simplify(
             )
             if solid.status() == manifold3d.Error.NoError and not solid.is_empty():
                 solids[k] = solid
-    rest = sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
+    rest = OPENED * sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
     for tolerance in TOLERANCES:
         if rest + sum(solid.num_tri() for solid in solids.values()) <= budget:
             break
@@ -129,7 +130,7 @@ def simplify(
         )
         if len(faces) >= 4 and _closed(faces):  # places that touch may have become one
             out[k] = vertices, faces
-    rest = sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
+    rest = OPENED * sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
     for k, (vertices, faces) in enumerate(merged):
         share = budget * len(faces) / max(rest, budget)
         if k not in solids and len(faces) > share:

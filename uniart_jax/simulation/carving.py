@@ -23,7 +23,10 @@ MOST_LOST = 0.5  # of a part's cells, in all
 PASSED = 0.3  # of the moving part's cells that meet another: more, and the other may be a door that should be open
 FREED = 0.05  # of that, or of the part's cells: less is no meeting
 CROWDED = 0.1  # of a part's cells that meet another one which is open: more, and the two are not meant to be open together
-STATES = (25, 193)  # of a joint's range that are tried, least and most
+STATES = (
+    25,
+    193,
+)  # of a joint's range that are tried, least and most: the farthest cell goes about half a cell a step, two where a long arm turns all round
 # Of a cell: how far from its centre, along each axis, the points of it lie that are looked at. Parent and child do not push each other in
 # a simulator and may share a third of a cell; others must not touch.
 INSETS = (0.49, 0.35)
@@ -106,6 +109,8 @@ def carve(obj: ArticulatedObject, cells: Cells) -> tuple[Cells, tuple[str, ...]]
                 continue
             only = swung if swung and k not in swung else range(len(obj.parts))
             still = [i for i in only if i not in below[k]]
+            if not still:
+                continue
             met = _meetings(obj, cells, k, below[k], still, others)
             if not swung:
                 left = _barred(obj, cells, k, below, others, met)

@@ -165,12 +165,12 @@ def compound(
 
     Args:
       after: joint -> those that must be open before it.
-      together: whether the second has its way with the first open. Two doors may share a room that only one can open into: the first pair
-        that can be open together is taken, or the first of all where none can.
+      together: whether the second has its way with the first open. Where no joint carries another, two doors may share a room that only one can open into:
+        the first pair that can be open together is taken, or the first of all where none can.
     """
     turning_first = sorted(joints, key=lambda j: j.kind == "prismatic")
     pairs = [(a, b) for a in turning_first for b in turning_first if a is not b]
     able = [(a, b) for a, b in pairs if not after[a.name] and set(after[b.name]) <= {a.name}]
     chains = [(a, b) for a, b in able if b.part in a.moved]
-    ordered = list(dict.fromkeys([*chains, *able]))
-    return next((pair for pair in ordered if together(*pair)), next(iter(ordered), None))
+    first = next(iter([*chains, *able]), None)
+    return first if chains else next((pair for pair in able if together(*pair)), first)
