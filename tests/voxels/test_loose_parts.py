@@ -84,3 +84,22 @@ def test_what_touches_or_is_far_is_not_moved():
     for at in ((-0.4, 0, 0), (-0.41, 0, 0), (-0.9, 0, 0)):
         obj = make(BASE, turned("link_1", at, 0, angle=(0, 1.5)))
         assert with_parts_joined(obj) is obj
+
+
+def test_a_crumb_that_touches_holds_no_part():
+    crumb = trimesh.creation.box([0.02] * 3).apply_translation((-0.31, 0, 0))
+    name, mesh, parent, joint = turned("link_1", (-0.45, 0, 0), 0, angle=(0, 1.5))
+    obj = make(BASE, (name, trimesh.util.concatenate([mesh, crumb]), parent, joint))
+    joined = with_parts_joined(obj)
+    way = joined.parts[1].mesh.vertices[0] - obj.parts[1].mesh.vertices[0]
+    np.testing.assert_allclose(way, [0.05, 0, 0], atol=0.006)
+
+
+def test_a_part_of_crumbs_alone_is_still_a_part():
+    crumbs = [
+        trimesh.creation.box([0.02] * 3).apply_translation((-0.35 - 0.05 * i, 0, 0))
+        for i in range(12)
+    ]
+    obj = make(BASE, ("link_1", trimesh.util.concatenate(crumbs), 0, Joint.fixed()))
+    way = with_parts_joined(obj).parts[1].mesh.vertices[0] - obj.parts[1].mesh.vertices[0]
+    np.testing.assert_allclose(way, [0.04, 0, 0], atol=0.006)

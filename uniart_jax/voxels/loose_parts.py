@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import trimesh
 from scipy.spatial import cKDTree
 
 from uniart_jax.objects.kinematics import subtrees
@@ -17,6 +18,7 @@ NEAR = (
 )  # of the longest side: a part that is this far from all others is moved until it touches
 TOUCHING = 0.005  # of the longest side, that lie between two parts once they were moved together
 VOLUME = 0.01  # of the object's
+CRUMB = 0.1  # of a part's vertices: a piece of it that has fewer holds nothing, and may be gone when surfaces are simplified
 
 
 def without_debris(obj: ArticulatedObject) -> ArticulatedObject:
@@ -58,7 +60,7 @@ def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:
     for k in range(1, len(obj.parts)):
         poses = obj.forward_kinematics(obj.rest())
         vertices = [
-            part.mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
+            _without_crumbs(part.mesh) @ pose[:3, :3].T + pose[:3, 3]
             for part, pose in zip(obj.parts, poses, strict=True)
         ]
         below = subtrees(obj.parents)[k]
@@ -78,6 +80,13 @@ def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:
             provenance=(*obj.provenance, line),
         )
     return obj
+
+
+def _without_crumbs(mesh: trimesh.Trimesh) -> np.ndarray:
+    """[n, 3] vertices of the mesh's larger pieces."""
+    piece = trimesh.graph.connected_component_labels(mesh.edges, node_count=len(mesh.vertices))
+    size = np.bincount(piece)
+    return mesh.vertices[size[piece] >= min(CRUMB * len(mesh.vertices), size.max())]
 
 
 def _moved(part: Part, way: np.ndarray) -> Part:
