@@ -102,4 +102,4 @@ def test_a_part_of_crumbs_alone_is_still_a_part():
     ]
     obj = make(BASE, ("link_1", trimesh.util.concatenate(crumbs), 0, Joint.fixed()))
     way = with_parts_joined(obj).parts[1].mesh.vertices[0] - obj.parts[1].mesh.vertices[0]
-    np.testing.assert_allclose(way, [0.04, 0, 0], atol=0.006)
+    np.testing.assert_allclose(way, [0.04, 0, 0], atol=0.01)  # to the nearest vertex of the base
