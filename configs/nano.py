@@ -13,7 +13,7 @@ piece. Minutes on two cores; where nothing else is said, each network was traine
 - latent flow: 11,000 steps (learning rate 1e-3), 23 on one core and 40 on both, given the true structure parts found .78, right .26, axis 2.0 degrees;
   7,000 more (learning rate 7e-4), 38 on both beside other work: parts found .76, right .30, type .84, axis 1.8 degrees, inside IoU .58.
 Held out, 128 objects: structure IoU .504; image to object recall .50, parts right .16, count .15 (given the true structure .62, .31, .27;
-retrieval .48, .27, .21). The whole table: README, "The shipped model".
+retrieval .48, .27, .21; by `uniart evaluate procedural`). Beside retrieval and controls: docs/evaluation.md.
 
 What else was tried, one seed each: batch 8 instead of 4 in the latent flow: loss .83 instead of .76 after 2,000 objects. On 10,560 objects with
 two views and 6,000 steps the image encoder reached IoU .482: more objects are the surest lever. 500 steps of the structure VAE: .974.

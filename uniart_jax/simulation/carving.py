@@ -13,6 +13,7 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
+import trimesh
 from scipy import ndimage
 
 from uniart_jax.export.voxel_boxes import Cells
@@ -27,6 +28,7 @@ STATES = (
     25,
     193,
 )  # of a joint's range that are tried, least and most: the farthest cell goes about half a cell a step, two where a long arm turns all round
+ROOM = 3  # cells that a part's own and spare ones may lie beyond the box of its mesh, and the other's too
 # Of a cell: how far from its centre, along each axis, the points of it lie that are looked at. Parent and child do not push each other in
 # a simulator and may share a third of a cell; others must not touch.
 INSETS = (0.49, 0.35)
@@ -109,7 +111,7 @@ def carve(obj: ArticulatedObject, cells: Cells) -> tuple[Cells, tuple[str, ...]]
                 continue
             only = swung if swung and k not in swung else range(len(obj.parts))
             still = [i for i in only if i not in below[k]]
-            if not still:
+            if swung and not _may_meet(obj, cells, k, below[k], still, others):
                 continue
             met = _meetings(obj, cells, k, below[k], still, others)
             if not swung:
@@ -150,6 +152,29 @@ def _surroundings(
             state = rest.copy()
             state[j] = opened[j]
             yield state, below[j]
+
+
+def _may_meet(
+    obj: ArticulatedObject,
+    cells: Cells,
+    k: int,
+    below: list[int],
+    still: list[int],
+    others: np.ndarray,
+) -> bool:
+    """Whether the boxes around what joint k moves, over its range, and around the parts that stand still overlap."""
+    if not still:
+        return False
+    poses = obj.forward_kinematics(others)
+    corners = [
+        _moved(trimesh.bounds.corners(part.mesh.bounds), pose)
+        for part, pose in zip(obj.parts, poses, strict=True)
+    ]
+    stands = np.concatenate([corners[i] for i in still])
+    moving = np.concatenate([corners[i] for i in below])
+    way = np.concatenate([_moved(moving, m) for m in _motions(obj, cells, k, below, others)])
+    room = ROOM * cells.side
+    return bool(((way.min(0) - room <= stands.max(0)) & (way.max(0) + room >= stands.min(0))).all())
 
 
 def _crowded(cells: Cells, pair: tuple[int, int], met: _Meeting) -> bool:
@@ -245,17 +270,16 @@ def _motions(
     obj: ArticulatedObject, cells: Cells, k: int, below: list[int], others: np.ndarray
 ) -> Iterator[np.ndarray]:
     """[4, 4] that carry the sub-tree from where it is at ``others`` to states of joint k's range."""
-    start = obj.forward_kinematics(others)[k]
+    parent = obj.forward_kinematics(others)[obj.parts[k].parent]
     joint = obj.parts[k].joint
+    start = np.linalg.inv(parent @ joint.motion(others[k]))
     low, high = joint.limits
     corners = np.concatenate([obj.parts[i].mesh.bounds for i in below])
     arm = np.linalg.norm(np.cross(corners - joint.origin, joint.direction), axis=1).max()
     path = (high - low) * (arm if joint.rotates else 1.0)
     count = int(np.clip(np.ceil(2 * path / cells.side) + 1, *STATES))
     for q in np.linspace(low, high, count):
-        state = others.copy()
-        state[k] = q
-        yield obj.forward_kinematics(state)[k] @ np.linalg.inv(start)
+        yield parent @ joint.motion(q) @ start
 
 
 def _moved(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
