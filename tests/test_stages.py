@@ -11,13 +11,13 @@ import pytest
 from safetensors.numpy import load_file
 
 import uniart_jax
-from uniart_jax import encoding, procedural, stages
+from uniart_jax import adoption, encoding, procedural, stages
 from uniart_jax.cli import load_config
 from uniart_jax.config import Config, LatentSampleConfig, LossConfig, StructureSampleConfig
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
-from uniart_jax.training.export import read_config, write_config
+from uniart_jax.training.export import read_config, write_config, write_statistics
 from uniart_jax.voxels.assemble import assemble
 
 DEBUG = Path(__file__).parent.parent / "configs/debug.py"
@@ -149,10 +149,10 @@ def test_a_checkpoint_that_does_not_fit_leaves_nothing(trained, tmp_path, name):
 
 def test_flows_are_taken_over_only_with_their_encoder_and_vaes(trained, tmp_path):
     config, workdir = trained
-    assert stages.adoptable(config, workdir, ["image_encoder"], tmp_path / "empty") == ["structure_vae", "uniart_vae"]  # fmt: skip
-    rest = stages.adoptable(config, workdir, ["latent_flow"], tmp_path / "empty")
+    assert adoption.adoptable(config, workdir, ["image_encoder"], tmp_path / "empty") == ["structure_vae", "uniart_vae"]  # fmt: skip
+    rest = adoption.adoptable(config, workdir, ["latent_flow"], tmp_path / "empty")
     assert rest == ["image_encoder", "structure_vae", "uniart_vae", "structure_flow"]
-    stages.adopt(workdir, rest, tmp_path / "empty")
+    adoption.adopt(workdir, rest, tmp_path / "empty")
     assert {path.stem for path in (tmp_path / "empty/export").iterdir()} == {*rest, "latent_stats"}
     taken = load_file(tmp_path / "empty/export/latent_stats.safetensors")
     assert set(taken) == {"structure.mean", "structure.std"}  # the other flow has not spoken yet
@@ -160,12 +160,12 @@ def test_flows_are_taken_over_only_with_their_encoder_and_vaes(trained, tmp_path
     vae = tmp_path / "own" / "export" / "uniart_vae.safetensors"
     vae.write_bytes(vae.read_bytes()[:-1] + b"x")
     (tmp_path / "own" / "export" / "structure_flow.safetensors").unlink()
-    assert stages.adoptable(config, workdir, ["latent_flow"], tmp_path / "own") == []
+    assert adoption.adoptable(config, workdir, ["latent_flow"], tmp_path / "own") == []
 
 
 def test_training_goes_on_from_a_checkpoint_with_one_flow(trained, tmp_path):
     config, workdir = trained
-    stages.adopt(workdir, [n for n in stages.NETWORKS if n != "latent_flow"], tmp_path / "source")
+    adoption.adopt(workdir, [n for n in stages.NETWORKS if n != "latent_flow"], tmp_path / "source")
     still = dataclasses.replace(config.structure_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
     frozen = dataclasses.replace(config, structure_flow=still)
     stages.run(frozen, ["structure_flow"], tmp_path / "work", init=tmp_path / "source")
@@ -176,7 +176,7 @@ def test_training_goes_on_from_a_checkpoint_with_one_flow(trained, tmp_path):
 def test_a_flow_leaves_the_other_ones_statistics(trained, tmp_path):
     config, workdir = trained
     shutil.copytree(workdir, tmp_path / "work")
-    stages.write_statistics(tmp_path / "work/export", "structure", np.full(8, 7.0), np.ones(8))
+    write_statistics(tmp_path / "work/export", "structure", np.full(8, 7.0), np.ones(8))
     longer = dataclasses.replace(config.latent_flow, steps=3)
     stages.run(dataclasses.replace(config, latent_flow=longer), ["latent_flow"], tmp_path / "work")
     statistics = load_file(tmp_path / "work/export/latent_stats.safetensors")

@@ -24,6 +24,7 @@ from typing import Any
 import jax
 from rich.console import Console
 
+from uniart_jax.adoption import adopt, adoptable, exported, mark, same_ground, untrained
 from uniart_jax.config import NETWORKS, Config, DataConfig, GridConfig
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.batches import open_records, voxel_batches
@@ -36,10 +37,7 @@ from uniart_jax.pipeline import checkpoint_folder
 from uniart_jax.training import distributed, objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
-    copy_export,
     export_network,
-    find_export,
-    has_export,
     load_network,
     read_config,
     read_statistics,
@@ -148,55 +146,6 @@ def check_freeze(config: Config, stages: Sequence[str]) -> None:
             raise ValueError(f"{name}.{error}") from None
 
 
-def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
-    """The networks that checkpoint ``source`` has, WORKDIR lacks and that are not trained now.
-
-    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents.
-
-    Raises:
-      ValueError: one of them does not fit the config.
-    """
-    found = []
-    for name in NETWORKS:
-        if (
-            name in stages
-            or exported(workdir, name)
-            or not has_export(source, f"{name}.safetensors")
-        ):
-            continue
-        if name.endswith("_flow") and not same_ground(source, stages, workdir):
-            continue
-        load_network(source, name, build(name, config.model).abstract())
-        found.append(name)
-    return found
-
-
-def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:
-    """Copy networks of checkpoint ``source`` into WORKDIR, a flow with the statistics of its latent."""
-    for name in names:
-        copy_export(source, workdir / "export", f"{name}.safetensors")
-        if (latent := name.removesuffix("_flow")) != name and distributed.is_first():
-            mean, std = read_statistics(source, latent)
-            write_statistics(workdir / "export", latent, mean, std)
-    if (marks := untrained(source)) and distributed.is_first():
-        mark(workdir, names, marks)
-    distributed.wait()
-
-
-def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
-    """Whether flows of ``source`` fit WORKDIR: none of image encoder and VAEs is trained now, and WORKDIR has the source's, or will take them."""
-    return all(
-        name not in stages
-        and has_export(source, f"{name}.safetensors")
-        and (
-            not exported(workdir, name)
-            or find_export(source, f"{name}.safetensors").read_bytes()
-            == find_export(workdir / "export", f"{name}.safetensors").read_bytes()
-        )
-        for name in ("image_encoder", *ENCODED)
-    )
-
-
 def claim(config: Config, workdir: Path) -> None:
     """Make WORKDIR this config's, or check that it is: one folder holds one model."""
     if (workdir / "config.json").is_file():
@@ -215,19 +164,6 @@ def claim(config: Config, workdir: Path) -> None:
     write_config(
         workdir / "export", dataclasses.replace(config, untrained=untrained(workdir / "export"))
     )
-
-
-def untrained(folder: Path) -> tuple[str, ...]:
-    """What the exported networks of a WORKDIR, or of a checkpoint, still hold as it was drawn (``Config.untrained``)."""
-    return read_config(folder).untrained if has_export(folder, "config.json") else ()
-
-
-def mark(workdir: Path, names: Sequence[str], marks: Sequence[str]) -> None:
-    """Let the export's config say that of networks ``names`` just ``marks`` are untrained."""
-    kept = [m for m in untrained(workdir / "export") if m.split(".")[0] not in names]
-    new = [m for m in marks if m.split(".")[0] in names]
-    config = read_config(workdir / "export")
-    write_config(workdir / "export", dataclasses.replace(config, untrained=(*kept, *new)))
 
 
 def ensure_records(config: Config) -> None:
@@ -356,11 +292,6 @@ def stage_batches(name: str, config: Config, workdir: Path) -> Any:
     return latent_store.latent_batches(
         workdir / "latents", config.data, config.model, batch_size, stage=flow, **share
     )
-
-
-def exported(workdir: Path, name: str) -> bool:
-    """Whether the stage has left its weights."""
-    return (workdir / "export" / f"{name}.safetensors").is_file()
 
 
 def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None = None) -> None:

@@ -12,7 +12,7 @@ from test_convert import BUFFERS, ENCODER, dinov2_state
 from test_features import orbit, write_orbits
 
 import uniart_jax
-from uniart_jax import cli, features, stages
+from uniart_jax import adoption, cli, features, stages
 from uniart_jax.config import NETWORKS, DataConfig, StageConfig
 from uniart_jax.training.export import read_config
 
@@ -38,7 +38,7 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
     save_file(dinov2_state(dataclasses.replace(ENCODER, width=24)), tmp_path / "dinov2.safetensors")
     convert(monkeypatch, "trellis", tmp_path / "official", "--out", checkpoint)
     convert(monkeypatch, "dinov2", tmp_path / "dinov2.safetensors", "--out", checkpoint)
-    assert stages.untrained(checkpoint)
+    assert adoption.untrained(checkpoint)
     model = read_config(checkpoint).model
 
     grid, size = model.grid, model.image_encoder.image_size
@@ -74,5 +74,5 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
         assert len(same - frozen) < 0.2 * len(before), name  # all else was trained on
     encoder = [p.read_bytes() for p in (checkpoint / "image_encoder.safetensors", work / "export" / "image_encoder.safetensors")]  # fmt: skip
     assert encoder[0] == encoder[1]
-    assert not stages.untrained(work / "export")
+    assert not adoption.untrained(work / "export")
     assert uniart_jax.load(work).config.model == model

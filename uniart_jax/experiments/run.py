@@ -20,6 +20,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from uniart_jax.adoption import adopt, exported
 from uniart_jax.config import NETWORKS
 from uniart_jax.evaluation.kept import keep
 from uniart_jax.experiments.design import Arm, Experiment
@@ -29,7 +30,7 @@ from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
 from uniart_jax.pipeline import checkpoint_folder
-from uniart_jax.stages import adopt, claim, exported, run
+from uniart_jax.stages import claim, run
 from uniart_jax.training.export import has_export
 
 console = Console(stderr=True, highlight=False)

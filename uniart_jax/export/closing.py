@@ -115,7 +115,8 @@ def _turned_alike(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     turned = (fixed != faces).any(1)
     if not turned.any():
         return faces
-    sheet = _groups(*np.asarray(mesh.face_adjacency).T, len(faces))
+    first, second = np.asarray(mesh.face_adjacency).T
+    sheet = _groups(first, second, len(faces))
     area = np.asarray(mesh.area_faces)
     most = np.bincount(sheet, area * turned) > 0.5 * np.bincount(sheet, area)
     return np.where(most[sheet][:, None], fixed[:, ::-1], fixed)

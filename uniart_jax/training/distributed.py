@@ -13,6 +13,7 @@ import itertools
 import json
 import os
 import re
+import socket
 import sys
 import threading
 import time
@@ -66,6 +67,8 @@ def start(
         assert processes is not None and process is not None
         if not 0 <= process < processes:
             raise ValueError(f"--process {process} of --processes {processes}: give 0 to {processes - 1}, each once")  # fmt: skip
+        if process == 0:
+            _check_port(coordinator, int(port))
     where = coordinator or "the coordinator of this cluster"
     with contextlib.suppress(
         AttributeError
@@ -87,6 +90,17 @@ def start(
             raise ValueError(f"distributed: cannot start at {where} ({reason}); is the port in use, or this not its host? choose another port on all processes") from None  # fmt: skip
         except ValueError as error:
             raise ValueError(f"distributed: no cluster detected ({error}); give --coordinator HOST:PORT --processes N --process I") from None  # fmt: skip
+
+
+def _check_port(coordinator: str, port: int) -> None:
+    """ValueError if a port of this computer cannot be opened: JAX (jaxlib 0.10) may end the process instead of raising."""
+    family = socket.AF_INET6 if socket.has_dualstack_ipv6() else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as trial:
+        trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # what a run before has left
+        try:
+            trial.bind(("", port))
+        except OSError as error:
+            raise ValueError(f"distributed: cannot start at {coordinator} ({error.strerror or error}); is the port in use? choose another port on all processes") from None  # fmt: skip
 
 
 def slurm_devices(environment: Mapping[str, str]) -> list[int] | None:

@@ -1,0 +1,89 @@
+"""Networks of another checkpoint that a WORKDIR goes on from: which fit, their copies, and what of them is untrained yet."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+from uniart_jax.config import NETWORKS, Config
+from uniart_jax.encoding import ENCODED
+from uniart_jax.models.network import build
+from uniart_jax.training import distributed
+from uniart_jax.training.export import (
+    copy_export,
+    find_export,
+    has_export,
+    load_network,
+    read_config,
+    read_statistics,
+    write_config,
+    write_statistics,
+)
+
+
+def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
+    """The networks that checkpoint ``source`` has, WORKDIR lacks and that are not trained now.
+
+    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents.
+
+    Raises:
+      ValueError: one of them does not fit the config.
+    """
+    found = []
+    for name in NETWORKS:
+        if (
+            name in stages
+            or exported(workdir, name)
+            or not has_export(source, f"{name}.safetensors")
+        ):
+            continue
+        if name.endswith("_flow") and not same_ground(source, stages, workdir):
+            continue
+        load_network(source, name, build(name, config.model).abstract())
+        found.append(name)
+    return found
+
+
+def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:
+    """Copy networks of checkpoint ``source`` into WORKDIR, a flow with the statistics of its latent."""
+    for name in names:
+        copy_export(source, workdir / "export", f"{name}.safetensors")
+        if (latent := name.removesuffix("_flow")) != name and distributed.is_first():
+            mean, std = read_statistics(source, latent)
+            write_statistics(workdir / "export", latent, mean, std)
+    if (marks := untrained(source)) and distributed.is_first():
+        mark(workdir, names, marks)
+    distributed.wait()
+
+
+def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
+    """Whether flows of ``source`` fit WORKDIR: none of image encoder and VAEs is trained now, and WORKDIR has the source's, or will take them."""
+    return all(
+        name not in stages
+        and has_export(source, f"{name}.safetensors")
+        and (
+            not exported(workdir, name)
+            or find_export(source, f"{name}.safetensors").read_bytes()
+            == find_export(workdir / "export", f"{name}.safetensors").read_bytes()
+        )
+        for name in ("image_encoder", *ENCODED)
+    )
+
+
+def untrained(folder: Path) -> tuple[str, ...]:
+    """What the exported networks of a WORKDIR, or of a checkpoint, still hold as it was drawn (``Config.untrained``)."""
+    return read_config(folder).untrained if has_export(folder, "config.json") else ()
+
+
+def mark(workdir: Path, names: Sequence[str], marks: Sequence[str]) -> None:
+    """Let the export's config say that of networks ``names`` just ``marks`` are untrained."""
+    kept = [m for m in untrained(workdir / "export") if m.split(".")[0] not in names]
+    new = [m for m in marks if m.split(".")[0] in names]
+    config = read_config(workdir / "export")
+    write_config(workdir / "export", dataclasses.replace(config, untrained=(*kept, *new)))
+
+
+def exported(workdir: Path, name: str) -> bool:
+    """Whether the stage has left its weights."""
+    return (workdir / "export" / f"{name}.safetensors").is_file()
