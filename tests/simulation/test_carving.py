@@ -118,3 +118,24 @@ def test_parts_side_by_side_do_not_touch_where_one_is_turned():
     cut, _ = carve(obj, cells)
     left = max(depths(obj, cut, [0, q, 0]).get((1, 2), 0.0) for q in np.linspace(0, 1.5, 40))
     assert first > 0.01 and left < 0.1 / CELLS
+
+
+def test_what_meets_only_while_both_are_open_is_cut_too():
+    """Two blocks that slide into one corner from two sides and share a layer of cells there."""
+    plate = boxes([[-0.5, -0.5, -0.2], [0.5, 0.5, -0.15]])
+    first = boxes([[-0.4, 0.2, -0.1], [-0.2, 0.4, 0.1]])
+    second = boxes([[0.11, -0.4, -0.1], [0.31, -0.2, 0.1]])
+    obj = ArticulatedObject(
+        (
+            Part("plate", plate),
+            Part("first", first, 0, Joint([0, 0, 0], [1, 0, 0], (0, 0), (0, 0.325))),
+            Part("second", second, 0, Joint([0, 0, 0], [0, 1, 0], (0, 0), (0, 0.6))),
+        )
+    )
+    cells = as_cells(obj, [p.mesh for p in obj.parts])
+    both = obj.open()
+    assert max(depths(obj, cells, both).values()) > 0.005
+    assert max(deepest(obj, cells, part) for part in ("first", "second")) < 0.005
+    cut, (line,) = carve(obj, cells)
+    assert not depths(obj, cut, both)
+    assert "'first' and 'second'" in line and cut.full[0].sum() == cells.full[0].sum()
