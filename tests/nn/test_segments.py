@@ -12,6 +12,7 @@ from uniart_jax.nn.segments import (
     pack_segments,
     plan_segments,
     round_rows,
+    row_choices,
     segment_lengths,
     serial_ids,
     voxel_plans,
@@ -225,3 +226,14 @@ def test_flow_plan_is_fitted_to_the_batch_by_few_sizes(block, cells):
     assert plan.coords.shape[1] == cells and plan.counts.tolist() == [active]
     assert exact.coords.shape[1] == min(-(-active // 3) * 3, 64)
     np.testing.assert_array_equal(plan.coords[0, :active], exact.coords[0, :active])
+
+
+@given(st.lists(st.integers(1, 16), min_size=1, max_size=40))
+def test_the_largest_choice_of_rows_is_always_enough(lengths):
+    """Also for windows that hardly fit together: two of nine tokens never share a row of sixteen."""
+    ids = np.repeat(np.arange(len(lengths)), lengths)[None]
+    rows = row_choices(1, ids.shape[1], 16)
+    assert list(rows) == sorted(rows)
+    plan = pack_segments(ids, np.array([ids.shape[1]]), (16,), rows=rows)
+    assert len(plan.buckets[0].index) in rows
+    assert sorted(plan.buckets[0].index[plan.buckets[0].index < ids.size]) == list(range(ids.size))

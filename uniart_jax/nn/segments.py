@@ -102,17 +102,17 @@ def plan_segments(
 
 
 def pack_segments(
-    ids: np.ndarray, counts: np.ndarray, sizes: Sequence[int], *, least: Sequence[int] = ()
+    ids: np.ndarray, counts: np.ndarray, sizes: Sequence[int], *, rows: Sequence[int] = ()
 ) -> Segments:
     """Gather plan of the segments that equal ids make, several of them in a row.
 
     A segment goes to the smallest size that holds it; what room its row leaves is filled with smaller ones, the largest first. Rows are rounded up
-    by at most an eighth (``round_rows``), so that few shapes are compiled.
+    by at most an eighth (``round_rows``), or to one of ``rows``, so that few shapes are compiled.
 
     Args:
       ids, counts: as for ``plan_segments``.
       sizes: L of each bucket, ascending. A segment longer than the last is cut into pieces of at most that.
-      least: rows of each bucket at the least. One of none is left out.
+      rows: of a single size, the numbers of rows that there may be, ascending, the last always enough; the first that suffices is taken.
     """
     items, width = ids.shape
     tokens, starts, lengths = _pieces(ids, counts, sizes[-1])
@@ -120,13 +120,14 @@ def pack_segments(
     inverse = np.full(missing, -1, np.int32)
     buckets, offset = [], 0
     packed = _pack(lengths, sizes)
-    for size, number, rows in zip(sizes, _rounded(packed, least), packed, strict=True):
+    numbers = [next(n for n in rows if n >= len(packed[0]))] if rows else _rounded(packed)
+    for size, number, own in zip(sizes, numbers, packed, strict=True):
         if not number:
             continue
         index = np.full((number, size), missing, np.int32)
         segment = np.full((number, size), -1, np.int32)
         used = np.zeros(number, np.int32)
-        for r, pieces in enumerate(rows):
+        for r, pieces in enumerate(own):
             for i, piece in enumerate(pieces):
                 here = slice(used[r], used[r] + lengths[piece])
                 index[r, here] = tokens[starts[piece] : starts[piece] + lengths[piece]]
@@ -170,6 +171,16 @@ def round_rows(rows: int) -> int:
     """The next number of at most four binary digits: 1 to 16, 18, 20, ... 32, 36, ..."""
     step = 1 << max(0, (rows - 1).bit_length() - 4)
     return -(-rows // step) * step
+
+
+def row_choices(items: int, width: int, size: int) -> tuple[int, int, int]:
+    """Rows of ``size`` that segments of a batch of this width may be packed into while training: few numbers, each a program to compile.
+
+    The first holds every token if no row has room left, and nearly always suffices, since padding makes up for what rows leave; the second
+    is an eighth more. The third is always enough: two rows one after the other hold more than ``size`` tokens, or they would be one.
+    """
+    full = -(-items * width // size)
+    return round_rows(full), round_rows(full + -(-full // 8)), round_rows(2 * full + 1)
 
 
 def segment_lengths(ids: np.ndarray, counts: np.ndarray, longest: int) -> np.ndarray:
@@ -264,8 +275,7 @@ def voxel_plans(
       batch: coords [B, V, 3], counts [B] and, for the encoder, voxel_part [B, V].
       parts: False leaves out "parts", as decoding alone needs no part ids.
       fitted: where segments are packed, in rows of several lengths, as many as these segments need: least work for one batch, another shape for
-        the next. Otherwise (training) in rows of one length, as many as a batch of this width usually needs (more, and
-        another program, where windows are so full that they pack badly).
+        the next. Otherwise (training) in rows of one length, as many as ``row_choices`` has.
 
     Raises:
       ValueError: an item has more than ``grid.max_parts`` parts.
@@ -294,14 +304,15 @@ def voxel_plans(
             plans[name] = whole_rows(values, counts)
         else:
             size = min(width, config.window**3)
-            plans[name] = pack_segments(values, counts, (size,), least=(-(-items * width // size),))
+            plans[name] = pack_segments(
+                values, counts, (size,), rows=row_choices(items, width, size)
+            )
     return plans
 
 
-def _rounded(packed: list[list[list[int]]], least: Sequence[int] = ()) -> list[int]:
+def _rounded(packed: list[list[list[int]]]) -> list[int]:
     """Rows of each size, rounded; at least one in all."""
-    least = least or [0] * len(packed)
-    rows = [round_rows(max(len(own), few)) for own, few in zip(packed, least, strict=True)]
+    rows = [round_rows(len(own)) for own in packed]
     return rows if any(rows) else [1, *rows[1:]]
 
 
