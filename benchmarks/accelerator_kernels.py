@@ -83,7 +83,7 @@ def plans(width: int = 150, kinds: int = 5):
         plan_segments(ids, counts, ((2 * kinds + 3, 40), (2 * kinds, 70))),
         pack_segments(ids, counts, (40, 130)),
         whole_rows(ids, counts),
-        pack_segments(ids, counts, (130,), least=(7,)),
+        pack_segments(ids, counts, (130,), rows=(7,)),
     )
     valid = np.arange(width) < counts[:, None]
     seen = (ids[:, :, None] == ids[:, None]) & valid[:, :, None] & valid[:, None]

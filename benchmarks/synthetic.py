@@ -17,6 +17,7 @@ from uniart_jax.nn.segments import (
     Segments,
     fitted_sizes,
     pack_segments,
+    row_choices,
     voxel_plans,
     whole_rows,
     window_ids,
@@ -94,7 +95,7 @@ def segment_plan(kind: str, fitted: bool, ids: np.ndarray, counts: np.ndarray) -
     if kind == "parts":
         return whole_rows(ids, counts)
     size = min(width, longest)
-    return pack_segments(ids, counts, (size,), least=(-(-items * width // size),))
+    return pack_segments(ids, counts, (size,), rows=row_choices(items, width, size))
 
 
 def voxel_batch(model: ModelConfig, items: int, width: int) -> dict[str, Any]:

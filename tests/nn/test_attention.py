@@ -112,7 +112,7 @@ def plans(width=150, kinds=5):
         "one a row": plan_segments(ids, counts, ((2 * kinds + 3, 40), (2 * kinds, 70))),
         "packed": pack_segments(ids, counts, (40, 130)),
         "whole": whole_rows(ids, counts),
-        "empty rows": pack_segments(ids, counts, (130,), least=(7,)),
+        "empty rows": pack_segments(ids, counts, (130,), rows=(7,)),
     }, (ids[:, :, None] == ids[:, None, :]) & (
         (np.arange(width) < counts[:, None])[:, None] & (np.arange(width) < counts[:, None])[..., None]
     )  # fmt: skip

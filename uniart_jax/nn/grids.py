@@ -57,11 +57,9 @@ def plan_pool(coords: np.ndarray, counts: np.ndarray, factor: int, capacity: int
     parent = np.full((items, width), items * capacity * slots, np.int32)
     for b, count in enumerate(counts):
         voxel = np.asarray(coords[b, :count], np.int64)
-        cell, local = voxel // factor, voxel % factor
-        span = int(cell.max(initial=0)) + 1
-        code, index = np.unique(
-            (cell[:, 0] * span + cell[:, 1]) * span + cell[:, 2], return_inverse=True
-        )
+        local = voxel % factor
+        codes, span = _cell_codes(voxel, factor)
+        code, index = np.unique(codes, return_inverse=True)
         if len(code) > capacity:
             raise ValueError(
                 f"pooling: item {b} has {len(code)} active cells of {factor}^3 voxels, more than the capacity {capacity}"
@@ -72,6 +70,13 @@ def plan_pool(coords: np.ndarray, counts: np.ndarray, factor: int, capacity: int
         children[b, slot] = b * width + np.arange(count)
         parent[b, :count] = b * capacity * slots + slot
     return Pool(cells, cell_counts, children.reshape(items, capacity, slots), parent)
+
+
+def _cell_codes(voxel: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
+    """[N] one number for each cell of ``factor``^3 that voxels [N, 3] are in, and the span of its digits."""
+    cell = voxel // factor
+    span = int(cell.max(initial=0)) + 1
+    return (cell[:, 0] * span + cell[:, 1]) * span + cell[:, 2], span
 
 
 def plan_neighbors(coords: np.ndarray, counts: np.ndarray) -> np.ndarray:
@@ -111,8 +116,8 @@ def flow_plan(
 
     def pool(coords: np.ndarray, counts: np.ndarray, factor: int) -> Pool:
         most = min(coords.shape[1], (-(-side // factor)) ** 3)
-        cells = [np.unique(c[:n] // factor, axis=0) for c, n in zip(coords, counts, strict=True)]
-        active = max([1, *map(len, cells)])
+        codes = [_cell_codes(c[:n], factor)[0] for c, n in zip(coords, counts, strict=True)]
+        active = max(1, *(len(np.unique(code)) for code in codes))
         if round_to:
             sizes = [-(-active // round_to) * round_to]
         else:
