@@ -36,9 +36,9 @@ from uniart_jax.config import NETWORKS, Config
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import encode_all
 from uniart_jax.models.network import build
-from uniart_jax.pipeline import checkpoint_folder
 from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
+from uniart_jax.training.export import checkpoint_folder
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer

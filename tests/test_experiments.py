@@ -28,9 +28,14 @@ from uniart_jax.experiments.fronts import drawn_alike, fitted
 from uniart_jax.experiments.settings import described
 from uniart_jax.experiments.table import write_tables
 from uniart_jax.models.network import build
-from uniart_jax.pipeline import PRETRAINED
 from uniart_jax.procedural import HELD_OUT_SEED, generate
-from uniart_jax.training.export import export_network, flat_names, load_network, write_config
+from uniart_jax.training.export import (
+    PRETRAINED,
+    export_network,
+    flat_names,
+    load_network,
+    write_config,
+)
 
 TRAINS = pytest.mark.slow  # two arms: half a minute
 

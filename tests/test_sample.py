@@ -14,7 +14,8 @@ from PIL import Image
 from uniart_jax.cli import guarded
 from uniart_jax.cli import sample as sample_command
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.pipeline import PRETRAINED, Sample
+from uniart_jax.pipeline import Sample
+from uniart_jax.training.export import PRETRAINED
 
 ROOT = Path(__file__).parent.parent
 shipped = pytest.mark.skipif(

@@ -42,12 +42,17 @@ from uniart_jax.samplers import (
     make_structure_sampler,
     pad_coords,
 )
-from uniart_jax.training.export import has_export, load_network, read_config, read_statistics
+from uniart_jax.training.export import (
+    checkpoint_folder,
+    has_export,
+    load_network,
+    read_config,
+    read_statistics,
+)
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 
-PRETRAINED = Path(__file__).parent / "pretrained"
 LATENTS = ("structure", "latent")
 GAUSSIANS = "gaussian_decoder.safetensors"
 
@@ -371,26 +376,6 @@ def voxel_grid(
     names = ("sdf", "color", "own_box", "joint_code", "parent_box")
     values = (decoded[name][item, : len(coords)] for name in names)
     return VoxelGrid(grid.resolution, grid.subdivisions, coords, *values)
-
-
-def checkpoint_folder(checkpoint: str | Path) -> Path:
-    """Where a checkpoint lies: a shipped model by its name, else the folder itself.
-
-    Raises:
-      FileNotFoundError: neither; the shipped ones are listed.
-    """
-    shipped = PRETRAINED / str(checkpoint)
-    folder = shipped if not os.path.isdir(checkpoint) and shipped.is_dir() else Path(checkpoint)
-    if not folder.is_dir():
-        known = (
-            ", ".join(sorted(p.name for p in PRETRAINED.iterdir() if p.is_dir()))
-            if PRETRAINED.is_dir()
-            else ""
-        )
-        raise FileNotFoundError(
-            f"checkpoint '{checkpoint}': neither a folder nor a shipped model (shipped: {known or 'none'})"
-        )
-    return folder
 
 
 def load(checkpoint: str | Path = "nano") -> Pipeline:

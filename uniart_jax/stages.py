@@ -33,10 +33,10 @@ from uniart_jax.data.image_table import image_batches, load_image_table
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
 from uniart_jax.models.network import build
-from uniart_jax.pipeline import checkpoint_folder
 from uniart_jax.training import distributed, objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
+    checkpoint_folder,
     export_network,
     load_network,
     read_config,
@@ -61,7 +61,7 @@ def run(
     """Train ``stages`` in their order; prepares the config's own procedural records first if they are not there.
 
     Args:
-      init: a checkpoint (``pipeline.checkpoint_folder``) to go on from, see ``adopt``; default: the config's own. A stage that has a checkpoint of
+      init: a checkpoint (``training.export.checkpoint_folder``) to go on from, see ``adopt``; default: the config's own. A stage that has a checkpoint of
         its own resumes from that.
 
     Raises:

@@ -35,9 +35,10 @@ from uniart_jax.evaluation.retrieval import (
 from uniart_jax.export.asset import save_asset
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.pipeline import checkpoint_folder, load
+from uniart_jax.pipeline import load
 from uniart_jax.processes import in_order, process_pool
 from uniart_jax.progress import track
+from uniart_jax.training.export import checkpoint_folder
 
 BASELINE_CONTROLS = ("rest_only", "mirrored")
 Objects = Mapping[str, Source]

@@ -21,9 +21,9 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, record_rows, shard_paths
 from uniart_jax.experiments.design import Arm, Records
 from uniart_jax.experiments.judge import test_names, test_object
-from uniart_jax.pipeline import checkpoint_folder
 from uniart_jax.procedural import SEEN_FAMILIES
 from uniart_jax.stages import prepared_objects
+from uniart_jax.training.export import checkpoint_folder
 
 MAX_PARTS = 64
 console = Console(stderr=True, highlight=False)

@@ -32,12 +32,12 @@ from uniart_jax.experiments.design import Arm, Objects, Station
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot_object import one_line
-from uniart_jax.pipeline import Pipeline, checkpoint_folder
+from uniart_jax.pipeline import Pipeline
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, UNSEEN_FAMILIES, generate
 from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
 from uniart_jax.samplers import Condition, join_views
-from uniart_jax.training.export import load_network, read_config, read_statistics
+from uniart_jax.training.export import checkpoint_folder, load_network, read_config, read_statistics
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.grid import occupancy
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE

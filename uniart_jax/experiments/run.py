@@ -29,9 +29,8 @@ from uniart_jax.experiments.inputs import alone, check_arm, make_records
 from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
-from uniart_jax.pipeline import checkpoint_folder
 from uniart_jax.stages import claim, run
-from uniart_jax.training.export import has_export
+from uniart_jax.training.export import checkpoint_folder, has_export
 
 console = Console(stderr=True, highlight=False)
 

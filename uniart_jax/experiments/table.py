@@ -13,8 +13,7 @@ from uniart_jax.evaluation.summary import LEVEL
 from uniart_jax.experiments.design import Experiment
 from uniart_jax.experiments.intervals import difference, row, unpaired
 from uniart_jax.experiments.judge import METRICS, TRUTH, parameter_count, test_names
-from uniart_jax.pipeline import checkpoint_folder
-from uniart_jax.training.export import read_config
+from uniart_jax.training.export import checkpoint_folder, read_config
 
 FAILED = "failure.json"  # in a training's folder: why it has no result
 

@@ -19,7 +19,28 @@ from safetensors.numpy import load_file, save
 
 from uniart_jax.config import Config, from_json, to_json
 
+PRETRAINED = Path(__file__).parent.parent / "pretrained"  # the shipped models
 STATISTICS = "latent_stats.safetensors"
+
+
+def checkpoint_folder(checkpoint: str | Path) -> Path:
+    """Where a checkpoint lies: a shipped model by its name, else the folder itself.
+
+    Raises:
+      FileNotFoundError: neither; the shipped ones are listed.
+    """
+    shipped = PRETRAINED / str(checkpoint)
+    folder = shipped if not os.path.isdir(checkpoint) and shipped.is_dir() else Path(checkpoint)
+    if not folder.is_dir():
+        known = (
+            ", ".join(sorted(p.name for p in PRETRAINED.iterdir() if p.is_dir()))
+            if PRETRAINED.is_dir()
+            else ""
+        )
+        raise FileNotFoundError(
+            f"checkpoint '{checkpoint}': neither a folder nor a shipped model (shipped: {known or 'none'})"
+        )
+    return folder
 
 
 def export_network(
