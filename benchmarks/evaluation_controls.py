@@ -24,7 +24,7 @@ import trimesh
 
 from uniart_jax.evaluation import articulation, pose_error, singapo
 from uniart_jax.evaluation.controls import CONTROLS, changed
-from uniart_jax.evaluation.metric import Figures, at_rest
+from uniart_jax.evaluation.metric import Figures, resting
 from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.evaluation.summary import interval
 from uniart_jax.objects.kinematics import Joint
@@ -86,12 +86,12 @@ def main():
 
 
 def toy_door() -> ArticulatedObject:
-    """A unit box and a door in front of it (-x) that opens outwards by 90 degrees about its left edge, where it touches the box."""
+    """A unit box and a door in front of it (-x) that opens outwards by 90 degrees about its left edge (+y, seen from the front at -x), where it touches the box."""
     body = trimesh.creation.box((1, 1, 1))
     door = trimesh.creation.box(
         (0.05, 1, 1), trimesh.transformations.translation_matrix((-0.525, 0, 0))
     )
-    hinge = Joint(np.array([-0.5, -0.5, 0]), np.array([0, 0, 1]), (0, np.pi / 2))
+    hinge = Joint(np.array([-0.5, 0.5, 0]), np.array([0, 0, -1]), (0, np.pi / 2))
     return ArticulatedObject((Part("body", body), Part("door", door, 0, hinge)), name="toy")
 
 
@@ -101,21 +101,24 @@ def measure_held_out(index: int, unseen: bool) -> dict[str, Figures]:
 
 def measure_controls(obj: ArticulatedObject) -> dict[str, Figures]:
     """Control -> figures, of the controls that change this object, and of the exact one."""
-    reference = at_rest(obj)
+    truth = resting(obj)
     found = {}
     for name, control in CONTROLS.items():
         prediction = control(obj)
         if name == "exact" or changed(prediction, obj):
             found[name] = {}
             for family in FAMILIES:
-                found[name] |= family.measure(at_rest(prediction), reference)
+                shown = prediction.normalized(), truth.normalized()
+                own = {"own": (prediction, truth)} if family is singapo else {}
+                found[name] |= family.measure(*shown, **own)
     return found
 
 
 def noise(obj: ArticulatedObject) -> str:
     """What sampling adds to SINGAPO's figures: the door that never moves, by 20 seeds."""
-    reference, prediction = at_rest(obj), at_rest(CONTROLS["rest_only"](obj))
-    found = [singapo.measure(prediction, reference, seed=seed) for seed in range(20)]
+    own = CONTROLS["rest_only"](obj), resting(obj)
+    shown = own[0].normalized(), own[1].normalized()
+    found = [singapo.measure(*shown, seed=seed, own=own) for seed in range(20)]
     spread = {key: np.std([f[key] for f in found], ddof=1) for key in NOISY}
     return "Standard deviation over 20 seeds, rest_only: " + ", ".join(f"{key} {value:.1e}" for key, value in spread.items())  # fmt: skip
 

@@ -3,10 +3,12 @@
 import operator
 import os
 import signal
+import threading
+import time
 
 import pytest
 
-from uniart_jax.processes import each, in_order, process_pool
+from uniart_jax.processes import each, in_order, process_pool, time_limit
 
 
 @pytest.mark.parametrize("processes", [1, 2])
@@ -54,6 +56,31 @@ def test_an_item_that_kills_its_worker_costs_only_itself():
 
 def test_an_item_alone_that_kills_its_worker():
     assert list(each(2, signal.raise_signal, [9], 4, "dead {}".format)) == ["dead 9"]
+
+
+def counted(number: int) -> int:
+    """The sum is one call in C that no alarm interrupts."""
+    with time_limit(0.5):
+        return sum(range(number))
+
+
+def test_a_call_that_does_not_come_back_costs_only_itself():
+    assert list(each(2, counted, [3, 10**12, 4], 4, "dead {}".format)) == [3, f"dead {10**12}", 6]
+
+
+def test_time_limits_end_what_python_runs_and_leave_no_alarm():
+    before = signal.getsignal(signal.SIGALRM)
+    with pytest.raises(TimeoutError, match=r"longer than 0\.05 seconds"), time_limit(0.05):
+        time.sleep(10)
+    with time_limit(0.05):
+        pass
+    time.sleep(0.1)
+    assert signal.getsignal(signal.SIGALRM) == before
+    found = []  # elsewhere than in a main thread there is none
+    thread = threading.Thread(target=lambda: found.append(counted(3)))
+    thread.start()
+    thread.join()
+    assert found == [3]
 
 
 def test_workers_that_cannot_start_are_told(monkeypatch):

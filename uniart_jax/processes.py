@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import collections
 import contextlib
+import faulthandler
 import multiprocessing
 import multiprocessing.connection
 import os
@@ -107,6 +108,35 @@ def each(
                 except BrokenProcessPool:
                     result = died(item)
                 yield result
+
+
+@contextlib.contextmanager
+def time_limit(seconds: float) -> Iterator[None]:
+    """TimeoutError inside after so many seconds: between two lines of Python, in a main thread, where the system has alarms (not Windows).
+
+    A worker process that a call in C still holds after twice as long is ended; ``each`` then names its item.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):  # fmt: skip
+        yield
+        return
+
+    def stop(*_: Any) -> None:
+        raise TimeoutError(f"it took longer than {seconds:g} seconds")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    worker = multiprocessing.parent_process() is not None
+    nowhere = open(os.devnull, "w") if worker else None  # noqa: SIM115 - closed below
+    if nowhere is not None:  # a thread in C: it needs no lock that the call may hold
+        faulthandler.dump_traceback_later(2 * seconds, exit=True, file=nowhere)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+        if nowhere is not None:
+            faulthandler.cancel_dump_traceback_later()
+            nowhere.close()
 
 
 def _check_start(submit: Submit) -> None:

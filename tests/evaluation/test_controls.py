@@ -17,7 +17,7 @@ from uniart_jax.evaluation.controls import (
     rest_only,
     wrong_hinge_side,
 )
-from uniart_jax.evaluation.metric import at_rest
+from uniart_jax.evaluation.metric import at_rest, resting
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.states import sample_state
@@ -76,7 +76,7 @@ def test_the_rest_state_is_left_as_it_is(obj, name):
 @settings(max_examples=15)
 @given(objects)
 def test_motions_reversed_twice_are_the_truth(obj):
-    truth, once = at_rest(obj), mirrored(obj)
+    truth, once = resting(obj), mirrored(obj)
     twice = mirrored(once)
     assert not changed(twice, truth) and not changed(exact(obj), obj)
     for fraction in (0.3, 1.0):

@@ -68,7 +68,7 @@ def doors():
 )
 def test_compat_is_as_blind_as_published(doors, name, dgiou, dcdist):
     assert doors[name]["compat_rs_dgiou"] == pytest.approx(0, abs=1e-9)
-    assert doors[name]["compat_as_dgiou"] == pytest.approx(dgiou, abs=0.0015)
+    assert doors[name]["compat_as_dgiou"] == pytest.approx(dgiou, abs=0.0006)
     assert doors[name]["compat_as_dcdist"] == pytest.approx(dcdist, abs=0.005)
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from uniart_jax.evaluation.metric import Metric
 from uniart_jax.evaluation.summary import (
     chosen_samples,
+    drawn_sample,
     interval,
     object_figures,
     sum_confusions,
@@ -29,7 +30,8 @@ def result(failure: str = "", **figures) -> dict:
 
 A = result(pose_error=0.2, psnr=20.0, axis=None)
 B = result(pose_error=0.1, psnr=10.0, axis=None)
-BAD = result("cannot be read")
+BAD = result("cannot be read") | {"inapplicable": ["axis"]}
+LOST = result("cannot be read")  # and the reference has an axis
 
 
 def of(results, samples):
@@ -47,7 +49,11 @@ def test_samples_become_one_figure():
 def test_a_failed_sample_counts_with_the_worst():
     figures, why = of([A, BAD], "mean")
     assert figures["pose_error"] == pytest.approx(0.6) and figures["psnr"] == 10.0
-    assert figures["axis"] == 180.0 and figures["failed"] == 0.5
+    assert (
+        np.isnan(figures["axis"]) and figures["failed"] == 0.5
+    )  # no prediction of it could have one
+    known = result(pose_error=0.2, psnr=20.0, axis=30.0)
+    assert of([known, LOST], "mean")[0]["axis"] == 105.0
     assert why == "1 of 2 samples: cannot be read"
     assert of([BAD, A], "first")[0]["psnr"] == 0.0
     figures, why = of([BAD, A], "best")
@@ -59,7 +65,14 @@ def test_a_family_that_fell_over_leaves_the_others():
     figures, why = of([result("axis: crashed", pose_error=0.2, psnr=20.0)], "mean")
     assert (figures["pose_error"], figures["psnr"], figures["axis"]) == (0.2, 20.0, 180.0)
     assert figures["failed"] == 1 and why == "axis: crashed"
-    assert np.isnan(object_figures([BAD], METRICS, ["axis"])[0]["axis"])
+    assert np.isnan(object_figures([LOST], METRICS, ["axis"])[0]["axis"])
+
+
+def test_the_picture_is_of_a_sample_that_counts():
+    rows = [r | {"sample": i} for i, r in enumerate([A, B, BAD])]
+    drawn = {s: drawn_sample(chosen_samples(rows, METRICS, s, "pose_error"), METRICS, "pose_error") for s in ("mean", "best", "first")}  # fmt: skip
+    assert drawn == {"mean": 0, "best": 1, "first": 0}
+    assert drawn_sample(rows[2:], METRICS, "pose_error") == 2 and drawn_sample(rows, METRICS, "") == 0  # fmt: skip
 
 
 def test_what_does_not_apply_is_left_out_and_counted():

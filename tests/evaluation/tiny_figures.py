@@ -1,6 +1,7 @@
 """A family of figures that costs nothing, for tests of the frame; the names of parts make it go wrong."""
 
 import os
+import time
 
 from uniart_jax.evaluation.metric import Metric
 
@@ -18,6 +19,10 @@ def measure(pred, ref, offset=0.0):
     names = {part.name for part in pred.parts}
     if "crash" in names:
         raise RuntimeError("the figure fell over")
+    if "greedy" in names:
+        raise MemoryError
+    if "slow" in names:
+        time.sleep(20)
     if "die" in names:
         os._exit(7)
     span = [float(o.bounds[1, 2] - o.bounds[0, 2]) for o in (pred, ref)]

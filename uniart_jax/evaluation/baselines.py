@@ -12,6 +12,7 @@ all else is a function of them and of the split.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
@@ -107,7 +108,7 @@ def baseline_methods(
     }
     library = make_library(training_objects(), processes)
     methods["retrieval_true_boxes"] = {
-        name: retrieve_parts(at_rest(obj), library) for name, obj in truth.items()
+        name: retrieve_parts(obj, library) for name, obj in truth.items()
     }
     methods["retrieval_predicted_boxes"] = {}
     for name in methods["model"]:
@@ -194,12 +195,14 @@ def _test(index: int, unseen: bool, model: ModelConfig) -> HeldOut:
 
 
 def _truth(index: int, unseen: bool, model: ModelConfig) -> tuple[str, ArticulatedObject]:
+    """Its longest side 1, as all that is made from images: no image tells a size, and SINGAPO's figures would count it."""
     test = _test(index, unseen, model)
-    return object_name(index, split_families(unseen)), test.obj
+    return object_name(index, split_families(unseen)), at_rest(test.obj)
 
 
 def _write(obj: ArticulatedObject, folder: Path) -> None:
-    save_asset(obj, folder, formats=(), motion=False)
+    """In the grid's units, as large as the truth, whatever size a record's object has."""
+    save_asset(dataclasses.replace(obj, scale=1.0), folder, formats=(), motion=False)
 
 
 def _failure_file(folder: Path, method: str, name: str) -> Path:

@@ -1,6 +1,6 @@
 """Predictions against references: every family of figures over every object, for one method or several. ``uniart evaluate PRED REF``.
 
-    OUT/metrics.json    {"methods": {method: {"rows", "categories", "sets", "objects", "failures", "uncolored", "confusion"}}, "metrics", ...}
+    OUT/metrics.json    {"methods": {method: {"rows", "categories", "sets", "objects", "failures", "drawn", "uncolored", "confusion"}}, ...}
     OUT/table.md        a table a family of figures, a line a method
     OUT/report.html     the same for people: distributions, and pictures of the worst
     OUT/results/<method>/<name>/<sample>.json     one prediction's figures, written when they are there
@@ -43,6 +43,7 @@ from uniart_jax.evaluation.summary import (
     SEED,
     Samples,
     chosen_samples,
+    drawn_sample,
     object_figures,
     sum_confusions,
     summarize_objects,
@@ -58,9 +59,9 @@ from uniart_jax.evaluation.trial import (
     died,
     family_module,
     light_jax,
-    reference_at_rest,
+    resting_reference,
+    resting_source,
     run_trial,
-    source_at_rest,
 )
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.processes import each
@@ -105,6 +106,9 @@ def compare(
     groups, metrics = _metrics(only, openshape, families)
     if samples == "best" and "pose_error" not in groups:
         raise ValueError("evaluate: the best sample is the one with the smallest pose error: add pose_error to --only")  # fmt: skip
+    for given in (*methods.values(), reference):
+        if isinstance(given, Path) and out.resolve().is_relative_to(given.resolve()):
+            raise ValueError(f"{out}: it lies in {given}, which is compared; choose another --out")
     references = find_references(reference, allow_outside=allow_outside)
     sets = read_sets(reference, list(references)) if isinstance(reference, Path) else {}
     pairs: dict[str, list[Pair]] = {}
@@ -153,7 +157,7 @@ def compare(
     keep(out / "metrics.json", without_nan(content))
     write_table(out / "table.md", content)
     with console.status("drawing the worst"):
-        write_report(out, content, functools.partial(_load_pair, trials, results))
+        write_report(out, content, functools.partial(_load_pair, trials, content["methods"]))
     print_table(content)
     return content
 
@@ -227,7 +231,12 @@ def _with_known(results: Results) -> Results:
         other = known.get(key[1])
         if result["failure"] == DIED and other is not None:
             missing = {kind: {MISSING: sum(row.values())} for kind, row in other["confusion"].items() if kind != SURPLUS}  # fmt: skip
-            result = result | {"category": other["category"], "confusion": missing}
+            nothing = [key for key, value in other["figures"].items() if value is None]
+            result = result | {
+                "category": other["category"],
+                "confusion": missing,
+                "inapplicable": [*other.get("inapplicable", []), *nothing],
+            }
         filled[key] = result
     return filled
 
@@ -247,9 +256,10 @@ def _method(
     optional = [
         key for key in groups.get(PHYSICS, []) if all(r["figures"].get(key) is None for r in every)
     ]  # nobody validated anything: not computed rather than failed
-    chosen, objects, failures, categories = {}, {}, {}, {}
+    chosen, objects, failures, categories, drawn = {}, {}, {}, {}, {}
     for name, found in by_name.items():
         chosen[name] = chosen_samples(found, metrics, samples, _best_by(groups))
+        drawn[name] = drawn_sample(chosen[name], metrics, _best_by(groups))
         objects[name], why = object_figures(chosen[name], metrics, optional)
         if why:
             failures[name] = why
@@ -266,26 +276,28 @@ def _method(
         },
         "objects": objects,
         "failures": failures,
+        "drawn": {name: i for name, i in drawn.items() if len(by_name[name]) > 1},
         "uncolored": [name for name, found in chosen.items() if any(r["uncolored"] for r in found)],
         "confusion": sum_confusions(list(chosen.values())),
     }
 
 
 def _load_pair(
-    trials: Sequence[Trial], results: Results, method: str, name: str
+    trials: Sequence[Trial], methods: Mapping[str, Mapping[str, Any]], method: str, name: str
 ) -> tuple[ArticulatedObject, ArticulatedObject]:
-    """Prediction and reference to be drawn: of several samples the first with figures.
+    """Prediction and reference to be drawn: of several samples that which ``drawn`` names.
 
     Raises:
       ValueError: there is no such prediction, or it cannot be read.
     """
     same = [t for t in trials if (t.method, t.reference.name) == (method, name)]
-    good = [t for t in same if results[method, name, t.sample]["figures"]]
-    prediction = (good or same)[0].prediction
+    sample = methods[method]["drawn"].get(name, 0)
+    prediction = next(t.prediction for t in same if t.sample == sample)
     if isinstance(prediction, Missing):
         raise ValueError(prediction.why)
     reference = same[0].reference
-    return source_at_rest(prediction, reference.allow_outside), reference_at_rest(reference)
+    shown = resting_source(prediction, reference.allow_outside), resting_reference(reference)
+    return shown[0].normalized(), shown[1].normalized()
 
 
 def _best_by(groups: Mapping[str, list[str]]) -> str:

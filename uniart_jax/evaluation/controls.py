@@ -1,6 +1,6 @@
 """The truth with one planted mistake: what a figure says of these tells whether it sees the mistake.
 
-Every control is a function of an object. It shows the object at rest and leaves the geometry there as it is, except ``missing_part``;
+Every control is a function of an object. It shows the object at rest, in its own units (``metric.resting``), and leaves the geometry there as it is, except ``missing_part``;
 so a figure of the rest state must call all others perfect, and a figure of articulated states must not.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from uniart_jax.evaluation.metric import at_rest
+from uniart_jax.evaluation.metric import resting
 from uniart_jax.objects.kinematics import Joint, subtrees
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -19,8 +19,8 @@ AT_A_SIDE = 0.25  # of the part's width, from its centre: a hinge nearer the mid
 
 
 def exact(obj: ArticulatedObject) -> ArticulatedObject:
-    """The truth itself, ``at_rest``."""
-    return at_rest(obj)
+    """The truth itself, at rest."""
+    return resting(obj)
 
 
 def rest_only(obj: ArticulatedObject) -> ArticulatedObject:
@@ -52,7 +52,7 @@ def wrong_hinge_side(obj: ArticulatedObject) -> ArticulatedObject:
 
 def missing_part(obj: ArticulatedObject) -> ArticulatedObject:
     """Without the moving part that has the largest box's diagonal, and all that hangs on it; as it was where nothing moves."""
-    obj = at_rest(obj)
+    obj = resting(obj)
     moving = [k for k, part in enumerate(obj.parts) if part.joint.type != "fixed"]
     if not moving:
         return obj
@@ -80,7 +80,7 @@ def changed(control: ArticulatedObject, truth: ArticulatedObject) -> bool:
     """Whether the control planted anything: an object without a side hinge has none to move."""
     if len(control.parts) != len(truth.parts):
         return True
-    pairs = zip(control.joints, at_rest(truth).joints, strict=True)
+    pairs = zip(control.joints, resting(truth).joints, strict=True)
     return not all(np.allclose(_numbers(a), _numbers(b), atol=1e-6) for a, b in pairs)
 
 
@@ -90,7 +90,7 @@ def _numbers(joint: Joint) -> np.ndarray:
 
 def _with_joints(obj: ArticulatedObject, change: Callable[[Part], Joint]) -> ArticulatedObject:
     """At rest, with the joint of every part that moves replaced."""
-    obj = at_rest(obj)
+    obj = resting(obj)
     parts = (
         part if part.joint.type == "fixed" else dataclasses.replace(part, joint=change(part))
         for part in obj.parts

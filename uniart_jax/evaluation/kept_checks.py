@@ -1,7 +1,8 @@
 """What physics engines said of an asset when it was validated: read from its own files, never run here.
 
 ``validation.json`` (``uniart validate``, ``uniart evaluate physics``) tells every check and every joint, ``report.json`` (written with the
-asset) the checks alone. An asset with neither, or with one that cannot be read, has no figures.
+asset) the checks alone. An asset with neither, or with one that cannot be read, has no figures: where another asset of the same method has
+them it counts with the worst, so that validating only what is sound does not pay.
 """
 
 from __future__ import annotations
@@ -22,19 +23,19 @@ METRICS = {
         "sound",
         "higher",
         0.0,
-        "Share of validated assets that pass every check in every physics engine that ran, as the asset's own files say.",
+        "Share of assets that pass every check in every physics engine that ran, as the asset's own files say; one that was not validated counts as 0 where another of the method was.",
     ),
     "joints_work": Metric(
         "joints work",
         "higher",
         0.0,
-        f"Share of driven joints that come to {REACH:.0%} of their range without running into anything, as validation.json says; 0 where an engine refused the asset.",
+        f"Share of driven joints that come to {REACH:.0%} of their range without running into anything, as validation.json says; 0 where an engine refused the asset, and for an asset without that file where another of the method has it.",
     ),
 }
 
 
 def read_checks(asset: Path, *, allow_outside: bool = False) -> Figures:
-    """Figures of the asset at ``asset``, NaN where its files tell nothing."""
+    """Those figures of the asset at ``asset`` that its files tell; NaN: it was validated and has no joint that was driven."""
     folder = asset if asset.is_dir() else asset.parent
     validation = _read(folder / "validation.json", folder, allow_outside)
     if "engines" in validation:
@@ -49,12 +50,12 @@ def read_checks(asset: Path, *, allow_outside: bool = False) -> Figures:
         for joints in _dict(validation.get("joints")).values()
         for joint in _dict(joints).values()
     ]
-    share = np.nan
+    told: Figures = {"sound": float(all(passed))} if ran else {}
     if refused:  # in that engine no joint works
-        share = 0.0
-    elif works:
-        share = float(np.mean(works))
-    return {"sound": float(all(passed)) if ran else np.nan, "joints_work": share}
+        told["joints_work"] = 0.0
+    elif "joints" in validation:
+        told["joints_work"] = float(np.mean(works)) if works else np.nan
+    return told
 
 
 def _works(joint: dict[str, Any]) -> bool:

@@ -2,7 +2,7 @@
 
 A family of figures is one module with ``METRICS: dict[str, Metric]`` and a function of two objects, both from ``at_rest``, that returns a
 number for every key. NaN means that there is nothing to compare (no joint, say) and is left out of means; what a *wrong* prediction gets is
-a number. A prediction that is missing or cannot be read counts as ``Metric.worst`` everywhere.
+a number. A prediction that is missing or cannot be read counts as ``Metric.worst`` wherever the reference held against itself has a number.
 """
 
 from __future__ import annotations
@@ -45,7 +45,12 @@ def at_rest(obj: ArticulatedObject) -> ArticulatedObject:
     ever has no way to open: the largest component of its axis is made positive, so that a wheel and the same wheel with its axis
     reversed are one.
     """
-    obj = obj.shown_at(obj.rest()).normalized()
+    return resting(obj).normalized()
+
+
+def resting(obj: ArticulatedObject) -> ArticulatedObject:
+    """``at_rest`` in the object's own frame and units: what SINGAPO's code is given."""
+    obj = obj.shown_at(obj.rest())
     parts = tuple(dataclasses.replace(p, joint=_one_way(p.joint)) for p in obj.parts)
     return dataclasses.replace(obj, parts=parts)
 

@@ -188,9 +188,10 @@ def _predictions(
     if _is_one(root, allow_outside):
         if len(names) == 1:
             return {names[0]: (root,)}
-        raise ValueError(
-            f"{root} is one asset, but there are {len(names)} references; give REF/NAME"
-        )
+        if root.is_file() or any((root / name).is_file() for name in NAMES):
+            raise ValueError(
+                f"{root} is one asset, but there are {len(names)} references; give REF/NAME"
+            )
     found: dict[str, tuple[Source | Missing, ...]] = {}
     empty: dict[str, tuple[Source | Missing, ...]] = {}
     for name, path in _children(root):

@@ -2,7 +2,7 @@
 
 Samples of one object are brought to one number first, so that an object counts once however often it was sampled:
 
-* ``mean``: the mean over samples, a failed sample with the worst value;
+* ``mean``: the mean over samples, a failed sample with the worst value wherever the reference has something to compare;
 * ``best``: the sample with the smallest pose error, one sample for all figures and not the best of each;
 * ``first``: the first sample.
 
@@ -49,9 +49,27 @@ def chosen_samples(
         return list(results)
     if samples == "first":
         return [results[0]]
-    sign = 1 if metrics[best_by].better == "lower" else -1
-    values = [sign * _filled(result, metrics, ())[best_by] for result in results]
+    values = _losses(results, metrics, best_by)
     return [results[int(np.argmin(np.where(np.isnan(values), np.inf, values)))]]
+
+
+def drawn_sample(
+    results: Sequence[Mapping[str, Any]], metrics: Mapping[str, Metric], worst_by: str
+) -> int:
+    """Of the samples that count, the number of that which a picture should show: the worst that has figures, as it tells most about the mean."""
+    good = [result for result in results if result["figures"]] or list(results)
+    if worst_by not in metrics:
+        return int(good[0]["sample"])
+    values = _losses(good, metrics, worst_by)
+    return int(good[int(np.argmax(np.where(np.isnan(values), -np.inf, values)))]["sample"])
+
+
+def _losses(
+    results: Sequence[Mapping[str, Any]], metrics: Mapping[str, Metric], key: str
+) -> np.ndarray:
+    """[N] a figure of each sample, lower is better; NaN where it does not apply."""
+    sign = 1 if metrics[key].better == "lower" else -1
+    return np.array([sign * _filled(result, metrics, ())[key] for result in results])
 
 
 def object_figures(
@@ -113,11 +131,12 @@ def sum_confusions(objects: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, 
 
 
 def _filled(result: Mapping[str, Any], metrics: Mapping[str, Metric], optional: Sequence[str]) -> Figures:  # fmt: skip
-    """Every metric's value: NaN where nothing is to be compared, the worst where it could not be measured."""
+    """Every metric's value: NaN where nothing is to be compared, the worst where something was and could not be measured."""
     found = result["figures"]
     row = {}
     for key, metric in metrics.items():
-        value = found.get(key, None if key in optional else metric.worst)
+        absent = None if key in optional or key in result.get("inapplicable", ()) else metric.worst
+        value = found.get(key, absent)
         row[key] = np.nan if value is None else float(value)
     return row | {FAILED: float(bool(result["failure"]))}
 

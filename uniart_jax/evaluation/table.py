@@ -40,8 +40,9 @@ def print_table(content: Mapping[str, Any]) -> None:
         table.add_section()
         table.add_row(f"[bold]{family}")
         for key in keys:
-            rows = [method["rows"][key] for method in content["methods"].values()]
-            table.add_row(_title(key, content), *(_cell(row) for row in rows))
+            rows = [method["rows"] for method in content["methods"].values()]
+            cells = [_cell(row[key], row[FAILED]["count"]) for row in rows]
+            table.add_row(_title(key, content), *cells)
     console = Console(highlight=False)
     console.print(table)
     for name, method in content["methods"].items():
@@ -51,7 +52,7 @@ def print_table(content: Mapping[str, Any]) -> None:
 
 def _lines(content: Mapping[str, Any]) -> Iterator[str]:
     settings = content["settings"]
-    yield f"Reference {settings['reference']}. Samples of one object: {settings['samples']}. Mean and 95 % interval (bootstrap over objects, none where all agree); ↑ higher is better, ↓ lower."
+    yield f"Reference {settings['reference']}. Samples of one object: {settings['samples']}. Mean and 95 % interval (bootstrap over objects, none where all agree); n = where a figure applies to fewer objects than there are; ↑ higher is better, ↓ lower."
     for family, keys in _groups(content).items():
         yield f"\n## {family}\n"
         yield f"| | objects | {' | '.join(_title(key, content) for key in keys)} |"
@@ -85,11 +86,12 @@ def _title(key: str, content: Mapping[str, Any]) -> str:
 
 
 def _line(name: str, rows: Row, keys: list[str]) -> str:
-    cells = [_cell(rows[key]) for key in keys]
+    cells = [_cell(rows[key], rows[FAILED]["count"]) for key in keys]
     return f"| {name} | {rows[FAILED]['count']} | {' | '.join(cells)} |"
 
 
-def _cell(figure: Mapping[str, float]) -> str:
+def _cell(figure: Mapping[str, float], objects: float) -> str:
+    """Mean and interval, and of how many objects where that is not all of them."""
     mean, low, high = (figure[key] for key in ("mean", "low", "high"))
     if math.isnan(mean):
         return "-"
@@ -97,7 +99,8 @@ def _cell(figure: Mapping[str, float]) -> str:
     largest = max(abs(value) for value in (mean, *ends))
     digits = min(max(2 - math.floor(math.log10(largest)), 1), 6) if largest else 1
     told = [f"{value:.{digits}f}" for value in (mean, *ends)]
-    return f"{told[0]} [{told[1]}, {told[2]}]" if ends else told[0]
+    some = f" (n = {figure['count']:g})" if figure["count"] < objects else ""
+    return (f"{told[0]} [{told[1]}, {told[2]}]" if ends else told[0]) + some
 
 
 def _remarks(name: str, method: Mapping[str, Any]) -> Iterator[str]:

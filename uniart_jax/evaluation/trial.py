@@ -5,6 +5,7 @@ from __future__ import annotations
 import collections
 import contextlib
 import dataclasses
+import errno
 import functools
 import gc
 import importlib
@@ -13,7 +14,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -22,11 +23,12 @@ import numpy as np
 
 from uniart_jax.evaluation.kept import keep
 from uniart_jax.evaluation.kept_checks import read_checks
-from uniart_jax.evaluation.metric import at_rest
+from uniart_jax.evaluation.metric import resting
 from uniart_jax.evaluation.pairs import Missing, Source
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot_object import one_line
+from uniart_jax.processes import time_limit
 
 # Family -> module with METRICS and measure(pred, ref, **options); loaded where it is needed.
 FAMILIES = {
@@ -34,7 +36,8 @@ FAMILIES = {
     for name in ("surface", "articulation", "pose_error", "singapo", "appearance", "openshape")
 }
 PHYSICS = "physics"  # figures that the assets' own files tell
-DIED = "its worker process died (out of memory, or a crash in C)"
+DIED = "its worker process died (out of memory, a crash in C, or a call that never came back)"
+_PASSING = {errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.ESTALE}  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,11 +46,13 @@ class Setup:
 
     Attributes:
       families: family -> module, of ``FAMILIES``. options: family -> keywords of its ``measure``.
+      limit: seconds for reading an object, and for each family of figures.
     """
 
     families: Mapping[str, str]
     options: Mapping[str, Mapping[str, Any]]
     allow_outside: bool = False
+    limit: float = 600.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,7 +101,8 @@ def run_trial(setup: Setup, trial: Trial) -> dict[str, Any]:
 
     Returns:
       ``figures`` {metric: number or None for "nothing to compare"}; a metric that is absent could not be measured, and ``failure`` says
-      why. Also ``category`` (the reference's), ``uncolored``, ``confusion``, ``seconds`` {step: s}.
+      why. ``inapplicable``: those of the absent for which this reference has nothing to compare. Also ``category`` (the reference's), ``uncolored``,
+      ``confusion``, ``seconds`` {step: s}. What failed for want of memory, of time (``Setup.limit``) or of room on a disk is not kept.
 
     Raises:
       ValueError: the reference is at fault; no figure could be trusted.
@@ -104,23 +110,28 @@ def run_trial(setup: Setup, trial: Trial) -> dict[str, Any]:
     gc.collect()  # meshes hold themselves in cycles: a worker would grow by 10 MB an object
     result = _blank(trial)
     start = time.perf_counter()
-    reference = reference_at_rest(trial.reference)
+    reference = resting_reference(trial.reference)
     result["category"] = reference.category or _category(trial.reference.source)
     result["confusion"] = _all_missing(setup, reference)
     result["seconds"]["reference"] = time.perf_counter() - start
     if isinstance(trial.prediction, Missing):
-        return keep(trial.file, result | {"failure": trial.prediction.why})
+        failed = {"failure": trial.prediction.why}
+        return keep(trial.file, result | failed | _inapplicable(setup, reference, setup.families))
     start = time.perf_counter()
     try:
-        prediction = source_at_rest(trial.prediction, setup.allow_outside)
+        with time_limit(setup.limit):
+            prediction = resting_source(trial.prediction, setup.allow_outside)
     except Exception as error:  # one prediction must not cost the figures of all others
-        return keep(trial.file, result | {"failure": _why(error)})
+        result |= {"failure": _why(error)} | _inapplicable(setup, reference, setup.families)
+        return result if _passing(error) else keep(trial.file, result)
     result["seconds"]["prediction"] = time.perf_counter() - start
-    _measure(setup, prediction, reference, result)
+    errors = _measure(setup, prediction, reference, result)
+    result["failure"] = "; ".join(f"{family}: {_why(error)}" for family, error in errors.items())
+    result |= _inapplicable(setup, reference, errors)
     if isinstance(trial.prediction, Path):
         checks = read_checks(trial.prediction, allow_outside=setup.allow_outside)
         result["figures"] |= _numbers(checks)
-    return keep(trial.file, result)
+    return result if any(map(_passing, errors.values())) else keep(trial.file, result)
 
 
 def died(trial: Trial) -> dict[str, Any]:
@@ -129,20 +140,20 @@ def died(trial: Trial) -> dict[str, Any]:
 
 
 @functools.lru_cache(maxsize=1)  # several predictions of one object come one after the other
-def reference_at_rest(reference: Reference) -> ArticulatedObject:
-    """The truth as figures see it.
+def resting_reference(reference: Reference) -> ArticulatedObject:
+    """The truth at rest, in its own units.
 
     Raises:
       ValueError: it cannot be used; one line that names it.
     """
     try:
-        return source_at_rest(reference.source, reference.allow_outside)
+        return resting_source(reference.source, reference.allow_outside)
     except Exception as error:
         raise ValueError(f"reference '{reference.name}' cannot be used: {_why(error)}") from None
 
 
-def source_at_rest(source: Source, allow_outside: bool = False) -> ArticulatedObject:
-    """The object as figures see it (``metric.at_rest``).
+def resting_source(source: Source, allow_outside: bool = False) -> ArticulatedObject:
+    """The object at rest, in its own units (``metric.resting``).
 
     Raises:
       ValueError, FileNotFoundError: it cannot be read, or holds numbers that are none.
@@ -152,7 +163,7 @@ def source_at_rest(source: Source, allow_outside: bool = False) -> ArticulatedOb
     obj = source if isinstance(source, ArticulatedObject) else source()
     if not all(np.isfinite(part.mesh.vertices).all() for part in obj.parts):
         raise ValueError("its meshes hold coordinates that are not finite")
-    return at_rest(obj)
+    return resting(obj)
 
 
 @contextlib.contextmanager
@@ -177,7 +188,7 @@ def light_jax(processes: int) -> Iterator[None]:
 
 
 def _blank(trial: Trial) -> dict[str, Any]:
-    return {"method": trial.method, "name": trial.reference.name, "sample": trial.sample, "made_of": trial.made_of, "category": "", "figures": {}, "failure": "", "uncolored": False, "confusion": {}, "seconds": {}}  # fmt: skip
+    return {"method": trial.method, "name": trial.reference.name, "sample": trial.sample, "made_of": trial.made_of, "category": "", "figures": {}, "inapplicable": [], "failure": "", "uncolored": False, "confusion": {}, "seconds": {}}  # fmt: skip
 
 
 def _measure(
@@ -185,26 +196,45 @@ def _measure(
     prediction: ArticulatedObject,
     reference: ArticulatedObject,
     result: dict[str, Any],
-) -> None:
-    failures = []
+) -> dict[str, Exception]:
+    """Every family's figures, into ``result``; what went wrong in those that have none."""
+    errors: dict[str, Exception] = {}
+    shown = prediction.normalized(), reference.normalized()
     for family in setup.families:
         module = _loaded(family, setup.families[family])
         start = time.perf_counter()
+        options = dict(setup.options.get(family, {}))
+        if getattr(module, "OWN_UNITS", False):
+            options["own"] = prediction, reference
         try:
-            found = module.measure(prediction, reference, **setup.options.get(family, {}))
+            with time_limit(setup.limit):
+                found = module.measure(*shown, **options)
             if set(found) != set(module.METRICS):
                 raise ValueError(f"expected the figures {sorted(module.METRICS)}, got {sorted(found)}")  # fmt: skip
             numbers = _numbers(found)
             if hasattr(module, "confusion"):
-                result["confusion"] = _nested(module.confusion(prediction, reference))
+                result["confusion"] = _nested(module.confusion(*shown))
             if hasattr(module, "uncolored"):
                 result["uncolored"] = bool(module.uncolored(prediction))
         except Exception as error:  # figures of other families still stand
-            failures.append(f"{family}: {_why(error)}")
+            errors[family] = error
         else:
             result["figures"] |= numbers
         result["seconds"][family] = time.perf_counter() - start
-    result["failure"] = "; ".join(failures)
+    return errors
+
+
+def _inapplicable(
+    setup: Setup, reference: ArticulatedObject, families: Iterable[str]
+) -> dict[str, list[str]]:
+    """The figures of these families that have nothing to compare even where the reference is held against itself: no prediction can have them."""
+    found: list[str] = []
+    for family in families:
+        lone: dict[str, Any] = {"confusion": {}, "uncolored": False, "seconds": {}, "figures": {}}
+        alone = dataclasses.replace(setup, families={family: setup.families[family]})
+        _measure(alone, reference, reference, lone)
+        found += [key for key, value in lone["figures"].items() if value is None]
+    return {"inapplicable": found}
 
 
 @functools.cache
@@ -257,6 +287,11 @@ def _numbers(figures: Mapping[str, float]) -> dict[str, float | None]:
         if math.isinf(value):
             raise ValueError(f"'{name}' is infinite")
     return {name: None if math.isnan(v) else float(v) for name, v in figures.items()}
+
+
+def _passing(error: Exception) -> bool:
+    """Whether it may not come again: the machine was at fault rather than the asset."""
+    return isinstance(error, MemoryError | TimeoutError) or getattr(error, "errno", None) in _PASSING  # fmt: skip
 
 
 def _why(error: Exception) -> str:
