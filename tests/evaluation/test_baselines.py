@@ -57,9 +57,8 @@ def patch():
 @pytest.fixture(scope="module")
 def networks(patch, tmp_path_factory) -> Networks:
     networks = Networks(1)
-    weights = tmp_path_factory.mktemp("toy")
     patch.setattr(baselines, "load", lambda checkpoint: networks)
-    patch.setattr(baselines, "checkpoint_folder", lambda checkpoint: weights)
+    patch.setattr(baselines, "checkpoint_digest", lambda checkpoint: "toy")
     return networks
 
 
@@ -134,8 +133,7 @@ def test_the_nearest_image_is_asked_where_there_are_records(patch, tmp_path, mon
         return retrieve
 
     monkeypatch.setattr(baselines, "load", lambda checkpoint: Networks(0))
-    weights = Path(__file__).parents[1] / "parity"
-    monkeypatch.setattr(baselines, "checkpoint_folder", lambda checkpoint: weights)
+    monkeypatch.setattr(baselines, "checkpoint_digest", lambda checkpoint: "other")
     monkeypatch.setattr(baselines, "make_retrieval", make)
     records = Path("records")
     methods, references = baseline_methods("toy", tmp_path, count=1, records=records)

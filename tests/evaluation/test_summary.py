@@ -13,6 +13,7 @@ from uniart_jax.evaluation.summary import (
     drawn_sample,
     interval,
     object_figures,
+    paired_differences,
     sum_confusions,
     summarize_objects,
 )
@@ -82,6 +83,19 @@ def test_what_does_not_apply_is_left_out_and_counted():
     assert rows["y"]["count"] == 0 and np.isnan(rows["y"]["mean"])
     assert summarize_objects(objects, ["a"])["x"]["mean"] == 1.0
     assert np.isnan(summarize_objects(objects, ["a"])["x"]["low"])  # one object tells no spread
+
+
+def test_differences_are_of_the_same_objects():
+    ours = {"a": {"x": 1.0, "y": 2.0}, "b": {"x": 5.0, "y": np.nan}}
+    theirs = {"a": {"x": 0.5, "y": 1.0}, "b": {"x": 4.5, "y": 1.0}}
+    rows = paired_differences(ours, theirs)
+    assert rows["x"] == {
+        "mean": 0.5,
+        "low": 0.5,
+        "high": 0.5,
+        "count": 2,
+    }  # alike, however far the objects are apart
+    assert rows["y"]["mean"] == 1.0 and rows["y"]["count"] == 1
 
 
 def test_the_interval_is_the_known_one():

@@ -25,7 +25,7 @@ from uniart_jax.evaluation.compare import compare
 from uniart_jax.evaluation.controls import CONTROLS
 from uniart_jax.evaluation.kept import claim, keep
 from uniart_jax.evaluation.metric import at_rest
-from uniart_jax.evaluation.pairs import Source, fingerprint
+from uniart_jax.evaluation.pairs import Source
 from uniart_jax.evaluation.procedural import HeldOut, held_out
 from uniart_jax.evaluation.retrieval import (
     make_library,
@@ -39,7 +39,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import load
 from uniart_jax.processes import in_order, process_pool
 from uniart_jax.progress import track
-from uniart_jax.training.export import checkpoint_folder
+from uniart_jax.training.export import checkpoint_digest
 
 BASELINE_CONTROLS = ("rest_only", "mirrored")
 Objects = Mapping[str, Source]
@@ -91,7 +91,7 @@ def baseline_methods(
     claim(
         folder,
         {
-            "checkpoint": f"{checkpoint} {fingerprint(checkpoint_folder(checkpoint))}",
+            "checkpoint": f"{checkpoint} {checkpoint_digest(checkpoint)}",
             "records": str(records or ""),
             "unseen": unseen,
         },

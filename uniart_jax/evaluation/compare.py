@@ -1,6 +1,7 @@
 """Predictions against references: every family of figures over every object, for one method or several. ``uniart evaluate PRED REF``.
 
-    OUT/metrics.json    {"methods": {method: {"rows", "categories", "sets", "objects", "failures", "drawn", "uncolored", "confusion"}}, ...}
+    OUT/metrics.json    {"methods": {method: {"rows", "categories", "sets", "objects", "failures", "drawn", "uncolored", "confusion"}},
+                        "differences": {"to": the first method, "methods": {each other: rows}}, "metrics", "groups", "settings"}
     OUT/table.md        a table a family of figures, a line a method
     OUT/report.html     the same for people: distributions, and pictures of the worst
     OUT/results/<method>/<name>/<sample>.json     one prediction's figures, written when they are there
@@ -45,6 +46,7 @@ from uniart_jax.evaluation.summary import (
     chosen_samples,
     drawn_sample,
     object_figures,
+    paired_differences,
     sum_confusions,
     summarize_objects,
 )
@@ -152,6 +154,14 @@ def compare(
                 "seed": SEED,
                 "method": "percentile bootstrap over objects",
             },
+        },
+    }
+    first, *others = content["methods"]
+    content["differences"] = {
+        "to": first,
+        "methods": {
+            method: paired_differences(*(content["methods"][m]["objects"] for m in (method, first)))
+            for method in others
         },
     }
     keep(out / "metrics.json", without_nan(content))

@@ -102,6 +102,17 @@ def summarize_objects(objects: Mapping[str, Figures], names: Sequence[str]) -> d
     return rows
 
 
+def paired_differences(
+    objects: Mapping[str, Figures], others: Mapping[str, Figures]
+) -> dict[str, dict[str, float]]:
+    """``summarize_objects`` of each object's figure minus the same object's in ``others``: what two methods' own intervals, of the same objects, do not tell."""
+    apart = {
+        name: {key: value - others[name][key] for key, value in figures.items()}
+        for name, figures in objects.items()
+    }
+    return summarize_objects(apart, list(apart))
+
+
 def interval(values: np.ndarray) -> tuple[float, float]:
     """Percentile bootstrap of the mean of [n] values; NaN for fewer than two."""
     n = len(values)

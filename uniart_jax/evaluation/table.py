@@ -62,6 +62,7 @@ def _lines(content: Mapping[str, Any]) -> Iterator[str]:
             for part in ("sets", "categories"):
                 for group, rows in method[part].items():
                     yield _line(f"{_text(name)}: {_text(group)}", rows, keys)
+    yield from _differences(content)
     for name, method in content["methods"].items():
         if remarks := list(_remarks(name, method)):
             yield ""
@@ -72,6 +73,20 @@ def _lines(content: Mapping[str, Any]) -> Iterator[str]:
         if method["confusion"]:
             yield f"\n## Joint types of {_text(name)}\n"
             yield from _confusion(method["confusion"])
+
+
+def _differences(content: Mapping[str, Any]) -> Iterator[str]:
+    """Each method minus the first, object by object."""
+    found = content["differences"]
+    if not found["methods"]:
+        return
+    yield f"\n## Differences to {_text(found['to'])}\n"
+    yield "Means over objects of the method's figure minus that of the first, and their 95 % intervals; one that holds 0 does not tell the two apart."
+    for family, keys in _groups(content).items():
+        yield f"\n| {family} | objects | {' | '.join(_title(key, content) for key in keys)} |"
+        yield "|" + "---|" * (len(keys) + 2)
+        for name, rows in found["methods"].items():
+            yield _line(_text(name), rows, keys)
 
 
 def _groups(content: Mapping[str, Any]) -> dict[str, list[str]]:

@@ -6,7 +6,6 @@ import contextlib
 import csv
 import dataclasses
 import fcntl
-import functools
 import hashlib
 import io
 import os
@@ -23,7 +22,6 @@ from uniart_jax.experiments.design import Arm, Records
 from uniart_jax.experiments.judge import test_names, test_object
 from uniart_jax.procedural import SEEN_FAMILIES
 from uniart_jax.stages import prepared_objects
-from uniart_jax.training.export import checkpoint_folder
 
 MAX_PARTS = 64
 console = Console(stderr=True, highlight=False)
@@ -142,23 +140,6 @@ def records_digest(folder: str | Path) -> str:
     read_manifest(folder)
     files = [Path(folder) / name for name in ("metadata.json", "manifest.csv")]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()[:16]
-
-
-def checkpoint_digest(checkpoint: str) -> str:
-    """Of all networks of a checkpoint, and of the options that it is sampled with."""
-    total = hashlib.sha256()
-    folder = checkpoint_folder(checkpoint)
-    folder = folder if list(folder.glob("*.safetensors")) else folder / "export"
-    for path in sorted([*folder.glob("*.safetensors"), *folder.glob("config.json")]):
-        found = path.stat()
-        total.update(path.name.encode() + _file_digest(path, found.st_size, found.st_mtime_ns))
-    return total.hexdigest()[:16]
-
-
-@functools.cache  # gigabytes, asked for by every arm
-def _file_digest(path: Path, size: int, changed: int) -> bytes:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").digest()
 
 
 def check_arm(name: str, arm: Arm, trained: Arm, count: int) -> None:

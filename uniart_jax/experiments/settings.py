@@ -10,7 +10,8 @@ from typing import Any
 from uniart_jax.config import Config, to_json
 from uniart_jax.evaluation.kept import keep, read_kept
 from uniart_jax.experiments.design import Arm, Experiment
-from uniart_jax.experiments.inputs import checkpoint_digest, records_digest
+from uniart_jax.experiments.inputs import records_digest
+from uniart_jax.training.export import checkpoint_digest
 
 FILE = "settings.json"
 SHOWN = 3  # differences that a message names

@@ -7,6 +7,8 @@ beside, then renamed); nothing is unpickled.
 
 from __future__ import annotations
 
+import functools
+import hashlib
 import os
 from pathlib import Path
 from typing import Any, Literal
@@ -41,6 +43,23 @@ def checkpoint_folder(checkpoint: str | Path) -> Path:
             f"checkpoint '{checkpoint}': neither a folder nor a shipped model (shipped: {known or 'none'})"
         )
     return folder
+
+
+def checkpoint_digest(checkpoint: str | Path) -> str:
+    """Of all networks of a checkpoint (``checkpoint_folder``), and of the options that it is sampled with."""
+    total = hashlib.sha256()
+    folder = checkpoint_folder(checkpoint)
+    folder = folder if list(folder.glob("*.safetensors")) else folder / "export"
+    for path in sorted([*folder.glob("*.safetensors"), *folder.glob("config.json")]):
+        found = path.stat()
+        total.update(path.name.encode() + _file_digest(path, found.st_size, found.st_mtime_ns))
+    return total.hexdigest()[:16]
+
+
+@functools.cache  # gigabytes, asked for by every arm
+def _file_digest(path: Path, size: int, changed: int) -> bytes:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").digest()
 
 
 def export_network(
