@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
+from uniart_jax.evaluation import singapo
 from uniart_jax.evaluation.singapo import measure
 from uniart_jax.evaluation.trial import FAMILIES, Reference, Setup, Trial, run_trial
 from uniart_jax.objects.kinematics import Joint
@@ -60,3 +61,11 @@ def test_and_so_does_the_command_where_sizes_differ(mistake, tmp_path):
         pred, ref = of_boxes(pair["pred"]), of_boxes(pair["ref"])
         trial = Trial("m", 0, pred, Reference(str(i), ref, ""), "", tmp_path / f"{i}.json")
         assert_theirs(run_trial(setup, trial)["figures"], pair["theirs"])
+
+
+@pytest.mark.parametrize("key", ["fixed_aor", "compat_aor"])
+def test_siblings_are_compared_some_at_a_time(monkeypatch, key):
+    obj = of_boxes(next(p for p in PAIRS if p["theirs"]["aor"] > 0.001)["pred"])
+    whole = measure(obj, obj)[key]
+    monkeypatch.setattr(singapo, "PAIRS", 1)
+    assert whole > 0 and measure(obj, obj)[key] == pytest.approx(whole, abs=1e-3)
