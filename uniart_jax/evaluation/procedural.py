@@ -45,11 +45,11 @@ from uniart_jax.voxels.voxelize import voxelize
 
 ATTEMPTS = 20
 COLUMNS = {
-    "recall": "recall",
+    "recall": "moving found",
     "parts_right": "parts right",
     "count": "count",
     "tree": "tree",
-    "type_accuracy": "type",
+    "type_accuracy": "moving type",
     "axis_median": "axis (deg)",
     "opens_wrong_way": "wrong way",
     "pivot_median": "pivot",
