@@ -359,6 +359,12 @@ def test_records_are_made_once_and_checked(done, monkeypatch):
     ):
         with pytest.raises(ValueError, match=said):
             inputs.make_records(dataclasses.replace(records, **change), model)
+    rows = inputs.read_manifest(records.folder)
+    rows[0] = rows[0] | {"error": "9 parts, more than max_parts = 8"}
+    with monkeypatch.context() as patch:
+        patch.setattr(inputs, "read_manifest", lambda folder: rows)
+        with pytest.raises(ValueError, match="objects left out by max_parts"):
+            inputs.make_records(records, model)
     asked = []
     monkeypatch.setattr(inputs, "prepare_procedural", lambda *a, **_: asked.append(a[1]))
     inputs.make_records(dataclasses.replace(records, count=4), model)

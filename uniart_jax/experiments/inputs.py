@@ -85,7 +85,6 @@ def make_records(records: Records, model: ModelConfig) -> None:
             "start_seed": 0,
             "resolution": model.grid.resolution,
             "subdivisions": model.grid.subdivisions,
-            "max_parts": MAX_PARTS,
             "views": records.views,
             "image_size": model.image_encoder.image_size,
             "states": 1,
@@ -94,6 +93,8 @@ def make_records(records: Records, model: ModelConfig) -> None:
         differ = [f"{k} {found.get(k)} instead of {v}" for k, v in asked.items() if found.get(k) != v]  # fmt: skip
         if held > records.count:
             differ.append(f"{held} objects instead of {records.count}")
+        if any("max_parts" in row["error"] for row in read_manifest(folder)):
+            differ.append(f"objects left out by max_parts {found.get('max_parts')}")
         if differ:
             raise ValueError(f"{folder}: holds other records than the experiment's ({', '.join(differ)}); move that folder away")  # fmt: skip
 
