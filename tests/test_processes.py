@@ -1,5 +1,6 @@
 """Worker processes: same results as in this process, errors told, surroundings left as they were."""
 
+import contextlib
 import operator
 import os
 import signal
@@ -81,6 +82,14 @@ def test_time_limits_end_what_python_runs_and_leave_no_alarm():
     thread.start()
     thread.join()
     assert found == [3]
+
+
+def test_time_limits_hold_whatever_is_caught_inside():
+    for caught in (Exception, BaseException):
+        with pytest.raises(TimeoutError), time_limit(0.05):
+            for _ in range(2):
+                with contextlib.suppress(caught):
+                    time.sleep(0.2)
 
 
 def test_workers_that_cannot_start_are_told(monkeypatch):

@@ -18,6 +18,7 @@ from typing import Any
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "IGL_NUM_THREADS")
 
 Submit = Callable[..., "Future[Any]"]
+_is_worker = False
 
 
 @contextlib.contextmanager
@@ -110,33 +111,44 @@ def each(
                 yield result
 
 
+class _OutOfTimeError(BaseException):
+    """No Exception, so that code which takes any error for a broken file lets it pass."""
+
+
 @contextlib.contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """TimeoutError inside after so many seconds: between two lines of Python, in a main thread, where the system has alarms (not Windows).
+    """TimeoutError at the latest on leaving if what is inside takes longer, and as soon as the main thread runs a line of Python again. Not nested.
 
-    A worker process that a call in C still holds after twice as long is ended; ``each`` then names its item.
+    A worker of ``process_pool`` or ``each`` that a call in C still holds after twice as long is ended; ``each`` then names its item. In this process
+    such a call cannot be stopped; outside of main threads, and where there are no alarms (Windows), nothing is.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):  # fmt: skip
         yield
         return
+    fired = []
 
     def stop(*_: Any) -> None:
-        raise TimeoutError(f"it took longer than {seconds:g} seconds")
+        fired.append(True)
+        raise _OutOfTimeError
 
     before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    worker = multiprocessing.parent_process() is not None
-    nowhere = open(os.devnull, "w") if worker else None  # noqa: SIM115 - closed below
+    # Again every second: what is raised in a destructor or a callback is lost.
+    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
+    nowhere = open(os.devnull, "w") if _is_worker else None  # noqa: SIM115 - closed below
     if nowhere is not None:  # a thread in C: it needs no lock that the call may hold
         faulthandler.dump_traceback_later(2 * seconds, exit=True, file=nowhere)
     try:
         yield
+    except _OutOfTimeError:
+        pass
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         signal.signal(signal.SIGALRM, before)
         if nowhere is not None:
             faulthandler.cancel_dump_traceback_later()
             nowhere.close()
+    if fired:
+        raise TimeoutError(f"it took longer than {seconds:g} seconds")
 
 
 def _check_start(submit: Submit) -> None:
@@ -159,6 +171,8 @@ def _at_once(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Future[
 
 def _begin() -> None:
     """Leave Ctrl-C to the parent, and end when the parent is gone: one killed outright cannot tell its workers."""
+    global _is_worker
+    _is_worker = True
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is None:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import time
 
 import numpy as np
 import pytest
 import toy_assets
+import trimesh
 
 from uniart_jax.evaluation import compare as frame
 from uniart_jax.evaluation import trial
 from uniart_jax.evaluation.compare import compare
 from uniart_jax.objects.load import load_object
+from uniart_jax.objects.object import ArticulatedObject, Part
 
 FAMILIES = {"pose_error": "tiny_figures"}
 write_report = frame.write_report
@@ -91,9 +94,11 @@ def test_the_report_draws_what_was_measured(folders, report):
     for name in ("bad", "missing"):
         with pytest.raises(ValueError, match=r"no prediction of this name|object\.urdf"):
             load_pair("ours", name)
-    assert content["methods"]["ours"]["drawn"] == {"two samples": 0}  # the worse of the two
+    assert content["methods"]["ours"]["drawn"] == {
+        "two samples": "sample-0"
+    }  # the worse of the two
     best = run(folders, samples="best")
-    assert best["methods"]["ours"]["drawn"] == {"two samples": 1}
+    assert best["methods"]["ours"]["drawn"] == {"two samples": "sample-1"}
     assert len(report[-1][2]("ours", "two samples")[0].parts) == 2
     content["methods"]["ours"]["objects"] = {"right": content["methods"]["ours"]["objects"]["right"]}  # fmt: skip
     write_report(out, content, load_pair)
@@ -155,6 +160,7 @@ def test_workers_find_the_same_and_one_that_dies_is_a_failure(folders, tmp_path)
     ours = content["methods"]["ours"]
     assert "1 of 2 samples: its worker process died" in ours["failures"]["two samples"]
     assert ours["objects"]["two samples"]["overlap"] == 0.5  # 1 and 0
+    assert ours["objects"]["two samples"]["hinges"] == 5  # 1 and 9: its truth has a hinge
     for name in set(alone) - {"two samples"}:
         assert ours["objects"][name] == pytest.approx(alone[name], nan_ok=True)
 
@@ -196,12 +202,47 @@ def test_what_no_prediction_could_have_is_not_held_against_a_failed_one(folders)
     assert "(n = 2)" in (folders[2] / "table.md").read_text()
 
 
-def test_results_do_not_lie_among_what_is_compared(folders):
+def test_results_may_lie_below_what_is_compared_but_not_in_an_asset(folders):
     pred, ref, _ = folders
-    for out in (pred / "out", ref, ref / "right" / "out"):
-        with pytest.raises(ValueError, match="which is compared; choose another --out"):
+    for out in (ref / "right", pred / "two samples" / "sample-1"):
+        with pytest.raises(ValueError, match="it holds an asset that is compared; choose another"):
             compare({"ours": pred}, ref, out, families=FAMILIES)
-    assert not (pred / "out").exists()
+        assert not (out / "settings.json").exists()
+    for out in (pred / "out", ref / "right" / "out"):
+        run((pred, ref, out))
+        made = {p: p.stat().st_mtime_ns for p in (out / "results").rglob("*.json")}
+        run((pred, ref, out))
+        assert {p: p.stat().st_mtime_ns for p in (out / "results").rglob("*.json")} == made
+
+
+def test_reading_has_a_limit_that_no_reader_swallows(folders, monkeypatch):
+    def read(path, **options):
+        try:
+            time.sleep(20)
+        except Exception as error:  # as readers of meshes do
+            raise ValueError("a broken file") from error
+
+    monkeypatch.setattr(trial, "load_object", read)
+    pred, ref, out = folders
+    truth = trial.Reference("right", load_object(ref / "right"), "")
+    setup = trial.Setup(FAMILIES, {}, limit=0.1)
+    found = trial.run_trial(setup, trial.Trial("ours", 0, pred / "right", truth, "", out / "0.json"))  # fmt: skip
+    assert found["failure"] == "it took longer than 0.1 seconds" and not out.exists()
+
+
+def test_an_object_without_extent_is_a_failure(folders, tmp_path):
+    obj = load_object(folders[1] / "right")
+    dot = trimesh.Trimesh(np.zeros((3, 3)), [[0, 1, 2]], process=False)
+    point = ArticulatedObject((Part("dot", dot),))
+    ours = compare({"ours": {"a": point}}, {"a": obj}, tmp_path / "out", families=FAMILIES)["methods"]["ours"]  # fmt: skip
+    assert "no extent" in ours["failures"]["a"] and ours["objects"]["a"]["overlap"] == 0
+
+
+def test_the_report_does_not_try_again_what_could_not_be_read(folders, report, monkeypatch):
+    run(folders)
+    monkeypatch.setattr(trial, "load_object", lambda *_, **__: pytest.fail("read again"))
+    with pytest.raises(ValueError, match=r"object\.urdf"):
+        report[0][2]("ours", "bad")
 
 
 def test_a_bad_reference_is_an_error_that_names_it(folders):

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from uniart_jax.evaluation import articulation, pose_error, singapo, surface
-from uniart_jax.evaluation.metric import at_rest
+from uniart_jax.evaluation.metric import at_rest, resting
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -29,6 +29,14 @@ def test_every_object_is_centred_at_rest_with_longest_side_one():
     obj = at_rest(cart(door).transformed(np.diag([3.0, 3.0, 3.0, 1.0])))
     assert np.allclose(obj.bounds.mean(0), 0) and np.ptp(obj.bounds, axis=0).max() == pytest.approx(1)  # fmt: skip
     assert np.allclose(obj.rest(), 0)
+
+
+def test_own_units_are_metres():
+    obj = cart(WHEEL).transformed(np.diag([3.0, 3.0, 3.0, 1.0]))
+    for same in (obj, obj.normalized()):
+        assert np.ptp(resting(same).bounds, axis=0).max() == pytest.approx(3) and resting(same).scale == 1  # fmt: skip
+    shown = at_rest(obj.normalized())
+    assert singapo.measure(shown, shown, own=(resting(obj.normalized()), resting(obj)))["compat_rs_dcd"] < 0.05  # fmt: skip
 
 
 def test_a_wheel_and_the_same_wheel_about_the_reversed_axis_are_one():

@@ -118,7 +118,8 @@ def baseline_methods(
             ValueError
         ):  # named among the model's own failures; a name that is absent counts as one
             continue
-        methods["retrieval_predicted_boxes"][name] = retrieve_parts(at_rest(sampled), library)
+        target = dataclasses.replace(at_rest(sampled), scale=1.0)
+        methods["retrieval_predicted_boxes"][name] = retrieve_parts(target, library)
     for control in BASELINE_CONTROLS:
         methods[control] = {name: CONTROLS[control](obj) for name, obj in truth.items()}
     return methods, truth
@@ -197,7 +198,8 @@ def _test(index: int, unseen: bool, model: ModelConfig) -> HeldOut:
 def _truth(index: int, unseen: bool, model: ModelConfig) -> tuple[str, ArticulatedObject]:
     """Its longest side 1, as all that is made from images: no image tells a size, and SINGAPO's figures would count it."""
     test = _test(index, unseen, model)
-    return object_name(index, split_families(unseen)), at_rest(test.obj)
+    obj = dataclasses.replace(at_rest(test.obj), scale=1.0)
+    return object_name(index, split_families(unseen)), obj
 
 
 def _write(obj: ArticulatedObject, folder: Path) -> None:

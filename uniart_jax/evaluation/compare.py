@@ -30,6 +30,7 @@ from uniart_jax.evaluation.pairs import (
     Pair,
     Predictions,
     Source,
+    check_out,
     find_pairs,
     find_references,
     fingerprint,
@@ -61,14 +62,17 @@ from uniart_jax.evaluation.trial import (
     died,
     family_module,
     light_jax,
-    resting_reference,
-    resting_source,
     run_trial,
+    see,
+    see_reference,
 )
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.processes import each
 from uniart_jax.progress import track
 
+RESULTS = (
+    2  # raised when a kept result would have other numbers or fields: older ones are not taken
+)
 Results = dict[tuple[str, str, int], dict[str, Any]]  # method, object, sample
 console = Console(stderr=True, highlight=False)
 
@@ -108,9 +112,6 @@ def compare(
     groups, metrics = _metrics(only, openshape, families)
     if samples == "best" and "pose_error" not in groups:
         raise ValueError("evaluate: the best sample is the one with the smallest pose error: add pose_error to --only")  # fmt: skip
-    for given in (*methods.values(), reference):
-        if isinstance(given, Path) and out.resolve().is_relative_to(given.resolve()):
-            raise ValueError(f"{out}: it lies in {given}, which is compared; choose another --out")
     references = find_references(reference, allow_outside=allow_outside)
     sets = read_sets(reference, list(references)) if isinstance(reference, Path) else {}
     pairs: dict[str, list[Pair]] = {}
@@ -118,6 +119,7 @@ def compare(
         pairs[method], surplus = find_pairs(predictions, references, allow_outside=allow_outside)
         if surplus:
             console.print(f"{method}: {len(surplus)} without a reference are left out: {', '.join(surplus[:5])}{', ...' if len(surplus) > 5 else ''}", markup=False)  # fmt: skip
+    check_out(out, [*references.values(), *(x for found in pairs.values() for p in found for x in p.samples)])  # fmt: skip
     settings = {
         "reference": _said(reference),
         "methods": {method: _said(p) for method, p in methods.items()},
@@ -125,6 +127,7 @@ def compare(
         "openshape": f"{openshape} {fingerprint(openshape)}" if openshape else "",
         "allow_outside": allow_outside,
         "version": uniart_jax.__version__,
+        "results": RESULTS,
     }
     claim(out, settings, "other predictions, references or figures")
     if only is None and openshape is None and "openshape" in families:
@@ -167,7 +170,9 @@ def compare(
     keep(out / "metrics.json", without_nan(content))
     write_table(out / "table.md", content)
     with console.status("drawing the worst"):
-        write_report(out, content, functools.partial(_load_pair, trials, content["methods"]))
+        write_report(
+            out, content, functools.partial(_load_pair, trials, results, content["methods"])
+        )
     print_table(content)
     return content
 
@@ -202,11 +207,11 @@ def _trials(pairs: Mapping[str, list[Pair]], out: Path, allow_outside: bool) -> 
     """All samples of all methods, those of one object one after the other."""
     for same in zip(*pairs.values(), strict=True):
         source = same[0].reference
-        reference = Reference(same[0].name, source, fingerprint(source), allow_outside)
+        reference = Reference(same[0].name, source, fingerprint(source, out), allow_outside)
         for method, pair in zip(pairs, same, strict=True):
             for i, prediction in enumerate(pair.samples):
                 file = out / "results" / method / pair.name / f"{i}.json"
-                made_of = f"{fingerprint(prediction)} {reference.made_of}"
+                made_of = f"{fingerprint(prediction, out)} {reference.made_of}"
                 yield Trial(method, i, prediction, reference, made_of, file)
 
 
@@ -231,21 +236,22 @@ def _run(setup: Setup, trials: Sequence[Trial], processes: int) -> Results:
 
 
 def _with_known(results: Results) -> Results:
-    """Results of workers that died, with the category and the parts to be found that other results tell of the object."""
-    known: dict[str, dict[str, Any]] = {}
+    """Results of workers that died, with what other results of the object tell of its truth: category, parts to be found, figures that nothing can have."""
+    known: dict[str, list[dict[str, Any]]] = {}
     for (_, name, _), result in results.items():
-        if result["confusion"]:
-            known.setdefault(name, result)
+        if result["failure"] != DIED:
+            known.setdefault(name, []).append(result)
     filled = {}
     for key, result in results.items():
-        other = known.get(key[1])
-        if result["failure"] == DIED and other is not None:
-            missing = {kind: {MISSING: sum(row.values())} for kind, row in other["confusion"].items() if kind != SURPLUS}  # fmt: skip
-            nothing = [key for key, value in other["figures"].items() if value is None]
+        others = known.get(key[1], [])
+        if result["failure"] == DIED and others:
+            confusion = next((o["confusion"] for o in others if o["confusion"]), {})
+            missing = {kind: {MISSING: sum(row.values())} for kind, row in confusion.items() if kind != SURPLUS}  # fmt: skip
+            lacking = [{k for k, v in o["figures"].items() if v is None} | {*o["inapplicable"]} for o in others]  # fmt: skip
             result = result | {
-                "category": other["category"],
+                "category": others[0]["category"],
                 "confusion": missing,
-                "inapplicable": [*other.get("inapplicable", []), *nothing],
+                "inapplicable": sorted(set.intersection(*lacking) - set(kept_checks.METRICS)),
             }
         filled[key] = result
     return filled
@@ -286,28 +292,41 @@ def _method(
         },
         "objects": objects,
         "failures": failures,
-        "drawn": {name: i for name, i in drawn.items() if len(by_name[name]) > 1},
+        "drawn": {
+            p.name: _called(p.samples[drawn[p.name]], drawn[p.name])
+            for p in pairs
+            if len(p.samples) > 1
+        },
         "uncolored": [name for name, found in chosen.items() if any(r["uncolored"] for r in found)],
         "confusion": sum_confusions(list(chosen.values())),
     }
 
 
 def _load_pair(
-    trials: Sequence[Trial], methods: Mapping[str, Mapping[str, Any]], method: str, name: str
+    trials: Sequence[Trial],
+    results: Results,
+    methods: Mapping[str, Mapping[str, Any]],
+    method: str,
+    name: str,
 ) -> tuple[ArticulatedObject, ArticulatedObject]:
     """Prediction and reference to be drawn: of several samples that which ``drawn`` names.
 
     Raises:
-      ValueError: there is no such prediction, or it cannot be read.
+      ValueError: there is no such prediction, or it could not be read: it is not tried again, here nothing would stop it.
     """
     same = [t for t in trials if (t.method, t.reference.name) == (method, name)]
-    sample = methods[method]["drawn"].get(name, 0)
-    prediction = next(t.prediction for t in same if t.sample == sample)
-    if isinstance(prediction, Missing):
-        raise ValueError(prediction.why)
-    reference = same[0].reference
-    shown = resting_source(prediction, reference.allow_outside), resting_reference(reference)
-    return shown[0].normalized(), shown[1].normalized()
+    called = methods[method]["drawn"].get(name)
+    trial = next(t for t in same if called in (None, _called(t.prediction, t.sample)))
+    found = results[method, name, trial.sample]
+    if isinstance(trial.prediction, Missing) or not found["figures"]:
+        raise ValueError(found["failure"])
+    reference = see_reference(trial.reference)
+    return see(trial.prediction, trial.reference.allow_outside).shown, reference.shown
+
+
+def _called(prediction: Source | Missing, sample: int) -> str:
+    """The name of a sample: of its folder or file, or its number."""
+    return prediction.name if isinstance(prediction, Path) else f"sample {sample}"
 
 
 def _best_by(groups: Mapping[str, list[str]]) -> str:

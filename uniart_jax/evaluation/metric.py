@@ -49,8 +49,11 @@ def at_rest(obj: ArticulatedObject) -> ArticulatedObject:
 
 
 def resting(obj: ArticulatedObject) -> ArticulatedObject:
-    """``at_rest`` in the object's own frame and units: what SINGAPO's code is given."""
+    """``at_rest`` in the object's own frame, in metres: what SINGAPO's code is given."""
     obj = obj.shown_at(obj.rest())
+    if obj.scale != 1:
+        metres = obj.transformed(np.diag([*[obj.scale] * 3, 1.0]))
+        obj = dataclasses.replace(metres, scale=1.0)
     parts = tuple(dataclasses.replace(p, joint=_one_way(p.joint)) for p in obj.parts)
     return dataclasses.replace(obj, parts=parts)
 

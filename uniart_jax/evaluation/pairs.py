@@ -16,7 +16,7 @@ import os
 import pickle
 import re
 import unicodedata
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -134,15 +134,29 @@ def tidy(name: str) -> str:
     return printable(unicodedata.normalize("NFC", name), "?") or "_"
 
 
-def fingerprint(source: Source | Missing) -> str:
-    """Changes when the source does: sizes and times of all files in an asset's folder, the arrays of an object, a function's arguments."""
+def check_out(out: Path, sources: Iterable[Source | Missing]) -> None:
+    """Results may lie beside what is compared, or below it, but not among an asset's own files.
+
+    Raises:
+      ValueError: ``out`` is an asset's folder.
+    """
+    for source in sources:
+        if isinstance(source, Path) and out.resolve() == _folder(source).resolve():
+            raise ValueError(f"{out}: it holds an asset that is compared; choose another --out")
+
+
+def fingerprint(source: Source | Missing, apart: Path | None = None) -> str:
+    """Changes when the source does: sizes and times of all files in an asset's folder, the arrays of an object, a function's arguments.
+
+    Args:
+      apart: a folder of results, which is no part of an asset wherever it lies.
+    """
     digest = hashlib.blake2b(digest_size=16)
     if isinstance(source, Missing):
         digest.update(source.why.encode())
     elif isinstance(source, Path):
-        folder = source if source.is_dir() else source.parent
         digest.update(repr(source.name if source.is_file() else "").encode())
-        for name, size, time in _listing(folder):
+        for name, size, time in _listing(_folder(source), apart):
             digest.update(f"{name!r} {size} {time}\n".encode("utf-8", "surrogateescape"))
     elif isinstance(source, ArticulatedObject):
         for piece in _arrays(source):
@@ -152,9 +166,14 @@ def fingerprint(source: Source | Missing) -> str:
     return digest.hexdigest()
 
 
-def _listing(folder: Path) -> Iterator[tuple[str, int, int]]:
+def _folder(asset: Path) -> Path:
+    return asset if asset.is_dir() else asset.parent
+
+
+def _listing(folder: Path, apart: Path | None) -> Iterator[tuple[str, int, int]]:
+    left_out = None if apart is None else apart.resolve()
     for where, inner, files in os.walk(folder):
-        inner.sort()
+        inner[:] = sorted(name for name in inner if (Path(where) / name).resolve() != left_out)
         for name in sorted(files):
             path = os.path.join(where, name)
             try:

@@ -50,7 +50,7 @@ def write_report(out: Path, content: Content, load_pair: LoadPair | None = None)
     Args:
       content: {"methods": {name: {"rows": {metric: {"mean", "low", "high", "count"}}, "objects": {object: {metric: value}},
         "categories", "sets": {group: rows}, "failures": {object: why}, "confusion": {truth: {guess: count}}, "uncolored": [object],
-        "drawn": {object: sample}}},
+        "drawn": {object: name of the sample}}},
         "metrics": {metric: {"title", "better", "about"}}, "groups": {family: [metric]}, "settings": {...}}; all but rows, objects and metrics
         may be absent, and values None or NaN.
       load_pair: (method, object) -> (prediction, reference), both from ``metric.at_rest``; None: nothing is drawn.
@@ -199,7 +199,7 @@ def _pairs(content: Content, name: str, method: Content, load_pair: LoadPair) ->
         digits = _digits(content, WORST_BY)
         head = f"{place}. {text(obj)}: {text(content['metrics'][WORST_BY]['title'])} {number(figures[WORST_BY], digits)}"
         if obj in (drawn_samples := method.get("drawn", {})):
-            head += f" (drawn: sample {drawn_samples[obj]})"
+            head += f" (drawn: {text(drawn_samples[obj])})"
         told = [
             element("div", element("dt", text(content["metrics"][key]["title"])),
                     element("dd", number(value, _digits(content, key))))

@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,13 @@ class Setup:
     options: Mapping[str, Mapping[str, Any]]
     allow_outside: bool = False
     limit: float = 600.0
+
+
+class Seen(NamedTuple):
+    """An object as figures see it: at rest in metres (``metric.resting``), and made as large as all others (``metric.at_rest``)."""
+
+    own: ArticulatedObject
+    shown: ArticulatedObject
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,28 +117,34 @@ def run_trial(setup: Setup, trial: Trial) -> dict[str, Any]:
     gc.collect()  # meshes hold themselves in cycles: a worker would grow by 10 MB an object
     result = _blank(trial)
     start = time.perf_counter()
-    reference = resting_reference(trial.reference)
-    result["category"] = reference.category or _category(trial.reference.source)
-    result["confusion"] = _all_missing(setup, reference)
+    reference = see_reference(trial.reference)
+    result["category"] = reference.own.category or _category(trial.reference.source)
+    result["confusion"] = _all_missing(setup, reference.own)
     result["seconds"]["reference"] = time.perf_counter() - start
     if isinstance(trial.prediction, Missing):
-        failed = {"failure": trial.prediction.why}
-        return keep(trial.file, result | failed | _inapplicable(setup, reference, setup.families))
+        return _failed(setup, trial, result | {"failure": trial.prediction.why})
     start = time.perf_counter()
     try:
         with time_limit(setup.limit):
-            prediction = resting_source(trial.prediction, setup.allow_outside)
+            prediction = see(trial.prediction, setup.allow_outside)
     except Exception as error:  # one prediction must not cost the figures of all others
-        result |= {"failure": _why(error)} | _inapplicable(setup, reference, setup.families)
-        return result if _passing(error) else keep(trial.file, result)
+        return _failed(setup, trial, result | {"failure": _why(error)}, _passing(error))
     result["seconds"]["prediction"] = time.perf_counter() - start
     errors = _measure(setup, prediction, reference, result)
     result["failure"] = "; ".join(f"{family}: {_why(error)}" for family, error in errors.items())
-    result |= _inapplicable(setup, reference, errors)
+    result["inapplicable"] = _inapplicable(setup, trial.reference, errors)
     if isinstance(trial.prediction, Path):
         checks = read_checks(trial.prediction, allow_outside=setup.allow_outside)
         result["figures"] |= _numbers(checks)
     return result if any(map(_passing, errors.values())) else keep(trial.file, result)
+
+
+def _failed(
+    setup: Setup, trial: Trial, result: dict[str, Any], passing: bool = False
+) -> dict[str, Any]:
+    """The result of a prediction without any figure; kept unless what was wrong may not come again."""
+    result["inapplicable"] = _inapplicable(setup, trial.reference, setup.families)
+    return result if passing else keep(trial.file, result)
 
 
 def died(trial: Trial) -> dict[str, Any]:
@@ -140,20 +153,20 @@ def died(trial: Trial) -> dict[str, Any]:
 
 
 @functools.lru_cache(maxsize=1)  # several predictions of one object come one after the other
-def resting_reference(reference: Reference) -> ArticulatedObject:
-    """The truth at rest, in its own units.
+def see_reference(reference: Reference) -> Seen:
+    """The truth as figures see it.
 
     Raises:
       ValueError: it cannot be used; one line that names it.
     """
     try:
-        return resting_source(reference.source, reference.allow_outside)
+        return see(reference.source, reference.allow_outside)
     except Exception as error:
         raise ValueError(f"reference '{reference.name}' cannot be used: {_why(error)}") from None
 
 
-def resting_source(source: Source, allow_outside: bool = False) -> ArticulatedObject:
-    """The object at rest, in its own units (``metric.resting``).
+def see(source: Source, allow_outside: bool = False) -> Seen:
+    """The object as figures see it.
 
     Raises:
       ValueError, FileNotFoundError: it cannot be read, or holds numbers that are none.
@@ -163,7 +176,8 @@ def resting_source(source: Source, allow_outside: bool = False) -> ArticulatedOb
     obj = source if isinstance(source, ArticulatedObject) else source()
     if not all(np.isfinite(part.mesh.vertices).all() for part in obj.parts):
         raise ValueError("its meshes hold coordinates that are not finite")
-    return resting(obj)
+    own = resting(obj)
+    return Seen(own, own.normalized())
 
 
 @contextlib.contextmanager
@@ -193,19 +207,19 @@ def _blank(trial: Trial) -> dict[str, Any]:
 
 def _measure(
     setup: Setup,
-    prediction: ArticulatedObject,
-    reference: ArticulatedObject,
+    prediction: Seen,
+    reference: Seen,
     result: dict[str, Any],
 ) -> dict[str, Exception]:
     """Every family's figures, into ``result``; what went wrong in those that have none."""
     errors: dict[str, Exception] = {}
-    shown = prediction.normalized(), reference.normalized()
+    shown = prediction.shown, reference.shown
     for family in setup.families:
         module = _loaded(family, setup.families[family])
         start = time.perf_counter()
         options = dict(setup.options.get(family, {}))
         if getattr(module, "OWN_UNITS", False):
-            options["own"] = prediction, reference
+            options["own"] = prediction.own, reference.own
         try:
             with time_limit(setup.limit):
                 found = module.measure(*shown, **options)
@@ -215,7 +229,7 @@ def _measure(
             if hasattr(module, "confusion"):
                 result["confusion"] = _nested(module.confusion(*shown))
             if hasattr(module, "uncolored"):
-                result["uncolored"] = bool(module.uncolored(prediction))
+                result["uncolored"] = bool(module.uncolored(prediction.shown))
         except Exception as error:  # figures of other families still stand
             errors[family] = error
         else:
@@ -224,17 +238,22 @@ def _measure(
     return errors
 
 
-def _inapplicable(
-    setup: Setup, reference: ArticulatedObject, families: Iterable[str]
-) -> dict[str, list[str]]:
+def _inapplicable(setup: Setup, reference: Reference, families: Iterable[str]) -> list[str]:
     """The figures of these families that have nothing to compare even where the reference is held against itself: no prediction can have them."""
     found: list[str] = []
     for family in families:
-        lone: dict[str, Any] = {"confusion": {}, "uncolored": False, "seconds": {}, "figures": {}}
-        alone = dataclasses.replace(setup, families={family: setup.families[family]})
-        _measure(alone, reference, reference, lone)
-        found += [key for key, value in lone["figures"].items() if value is None]
-    return {"inapplicable": found}
+        if (reference, family) not in _NOTHING:
+            alone = dataclasses.replace(setup, families={family: setup.families[family]})
+            lone = {"confusion": {}, "uncolored": False, "seconds": {}, "figures": {}}
+            truth = see_reference(reference)
+            _measure(alone, truth, truth, lone)
+            nothing = [key for key, value in lone["figures"].items() if value is None]
+            _NOTHING[reference, family] = nothing
+        found += _NOTHING[reference, family]
+    return found
+
+
+_NOTHING: dict[tuple[Reference, str], list[str]] = {}  # of failed predictions there may be many
 
 
 @functools.cache
