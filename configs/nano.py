@@ -19,7 +19,7 @@ What else was tried, one seed each: batch 8 instead of 4 in the latent flow: los
 two views and 6,000 steps the image encoder reached IoU .482: more objects are the surest lever. 500 steps of the structure VAE: .974.
 The image
 encoder 6,000 steps longer on the same 12,000 (7e-4): IoU .527, .607 on what it trains on, so more objects rather than more steps; the structure flow 600 steps on from
-it: .501 where the shipped one has .494 on the same validation records (made anew since the figures above). With 400 steps on 1,020 objects that the encoder had not
+it: .501 where the shipped one has .494 on the same validation records (made anew since the figures above, by the evaluation of train.py). With 400 steps on 1,020 objects that the encoder had not
 seen instead: .498, no better. One Euler step and threshold 0 instead of 4 and -1.5: .510 and .513, of the mean rather than of samples; not tried on whole objects.
 Sampling steps of the structure flow at guidance 1, on an earlier model: 1 step .518, 2 .505, 4 .501, 8 .499. Muon instead of
 AdamW at the same rate: loss 1.17 instead of .94 after 200 steps.

@@ -70,9 +70,8 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.processes import each
 from uniart_jax.progress import track
 
-RESULTS = (
-    2  # raised when a kept result would have other numbers or fields: older ones are not taken
-)
+# Raised when a kept result would have other numbers or fields: older ones are not taken.
+RESULTS = 2
 Results = dict[tuple[str, str, int], dict[str, Any]]  # method, object, sample
 console = Console(stderr=True, highlight=False)
 

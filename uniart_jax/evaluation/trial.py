@@ -242,18 +242,20 @@ def _inapplicable(setup: Setup, reference: Reference, families: Iterable[str]) -
     """The figures of these families that have nothing to compare even where the reference is held against itself: no prediction can have them."""
     found: list[str] = []
     for family in families:
-        if (reference, family) not in _NOTHING:
+        known = reference.name, reference.made_of, family
+        if known not in _NOTHING:
             alone = dataclasses.replace(setup, families={family: setup.families[family]})
             lone = {"confusion": {}, "uncolored": False, "seconds": {}, "figures": {}}
             truth = see_reference(reference)
             _measure(alone, truth, truth, lone)
             nothing = [key for key, value in lone["figures"].items() if value is None]
-            _NOTHING[reference, family] = nothing
-        found += _NOTHING[reference, family]
+            _NOTHING[known] = nothing
+        found += _NOTHING[known]
     return found
 
 
-_NOTHING: dict[tuple[Reference, str], list[str]] = {}  # of failed predictions there may be many
+# By name, fingerprint and family, not by object: a worker would hold them all. Of failed predictions there may be many.
+_NOTHING: dict[tuple[str, str, str], list[str]] = {}
 
 
 @functools.cache
