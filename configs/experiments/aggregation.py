@@ -39,7 +39,7 @@ from uniart_jax.experiments.design import (
 )
 
 CONFIGS = Path(__file__).parent.parent
-RECORDS = Records("data-cache/nano", count=12_000, views=4)  # those of configs/nano.py
+RECORDS = Records("data-cache/experiments-seen", count=2000)
 
 
 def nano() -> Config:

@@ -17,9 +17,9 @@ from uniart_jax.cli import load_config
 from uniart_jax.experiments.design import Arm, Experiment, Objects, Records
 
 CONFIGS = Path(__file__).parent.parent
-ALL = Records("data-cache/nano", count=12_000, views=4)  # those of configs/nano.py
+ALL = Records("data-cache/experiments-seen", count=2000)
 REST = Records(
-    "data-cache/experiments-no-prismatic", source="data-cache/nano", leave_out="prismatic"
+    "data-cache/experiments-no-prismatic", source="data-cache/experiments-seen", leave_out="prismatic"
 )
 COLUMNS = (
     "part_recall",
