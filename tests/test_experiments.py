@@ -55,6 +55,7 @@ def test_every_arm_has_the_networks_that_its_station_needs(path, size):
     experiment = load_experiment(path, size)
     assert set(experiment.columns) <= set(judge.METRICS)
     shipped = {p.stem for p in (PRETRAINED / "nano").glob("*.safetensors")}
+    made = {records.folder for records in experiment.records}
     for name, arm in experiment.arms.items():
         has = set(experiment.trained(name).stages)
         if size == "paper":
@@ -63,6 +64,7 @@ def test_every_arm_has_the_networks_that_its_station_needs(path, size):
             has |= shipped
         assert set(judge.NEEDS[arm.station]) <= has, name
         if size == "nano" and arm.stages:
+            assert arm.config.data.records in made and not arm.config.data.procedural, name
             build("uniart_vae", arm.config.model).abstract()
 
 

@@ -9,14 +9,14 @@ What varies: model.uniart_vae.aggregation: part-wise UniArt attention, self-atte
       weights (experiments/fronts.py).
 Expected (the paper, generated objects, RS / AS PSNR and RS / AS Chamfer distance): uniart 28.52 / 23.77, .0095 / .0376; self_attention 25.33 / 22.04,
       .0148 / .0457; residual 20.92 / 18.62, .0170 / .0499; pooling 20.37 / 17.23, .0176 / .0493; concat (Table 2) 23.75 / 21.37, .0149 / .0462.
-Nano: the UniArt VAE of configs/nano.py, but with whole parts (part_segment 0), for 600 steps of 4 objects, judged on its reconstruction of held-out objects:
+Nano: the UniArt VAE of configs/nano.py, but with whole parts (part_segment 0), for 500 steps of 4 objects with 1,024 voxels drawn of each, judged on its reconstruction of held-out objects:
       the first station at which an aggregation can matter, and not the paper's, which is image to object.
 What is not tested: the paper's attention. Its query holds a part feature of each voxel (PartField's). Without one V_art is the code of the part alone, so all
       voxels of a part ask alike and get the same answer: 'uniart' is pooling over the part with learned weights a head, 'pooling' the plain mean. So
       the table holds weighted pooling against plain, and both against none. Procedural records cannot have part features (PartField needs CUDA and its
       weights are non-commercial), and configs/paper.py has none either: at paper size set part_feature_channels = 448 there, after uniart features
       RECORDS --part-features. In the twin, linear_path, a linear layer past the trunk, lets each voxel's own attributes through whatever the aggregation,
-      and while training a part is what of it lies in the 2,048 voxels drawn of an object.
+      and while training a part is what of it lies in the 1,024 voxels drawn of an object.
 Hardware and time, nano: one CPU core, five arms, three seeds; a step of uniart takes .77 CPU seconds (.68 with parts cut at 256; medians
       of four on a busy machine, batches not counted). A whole run is not yet measured.
 Hardware and time, paper: four trainings of configs/paper.py (8 x A100 each) beside that of main; unknown, never run by us.
@@ -45,9 +45,16 @@ RECORDS = Records("data-cache/experiments-seen", count=2000)
 def nano() -> Config:
     config = load_config(CONFIGS / "nano.py")
     stage = dataclasses.replace(
-        config.uniart_vae, steps=600, warmup_steps=50, ema_decay=0.99, save_every=100
+        config.uniart_vae, steps=500, warmup_steps=50, ema_decay=0.99, save_every=100
     )
-    data = dataclasses.replace(config.data, procedural=0, validation="")  # made by RECORDS
+    data = dataclasses.replace(
+        config.data,
+        records=RECORDS.folder,
+        procedural=0,
+        views=RECORDS.views,
+        validation="",
+        voxel_crop=1024,
+    )
     vae = dataclasses.replace(config.model.uniart_vae, part_segment=0)
     model = dataclasses.replace(config.model, uniart_vae=vae)
     return dataclasses.replace(config, model=model, data=data, uniart_vae=stage)
@@ -59,7 +66,7 @@ def experiment(size: str) -> Experiment:
             kind: Arm(with_aggregation(nano(), kind), ("uniart_vae",), "vae")
             for kind in get_args(Aggregation)
         }
-        return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=3, count=42, records=(RECORDS,))
+        return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=3, count=28, records=(RECORDS,))
     config = load_config(CONFIGS / "paper.py")
     tests = Objects(records=config.data.validation, split="test")
     arms = {"uniart": Arm(config, (), "object", tests, of="main/uniart")}

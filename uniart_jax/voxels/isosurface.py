@@ -115,31 +115,42 @@ def part_mesh(
 
 
 def simplify(mesh: trimesh.Trimesh, cell: float, budget: int) -> trimesh.Trimesh:
-    """The same closed surface with fewer faces; vertices are a subset of the given ones (to within ``NUDGE`` a try, where they coincide) and keep their colours.
+    """The same closed surface with fewer faces; vertices are a subset of the given ones (to within ``NUDGE``, where they coincide) and keep their colours.
 
     Args:
       mesh: closed, edge-manifold, with vertex colours.
       cell: side of a sub-cell, the unit of the tolerances; each try goes on from the one before, so that they add up.
-      budget: faces aimed at; the coarsest simplification is returned if none meets it.
+      budget: faces aimed at. The coarsest try that is sound is returned: closed for a reader too, and not thinned away.
     """
-    best = mesh
+    rgb = np.asarray(mesh.visual.vertex_colors)[:, :3]
+    properties = np.concatenate([mesh.vertices / cell, rgb], axis=1)
+    last = manifold3d.Mesh64(properties, mesh.faces.astype(np.uint64))
+    tries = []
     for step, tolerance in SIMPLIFICATIONS:
-        rgb = np.asarray(best.visual.vertex_colors)[:, :3]
-        groups = None if step is None else _color_groups(rgb, best.faces, step)
-        vertices = np.concatenate([best.vertices / cell, rgb], axis=1)
-        given = manifold3d.Mesh64(vertices, best.faces.astype(np.uint64), face_id=groups)
-        solid = manifold3d.Manifold(given)
+        solid = manifold3d.Manifold(_grouped(last, step))
         if solid.status() != manifold3d.Error.NoError:
             break
-        simple = _to_trimesh(solid.simplify(tolerance).to_mesh64(), cell)
-        if simple is None or len(simple.faces) >= len(best.faces):
-            continue
-        if not 0.7 < simple.volume / mesh.volume < 1.4:  # thinner than the tolerance
-            continue
-        best = simple
-        if len(best.faces) <= budget:
+        last = solid.simplify(tolerance).to_mesh64()
+        tries.append(last)
+        if len(last.tri_verts) <= budget:
             break
-    return best
+    for out in reversed(tries):  # to look at every try would double the time
+        simple = _to_trimesh(out, cell)
+        if simple is not None and 0.7 < simple.volume / mesh.volume < 1.4:
+            return simple
+    return mesh
+
+
+def _grouped(mesh: manifold3d.Mesh64, step: int | None) -> manifold3d.Mesh64:
+    """The same mesh, of which only triangles of one quantised colour may be merged; None: any."""
+    properties, faces = np.array(mesh.vert_properties), np.array(mesh.tri_verts)
+    return manifold3d.Mesh64(
+        properties,
+        faces,
+        merge_from_vert=np.array(mesh.merge_from_vert, np.uint64),
+        merge_to_vert=np.array(mesh.merge_to_vert, np.uint64),
+        face_id=None if step is None else _color_groups(properties[:, 3:], faces.astype(np.int64), step),
+    )  # fmt: skip
 
 
 def _color_groups(rgb: np.ndarray, faces: np.ndarray, step: int) -> np.ndarray:
