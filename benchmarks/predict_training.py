@@ -6,8 +6,9 @@ Of every network that a config trains, at its own size and batch, on synthetic o
 
 * products: FLOP of the forward pass's matrix products counted in its jaxpr (loops multiplied out, ``training.flops``), times three. What remat computes
   again is not useful work and does not count; it lies in the share.
-* share of peak: ``--share``, an assumption, unless ``--measured`` gives the file of ``accelerator_steps.py`` from a real device, whose figure of the
-  same network (scan and remat as in the config) is taken.
+* share of peak: ``--share``, an assumption, unless ``--measured`` gives the file of ``accelerator_steps.py`` from a real device: the products a second of the
+  same network (scan and remat as in the config) by the peak in that device's data sheet, as the machines' are.
+* a flow's step looks at images first: DINOv2's forward pass over the batch, counted the same way, is in its products.
 * step: products / (devices x peak x share), or the gradients' all-reduce in float32 at the links' rate, whichever is longer. Reading data, evaluating
   and saving come on top.
 * memory of a device: state (16 bytes a parameter, gradients 4 more, / fsdp) and what the step's program needs beside it, from XLA's memory analysis of
@@ -52,6 +53,8 @@ class Machine:
     link: float
 
 
+PEAKS = {"A100": 312e12, "H100": 989e12, "H200": 989e12, "TPU v5p": 459e12}  # of a device's name
+
 MACHINES = (
     Machine("8 x A100 80 GB", 8, 312e12, 74.5, 300e9),
     Machine("8 x H100 80 GB", 8, 989e12, 74.5, 450e9),
@@ -74,6 +77,14 @@ def useful_flops(name: str, config: Config) -> float:
     batch = training_batch(name, config.model, items, VOXELS)
     traced = jax.make_jaxpr(loss)(network.abstract(), batch, jax.random.key(0))
     return 3.0 * matmul_flops(traced).total() / items
+
+
+def looking_flops(config: Config) -> float:
+    """FLOP of the frozen image encoder's matrix products for one image, which a flow's step begins with; forward alone."""
+    model = dataclasses.replace(config.model, kernel="xla", remat=False)
+    network, size = build("image_encoder", model), model.image_encoder.image_size
+    image = jax.ShapeDtypeStruct((1, size, size, 3), "float32")
+    return float(matmul_flops(jax.make_jaxpr(network.apply)(network.abstract(), image)).total())
 
 
 def program(name: str, config: Config, items: int) -> tuple[int, int]:
@@ -122,13 +133,20 @@ def predict(
 
 
 def measured_shares(path: Path, config: Config) -> dict[str, float]:
-    """{network: share of peak} of ``accelerator_steps.py``'s rows with the config's scan and remat."""
-    model = config.model
-    rows = json.loads(path.read_text())["rows"]
+    """{network: share of the data sheet's peak} of ``accelerator_steps.py``'s rows with the config's scan and remat.
+
+    Raises:
+      ValueError: measured on a device whose peak is not known here.
+    """
+    model, content = config.model, json.loads(path.read_text())
+    device = str(content["machine"]["devices"][0])
+    peaks = [peak for name, peak in PEAKS.items() if name in device]
+    if not peaks:
+        raise ValueError(f"{path}: measured on '{device}', whose peak is not in PEAKS; add it")
     return {
-        row["network"]: float(row["of peak"])
-        for row in rows
-        if (row["scan"], row["remat"]) == (model.scan_blocks, model.remat) and row["of peak"] > 0
+        row["network"]: 1e12 * float(row["TFLOP/s"]) / peaks[0]
+        for row in content["rows"]
+        if (row["scan"], row["remat"]) == (model.scan_blocks, model.remat) and row["TFLOP/s"] > 0
     }
 
 
@@ -146,7 +164,9 @@ def main() -> None:
     for name in arguments.networks:
         parameters, first = program(name, config, 1)
         _, second = program(name, config, 2)
-        cost = {"flops": useful_flops(name, config), "parameters": parameters, "first": first, "more": max(second - first, 0)}  # fmt: skip
+        flops = useful_flops(name, config)
+        flops += looking_flops(config) if name.endswith("_flow") else 0.0
+        cost = {"flops": flops, "parameters": parameters, "first": first, "more": max(second - first, 0)}  # fmt: skip
         print(f"{name}: {parameters / 1e6:.0f} M parameters, {cost['flops'] / 1e12:.3g} TFLOP an item, {first / 2**30:.2f} GiB for one item, {cost['more'] / 2**30:.2f} for each more", flush=True)  # fmt: skip
         rows += [predict(name, config, m, cost, shares.get(name, arguments.share)) for m in MACHINES]  # fmt: skip
     rows.sort(key=lambda row: [m.name for m in MACHINES].index(row["machine"]))

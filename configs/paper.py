@@ -7,8 +7,8 @@ Commands: uniart convert trellis CKPTS --out weights/trellis                    
           python train.py --config configs/paper.py
 Data: five random states an object and 45,000 samples are the paper's figures. A record's orbit is 150 pictures of 518 pixels (4 MB where surfaces have plain
       colours) and may go once the features are there: 2 KB a voxel, tens of MB a record. The test split is looked at while training; nothing is chosen by it.
-Hardware: 8 accelerators of 80 GB (the paper: 8 x A100, 800,000 iterations, batch 64). Not run at this size by us; a prediction, 38 days on
-      8 x A100 and 12 on 8 x H100 for all four networks at an assumed 35 % of peak: docs/scaling.md.
+Hardware: 8 accelerators of 80 GB (the paper: 8 x A100, 800,000 iterations, batch 64). Not run at this size by us; a prediction, 40 days on
+      8 x A100 and 12.5 on 8 x H100 for all four networks at an assumed 35 % of peak: docs/scaling.md.
 Expected result: the paper's Table 1. Without the start from TRELLIS its own ablation falls from PSNR 28.5 to 13.2.
 
 Parameters, of which TRELLIS's form has: structure VAE 59.3 + 73.7 M, structure flow 555.5 M, latent flow 600.4 M, SLAT encoder 85.8 M, DINOv2 304.4 M.

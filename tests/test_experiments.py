@@ -13,7 +13,7 @@ from uniart_jax import cli, stages
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
 from uniart_jax.data import folder as data_folder
-from uniart_jax.data.records import RecordSource
+from uniart_jax.data.records import RecordSource, record_rows
 from uniart_jax.evaluation.kept import keep
 from uniart_jax.experiments import inputs, judge, run
 from uniart_jax.experiments.design import (
@@ -27,6 +27,7 @@ from uniart_jax.experiments.design import (
 from uniart_jax.experiments.fronts import drawn_alike, fitted
 from uniart_jax.experiments.settings import described
 from uniart_jax.experiments.table import write_tables
+from uniart_jax.locks import alone
 from uniart_jax.models.network import build
 from uniart_jax.procedural import HELD_OUT_SEED, generate
 from uniart_jax.training.export import (
@@ -229,7 +230,7 @@ def test_an_arm_of_other_settings_is_refused_before_any_work(done):
 @TRAINS
 def test_two_processes_never_work_in_one_folder(done):
     experiment, out = done
-    with inputs.alone(out), pytest.raises(ValueError, match="another process works on it"):
+    with alone(out), pytest.raises(ValueError, match="another process works on it"):
         run.run_experiment(experiment, out)
 
 
@@ -253,6 +254,9 @@ def test_records_without_a_joint_type(done, tmp_path):
         assert [r.meta["id"].split("-")[0] for r in found] == families
     with pytest.raises(ValueError, match="0 of 3 records have a joint 'helical'"):
         inputs.leave_out(source, tmp_path / "none", "helical")
+    inputs.leave_out(source, tmp_path / "few", "screw", matched=True)
+    both = [sorted(row["category"] for row in record_rows(tmp_path / name) if row["split"] == "train") for name in ("rest", "few")]  # fmt: skip
+    assert both[0] == both[1] == ["door"]
     before = {p: p.lstat().st_mtime_ns for p in (tmp_path / "rest").iterdir()}
     inputs.leave_out(source, tmp_path / "rest", "screw")  # others may read it
     assert {p: p.lstat().st_mtime_ns for p in (tmp_path / "rest").iterdir()} == before

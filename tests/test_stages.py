@@ -17,6 +17,7 @@ from uniart_jax.config import Config, LatentSampleConfig, LossConfig, StructureS
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
+from uniart_jax.locks import alone
 from uniart_jax.training.export import read_config, write_config, write_statistics
 from uniart_jax.voxels.assemble import assemble
 
@@ -93,6 +94,34 @@ def test_the_exported_checkpoint_samples(trained):
     latents = pipeline.sample_latents([coords], condition, jax.random.key(1))
     (grid,) = pipeline.decode([coords], latents)
     assert np.array_equal(grid.coords, coords) and len(assemble(grid).parts) >= 1
+
+
+def test_a_resumed_stage_makes_no_second_state(trained, tmp_path, monkeypatch):
+    config, workdir = trained
+    work = tmp_path / "work"
+    shutil.copytree(workdir, work)
+    monkeypatch.setattr(stages, "create_state", None)
+    longer = dataclasses.replace(config.structure_vae, steps=config.structure_vae.steps + 1)
+    stages.run(dataclasses.replace(config, structure_vae=longer), ["structure_vae"], work)
+    assert str(longer.steps) in {p.name for p in (work / "checkpoints/structure_vae").iterdir()}
+
+
+@pytest.mark.parametrize(("field", "value"), [("accumulate", 0), ("log_every", 0), ("batch_size", -1)])  # fmt: skip
+def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, value):
+    config = toy(tmp_path)
+    stage = dataclasses.replace(config.uniart_vae, **{field: value})
+    with pytest.raises(ValueError, match=f"uniart_vae\\.{field} is {value}; give 1 or more"):
+        stages.run(dataclasses.replace(config, uniart_vae=stage), ["uniart_vae"], tmp_path / "w")
+    data = dataclasses.replace(config.data, voxel_buckets=())
+    with pytest.raises(ValueError, match=r"data\.voxel_buckets is "):
+        stages.run(dataclasses.replace(config, data=data), ["uniart_vae"], tmp_path / "w")
+    assert not (tmp_path / "w").exists()
+
+
+def test_a_workdir_is_one_process_s(tmp_path):
+    config = toy(tmp_path)
+    with alone(tmp_path / "w"), pytest.raises(ValueError, match="another process works on it"):
+        stages.run(config, ["structure_vae"], tmp_path / "w")
 
 
 def test_a_flow_is_not_finished_on_other_inputs(trained, tmp_path):

@@ -295,6 +295,17 @@ class SampleConfig:
     guidance_interval: tuple[float, float] = (0.0, 1.0)
     rescale_t: float = 3.0
 
+    def __post_init__(self) -> None:
+        least, most = TOLERANCES
+        if self.solver not in ("euler", "heun"):
+            raise ValueError(f"sampling: solver must be euler or heun, got '{self.solver}'")
+        if self.steps < 1:
+            raise ValueError(f"sampling needs at least 1 step, not {self.steps}")
+        if not least <= self.tolerance <= most:
+            raise ValueError(f"tolerance must be in {least:g}..{most:g}, got {self.tolerance:g}")
+        if not 0 <= self.guidance < float("inf"):
+            raise ValueError(f"sampling: guidance must be 0 or more, got {self.guidance:g}")
+
 
 @dataclasses.dataclass(frozen=True)
 class StructureSampleConfig(SampleConfig):

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data import latents as latent_store
-from uniart_jax.data.batches import may_mirror, record_batches
+from uniart_jax.data.batches import fitting, may_mirror, open_records, record_batches
 from uniart_jax.data.columns import column_note, column_path
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
@@ -98,10 +98,11 @@ def latent_metric(latents: Path, records: str | Path, share: float, split: str =
 
 
 def digest(config: Config, workdir: Path, records: Path, split: str = "") -> str:
-    """What latents depend on: both VAEs' sizes and exported weights, the records, their split and columns, and mirroring."""
+    """What latents depend on: both VAEs' sizes and exported weights, the records, their split and columns, which of them fit, and mirroring."""
     model = config.model
     sizes = (model.grid, model.structure_vae, model.uniart_vae)
-    total = hashlib.sha256(repr((sizes, config.data.mirror_latents, latent_store.FIELDS)).encode())
+    which = (config.data.mirror_latents, max(config.data.voxel_buckets))
+    total = hashlib.sha256(repr((sizes, which, latent_store.FIELDS)).encode())
     for path in [workdir / "export" / f"{name}.safetensors" for name in ENCODED]:
         total.update(path.read_bytes())
     for path in (records / "metadata.json", records / "manifest.csv"):
@@ -128,7 +129,7 @@ def encode_records(
     out: Path,
     key: str,
 ) -> None:
-    """Latent means and pictures of every record to the folder ``out``, complete or absent.
+    """Latent means and pictures of every record to the folder ``out``, complete or absent; a pass that was cut off goes on at the next shard of 256 items.
 
     A process encodes each n-th shard on its first device; the folder is the same whatever their number.
 
@@ -138,15 +139,13 @@ def encode_records(
     """
     if distributed.is_first():
         console.print(f"encoding {records}")
-    distributed.first_does(lambda: latent_store.begin_latents(out))
-    try:
-        _encode_shards(config, parameters, records, mirrors, split, out)
-        distributed.wait()
-        distributed.first_does(lambda: latent_store.finish_latents(out, key))
-    except BaseException:
-        if distributed.is_first():
-            latent_store.drop_latents(out)
-        raise
+    distributed.first_does(lambda: latent_store.begin_latents(out, key))
+    _encode_shards(config, parameters, records, mirrors, split, out)
+    distributed.wait()
+    features = config.model.uniart_vae.feature_channels
+    _, sizes = open_records(records, config.model.grid, split, features)
+    number = int(fitting(sizes, config.data, config.model.grid).sum()) * len(mirrors)
+    distributed.first_does(lambda: latent_store.finish_latents(out, key, number))
 
 
 def _encode_shards(
@@ -157,13 +156,20 @@ def _encode_shards(
     split: str,
     out: Path,
 ) -> None:
-    """This process's shards."""
-    index, count = jax.process_index(), jax.process_count()
+    """This process's shards, but for those that are there."""
+    count, index = jax.process_count(), jax.process_index()
     parameters = jax.device_put(parameters, jax.local_devices()[0])
     total = len(RecordSource(records, split)) * len(mirrors) // count
+    written = latent_store.written_shards(out)
+    done = sum(written[name] for name in written if int(name.split("-")[1]) % count == index)
+    total = max(total - done, 0)
     shown = advancing("encoding", total) if index == 0 else contextlib.nullcontext(lambda: None)
     with shown as advance:
         for mirrored in mirrors:
+
+            def mine(shard: int, mirrored: bool = mirrored) -> bool:
+                return shard % count == index and _shard_name(mirrored, shard) not in written
+
             batches = record_batches(
                 records,
                 config.data,
@@ -171,17 +177,21 @@ def _encode_shards(
                 ENCODE_BATCH,
                 split=split,
                 mirrored=mirrored,
-                mine=lambda number: number // SHARD_BATCHES % count == index,
+                mine=lambda number, mine=mine: mine(number // SHARD_BATCHES),
             )
-            shards = (n for n in itertools.count(index, count) for _ in range(SHARD_BATCHES))
-            numbered = zip(shards, batches, strict=False)
+            left = (n for n in itertools.count(index, count) if mine(n))
+            numbered = zip((n for n in left for _ in range(SHARD_BATCHES)), batches, strict=False)
             for shard, group in itertools.groupby(numbered, key=lambda pair: pair[0]):
                 items = []
                 for _, batch in group:
                     items += encode_batch(config.model, parameters, batch, mirrored)
                     for _ in range((batch["record"] >= 0).sum()):
                         advance()
-                latent_store.write_latent_shard(out, f"{mirrored:d}-{shard:05d}", items)
+                latent_store.write_latent_shard(out, _shard_name(mirrored, shard), items)
+
+
+def _shard_name(mirrored: bool, shard: int) -> str:
+    return f"{mirrored:d}-{shard:05d}"
 
 
 def encode_batch(

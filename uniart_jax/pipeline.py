@@ -123,6 +123,8 @@ class Pipeline:
             )
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
+        if not views:
+            raise ValueError("sample: no image; give one, or several views of one object")
         structure_options, latent_options = self.options(**changes)
         progress("looking at the image")
         pixels = np.stack([self.prepare(view) for view in views])
@@ -150,7 +152,14 @@ class Pipeline:
         )
 
     def options(self, **changes: Any) -> tuple[StructureSampleConfig, LatentSampleConfig]:
-        """The checkpoint's sampling options, changed where asked (``SampleConfig``'s fields); None = as they are."""
+        """The checkpoint's sampling options, changed where asked (``SampleConfig``'s fields); None = as they are.
+
+        Raises:
+          ValueError: no option of both flows, or a value that cannot be.
+        """
+        known = [field.name for field in dataclasses.fields(SampleConfig)]
+        if unknown := [name for name in changes if name not in known]:
+            raise ValueError(f"sampling has no option '{unknown[0]}'; there are {', '.join(known)}")
         asked = {name: value for name, value in changes.items() if value is not None}
         replace = dataclasses.replace
         structure, latent = self.config.sample_structure, self.config.sample_latent

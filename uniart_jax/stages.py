@@ -13,6 +13,7 @@ loads. Every stage resumes by itself; a finished one is skipped.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import os
@@ -28,10 +29,11 @@ from uniart_jax.adoption import adopt, adoptable, exported, mark, same_ground, u
 from uniart_jax.config import NETWORKS, Config, DataConfig, GridConfig
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.batches import open_records, voxel_batches
-from uniart_jax.data.folder import read_manifest, read_metadata
+from uniart_jax.data.folder import read_manifest, read_metadata, write_text
 from uniart_jax.data.image_table import image_batches, load_image_table
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
+from uniart_jax.locks import alone
 from uniart_jax.models.network import build
 from uniart_jax.training import distributed, objectives
 from uniart_jax.training.checkpoints import Checkpoints
@@ -47,10 +49,17 @@ from uniart_jax.training.export import (
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.microbatches import in_parts
 from uniart_jax.training.sharding import make_mesh, put_batch
-from uniart_jax.training.state import begin_with, create_state, frozen_mask, make_optimizer
+from uniart_jax.training.state import (
+    abstract_state,
+    begin_with,
+    create_state,
+    frozen_mask,
+    make_optimizer,
+)
 from uniart_jax.training.step import make_train_step
 from uniart_jax.validation import load_conditioner, make_evaluation
 
+COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
 RUNTIME = ("kernel", "compute_dtype", "scan_blocks", "remat")  # how a model is run, not what it is
 console = Console(stderr=True, highlight=False)
 
@@ -65,7 +74,7 @@ def run(
         its own resumes from that.
 
     Raises:
-      ValueError: WORKDIR belongs to another model, a flow's checkpoint to other inputs, ``init`` does not fit the config, or a stage's ``freeze`` its network.
+      ValueError: WORKDIR belongs to another model or another process works in it, a setting is out of range, a flow's checkpoint to other inputs, ``init`` does not fit the config, or a stage's ``freeze`` its network.
       FileNotFoundError: records or an earlier stage's weights are missing.
       FloatingPointError: loss or gradients are not finite.
     """
@@ -75,6 +84,7 @@ def run(
             "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
         )
     stages = trainable(config, stages)
+    check_settings(config, stages)
     check_features(config, stages)
     if overlapping(config.data) and distributed.is_first():
         warnings.warn("data.validation holds records that are trained on: its figures say nothing about new objects; give another folder or split", stacklevel=2)  # fmt: skip
@@ -86,6 +96,14 @@ def run(
         for name in stages:
             load_network(source, name, build(name, config.model).abstract())
         taken = adoptable(config, source, stages, workdir)
+    with alone(workdir) if distributed.is_first() else contextlib.nullcontext():
+        _run(config, stages, workdir, source, taken)
+
+
+def _run(
+    config: Config, stages: Sequence[str], workdir: Path, source: Path | None, taken: Sequence[str]
+) -> None:
+    """``run``, once all is looked at that can be before anything is written."""
     distributed.first_does(lambda: claim(config, workdir))
     if not (workdir / "config.json").is_file():
         raise ValueError(
@@ -121,6 +139,16 @@ def overlapping(data: DataConfig) -> bool:
         return False
     trained, shown = ({*filter(None, s.split(","))} for s in (data.split, data.validation_split))
     return not (trained and shown) or bool(trained & shown)
+
+
+def check_settings(config: Config, stages: Sequence[str]) -> None:
+    """ValueError where a number of a stage or the voxel buckets cannot be."""
+    for name in stages:
+        for field in COUNTS:
+            if (value := getattr(getattr(config, name), field)) < 1:
+                raise ValueError(f"config: {name}.{field} is {value}; give 1 or more")
+    if min(config.data.voxel_buckets, default=0) < 1:
+        raise ValueError(f"config: data.voxel_buckets is {config.data.voxel_buckets}; give one number of voxels or more, each above 0")  # fmt: skip
 
 
 def check_features(config: Config, stages: Sequence[str]) -> None:
@@ -219,6 +247,9 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
     stage = getattr(config, name)
     network = build(name, config.model)
     mesh = make_mesh(config.mesh)
+    items = stage.batch_size // stage.accumulate
+    if items % mesh.size and distributed.is_first():
+        console.print(f"{name}: {items} items at once do not divide over {mesh.size} devices, so each computes all of them; give a batch_size that does", style="yellow")  # fmt: skip
     folder = workdir / "checkpoints" / name
     statistics: dict[str, Any] | None = None
     units = None
@@ -246,9 +277,12 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
     loss_fn = make_loss(network, config, *extra)
     key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
     optimizer = make_optimizer(stage)
-    start = create_state(network.init, optimizer, key, mesh)
-    if source is not None and not trained:
-        start = begin_with(start, load_network(source, name, network.abstract()))
+    if trained:  # nothing that the checkpoint would replace
+        start = abstract_state(network.init, optimizer, mesh)
+    else:
+        start = create_state(network.init, optimizer, key, mesh)
+        if source is not None:
+            start = begin_with(start, load_network(source, name, network.abstract()))
     with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
         state = run_stage(
             name,
@@ -322,7 +356,8 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
             "remove that folder to train this flow on the new ones"
         )
     note.parent.mkdir(parents=True, exist_ok=True)
-    note.write_text(key)
+    if not note.is_file() or note.read_text() != key:
+        write_text(note, key)
 
 
 def make_put(

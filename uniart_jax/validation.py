@@ -18,6 +18,7 @@ from uniart_jax.config import Config
 from uniart_jax.data.batches import record_batches
 from uniart_jax.data.image_table import image_pass
 from uniart_jax.data.latents import LatentSource
+from uniart_jax.data.order import spread
 from uniart_jax.data.records import Record, RecordSource, decode_color
 from uniart_jax.models.network import build
 from uniart_jax.nn.segments import voxel_plans
@@ -39,7 +40,8 @@ from uniart_jax.voxels.grid import faired
 Evaluation = Callable[[TrainState, int], tuple[dict[str, float], dict[str, np.ndarray]]]
 IMAGE_BATCH = 16
 VOXEL_BATCH = 2
-OBJECTS = 48  # of the validation records; enough to see a trend, few enough to look often
+RECORDS = 128  # of the validation records at most; enough to see a trend, few enough to look often
+OBJECTS = 48  # for flows, which sample them
 PICTURES, PICTURE = 4, 128  # objects that are shown, and pixels a side of each view
 Cells = tuple[np.ndarray, np.ndarray | None]  # [N, 3] indices, [N, 3] linear colours
 
@@ -70,14 +72,9 @@ def iou(predicted: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return (predicted & truth).sum(axes) / np.maximum((predicted | truth).sum(axes), 1)
 
 
-def spread(number: int, wanted: int) -> list[int]:
-    """At most ``wanted`` of ``number`` indices at even distances: stored items are ordered by size."""
-    return np.unique(np.linspace(0, number - 1, min(number, wanted)).astype(int)).tolist()
-
-
 def _pictures(config: Config):
     return image_pass(
-        config.data.validation, config.model, IMAGE_BATCH, config.data.validation_split
+        config.data.validation, config.model, IMAGE_BATCH, config.data.validation_split, RECORDS
     )
 
 
@@ -145,7 +142,12 @@ def _uniart_vae(config: Config) -> Evaluation:
     def evaluate(state, step):
         rows, inside, colors, pictures = [], [], [], []
         for batch in record_batches(
-            data.validation, data, config.model, VOXEL_BATCH, split=data.validation_split
+            data.validation,
+            data,
+            config.model,
+            VOXEL_BATCH,
+            split=data.validation_split,
+            most=RECORDS,
         ):
             out = jax.device_get(
                 apply(state.ema, {k: v for k, v in batch.items() if k not in ("images", "record")})

@@ -96,6 +96,27 @@ def test_complete_or_absent(cache, tmp_path):
     assert len(latents.LatentSource(cache)) == 4 and latents.latents_key(cache) == "y"
 
 
+def test_a_pass_that_was_cut_off_goes_on_with_its_shards(tmp_path):
+    out = tmp_path / "latents"
+    items = list(make_items(6))
+    latents.begin_latents(out, "a")
+    latents.write_latent_shard(out, "00000", items[:4])
+    assert not out.exists() and latents.written_shards(out) == {"00000": 4}
+    with pytest.raises(ValueError, match="4 of 6 latents are there"):
+        latents.finish_latents(out, "a", 6)
+    latents.begin_latents(out, "a")
+    assert latents.written_shards(out) == {"00000": 4}
+    latents.write_latent_shard(out, "00001", items[4:])
+    found = latents.finish_latents(out, "a", 6)
+    expected = latents.write_latents(tmp_path / "straight", items, key="a")
+    np.testing.assert_allclose(found.latent_mean, expected.latent_mean)
+    assert len(latents.LatentSource(out)) == 6
+    latents.begin_latents(out, "a")
+    latents.write_latent_shard(out, "00000", items)
+    latents.begin_latents(out, "b")  # of other weights: nothing of it is used
+    assert latents.written_shards(out) == {}
+
+
 def test_errors(cache, tmp_path):
     with pytest.raises(ValueError, match="structure of record 0 is not finite"):
         latents.write_latents(tmp_path / "new", make_items(scale=1e6), key="x")

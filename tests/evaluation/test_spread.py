@@ -43,8 +43,8 @@ def door_of(joints, index=0, **more):
 
 def test_samples_alike_have_no_spread_however_they_are_written():
     found = door_of([hinge(), hinge(sign=-1.0), hinge()])
-    assert found["matched"] == 3 and found["type_share"] == 1 and found["limits_unit"] == "degrees"
-    for name in ("axis_degrees", "pivot_object_units", "lower", "upper"):
+    assert found["matched"] == 3 and found["type_share"] == 1 and found["limits_unit"] == "radians"
+    for name in ("axis_degrees", "pivot_object_units", "lower_std", "upper_std"):
         assert found[name] == pytest.approx(0, abs=1e-6), name
 
 
@@ -56,7 +56,8 @@ def test_deviations_are_standard_deviations():
     assert two["axis_degrees"] == pytest.approx(4 * np.sqrt(2))
     assert door_of([hinge(y=y) for y in places])["pivot_object_units"] == pytest.approx(0.02)
     limits = door_of([hinge(limits=(0, np.deg2rad(a))) for a in (80, 90, 100)])
-    assert limits["upper"] == pytest.approx(10) and limits["lower"] == pytest.approx(0)
+    assert limits["upper_std"] == pytest.approx(np.deg2rad(10))
+    assert limits["lower_std"] == pytest.approx(0)
 
 
 def test_a_point_of_the_axis_anywhere_on_it_is_the_same_pivot():
@@ -67,7 +68,7 @@ def test_a_point_of_the_axis_anywhere_on_it_is_the_same_pivot():
 def test_a_door_that_opens_the_other_way_shows_in_its_limits():
     found = door_of([hinge(), hinge(limits=(-RIGHT, 0.0))])
     assert found["axis_degrees"] == pytest.approx(0, abs=1e-6)
-    assert found["lower"] == found["upper"] == pytest.approx(90 / np.sqrt(2))
+    assert found["lower_std"] == found["upper_std"] == pytest.approx(RIGHT / np.sqrt(2))
 
 
 def test_other_types_disagree_and_are_not_averaged():
@@ -93,6 +94,7 @@ def test_part_numbers_may_differ_and_the_root_has_no_joint():
     found = [joint_spread(samples, i) for i in range(2)]
     assert [f["samples"] for f in found] == [2, 2]
     assert set(found[0]["joints"]) == {"door"} and set(found[1]["joints"]) == {"door", "knob"}
+    assert found[0]["parts"] == [2, 3] and found[0]["missing"] == [[], []]  # it is fixed
     knob_figures = found[1]["joints"]["knob"]
     assert knob_figures["matched"] == 1 and knob_figures["axis_degrees"] is None
     json.dumps(found, allow_nan=False)
@@ -101,4 +103,32 @@ def test_part_numbers_may_differ_and_the_root_has_no_joint():
 def test_wheels_that_turn_for_ever_have_no_limits():
     wheel = Joint((-0.35, 0, 0), (1.0, 0, 0), (-np.pi, np.pi))
     found = door_of([wheel, wheel])
-    assert found["lower"] is None and found["limits_unit"] is None and found["axis_degrees"] == 0
+    assert (
+        found["lower_std"] is None and found["limits_unit"] is None and found["axis_degrees"] == 0
+    )
+
+
+def test_what_this_sample_lacks_is_said():
+    slide = Joint((0, 0, 0), (0, -1.0, 0), travel=(0.0, 0.3))
+    drawer = Part("drawer", box((0.1, -0.45, 0), (0.6, 0.1, 0.5)), 0, slide)
+    samples = [cabinet(hinge()), cabinet(hinge(), extra=(drawer,))]
+    assert joint_spread(samples, 0)["missing"] == [[], ["prismatic"]]
+    assert joint_spread(samples, 1)["missing"] == [[], []]
+
+
+def test_screws_of_other_handedness_differ():
+    def screw(travel):
+        return Joint((-0.35, 0, 0), (0, 0, 1.0), (0.0, RIGHT), travel)
+
+    found = door_of([screw((0.0, 0.1)), screw((0.0, -0.3))])
+    pitches = [screw(t).pitch for t in ((0.0, 0.1), (0.0, -0.3))]
+    assert found["pitch_object_units"] == pytest.approx(np.std(pitches, ddof=1)) and abs(found["pitch_object_units"]) > 0.05  # fmt: skip
+    assert door_of([screw((0.0, 0.1))] * 2)["pitch_object_units"] == pytest.approx(0)
+
+
+def test_a_hinge_without_limits_has_an_axis_all_the_same():
+    free = Joint((-0.35, -0.33, 0), (0, 0, 1.0), (-np.pi, np.pi))
+    assert free.type == "continuous"
+    found = door_of([hinge(), free])
+    assert found["type_share"] == 0.5 and found["lower_std"] is None
+    assert found["pivot_object_units"] == pytest.approx(0.02 / np.sqrt(2))

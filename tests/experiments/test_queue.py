@@ -6,14 +6,19 @@ import json
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+import trimesh
 
 from uniart_jax.config import Config
 from uniart_jax.data.folder import COLUMNS
 from uniart_jax.evaluation.kept import keep, read_kept
+from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.experiments import judge, run, settings, table
 from uniart_jax.experiments.design import Arm, Elsewhere, Experiment
 from uniart_jax.experiments.settings import FILE, check_kept, claim_arm, differences
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
 
 PIPELINE: Any = None  # nothing is asked of it
 ARM = Arm(Config(), ("uniart_vae",), "vae")
@@ -137,8 +142,12 @@ def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
     monkeypatch.setattr(judge, "make_object", broken)
     figures, failure = judge.measure(ARM, PIPELINE, test, 0)
     assert failure == "IndexError: no part at all"
-    assert figures == {k: m.worst for k, m in judge.METRICS.items() if k != "structure_iou"}
-    monkeypatch.setattr(judge, "make_object", lambda *_: test.truth.obj)
+    own = judge.worst("articulation", at_rest(test.truth.obj))
+    assert own["axis_median"] == judge.METRICS["axis_median"].worst
+    assert set(figures) == set(judge.figure_names(ARM.station))
+    assert figures["rs_chamfer"] == judge.METRICS["rs_chamfer"].worst
+    assert figures["part_recall"] == 0
+    monkeypatch.setattr(judge, "make_object", lambda *_: (test.truth.obj, None))
     monkeypatch.setattr("uniart_jax.evaluation.pose_error.measure", broken)
     figures, failure = judge.measure(ARM, PIPELINE, test, 0)
     assert failure == "pose_error: IndexError: no part at all"
@@ -151,3 +160,25 @@ def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
     monkeypatch.setattr(judge, "make_object", full)
     with pytest.raises(MemoryError):  # the machine's fault, not the network's
         judge.measure(ARM, PIPELINE, test, 0)
+
+
+def test_a_failure_counts_for_nothing_where_the_truth_has_nothing_to_compare():
+    slide = Joint((0, 0, 0), (1.0, 0, 0), travel=(0.0, 0.3))
+    chest = ArticulatedObject([Part("case", trimesh.creation.box((1, 1, 1)), -1), Part("drawer", trimesh.creation.box((0.5, 0.5, 0.2)), 0, slide)])  # fmt: skip
+    figures = judge.worst("articulation", at_rest(chest))
+    assert np.isnan(figures["pivot"]) and figures["axis_median"] == 180  # nothing turns
+
+
+def test_an_unfinished_training_is_named_and_copies_beside_it_are_not_read(monkeypatch, tmp_path):
+    monkeypatch.setattr(table, "parameters", lambda *_: 1)
+    names = judge.test_names(ARM.tests, 3)
+    for seed, judged in (("0", 3), ("1", 2), ("0.bak", 1)):
+        for name in names[:judged]:
+            kept = {"figures": {"rs_chamfer": 0.1}, "failure": ""}
+            keep(tmp_path / f"one/seed-{seed}/figures/{name}.json", kept)
+    # of an older version, which knew fewer figures
+    keep(tmp_path / f"one/seed-0/figures/{names[2]}.json", {"figures": {"rs_chamfer": 0.4, "as_chamfer": 1.0}, "failure": ""})  # fmt: skip
+    content = table.write_tables(QUEUE, tmp_path, 3)
+    assert content["arms"]["one"]["seeds"] == [0]
+    assert content["arms"]["one"]["rows"]["rs_chamfer"]["mean"] == pytest.approx(0.2)
+    assert "in no figure above: one (seed 1: 2)." in (tmp_path / "table.md").read_text()

@@ -1,6 +1,7 @@
 """Adaptive solvers and what fixed ones cost, on equations whose solution is known."""
 
 import functools
+import itertools
 
 import jax
 import jax.numpy as jnp
@@ -55,6 +56,38 @@ def test_adaptive_errors_are_of_the_size_asked_for(solver):
 def test_easy_items_take_fewer_velocities(solver):
     few, some, many = adaptive(ones(), decay, solver, 0.03).evaluations
     assert 3 < few < some < many < 200
+
+
+def bumpy(x, t):
+    """Easy as far as t = .7, then not: the long steps that the beginning allows are wrong there."""
+    t = jnp.broadcast_to(jnp.asarray(t, jnp.float32), x.shape[:1])
+    return jnp.where(t > 0.7, 1.0, 1 + 3 * jnp.cos(20 * t))[:, None] * jnp.ones_like(x)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_step_that_is_too_long_is_taken_back(solver):
+    found, times = counted(bumpy, jnp.ones((1, 1)), solver, 4, tolerance=0.03)
+    asked = np.ravel(times)
+    assert (np.diff(asked) > 0).any()  # a later time again
+    exact = -3 * np.sin(14) / 20
+    assert abs(float(found.x[0, 0]) - exact) < 0.03
+
+
+def test_after_a_step_that_was_taken_back_the_next_is_no_longer():
+    _, times = counted(bumpy, jnp.ones((1, 1)), "euler", 4, tolerance=0.1)
+    ends = np.ravel(times)[
+        1:
+    ]  # of each try: Euler asks there, and goes on from there if it is good
+    at, refused, checked = 1.0, False, 0
+    for end, following in itertools.pairwise(ends):
+        if following >= end:
+            refused = True
+            continue
+        if refused:
+            assert end - following <= (at - end) * 1.001
+            checked += 1
+        at, refused = end, False
+    assert checked
 
 
 def test_heun_is_the_cheaper_one_where_much_is_asked_and_dearer_where_little():

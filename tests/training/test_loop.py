@@ -140,6 +140,28 @@ def test_data_that_ends_is_an_error(tmp_path):
         toy_run.train(tmp_path, toy_run.make_stage(2, 2), Ends())
 
 
+def test_a_batch_that_fails_costs_no_step(tmp_path, straight, capsys):
+    batches = toy_run.make_batches()
+
+    class Damaged:
+        drawn = 0
+
+        def __next__(self):
+            self.drawn += 1
+            if self.drawn == 8:
+                raise ValueError("record 17 is damaged")
+            return next(batches)
+
+        get_state, set_state = batches.get_state, batches.set_state
+
+    stage = toy_run.make_stage(12, 100)
+    with pytest.raises(ValueError, match="record 17 is damaged"):
+        toy_run.train(tmp_path, stage, Damaged())
+    assert saved_steps(tmp_path) == [7] and "saved at step 7" in capsys.readouterr().err
+    state = toy_run.train(tmp_path, stage, toy_run.make_batches())  # once it is mended
+    assert_same(state, straight[1])
+
+
 def evaluation(calls):
     def evaluate(state, step):
         calls.append(step)

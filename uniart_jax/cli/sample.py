@@ -162,10 +162,12 @@ def sample(
 def _noted(
     failed: list[tuple[str, Exception]], name: str, seed: int, wanted: int
 ) -> Iterator[None]:
-    """What goes wrong with one of several samples is noted: it does not cost the others."""
+    """What goes wrong with one of several samples is noted: it does not cost the others. A lack of memory or a full disk would: it is raised."""
     try:
         yield
-    except ValueError as error:
+    except (MemoryError, OSError):
+        raise
+    except Exception as error:
         if wanted == 1:
             raise
         failed.append((f"{name}, seed {seed}", error))

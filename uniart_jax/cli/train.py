@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import importlib.util
 import json
-from collections.abc import Sequence
+import signal
+from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -101,6 +103,21 @@ def train(arguments: list[str]) -> None:
     by_hand = (known.coordinator, known.processes, known.process)
     if known.distributed or any(value is not None for value in by_hand):
         distributed.start(*by_hand, wait=known.wait)
-    with distributed.together():
+    with contextlib.suppress(ValueError):  # not the main thread
+        signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # asks for a trace, where there are steps
+    with distributed.together(), device_memory():
         distributed.check_equal(settings(config, stages, known.init))
         run(config, stages, known.workdir or Path("runs") / config.name, known.init)
+
+
+@contextlib.contextmanager
+def device_memory() -> Iterator[None]:
+    """A device without memory for what was asked of it, as a line that says what helps."""
+    import jax
+
+    try:
+        yield
+    except jax.errors.JaxRuntimeError as error:
+        if "RESOURCE_EXHAUSTED" not in str(error):
+            raise
+        raise MemoryError(f"a device is out of memory; raise <stage>.accumulate or mesh.fsdp, set model.remat True, or lower <stage>.batch_size ({str(error).splitlines()[0]})") from error  # fmt: skip

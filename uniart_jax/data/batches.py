@@ -8,7 +8,7 @@ entries first, padding zero:
     visual [B, V, F] f4 · part_feature [B, V, P] f4, where the UniArt VAE reads them
     plans: {name: nn.segments.Segments}
 
-Pipelines are ``grain.IterDataset``: ``iter(...)`` gives an iterator with exact ``get_state`` and ``set_state``.
+They come as ``data.stream.Batches``: ``iter(...)`` gives an iterator with exact ``get_state`` and ``set_state``.
 """
 
 from __future__ import annotations
@@ -17,9 +17,7 @@ import functools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-import grain
 import numpy as np
 
 from uniart_jax.config import DataConfig, GridConfig, ModelConfig
@@ -28,17 +26,17 @@ from uniart_jax.data.columns import maker
 from uniart_jax.data.images import crop
 from uniart_jax.data.live import LiveRecords
 from uniart_jax.data.mirror import mirror_record
-from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, fitting_width
+from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, fitting_width, spread
 from uniart_jax.data.records import (
     Record,
     RecordSource,
     record_rows,
 )
+from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.data.windows import choose_windows
 from uniart_jax.nn.segments import voxel_plans
 from uniart_jax.objects.perturb import color_gains
 
-Batch = dict[str, Any]
 logger = logging.getLogger(__name__)
 
 
@@ -53,7 +51,7 @@ def voxel_batches(
     process_index: int = 0,
     process_count: int = 1,
     accumulate: int = 1,
-) -> grain.IterDataset[Batch]:
+) -> Batches:
     """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it reads features), with its attention plans;
     of each object some windows where ``data.voxel_crop`` says so (``data.windows``), some objects made again
     and recoloured where ``data.live`` and ``data.part_color`` say so.
@@ -86,7 +84,7 @@ def voxel_batches(
         seed=seed,
         rows=local_rows(batch_size, process_index, process_count, accumulate),
     )
-    return pipeline(order, load, data.workers)
+    return Batches(order, load, data.workers)
 
 
 def record_batches(
@@ -97,20 +95,24 @@ def record_batches(
     *,
     split: str = "",
     mirrored: bool = False,
+    most: int | None = None,
     mine: Callable[[int], bool] = lambda number: True,
-) -> grain.IterDataset[Batch]:
+) -> Batches:
     """Every record once, ordered by width: for encoding and for evaluation.
 
     Batches hold, beside the voxels and their plans, ``images`` [B, N, H, W, 3] of all views and ``record`` [B] i4, the index of
     each record in ``RecordSource(records, split)``; -1 marks items that only fill up a batch (their counts are 0).
 
     Args:
-      mirrored: mirror every record. mine: which batches of the pass to make, by their number.
+      mirrored: mirror every record. most: take so many records, at even distances.
+      mine: which batches of the pass to make, by their number.
     """
     source, sizes = open_records(records, model.grid, split, model.uniart_vae.feature_channels)
-    order = OnePass(*usable(sizes, data, model.grid), batch_size, mine)
+    known, widths = usable(sizes, data, model.grid)
+    shown = spread(len(known), most)
+    order = OnePass(known[shown], widths[shown], batch_size, mine)
     load = functools.partial(_load_records, source=source, model=model, mirrored=mirrored)
-    return pipeline(order, load, data.workers)
+    return Batches(order, load, data.workers)
 
 
 def _load_voxels(
@@ -265,8 +267,7 @@ def _other_grid(record: Record, grid: GridConfig) -> str:
 def usable(sizes: np.ndarray, data: DataConfig, grid: GridConfig) -> tuple[np.ndarray, np.ndarray]:
     """Indices [n] and padded widths [n] of the records that fit the largest bucket and ``max_parts``; says how many do not."""
     largest = max(data.voxel_buckets)
-    fits = (sizes[:, 0] <= largest) & (sizes[:, 1] <= grid.max_parts)
-    records = np.flatnonzero(fits)
+    records = np.flatnonzero(fitting(sizes, data, grid))
     if len(records) < len(sizes):
         logger.warning(
             "data: %d of %d records left out: more than %d voxels or %d parts",
@@ -276,6 +277,11 @@ def usable(sizes: np.ndarray, data: DataConfig, grid: GridConfig) -> tuple[np.nd
             grid.max_parts,
         )
     return records, fitting_width(sizes[records, 0], data.voxel_buckets)
+
+
+def fitting(sizes: np.ndarray, data: DataConfig, grid: GridConfig) -> np.ndarray:
+    """[N] whether records of ``sizes`` [N, 2] fit the largest bucket and ``max_parts``."""
+    return (sizes[:, 0] <= max(data.voxel_buckets)) & (sizes[:, 1] <= grid.max_parts)
 
 
 def local_rows(
@@ -294,17 +300,3 @@ def local_rows(
         )
     rows = np.arange(batch_size).reshape(accumulate, process_count, -1)
     return rows[:, process_index].reshape(-1)
-
-
-def pipeline(order, load: Callable[[Draw], Batch], workers: int) -> grain.IterDataset[Batch]:
-    """``load`` over ``order``, a few batches ahead, in order."""
-    from absl import flags
-
-    if not flags.FLAGS.is_parsed():  # programs without absl: Grain reads its flags on use
-        flags.FLAGS.mark_as_parsed()
-    batches = grain.MapDataset.source(order).map(load)
-    if workers:
-        ahead = grain.ReadOptions(num_threads=1, prefetch_buffer_size=1)
-        options = grain.MultiprocessingOptions(num_workers=workers, per_worker_buffer_size=2)
-        return batches.to_iter_dataset(ahead).mp_prefetch(options)
-    return batches.to_iter_dataset(grain.ReadOptions(num_threads=2, prefetch_buffer_size=4))

@@ -10,15 +10,15 @@ import functools
 import logging
 from pathlib import Path
 
-import grain
 import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
-from uniart_jax.data.batches import Batch, local_rows, open_records, pipeline, seen_images
+from uniart_jax.data.batches import local_rows, open_records, seen_images
 from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_dense, mirror_images
-from uniart_jax.data.order import Draw, OnePass, ShuffledOrder
+from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, spread
 from uniart_jax.data.records import Record
+from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.voxels.grid import SDF_CLIP, occupancy
 
 logger = logging.getLogger(__name__)
@@ -177,7 +177,7 @@ def image_batches(
     process_index: int = 0,
     process_count: int = 1,
     accumulate: int = 1,
-) -> grain.IterDataset[Batch]:
+) -> Batches:
     """Endless shuffled batches of ``ImageTable.take``, a random view each, mirrored with probability 1/2.
 
     Args and errors: as ``batches.voxel_batches``. ``data.workers`` is not used: the table is in this process.
@@ -188,7 +188,7 @@ def image_batches(
     order = ShuffledOrder(table.usable, widths, batch_size, seed)
     rows = local_rows(batch_size, process_index, process_count, accumulate)
     load = functools.partial(_load, table=table, mirror=data.mirror, seed=seed, rows=rows)
-    return pipeline(order, load, workers=0)
+    return Batches(order, load)
 
 
 def _load(draw: Draw, *, table: ImageTable, mirror: bool, seed: int, rows: np.ndarray) -> Batch:
@@ -198,15 +198,23 @@ def _load(draw: Draw, *, table: ImageTable, mirror: bool, seed: int, rows: np.nd
 
 
 def image_pass(
-    records: str | Path, model: ModelConfig, batch_size: int, split: str = ""
-) -> grain.IterDataset[Batch]:
+    records: str | Path,
+    model: ModelConfig,
+    batch_size: int,
+    split: str = "",
+    most: int | None = None,
+) -> Batches:
     """Every usable record once, its first view, unmirrored, with ``record`` [B] i4, its index in ``RecordSource(records, split)``.
 
     -1 marks items that fill up the last batch.
+
+    Args:
+      most: take so many records, at even distances.
     """
     table = load_image_table(records, model, split, reads_pictures(model))
-    order = OnePass(table.usable, np.zeros(len(table.usable), np.int64), batch_size)
-    return pipeline(order, functools.partial(_load_pass, table=table), workers=0)
+    shown = table.usable[spread(len(table.usable), most)]
+    order = OnePass(shown, np.zeros(len(shown), np.int64), batch_size)
+    return Batches(order, functools.partial(_load_pass, table=table))
 
 
 def _load_pass(draw: Draw, *, table: ImageTable) -> Batch:

@@ -5,7 +5,8 @@
 
 An item: ``structure`` [s, s, s, C] f2 latent mean of the structure VAE; ``coords`` [V, 3] u1, ``voxel_part`` [V] u1 and ``latent`` [V, C'] f2
 latent mean of the UniArt VAE; ``images`` [N, H, W, 3] u1 the N views as networks see them, which the image encoder reads while a flow trains: that costs
-a few percent of a step, and a better encoder needs no new latents. A folder is complete or absent.
+a few percent of a step, and a better encoder needs no new latents. A folder is complete or absent;
+one that is being made lies beside it under another name, and a pass that was cut off goes on at its next shard.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-import grain
 import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
-from uniart_jax.data.batches import Batch, local_rows, pipeline, usable
+from uniart_jax.data.batches import local_rows, usable
 from uniart_jax.data.folder import read_metadata, write_text
 from uniart_jax.data.order import Draw, ShuffledOrder
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
+from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.nn.grids import flow_plan
 
 FIELDS = ("structure", "coords", "voxel_part", "latent", "images")
@@ -81,14 +82,16 @@ def write_latents(
     Raises:
       ValueError: a value is not finite in half precision, or there are no items.
     """
-    begin_latents(out)
-    stream = iter(items)
+    drop_latents(out)
+    begin_latents(out, key)
+    stream, number = iter(items), 0
     try:
         for shard in itertools.count():
             if not (chunk := list(itertools.islice(stream, SHARD_ITEMS))):
                 break
             write_latent_shard(out, f"{shard:05d}", chunk)
-        return finish_latents(out, key)
+            number += len(chunk)
+        return finish_latents(out, key, number)
     except BaseException:
         drop_latents(out)
         raise
@@ -98,10 +101,21 @@ def _unfinished(out: str | Path) -> Path:
     return Path(out).with_name(f".{Path(out).name}.tmp")
 
 
-def begin_latents(out: str | Path) -> None:
-    """Start a new folder of latents beside ``out``; then ``write_latent_shard``, by any number of processes, and ``finish_latents`` or ``drop_latents``."""
+def begin_latents(out: str | Path, key: str) -> None:
+    """Start a new folder of latents beside ``out``, or go on with one of the same key that was not finished; then ``write_latent_shard``, by any number of processes, and
+    ``finish_latents`` or ``drop_latents``."""
+    note = _unfinished(out) / "key"
+    if note.is_file() and note.read_text() == key:
+        return
     drop_latents(out)
-    _unfinished(out).mkdir(parents=True)
+    note.parent.mkdir(parents=True)
+    write_text(note, key)
+
+
+def written_shards(out: str | Path) -> dict[str, int]:
+    """Of a folder that is not finished: the items of each complete shard, by its name."""
+    notes = sorted(_unfinished(out).glob("latents-*.json"))
+    return {p.stem.removeprefix("latents-"): len(json.loads(p.read_text())["voxels"]) for p in notes}  # fmt: skip
 
 
 def drop_latents(out: str | Path) -> None:
@@ -138,23 +152,28 @@ def write_latent_shard(out: str | Path, name: str, items: Sequence[Mapping[str, 
     write_text(path.with_suffix(".json"), json.dumps(found))
 
 
-def finish_latents(out: str | Path, key: str) -> LatentStatistics:
+def finish_latents(out: str | Path, key: str, number: int) -> LatentStatistics:
     """All shards as the complete folder ``out``, in the place of what an earlier pass left there.
 
+    Args:
+      number: of items that there must be.
+
     Raises:
-      ValueError: there are no items.
+      ValueError: there are no items, or others than ``number``.
     """
     temporary = _unfinished(out)
     structure, latent = _Moments(), _Moments()
     sizes: list[int] = []
-    for path in sorted(temporary.glob("latents-*.json")):
+    notes = sorted(temporary.glob("latents-*.json"))
+    for path in notes:
         found = json.loads(path.read_text())
         structure.join(*found["structure"])
         latent.join(*found["latent"])
         sizes += found["voxels"]
-        path.unlink()
     if not sizes:
         raise ValueError("latents: no items to write; are there records?")
+    if len(sizes) != number:
+        raise ValueError(f"{temporary}: {len(sizes)} of {number} latents are there; is it on a file system that all processes share?")  # fmt: skip
     structure_mean, structure_std = structure.mean_std()
     latent_mean, latent_std = latent.mean_std()
     metadata = {
@@ -166,6 +185,8 @@ def finish_latents(out: str | Path, key: str) -> LatentStatistics:
         "latent_std": latent_std,
     }
     write_text(temporary / "metadata.json", json.dumps(metadata))
+    for path in (*notes, temporary / "key"):
+        path.unlink()
     shutil.rmtree(out, ignore_errors=True)
     temporary.rename(out)
     return read_statistics(out)
@@ -221,7 +242,7 @@ def latent_batches(
     process_index: int = 0,
     process_count: int = 1,
     accumulate: int = 1,
-) -> grain.IterDataset[Batch]:
+) -> Batches:
     """Endless shuffled batches for a flow stage, a random view of each item.
 
     Both stages: ``image`` [B, H, W, 3] float32 in [0, 1]. Structure flow: ``structure`` [B, s, s, s, C] float32.
@@ -245,7 +266,7 @@ def latent_batches(
         seed=seed,
         rows=local_rows(batch_size, process_index, process_count, accumulate),
     )
-    return pipeline(ShuffledOrder(records, widths, batch_size, seed), load, data.workers)
+    return Batches(ShuffledOrder(records, widths, batch_size, seed), load, data.workers)
 
 
 def _draw_items(

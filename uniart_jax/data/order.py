@@ -38,6 +38,12 @@ def fitting_width(voxels: np.ndarray, widths: Sequence[int]) -> np.ndarray:
     return rising[np.minimum(np.searchsorted(rising, voxels), len(rising) - 1)]
 
 
+def spread(number: int, most: int | None) -> list[int]:
+    """At most ``most`` of ``number`` indices (None: all), at even distances: records come by category, stored items by size."""
+    wanted = number if most is None else min(number, most)
+    return np.unique(np.linspace(0, number - 1, wanted).astype(int)).tolist()
+
+
 class ShuffledOrder:
     """An endless sequence of ``Draw``: ``order[n]`` is batch n.
 
@@ -58,7 +64,7 @@ class ShuffledOrder:
                 f"data: {len(records)} records are fewer than one batch of {batch_size}; prepare more or lower the batch size"
             )
         self._records, self._widths = np.asarray(records), np.asarray(widths)
-        self._batch_size, self._seed = batch_size, seed
+        self.batch_size, self._seed = batch_size, seed
         self._length = len(records) // batch_size
         self._epoch: tuple[int, list[tuple[np.ndarray, int]]] = (-1, [])
 
@@ -79,14 +85,14 @@ class ShuffledOrder:
         for width in np.unique(self._widths):
             mine = np.flatnonzero(self._widths == width)
             waiting = np.concatenate([left, rng.permutation(mine)])
-            cut = len(waiting) // self._batch_size * self._batch_size
+            cut = len(waiting) // self.batch_size * self.batch_size
             left = waiting[cut:]
-            for rows in waiting[:cut].reshape(-1, self._batch_size):
+            for rows in waiting[:cut].reshape(-1, self.batch_size):
                 batches.append((self._records[rows], int(width)))
         return [batches[i] for i in rng.permutation(len(batches))]
 
     def __repr__(self) -> str:  # Grain puts it into messages
-        return f"ShuffledOrder({len(self._records)} records, batch {self._batch_size})"
+        return f"ShuffledOrder({len(self._records)} records, batch {self.batch_size})"
 
 
 class OnePass:
@@ -103,6 +109,7 @@ class OnePass:
         Args:
           mine: whether batch ``number`` of the pass is drawn here; others are left out.
         """
+        self.batch_size = batch_size
         self._draws: list[Draw] = []
         number = 0
         for width in np.unique(widths):

@@ -6,7 +6,7 @@ import dataclasses
 import runpy
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from uniart_jax.config import Aggregation, Config
 
@@ -62,6 +62,7 @@ class Arm:
       of: an arm that is trained, whose networks are judged again: one before this one, or EXPERIMENT/ARM of another experiment, which is trained only once.
       views: images of the object that are shown together.
       against: the arm that it is held against; "" = the experiment's reference.
+      sampling: options of both flows that differ from the checkpoint's (``Pipeline.options``).
     """
 
     config: Config
@@ -73,6 +74,7 @@ class Arm:
     of: str = ""
     views: int = 1
     against: str = ""
+    sampling: dict[str, Any] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,6 +84,7 @@ class Records:
     Attributes:
       folder: where they go. families: of ``procedural``. count: objects. views: images of each.
       source: instead of making them, the records of this folder without those that have a joint of ``leave_out``, whose split is that word.
+      matched: leave out as many of each family, whatever their joints.
     """
 
     folder: str
@@ -90,6 +93,7 @@ class Records:
     views: int = 2
     source: str = ""
     leave_out: str = ""
+    matched: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

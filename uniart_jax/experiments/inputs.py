@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import dataclasses
-import fcntl
 import hashlib
 import io
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 
 from uniart_jax.config import ModelConfig
@@ -20,40 +18,12 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, record_rows, shard_paths
 from uniart_jax.experiments.design import Arm, Records
 from uniart_jax.experiments.judge import test_names, test_object
+from uniart_jax.locks import in_turn
 from uniart_jax.procedural import SEEN_FAMILIES
 from uniart_jax.stages import prepared_objects
 
 MAX_PARTS = 64
 console = Console(stderr=True, highlight=False)
-
-
-@contextlib.contextmanager
-def alone(out: Path) -> Iterator[None]:
-    """One process at a time in ``out``: two would write each other's checkpoints. The lock goes with its process, however that ends.
-
-    Raises:
-      ValueError: another process has it.
-    """
-    out.mkdir(parents=True, exist_ok=True)
-    with (out / "lock").open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ValueError(f"{out}: another process works on it; wait for it, or stop it first") from None  # fmt: skip
-        yield
-
-
-@contextlib.contextmanager
-def in_turn(folder: Path) -> Iterator[None]:
-    """One process at a time makes the records of ``folder``, which experiments share; the others wait."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with folder.with_name(f".{folder.name}.lock").open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            console.print(f"{folder}: another process makes these records; waiting for it")
-            fcntl.flock(file, fcntl.LOCK_EX)
-        yield
 
 
 def make_records(records: Records, model: ModelConfig) -> None:
@@ -63,9 +33,9 @@ def make_records(records: Records, model: ModelConfig) -> None:
       ValueError: the folder holds records of other settings, of other families, or more of them.
     """
     folder = Path(records.folder)
-    with in_turn(folder):
+    with in_turn(folder, lambda: console.print(f"{folder}: another process makes these records; waiting for it")):  # fmt: skip
         if records.source:
-            leave_out(Path(records.source), folder, records.leave_out)
+            leave_out(Path(records.source), folder, records.leave_out, records.matched)
             return
         held = prepared_objects(folder)
         if held < records.count:
@@ -99,9 +69,10 @@ def make_records(records: Records, model: ModelConfig) -> None:
             raise ValueError(f"{folder}: holds other records than the experiment's ({', '.join(differ)}); move that folder away")  # fmt: skip
 
 
-def leave_out(source: Path, folder: Path, joint_type: str) -> None:
+def leave_out(source: Path, folder: Path, joint_type: str, matched: bool = False) -> None:
     """Another view of prepared records: the same shards, of which those with a joint of that type have it as their split, the others "train".
 
+    ``matched``: as many of each category have that split, drawn without regard to their joints: what a training on fewer objects of such categories is worth by itself.
     Nothing is touched where all of it is there already: another process may read it.
 
     Raises:
@@ -111,6 +82,12 @@ def leave_out(source: Path, folder: Path, joint_type: str) -> None:
     has = [joint_type in {j.split(":")[0] for j in row["joints"].split()} for row in rows]
     if not any(has) or all(has):
         raise ValueError(f"{source}: {sum(has)} of {len(has)} records have a joint '{joint_type}'; nothing to hold apart")  # fmt: skip
+    if matched:
+        categories, drawn = np.array([row["category"] for row in rows]), np.array(has)
+        for category in np.unique(categories):
+            mine = categories == category
+            drawn[mine] = np.random.default_rng(0).permutation(drawn[mine])
+        has = drawn.tolist()
     folder.mkdir(parents=True, exist_ok=True)
     wanted = {path.name: path.resolve() for path in [*shard_paths(source), source / "metadata.json"]}  # fmt: skip
     for link in folder.iterdir():

@@ -16,6 +16,8 @@ import functools
 import gc
 import importlib
 import math
+import operator
+import time
 from pathlib import Path
 
 import jax
@@ -52,6 +54,12 @@ FAMILIES = ("surface", "articulation", "pose_error", "appearance")
 METRICS: dict[str, Metric] = {
     "structure_iou": Metric(
         "structure IoU", "higher", 0.0, "overlap of the sampled active voxels with the true ones"
+    ),
+    "velocities": Metric(
+        "network calls",
+        "lower",
+        math.nan,
+        "velocities that the flows of the station were asked for, together",
     ),
     **{
         name: metric
@@ -96,6 +104,7 @@ def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> No
     pipeline = load_networks(checkpoint, NEEDS[arm.station])
     for k in track(missing, "judging", len(missing)):
         gc.collect()  # meshes hold themselves in cycles
+        begin = time.perf_counter()
         try:
             test = test_object(arm, names[k], pipeline.config.model)
             at_rest(test.truth.obj)
@@ -105,7 +114,8 @@ def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> No
             figures, failure = dict.fromkeys(figure_names(arm.station), np.nan), TRUTH + why(error)
         else:
             figures, failure = measure(arm, pipeline, test, seed * 10_000 + k)
-        keep(folder / f"{names[k]}.json", {"figures": without_nan(figures), "failure": failure})
+        seconds = time.perf_counter() - begin
+        keep(folder / f"{names[k]}.json", {"figures": without_nan(figures), "failure": failure, "seconds": seconds})  # fmt: skip
 
 
 def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
@@ -141,13 +151,18 @@ def measure(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> tuple[Figure
     ref = at_rest(truth.obj)
     try:
         if arm.station == "structure":
-            return structure_overlap(pipeline, test, seed), ""
-        pred = at_rest(make_object(arm.station, pipeline, test, seed))
+            return structure_overlap(arm, pipeline, test, seed), ""
+        made, velocities = make_object(arm, pipeline, test, seed)
+        pred = at_rest(made)
     except MACHINE:
         raise
     except Exception as error:  # one object must not cost the figures of all others
-        return {name: METRICS[name].worst for name in figure_names(arm.station)}, why(error)
-    figures: Figures = {}
+        if arm.station == "structure":
+            return {name: METRICS[name].worst for name in figure_names(arm.station)}, why(error)
+        missed = [worst(family, ref) for family in FAMILIES]
+        none: Figures = {} if arm.station == "vae" else {"velocities": math.nan}
+        return functools.reduce(operator.or_, missed, none), why(error)
+    figures: Figures = {} if velocities is None else {"velocities": velocities}
     failures = []
     for family in FAMILIES:
         module = importlib.import_module(f"uniart_jax.evaluation.{family}")
@@ -158,15 +173,29 @@ def measure(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> tuple[Figure
         except MACHINE:
             raise
         except Exception as error:  # figures of other families still stand
-            found = {name: metric.worst for name, metric in module.METRICS.items()}
+            found = worst(family, ref)
             failures.append(f"{family}: {why(error)}")
         figures |= found
     return figures, "; ".join(failures)
 
 
+def worst(family: str, ref: ArticulatedObject) -> Figures:
+    """A family's worst values, and NaN where the truth has nothing to compare, as for every other prediction."""
+    module = importlib.import_module(f"uniart_jax.evaluation.{family}")
+    try:
+        own = module.measure(ref, ref)
+    except MACHINE:
+        raise
+    except Exception:  # it fails of the truth itself: nothing tells what there is to compare
+        own = {}
+    return {n: math.nan if math.isnan(own.get(n, 0.0)) else m.worst for n, m in module.METRICS.items()}  # fmt: skip
+
+
 def figure_names(station: Station) -> list[str]:
     """Those that a station is judged by."""
-    return [name for name in METRICS if (name == "structure_iou") == (station == "structure")]
+    if station == "structure":
+        return ["structure_iou", "velocities"]
+    return [n for n in METRICS if n not in ("structure_iou", *(("velocities",) if station == "vae" else ()))]  # fmt: skip
 
 
 def why(error: Exception) -> str:
@@ -177,29 +206,39 @@ def why(error: Exception) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
-def structure_overlap(pipeline: Pipeline, test: Test, seed: int) -> Figures:
+def structure_overlap(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> Figures:
     """Of the sampled active voxels with the true ones."""
-    grid = test.truth.grid
-    found = pipeline.sample_structure(look(pipeline, test), jax.random.key(seed))[0]
+    grid, (options, _) = test.truth.grid, pipeline.options(**arm.sampling)
+    solution = pipeline.solve_structure(look(pipeline, test), jax.random.key(seed), options)
+    found = pipeline.active_voxels(solution.x, options)[0]
     one, other = (occupancy(c, grid.resolution) for c in (found, grid.coords))
-    return {"structure_iou": float((one & other).sum() / (one | other).sum())}
+    iou = float((one & other).sum() / (one | other).sum())
+    return {"structure_iou": iou, "velocities": float(solution.evaluations[0])}
 
 
-def make_object(station: Station, pipeline: Pipeline, test: Test, seed: int) -> ArticulatedObject:
-    """The object that a station ends with.
+def make_object(
+    arm: Arm, pipeline: Pipeline, test: Test, seed: int
+) -> tuple[ArticulatedObject, float | None]:
+    """The object that an arm's station ends with, and the velocities that it took; None where nothing is sampled.
 
     Raises:
       ValueError: nothing was found in the image.
     """
-    if station == "object":
-        return pipeline(test.images, seed=seed)
+    if arm.station == "object":
+        sample = pipeline.sample(test.images, seed=seed, **arm.sampling)
+        return sample.obj, float(sum(sample.evaluations.values()))
     grid = test.truth.grid
-    if station == "vae":
+    if arm.station == "vae":
         latent = pipeline.encode_voxels(grid, **test.features)
-        return assemble(pipeline.decode([grid.coords], [latent])[0], tolerance=NETWORK_TOLERANCE)
+        out = pipeline.decode([grid.coords], [latent])[0]
+        return assemble(out, tolerance=NETWORK_TOLERANCE), None
     condition, key = look(pipeline, test), jax.random.key(seed)
-    latent = pipeline.sample_latents([grid.coords], condition, key)[0]
-    return assemble(pipeline.decode_sampled(grid.coords, latent), tolerance=NETWORK_TOLERANCE)
+    _, options = pipeline.options(**arm.sampling)
+    solution = pipeline.solve_latents([grid.coords], condition, key, options)
+    latent = np.asarray(solution.x)[0, : len(grid.coords)]
+    sampled = pipeline.decode_sampled(grid.coords, latent, options)
+    obj = assemble(sampled, tolerance=NETWORK_TOLERANCE)
+    return obj, float(solution.evaluations[0])
 
 
 def look(pipeline: Pipeline, test: Test) -> Condition:

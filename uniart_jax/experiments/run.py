@@ -25,10 +25,11 @@ from uniart_jax.config import NETWORKS
 from uniart_jax.evaluation.kept import keep
 from uniart_jax.experiments.design import Arm, Experiment
 from uniart_jax.experiments.fronts import drawn_alike, fitted
-from uniart_jax.experiments.inputs import alone, check_arm, make_records
+from uniart_jax.experiments.inputs import check_arm, make_records
 from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
+from uniart_jax.locks import alone
 from uniart_jax.stages import claim, run
 from uniart_jax.training.export import checkpoint_folder, has_export
 

@@ -37,6 +37,7 @@ def described(arm: Arm) -> dict[str, Any]:
         "views": arm.views,
         "init": arm.init,
         "beside": arm.beside,
+        "sampling": arm.sampling,
     }
     weights, records = {arm.init, arm.beside}, {arm.tests.records}
     if arm.stages:
@@ -61,7 +62,9 @@ def check_kept(experiment: Experiment, name: str, folder: Path) -> dict[str, Any
     if kept is None:
         raise ValueError(f"{folder}: arm {name} has results there without {FILE}; move that folder away, or choose another --out")  # fmt: skip
     config = json.loads(to_json(Config()))
-    if differ := differences(kept, now, {"config": config, "of": {"config": config}}):
+    if differ := differences(
+        kept, now, {"config": config, "of": {"config": config, "sampling": {}}, "sampling": {}}
+    ):
         more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
         raise ValueError(
             f"{folder}: results of arm {name} there are of other settings ({'; '.join(differ[:SHOWN])}{more}); move that folder away, or choose another --out"

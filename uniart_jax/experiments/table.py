@@ -27,6 +27,7 @@ class Judged:
       values: figure -> [S, N], NaN where there is nothing to compare.
       trained: whether seeds are trainings; else there is one, and it stands for all.
       failures: objects that failed, over all seeds. faulty: objects without a truth. broken: trainings without a result, and why.
+      unfinished: trainings that are not judged on all objects yet, and on how many they are.
     """
 
     seeds: list[int]
@@ -36,6 +37,7 @@ class Judged:
     failures: int
     faulty: int
     broken: dict[int, str]
+    unfinished: dict[int, int]
 
 
 def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any]:
@@ -63,6 +65,7 @@ def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any
         "level": LEVEL,
         "arms": arms,
         "broken": {name: judged.broken for name, judged in found.items() if judged.broken},
+        "unfinished": {name: judged.unfinished for name, judged in found.items() if judged.unfinished},
         "metrics": {key: {"title": METRICS[key].title, "better": METRICS[key].better, "about": METRICS[key].about} for key in columns},
     }  # fmt: skip
     keep(out / "metrics.json", without_nan(content))
@@ -76,26 +79,28 @@ def collect(experiment: Experiment, out: Path, name: str, count: int) -> Judged:
     """What lies in ``out`` of an arm."""
     names = test_names(experiment.arms[name].tests, count)
     seeds, rows, reasons, broken = [], [], [], {}
-    for folder in sorted((out / name).glob("seed-*"), key=lambda p: int(p.name[5:])):
-        seed = int(folder.name[5:])
+    folders = {int(p.name[5:]): p for p in (out / name).glob("seed-*") if p.name[5:].isdecimal()}
+    unfinished = {}
+    for seed, folder in sorted(folders.items()):
         if failed := read_kept(folder / FAILED):
             broken[seed] = failed["failure"]
             continue
         results = [read_kept(folder / "figures" / f"{n}.json") for n in names]
-        if any(result is None for result in results):
+        if None in results:
+            unfinished[seed] = len(results) - results.count(None)
             continue
         seeds.append(seed)
         rows.append([result["figures"] for result in results if result])
         reasons += [result["failure"] for result in results if result and result["failure"]]
-    keys = list(rows[0][0]) if rows else []
+    keys = dict.fromkeys(key for row in rows for figures in row for key in figures)
     values = {
-        key: np.array([[np.nan if (v := f[key]) is None else v for f in row] for row in rows], float)
+        key: np.array([[np.nan if (v := f.get(key)) is None else v for f in row] for row in rows], float)
         for key in keys
     }  # fmt: skip
     trained = bool(experiment.trained(name).stages)
     faulty = sum(reason.startswith(TRUTH) for reason in reasons)
     failures = len(reasons) - faulty
-    return Judged(seeds, values, len(names), trained, failures, faulty, broken)
+    return Judged(seeds, values, len(names), trained, failures, faulty, broken, unfinished)
 
 
 def parameters(experiment: Experiment, name: str) -> int:
@@ -170,6 +175,9 @@ def lines(content: dict[str, Any]) -> list[str]:
     for name, broken in content["broken"].items():
         told = "; ".join(f"seed {seed}: {reason}" for seed, reason in broken.items())
         text += ["", f"Trainings of {name} without a result, in no figure above: {told}."]
+    for name, unfinished in content["unfinished"].items():
+        told = ", ".join(f"seed {seed}: {number}" for seed, number in unfinished.items())
+        text += ["", f"Not yet judged on all objects, in no figure above: {name} ({told})."]
     return text
 
 

@@ -28,6 +28,9 @@ Solver = Literal["euler", "heun"]
 MIN_STEP = 1e-3  # a step so short is taken whatever its error
 MOST = 4000  # velocities an item, after which the rest of the way is one step
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0
+LEAST_ERROR = (
+    1e-4  # an error below this says no more: a straight stretch must not shorten the step after it
+)
 INTEGRAL, PROPORTIONAL = 0.7, 0.4  # exponents of the step controller
 
 
@@ -116,7 +119,8 @@ def solve(
 
 
 class _Progress(NamedTuple):
-    """Where each item stands: x at time t, the velocity there if ``known``, the step it tries next, the error of the last one, velocities so far."""
+    """Where each item stands: x at time t, the velocity there if ``known``, the step it tries next, the error of the last one, whether the
+    last try was refused, velocities so far."""
 
     x: jax.Array
     t: jax.Array
@@ -124,6 +128,7 @@ class _Progress(NamedTuple):
     known: jax.Array
     step: jax.Array
     error: jax.Array
+    refused: jax.Array
     evaluations: jax.Array
 
 
@@ -174,12 +179,12 @@ def _adaptive(
         finite, shortest = jnp.isfinite(size), (h <= MIN_STEP) | (now.step <= MIN_STEP) | enough
         tried = running & now.known
         accepted = tried & ((finite & (size <= 1)) | shortest)
-        scaled = jnp.maximum(size, 1e-6)
+        scaled = jnp.maximum(size, LEAST_ERROR)
         grown = SAFETY * scaled ** (-INTEGRAL / order) * now.error ** (PROPORTIONAL / order)
         shrunk = SAFETY * scaled ** (-1 / order)
-        factor = jnp.where(
-            size <= 1, jnp.clip(grown, SHRINK, GROW), jnp.clip(shrunk, SHRINK, SAFETY)
-        )
+        # what was too long just now is not made longer by one step that went well
+        grown = jnp.clip(grown, SHRINK, jnp.where(now.refused, 1.0, GROW))
+        factor = jnp.where(size <= 1, grown, jnp.clip(shrunk, SHRINK, SAFETY))
         step = jnp.maximum(h * jnp.where(finite, factor, SHRINK), MIN_STEP)
 
         x = jnp.where(over(accepted), reached, now.x)
@@ -198,6 +203,7 @@ def _adaptive(
             known,
             jnp.where(tried, step, now.step),
             jnp.where(accepted & finite, scaled, now.error),
+            jnp.where(tried, ~accepted, now.refused),
             now.evaluations + running,
         )
 
@@ -208,6 +214,7 @@ def _adaptive(
         jnp.zeros(items, bool),
         jnp.full(items, first),
         jnp.ones(items),
+        jnp.zeros(items, bool),
         jnp.zeros(items, jnp.int32),
     )
     done = jax.lax.while_loop(lambda now: (now.t > 0).any(), body, start)

@@ -10,13 +10,21 @@ import jax
 import jax.numpy as jnp
 
 TILE = 128  # lengths are padded to multiples of it
+MISSING = "model.kernel '{}': this version of JAX has no such kernel; take auto or xla"
 
 
 def splash(
     q: jax.Array, k: jax.Array, v: jax.Array, q_ids: jax.Array, k_ids: jax.Array
 ) -> jax.Array:
-    """``splash_attention`` of Pallas for TPU."""
-    from jax.experimental.pallas.ops.tpu import splash_attention as kernels
+    """``splash_attention`` of Pallas for TPU.
+
+    Raises:
+      ValueError: this JAX has none.
+    """
+    try:
+        from jax.experimental.pallas.ops.tpu import splash_attention as kernels
+    except ImportError:
+        raise ValueError(MISSING.format("splash")) from None
 
     queries, heads, size = q.shape[1:]
     q, k, v = (_lengthen(x) for x in (q * size**-0.5, k, v))
@@ -30,8 +38,15 @@ def splash(
 
 
 def triton(q: jax.Array, k: jax.Array, v: jax.Array, ids: jax.Array) -> jax.Array:
-    """Flash attention of Pallas for GPU; queries and keys are the same tokens."""
-    from jax.experimental.pallas.ops.gpu.attention import BlockSizes, mha
+    """Flash attention of Pallas for GPU; queries and keys are the same tokens.
+
+    Raises:
+      ValueError: this JAX has none (it is deprecated in jax 0.12).
+    """
+    try:
+        from jax.experimental.pallas.ops.gpu.attention import BlockSizes, mha
+    except ImportError:
+        raise ValueError(MISSING.format("triton")) from None
 
     length, size = q.shape[1], q.shape[-1]
     blocks = BlockSizes(

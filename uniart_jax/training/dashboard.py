@@ -8,7 +8,7 @@ Beside a stage's own losses every row about training holds ``grad_norm``, ``lear
     peak_share                             products of the step a second / measured rate of a large product (``training.flops``), where that can be measured
     memory_gib, peak_memory_gib            of the fullest device of this process, where the device counts them
     programs                               compiled so far: one for each set of batch shapes (voxel bucket); the log says which when it compiles
-    program_<n>_steps, _samples_per_second, _padding     of each of them, where there are several: how often it ran, how fast, the share of its voxels that was padding
+    program_<label>_steps, _samples_per_second, _padding     of each of them (label: padded width and a digest of all shapes), where there are several: how often it ran, how fast, the share of its voxels that was padding
     padding                                share of the voxels of all batches that was padding (stages that take voxels as lists)
     clip_threshold                         where it adapts
 """
@@ -56,7 +56,7 @@ class Meter:
         self._steps, self._seconds = 0, 0.0
         self._flops: Counter[str] = Counter()
         self._waited, self._saved = 0.0, 0.0
-        self._of_program: dict[int, list[tuple[float, Scalars]]] = {}
+        self._of_program: dict[str, list[tuple[float, Scalars]]] = {}
 
     def waited(self, seconds: float) -> None:
         """Before a step is dispatched: its batch took so long. That counts where the device has already finished the step before."""
@@ -99,7 +99,7 @@ class Meter:
         self._steps += 1
         if program is not None:
             self._flops.update(program.flops)
-            self._of_program.setdefault(program.number, []).append((now - begin, values))
+            self._of_program.setdefault(program.label, []).append((now - begin, values))
 
     def row(self, step: int, programs: int | None = None) -> Scalars:
         """Means over the steps where a metric is a number (one may be undefined on a batch), rates, and a new start."""
@@ -118,14 +118,14 @@ class Meter:
         result |= device_memory()
         if programs is not None:
             result["programs"] = programs
-        for number, ran in sorted(self._of_program.items()) if (programs or 0) > 1 else ():
-            result[f"program_{number}_steps"] = len(ran)
+        for label, ran in sorted(self._of_program.items()) if (programs or 0) > 1 else ():
+            result[f"program_{label}_steps"] = len(ran)
             seconds = math.fsum(taken for taken, _ in ran)
             rate = len(ran) * self.stage.batch_size / max(seconds, 1e-9)
-            result[f"program_{number}_samples_per_second"] = rate
+            result[f"program_{label}_samples_per_second"] = rate
             padding = [seen["padding"] for _, seen in ran if "padding" in seen]
             if padding:
-                result[f"program_{number}_padding"] = math.fsum(padding) / len(padding)
+                result[f"program_{label}_padding"] = math.fsum(padding) / len(padding)
         self._clear()
         return result
 

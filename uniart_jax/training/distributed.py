@@ -28,6 +28,8 @@ from uniart_jax.training.export import differences
 T = TypeVar("T")
 POLL = 1000  # milliseconds between two looks at whether another process has failed
 FAREWELL = 20.0  # seconds in which the others can hear of a failure
+STOP_AFTER = 4  # steps from a signal to the step that all save
+_STOP = "uniart/stop"
 _FAILED, _HEARD = "uniart/failed", "uniart/heard"
 _meetings = itertools.count()
 
@@ -212,6 +214,24 @@ def largest(values: Sequence[int]) -> list[int]:
     if len(found) != len(values):
         raise ValueError("distributed: the processes' batches differ in structure; do all read the same records with the same config?")  # fmt: skip
     return found
+
+
+def stop_together(step: int, signal: int | None) -> int | None:
+    """The signal that all processes obey after ``step``, a few steps after one of them was given it; None: go on. Asked once a step, by all.
+
+    Steps compute together, so no process is further than a step from another.
+    """
+    if jax.process_count() == 1:
+        return signal
+    store = _store()
+    if signal is not None:
+        with contextlib.suppress(RuntimeError):  # somebody has said so before
+            store.key_value_set(_STOP, json.dumps([step + STOP_AFTER, signal]))
+    try:
+        at, agreed = json.loads(store.key_value_try_get(_STOP))
+    except RuntimeError:  # no such key
+        return None
+    return agreed if step >= at else None
 
 
 def shared_error(error: Exception | None) -> Exception | None:

@@ -17,12 +17,11 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.experimental import multihost_utils
 
 from uniart_jax.config import StageConfig
 from uniart_jax.training.checkpoints import CheckpointableIterator, Checkpoints
 from uniart_jax.training.dashboard import Meter, Reporter, Scalars, has_row
-from uniart_jax.training.distributed import is_first, told
+from uniart_jax.training.distributed import is_first, largest, stop_together, told
 from uniart_jax.training.prefetch import Prefetch
 from uniart_jax.training.profiling import Profiler
 from uniart_jax.training.programs import Programs
@@ -48,7 +47,7 @@ def run_stage(
 
     Args:
       name: of the stage; names its logs and its line on the terminal.
-      state: a fresh state (donated) and the structure and shardings that a checkpoint must have.
+      state: a fresh state (donated), whose structure and shardings a checkpoint must have; these alone (``state.abstract_state``) where there is a checkpoint.
       train_step: of ``make_train_step``.
       batches: host batches, endless, with ``get_state`` and ``set_state``.
       put: host batch -> what ``train_step`` takes, such as ``functools.partial(put_batch, mesh=mesh)``; for the next batch while a step computes.
@@ -89,6 +88,12 @@ def run_stage(
                 batch = next(ahead)
             except StopIteration:
                 raise ValueError(f"{name}: the data ended at step {step}; repeat it") from None
+            except Exception:
+                if ahead.agreed and step:  # what was learned so far is sound
+                    meter.settle()
+                    checkpoints.save(step, state, ahead, wait=True)
+                    report.say(f"{name}: a batch failed; saved at step {step}")
+                raise
             meter.waited(ahead.seconds)
             if not train_step.knows(batch):
                 meter.pause()
@@ -98,7 +103,7 @@ def run_stage(
             step += 1
             last = step == stage.steps
             log, test = step % stage.log_every == 0, step % stage.evaluate_every == 0
-            stop = signals.asked(log or last)
+            stop = signals.asked(step)
             save = step % stage.save_every == 0 or last or stop is not None
             if not last and stop is None:
                 ahead.fetch()
@@ -121,7 +126,7 @@ def run_stage(
                 meter.restart()
             report.progress(step, meter.latest)
     # By now another signal ends the program as usual: none is lost in between.
-    stop = signals.asked(True) if stop is None else stop
+    stop = signals.heard() if stop is None else stop
     if stop is not None:
         report.say(f"{name}: {signal.Signals(stop).name}; saved at step {step}; the same command resumes")  # fmt: skip
         raise SystemExit(128 + stop)
@@ -150,11 +155,10 @@ class _Signals:
         self._received = number
         self.__exit__()
 
-    def asked(self, meeting: bool) -> int | None:
-        """The signal to obey now. Several processes must save together, so there they agree at ``meeting`` steps only: the last one and those that are logged."""
-        if jax.process_count() == 1:
-            return self._received
-        if not meeting:
-            return None
-        everyone = multihost_utils.process_allgather(np.asarray(self._received or 0))
-        return int(np.max(everyone)) or None
+    def asked(self, step: int) -> int | None:
+        """The signal to obey after ``step``: several processes must save the same one, so there they obey a few steps later, together."""
+        return stop_together(step, self._received)
+
+    def heard(self) -> int | None:
+        """The signal that any process has received."""
+        return largest([self._received or 0])[0] or None

@@ -55,6 +55,11 @@ class Prefetch:
                 self._error = error
         self.seconds = time.perf_counter() - begin
 
+    @property
+    def agreed(self) -> bool:
+        """Whether the next batch failed and all processes know of it."""
+        return self._error is not None
+
     def __next__(self) -> Any:
         self.fetch()
         if self._waiting is None:

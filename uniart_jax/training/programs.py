@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import time
+import zlib
 from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -36,6 +37,13 @@ class Program(NamedTuple):
     flops: Counter[str]
     seconds: float
     temporary: int
+
+    @property
+    def label(self) -> str:
+        """The padded width of its items, where they have one, and a digest of all shapes: the same in every run, whatever is compiled first."""
+        digest = f"{zlib.crc32(repr(sorted(self.shapes.items())).encode()) & 0xFFFF:04x}"
+        width = self.shapes.get("coords", "").split(", ")
+        return f"{width[1]}_{digest}" if len(width) == 3 else digest
 
 
 class Programs:

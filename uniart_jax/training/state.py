@@ -6,6 +6,7 @@ so one sharding rule, one checkpoint and one donated buffer serve it all: the re
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -178,17 +179,37 @@ def create_state(
       network_init: key -> parameters.
       mesh: of ``make_mesh``; None puts everything on the default device.
     """
-
-    def init(key: jax.Array) -> TrainState:
-        params = network_init(key)
-        # A copy, because the donated step would otherwise be given one buffer twice.
-        ema = jax.tree.map(jnp.copy, params)
-        return TrainState(jnp.zeros((), jnp.int32), params, optimizer.init(params), ema)
-
+    init = functools.partial(_fresh, network_init, optimizer)
     if mesh is None:
         return jax.jit(init)(key)
     shardings = state_sharding(mesh, jax.eval_shape(init, key))
     return jax.jit(init, out_shardings=shardings)(key)
+
+
+def abstract_state(
+    network_init: Callable[[jax.Array], Params],
+    optimizer: optax.GradientTransformation,
+    mesh: jax.sharding.Mesh,
+) -> TrainState:
+    """ShapeDtypeStructs of ``create_state``, with its shardings: what a checkpoint is restored into, without a second state on the devices."""
+    init = functools.partial(_fresh, network_init, optimizer)
+    shapes = jax.eval_shape(init, jax.random.key(0))
+    return jax.tree.map(
+        lambda leaf, place: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype, sharding=place),
+        shapes,
+        state_sharding(mesh, shapes),
+    )
+
+
+def _fresh(
+    network_init: Callable[[jax.Array], Params],
+    optimizer: optax.GradientTransformation,
+    key: jax.Array,
+) -> TrainState:
+    params = network_init(key)
+    # A copy, because the donated step would otherwise be given one buffer twice.
+    ema = jax.tree.map(jnp.copy, params)
+    return TrainState(jnp.zeros((), jnp.int32), params, optimizer.init(params), ema)
 
 
 def begin_with(state: TrainState, params: Params) -> TrainState:

@@ -1,0 +1,46 @@
+"""One process at a time in a folder."""
+
+import subprocess
+import sys
+
+import pytest
+
+from uniart_jax import locks
+
+HOLD = """
+import sys
+from pathlib import Path
+from uniart_jax.locks import alone
+with alone(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_a_second_process_is_refused_until_the_first_is_gone(tmp_path):
+    command = [sys.executable, "-c", HOLD, str(tmp_path / "run")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as first:
+        assert first.stdout is not None and first.stdout.readline() == b"held\n"
+        with pytest.raises(ValueError, match="another process works on it"), locks.alone(tmp_path / "run"):  # fmt: skip
+            pass
+        waited = []
+
+        def told():
+            waited.append(True)
+            first.kill()
+
+        assert locks.taken((tmp_path / "other").open("w"))
+    with locks.alone(tmp_path / "run"):  # a killed process keeps nothing
+        pass
+    with locks.in_turn(tmp_path / "records", lambda: waited.append(True)):
+        pass
+    assert not waited
+
+
+def test_a_file_system_without_locks_holds_nothing(tmp_path, monkeypatch):
+    def none(*_):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr(locks.fcntl, "flock", none)
+    with locks.alone(tmp_path), locks.alone(tmp_path):
+        pass
