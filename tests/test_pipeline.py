@@ -122,6 +122,32 @@ def test_an_image_becomes_an_object_or_a_clear_error(pipeline):
         assert all(part.mesh.is_watertight for part in obj.parts)
 
 
+def test_every_view_is_looked_at(pipeline, monkeypatch):
+    seen = []
+
+    def encode(pixels):
+        seen.append(pixels)
+        raise ValueError("enough")
+
+    monkeypatch.setattr(pipeline, "encode_images", encode)
+    views = [np.full((40, 40, 4), value, np.uint8) for value in (80, 160, 240)]
+    for view in views:
+        view[:8, :, 3] = 0
+        view[8:, :, 3] = 255
+    with pytest.raises(ValueError, match="enough"):
+        pipeline.sample(views)
+    means = seen[0].mean((1, 2, 3))
+    assert len(means) == 3 and (np.diff(means) > 0.1).all()
+    with pytest.raises(ValueError, match="no image; give one"):
+        pipeline.sample([])
+
+
+@pytest.mark.parametrize(("changes", "says"), [({"solver": "Heun"}, "solver must be euler or heun"), ({"solvr": "heun"}, "no option 'solvr'; there are solver, adaptive"), ({"guidance": float("nan")}, "guidance must be"), ({"steps": 0}, "at least 1 step"), ({"tolerance": 5.0}, "tolerance must be in")])  # fmt: skip
+def test_options_that_cannot_be_are_told(pipeline, changes, says):
+    with pytest.raises(ValueError, match=says):
+        pipeline.options(**changes)
+
+
 def test_views_side_by_side():
     joined = join_views(
         Condition(

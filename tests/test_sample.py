@@ -182,6 +182,52 @@ def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, cap
         assert errors == ["error: cabinet: the model found no object (0)"]
 
 
+class Looker(Finder):
+    """Remembers the pictures that it is shown, by their mean, and fails as a bug would where it is told to."""
+
+    def __init__(self, fails=()):
+        super().__init__(range(9))
+        self.shown, self.fails = [], fails
+
+    def sample(self, image, *, seed, **options):
+        self.shown.append(([float(picture.mean()) for picture in image], seed))
+        if len(self.shown) in self.fails:
+            raise IndexError("list index out of range")
+        return super().sample(image, seed=seed, **options)
+
+
+@pytest.fixture
+def two_images(tmp_path):
+    paths = [tmp_path / f"{name}.png" for name in ("dark", "light")]
+    for path, value in zip(paths, (60, 200), strict=True):
+        picture = np.zeros((40, 40, 4), np.uint8)
+        picture[5:35, 5:35] = value, value, value, 255
+        Image.fromarray(picture).save(path)
+    return tuple(paths)
+
+
+@pytest.mark.parametrize("multi_view", [False, True])
+def test_each_image_is_an_object_of_its_own_unless_they_are_views(tmp_path, monkeypatch, two_images, multi_view):  # fmt: skip
+    looker, out = Looker(), tmp_path / "out"
+    monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: looker)
+    sample_command(two_images, out, seed=4, multi_view=multi_view, check=False, refine=False, formats=("urdf",))  # fmt: skip
+    means = [means for means, _ in looker.shown]
+    assert [seed for _, seed in looker.shown] == [4] * len(looker.shown)
+    if multi_view:
+        assert len(means) == 1 and means[0][0] < means[0][1] and (out / "object.urdf").is_file()
+    else:
+        assert [len(m) for m in means] == [1, 1] and means[0][0] < means[1][0]
+        assert all((out / name / "sample-0/object.urdf").is_file() for name in ("dark", "light"))
+
+
+def test_a_bug_in_one_sample_does_not_cost_the_others(tmp_path, monkeypatch, two_images, capsys):
+    monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: Looker(fails=(1,)))
+    out = tmp_path / "out"
+    assert sample_command(two_images, out, check=False, refine=False, formats=("urdf",)) == 1
+    assert (out / "light/sample-0/object.urdf").is_file() and not (out / "dark").exists()
+    assert "error: dark.png, seed 0: list index out of range" in capsys.readouterr().err
+
+
 def test_unknown_checkpoint(tmp_path):
     result = sample(EXAMPLE, "--out", tmp_path / "out", "--checkpoint", "absent", expect=2)
     assert (

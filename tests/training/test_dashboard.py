@@ -102,9 +102,11 @@ def test_every_program_has_its_own_rate(monkeypatch):
     monkeypatch.setattr(dashboard.time, "perf_counter", lambda: clock[0])
     monkeypatch.setattr(dashboard, "matmul_peak", lambda dtype: 4e9)
     meter = dashboard.Meter("toy", StageConfig(batch_size=6))
-    of = lambda number: Program(
-        number, print, {"coords": f"int32[6, {number}, 3]"}, Counter(float32=10**9), 0.0, 0
-    )  # noqa: E731
+
+    def of(number):
+        shapes = {"coords": f"int32[6, {number}, 3]"}
+        return Program(number, print, shapes, Counter(float32=10**9), 0.0, 0)
+
     for step, number in enumerate([1, 1, 2, 1, 2]):
         padded = {"padding": jnp.float32(0.1 * step)} if number == 2 else {}
         meter.add(step, {"loss": jnp.float32(1), "finite": True, **padded}, of(number))
