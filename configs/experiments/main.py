@@ -7,7 +7,7 @@ What varies: nothing; one model. Beside it, of the same networks, what comes bac
       objects: uniart evaluate baselines.
 Expected (the paper, RS / AS): PSNR 28.52 / 23.77, Chamfer distance .0095 / .0376, OpenShape .1457 / .1176 (OpenShape: uniart evaluate PRED REF --openshape).
 Nano: the shipped model as it is; nothing is trained.
-Hardware and time, nano: one CPU core; sampling alone, not yet measured.
+Hardware and time, nano: one CPU core; sampling alone: 28 objects at three stations took 10 minutes.
 Hardware and time, paper: that of configs/paper.py; unknown, never run by us. Other experiments of that size judge these networks again.
 """
 

@@ -7,7 +7,7 @@ Expected (the paper, RS / AS, one -> "two or three" views): PSNR 28.52 / 23.77 -
       The paper trains a variant for it. Here nothing is trained for it: image tokens stand side by side, volumes are averaged (docs/paper.md), so the
       networks see a condition that they were not trained on.
 Nano: the shipped model as it is.
-Hardware and time, nano: one CPU core; sampling alone, not yet measured.
+Hardware and time, nano: one CPU core; sampling alone, about 8 s an object and arm.
 Hardware and time, paper: sampling alone once main's networks are trained (it trains them otherwise); unknown, never run by us.
 """
 

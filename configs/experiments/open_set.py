@@ -9,7 +9,7 @@ Expected (the paper, RS / AS): PSNR 28.52 / 23.77 seen, 22.31 / 19.05 unseen; Ch
 Nano: the shipped model as it is, nothing is trained: seven seen families, ten unseen ones. seen_vae and unseen_vae are the truth's voxels through the UniArt VAE
       alone: what the representation and its code make of such objects, whatever a generator does. Seen families also differ from unseen ones in how hard
       they are.
-Hardware and time, nano: one CPU core; sampling alone, not yet measured.
+Hardware and time, nano: one CPU core; sampling alone, about 8 s an object and arm.
 Hardware and time, paper: one training of configs/paper.py on the open split; unknown, never run by us.
 """
 

@@ -10,8 +10,7 @@ Nano: the structure flow alone, which knows nothing of parts and joints, as TREL
 What the twin does not test: 'scratch' is not without the prior: only its structure flow begins at random. The image encoder that it reads and the structure VAE whose
       latent it makes are the shipped model's in both arms, trained on the seven families, and so is the threshold on occupancy (-1.5), chosen for the
       shipped flow. So it tests a prior in the flow alone, not in all networks. Nor does it say anything about articulation.
-Hardware and time, nano: one CPU core; 300 steps of 16 objects and 300 objects to encode, two arms, three seeds; a step takes .72 s on an idle core (configs/nano.py).
-      A whole run is not yet measured.
+Hardware and time, nano: one CPU core; 300 steps of 16 objects and 300 objects to encode, two arms, three seeds: 38 minutes beside other work.
 Hardware and time, paper: one training of configs/paper.py beside that of main; unknown, never run by us.
 """
 
