@@ -53,7 +53,12 @@ class Machine:
     link: float
 
 
-PEAKS = {"A100": 312e12, "H100": 989e12, "H200": 989e12, "TPU v5p": 459e12}  # of a device's name
+PEAKS = {
+    "A100": 312e12,
+    "H100": 989e12,
+    "H200": 989e12,
+    "TPU v5": 459e12,
+}  # of a device's name; SXM boards
 
 MACHINES = (
     Machine("8 x A100 80 GB", 8, 312e12, 74.5, 300e9),

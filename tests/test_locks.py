@@ -23,18 +23,26 @@ def test_a_second_process_is_refused_until_the_first_is_gone(tmp_path):
         assert first.stdout is not None and first.stdout.readline() == b"held\n"
         with pytest.raises(ValueError, match="another process works on it"), locks.alone(tmp_path / "run"):  # fmt: skip
             pass
+        first.kill()
+    with locks.alone(tmp_path / "run"):  # a killed process keeps nothing
+        pass
+
+
+def test_who_comes_second_waits_until_the_first_is_gone(tmp_path):
+    code = HOLD.replace("alone(Path(sys.argv[1]))", "in_turn(Path(sys.argv[1]), print)").replace("import alone", "import in_turn")  # fmt: skip
+    command = [sys.executable, "-c", code, str(tmp_path / "records")]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as first:
+        assert first.stdout is not None and first.stdout.readline() == b"held\n"
         waited = []
 
         def told():
-            waited.append(True)
+            waited.append(first.poll())
             first.kill()
 
-        assert locks.taken((tmp_path / "other").open("w"))
-    with locks.alone(tmp_path / "run"):  # a killed process keeps nothing
-        pass
-    with locks.in_turn(tmp_path / "records", lambda: waited.append(True)):
-        pass
-    assert not waited
+        with locks.in_turn(tmp_path / "records", told):
+            assert first.wait() and waited == [None]
+        with locks.in_turn(tmp_path / "records", told):  # nobody has it
+            assert len(waited) == 1
 
 
 def test_a_file_system_without_locks_holds_nothing(tmp_path, monkeypatch):

@@ -225,7 +225,7 @@ def test_a_bug_in_one_sample_does_not_cost_the_others(tmp_path, monkeypatch, two
     out = tmp_path / "out"
     assert sample_command(two_images, out, check=False, refine=False, formats=("urdf",)) == 1
     assert (out / "light/sample-0/object.urdf").is_file() and not (out / "dark").exists()
-    assert "error: dark.png, seed 0: list index out of range" in capsys.readouterr().err
+    assert "error: dark.png, seed 0: IndexError: list index out of range" in capsys.readouterr().err
 
 
 def test_unknown_checkpoint(tmp_path):

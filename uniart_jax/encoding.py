@@ -139,7 +139,9 @@ def encode_records(
     """
     if distributed.is_first():
         console.print(f"encoding {records}")
-    distributed.first_does(lambda: latent_store.begin_latents(out, key))
+    # what lies in which shard depends on all widths, what is encoded on the largest alone
+    order = f"{key} {sorted(config.data.voxel_buckets)}"
+    distributed.first_does(lambda: latent_store.begin_latents(out, order))
     _encode_shards(config, parameters, records, mirrors, split, out)
     distributed.wait()
     features = config.model.uniart_vae.feature_channels

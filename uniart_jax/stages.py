@@ -247,9 +247,6 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
     stage = getattr(config, name)
     network = build(name, config.model)
     mesh = make_mesh(config.mesh)
-    items = stage.batch_size // stage.accumulate
-    if items % mesh.size and distributed.is_first():
-        console.print(f"{name}: {items} items at once do not divide over {mesh.size} devices, so each computes all of them; give a batch_size that does", style="yellow")  # fmt: skip
     folder = workdir / "checkpoints" / name
     statistics: dict[str, Any] | None = None
     units = None
@@ -263,6 +260,9 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
         if distributed.is_first():
             console.print(f"{name}: already trained ({stage.steps} steps); skipped")
         return
+    items = stage.batch_size // stage.accumulate
+    if items % mesh.size and jax.process_count() == 1:  # of several, sending the batch is an error
+        console.print(f"{name}: {items} items at once do not divide over {mesh.size} devices, so each computes all of them; give a batch_size that does", style="yellow")  # fmt: skip
     if name.endswith("_flow"):
         statistics = encode_all(config, workdir)
         latent = name.removesuffix("_flow")
@@ -307,7 +307,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
 
 
 def stage_batches(name: str, config: Config, workdir: Path) -> Any:
-    """The endless Grain pipeline of a stage; ``batch_size`` is over all processes."""
+    """The endless batches of a stage; ``batch_size`` is over all processes."""
     batch_size = getattr(config, name).batch_size
     if name not in ("image_encoder", "structure_vae"):
         load_image_table.cache_clear()  # a gigabyte that nobody reads any more
@@ -352,7 +352,7 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
     trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
     if trained and note.is_file() and note.read_text() != key:
         raise ValueError(
-            f"{folder} was trained on other inputs (records, an earlier network or --init changed since); "
+            f"{folder} was trained on other inputs (records, voxel_buckets, an earlier network, --init or the version changed since); "
             "remove that folder to train this flow on the new ones"
         )
     note.parent.mkdir(parents=True, exist_ok=True)

@@ -176,9 +176,11 @@ def test_an_unfinished_training_is_named_and_copies_beside_it_are_not_read(monke
         for name in names[:judged]:
             kept = {"figures": {"rs_chamfer": 0.1}, "failure": ""}
             keep(tmp_path / f"one/seed-{seed}/figures/{name}.json", kept)
-    # of an older version, which knew fewer figures
-    keep(tmp_path / f"one/seed-0/figures/{names[2]}.json", {"figures": {"rs_chamfer": 0.4, "as_chamfer": 1.0}, "failure": ""})  # fmt: skip
     content = table.write_tables(QUEUE, tmp_path, 3)
     assert content["arms"]["one"]["seeds"] == [0]
-    assert content["arms"]["one"]["rows"]["rs_chamfer"]["mean"] == pytest.approx(0.2)
-    assert "in no figure above: one (seed 1: 2)." in (tmp_path / "table.md").read_text()
+    assert content["arms"]["one"]["rows"]["rs_chamfer"]["mean"] == pytest.approx(0.1)
+    assert "in no figure above: one (seed 1: 2 of 3)." in (tmp_path / "table.md").read_text()
+    # of a newer version, which knows more figures
+    keep(tmp_path / f"one/seed-0/figures/{names[2]}.json", {"figures": {"rs_chamfer": 0.4, "as_chamfer": 1.0}, "failure": ""})  # fmt: skip
+    with pytest.raises(ValueError, match="seed-0: figures of several versions"):
+        table.write_tables(QUEUE, tmp_path, 3)

@@ -154,7 +154,8 @@ def sample(
     if len(failed) == wanted:
         raise failed[0][1]
     for what, error in failed:
-        print(f"error: {what}: {' '.join(str(error).split())}", file=sys.stderr)
+        kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+        print(f"error: {what}: {kind}{' '.join(str(error).split())}", file=sys.stderr)
     return 1 if failed else 0
 
 
@@ -163,10 +164,14 @@ def _noted(
     failed: list[tuple[str, Exception]], name: str, seed: int, wanted: int
 ) -> Iterator[None]:
     """What goes wrong with one of several samples is noted: it does not cost the others. A lack of memory or a full disk would: it is raised."""
+    import jax
+
     try:
         yield
     except (MemoryError, OSError):
         raise
+    except jax.errors.JaxRuntimeError as error:
+        raise MemoryError(f"the device failed: {str(error).splitlines()[0]}") from error
     except Exception as error:
         if wanted == 1:
             raise

@@ -173,7 +173,8 @@ def finish_latents(out: str | Path, key: str, number: int) -> LatentStatistics:
     if not sizes:
         raise ValueError("latents: no items to write; are there records?")
     if len(sizes) != number:
-        raise ValueError(f"{temporary}: {len(sizes)} of {number} latents are there; is it on a file system that all processes share?")  # fmt: skip
+        drop_latents(out)  # all was said to be there: going on would find the same
+        raise ValueError(f"{out}: {len(sizes)} of {number} latents were there; is it on a file system that all processes share? The same command encodes anew")  # fmt: skip
     structure_mean, structure_std = structure.mean_std()
     latent_mean, latent_std = latent.mean_std()
     metadata = {
@@ -185,10 +186,14 @@ def finish_latents(out: str | Path, key: str, number: int) -> LatentStatistics:
         "latent_std": latent_std,
     }
     write_text(temporary / "metadata.json", json.dumps(metadata))
-    for path in (*notes, temporary / "key"):
-        path.unlink()
-    shutil.rmtree(out, ignore_errors=True)
+    before = temporary.with_suffix(".old")
+    shutil.rmtree(before, ignore_errors=True)
+    if Path(out).is_dir():
+        Path(out).rename(before)
     temporary.rename(out)
+    shutil.rmtree(before, ignore_errors=True)
+    for path in (*(Path(out) / note.name for note in notes), Path(out) / "key"):
+        path.unlink()
     return read_statistics(out)
 
 

@@ -62,6 +62,7 @@ def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any
     content = {
         "reference": experiment.reference,
         "columns": columns,
+        "objects": count,
         "level": LEVEL,
         "arms": arms,
         "broken": {name: judged.broken for name, judged in found.items() if judged.broken},
@@ -89,6 +90,8 @@ def collect(experiment: Experiment, out: Path, name: str, count: int) -> Judged:
         if None in results:
             unfinished[seed] = len(results) - results.count(None)
             continue
+        if len({tuple(sorted(result["figures"])) for result in results if result}) > 1:
+            raise ValueError(f"{folder}: figures of several versions; remove that folder's figures/, and they are judged again")  # fmt: skip
         seeds.append(seed)
         rows.append([result["figures"] for result in results if result])
         reasons += [result["failure"] for result in results if result and result["failure"]]
@@ -176,7 +179,9 @@ def lines(content: dict[str, Any]) -> list[str]:
         told = "; ".join(f"seed {seed}: {reason}" for seed, reason in broken.items())
         text += ["", f"Trainings of {name} without a result, in no figure above: {told}."]
     for name, unfinished in content["unfinished"].items():
-        told = ", ".join(f"seed {seed}: {number}" for seed, number in unfinished.items())
+        told = ", ".join(
+            f"seed {seed}: {number} of {content['objects']}" for seed, number in unfinished.items()
+        )
         text += ["", f"Not yet judged on all objects, in no figure above: {name} ({told})."]
     return text
 

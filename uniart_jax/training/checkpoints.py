@@ -31,7 +31,7 @@ _ABSENT = (None, errno.ENOENT, errno.ENOTDIR, errno.EISDIR)
 
 
 class CheckpointableIterator(Protocol):
-    """Anything that knows where it is: Grain's iterators, or a test's. A state is bytes or JSON-able."""
+    """Anything that knows where it is: ``data.stream``'s, or a test's. A state is bytes or JSON-able."""
 
     def __next__(self) -> Any: ...
 

@@ -86,13 +86,13 @@ def run_stage(
             profiler.before(step)
             try:
                 batch = next(ahead)
-            except StopIteration:
-                raise ValueError(f"{name}: the data ended at step {step}; repeat it") from None
-            except Exception:
+            except Exception as error:
                 if ahead.agreed and step:  # what was learned so far is sound
                     meter.settle()
                     checkpoints.save(step, state, ahead, wait=True)
                     report.say(f"{name}: a batch failed; saved at step {step}")
+                if isinstance(error, StopIteration):
+                    raise ValueError(f"{name}: the data ended at step {step}; repeat it") from None
                 raise
             meter.waited(ahead.seconds)
             if not train_step.knows(batch):

@@ -43,7 +43,7 @@ class Program(NamedTuple):
         """The padded width of its items, where they have one, and a digest of all shapes: the same in every run, whatever is compiled first."""
         digest = f"{zlib.crc32(repr(sorted(self.shapes.items())).encode()) & 0xFFFF:04x}"
         width = self.shapes.get("coords", "").split(", ")
-        return f"{width[1]}_{digest}" if len(width) == 3 else digest
+        return f"{width[-2]}_{digest}" if len(width) > 2 else digest
 
 
 class Programs:
