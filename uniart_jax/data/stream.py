@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
 
 from uniart_jax.data.order import Draw
+
+if TYPE_CHECKING:
+    import grain
 
 Batch = dict[str, Any]
 
@@ -36,7 +39,7 @@ class Batches:
     def __iter__(self) -> BatchIterator:
         return BatchIterator(self)
 
-    def after(self, number: int) -> Iterator[Batch]:
+    def after(self, number: int) -> grain.DatasetIterator[Batch]:
         """From batch ``number`` on."""
         import grain  # loads jax
         from absl import flags
@@ -59,7 +62,7 @@ class BatchIterator:
 
     def __init__(self, batches: Batches):
         self._batches, self._number = batches, 0
-        self._ahead: Iterator[Batch] | None = None
+        self._ahead: grain.DatasetIterator[Batch] | None = None
 
     def __iter__(self) -> BatchIterator:
         return self
@@ -85,7 +88,14 @@ class BatchIterator:
             raise ValueError("data: the checkpoint's place in the data is of another version of this program; choose another --workdir")  # fmt: skip
         if state["batch_size"] != here["batch_size"]:
             raise ValueError(f"data: the checkpoint counts batches of {state['batch_size']} items, the config has {here['batch_size']}; keep batch_size, or choose another --workdir")  # fmt: skip
-        self._number, self._ahead = state["batch"], None
+        self.close()
+        self._number = state["batch"]
+
+    def close(self) -> None:
+        """End what makes batches ahead; the next one begins anew."""
+        if self._ahead is not None:
+            self._ahead.close()
+        self._ahead = None
 
 
 @dataclasses.dataclass(frozen=True)
