@@ -44,8 +44,8 @@ def take(folder, data, count, start=0, model=PLAIN):
     made = iter(batches.voxel_batches(folder, data, model, 2, seed=5))
     if start:
         state = made.get_state()
-        assert state["next_index"] == 0
-        made.set_state({**state, "next_index": start})
+        assert state["batch"] == 0
+        made.set_state({**state, "batch": start})
     try:
         return [next(made) for _ in range(count)]
     finally:

@@ -68,9 +68,9 @@ class BatchIterator:
         return self
 
     def __next__(self) -> Batch:
-        if self._ahead is None:
-            self._ahead = self._batches.after(self._number)
-        batch = next(self._ahead)
+        ahead = self._ahead or self._batches.after(self._number)
+        self._ahead = ahead
+        batch = next(ahead)
         self._number += 1
         return batch
 
