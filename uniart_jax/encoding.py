@@ -159,7 +159,7 @@ def _encode_shards(
     out: Path,
 ) -> None:
     """This process's shards, but for those that are there."""
-    count, index = jax.process_count(), jax.process_index()
+    index, count = jax.process_index(), jax.process_count()
     parameters = jax.device_put(parameters, jax.local_devices()[0])
     total = len(RecordSource(records, split)) * len(mirrors) // count
     written = latent_store.written_shards(out)

@@ -35,6 +35,7 @@ from uniart_jax.experiments.design import (
     Experiment,
     Objects,
     Records,
+    trained_on,
     with_aggregation,
 )
 
@@ -47,17 +48,10 @@ def nano() -> Config:
     stage = dataclasses.replace(
         config.uniart_vae, steps=500, warmup_steps=50, ema_decay=0.99, save_every=100
     )
-    data = dataclasses.replace(
-        config.data,
-        records=RECORDS.folder,
-        procedural=0,
-        views=RECORDS.views,
-        validation="",
-        voxel_crop=1024,
-    )
     vae = dataclasses.replace(config.model.uniart_vae, part_segment=0)
     model = dataclasses.replace(config.model, uniart_vae=vae)
-    return dataclasses.replace(config, model=model, data=data, uniart_vae=stage)
+    config = dataclasses.replace(config, model=model, uniart_vae=stage)
+    return trained_on(config, RECORDS, voxel_crop=1024)
 
 
 def experiment(size: str) -> Experiment:

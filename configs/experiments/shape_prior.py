@@ -19,7 +19,14 @@ from pathlib import Path
 
 from uniart_jax.cli import load_config
 from uniart_jax.config import Config
-from uniart_jax.experiments.design import PAPER_STAGES, Arm, Experiment, Objects, Records
+from uniart_jax.experiments.design import (
+    PAPER_STAGES,
+    Arm,
+    Experiment,
+    Objects,
+    Records,
+    trained_on,
+)
 from uniart_jax.procedural import UNSEEN_FAMILIES
 
 CONFIGS = Path(__file__).parent.parent
@@ -28,20 +35,15 @@ RECORDS = Records("data-cache/experiments-unseen", families=UNSEEN_FAMILIES, cou
 
 def nano() -> Config:
     config = load_config(CONFIGS / "nano.py")
-    return dataclasses.replace(
-        config,
-        data=dataclasses.replace(
-            config.data, records=RECORDS.folder, procedural=0, views=RECORDS.views, validation=""
-        ),
-        structure_flow=dataclasses.replace(
-            config.structure_flow,
-            steps=300,
-            learning_rate=5e-4,
-            warmup_steps=50,
-            ema_decay=0.99,
-            save_every=50,
-        ),
+    stage = dataclasses.replace(
+        config.structure_flow,
+        steps=300,
+        learning_rate=5e-4,
+        warmup_steps=50,
+        ema_decay=0.99,
+        save_every=50,
     )
+    return trained_on(dataclasses.replace(config, structure_flow=stage), RECORDS)
 
 
 def experiment(size: str) -> Experiment:

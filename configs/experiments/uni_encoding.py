@@ -24,6 +24,7 @@ from uniart_jax.experiments.design import (
     Experiment,
     Objects,
     Records,
+    trained_on,
     with_aggregation,
 )
 
@@ -36,20 +37,13 @@ def nano() -> Config:
     config = load_config(CONFIGS / "nano.py")
     vae = dataclasses.replace(config.model.uniart_vae, part_segment=0)
     short = dict(warmup_steps=50, ema_decay=0.99, save_every=100)
-    return dataclasses.replace(
+    config = dataclasses.replace(
         config,
         model=dataclasses.replace(config.model, uniart_vae=vae),
-        data=dataclasses.replace(
-            config.data,
-            records=RECORDS.folder,
-            procedural=0,
-            views=RECORDS.views,
-            validation="",
-            voxel_crop=1024,
-        ),
         uniart_vae=dataclasses.replace(config.uniart_vae, steps=450, **short),
         latent_flow=dataclasses.replace(config.latent_flow, steps=1500, **short),
     )
+    return trained_on(config, RECORDS, voxel_crop=1024)
 
 
 def experiment(size: str) -> Experiment:

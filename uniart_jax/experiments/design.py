@@ -135,6 +135,12 @@ class Experiment:
         return out.parent / self.others[of].folder if "/" in of else out / (of or name)
 
 
+def trained_on(config: Config, records: Records, **more: Any) -> Config:
+    """The config with the records that the experiment makes, without validation; ``more``: of its data."""
+    data = dict(records=records.folder, procedural=0, views=records.views, validation="", **more)
+    return dataclasses.replace(config, data=dataclasses.replace(config.data, **data))
+
+
 def with_aggregation(config: Config, kind: Aggregation) -> Config:
     """The config with another aggregation in its UniArt VAE."""
     vae = dataclasses.replace(config.model.uniart_vae, aggregation=kind)
