@@ -338,6 +338,7 @@ def test_a_half_judged_seed_is_not_in_the_table(done, tmp_path):
     [
         (["nothing"], "give a file, or in the repository's root one of aggregation, "),
         (["aggregation", "--seeds", "0"], "--seeds must be at least 1"),
+        (["solvers", "--seeds", "2"], "nothing is trained by euler_1, euler_2"),
         (["unseen_joint", "--size", "paper"], "no paper size"),
         ([str(ROOT / "configs/debug.py")], "must define experiment(size)"),
     ],

@@ -28,9 +28,11 @@ def test_a_second_process_is_refused_until_the_first_is_gone(tmp_path):
         pass
 
 
-def test_who_comes_second_waits_until_the_first_is_gone(tmp_path):
-    code = HOLD.replace("alone(Path(sys.argv[1]))", "in_turn(Path(sys.argv[1]), print)").replace("import alone", "import in_turn")  # fmt: skip
+@pytest.mark.parametrize("kind", ["alone", "in_turn"])
+def test_who_comes_second_waits_until_the_first_is_gone(tmp_path, kind):
+    code = HOLD.replace("alone(Path(sys.argv[1]))", f"{kind}(Path(sys.argv[1]), print)").replace("import alone", f"import {kind}")  # fmt: skip
     command = [sys.executable, "-c", code, str(tmp_path / "records")]
+    held = getattr(locks, kind)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as first:
         assert first.stdout is not None and first.stdout.readline() == b"held\n"
         waited = []
@@ -39,9 +41,9 @@ def test_who_comes_second_waits_until_the_first_is_gone(tmp_path):
             waited.append(first.poll())
             first.kill()
 
-        with locks.in_turn(tmp_path / "records", told):
+        with held(tmp_path / "records", told):
             assert first.wait() and waited == [None]
-        with locks.in_turn(tmp_path / "records", told):  # nobody has it
+        with held(tmp_path / "records", told):  # nobody has it
             assert len(waited) == 1
 
 

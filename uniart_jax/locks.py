@@ -10,16 +10,22 @@ from typing import TextIO
 
 
 @contextlib.contextmanager
-def alone(folder: Path) -> Iterator[None]:
+def alone(folder: Path, wait: Callable[[], None] | None = None) -> Iterator[None]:
     """One process at a time in ``folder``: two would write each other's files. Where the file system knows no locks, nothing is held.
 
+    Args:
+      wait: called if another process has it, which is then waited for.
+
     Raises:
-      ValueError: another process has it.
+      ValueError: another process has it, and nobody wants to wait.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as file:
         if not taken(file):
-            raise ValueError(f"{folder}: another process works on it; wait for it, or stop it first")  # fmt: skip
+            if wait is None:
+                raise ValueError(f"{folder}: another process works on it; wait for it, or stop it first")  # fmt: skip
+            wait()
+            fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 

@@ -51,13 +51,15 @@ def run_experiment(
       arms: only these.
 
     Raises:
-      ValueError: no such arm, or one whose networks nobody trains; ``out`` holds arms of other settings; records, test objects or checkpoints are missing or
+      ValueError: no such arm, or one whose networks nobody trains; several seeds where nothing is trained; ``out`` holds arms of other settings; records, test objects or checkpoints are missing or
         do not fit; or another process works on it.
       FileNotFoundError: as ``ValueError``, of what is missing.
     """
     if unknown := [name for name in arms if name not in experiment.arms]:
         raise ValueError(f"experiment: no arm '{unknown[0]}'; there are {', '.join(experiment.arms)}")  # fmt: skip
     chosen = [name for name in experiment.arms if not arms or name in arms]
+    if (seeds or 1) > 1 and not any(experiment.trained(name).stages for name in chosen):
+        raise ValueError(f"experiment: nothing is trained by {', '.join(chosen)}, so there is one seed; more test objects are --count")  # fmt: skip
     seeds, count = seeds or experiment.seeds, count or experiment.count
     with alone(out):
         prepare(experiment, out, chosen, seeds, count)
@@ -118,7 +120,7 @@ def attempt(
             with contextlib.ExitStack() as stack:
                 if "/" in arm.of:
                     there = workdir.parent
-                    stack.enter_context(alone(there.parent))
+                    stack.enter_context(alone(there.parent, lambda: console.print(f"{there.parent}: another command works there; waiting")))  # fmt: skip
                     claim_arm(alone_of(experiment, name), there.name, there)
                 checkpoint = workdir if arm.of and "/" not in arm.of else train_arm(made, seed, workdir)  # fmt: skip
         except FloatingPointError as error:  # others go on
