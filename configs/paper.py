@@ -26,7 +26,9 @@ from uniart_jax.config import (
 
 
 def config() -> Config:
-    stage = StageConfig(steps=800_000, batch_size=64, learning_rate=1e-4, ema_decay=0.9995)
+    stage = StageConfig(
+        steps=800_000, batch_size=64, learning_rate=1e-4, ema_decay=0.9995, skip_not_finite=10
+    )
     sampling = dict(steps=25, guidance=5.0, guidance_interval=(0.5, 1.0), rescale_t=3.0)
     return Config(
         name="paper",

@@ -184,7 +184,8 @@ class StageConfig:
 
     ``accumulate``: micro-batches that a batch is cut into; their gradients are averaged before one update. ``gradient_clip``: largest global norm, 0 = any.
     ``clip_percentile``: of the last ``clip_window`` gradients' norms, if that is less (TRELLIS: 95 of 1000); 0 = not. ``freeze``: parameters that stay
-    as they are, by dotted name or prefix.
+    as they are, by dotted name or prefix. ``skip_not_finite``: so many steps in a row may have a loss or gradients that are not finite, and are passed
+    over; one more ends the run.
     """
 
     steps: int = 800_000
@@ -200,6 +201,7 @@ class StageConfig:
     clip_percentile: float = 0.0
     clip_window: int = 1000
     freeze: tuple[str, ...] = ()
+    skip_not_finite: int = 0
     log_every: int = 100
     evaluate_every: int = 5000
     save_every: int = 5000

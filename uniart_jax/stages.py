@@ -147,6 +147,8 @@ def check_settings(config: Config, stages: Sequence[str]) -> None:
         for field in COUNTS:
             if (value := getattr(getattr(config, name), field)) < 1:
                 raise ValueError(f"config: {name}.{field} is {value}; give 1 or more")
+        if (value := getattr(config, name).skip_not_finite) < 0:
+            raise ValueError(f"config: {name}.skip_not_finite is {value}; give 0 or more")
     if min(config.data.voxel_buckets, default=0) < 1:
         raise ValueError(f"config: data.voxel_buckets is {config.data.voxel_buckets}; give one number of voxels or more, each above 0")  # fmt: skip
 
@@ -293,6 +295,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
                 stage.ema_decay,
                 freeze=stage.freeze,
                 accumulate=stage.accumulate,
+                skip=stage.skip_not_finite > 0,
             ),
             batches=iter(stage_batches(name, config, workdir)),
             put=in_parts(make_put(name, config, workdir, mesh), stage.accumulate, config.model),

@@ -1,5 +1,6 @@
 """A stage's loop: resuming is exact, it stops on what is not finite, on a signal and at the end, and says so."""
 
+import dataclasses
 import json
 import os
 import random
@@ -82,6 +83,20 @@ def test_stops_where_values_are_not_finite_and_saves_nothing_after(tmp_path):
     with pytest.raises(FloatingPointError, match=r"toy: error, grad_norm, loss .* step 3;"):
         toy_run.train(tmp_path, stage, toy_run.make_batches(nan_at=3))
     assert saved_steps(tmp_path) == [1, 2]
+
+
+def test_steps_that_are_not_finite_are_passed_over_as_often_as_asked(tmp_path):
+    stage = toy_run.make_stage(6, 2, log_every=6, skip_not_finite=1)
+    state = toy_run.train(tmp_path / "a", stage, toy_run.make_batches(nan_at=3))
+    assert int(state.step) == 6 and saved_steps(tmp_path / "a") == [2, 4, 6]
+    (row,) = rows(tmp_path / "a")
+    assert row["skipped"] == pytest.approx(1 / 6) and np.isfinite(row["loss"])
+    first = toy_run.train(tmp_path / "b", toy_run.make_stage(4, 2, skip_not_finite=1), toy_run.make_batches(nan_at=3))  # fmt: skip
+    assert int(first.step) == 4
+    assert_same(state, toy_run.train(tmp_path / "b", stage, toy_run.make_batches()))  # resumed
+    twice = dataclasses.replace(stage, skip_not_finite=2)
+    with pytest.raises(FloatingPointError, match="step 3;"):
+        toy_run.train(tmp_path / "c", twice, toy_run.make_batches(nan_from=1))
 
 
 def test_reports_evaluates_and_logs_on_time(tmp_path, capsys):

@@ -58,7 +58,7 @@ def loss_fn(params, batch, key):
     return loss, {"error": jnp.sqrt(loss)}
 
 
-def make_batches(seen=None, nan_at=-1, slow=0.0, share=slice(None), fail_at=-1):
+def make_batches(seen=None, nan_at=-1, slow=0.0, share=slice(None), fail_at=-1, nan_from=10**9):
     import grain
     import numpy as np
 
@@ -86,7 +86,7 @@ def make_batches(seen=None, nan_at=-1, slow=0.0, share=slice(None), fail_at=-1):
             self.count += 1
             if self.count == fail_at:
                 raise ValueError("record 17 is damaged")
-            if self.count == nan_at:
+            if self.count == nan_at or self.count >= nan_from:
                 batch["y"] = batch["y"] * np.nan
             return batch
 
@@ -115,7 +115,13 @@ def program(stage, fsdp):
     from uniart_jax.training.step import make_train_step
 
     optimizer = make_optimizer(stage)
-    step = make_train_step(loss_fn, optimizer, stage.ema_decay, accumulate=stage.accumulate)
+    step = make_train_step(
+        loss_fn,
+        optimizer,
+        stage.ema_decay,
+        accumulate=stage.accumulate,
+        skip=stage.skip_not_finite > 0,
+    )
     return make_mesh(MeshConfig(fsdp=fsdp)), optimizer, step
 
 
@@ -131,7 +137,8 @@ def train(workdir, stage, batches, *, fsdp=1, width=16, **options):
 
     # With a constant rate the number of steps says only when to stop.
     assert stage.schedule == "constant" and stage.steps > stage.warmup_steps
-    shared = make_stage(100, 1, warmup_steps=stage.warmup_steps, accumulate=stage.accumulate)
+    kept = {k: getattr(stage, k) for k in ("warmup_steps", "accumulate", "skip_not_finite")}
+    shared = make_stage(100, 1, **kept)
     mesh, optimizer, train_step = program(shared, fsdp)
     with Checkpoints(workdir / "checkpoints" / "toy", keep=stage.keep_checkpoints) as checkpoints:
         return run_stage(

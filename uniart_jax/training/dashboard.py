@@ -47,6 +47,7 @@ class Meter:
         self.latest: Scalars = {}
         self._pending: tuple[int, Any, Program | None] | None = None
         self._compiled = False
+        self._skipped = 0  # steps in a row
         self._schedule = make_schedule(stage)
         self._start = self._settled = time.perf_counter()
         self._clear()
@@ -76,18 +77,22 @@ class Meter:
         """Until the last step is done.
 
         Raises:
-          FloatingPointError: its loss or gradients are not finite.
+          FloatingPointError: its loss or gradients are not finite, and no more such steps in a row may be passed over (``StageConfig.skip_not_finite``).
         """
         if self._pending is None:
             return
         (step, metrics, program), self._pending = self._pending, None
         values = {key: float(value) for key, value in jax.device_get(metrics).items()}
-        if not values.pop("finite"):
+        finite = values.pop("finite")
+        self._skipped = 0 if finite else self._skipped + 1
+        if self._skipped > self.stage.skip_not_finite:
             bad = sorted(key for key, value in values.items() if not math.isfinite(value))
             raise FloatingPointError(
                 f"{self.name}: {', '.join(bad)} not finite at step {step}; stopped, nothing saved since the last checkpoint; "
                 "lower the learning rate or look at the data"
             )
+        if self.stage.skip_not_finite:
+            values["skipped"] = float(not finite)
         self.latest = values
         self._seen.append(values)
         now, begin = time.perf_counter(), self._settled

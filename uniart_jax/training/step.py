@@ -3,8 +3,8 @@
     g = grad loss(params, batch, fold_in(key, step));   params <- params + update(g);   ema <- d ema + (1 - d) params
 
 with d = min(decay, (1 + step) / (10 + step)), so that the average does not start from the random initial weights. The key is a
-function of the step, so a resumed run draws the same noise. Where loss or gradients are not finite the state stays as it was, and
-the flag ``finite`` tells the loop.
+function of the step, so a resumed run draws the same noise. Where loss or gradients are not finite the state stays as it was, but for the
+step's number where such steps are passed over, and the flag ``finite`` tells the loop.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ def make_train_step(
     *,
     freeze: Sequence[str] = (),
     accumulate: int = 1,
+    skip: bool = False,
 ) -> Programs:
     """Build ``step(state, batch, key) -> (state, metrics)``; ``state`` is donated, so use only the returned one.
 
@@ -39,6 +40,7 @@ def make_train_step(
       freeze: parameters that stay as they are, bit for bit, with their average (``state.frozen_mask``); nothing is differentiated by them.
       accumulate: with n > 1, ``batch`` is a sequence of n micro-batches of equally many items (``microbatches.split_batch``), whose gradients are averaged one
         after another: the memory of one, the update of all. Micro-batch i draws by fold_in(key, i).
+      skip: a step that is not finite counts as a step.
 
     The metrics are the loss function's, ``loss``, ``grad_norm`` (before clipping), ``clip_threshold`` where it adapts, and ``finite`` (1 or 0). A metric of
     micro-batches is the mean of those where it is a number. ``key`` is the run's and the same at every step. The returned state
@@ -71,7 +73,8 @@ def make_train_step(
             for new, old in ((params, state.params), (ema, state.ema))
         )
         new = TrainState(step, params, opt_state, ema)
-        new = jax.tree.map(lambda after, before: jnp.where(finite, after, before), new, state)
+        old = state._replace(step=step) if skip else state
+        new = jax.tree.map(lambda after, before: jnp.where(finite, after, before), new, old)
         metrics = {**metrics, "loss": loss, "grad_norm": grad_norm, "finite": finite}
         return new, metrics | clip_threshold(opt_state)
 
