@@ -1,9 +1,14 @@
 """What scripts of benchmarks/ make of their measurements, by numbers known beforehand."""
 
+import dataclasses
 import importlib
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.procedural import generate
 
 
 @pytest.fixture
@@ -21,3 +26,31 @@ def test_saves_are_counted_as_often_as_a_run_has_them(script):
     assert (loop, save) == pytest.approx((46.0, 3.0))
     assert in_run(times, held, save_every=400)[0] == pytest.approx(40.3)
     assert in_run(times, [], save_every=400) == pytest.approx((46.0, 0.0))
+
+
+def test_what_samples_agree_on_is_counted_by_joints_and_drawn_by_objects(script):
+    spread = script("spread")
+    sure, torn, none = (
+        np.array([[2, 1.0], [2, 1]]),
+        np.array([[1, 0.0], [1, 1], [2, 0]]),
+        np.zeros((0, 2)),
+    )
+    alone, both = spread.by_agreement([sure, torn, none], 2)
+    assert (alone["joints"], alone["right"]) == (2, 0.5)
+    assert (both["joints"], both["right"]) == (3, pytest.approx(2 / 3))
+    assert both["least"] == 0 and both["most"] == 1
+    assert alone["least"] == alone["most"] == 0.5  # of one object alone
+    truth = generate("microwave", 0)
+    rows = spread.agreement([truth, truth, truth], truth)
+    moving = sum(part.joint.type != "fixed" for part in truth.parts)
+    np.testing.assert_array_equal(rows, [[3, 1]] * (3 * moving))
+    (door,) = (
+        k
+        for k, part in enumerate(truth.parts)
+        if part.joint.type == "revolute" and part.joint.limits[1] > 1
+    )
+    parts = list(truth.parts)
+    parts[door] = dataclasses.replace(parts[door], joint=Joint.fixed())
+    other = dataclasses.replace(truth, parts=tuple(parts))
+    rows = spread.agreement([truth, other], truth)
+    assert (rows[:, 0] == 1).sum() == 1 and (rows[:, 1] == 1).all()

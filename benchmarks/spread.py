@@ -1,0 +1,94 @@
+"""Does the spread that report.json gives tell which joints are wrong? Several samples of held-out images, each joint against the truth.
+
+    python benchmarks/spread.py [--count 28] [--samples 4] [--unseen] [--checkpoint nano] [--out out/bench]
+
+For every moving joint of every sample: the share of the samples that have a part there with a joint of the same type (``matched`` x ``type_share`` /
+``samples`` of ``evaluation.spread``), and whether the joint is right (``evaluation.parts``). One row for each number of samples that agree:
+
+- ``joints``: how many there are. ``right``: the share of them that is right; ``least``, ``most``: its 95 % bootstrap over objects, since the joints of an object
+  stand or fall together.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from results import report
+
+from uniart_jax.evaluation.parts import compare_parts
+from uniart_jax.evaluation.procedural import held_out
+from uniart_jax.evaluation.spread import joint_spread
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.pipeline import enable_compilation_cache, load
+from uniart_jax.progress import track
+
+RESAMPLES = 2000
+
+
+def agreement(samples: list[ArticulatedObject], truth: ArticulatedObject) -> np.ndarray:
+    """[J, 2] of all moving joints of the samples: how many samples have it, and whether it is right."""
+    rows = []
+    for index, sample in enumerate(samples):
+        spread, scores = joint_spread(samples, index), compare_parts(sample, truth)
+        right = set(scores.match[scores.right].tolist())
+        for k, part in enumerate(sample.parts):
+            if part.parent >= 0 and part.joint.type != "fixed":
+                found = spread["joints"][part.name]
+                rows.append((round(found["matched"] * found["type_share"]), k in right))
+    return np.array(rows, float).reshape(-1, 2)
+
+
+def by_agreement(objects: list[np.ndarray], samples: int) -> list[dict[str, Any]]:
+    """A row for each number of samples that agree, from 1 to all of them; ``objects``: of ``agreement``."""
+    rng = np.random.default_rng(0)
+    draws = rng.integers(len(objects), size=(RESAMPLES, len(objects)))
+    rows = []
+    for number in range(1, samples + 1):
+        right = np.array([o[o[:, 0] == number, 1].sum() for o in objects])
+        joints = np.array([(o[:, 0] == number).sum() for o in objects])
+        row = {"samples that agree": number, "joints": int(joints.sum()), "right": np.nan}
+        if joints.sum():
+            totals = joints[draws].sum(1)
+            shares = right[draws].sum(1)[totals > 0] / totals[totals > 0]
+            least, most = np.percentile(shares, [2.5, 97.5])
+            row |= {"right": float(right.sum() / joints.sum()), "least": least, "most": most}
+        rows.append({"least": np.nan, "most": np.nan} | row)
+    return [{k: r[k] for k in ("samples that agree", "joints", "right", "least", "most")} for r in rows]  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--count", type=int, default=28)
+    parser.add_argument("--samples", type=int, default=4)
+    parser.add_argument("--unseen", action="store_true")
+    parser.add_argument("--checkpoint", default="nano")
+    parser.add_argument("--out", type=Path, default=Path("out/bench"))
+    args = parser.parse_args()
+    enable_compilation_cache()
+    pipeline = load(args.checkpoint)
+    model = pipeline.config.model
+    objects = []
+    for index in track(range(args.count), "held-out objects", args.count):
+        test = held_out(
+            index,
+            unseen=args.unseen,
+            resolution=model.grid.resolution,
+            subdivisions=model.grid.subdivisions,
+            image_size=model.image_encoder.image_size,
+        )
+        made = []
+        for seed in range(args.samples):
+            try:
+                made.append(pipeline.sample(test.image, seed=args.samples * index + seed).obj)
+            except ValueError:  # nothing was found in the image: no joint to judge
+                continue
+        objects.append(agreement(made, test.obj) if made else np.zeros((0, 2)))
+    rows = by_agreement(objects, args.samples)
+    report("spread", rows, args.out, objects=args.count, unseen=args.unseen)
+
+
+if __name__ == "__main__":
+    main()
