@@ -15,6 +15,8 @@ import jax
 import matplotlib
 import numpy as np
 
+from uniart_jax.evaluation.kept import without_nan
+
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
@@ -101,7 +103,8 @@ def save(name: str, rows: Sequence[dict[str, Any]], out: Path, **more: Any) -> N
     """``OUT/<name>.json`` alone; ``machine=`` where another process measured."""
     out.mkdir(parents=True, exist_ok=True)
     content = {"machine": more.get("machine") or machine(), "rows": list(rows), **more}
-    (out / f"{name}.json").write_text(json.dumps(content, indent=2, default=float) + "\n")
+    plain = without_nan(json.loads(json.dumps(content, default=float)))
+    (out / f"{name}.json").write_text(json.dumps(plain, indent=2, allow_nan=False) + "\n")
 
 
 def bars(path: Path, groups: dict[str, dict[str, float]], ylabel: str) -> None:

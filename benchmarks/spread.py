@@ -69,8 +69,10 @@ def main() -> None:
     args = parser.parse_args()
     enable_compilation_cache()
     pipeline = load(args.checkpoint)
+    if pipeline.config.untrained:
+        raise SystemExit(f"checkpoint '{args.checkpoint}': it is not trained yet")
     model = pipeline.config.model
-    objects = []
+    objects, missing = [], 0
     for index in track(range(args.count), "held-out objects", args.count):
         test = held_out(
             index,
@@ -84,10 +86,19 @@ def main() -> None:
             try:
                 made.append(pipeline.sample(test.image, seed=args.samples * index + seed).obj)
             except ValueError:  # nothing was found in the image: no joint to judge
-                continue
+                missing += 1
         objects.append(agreement(made, test.obj) if made else np.zeros((0, 2)))
     rows = by_agreement(objects, args.samples)
-    report("spread", rows, args.out, objects=args.count, unseen=args.unseen)
+    name = "spread-unseen" if args.unseen else "spread"
+    report(
+        name,
+        rows,
+        args.out,
+        checkpoint=args.checkpoint,
+        objects=args.count,
+        samples=args.samples,
+        samples_without_object=missing,
+    )
 
 
 if __name__ == "__main__":

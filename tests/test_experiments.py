@@ -1,5 +1,6 @@
 """The paper's experiments: every file's arms, the queue at toy size, what its table says, and what may go wrong."""
 
+import contextlib
 import dataclasses
 import json
 import sys
@@ -234,6 +235,22 @@ def test_two_processes_never_work_in_one_folder(done):
         run.run_experiment(experiment, out)
 
 
+def test_an_arm_of_another_experiment_waits_for_who_works_there(tmp_path, monkeypatch):
+    here, there = tmp_path / "uni_encoding-paper", tmp_path / "aggregation-paper"
+    experiment = load_experiment(ROOT / "configs/experiments/uni_encoding.py", "paper")
+    (name,) = (n for n, arm in experiment.arms.items() if arm.of.startswith("aggregation/"))
+    held = []
+    monkeypatch.setattr(run, "alone", lambda *given: held.append(given) or contextlib.nullcontext())
+    monkeypatch.setattr(run, "claim_arm", lambda *_: None)
+    monkeypatch.setattr(run, "train_arm", lambda *_: there)
+    monkeypatch.setattr(run, "judge", lambda *_: held.append("judged"))
+    run.attempt(experiment, here, name, 0, 1, {})
+    (folder, wait), judged = held
+    assert folder == there and callable(wait) and judged == "judged"
+    with pytest.raises(ValueError, match="is the folder of the experiment that arm"):
+        run.prepare(experiment, there, [name], 1, 1)
+
+
 @TRAINS
 def test_seeds_reach_the_weights_and_the_order_of_data(done, monkeypatch, tmp_path):
     experiment, _ = done
@@ -338,7 +355,7 @@ def test_a_half_judged_seed_is_not_in_the_table(done, tmp_path):
     [
         (["nothing"], "give a file, or in the repository's root one of aggregation, "),
         (["aggregation", "--seeds", "0"], "--seeds must be at least 1"),
-        (["solvers", "--seeds", "2"], "nothing is trained by euler_1, euler_2"),
+        (["solvers", "--seeds", "2"], "nothing is trained in it, so there is one seed"),
         (["unseen_joint", "--size", "paper"], "no paper size"),
         ([str(ROOT / "configs/debug.py")], "must define experiment(size)"),
     ],

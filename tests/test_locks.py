@@ -43,6 +43,9 @@ def test_who_comes_second_waits_until_the_first_is_gone(tmp_path, kind):
 
         with held(tmp_path / "records", told):
             assert first.wait() and waited == [None]
+            name = {"alone": "records/lock", "in_turn": ".records.lock"}[kind]
+            with (tmp_path / name).open("w") as other:  # it is held, not only awaited
+                assert not locks.taken(other)
         with held(tmp_path / "records", told):  # nobody has it
             assert len(waited) == 1
 

@@ -185,7 +185,7 @@ class StageConfig:
     ``accumulate``: micro-batches that a batch is cut into; their gradients are averaged before one update. ``gradient_clip``: largest global norm, 0 = any.
     ``clip_percentile``: of the last ``clip_window`` gradients' norms, if that is less (TRELLIS: 95 of 1000); 0 = not. ``freeze``: parameters that stay
     as they are, by dotted name or prefix. ``skip_not_finite``: so many steps in a row may have a loss or gradients that are not finite, and are passed
-    over; one more ends the run.
+    over, which the learning rate's schedule does not count; one more ends the run.
     """
 
     steps: int = 800_000

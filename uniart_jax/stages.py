@@ -76,7 +76,7 @@ def run(
     Raises:
       ValueError: WORKDIR belongs to another model or another process works in it, a setting is out of range, a flow's checkpoint to other inputs, ``init`` does not fit the config, or a stage's ``freeze`` its network.
       FileNotFoundError: records or an earlier stage's weights are missing.
-      FloatingPointError: loss or gradients are not finite.
+      FloatingPointError: loss or gradients are not finite (``StageConfig.skip_not_finite``).
     """
     workdir = Path(workdir)
     if not config.data.records:
@@ -285,7 +285,11 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
         start = create_state(network.init, optimizer, key, mesh)
         if source is not None:
             start = begin_with(start, load_network(source, name, network.abstract()))
-    with Checkpoints(folder, stage.keep_checkpoints) as checkpoints:
+    batches = stage_batches(name, config, workdir)
+    with (
+        Checkpoints(folder, stage.keep_checkpoints) as checkpoints,
+        contextlib.closing(iter(batches)) as iterator,
+    ):
         state = run_stage(
             name,
             state=start,
@@ -297,7 +301,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
                 accumulate=stage.accumulate,
                 skip=stage.skip_not_finite > 0,
             ),
-            batches=iter(stage_batches(name, config, workdir)),
+            batches=iterator,
             put=in_parts(make_put(name, config, workdir, mesh), stage.accumulate, config.model),
             key=jax.random.fold_in(key, 1),
             checkpoints=checkpoints,

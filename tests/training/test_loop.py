@@ -1,6 +1,5 @@
 """A stage's loop: resuming is exact, it stops on what is not finite, on a signal and at the end, and says so."""
 
-import dataclasses
 import json
 import os
 import random
@@ -81,22 +80,31 @@ def test_a_finished_stage_is_only_restored(straight, capsys):
 def test_stops_where_values_are_not_finite_and_saves_nothing_after(tmp_path):
     stage = toy_run.make_stage(9, 1, log_every=100, keep_checkpoints=9)
     with pytest.raises(FloatingPointError, match=r"toy: error, grad_norm, loss .* step 3;"):
-        toy_run.train(tmp_path, stage, toy_run.make_batches(nan_at=3))
+        toy_run.train(tmp_path, stage, toy_run.make_batches(nan_at=(3,)))
     assert saved_steps(tmp_path) == [1, 2]
 
 
-def test_steps_that_are_not_finite_are_passed_over_as_often_as_asked(tmp_path):
-    stage = toy_run.make_stage(6, 2, log_every=6, skip_not_finite=1)
-    state = toy_run.train(tmp_path / "a", stage, toy_run.make_batches(nan_at=3))
-    assert int(state.step) == 6 and saved_steps(tmp_path / "a") == [2, 4, 6]
+def test_steps_that_are_not_finite_are_passed_over_as_often_as_asked(tmp_path, capsys):
+    stage = toy_run.make_stage(8, 2, log_every=8, skip_not_finite=1)
+    state = toy_run.train(tmp_path / "a", stage, toy_run.make_batches(nan_at=(4, 6)))
+    assert int(state.step) == 8 and all(np.isfinite(x).all() for x in jax.tree.leaves(state))
+    assert saved_steps(tmp_path / "a") == [5, 7, 8]  # 4 and 6 wait for a sound step
     (row,) = rows(tmp_path / "a")
-    assert row["skipped"] == pytest.approx(1 / 6) and np.isfinite(row["loss"])
-    first = toy_run.train(tmp_path / "b", toy_run.make_stage(4, 2, skip_not_finite=1), toy_run.make_batches(nan_at=3))  # fmt: skip
-    assert int(first.step) == 4
-    assert_same(state, toy_run.train(tmp_path / "b", stage, toy_run.make_batches()))  # resumed
-    twice = dataclasses.replace(stage, skip_not_finite=2)
-    with pytest.raises(FloatingPointError, match="step 3;"):
-        toy_run.train(tmp_path / "c", twice, toy_run.make_batches(nan_from=1))
+    assert row["skipped"] == 2 / 8 and np.isfinite(row["loss"]) and np.isfinite(row["grad_norm"])
+    said = capsys.readouterr().err
+    assert said.count("passed over (up to 1 in a row are)") == 2 and "not finite at step 6" in said
+    short = toy_run.make_stage(5, 2, skip_not_finite=1)
+    toy_run.train(tmp_path / "b", short, toy_run.make_batches(nan_at=(4,)))
+    assert_same(state, toy_run.train(tmp_path / "b", stage, toy_run.make_batches(nan_at=(1,))))
+
+
+def test_more_steps_in_a_row_that_are_not_finite_end_the_run(tmp_path):
+    stage = toy_run.make_stage(9, 1, log_every=100, skip_not_finite=2, keep_checkpoints=9)
+    for done in (0, 3):  # started again, it comes no further
+        bad = range(4 - done, 9)
+        with pytest.raises(FloatingPointError, match="at step 6 and the 2 before it; stopped"):
+            toy_run.train(tmp_path, stage, toy_run.make_batches(nan_at=bad))
+        assert saved_steps(tmp_path) == [1, 2, 3]
 
 
 def test_reports_evaluates_and_logs_on_time(tmp_path, capsys):

@@ -58,7 +58,7 @@ def loss_fn(params, batch, key):
     return loss, {"error": jnp.sqrt(loss)}
 
 
-def make_batches(seen=None, nan_at=-1, slow=0.0, share=slice(None), fail_at=-1, nan_from=10**9):
+def make_batches(seen=None, nan_at=(), slow=0.0, share=slice(None), fail_at=-1):
     import grain
     import numpy as np
 
@@ -86,7 +86,7 @@ def make_batches(seen=None, nan_at=-1, slow=0.0, share=slice(None), fail_at=-1, 
             self.count += 1
             if self.count == fail_at:
                 raise ValueError("record 17 is damaged")
-            if self.count == nan_at or self.count >= nan_from:
+            if self.count in nan_at:
                 batch["y"] = batch["y"] * np.nan
             return batch
 
@@ -178,7 +178,7 @@ def main() -> None:
     from uniart_jax.training.export import export_network, flat_names
 
     sharding.MIN_SHARDED_SIZE = 1
-    batches = make_batches(nan_at=args.nan, slow=args.slow, share=share, fail_at=args.fail)
+    batches = make_batches(nan_at=[args.nan], slow=args.slow, share=share, fail_at=args.fail)
     stage = make_stage(args.steps, args.save_every, accumulate=args.accumulate)
     with distributed.together():
         state = train(args.workdir, stage, batches, fsdp=args.fsdp, width=args.width)

@@ -92,7 +92,7 @@ class BatchIterator:
         self._number = state["batch"]
 
     def close(self) -> None:
-        """End what makes batches ahead; the next one begins anew."""
+        """End what makes batches ahead (worker processes at once, a thread once its batch is made); the next batch is still the one of this place."""
         if self._ahead is not None:
             self._ahead.close()
         self._ahead = None

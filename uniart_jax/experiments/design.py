@@ -137,8 +137,8 @@ class Experiment:
 
 def trained_on(config: Config, records: Records, **more: Any) -> Config:
     """The config with the records that the experiment makes, without validation; ``more``: of its data."""
-    data = dict(records=records.folder, procedural=0, views=records.views, validation="", **more)
-    return dataclasses.replace(config, data=dataclasses.replace(config.data, **data))
+    data = {"records": records.folder, "procedural": 0, "views": records.views, "validation": ""}
+    return dataclasses.replace(config, data=dataclasses.replace(config.data, **data | more))
 
 
 def with_aggregation(config: Config, kind: Aggregation) -> Config:

@@ -58,8 +58,8 @@ def run_experiment(
     if unknown := [name for name in arms if name not in experiment.arms]:
         raise ValueError(f"experiment: no arm '{unknown[0]}'; there are {', '.join(experiment.arms)}")  # fmt: skip
     chosen = [name for name in experiment.arms if not arms or name in arms]
-    if (seeds or 1) > 1 and not any(experiment.trained(name).stages for name in chosen):
-        raise ValueError(f"experiment: nothing is trained by {', '.join(chosen)}, so there is one seed; more test objects are --count")  # fmt: skip
+    if (seeds or 1) > 1 and not any(experiment.trained(name).stages for name in experiment.arms):
+        raise ValueError("experiment: nothing is trained in it, so there is one seed; more test objects are --count")  # fmt: skip
     seeds, count = seeds or experiment.seeds, count or experiment.count
     with alone(out):
         prepare(experiment, out, chosen, seeds, count)
@@ -83,6 +83,12 @@ def prepare(
     Raises: as ``run_experiment``.
     """
     missing_networks(experiment, out, chosen, seeds)
+    for name in chosen:
+        if (
+            "/" in experiment.arms[name].of
+            and experiment.folder(name, out).parent.resolve() == out.resolve()
+        ):
+            raise ValueError(f"{out}: is the folder of the experiment that arm '{name}' is of; give another --out")  # fmt: skip
     for records in experiment.records:
         make_records(records, experiment.trained(chosen[0]).config.model)
     for name in experiment.arms:
@@ -120,7 +126,7 @@ def attempt(
             with contextlib.ExitStack() as stack:
                 if "/" in arm.of:
                     there = workdir.parent
-                    stack.enter_context(alone(there.parent, lambda: console.print(f"{there.parent}: another command works there; waiting")))  # fmt: skip
+                    stack.enter_context(alone(there.parent, lambda: console.print(f"{there.parent}: another command works there; waiting until it is done", markup=False)))  # fmt: skip
                     claim_arm(alone_of(experiment, name), there.name, there)
                 checkpoint = workdir if arm.of and "/" not in arm.of else train_arm(made, seed, workdir)  # fmt: skip
         except FloatingPointError as error:  # others go on

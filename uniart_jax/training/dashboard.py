@@ -11,6 +11,7 @@ Beside a stage's own losses every row about training holds ``grad_norm``, ``lear
     program_<label>_steps, _samples_per_second, _padding     of each of them (label: padded width and a digest of all shapes), where there are several: how often it ran, how fast, the share of its voxels that was padding
     padding                                share of the voxels of all batches that was padding (stages that take voxels as lists)
     clip_threshold                         where it adapts
+    skipped                                share of the steps that were not finite, where they may be passed over; the means above are over the others
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import math
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -40,14 +42,21 @@ Scalars = dict[str, float]
 
 
 class Meter:
-    """Metrics since the last row, fetched one step late and checked for finiteness, and where the time went."""
+    """Metrics since the last row, fetched one step late and checked for finiteness, and where the time went.
 
-    def __init__(self, name: str, stage: StageConfig):
-        self.name, self.stage = name, stage
+    Attributes:
+      passed_over: the last so many steps were not finite.
+    """
+
+    def __init__(
+        self, name: str, stage: StageConfig, say: Callable[[str], None] = lambda line: None
+    ):
+        """``say``: is told when steps begin to be passed over."""
+        self.name, self.stage, self._say = name, stage, say
+        self.passed_over = 0
         self.latest: Scalars = {}
         self._pending: tuple[int, Any, Program | None] | None = None
         self._compiled = False
-        self._skipped = 0  # steps in a row
         self._schedule = make_schedule(stage)
         self._start = self._settled = time.perf_counter()
         self._clear()
@@ -83,17 +92,20 @@ class Meter:
             return
         (step, metrics, program), self._pending = self._pending, None
         values = {key: float(value) for key, value in jax.device_get(metrics).items()}
-        finite = values.pop("finite")
-        self._skipped = 0 if finite else self._skipped + 1
-        if self._skipped > self.stage.skip_not_finite:
+        finite, may = values.pop("finite"), self.stage.skip_not_finite
+        self.passed_over = 0 if finite else self.passed_over + 1
+        if not finite:
             bad = sorted(key for key, value in values.items() if not math.isfinite(value))
-            raise FloatingPointError(
-                f"{self.name}: {', '.join(bad)} not finite at step {step}; stopped, nothing saved since the last checkpoint; "
-                "lower the learning rate or look at the data"
-            )
-        if self.stage.skip_not_finite:
+            what = f"{self.name}: {', '.join(bad)} not finite at step {step}"
+            if self.passed_over > may:
+                before = f" and the {may} before it" if may else ""
+                raise FloatingPointError(f"{what}{before}; stopped, nothing saved since the last checkpoint; lower the learning rate or look at the data")  # fmt: skip
+            if self.passed_over == 1:
+                self._say(f"{what}; passed over (up to {may} in a row are)")
+        if may:
             values["skipped"] = float(not finite)
         self.latest = values
+        values = values if finite else {"skipped": 1.0}
         self._seen.append(values)
         now, begin = time.perf_counter(), self._settled
         self._settled = now

@@ -1,4 +1,4 @@
-"""The loop of one stage: resume, step, report, evaluate, save; it ends at the last step, a signal or a value that is not finite.
+"""The loop of one stage: resume, step, report, evaluate, save; it ends at the last step, a signal or values that are not finite.
 
 Order in which a run comes back: the newest good checkpoint of ``WORKDIR/checkpoints/<stage>`` gives weights, moments, average, step
 and place in the data; what the log files hold beyond that step is dropped; an evaluation that was due at that step and is not in them is made up for;
@@ -60,7 +60,7 @@ def run_stage(
     is saved or evaluated, so that no next stage begins.
 
     Raises:
-      FloatingPointError: loss or gradients are not finite; step and metrics are named and nothing is saved.
+      FloatingPointError: loss or gradients are not finite, in more steps in a row than may be passed over; step and metrics are named and nothing is saved.
       ValueError: the checkpoint is of another config, or the data ended.
     """
     restored = checkpoints.restore(state, batches)
@@ -81,7 +81,8 @@ def run_stage(
             report.say(f"{name}: resumed at step {step}")
         if missed and evaluate is not None:
             report.log(step, "evaluation", *evaluate(state, step))
-        meter, ahead, stop = Meter(name, stage), Prefetch(batches, put), None
+        meter, ahead = Meter(name, stage, report.say), Prefetch(batches, put)
+        stop, owed = None, False
         while step < stage.steps:
             profiler.before(step)
             try:
@@ -104,7 +105,7 @@ def run_stage(
             last = step == stage.steps
             log, test = step % stage.log_every == 0, step % stage.evaluate_every == 0
             stop = signals.asked(step)
-            save = step % stage.save_every == 0 or last or stop is not None
+            save = owed or step % stage.save_every == 0 or last or stop is not None
             if not last and stop is None:
                 ahead.fetch()
             # One step behind, so that the device has its next step before this one is done, and no queue of batches builds up.
@@ -114,7 +115,9 @@ def run_stage(
                 meter.pause()
             if log or last:
                 report.log(step, "train", meter.row(step, len(train_step.compiled)))
-            if save:
+            # a checkpoint in the midst of steps that are passed over would let a run that ends there go on when it is started again
+            owed = save and meter.passed_over > 0 and not last and stop is None
+            if save and not owed:
                 begin = time.perf_counter()
                 checkpoints.save(step, state, ahead, wait=last or stop is not None)
                 meter.saved(time.perf_counter() - begin)

@@ -26,7 +26,7 @@ class TrainState(NamedTuple):
     """A run between two steps.
 
     Attributes:
-      step: int32 []; number of updates made.
+      step: int32 []; number of steps made, also of those that were passed over.
       params: the trained network's nested dict, float32.
       opt_state: of the optax transformation.
       ema: exponential moving average of ``params``; what is exported.
