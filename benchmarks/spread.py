@@ -49,14 +49,15 @@ def by_agreement(objects: list[np.ndarray], samples: int) -> list[dict[str, Any]
     for number in range(1, samples + 1):
         right = np.array([o[o[:, 0] == number, 1].sum() for o in objects])
         joints = np.array([(o[:, 0] == number).sum() for o in objects])
-        row = {"samples that agree": number, "joints": int(joints.sum()), "right": np.nan}
+        share = least = most = np.nan
         if joints.sum():
             totals = joints[draws].sum(1)
             shares = right[draws].sum(1)[totals > 0] / totals[totals > 0]
+            share = right.sum() / joints.sum()
             least, most = np.percentile(shares, [2.5, 97.5])
-            row |= {"right": float(right.sum() / joints.sum()), "least": least, "most": most}
-        rows.append({"least": np.nan, "most": np.nan} | row)
-    return [{k: r[k] for k in ("samples that agree", "joints", "right", "least", "most")} for r in rows]  # fmt: skip
+        row = {"samples that agree": number, "joints": int(joints.sum())}
+        rows.append(row | {"right": share, "least": least, "most": most})
+    return rows
 
 
 def main() -> None:
