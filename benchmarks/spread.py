@@ -19,7 +19,7 @@ import numpy as np
 from results import report
 
 from uniart_jax.evaluation.parts import compare_parts
-from uniart_jax.evaluation.procedural import held_out
+from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.evaluation.spread import joint_spread
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import enable_compilation_cache, load
@@ -75,13 +75,7 @@ def main() -> None:
     model = pipeline.config.model
     objects, missing = [], 0
     for index in track(range(args.count), "held-out objects", args.count):
-        test = held_out(
-            index,
-            unseen=args.unseen,
-            resolution=model.grid.resolution,
-            subdivisions=model.grid.subdivisions,
-            image_size=model.image_encoder.image_size,
-        )
+        test = held_out_for(model, index, args.unseen)
         made = []
         for seed in range(args.samples):
             try:

@@ -26,7 +26,7 @@ from uniart_jax.evaluation.controls import CONTROLS
 from uniart_jax.evaluation.kept import claim, keep
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.pairs import Source
-from uniart_jax.evaluation.procedural import HeldOut, held_out
+from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.evaluation.retrieval import (
     make_library,
     make_retrieval,
@@ -155,7 +155,7 @@ def make_assets(
     written: list[Future[None]] = []
     ahead = 2 * processes
     with process_pool(processes) as submit:
-        draw = functools.partial(_test, unseen=unseen, model=model)
+        draw = functools.partial(held_out_for, model, unseen=unseen)
         tests = in_order(submit, draw, todo, ahead)
         for index, test in zip(todo, track(tests, "images to objects", len(todo)), strict=True):
             name = names[index]
@@ -185,19 +185,9 @@ def object_name(index: int, families: Sequence[str]) -> str:
     return f"{index:04d}-{families[index % len(families)]}"
 
 
-def _test(index: int, unseen: bool, model: ModelConfig) -> HeldOut:
-    return held_out(
-        index,
-        unseen=unseen,
-        resolution=model.grid.resolution,
-        subdivisions=model.grid.subdivisions,
-        image_size=model.image_encoder.image_size,
-    )
-
-
 def _truth(index: int, unseen: bool, model: ModelConfig) -> tuple[str, ArticulatedObject]:
     """Its longest side 1, as all that is made from images: no image tells a size, and SINGAPO's figures would count it."""
-    test = _test(index, unseen, model)
+    test = held_out_for(model, index, unseen)
     obj = dataclasses.replace(at_rest(test.obj), scale=1.0)
     return object_name(index, split_families(unseen)), obj
 

@@ -23,7 +23,7 @@ from uniart_jax import procedural
 from uniart_jax.data.folder import Settings
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.kept import claim, keep
-from uniart_jax.evaluation.procedural import held_out
+from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.frames import joint_name, moves
 from uniart_jax.objects.object import ArticulatedObject
@@ -145,13 +145,7 @@ def _sampled(checkpoint: str, count: int, unseen: bool, out: Path) -> Iterator[T
             enable_compilation_cache()
             pipeline = load(checkpoint)
         model = pipeline.config.model
-        test = held_out(
-            index,
-            unseen=unseen,
-            resolution=model.grid.resolution,
-            subdivisions=model.grid.subdivisions,
-            image_size=model.image_encoder.image_size,
-        )
+        test = held_out_for(model, index, unseen)
         try:
             source: ArticulatedObject | str = pipeline(test.image, seed=index)
         except ValueError as error:  # no object in the image: a failure that counts

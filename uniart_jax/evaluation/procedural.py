@@ -27,6 +27,7 @@ from rich.console import Console
 from rich.table import Table
 
 from uniart_jax import procedural
+from uniart_jax.config import ModelConfig
 from uniart_jax.evaluation.geometry import object_chamfer
 from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.parts import PartScores, compare_parts, summarize
@@ -103,6 +104,17 @@ def held_out(
     return HeldOut(family, seed, obj, grid, np.round(picture * 255).astype(np.uint8))
 
 
+def held_out_for(model: ModelConfig, index: int, unseen: bool = False) -> HeldOut:
+    """``held_out`` with the voxels and the image that a model reads."""
+    return held_out(
+        index,
+        unseen=unseen,
+        resolution=model.grid.resolution,
+        subdivisions=model.grid.subdivisions,
+        image_size=model.image_encoder.image_size,
+    )
+
+
 @dataclasses.dataclass(frozen=True)
 class Score:
     """One object of one station against the truth; ``chamfer`` at the shown state, ``chamfer_open`` with both opened."""
@@ -173,19 +185,15 @@ def evaluate_checkpoint(
     pipeline = load(checkpoint)
     retrieve = None if records is None else make_retrieval(pipeline, records)
     model = pipeline.config.model
-    options = {
-        "unseen": unseen,
-        "resolution": model.grid.resolution,
-        "subdivisions": model.grid.subdivisions,
-        "image_size": model.image_encoder.image_size,
-    }
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     overlaps: list[float] = []
     found: list[Future[tuple[dict[str, Score], dict[str, bool]]]] = []
     ahead = _ahead(processes)
     with process_pool(processes) as submit:
-        tests = in_order(submit, functools.partial(held_out, **options), range(count), ahead)
+        tests = in_order(
+            submit, functools.partial(held_out_for, model, unseen=unseen), range(count), ahead
+        )
         for k, test in enumerate(track(tests, "held-out objects", count)):
             grids, overlap, pixels = predict(pipeline, test, k)
             overlaps.append(overlap)

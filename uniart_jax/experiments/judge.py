@@ -28,7 +28,7 @@ from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.records import RecordSource, split_places
 from uniart_jax.evaluation.kept import keep, read_kept, without_nan
 from uniart_jax.evaluation.metric import Figures, Metric, at_rest
-from uniart_jax.evaluation.procedural import HeldOut, held_out
+from uniart_jax.evaluation.procedural import HeldOut, held_out_for
 from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.experiments.design import Arm, Objects, Station
 from uniart_jax.models.network import build
@@ -298,13 +298,7 @@ def test_object(arm: Arm, name: str, model: ModelConfig) -> Test:
         obj, family = object_of_record(record), str(record.meta.get("category", ""))
         truth = HeldOut(family, index, obj, record.grid(), images[0])
         return Test(truth, images, {c: getattr(record, c).astype(np.float32) for c in columns})
-    truth = held_out(
-        index,
-        unseen=tests.unseen,
-        resolution=model.grid.resolution,
-        subdivisions=model.grid.subdivisions,
-        image_size=model.image_encoder.image_size,
-    )
+    truth = held_out_for(model, index, tests.unseen)
     return Test(truth, views_of(truth, arm.views), {})
 
 
