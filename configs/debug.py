@@ -69,7 +69,9 @@ def config() -> Config:
                 part_segment=64,
             ),
             structure_flow=flow,
-            latent_flow=FlowConfig(**{**flow.__dict__, "stem": "patch", "patch_size": 4}),
+            latent_flow=FlowConfig(
+                **{**flow.__dict__, "stem": "patch", "patch_size": 4, "pixel_channels": 8}
+            ),
         ),
         data=DataConfig(
             records="data-cache/debug",

@@ -106,7 +106,7 @@ def test_an_items_adaptive_steps_know_nothing_of_its_neighbours(solver):
 
     def sampled(items):
         padded, counts = pad_coords([coords[i] for i in items], (256,))
-        part = Condition(*(a[np.array(items)] for a in condition))
+        part = jax.tree.map(lambda a: a[np.array(items)], condition)
         voxels = flow_inputs(padded, counts, MODEL)
         return sampler(LATENT, PLAIN, part, KEY, voxels), counts
 
@@ -137,9 +137,14 @@ def test_padding_does_not_count_as_error():
 
 @pytest.mark.parametrize("views", [2, 3])
 def test_several_views_are_one_condition(views):
-    """Tokens side by side, volumes averaged; their order does not matter, and none is left out."""
+    """Tokens and maps side by side, volumes averaged; their order does not matter, and none is left out."""
     condition = seen(views)
+    closely = condition._replace(pixels=rng.normal(size=(views, 1, 8, 8, 3)), cameras=rng.normal(size=(views, 1, 7)))  # fmt: skip
+    together = join_views(closely)
+    np.testing.assert_array_equal(together.pixels[0], closely.pixels[:, 0])
+    np.testing.assert_array_equal(together.cameras[0], closely.cameras[:, 0])
     joined = join_views(condition)
+    assert joined.pixels is None
     assert joined.tokens.shape == (1, 5 * views, 8) and joined.volume.shape == (1, 4, 4, 4, 3)
     np.testing.assert_allclose(joined.volume[0], condition.volume.mean(0), atol=1e-6)
     sampler = make_structure_sampler(MODEL, OPTIONS)

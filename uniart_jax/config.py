@@ -115,6 +115,7 @@ class FlowConfig:
     followed, with ``voxel_channels`` > 0, by an MLP of this width on each voxel that also sees the voxel's own noisy latent.
     ``volume_channels``: the first so many of the image encoder's volume (its features, then 3 of colour) added to the tokens they are
     aligned with; 0 = none (TRELLIS).
+    ``pixel_channels``: width of what each voxel reads off the pictures where the camera sees it (``nn.lifting.read_pixels``); latent flow of stem 'patch'; 0 = none.
     ``position_table``: the structure flow holds its position embedding as a frozen table instead of computing it (weights whose table differs).
     ``prediction``: the network's output is the velocity (TRELLIS) or the clean sample, from which the velocity follows.
     """
@@ -130,6 +131,7 @@ class FlowConfig:
     share_mod: bool = False
     volume_channels: int = 0
     volume_resolution: int = 8
+    pixel_channels: int = 0
     prediction: Literal["velocity", "data"] = "velocity"
     stem: Literal["conv", "patch"] = "conv"
     voxel_channels: int = 0

@@ -27,20 +27,24 @@ class Condition(NamedTuple):
 
     Attributes:
       tokens: [B, L, D]. volume: [B, Rv, Rv, Rv, C]; None where the image encoder has none (DINOv2).
+      pixels, cameras: [B, N, S, S, C], [B, N, 7] maps of N views and where they were taken from (``nn.lifting.read_pixels``); None where the latent flow reads none.
     """
 
     tokens: Any
     volume: Any = None
+    pixels: Any = None
+    cameras: Any = None
 
 
 def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
     """Jitted (image encoder's params, images [B, S, S, 3] in [0, 1]) -> what the flows see of them."""
-    network = build("image_encoder", model)
+    network, closely = build("image_encoder", model), model.latent_flow.pixel_channels > 0
 
     @jax.jit
     def run(params, images):
         seen = network.apply(params, images)
-        return Condition(seen["tokens"], seen.get("volume"))
+        close = (seen["pixels"][:, None], seen["camera"][:, None]) if closely else ()
+        return Condition(seen["tokens"], seen.get("volume"), *close)
 
     return run
 
@@ -82,7 +86,8 @@ def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[.
         noise = jnp.where(valid, jax.random.normal(key, (*coords.shape[:2], channels)), 0)
 
         def velocity(x, t, seen):
-            return network.apply(params, x, t, seen.tokens, seen.volume, **voxels)
+            views = (seen.pixels, seen.cameras)
+            return network.apply(params, x, t, seen.tokens, seen.volume, views=views, **voxels)
 
         nothing = jax.tree.map(jnp.zeros_like, condition)
         guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
@@ -132,7 +137,8 @@ def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> d
 
 
 def join_views(condition: Condition) -> Condition:
-    """Several views [M, ...] of one object as one condition [1, ...]: tokens side by side, volumes (aligned with the object) averaged."""
-    tokens, volume = condition
+    """Several views [M, ...] of one object as one condition [1, ...]: tokens and maps side by side, volumes (aligned with the object) averaged."""
+    tokens, volume, *views = condition
     mean = None if volume is None else volume.mean(0, keepdims=True)
-    return Condition(tokens.reshape(1, -1, tokens.shape[-1]), mean)
+    views = [None if v is None else v.reshape(1, -1, *v.shape[2:]) for v in views]
+    return Condition(tokens.reshape(1, -1, tokens.shape[-1]), mean, *views)

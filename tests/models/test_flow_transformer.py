@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from toy import MODEL, finite, flow_arguments, init, latent_config, voxel_batch
+from toy import MODEL, finite, flow_arguments, flow_views, init, latent_config, voxel_batch
 
 from uniart_jax.models.flow_transformer import _patchify, _unpatchify
 from uniart_jax.models.network import build
@@ -37,6 +37,8 @@ def test_flow_that_needs_a_volume_says_so():
 LATENT_FLOWS = {
     "patch": dict(stem="patch", share_mod=True),
     "patch-voxel": dict(stem="patch", share_mod=True, voxel_channels=8),
+    "patch-pixel": dict(stem="patch", pixel_channels=6),
+    "patch-voxel-pixel": dict(stem="patch", voxel_channels=8, pixel_channels=6),
     "conv": dict(stem="conv", io_channels=(6,)),
     "conv-io3-noskip": dict(
         stem="conv", io_channels=(6,), num_io_res_blocks=3, use_skip_connection=False
@@ -53,11 +55,13 @@ def test_latent_flow_ignores_padding(changes):
     network = build("latent_flow", model)
     params = init(network)
     tokens, volume, t = flow_arguments()
+    views = flow_views()
 
     @jax.jit
     def step(params, x, coords, counts, plan):
         def loss(params):
-            v = network.apply(params, x, t, tokens, volume, coords=coords, counts=counts, plan=plan)
+            voxels = {"coords": coords, "counts": counts, "plan": plan}
+            v = network.apply(params, x, t, tokens, volume, views=views, **voxels)
             return jnp.square(v).sum(), v
 
         return jax.grad(loss, has_aux=True)(params)
@@ -81,20 +85,82 @@ def test_latent_flow_ignores_padding(changes):
 
 
 def test_latent_flow_draws_share_voxels():
-    network = build("latent_flow", MODEL)
+    model = latent_config(voxel_channels=8, pixel_channels=6)
+    network = build("latent_flow", model)
     params = init(network)
     tokens, volume, t = flow_arguments(2)
-    batch = voxel_batch(MODEL)
+    views = flow_views()
+    batch = voxel_batch(model)
     x = jnp.asarray(np.random.default_rng(1).normal(size=(4, 70, 4)), jnp.float32)
     apply = jax.jit(network.apply)
 
     def run(coords, counts):
-        plan = flow_plan(coords, counts, MODEL.latent_flow, MODEL.grid)
-        return apply(params, x, t, tokens, volume, coords=coords, counts=counts, plan=plan)
+        plan = flow_plan(coords, counts, model.latent_flow, model.grid)
+        voxels = {"coords": coords, "counts": counts, "plan": plan}
+        return apply(params, x, t, tokens, volume, views=views, **voxels)
 
     shared = run(batch["coords"], batch["counts"])
     alone = run(np.repeat(batch["coords"], 2, 0), np.repeat(batch["counts"], 2))
     np.testing.assert_allclose(shared, alone, rtol=1e-4, atol=1e-4)
+
+
+def test_pixels_matter_where_they_are_seen_and_the_order_of_views_does_not():
+    model = latent_config(voxel_channels=8, pixel_channels=6)
+    network = build("latent_flow", model)
+    params = init(network)
+    tokens, volume, t = flow_arguments()
+    batch = voxel_batch(model)
+    plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
+    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    apply = jax.jit(network.apply)
+
+    def run(maps, cameras):
+        return apply(params, batch["latent"], t, tokens, volume, views=(maps, cameras), **voxels)
+
+    maps, cameras = flow_views(3)
+    whole = run(maps, cameras)
+    np.testing.assert_allclose(run(maps[:, ::-1], cameras[:, ::-1]), whole, rtol=1e-4, atol=1e-4)
+    moved = np.abs(run(maps.at[0, 1].add(1.0), cameras) - whole)
+    assert moved[0, :61].max() > 1e-3 and not moved[1].any()
+    moved = np.abs(run(maps, cameras.at[1, 2, 0].add(1.0)) - whole)
+    assert moved[1, :37].max() > 1e-3 and not moved[0].any()
+
+
+def test_reading_pixels_begins_at_nothing():
+    """So that a flow trained without goes on as it was."""
+    plain, more = latent_config(voxel_channels=8), latent_config(voxel_channels=8, pixel_channels=6)
+    network = build("latent_flow", more)
+    tokens, volume, t = flow_arguments()
+    batch = voxel_batch(more)
+    plan = flow_plan(batch["coords"], batch["counts"], more.latent_flow, more.grid)
+    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    params = init(build("latent_flow", plain))
+    fresh = network.init(jax.random.key(0))
+    added = {name: fresh[name] for name in fresh.keys() - params.keys()}
+    assert sorted(added) == ["pixel_cube", "pixel_hidden", "pixel_in", "pixel_voxel"]
+    found = network.apply(
+        {**params, **added}, batch["latent"], t, tokens, volume, views=flow_views(), **voxels
+    )
+    before = build("latent_flow", plain).apply(params, batch["latent"], t, tokens, volume, **voxels)
+    np.testing.assert_allclose(found, before, rtol=1e-5, atol=1e-5)
+
+
+def test_a_flow_that_reads_pixels_says_where_it_cannot():
+    network = build("latent_flow", latent_config(pixel_channels=6))
+    tokens, volume, t = flow_arguments()
+    batch = voxel_batch(MODEL)
+    plan = flow_plan(batch["coords"], batch["counts"], MODEL.latent_flow, MODEL.grid)
+    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    with pytest.raises(ValueError, match="views"):
+        network.apply(init(network), batch["latent"], t, tokens, volume, **voxels)
+    with pytest.raises(ValueError, match="pixel_channels"):
+        build("latent_flow", latent_config(stem="conv", io_channels=(6,), pixel_channels=6)).abstract()  # fmt: skip
+    dino = dataclasses.replace(MODEL.image_encoder, architecture="dinov2")
+    with pytest.raises(ValueError, match="pixel_channels"):
+        build("latent_flow", dataclasses.replace(latent_config(pixel_channels=6), image_encoder=dino)).abstract()  # fmt: skip
+    structure = dataclasses.replace(MODEL.structure_flow, pixel_channels=6)
+    with pytest.raises(ValueError, match="pixel_channels"):
+        build("structure_flow", dataclasses.replace(MODEL, structure_flow=structure)).abstract()
 
 
 def test_conv_stem_levels_must_match_the_patch_size():

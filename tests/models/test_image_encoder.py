@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from toy import MODEL, finite, init
 
+from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.models.network import build
 
 
@@ -28,7 +29,14 @@ def test_image_encoder():
         "volume": (2, 4, 4, 4, 5 + 3),
         "occupancy": (2, 8, 8, 8),
         "codes": (2, 8, 8, 8, 21),
+        "pixels": (2, 8, 8, pixel_width(MODEL.image_encoder)),
     }
+    # the picture itself, in blocks, and the first stage, normalised
+    blocks = np.asarray(out["pixels"][1, 2, 5, :48]).reshape(4, 4, 3)
+    np.testing.assert_allclose(blocks, image[1, 8:12, 20:24] * 2 - 1, atol=1e-6)
+    features = np.asarray(out["pixels"][..., 48:])
+    np.testing.assert_allclose(features.mean(-1), 0, atol=1e-5)
+    np.testing.assert_allclose(features.std(-1), 1, atol=1e-2)
     assert finite(gradients) and all(np.asarray(g).any() for g in jax.tree.leaves(gradients))
 
 

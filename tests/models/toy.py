@@ -14,6 +14,7 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
+from uniart_jax.models.image_encoder import TYPICAL, pixel_width
 from uniart_jax.nn.segments import voxel_plans
 
 FLOW = FlowConfig(
@@ -118,3 +119,11 @@ def flow_arguments(draws=1, seed=0):
     rng = np.random.default_rng(seed)
     f = lambda *s: jnp.asarray(rng.normal(size=s), jnp.float32)  # noqa: E731
     return f(2, 9, 16), f(2, 4, 4, 4, 5), jnp.asarray(rng.random(2 * draws), jnp.float32)
+
+
+def flow_views(views=2, seed=0):
+    """Maps and cameras that the latent flow reads (``pixel_channels``) of two items."""
+    rng = np.random.default_rng(seed)
+    maps = rng.normal(size=(2, views, 8, 8, pixel_width(MODEL.image_encoder)))
+    cameras = np.array(TYPICAL) + rng.normal(0, 0.1, (2, views, 7))
+    return jnp.asarray(maps, jnp.float32), jnp.asarray(cameras, jnp.float32)

@@ -5,7 +5,7 @@ import scipy.ndimage
 
 from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.images import MARGIN
-from uniart_jax.nn.lifting import project, sample_map
+from uniart_jax.nn.lifting import hidden_depth, project, read_map, read_pixels, sample_map
 from uniart_jax.render import sample_camera
 
 SIZE = 64
@@ -62,3 +62,62 @@ def test_sample_map_interpolates_rows_and_columns():
                 features[b, :, :, c], [y, x], order=1, mode="nearest"
             )
             np.testing.assert_allclose(found[b, :, c], expected, atol=1e-5)
+
+
+def test_read_map_is_sample_map_by_other_means():
+    rng = np.random.default_rng(4)
+    features = jnp.asarray(rng.normal(size=(2, 6, 6, 3)), jnp.float32)
+    places = jnp.asarray(rng.uniform(-1.3, 1.3, (2, 40, 2)), jnp.float32)
+    found = jax.vmap(read_map)(features, places)
+    np.testing.assert_allclose(found, sample_map(features, places), atol=1e-5)
+
+
+def test_hidden_depth_is_measured_from_the_foremost_valid_point_of_the_same_cell():
+    places = jnp.array([[-0.9, -0.9], [-0.6, -0.7], [-0.9, 0.9], [0.9, -0.9], [-0.8, -0.8]])
+    depth = jnp.array([0.3, 0.1, 0.5, -0.2, -5.0])
+    valid = jnp.array([True, True, True, True, False])
+    found = hidden_depth(places, depth, valid, 2)
+    np.testing.assert_allclose(found, [0.2, 0, 0, 0, 0], atol=1e-6)
+
+
+def _pixels(views=3, width=64):
+    rng = np.random.default_rng(5)
+    coords = np.zeros((2, width, 3), np.int32)
+    counts = np.array([50, 31], np.int32)
+    for b, n in enumerate(counts):
+        coords[b, :n] = rng.integers(0, 8, (n, 3))
+    codes = [_seen(rng, (3, 50), (20, 41))[1][0] for _ in range(2 * views)]
+    cameras = jnp.asarray(np.reshape(codes, (2, views, 7)), jnp.float32)
+    maps = jnp.asarray(rng.normal(size=(2, views, 16, 16, 4)), jnp.float32)
+    return maps, cameras, jnp.asarray(coords), jnp.asarray(counts)
+
+
+def test_voxels_read_the_picture_where_the_camera_sees_them():
+    """A map that holds its own coordinates gives back the projection of each voxel's centre."""
+    _, cameras, coords, counts = _pixels()
+    side = (np.arange(16) + 0.5) / 8 - 1
+    x, y = np.meshgrid(side, side)
+    maps = jnp.broadcast_to(jnp.asarray(np.stack([x, y], -1), jnp.float32), (2, 3, 16, 16, 2))
+    read = read_pixels(maps, cameras, coords, counts, 8)
+    assert read.shape == (2, 3, 64, 3)
+    for b, n in enumerate(counts):
+        centers = (coords[b, :n] + 0.5) / 8 - 0.5
+        places, depth = project(cameras[b], centers)
+        np.testing.assert_allclose(
+            read[b, :, :n, :2], np.clip(places, -15 / 16, 15 / 16), atol=1e-5
+        )
+        for view in range(3):
+            behind = hidden_depth(places[view], depth[view], jnp.ones(n, bool), 16)
+            assert behind.max() > 0.02
+            np.testing.assert_allclose(read[b, view, :n, 2], np.tanh(behind * 2), atol=1e-5)
+
+
+def test_reading_pixels_knows_no_padding_and_no_view_without_a_camera():
+    maps, cameras, coords, counts = _pixels()
+    run = jax.jit(read_pixels, static_argnums=4)
+    read = run(maps, cameras.at[1, 2].set(0), coords, counts, 8)
+    assert not np.asarray(read[1, 2]).any() and np.asarray(read[1, 1]).any()
+    wider = run(maps, cameras, jnp.pad(coords, ((0, 0), (0, 19), (0, 0)), constant_values=7), counts, 8)  # fmt: skip
+    whole = run(maps, cameras, coords, counts, 8)
+    for b, n in enumerate(counts):
+        np.testing.assert_allclose(wider[b, :, :n], whole[b, :, :n], atol=1e-6)

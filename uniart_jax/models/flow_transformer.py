@@ -1,8 +1,8 @@
 """The two velocity networks: rectified-flow transformers with cross-attention to image tokens.
 
 Upstream: TRELLIS ``models/sparse_structure_flow.py`` and ``models/structured_latent_flow.py``. Ours, as config options: a 'patch' stem
-that makes one token of a cube of voxels, features of the image encoder's volume added to the tokens that they are aligned with, and
-prediction of the clean sample instead of the velocity.
+that makes one token of a cube of voxels, features of the image encoder's volume added to the tokens that they are aligned with, pixels
+that each voxel reads where the camera sees it, and prediction of the clean sample instead of the velocity.
 
 A call may carry several noise draws per image: x has n times the context's batch, item-major, and shares its image's condition.
 """
@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import FlowConfig, ModelConfig
+from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.nn.blocks import (
     LayerNorm,
     ModulatedBlock,
@@ -29,6 +30,7 @@ from uniart_jax.nn.blocks import (
 from uniart_jax.nn.convolution import SubmanifoldConv
 from uniart_jax.nn.embeddings import grid_coords, position_embedding, timestep_embedding
 from uniart_jax.nn.grids import FlowPlan
+from uniart_jax.nn.lifting import read_pixels
 from uniart_jax.nn.pooling import (
     align_volume,
     at_cells,
@@ -125,6 +127,10 @@ class StructureFlow(FlowTrunk):
         s = config.structure_vae
         latent_side = config.grid.resolution // s.patch_size // 2 ** (len(s.channels) - 1)
         channels = s.latent_channels * c.patch_size**3
+        if c.pixel_channels:
+            raise ValueError(
+                "structure_flow: pixel_channels belongs to the latent flow; set it to 0"
+            )
         self._make_trunk(c, config, latent_side // c.patch_size, rngs)
         self.input_layer = linear(channels, c.model_channels, rngs, dtype=dtype)
         self.out_layer = linear(c.model_channels, channels, rngs, init=zeros)
@@ -146,7 +152,8 @@ class StructureFlow(FlowTrunk):
         h = self.input_layer(_patchify(self.see(x, t), self.config.patch_size))
         h = h + self.position_embedding().astype(h.dtype)
         if self.config.volume_channels:
-            added = self.embed_volume(_required(volume), x.shape[0] // tokens.shape[0])
+            volume = _required(volume, "volume_channels", "volume")
+            added = self.embed_volume(volume, x.shape[0] // tokens.shape[0])
             h = h + added.reshape(h.shape)
         h = self.run_blocks(h, self.embed_time(t), tokens)
         out = self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
@@ -199,9 +206,21 @@ class LatentFlow(FlowTrunk):
                 self.voxel_out = linear(2 * e, latent, rngs, init=zeros)
             else:
                 self.out_layer = linear(d, slots * latent, rngs, init=zeros)
+            if p := c.pixel_channels:
+                if config.image_encoder.architecture != "volume":
+                    raise ValueError("latent_flow: pixel_channels needs the camera that an image_encoder 'volume' estimates; set it to 0")  # fmt: skip
+                self.resolution = config.grid.resolution
+                self.pixel_in = linear(
+                    pixel_width(config.image_encoder) + 1, 2 * p, rngs, dtype=dtype
+                )
+                self.pixel_hidden = linear(2 * p, p, rngs, dtype=dtype)
+                self.pixel_cube = linear(slots * p, d, rngs, init=zeros, dtype=dtype)
+                if e:
+                    self.pixel_voxel = linear(p, e, rngs, init=zeros, dtype=dtype)
             return
-        if c.voxel_channels:
-            raise ValueError("latent_flow: voxel_channels belongs to the stem 'patch'; set it to 0")
+        if c.voxel_channels or c.pixel_channels:
+            name = "voxel_channels" if c.voxel_channels else "pixel_channels"
+            raise ValueError(f"latent_flow: {name} belongs to the stem 'patch'; set it to 0")
         if c.patch_size != 2 ** len(c.io_channels) or (c.share_mod and c.io_channels):
             raise ValueError(
                 f"latent_flow: the conv stem halves once per io_channels {c.io_channels}, so patch_size must be "
@@ -228,6 +247,7 @@ class LatentFlow(FlowTrunk):
         tokens: jax.Array,
         volume: jax.Array | None = None,
         *,
+        views: tuple[jax.Array | None, jax.Array | None] = (None, None),
         coords: jax.Array,
         counts: jax.Array,
         plan: FlowPlan,
@@ -236,6 +256,7 @@ class LatentFlow(FlowTrunk):
 
         Args:
           tokens: [B / n, M, D']. volume: [B / n, Rv, Rv, Rv, C'].
+          views: with ``pixel_channels``, maps [B / n, N, S, S, C''] and cameras [B / n, N, 7] of N pictures (``nn.lifting.read_pixels``).
           coords [B / m, V, 3], counts [B / m] and their plan (``nn.grids.flow_plan``): m draws in a row share them.
         """
         shared = x.shape[0] // coords.shape[0]
@@ -246,30 +267,51 @@ class LatentFlow(FlowTrunk):
         x = jnp.where(valid, x, 0)
         time = self.embed_time(t)
         draws = x.shape[0] // tokens.shape[0]
-        trunk = self._patch if self.config.stem == "patch" else self._convolve
-        out = trunk(self.see(x, t), time, tokens, volume, draws, coords, counts, plan)
+        seen = self.see(x, t)
+        if self.config.stem == "patch":
+            pixels = self._read(views, draws, coords, counts)
+            out = self._patch(seen, time, tokens, volume, draws, coords, counts, plan, pixels)
+        else:
+            out = self._convolve(seen, time, tokens, volume, draws, coords, counts, plan)
         return jnp.where(valid, self.to_velocity(out, x, t), 0)
 
     def _middle(self, h, time, tokens, volume, draws, coords, counts):
         h = h + position_embedding(coords, h.shape[-1]).astype(h.dtype)
         if self.config.volume_channels:
-            h = h + at_cells(self.embed_volume(_required(volume), draws), coords)
+            h = h + at_cells(
+                self.embed_volume(_required(volume, "volume_channels", "volume"), draws), coords
+            )
         return self.run_blocks(h, time, tokens, counts)
 
-    def _patch(self, x, time, tokens, volume, draws, coords, counts, plan):
+    def _read(self, views, draws, coords, counts):
+        """[B, V, pixel_channels] of what voxels read in the pictures, on average over views; None without ``pixel_channels``."""
+        if not self.config.pixel_channels:
+            return None
+        pixels, cameras = (_required(v, "pixel_channels", "views") for v in views)
+        read = read_pixels(pixels, cameras, coords[::draws], counts[::draws], self.resolution)
+        h = self.pixel_hidden(jax.nn.gelu(self.pixel_in(read))).mean(1)
+        return jnp.repeat(jax.nn.gelu(h), draws, axis=0)
+
+    def _patch(self, x, time, tokens, volume, draws, coords, counts, plan, pixels):
         (pool,) = plan.pools
         cubes = to_cells(x, pool)
         full = occupied(pool).astype(x.dtype)
         h = self.input_layer(
             jnp.concatenate([cubes.reshape(*cubes.shape[:2], -1), full * 2 - 1], -1)
         )
+        if pixels is not None:
+            of_cubes = to_cells(pixels, pool)
+            h = h + self.pixel_cube(of_cubes.reshape(*of_cubes.shape[:2], -1))
         h = self._middle(h, time, tokens, volume, draws, pool.coords, pool.counts)
         out = self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
         out = from_cells(out.reshape(*cubes.shape[:3], -1), pool)
         if not self.config.voxel_channels:
             return out
         # a token is narrower than its cube's latents: what is fine is read off the voxel itself
-        return self.voxel_out(jax.nn.gelu(self.voxel_hidden(jax.nn.gelu(out + self.voxel_in(x)))))
+        out = out + self.voxel_in(x)
+        if pixels is not None:
+            out = out + self.pixel_voxel(pixels)
+        return self.voxel_out(jax.nn.gelu(self.voxel_hidden(jax.nn.gelu(out))))
 
     def _convolve(self, x, time, tokens, volume, draws, coords, counts, plan):
         h = self.input_layer(x)
@@ -300,9 +342,7 @@ def _unpatchify(x: jax.Array, side: int, patch: int) -> jax.Array:
     return x.transpose(0, 1, 5, 2, 6, 3, 7, 4).reshape(items, *[side * patch] * 3, channels)
 
 
-def _required(volume: jax.Array | None) -> jax.Array:
-    if volume is None:
-        raise ValueError(
-            "flow: this model reads the image encoder's volume (volume_channels > 0); pass volume="
-        )
-    return volume
+def _required(given: jax.Array | None, option: str, name: str) -> jax.Array:
+    if given is None:
+        raise ValueError(f"flow: this model reads the image encoder's {name} ({option} > 0); pass {name}=")  # fmt: skip
+    return given

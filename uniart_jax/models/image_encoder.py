@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 from flax import nnx
 
-from uniart_jax.config import ModelConfig
+from uniart_jax.config import ImageEncoderConfig, ModelConfig
 from uniart_jax.nn.blocks import CrossBlock, LayerNorm, TransformerBlock, layer_norm, linear, zeros
 from uniart_jax.nn.embeddings import grid_coords, plane_embedding, position_embedding
 from uniart_jax.nn.lifting import project, sample_map
@@ -128,12 +129,13 @@ class ImageEncoder(nnx.Module):
           camera: [B, 7] true camera codes (``data.cameras``) to look through instead of the estimated ones, where ``known`` [B] is true.
 
         Returns:
-          camera [B, 7], the estimate; tokens [B, L, D]; volume [B, Rv, Rv, Rv, C + 3], features and the picture's colour; occupancy [B, R, R, R] logits; codes
+          camera [B, 7], the estimate; pixels [B, S, S, ``pixel_width``], maps for those who look closer; tokens [B, L, D]; volume [B, Rv, Rv, Rv, C + 3], features and the picture's colour; occupancy [B, R, R, R] logits; codes
           [B, Rt, Rt, Rt, 21] = joint code 9, own box 6, parent box 6. Occupancy and codes are read off the features, so these hold
           what they need; of colours nothing is asked, hence they are added as the camera sees them.
         """
         items, c = image.shape[0], self.config
-        fine, coarse = self.features(image)
+        maps = self.features(image)
+        fine, coarse = maps[-2:]
         tokens = self.tokens(coarse)
         sketch, estimate = self.draw_sketch(coarse)
         used = jax.lax.stop_gradient(estimate)
@@ -173,14 +175,27 @@ class ImageEncoder(nnx.Module):
             "volume": volume,
             "occupancy": occupancy[..., 0],
             "codes": codes,
+            "pixels": self.pixels(image, maps),
         }
 
-    def features(self, image: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """[B, H, W, 3] -> the last two stages' maps, [B, 2 side, 2 side, C] and [B, side, side, C']."""
+    def features(self, image: jax.Array) -> list[jax.Array]:
+        """[B, H, W, 3] -> the stages' maps; the last two are [B, 2 side, 2 side, C] and [B, side, side, C']."""
         maps = [image * 2 - 1]
         for stage in self.stem:
             maps.append(stage(maps[-1]))
-        return maps[-2], maps[-1]
+        return maps[1:]
+
+    def pixels(self, image: jax.Array, maps: Sequence[jax.Array]) -> jax.Array:
+        """What voxels may read (``lifting.read_pixels``), [B, S, S, ``pixel_width``]: all stages' maps but the last, each normalised, and the picture
+        itself, at the first stage's resolution."""
+        stride, (items, side, *_) = self.config.stem_stride, maps[0].shape
+        blocks = (image * 2 - 1).reshape(items, side, stride, side, stride, 3)
+        read = [blocks.transpose(0, 1, 3, 2, 4, 5).reshape(items, side, side, -1)]
+        for features in maps[:-1]:
+            times = side // features.shape[1]
+            scaled = layer_norm(features.astype(jnp.float32), 1e-5)
+            read.append(jnp.repeat(jnp.repeat(scaled, times, axis=1), times, axis=2))
+        return jnp.concatenate(read, -1)
 
     def look(self, camera: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Where cameras [B, 7] see the cells' centres: ``lifting.project``."""
@@ -221,6 +236,11 @@ class ImageEncoder(nnx.Module):
         for block in self.blocks:
             h = block(h)
         return self.norm(h)
+
+
+def pixel_width(config: ImageEncoderConfig) -> int:
+    """Channels of ``ImageEncoder.pixels``."""
+    return 3 * config.stem_stride**2 + sum(config.stem_channels[:-1])
 
 
 def _shrink(image: jax.Array, side: int) -> jax.Array:

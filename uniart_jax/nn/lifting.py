@@ -37,3 +37,58 @@ def sample_map(features: jax.Array, places: jax.Array) -> jax.Array:
     return jnp.einsum(
         "bpq,bqc->bpc", rows.reshape(*rows.shape[:2], -1).astype(features.dtype), flat
     )
+
+
+def read_map(features: jax.Array, places: jax.Array) -> jax.Array:
+    """``sample_map`` of one picture by gathers, for many places and a map of which no gradient is asked: [S, S, C] at [P, 2] -> [P, C]."""
+    side = features.shape[0]
+    index = jnp.clip((places + 1) * (side / 2) - 0.5, 0, side - 1)
+    low = jnp.minimum(index.astype(jnp.int32), max(side - 2, 0))
+    share = index - low
+    high = jnp.minimum(low + 1, side - 1)
+    flat, total = features.reshape(side * side, -1), 0
+    for column, across in ((low[:, 0], 1 - share[:, 0]), (high[:, 0], share[:, 0])):
+        for row, down in ((low[:, 1], 1 - share[:, 1]), (high[:, 1], share[:, 1])):
+            total = total + flat[row * side + column] * (across * down)[:, None]
+    return total
+
+
+def hidden_depth(places: jax.Array, depth: jax.Array, valid: jax.Array, side: int) -> jax.Array:
+    """How far behind the foremost point in the same cell of a ``side`` x ``side`` map each point lies [P], in depth's units; 0 at the front.
+
+    Args:
+      places [P, 2], depth [P]: of ``project``, one camera. valid: [P], the points that can hide others.
+    """
+    cell = jnp.clip(((places + 1) * (side / 2)).astype(jnp.int32), 0, side - 1)
+    index = cell[:, 1] * side + cell[:, 0]
+    front = jnp.full(side * side, jnp.inf).at[index].min(jnp.where(valid, depth, jnp.inf))
+    return jnp.where(valid, depth - front[index], 0)
+
+
+def read_pixels(
+    pixels: jax.Array, cameras: jax.Array, coords: jax.Array, counts: jax.Array, resolution: int
+) -> jax.Array:
+    """What voxels read in pictures of their object, where its cameras see them: PIFu's pixel-aligned features, with the depth at which they lie behind others.
+
+    Args:
+      pixels: [B, N, S, S, C] maps of N views. cameras: [B, N, 7]; of a view that is all zeros (no condition) zeros are read.
+      coords [B, V, 3], counts [B]: active voxels of a grid of ``resolution``.
+
+    Returns:
+      [B, N, V, C + 1]: the map's value, and tanh of the voxels in front; no gradient goes through.
+    """
+    pixels, cameras = jax.lax.stop_gradient((pixels, cameras))
+    side = pixels.shape[2]
+
+    def of_view(features, camera, points, valid):
+        (places,), (depth,) = project(camera[None], points)
+        behind = jnp.tanh(hidden_depth(places, depth, valid, side) * (resolution / 4))
+        read = jnp.concatenate(
+            [read_map(features, places), behind[:, None].astype(features.dtype)], -1
+        )
+        return read * (camera != 0).any()
+
+    points = (coords + 0.5) / resolution - 0.5
+    valid = jnp.arange(coords.shape[1]) < counts[:, None]
+    over_views = jax.vmap(of_view, (0, 0, None, None))
+    return jax.vmap(over_views)(pixels, cameras, points, valid)

@@ -21,6 +21,7 @@ from uniart_jax.models.uniart_vae import (
     voxel_boxes,
     voxel_codes,
 )
+from uniart_jax.samplers import Condition
 from uniart_jax.training.losses import (
     articulation_losses,
     balanced_voxels,
@@ -199,9 +200,9 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
 
     def loss_fn(params, batch, key):
         x0 = jnp.repeat(normalize(batch["structure"], mean, std), weights.draws_per_image, axis=0)
-        t, noise, tokens, volume = draw(batch, x0, key, config)
+        t, noise, seen = draw(batch, x0, key, config)
         x = interpolate(x0, noise, t)
-        v = network.apply(params, x, t, tokens, volume)
+        v = network.apply(params, x, t, seen.tokens, seen.volume)
         error = flow_loss(v, x0, noise)
         return summarize_flow(error, v, x, x0, t, None, flow.prediction)
 
@@ -228,11 +229,11 @@ def make_latent_flow_loss(
         coords, counts = batch["coords"], batch["counts"]
         mask = valid_tokens(counts, coords.shape[1])[..., 0]
         x0 = jnp.where(mask[..., None], normalize(batch["latent"], mean, std), 0)
-        t, noise, tokens, volume = draw(batch, x0, key, config)
+        t, noise, seen = draw(batch, x0, key, config)
         x = interpolate(x0, noise, t)
-        v = network.apply(
-            params, x, t, tokens, volume, coords=coords, counts=counts, plan=batch["plans"]["flow"]
-        )
+        voxels = {"coords": coords, "counts": counts, "plan": batch["plans"]["flow"]}
+        views = (seen.pixels, seen.cameras)
+        v = network.apply(params, x, t, seen.tokens, seen.volume, views=views, **voxels)
         weights = part_weights(batch["voxel_part"], mask.astype(jnp.float32), parts, share)
         error = flow_loss(v, x0, noise, weights, metric=metric)
         loss, metrics = summarize_flow(error, v, x, x0, t, mask, flow.prediction)
@@ -242,7 +243,7 @@ def make_latent_flow_loss(
 
 
 def draw(batch, x0: jax.Array, key: jax.Array, config: Config):
-    """Times [B n], noise like x0, and the condition [B, ...] with some items' dropped to zero for guidance."""
+    """Times [B n], noise like x0, and the condition (``samplers.Condition``) with some items' dropped to zero for guidance."""
     weights = config.loss
     time_key, noise_key, drop_key = jax.random.split(key, 3)
     t = sample_times(
@@ -250,11 +251,9 @@ def draw(batch, x0: jax.Array, key: jax.Array, config: Config):
     )
     noise = jax.random.normal(noise_key, x0.shape)
     keep = jax.random.uniform(drop_key, batch["tokens"].shape[:1]) >= weights.condition_drop
-    tokens = jnp.where(keep[:, None, None], batch["tokens"], 0)
-    volume = batch.get("volume")
-    if volume is not None:
-        volume = jnp.where(keep[:, None, None, None, None], volume, 0)
-    return t, noise, tokens, volume
+    seen = Condition(*(batch.get(name) for name in Condition._fields))
+    drop = lambda a: jnp.where(keep.reshape(-1, *[1] * (a.ndim - 1)), a, 0)  # noqa: E731
+    return t, noise, jax.tree.map(drop, seen)
 
 
 def summarize_flow(error, v, x, x0, t, mask, prediction):
