@@ -57,7 +57,7 @@ def condition(pipeline):
 
 
 def one(condition, b):
-    return Condition(condition.tokens[b : b + 1], condition.volume[b : b + 1])
+    return jax.tree.map(lambda a: a[b : b + 1], condition)
 
 
 def test_a_batch_is_its_items_also_when_guided(pipeline, condition):
@@ -92,7 +92,7 @@ def test_guided_velocities_use_each_items_own_voxels(pipeline, condition):
 
     def velocity(order):
         inputs = flow_inputs(padded[order], counts[order], pipeline.config.model)
-        seen = Condition(*(jnp.repeat(c[np.array(order)], 2, axis=0) for c in condition))
+        seen = jax.tree.map(lambda c: jnp.repeat(c[np.array(order)], 2, axis=0), condition)
         twice = jnp.repeat(x[order], 2, axis=0)
         return network.apply(
             pipeline.parameters["latent_flow"],
@@ -100,6 +100,7 @@ def test_guided_velocities_use_each_items_own_voxels(pipeline, condition):
             jnp.full(4, 0.5),
             seen.tokens,
             seen.volume,
+            views=(seen.pixels, seen.cameras),
             **inputs,
         )
 

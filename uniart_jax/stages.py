@@ -378,6 +378,9 @@ def make_put(
 
     def put(batch: dict[str, Any]) -> dict[str, Any]:
         rest = put_batch(batch, mesh)
-        return {**condition(rest.pop("image"))._asdict(), **rest}
+        seen = condition(rest.pop("image"))
+        if name == "structure_flow":  # what voxels read, it does not
+            seen = seen._replace(pixels=None, cameras=None)
+        return {**seen._asdict(), **rest}
 
     return put
