@@ -106,11 +106,11 @@ def test_a_resumed_stage_makes_no_second_state(trained, tmp_path, monkeypatch):
     assert str(longer.steps) in {p.name for p in (work / "checkpoints/structure_vae").iterdir()}
 
 
-@pytest.mark.parametrize(("field", "value"), [("accumulate", 0), ("log_every", 0), ("batch_size", -1)])  # fmt: skip
+@pytest.mark.parametrize(("field", "value"), [("accumulate", 0), ("log_every", 0), ("batch_size", -1), ("skip_not_finite", -1)])  # fmt: skip
 def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, value):
     config = toy(tmp_path)
     stage = dataclasses.replace(config.uniart_vae, **{field: value})
-    with pytest.raises(ValueError, match=f"uniart_vae\\.{field} is {value}; give 1 or more"):
+    with pytest.raises(ValueError, match=f"uniart_vae\\.{field} is {value}; give . or more"):
         stages.run(dataclasses.replace(config, uniart_vae=stage), ["uniart_vae"], tmp_path / "w")
     data = dataclasses.replace(config.data, voxel_buckets=())
     with pytest.raises(ValueError, match=r"data\.voxel_buckets is "):

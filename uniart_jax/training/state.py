@@ -180,10 +180,10 @@ def create_state(
       mesh: of ``make_mesh``; None puts everything on the default device.
     """
     init = functools.partial(_fresh, network_init, optimizer)
-    if mesh is None:
-        return jax.jit(init)(key)
-    shardings = state_sharding(mesh, jax.eval_shape(init, key))
-    return jax.jit(init, out_shardings=shardings)(key)
+    shardings = None if mesh is None else state_sharding(mesh, jax.eval_shape(init, key))
+    # LLVM takes 20 seconds to make fast what runs once for a moment
+    quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
+    return jax.jit(init, out_shardings=shardings, compiler_options=quick)(key)
 
 
 def abstract_state(
