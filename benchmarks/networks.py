@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from uniart_jax.config import NETWORKS, ModelConfig
+from uniart_jax.models.image_encoder import TYPICAL, pixel_width
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.segments import voxel_plans
@@ -101,10 +102,15 @@ def case(name: str, model: ModelConfig, items: int):
     )
     x = normal(items * draws, width, model.uniart_vae.latent_channels)
     coords, counts = jnp.asarray(batch["coords"]), jnp.asarray(batch["counts"])
-    loss = lambda p, x, t, tokens, volume, coords, counts, plan: mean_square(  # noqa: E731
-        network.apply(p, x, t, tokens, volume, coords=coords, counts=counts, plan=plan)
-    )
-    return network, loss, (x, t, tokens, volume, coords, counts, plan)
+    side = e.image_size // e.stem_stride
+    cameras = jnp.broadcast_to(jnp.asarray(TYPICAL), (items, 1, len(TYPICAL)))
+    views = normal(items, 1, side, side, pixel_width(e)), cameras
+
+    def loss(p, x, t, tokens, volume, views, coords, counts, plan):
+        voxels = {"coords": coords, "counts": counts, "plan": plan}
+        return mean_square(network.apply(p, x, t, tokens, volume, views=views, **voxels))
+
+    return network, loss, (x, t, tokens, volume, views, coords, counts, plan)
 
 
 def measure(name: str, model: ModelConfig, items: int, repeats: int = 3) -> None:

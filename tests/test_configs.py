@@ -66,6 +66,8 @@ def test_the_networks_of_a_config_fit_each_other(path):
     assert out["sdf"].shape == (2, width, cells) and out["joint_code"].shape == (2, width, 9)
     plan = flow_plan(coords, counts, model.latent_flow, grid)
     voxels = {"coords": coords, "counts": counts, "plan": plan}
+    if model.latent_flow.pixel_channels:
+        voxels["views"] = tuple(shape(2, 1, *image[n].shape[1:]) for n in ("pixels", "camera"))
     v = outputs(networks["latent_flow"], out["latent"], shape(2), tokens, volume, **voxels)
     assert v.shape == out["latent"].shape
 
