@@ -1,0 +1,34 @@
+"""Not in the paper: the shipped model beside the weights that were shipped before it, on the same objects with the same noise.
+
+Command: mkdir -p runs; git archive 02ff56e uniart_jax/pretrained | tar x -C runs  (in a clone with its history: the weights before)
+         uniart experiment shipped
+What varies: the weights and with them the latent flow's pixel_channels; UniArt VAE and structure VAE are the same in both.
+Expected: now better. given: the true active voxels and the image, so what the structure loses is left out.
+Nano: nothing is trained. There is no paper size.
+Hardware and time, nano: one CPU core; sampling alone, about 5 s an object and arm: an hour for six arms of 128 objects.
+"""
+
+from pathlib import Path
+
+from uniart_jax.cli import load_config
+from uniart_jax.experiments.design import OBJECT_COLUMNS, Arm, Experiment, Objects, Station
+
+CONFIGS = Path(__file__).parent.parent
+BEFORE = "runs/uniart_jax/pretrained/nano"
+SETS: dict[str, tuple[Station, bool]] = {
+    "seen": ("object", False),
+    "given": ("latent_flow", False),
+    "unseen": ("object", True),
+}
+
+
+def experiment(size: str) -> Experiment:
+    if size != "nano":
+        raise ValueError("experiment shipped: it has no paper size, the paper ships no weights")
+    config = load_config(CONFIGS / "nano.py")
+    arms = {}
+    for name, (station, unseen) in SETS.items():
+        tests = Objects(unseen=unseen)
+        arms[f"{name}_before"] = Arm(config, (), station, tests, init=BEFORE, against="seen_before")
+        arms[f"{name}_now"] = Arm(config, (), station, tests, init="nano", against=f"{name}_before")
+    return Experiment(arms, "seen_before", OBJECT_COLUMNS, seeds=1, count=128)
