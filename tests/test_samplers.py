@@ -14,6 +14,7 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
+from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.models.network import build
 from uniart_jax.samplers import (
     Condition,
@@ -47,9 +48,9 @@ PLAIN = (np.float32(0), np.float32(1))  # mean and deviation of the latents
 rng = np.random.default_rng(0)
 
 
-def weights(name):
+def weights(name, model=MODEL):
     """Random everywhere: layers that begin at zero would hide mistakes."""
-    shapes = build(name, MODEL).abstract()
+    shapes = build(name, model).abstract()
     return jax.tree.map(lambda a: 0.1 * rng.normal(size=a.shape).astype(np.float32), shapes)
 
 
@@ -133,6 +134,33 @@ def test_padding_does_not_count_as_error():
     n = len(coords[0])
     assert found[0].evaluations.tolist() == found[1].evaluations.tolist()
     np.testing.assert_allclose(found[0].x[0, :n], found[1].x[0, :n], atol=1e-4)
+
+
+def test_guidance_leads_away_from_no_picture_at_all():
+    """One Euler step from noise by hand: v_c + w (v_c - v_u), where v_u sees zeros for tokens, volume, pictures and cameras."""
+    model = dataclasses.replace(MODEL, latent_flow=dataclasses.replace(MODEL.latent_flow, pixel_channels=6))  # fmt: skip
+    network, params = build("latent_flow", model), weights("latent_flow", model)
+    params |= {k: jax.tree.map(lambda a: 4 * a, v) for k, v in params.items() if "pixel" in k}
+    maps = rng.normal(size=(1, 1, 8, 8, pixel_width(model.image_encoder))).astype("f4")
+    cameras = np.array([[[0.6, 0.8, 0.4, 1.6, 0.3, 0, 0]]], np.float32)
+    condition = seen(1)._replace(pixels=maps, cameras=cameras)
+    coords = [np.argwhere(rng.random((8,) * 3) < 0.2).astype(np.int32)]
+    padded, counts = pad_coords(coords, (128,))
+    voxels, n = flow_inputs(padded, counts, model), len(coords[0])
+    options = dataclasses.replace(OPTIONS, steps=1, guidance=1.5)
+    found = make_latent_sampler(model, options)(params, PLAIN, condition, KEY, voxels).x
+    noise = jax.random.normal(KEY, (1, 128, 4)).at[:, n:].set(0)
+
+    def velocity(c):
+        one = np.ones(1, np.float32)
+        return network.apply(params, noise, one, c.tokens, c.volume, views=(c.pixels, c.cameras), **voxels)  # fmt: skip
+
+    nothing = jax.tree.map(np.zeros_like, condition)
+    with_image, without = velocity(condition), velocity(nothing)
+    expected = noise - (with_image + 1.5 * (with_image - without))
+    np.testing.assert_allclose(found, expected, atol=2e-4)
+    blind = condition._replace(pixels=nothing.pixels, cameras=nothing.cameras)
+    assert np.abs(np.asarray(velocity(blind) - with_image)).max() > 1e-2
 
 
 @pytest.mark.parametrize("views", [2, 3])

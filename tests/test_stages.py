@@ -18,7 +18,14 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
 from uniart_jax.locks import alone
-from uniart_jax.training.export import read_config, write_config, write_statistics
+from uniart_jax.models.network import build
+from uniart_jax.training.export import (
+    export_network,
+    flat_names,
+    read_config,
+    write_config,
+    write_statistics,
+)
 from uniart_jax.voxels.assemble import assemble
 
 DEBUG = Path(__file__).parent.parent / "configs/debug.py"
@@ -106,11 +113,11 @@ def test_a_resumed_stage_makes_no_second_state(trained, tmp_path, monkeypatch):
     assert str(longer.steps) in {p.name for p in (work / "checkpoints/structure_vae").iterdir()}
 
 
-@pytest.mark.parametrize(("field", "value"), [("accumulate", 0), ("log_every", 0), ("batch_size", -1), ("skip_not_finite", -1)])  # fmt: skip
-def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, value):
+@pytest.mark.parametrize(("field", "value", "least"), [("accumulate", 0, 1), ("log_every", 0, 1), ("batch_size", -1, 1), ("skip_not_finite", -1, 0)])  # fmt: skip
+def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, value, least):
     config = toy(tmp_path)
     stage = dataclasses.replace(config.uniart_vae, **{field: value})
-    with pytest.raises(ValueError, match=f"uniart_vae\\.{field} is {value}; give . or more"):
+    with pytest.raises(ValueError, match=f"uniart_vae\\.{field} is {value}; give {least} or more"):
         stages.run(dataclasses.replace(config, uniart_vae=stage), ["uniart_vae"], tmp_path / "w")
     data = dataclasses.replace(config.data, voxel_buckets=())
     with pytest.raises(ValueError, match=r"data\.voxel_buckets is "):
@@ -164,6 +171,28 @@ def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
         before, after = load_file(path), load_file(tmp_path / "work" / "export" / path.name)
         assert all(np.array_equal(before[name], after[name]) for name in before), path
     assert uniart_jax.load(tmp_path / "work").config.name == "debug"
+
+
+def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path):
+    """Its weights are kept and the new layers add nothing yet, so the network begins with the function that it was."""
+    config, workdir = trained
+    blind = dataclasses.replace(config.model.latent_flow, pixel_channels=0)
+    model = dataclasses.replace(config.model, latent_flow=blind)
+    source = tmp_path / "source"
+    shutil.copytree(workdir / "export", source)
+    before = build("latent_flow", model).init(jax.random.key(7))
+    export_network(source, "latent_flow", before, "float32")
+    still = dataclasses.replace(config.latent_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
+    config = dataclasses.replace(config, latent_flow=still)
+    with pytest.raises(ValueError, match=r"does not fit this config; missing: pixel_cube\.bias"):
+        stages.run(config, ["latent_flow"], tmp_path / "work", init=source)  # it should have them
+    write_config(source, dataclasses.replace(config, model=model))
+    stages.run(config, ["latent_flow"], tmp_path / "work", init=source)
+    after = load_file(tmp_path / "work/export/latent_flow.safetensors")
+    for name, leaf in flat_names(before).items():
+        np.testing.assert_array_equal(after.pop(name), np.asarray(leaf).astype(np.float16))
+    assert {name.split(".")[0] for name in after} == {"pixel_in", "pixel_hidden", "pixel_cube"}
+    assert not after["pixel_cube.kernel"].any() and not after["pixel_cube.bias"].any()
 
 
 @pytest.mark.parametrize("name", ["structure_flow", "uniart_vae"])  # trained, taken over

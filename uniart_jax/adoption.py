@@ -1,12 +1,13 @@
-"""Networks of another checkpoint that a WORKDIR goes on from: which fit, their copies, and what of them is untrained yet."""
+"""Networks of another checkpoint that a WORKDIR goes on from: first weights, which fit, their copies, and what of them is untrained yet."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from uniart_jax.config import NETWORKS, Config
+from uniart_jax.config import NETWORKS, Config, ModelConfig
 from uniart_jax.encoding import ENCODED
 from uniart_jax.models.network import build
 from uniart_jax.training import distributed
@@ -43,6 +44,23 @@ def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path
         load_network(source, name, build(name, config.model).abstract())
         found.append(name)
     return found
+
+
+def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
+    """Weights of checkpoint ``source`` that a training of network ``name`` begins with (nested dict, float32).
+
+    A latent flow that had no ``pixel_channels`` may get them: what is returned lacks their layers, which stay as drawn and begin by adding nothing, so that
+    the network begins with the function that it was.
+
+    Raises:
+      FileNotFoundError, ValueError: as ``load_network``.
+    """
+    flow = model.latent_flow
+    if name == "latent_flow" and flow.pixel_channels and has_export(source, "config.json"):
+        had = read_config(source).model.latent_flow.pixel_channels
+        wanted = dataclasses.replace(flow, pixel_channels=flow.pixel_channels if had else 0)
+        model = dataclasses.replace(model, latent_flow=wanted)
+    return load_network(source, name, build(name, model).abstract())
 
 
 def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:

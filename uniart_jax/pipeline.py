@@ -1,6 +1,6 @@
 """Image -> articulated object: the networks of a checkpoint and the voxel decoder behind one call.
 
-    image -> crop -> image encoder -> tokens, volume
+    image -> crop -> image encoder -> tokens, volume, pixels and camera (samplers.Condition)
     structure flow -> structure VAE decoder -> active voxels
     latent flow on them -> UniArt VAE decoder -> voxels with everything on them -> assemble -> object
 
@@ -180,7 +180,7 @@ class Pipeline:
         return cut.astype(np.float32) / 255
 
     def encode_images(self, images: np.ndarray) -> Condition:
-        """[B, S, S, 3] in [0, 1] -> tokens and volume."""
+        """[B, S, S, 3] in [0, 1] -> what the flows see of them."""
         return self._encode_images(self.parameters["image_encoder"], images)
 
     def sample_structure(

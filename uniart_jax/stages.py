@@ -25,7 +25,15 @@ from typing import Any
 import jax
 from rich.console import Console
 
-from uniart_jax.adoption import adopt, adoptable, exported, mark, same_ground, untrained
+from uniart_jax.adoption import (
+    adopt,
+    adoptable,
+    exported,
+    first_weights,
+    mark,
+    same_ground,
+    untrained,
+)
 from uniart_jax.config import NETWORKS, Config, DataConfig, GridConfig
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.batches import open_records, voxel_batches
@@ -40,7 +48,6 @@ from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
     checkpoint_folder,
     export_network,
-    load_network,
     read_config,
     read_statistics,
     write_config,
@@ -94,7 +101,7 @@ def run(
     check_freeze(config, stages)
     if source is not None:  # before anything is written
         for name in stages:
-            load_network(source, name, build(name, config.model).abstract())
+            first_weights(source, name, config.model)
         taken = adoptable(config, source, stages, workdir)
     with alone(workdir) if distributed.is_first() else contextlib.nullcontext():
         _run(config, stages, workdir, source, taken)
@@ -284,7 +291,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
     else:
         start = create_state(network.init, optimizer, key, mesh)
         if source is not None:
-            start = begin_with(start, load_network(source, name, network.abstract()))
+            start = begin_with(start, first_weights(source, name, config.model))
     batches = stage_batches(name, config, workdir)
     with (
         Checkpoints(folder, stage.keep_checkpoints) as checkpoints,

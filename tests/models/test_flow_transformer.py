@@ -104,6 +104,23 @@ def test_latent_flow_draws_share_voxels():
     np.testing.assert_allclose(shared, alone, rtol=1e-4, atol=1e-4)
 
 
+def test_draws_of_one_picture_may_have_voxels_of_their_own():
+    model = latent_config(voxel_channels=8, pixel_channels=6)
+    network = build("latent_flow", model)
+    params = init(network)
+    tokens, volume, t = flow_arguments()
+    batch = voxel_batch(model)
+    plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
+    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    seen = (tokens[:1], volume[:1], *(v[:1] for v in flow_views()))
+    twice = [jnp.repeat(a, 2, axis=0) for a in seen]
+    once, each = (
+        network.apply(params, batch["latent"], t, a, b, views=tuple(views), **voxels)
+        for a, b, *views in (seen, twice)
+    )
+    np.testing.assert_allclose(once, each, rtol=1e-4, atol=1e-4)
+
+
 def test_pixels_matter_where_they_are_seen_and_the_order_of_views_does_not():
     model = latent_config(voxel_channels=8, pixel_channels=6)
     network = build("latent_flow", model)

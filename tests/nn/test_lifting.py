@@ -117,7 +117,17 @@ def test_reading_pixels_knows_no_padding_and_no_view_without_a_camera():
     run = jax.jit(read_pixels, static_argnums=4)
     read = run(maps, cameras.at[1, 2].set(0), coords, counts, 8)
     assert not np.asarray(read[1, 2]).any() and np.asarray(read[1, 1]).any()
-    wider = run(maps, cameras, jnp.pad(coords, ((0, 0), (0, 19), (0, 0)), constant_values=7), counts, 8)  # fmt: skip
     whole = run(maps, cameras, coords, counts, 8)
-    for b, n in enumerate(counts):
-        np.testing.assert_allclose(wider[b, :, :n], whole[b, :, :n], atol=1e-6)
+    everywhere = jnp.asarray(np.tile(np.argwhere(np.ones((8, 8, 8))), (2, 1, 1)), jnp.int32)
+    for b, n in enumerate(counts):  # padding before every voxel, as seen from anywhere
+        filled = jnp.concatenate([coords[:, :n], everywhere], 1)
+        padded = run(maps, cameras, filled, counts.at[b].set(n), 8)
+        hidden = run(maps, cameras, filled, jnp.full(2, n + 512), 8)
+        np.testing.assert_allclose(padded[b, :, :n], whole[b, :, :n], atol=1e-6)
+        assert np.abs(hidden[b, :, :n, -1] - whole[b, :, :n, -1]).max() > 0.1
+
+
+def test_no_gradient_reaches_maps_and_cameras():
+    maps, cameras, coords, counts = _pixels()
+    found = jax.grad(lambda *a: read_pixels(*a, coords, counts, 8).sum(), (0, 1))(maps, cameras)
+    assert not any(np.asarray(g).any() for g in found)

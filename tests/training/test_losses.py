@@ -13,6 +13,7 @@ from uniart_jax.config import Config, FlowConfig, LossConfig
 from uniart_jax.training import losses
 from uniart_jax.training.objectives import (
     alignment_loss,
+    draw,
     make_latent_flow_loss,
     part_weights,
 )
@@ -132,6 +133,20 @@ def test_part_share_says_how_much_of_the_weight_is_the_parts():
     np.testing.assert_allclose(
         part_weights(parts, mask, 4, 1.0)[0], [1 / 6] * 3 + [0.5, 0], atol=1e-6
     )
+
+
+def test_a_dropped_condition_is_nothing_in_all_its_parts():
+    """Of an item that is shown no image, tokens, volume, pictures and cameras are zero together; of the others all are as they were."""
+    shapes = {"tokens": (64, 3, 4), "volume": (64, 2, 2, 2, 3), "pixels": (64, 2, 4, 4, 3), "cameras": (64, 2, 7)}  # fmt: skip
+    batch = {name: jnp.ones(shape) for name, shape in shapes.items()}
+    for share in (0.0, 0.4, 1.0):
+        config = dataclasses.replace(Config(), loss=LossConfig(condition_drop=share))
+        *_, seen = draw(batch, jnp.zeros((64, 5, 4)), jax.random.key(0), config)
+        kept = [np.asarray(a).reshape(64, -1) for a in seen]
+        assert len(kept) == 4 and all(np.array_equal(a.min(1), a.max(1)) for a in kept)
+        assert all(np.array_equal(a[:, 0], kept[0][:, 0]) for a in kept)
+        assert abs(kept[0][:, 0].mean() - (1 - share)) < 0.25
+        assert kept[0][:, 0].mean() == 1 - share or share == 0.4
 
 
 def test_the_latent_flow_weighs_parts_and_readouts_as_told():

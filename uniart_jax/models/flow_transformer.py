@@ -269,7 +269,7 @@ class LatentFlow(FlowTrunk):
         draws = x.shape[0] // tokens.shape[0]
         seen = self.see(x, t)
         if self.config.stem == "patch":
-            pixels = self._read(views, draws, coords, counts)
+            pixels = self._read(views, draws, shared, coords, counts)
             out = self._patch(seen, time, tokens, volume, draws, coords, counts, plan, pixels)
         else:
             out = self._convolve(seen, time, tokens, volume, draws, coords, counts, plan)
@@ -283,11 +283,16 @@ class LatentFlow(FlowTrunk):
             )
         return self.run_blocks(h, time, tokens, counts)
 
-    def _read(self, views, draws, coords, counts):
+    def _read(self, views, draws, shared, coords, counts):
         """[B, V, pixel_channels] of what voxels read in the pictures, on average over views; None without ``pixel_channels``."""
         if not self.config.pixel_channels:
             return None
-        pixels, cameras = (_required(v, "pixel_channels", "views") for v in views)
+        if any(v is None for v in views):
+            raise ValueError("latent_flow: this model reads pictures (pixel_channels > 0); pass views=(pixels, cameras), of the Condition that encode_images gives")  # fmt: skip
+        pixels, cameras = views
+        if shared % draws:  # one picture's draws are on voxels of their own
+            pixels, cameras = (jnp.repeat(v, draws, axis=0) for v in views)
+            draws = 1
         read = read_pixels(pixels, cameras, coords[::draws], counts[::draws], self.resolution)
         h = self.pixel_hidden(jax.nn.gelu(self.pixel_in(read))).mean(1)
         return jnp.repeat(jax.nn.gelu(h), draws, axis=0)

@@ -58,7 +58,7 @@ class StemStage(nnx.Module):
 
 
 class ImageEncoder(nnx.Module):
-    """image [B, H, W, 3] -> camera, tokens, volume, occupancy, codes."""
+    """image [B, H, W, 3] -> camera, tokens, volume, pixels, occupancy, codes."""
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.image_encoder, compute_dtype(config)

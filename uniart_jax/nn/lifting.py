@@ -75,7 +75,7 @@ def read_pixels(
       coords [B, V, 3], counts [B]: active voxels of a grid of ``resolution``.
 
     Returns:
-      [B, N, V, C + 1]: the map's value, and tanh of the voxels in front; no gradient goes through.
+      [B, N, V, C + 1]: the map's value, the border's beyond it, and tanh(d / 4), d voxel sides behind the foremost voxel of the same cell of the map; no gradient goes through.
     """
     pixels, cameras = jax.lax.stop_gradient((pixels, cameras))
     side = pixels.shape[2]

@@ -213,6 +213,12 @@ def _fresh(
 
 
 def begin_with(state: TrainState, params: Params) -> TrainState:
-    """A fresh state with other parameters (a nested dict of host arrays of the same structure), placed as the state's own."""
-    placed = jax.tree.map(lambda new, old: jax.device_put(new, old.sharding), params, state.params)
+    """A fresh state with other parameters (a nested dict of host arrays), placed as the state's own; layers that are not in it stay as they are drawn."""
+
+    def replaced(new: Any, old: Any) -> Any:
+        if not isinstance(old, dict):
+            return jax.device_put(new, old.sharding)
+        return {key: replaced(new[key], leaf) if key in new else leaf for key, leaf in old.items()}
+
+    placed = replaced(params, state.params)
     return state._replace(params=placed, ema=jax.tree.map(jnp.copy, placed))
