@@ -14,6 +14,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from uniart_jax.objects import appearance
 from uniart_jax.objects.appearance import (
     GRAY,
+    corner_weights,
     linear_to_srgb,
     merge_meshes,
     sample_color,
@@ -183,3 +184,14 @@ def test_huge_textures_shrink_and_many_repeats_stay_in_bounds(monkeypatch):
 def test_nothing_cannot_be_merged():
     with pytest.raises(ValueError, match="no meshes"):
         merge_meshes([])
+
+
+@pytest.mark.filterwarnings("error")
+def test_corner_weights_give_points_back_and_know_triangles_without_area():
+    rng = np.random.default_rng(0)
+    triangles = rng.normal(size=(20, 3, 3))
+    expected = rng.dirichlet(np.ones(3), 20)
+    points = (expected[..., None] * triangles).sum(1)
+    np.testing.assert_allclose(corner_weights(triangles, points), expected, atol=1e-9)
+    flat = np.repeat(triangles[:, :1], 3, axis=1)
+    np.testing.assert_allclose(corner_weights(flat, flat[:, 0]), 1 / 3)

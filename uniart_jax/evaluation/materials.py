@@ -14,7 +14,7 @@ import trimesh
 from trimesh.visual import ColorVisuals
 
 from uniart_jax.evaluation.parts import corners, match_parts
-from uniart_jax.objects.appearance import linear_to_srgb, sample_color
+from uniart_jax.objects.appearance import corner_weights, linear_to_srgb, sample_color
 from uniart_jax.objects.object import ArticulatedObject
 
 POINTS = 1000  # a part
@@ -24,8 +24,7 @@ NEUTRAL = 2.5 / 255  # sRGB: what counts as one colour, and as gray
 def surface_colors(mesh: trimesh.Trimesh, number: int = POINTS) -> np.ndarray:
     """[number, 3] linear RGB at points uniform on the surface; always the same points."""
     points, faces = trimesh.sample.sample_surface(mesh, number, seed=0)
-    weights = trimesh.triangles.points_to_barycentric(mesh.triangles[faces], points)
-    return sample_color(mesh, faces, np.clip(weights, 0, 1))
+    return sample_color(mesh, faces, corner_weights(mesh.triangles[faces], points))
 
 
 def uncolored(obj: ArticulatedObject) -> bool:

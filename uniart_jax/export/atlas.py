@@ -20,7 +20,7 @@ from PIL import Image
 from scipy import ndimage
 
 from uniart_jax.export.closing import closed
-from uniart_jax.objects.appearance import linear_to_srgb, sample_color
+from uniart_jax.objects.appearance import corner_weights, linear_to_srgb, sample_color
 from uniart_jax.objects.object import ArticulatedObject
 
 TEXTURE_SIZE = 1024  # texels a side, about: xatlas picks the exact size
@@ -277,8 +277,7 @@ def source_color(source: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
     faces = np.asarray(source.faces, np.int64)
     _, hit, nearest = igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, faces)
     hit = np.asarray(hit).ravel()
-    weights = trimesh.triangles.points_to_barycentric(vertices[faces[hit]], nearest)
-    return sample_color(source, hit, np.nan_to_num(np.clip(weights, 0, 1), nan=1 / 3))
+    return sample_color(source, hit, corner_weights(vertices[faces[hit]], nearest))
 
 
 def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -38,6 +38,13 @@ def linear_to_srgb(linear: np.ndarray) -> np.ndarray:
 _LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)  # of 8-bit sRGB
 
 
+def corner_weights(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """[n, 3] weights in [0, 1] of the corners of triangles [n, 3, 3] at points [n, 3] on them; a third each where a triangle has no area."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weights = trimesh.triangles.points_to_barycentric(triangles, points)
+    return np.where(np.isfinite(weights).all(1, keepdims=True), np.clip(weights, 0, 1), 1 / 3)
+
+
 def sample_color(mesh: trimesh.Trimesh, faces: np.ndarray, barycentric: np.ndarray) -> np.ndarray:
     """Linear RGB of surface points.
 
