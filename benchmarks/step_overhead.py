@@ -1,6 +1,6 @@
 """How much of a training run's time is not the jitted step: input, sending, logging, saving, at ``configs/nano.py``'s size on this machine.
 
-    python benchmarks/step_overhead.py [uniart_vae latent_flow] [--records data-cache/nano] [--objects 64] [--steps 40] [--rounds 3] [--out out/bench]
+    python benchmarks/step_overhead.py [uniart_vae latent_flow] [--records data-cache/nano] [--objects 64] [--steps 100] [--rounds 3] [--out out/bench]
 
 The loop is ``training.loop.run_stage`` as ``train.py`` runs it (Grain pipelines, logs, asynchronous Orbax saves), after everything is compiled; beside it,
 in turns, the bare step on the same batches, made and sent before.
@@ -36,13 +36,11 @@ from uniart_jax.config import NETWORKS, Config
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import encode_all
 from uniart_jax.models.network import build
-from uniart_jax.training import objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import checkpoint_folder
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
-from uniart_jax.training.step import make_train_step
 
 
 def nano(records: Path) -> Config:
@@ -102,17 +100,16 @@ def in_run(
 
 
 def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -> dict[str, Any]:
-    stage, extra = getattr(config, name), []
+    stage, latents = getattr(config, name), None
     if name.endswith("_flow"):
         taken = [n for n in NETWORKS if not n.endswith("_flow")]
         stages.claim(config, workdir)
         stages.adopt(checkpoint_folder("nano"), taken, workdir)
-        extra = list(encode_all(config, workdir)[name.removesuffix("_flow")])
+        latents = encode_all(config, workdir)
     network, mesh = build(name, config.model), make_mesh(config.mesh)
-    loss = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
     optimizer = make_optimizer(stage)
-    bare = make_train_step(loss, optimizer, stage.ema_decay)
-    put = stages.make_put(name, config, workdir, mesh)
+    bare = stages.make_step(name, config, workdir, mesh, latents)
+    put = stages.make_put(name, mesh)
     key = jax.random.key(0)
     loops, bares, idles, saves, each = [], [], [], [], []
     for round_ in range(rounds + 1):  # the first one compiles
@@ -126,7 +123,7 @@ def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -
             get_state, set_state = batches.get_state, batches.set_state
 
         this = dataclasses.replace(
-            stage, steps=steps + 2, log_every=10, save_every=steps // 2, evaluate_every=10**9
+            stage, steps=steps + 2, save_every=steps // 2, evaluate_every=10**9
         )
         state = create_state(network.init, optimizer, key, mesh)
         watched = Watched(bare)
@@ -186,7 +183,7 @@ def main() -> None:
     parser.add_argument("stages", nargs="*", default=["uniart_vae", "latent_flow"])
     parser.add_argument("--records", type=Path)
     parser.add_argument("--objects", type=int, default=64)
-    parser.add_argument("--steps", type=int, default=40)
+    parser.add_argument("--steps", type=int, default=100)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     arguments = parser.parse_args()

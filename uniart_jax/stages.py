@@ -43,6 +43,7 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
 from uniart_jax.locks import alone
 from uniart_jax.models.network import build
+from uniart_jax.samplers import make_conditioner
 from uniart_jax.training import distributed, objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
@@ -55,6 +56,7 @@ from uniart_jax.training.export import (
 )
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.microbatches import in_parts
+from uniart_jax.training.programs import Programs
 from uniart_jax.training.sharding import make_mesh, put_batch
 from uniart_jax.training.state import (
     abstract_state,
@@ -64,7 +66,7 @@ from uniart_jax.training.state import (
     make_optimizer,
 )
 from uniart_jax.training.step import make_train_step
-from uniart_jax.validation import load_conditioner, make_evaluation
+from uniart_jax.validation import load_encoder, make_evaluation
 
 COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
 RUNTIME = ("kernel", "compute_dtype", "scan_blocks", "remat")  # how a model is run, not what it is
@@ -279,13 +281,9 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
             statistics[latent] = read_statistics(units, latent)
         ours = statistics[latent]
         distributed.first_does(lambda: write_statistics(workdir / "export", latent, *ours))
-    make_loss: Callable[..., Any] = getattr(objectives, f"make_{name}_loss")
-    extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
-    if name == "latent_flow" and config.loss.readout_share:
-        extra.append(latent_metric(workdir / "latents", config.data.records, config.loss.readout_share, config.data.split))  # fmt: skip
-    loss_fn = make_loss(network, config, *extra)
     key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
     optimizer = make_optimizer(stage)
+    step = make_step(name, config, workdir, mesh, statistics)
     if trained:  # nothing that the checkpoint would replace
         start = abstract_state(network.init, optimizer, mesh)
     else:
@@ -300,16 +298,9 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
         state = run_stage(
             name,
             state=start,
-            train_step=make_train_step(
-                loss_fn,
-                optimizer,
-                stage.ema_decay,
-                freeze=stage.freeze,
-                accumulate=stage.accumulate,
-                skip=stage.skip_not_finite > 0,
-            ),
+            train_step=step,
             batches=iterator,
-            put=in_parts(make_put(name, config, workdir, mesh), stage.accumulate, config.model),
+            put=in_parts(make_put(name, mesh), stage.accumulate, config.model),
             key=jax.random.fold_in(key, 1),
             checkpoints=checkpoints,
             stage=stage,
@@ -374,20 +365,34 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
         write_text(note, key)
 
 
-def make_put(
-    name: str, config: Config, workdir: Path, mesh: jax.sharding.Mesh
-) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    """Host batch -> what the stage's loss reads, on the devices; for a flow, images through the frozen image encoder."""
+def make_put(name: str, mesh: jax.sharding.Mesh) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    """Host batch -> what the stage's loss reads, on the devices."""
     wanted = {"structure_vae": ("occupancy",)}.get(name)
-    if not name.endswith("_flow"):
-        return lambda batch: put_batch({k: batch[k] for k in wanted or batch}, mesh)
-    condition = load_conditioner(config, workdir, mesh)
+    return lambda batch: put_batch({k: batch[k] for k in wanted or batch}, mesh)
 
-    def put(batch: dict[str, Any]) -> dict[str, Any]:
-        rest = put_batch(batch, mesh)
-        seen = condition(rest.pop("image"))
-        if name == "structure_flow":  # what voxels read, it does not
-            seen = seen._replace(pixels=None, cameras=None)
-        return {**seen._asdict(), **rest}
 
-    return put
+def make_step(
+    name: str, config: Config, workdir: Path, mesh: jax.sharding.Mesh, statistics: Any = None
+) -> Programs:
+    """The train step of a stage; a flow's begins with the frozen image encoder's reading of the pictures.
+
+    Args:
+      statistics: of the latents (``encode_all``), for a flow.
+    """
+    stage, given = getattr(config, name), None
+    extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
+    if name == "latent_flow" and config.loss.readout_share:
+        extra.append(latent_metric(workdir / "latents", config.data.records, config.loss.readout_share, config.data.split))  # fmt: skip
+    loss_fn = getattr(objectives, f"make_{name}_loss")(build(name, config.model), config, *extra)
+    if name.endswith("_flow"):
+        loss_fn = objectives.of_pictures(loss_fn, make_conditioner(config.model))
+        given = load_encoder(config, workdir, mesh)
+    return make_train_step(
+        loss_fn,
+        make_optimizer(stage),
+        stage.ema_decay,
+        freeze=stage.freeze,
+        accumulate=stage.accumulate,
+        skip=stage.skip_not_finite > 0,
+        given=given,
+    )

@@ -260,14 +260,16 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
     return evaluate
 
 
-def load_conditioner(
-    config: Config, workdir: Path, mesh: jax.sharding.Mesh | None = None
-) -> Callable[[jax.Array], Condition]:
-    """``pipeline.make_conditioner`` with the trained image encoder of WORKDIR, on every device of the mesh."""
+def load_encoder(config: Config, workdir: Path, mesh: jax.sharding.Mesh | None = None) -> Any:
+    """The trained image encoder's parameters of WORKDIR, on every device of the mesh."""
     abstract = build("image_encoder", config.model).abstract()
     place = None if mesh is None else replicated(mesh)
-    parameters = jax.device_put(load_network(workdir, "image_encoder", abstract), place)
-    return functools.partial(make_conditioner(config.model), parameters)
+    return jax.device_put(load_network(workdir, "image_encoder", abstract), place)
+
+
+def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Condition]:
+    """``pipeline.make_conditioner`` with the trained image encoder of WORKDIR."""
+    return functools.partial(make_conditioner(config.model), load_encoder(config, workdir))
 
 
 def _condition(items: list[dict[str, Any]], condition_of: Callable[..., Condition]) -> Condition:

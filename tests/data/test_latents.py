@@ -44,6 +44,9 @@ def test_round_trip_and_statistics(cache):
         assert stored["record"] == item["record"] and stored["mirrored"] == item["mirrored"]
         for name in latents.FIELDS:
             np.testing.assert_allclose(stored[name], item[name], rtol=1e-3, atol=1e-3)
+    some = latents.LatentSource(cache, without=("structure", "images"))[3]
+    assert set(some) == {"coords", "voxel_part", "latent", "record", "mirrored"}
+    np.testing.assert_array_equal(some["latent"], source[3]["latent"])
     found = latents.read_statistics(cache)
     every = np.concatenate([item["latent"] for item in items])
     np.testing.assert_allclose(found.latent_mean, every.mean(0), atol=1e-3)

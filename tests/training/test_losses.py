@@ -10,11 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uniart_jax.config import Config, FlowConfig, LossConfig
+from uniart_jax.samplers import Condition
 from uniart_jax.training import losses
 from uniart_jax.training.objectives import (
     alignment_loss,
     draw,
     make_latent_flow_loss,
+    of_pictures,
     part_weights,
 )
 from uniart_jax.voxels.joint_code import gauge_variants
@@ -147,6 +149,17 @@ def test_a_dropped_condition_is_nothing_in_all_its_parts():
         assert all(np.array_equal(a[:, 0], kept[0][:, 0]) for a in kept)
         assert abs(kept[0][:, 0].mean() - (1 - share)) < 0.25
         assert kept[0][:, 0].mean() == 1 - share or share == 0.4
+
+
+def test_a_loss_of_pictures_is_that_of_what_the_encoder_sees_in_them():
+    def loss(params, batch, key):
+        return params * (batch["tokens"] * batch["x"]).sum(), {"fields": set(batch)}
+
+    def condition(encoder, images):
+        return Condition(tokens=encoder * images)
+
+    found, metrics = of_pictures(loss, condition)(2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, 5.0)  # fmt: skip
+    assert found == 2 * 5 * 3 and metrics["fields"] == {"x", *Condition._fields}
 
 
 def test_the_latent_flow_weighs_parts_and_readouts_as_told():

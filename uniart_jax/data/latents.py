@@ -4,8 +4,8 @@
     OUT/metadata.json               key, number of items, mean and std of both latents
 
 An item: ``structure`` [s, s, s, C] f2 latent mean of the structure VAE; ``coords`` [V, 3] u1, ``voxel_part`` [V] u1 and ``latent`` [V, C'] f2
-latent mean of the UniArt VAE; ``images`` [N, H, W, 3] u1 the N views as networks see them, which the image encoder reads while a flow trains: that costs
-a few percent of a step, and a better encoder needs no new latents. A folder is complete or absent;
+latent mean of the UniArt VAE; ``images`` [N, H, W, 3] u1 the N views as networks see them, which the image encoder reads in a flow's step: that costs
+a few percent of it, and a better encoder needs no new latents. A folder is complete or absent;
 one that is being made lies beside it under another name, and a pass that was cut off goes on at its next shard.
 """
 
@@ -16,7 +16,7 @@ import functools
 import itertools
 import json
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -215,9 +215,14 @@ def read_statistics(folder: str | Path) -> LatentStatistics:
 
 
 class LatentSource:
-    """Random access to the items of a folder of latents: ``source[i] -> {field: array}`` in stored types. Picklable."""
+    """Random access to the items of a folder of latents: ``source[i] -> {field: array}`` in stored types. Picklable.
 
-    def __init__(self, folder: str | Path):
+    Args:
+      without: fields to pass over.
+    """
+
+    def __init__(self, folder: str | Path, without: Collection[str] = ()):
+        self._without = tuple(without)
         self.voxels = np.array(read_metadata(folder)["voxels"])
         self._shards = open_shards(sorted(Path(folder).glob("latents-*.arrayrecord")))
         if len(self.voxels) != len(self._shards):
@@ -229,7 +234,7 @@ class LatentSource:
         return len(self._shards)
 
     def __getitem__(self, index: int) -> dict[str, Any]:
-        arrays, meta = unpack_arrays(self._shards[index], "latents")
+        arrays, meta = unpack_arrays(self._shards[index], "latents", self._without)
         return {**arrays, **meta}
 
     def __repr__(self) -> str:
@@ -257,7 +262,8 @@ def latent_batches(
 
     Args and errors: as ``batches.voxel_batches``.
     """
-    source = LatentSource(latents)
+    unread = ("structure",) if stage == "latent_flow" else ("coords", "voxel_part", "latent")
+    source = LatentSource(latents, without=unread)
     seed = data.seed if seed is None else seed
     if stage == "latent_flow":
         sizes = np.stack([source.voxels, np.zeros_like(source.voxels)], 1)

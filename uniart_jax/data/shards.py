@@ -14,7 +14,7 @@ import re
 import socket
 import threading
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -46,9 +46,13 @@ def pack_arrays(arrays: dict[str, np.ndarray], meta: dict[str, Any]) -> bytes:
 
 
 def unpack_arrays(
-    data: bytes, name: str = "record"
+    data: bytes, name: str = "record", without: Collection[str] = ()
 ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """The arrays and metadata of ``pack_arrays``; nothing is unpickled.
+
+    Args:
+      name: of what the bytes are, for errors.
+      without: arrays to pass over: they are not read.
 
     Raises:
       ValueError: the bytes are truncated, foreign, or larger than 1 GiB when read; one line.
@@ -57,7 +61,8 @@ def unpack_arrays(
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             if sum(info.file_size for info in archive.infolist()) > MAX_RECORD_BYTES:
                 raise ValueError("it would be larger than 1 GiB")
-            files = {info.filename: archive.read(info) for info in archive.infolist()}
+            left = {f"{array}.npy" for array in without}
+            files = {i.filename: archive.read(i) for i in archive.infolist() if i.filename not in left}  # fmt: skip
         with HEADERS:
             arrays = {
                 key[:-4]: np.lib.format.read_array(io.BytesIO(value), allow_pickle=False)

@@ -1,6 +1,6 @@
 """What each network minimises: ``make_*`` gives ``loss_fn(params, batch, key) -> (loss, scalar metrics)``.
 
-Batches are those of ``data.batches``; every loss is a mean per object, then over objects.
+Batches are those of ``data.batches``, a flow's with what an image encoder sees (``samplers.Condition``) in place of the picture; every loss is a mean per object, then over objects.
 """
 
 from __future__ import annotations
@@ -192,6 +192,21 @@ def alignment_loss(geometry: jax.Array, articulation: jax.Array, valid: jax.Arra
 def normalize(latent: jax.Array, mean: Any, std: Any) -> jax.Array:
     """Channels of a latent [..., C] to mean 0 and deviation 1."""
     return (latent - jnp.asarray(mean)) / jnp.asarray(std)
+
+
+def of_pictures(loss_fn: LossFn, condition: Callable[..., Condition]) -> Callable[..., Any]:
+    """A flow's loss of batches with ``image`` [B, H, W, 3] in place of what an image encoder sees in them: (params, batch, key, encoder's parameters) -> as ``loss_fn``.
+
+    Args:
+      condition: (encoder's parameters, images) -> what the flow sees (``samplers.make_conditioner``); nothing is differentiated by it.
+    """
+
+    def seeing(params, batch, key, encoder):
+        rest = dict(batch)
+        seen = condition(encoder, rest.pop("image"))
+        return loss_fn(params, {**seen._asdict(), **rest}, key)
+
+    return seeing
 
 
 def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> LossFn:

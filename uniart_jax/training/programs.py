@@ -24,7 +24,7 @@ class Program(NamedTuple):
 
     Attributes:
       number: from 1, in the order of compiling.
-      call: (state, batch, key) -> the step's result.
+      call: (state, batch, key, given) -> the step's result.
       shapes: dtype and shape of each leaf of the batch, by dotted name.
       flops: of its matrix products on all devices, by dtype (``flops.matmul_flops``).
       seconds: that tracing and compiling took.
@@ -47,18 +47,19 @@ class Program(NamedTuple):
 
 
 class Programs:
-    """``update(state, batch, key) -> (state, metrics)``, jitted with the state donated, as a callable that keeps its programs.
+    """``update(state, batch, key, given) -> (state, metrics)``, jitted with the state donated, as a callable of (state, batch, key) that keeps its programs.
 
     The returned state has the shardings of the state that each program was compiled with.
 
     Attributes:
       update: the function itself.
+      given: its last argument in every call: arrays that stay as they are, such as a frozen network's parameters, or None.
       compiled: in the order in which their shapes were first met.
       latest: the program that the last call ran.
     """
 
-    def __init__(self, update: Callable[..., Any]):
-        self.update = update
+    def __init__(self, update: Callable[..., Any], given: Any = None):
+        self.update, self.given = update, given
         self._jitted: Any = None
         self._by_shapes: dict[Any, Program] = {}
         self.latest: Program | None = None
@@ -73,7 +74,7 @@ class Programs:
         if program is None:
             program = self._by_shapes[shapes] = self.compile(state, batch, key)
         self.latest = program
-        return program.call(state, batch, key)
+        return program.call(state, batch, key, self.given)
 
     def knows(self, batch: Any) -> bool:
         """Whether there is a program for a batch of these shapes."""
@@ -101,7 +102,7 @@ class Programs:
             # Pinned, because the compiler may otherwise choose others for its outputs and compile the second step anew.
             shardings = jax.tree.map(lambda leaf: leaf.sharding, state)
             self._jitted = jax.jit(self.update, donate_argnums=0, out_shardings=(shardings, None))
-        traced = self._jitted.trace(state, batch, key)
+        traced = self._jitted.trace(state, batch, key, self.given)
         call = traced.lower().compile()
         memory = call.memory_analysis()
         named = jax.tree_util.tree_leaves_with_path(batch)

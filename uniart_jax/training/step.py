@@ -20,7 +20,7 @@ from uniart_jax.training.programs import Programs
 from uniart_jax.training.state import Params, TrainState, clip_threshold, frozen_mask
 
 Metrics = dict[str, jax.Array]
-LossFn = Callable[[Params, Any, jax.Array], tuple[jax.Array, Metrics]]
+LossFn = Callable[..., tuple[jax.Array, Metrics]]  # of (params, batch, key), and what is given
 
 
 def make_train_step(
@@ -31,30 +31,32 @@ def make_train_step(
     freeze: Sequence[str] = (),
     accumulate: int = 1,
     skip: bool = False,
+    given: Any = None,
 ) -> Programs:
     """Build ``step(state, batch, key) -> (state, metrics)``; ``state`` is donated, so use only the returned one.
 
     Args:
-      loss_fn: (params, batch, key) -> (scalar loss, dict of scalar metrics).
+      loss_fn: (params, batch, key) -> (scalar loss, dict of scalar metrics); with ``given``, of (params, batch, key, given).
       ema_decay: of the averaged parameters.
       freeze: parameters that stay as they are, bit for bit, with their average (``state.frozen_mask``); nothing is differentiated by them.
       accumulate: with n > 1, ``batch`` is a sequence of n micro-batches of equally many items (``microbatches.split_batch``), whose gradients are averaged one
         after another: the memory of one, the update of all. Micro-batch i draws by fold_in(key, i).
       skip: a step that is not finite counts as a step.
+      given: a frozen network's parameters, on the devices, which every step reads.
 
     The metrics are the loss function's, ``loss``, ``grad_norm`` (before clipping), ``clip_threshold`` where it adapts, and ``finite`` (1 or 0). A metric of
     micro-batches is the mean of those where it is a number. ``key`` is the run's and the same at every step. The returned state
     keeps the shardings of the state first given.
     """
 
-    def update(state: TrainState, batch: Any, key: jax.Array):
+    def update(state: TrainState, batch: Any, key: jax.Array, given: Any = None):
         key = jax.random.fold_in(key, state.step)
         frozen = frozen_mask(state.params, freeze)
 
         def loss_of(params: Params, batch: Any, key: jax.Array):
             stop = jax.lax.stop_gradient
             fixed = jax.tree.map(lambda p, kept: stop(p) if kept else p, params, frozen)
-            return loss_fn(fixed, batch, key)
+            return loss_fn(fixed, batch, key, *(() if given is None else (given,)))
 
         gradient = jax.value_and_grad(loss_of, has_aux=True)
         if accumulate > 1:
@@ -78,7 +80,7 @@ def make_train_step(
         metrics = {**metrics, "loss": loss, "grad_norm": grad_norm, "finite": finite}
         return new, metrics | clip_threshold(opt_state)
 
-    return Programs(update)
+    return Programs(update, given)
 
 
 def _average(
