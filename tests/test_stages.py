@@ -176,8 +176,12 @@ def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
 def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path):
     """Its weights are kept and the new layers add nothing yet, so the network begins with the function that it was."""
     config, workdir = trained
-    blind = dataclasses.replace(config.model.latent_flow, pixel_channels=0)
+    reads = dataclasses.replace(config.model.latent_flow, voxel_channels=8)  # as nano has it
+    blind = dataclasses.replace(reads, pixel_channels=0)
     model = dataclasses.replace(config.model, latent_flow=blind)
+    config = dataclasses.replace(
+        config, model=dataclasses.replace(config.model, latent_flow=reads)
+    )
     source = tmp_path / "source"
     shutil.copytree(workdir / "export", source)
     before = build("latent_flow", model).init(jax.random.key(7))
@@ -187,12 +191,14 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path):
     with pytest.raises(ValueError, match=r"does not fit this config; missing: pixel_cube\.bias"):
         stages.run(config, ["latent_flow"], tmp_path / "work", init=source)  # it should have them
     write_config(source, dataclasses.replace(config, model=model))
+    assert adoption.adoptable(config, source, ["structure_flow"], tmp_path / "work") == ["image_encoder", "structure_vae", "uniart_vae"]  # fmt: skip
     stages.run(config, ["latent_flow"], tmp_path / "work", init=source)
     after = load_file(tmp_path / "work/export/latent_flow.safetensors")
     for name, leaf in flat_names(before).items():
         np.testing.assert_array_equal(after.pop(name), np.asarray(leaf).astype(np.float16))
-    assert {name.split(".")[0] for name in after} == {"pixel_in", "pixel_hidden", "pixel_cube"}
-    assert not after["pixel_cube.kernel"].any() and not after["pixel_cube.bias"].any()
+    assert {name.split(".")[0] for name in after} == {"pixel_in", "pixel_hidden", "pixel_cube", "pixel_voxel"}
+    added = {name for name in after if name.split(".")[0] in ("pixel_cube", "pixel_voxel")}
+    assert len(added) == 4 and not any(after[name].any() for name in added)
 
 
 @pytest.mark.parametrize("name", ["structure_flow", "uniart_vae"])  # trained, taken over

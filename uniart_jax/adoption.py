@@ -26,7 +26,8 @@ from uniart_jax.training.export import (
 def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
     """The networks that checkpoint ``source`` has, WORKDIR lacks and that are not trained now.
 
-    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents.
+    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents. A latent
+    flow that lacks layers to read pixels with is only something to train on from (``first_weights``), not to take.
 
     Raises:
       ValueError: one of them does not fit the config.
@@ -40,6 +41,8 @@ def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path
         ):
             continue
         if name.endswith("_flow") and not same_ground(source, stages, workdir):
+            continue
+        if name == "latent_flow" and lacks_pixels(source, config.model):
             continue
         load_network(source, name, build(name, config.model).abstract())
         found.append(name)
@@ -55,12 +58,17 @@ def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
     Raises:
       FileNotFoundError, ValueError: as ``load_network``.
     """
-    flow = model.latent_flow
-    if name == "latent_flow" and flow.pixel_channels and has_export(source, "config.json"):
-        had = read_config(source).model.latent_flow.pixel_channels
-        wanted = dataclasses.replace(flow, pixel_channels=flow.pixel_channels if had else 0)
-        model = dataclasses.replace(model, latent_flow=wanted)
+    if name == "latent_flow" and lacks_pixels(source, model):
+        blind = dataclasses.replace(model.latent_flow, pixel_channels=0)
+        model = dataclasses.replace(model, latent_flow=blind)
     return load_network(source, name, build(name, model).abstract())
+
+
+def lacks_pixels(source: Path, model: ModelConfig) -> bool:
+    """Whether the latent flow of checkpoint ``source`` reads no pixels, where the config's does."""
+    if not model.latent_flow.pixel_channels or not has_export(source, "config.json"):
+        return False
+    return not read_config(source).model.latent_flow.pixel_channels
 
 
 def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:

@@ -268,7 +268,7 @@ def load_encoder(config: Config, workdir: Path, mesh: jax.sharding.Mesh | None =
 
 
 def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Condition]:
-    """``pipeline.make_conditioner`` with the trained image encoder of WORKDIR."""
+    """``samplers.make_conditioner`` with the trained image encoder of WORKDIR."""
     return functools.partial(make_conditioner(config.model), load_encoder(config, workdir))
 
 

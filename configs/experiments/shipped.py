@@ -5,7 +5,7 @@ Command: mkdir -p runs; git archive 02ff56e uniart_jax/pretrained | tar x -C run
 What varies: the weights and with them the latent flow's pixel_channels; UniArt VAE and structure VAE are the same in both.
 Expected: now better. given: the true active voxels and the image, so what the structure loses is left out.
 Nano: nothing is trained. There is no paper size.
-Hardware and time, nano: one CPU core; sampling alone, about 5 s an object and arm: 80 minutes for six arms of 128 objects, beside other work.
+Hardware and time, nano: one CPU core; sampling alone, about 6 s an object and arm: 80 minutes for six arms of 128 objects, beside other work.
 """
 
 from pathlib import Path

@@ -103,6 +103,14 @@ def test_settings_that_differ_are_named(monkeypatch, tmp_path):
     assert differences({"a": {"b": 1}}, {"a": {"b": 1, "c": 3}}, {"a": {"c": 2}}) == ["a.c 2 instead of 3"]  # fmt: skip
 
 
+def test_a_checkpoint_that_is_missing_is_named_before_anything_is_made(tmp_path):
+    arm = Arm(Config(), (), "object", init=str(tmp_path / "before"))
+    experiment = Experiment({"old": arm}, "old", ("rs_chamfer",), seeds=1, count=1)
+    with pytest.raises(FileNotFoundError, match=r"arm old: .*before.*head of the experiment's file"):
+        run.prepare(experiment, tmp_path / "out", ["old"], 1, 1)
+    assert not (tmp_path / "out").exists()
+
+
 def test_of_each_object_one_record_is_tested(tmp_path):
     """Records are object by object, five states each; the test split is some of the objects, and a state may have failed."""
     with (tmp_path / "manifest.csv").open("w", newline="") as file:

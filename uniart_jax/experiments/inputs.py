@@ -21,6 +21,7 @@ from uniart_jax.experiments.judge import test_names, test_object
 from uniart_jax.locks import in_turn
 from uniart_jax.procedural import SEEN_FAMILIES
 from uniart_jax.stages import prepared_objects
+from uniart_jax.training.export import checkpoint_folder
 
 MAX_PARTS = 64
 console = Console(stderr=True, highlight=False)
@@ -118,6 +119,15 @@ def records_digest(folder: str | Path) -> str:
     read_manifest(folder)
     files = [Path(folder) / name for name in ("metadata.json", "manifest.csv")]
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()[:16]
+
+
+def check_weights(name: str, arm: Arm) -> None:
+    """Raises FileNotFoundError where a checkpoint that the arm begins with, or is judged by, is missing."""
+    try:
+        for checkpoint in filter(None, (arm.init, arm.beside, arm.stages and arm.config.init)):
+            checkpoint_folder(checkpoint)
+    except FileNotFoundError as error:
+        raise FileNotFoundError(f"arm {name}: {error}; the head of the experiment's file says where it comes from") from None  # fmt: skip
 
 
 def check_arm(name: str, arm: Arm, trained: Arm, count: int) -> None:

@@ -25,7 +25,7 @@ from uniart_jax.config import NETWORKS
 from uniart_jax.evaluation.kept import keep
 from uniart_jax.experiments.design import Arm, Experiment
 from uniart_jax.experiments.fronts import drawn_alike, fitted
-from uniart_jax.experiments.inputs import check_arm, make_records
+from uniart_jax.experiments.inputs import check_arm, check_weights, make_records
 from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
@@ -84,6 +84,7 @@ def prepare(
     """
     missing_networks(experiment, out, chosen, seeds)
     for name in chosen:
+        check_weights(name, experiment.trained(name))
         if (
             "/" in experiment.arms[name].of
             and experiment.folder(name, out).parent.resolve() == out.resolve()
