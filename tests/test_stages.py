@@ -179,9 +179,7 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path):
     reads = dataclasses.replace(config.model.latent_flow, voxel_channels=8)  # as nano has it
     blind = dataclasses.replace(reads, pixel_channels=0)
     model = dataclasses.replace(config.model, latent_flow=blind)
-    config = dataclasses.replace(
-        config, model=dataclasses.replace(config.model, latent_flow=reads)
-    )
+    config = dataclasses.replace(config, model=dataclasses.replace(config.model, latent_flow=reads))
     source = tmp_path / "source"
     shutil.copytree(workdir / "export", source)
     before = build("latent_flow", model).init(jax.random.key(7))
@@ -196,7 +194,12 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path):
     after = load_file(tmp_path / "work/export/latent_flow.safetensors")
     for name, leaf in flat_names(before).items():
         np.testing.assert_array_equal(after.pop(name), np.asarray(leaf).astype(np.float16))
-    assert {name.split(".")[0] for name in after} == {"pixel_in", "pixel_hidden", "pixel_cube", "pixel_voxel"}
+    assert {name.split(".")[0] for name in after} == {
+        "pixel_in",
+        "pixel_hidden",
+        "pixel_cube",
+        "pixel_voxel",
+    }
     added = {name for name in after if name.split(".")[0] in ("pixel_cube", "pixel_voxel")}
     assert len(added) == 4 and not any(after[name].any() for name in added)
 

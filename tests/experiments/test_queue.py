@@ -106,7 +106,9 @@ def test_settings_that_differ_are_named(monkeypatch, tmp_path):
 def test_a_checkpoint_that_is_missing_is_named_before_anything_is_made(tmp_path):
     arm = Arm(Config(), (), "object", init=str(tmp_path / "before"))
     experiment = Experiment({"old": arm}, "old", ("rs_chamfer",), seeds=1, count=1)
-    with pytest.raises(FileNotFoundError, match=r"arm old: .*before.*head of the experiment's file"):
+    with pytest.raises(
+        FileNotFoundError, match=r"arm old: .*before.*head of the experiment's file"
+    ):
         run.prepare(experiment, tmp_path / "out", ["old"], 1, 1)
     assert not (tmp_path / "out").exists()
 

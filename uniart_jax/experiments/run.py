@@ -84,12 +84,12 @@ def prepare(
     """
     missing_networks(experiment, out, chosen, seeds)
     for name in chosen:
-        check_weights(name, experiment.trained(name))
         if (
             "/" in experiment.arms[name].of
             and experiment.folder(name, out).parent.resolve() == out.resolve()
         ):
             raise ValueError(f"{out}: is the folder of the experiment that arm '{name}' is of; give another --out")  # fmt: skip
+        check_weights(name, experiment.trained(name))
     for records in experiment.records:
         make_records(records, experiment.trained(chosen[0]).config.model)
     for name in experiment.arms:
