@@ -30,11 +30,12 @@ from results import report
 from synthetic import training_batch
 
 from uniart_jax.cli.train import load_config
-from uniart_jax.config import Config
+from uniart_jax.config import Config, MeshConfig
 from uniart_jax.models.network import build
 from uniart_jax.training import objectives
 from uniart_jax.training.flops import matmul_flops
-from uniart_jax.training.state import create_state, make_optimizer
+from uniart_jax.training.sharding import make_mesh
+from uniart_jax.training.state import abstract_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 
 TRAINED = ("structure_vae", "uniart_vae", "structure_flow", "latent_flow")
@@ -99,7 +100,7 @@ def program(name: str, config: Config, items: int) -> tuple[int, int]:
     optimizer = make_optimizer(stage)
     update = make_train_step(loss, optimizer, stage.ema_decay).update
     key = jax.random.key(0)
-    state = jax.eval_shape(lambda k: create_state(network.init, optimizer, k), key)
+    state = abstract_state(network.init, optimizer, make_mesh(MeshConfig()))
     batch = training_batch(name, config.model, items, VOXELS)
     compiled = jax.jit(update, donate_argnums=0).lower(state, batch, key).compile()
     parameters = sum(math.prod(p.shape) for p in jax.tree.leaves(state.params))

@@ -2,11 +2,15 @@
 
 import dataclasses
 import importlib
+import math
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
+from uniart_jax.config import Config, FlowConfig, ModelConfig, StageConfig
+from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.procedural import generate
 
@@ -54,3 +58,26 @@ def test_what_samples_agree_on_is_counted_by_joints_and_drawn_by_objects(script)
     other = dataclasses.replace(truth, parts=tuple(parts))
     rows = spread.agreement([truth, other], truth)
     assert (rows[:, 0] == 1).sum() == 1 and (rows[:, 1] == 1).all()
+
+
+def test_a_training_is_predicted_from_its_compiled_step(script):
+    predict_training = script("predict_training")
+    flow = FlowConfig(model_channels=32, num_blocks=1, num_heads=2, cond_channels=16)
+    stage = StageConfig(batch_size=16, steps=86_400)
+    config = Config(model=ModelConfig(structure_flow=flow), structure_flow=stage)
+    parameters, beside = predict_training.program("structure_flow", config, 1)
+    assert parameters == sum(
+        math.prod(p.shape)
+        for p in jax.tree.leaves(build("structure_flow", config.model).abstract())
+    )
+    assert beside > 4 * 16**3 * 32  # a layer's activations at the least
+    assert predict_training.useful_flops("structure_flow", config) > 6 * 16**3 * parameters / 2
+
+    machine = predict_training.Machine("two", 2, peak=1e12, memory=2.76, link=1e9)
+    cost = {"flops": 1e10, "parameters": 10**6, "first": 2**30, "more": 2**28}
+    row = predict_training.predict("structure_flow", config, machine, cost, share=0.5)
+    assert row["step s"] == pytest.approx(16e10 / (2 * 1e12 * 0.5))  # longer than the exchange
+    assert row["all-reduce s"] == pytest.approx(0.004)
+    gib = [2.75 + 16e6 / n / 2**30 for n in (1, 2)]
+    assert (row["GiB"], row["GiB, fsdp"]) == pytest.approx(gib)
+    assert (row["fits"], row["days"]) == ("with fsdp", pytest.approx(row["step s"]))
