@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import io
 import json
+import pickle
 import zipfile
 
 import numpy as np
@@ -126,6 +127,26 @@ def test_shards_random_access(tmp_path):
     assert len(source) == 5
     for index in (4, 0, 3, 2):
         assert same(source[index], made[index])
+
+
+def test_a_damaged_item_is_named_by_its_file(tmp_path):
+    paths = [tmp_path / f"{i}.arrayrecord" for i in range(2)]
+    for path in paths:
+        rng = np.random.default_rng(0)
+        shards.write_shard(path, [rng.bytes(50_000) for _ in range(8)])
+    content = bytearray(paths[1].read_bytes())
+    content[200_000:200_100] = bytes(100)
+    paths[1].write_bytes(content)
+    source, told = pickle.loads(pickle.dumps(shards.open_shards(paths))), {}
+    for i in range(16):
+        try:
+            assert len(source[i]) == 50_000
+        except ValueError as error:
+            told[i] = str(error)
+    assert told and all(i >= 8 for i in told)  # the rest can still be read
+    for i, text in told.items():
+        assert text.startswith(f"{paths[1]}, item {i - 8}: damaged") and "\n" not in text
+        assert "remove the file and run the command that made it again" in text
 
 
 def test_failed_shard_leaves_nothing(tmp_path):

@@ -17,10 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from array_record.python.array_record_data_source import ArrayRecordDataSource
 from PIL import Image
 
-from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays
+from uniart_jax.data.shards import Shards, open_shards, pack_arrays, unpack_arrays
 
 FEATURES = ("visual", "part_feature")  # columns that join a record as fields
 VALUES = "values"
@@ -46,7 +45,7 @@ def column_note(folder: str | Path, name: str) -> Path:
     return Path(folder) / f"{name}.json"
 
 
-def open_column(name: str, shards: Sequence[Path], records: int) -> ArrayRecordDataSource:
+def open_column(name: str, shards: Sequence[Path], records: int) -> Shards:
     """The items of a column, beside these shards of so many records.
 
     Raises:

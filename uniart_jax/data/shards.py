@@ -16,7 +16,7 @@ import threading
 import zipfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from absl import flags
@@ -127,8 +127,31 @@ def _alive(process: int) -> bool:
     return True
 
 
-def open_shards(paths: Sequence[str | Path]) -> ArrayRecordDataSource:
-    """Random access to the byte strings of several ArrayRecord files, in the order given.
+class Shards(ArrayRecordDataSource):
+    """Random access to the byte strings of several ArrayRecord files, in their order; picklable."""
+
+    def __init__(self, paths: Sequence[str | Path]):
+        self.paths = [str(path) for path in paths]
+        super().__init__(self.paths)
+
+    def __getitem__(self, record_key: SupportsIndex) -> bytes:
+        """
+        Raises:
+          ValueError: the item is damaged; it names the file.
+        """
+        try:
+            return super().__getitem__(record_key)
+        except RuntimeError as error:
+            place = record_key.__index__()
+            for path in self.paths:
+                if place < (count := len(ArrayRecordDataSource(path))):
+                    raise _damaged(f"{path}, item {place}", error) from None
+                place -= count
+            raise
+
+
+def open_shards(paths: Sequence[str | Path]) -> Shards:
+    """The byte strings of several ArrayRecord files, in the order given.
 
     Raises:
       ValueError: a file is damaged; it names them.
@@ -136,8 +159,13 @@ def open_shards(paths: Sequence[str | Path]) -> ArrayRecordDataSource:
     if not flags.FLAGS.is_parsed():  # programs without absl: ArrayRecord reads its flags on use
         flags.FLAGS.mark_as_parsed()
     try:
-        return ArrayRecordDataSource([str(p) for p in paths])
+        return Shards(paths)
     except RuntimeError as error:
         small = [str(p) for p in paths if Path(p).stat().st_size < MIN_FILE_BYTES]
         which = ", ".join(small) or (str(paths[0]) if len(paths) == 1 else f"one of {len(paths)} files in {Path(paths[0]).parent}")  # fmt: skip
-        raise ValueError(f"{which}: damaged or cut off ({' '.join(str(error).split())[:120]}); remove it and run the command that made it again") from None  # fmt: skip
+        raise _damaged(which, error) from None
+
+
+def _damaged(which: str, error: RuntimeError) -> ValueError:
+    reason = " ".join(str(error).split())[:120]
+    return ValueError(f"{which}: damaged or cut off ({reason}); remove the file and run the command that made it again")  # fmt: skip
