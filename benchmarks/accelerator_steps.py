@@ -3,7 +3,8 @@
     python benchmarks/accelerator_steps.py [structure_flow ...] [--minutes 9] [--kernel auto] [--only steps batches] [--tiny] [--out out/bench]
 
 The library's losses, AdamW, averaged parameters and donated state (``training``), bfloat16 compute, on synthetic objects (``synthetic.py``): 4,096 tokens
-for the structure flow, up to 16,384 voxels an item for the UniArt VAE and the latent flow. Of DINOv2-L (image_encoder) the forward pass alone.
+for the structure flow, up to 16,384 voxels an item for the UniArt VAE and the latent flow. Of DINOv2-L (image_encoder) the forward pass alone; flows are given
+its tokens here, while in a training it is the beginning of their step.
 
 * steps: each with ``scan_blocks`` and ``remat`` on and off. ``of peak``: the matrix products of the forward pass, counted in its jaxpr (loops multiplied
   out, attention over its rows' padding included), times three, a second and of the product rate measured here in bfloat16. What remat computes again

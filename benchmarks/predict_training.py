@@ -8,7 +8,8 @@ Of every network that a config trains, at its own size and batch, on synthetic o
   again is not useful work and does not count; it lies in the share.
 * share of peak: ``--share``, an assumption, unless ``--measured`` gives the file of ``accelerator_steps.py`` from a real device: the products a second of the
   same network (scan and remat as in the config) by the peak in that device's data sheet, as the machines' are.
-* a flow's step looks at images first: DINOv2's forward pass over the batch, counted the same way, is in its products.
+* a flow's step looks at images first: DINOv2's forward pass over the batch, counted the same way, is in its products, and its parameters in the memory;
+  what the pass holds for a moment is not.
 * step: products / (devices x peak x share), or the gradients' all-reduce in float32 at the links' rate, whichever is longer. Reading data, evaluating
   and saving come on top.
 * memory of a device: state (16 bytes a parameter, gradients 4 more, / fsdp) and what the step's program needs beside it, from XLA's memory analysis of
@@ -85,12 +86,13 @@ def useful_flops(name: str, config: Config) -> float:
     return 3.0 * matmul_flops(traced).total() / items
 
 
-def looking_flops(config: Config) -> float:
-    """FLOP of the frozen image encoder's matrix products for one image, which a flow's step begins with; forward alone."""
+def looking(config: Config) -> tuple[float, int]:
+    """Of the frozen image encoder, which a flow's step begins with: FLOP of its matrix products for one image, forward alone, and bytes of its parameters."""
     model = dataclasses.replace(config.model, kernel="xla", remat=False)
     network, size = build("image_encoder", model), model.image_encoder.image_size
     image = jax.ShapeDtypeStruct((1, size, size, 3), "float32")
-    return float(matmul_flops(jax.make_jaxpr(network.apply)(network.abstract(), image)).total())
+    flops = matmul_flops(jax.make_jaxpr(network.apply)(network.abstract(), image)).total()
+    return float(flops), 4 * sum(math.prod(p.shape) for p in jax.tree.leaves(network.abstract()))
 
 
 def program(name: str, config: Config, items: int) -> tuple[int, int]:
@@ -170,9 +172,8 @@ def main() -> None:
     for name in arguments.networks:
         parameters, first = program(name, config, 1)
         _, second = program(name, config, 2)
-        flops = useful_flops(name, config)
-        flops += looking_flops(config) if name.endswith("_flow") else 0.0
-        cost = {"flops": flops, "parameters": parameters, "first": first, "more": max(second - first, 0)}  # fmt: skip
+        seeing, held = looking(config) if name.endswith("_flow") else (0.0, 0)
+        cost = {"flops": useful_flops(name, config) + seeing, "parameters": parameters, "first": first + held, "more": max(second - first, 0)}  # fmt: skip
         print(f"{name}: {parameters / 1e6:.0f} M parameters, {cost['flops'] / 1e12:.3g} TFLOP an item, {first / 2**30:.2f} GiB for one item, {cost['more'] / 2**30:.2f} for each more", flush=True)  # fmt: skip
         rows += [predict(name, config, m, cost, shares.get(name, arguments.share)) for m in MACHINES]  # fmt: skip
     rows.sort(key=lambda row: [m.name for m in MACHINES].index(row["machine"]))

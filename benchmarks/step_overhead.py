@@ -108,7 +108,7 @@ def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -
         latents = encode_all(config, workdir)
     network, mesh = build(name, config.model), make_mesh(config.mesh)
     optimizer = make_optimizer(stage)
-    bare = stages.make_step(name, config, workdir, mesh, latents)
+    bare = stages.make_step(name, network, optimizer, config, workdir, mesh, latents)
     put = stages.make_put(name, mesh)
     key = jax.random.key(0)
     loops, bares, idles, saves, each = [], [], [], [], []

@@ -1,5 +1,6 @@
 """All stages from a config to a checkpoint that samples, at toy size."""
 
+import contextlib
 import dataclasses
 import json
 import shutil
@@ -26,6 +27,10 @@ from uniart_jax.training.export import (
     write_config,
     write_statistics,
 )
+from uniart_jax.training.objectives import make_structure_flow_loss
+from uniart_jax.training.sharding import make_mesh
+from uniart_jax.training.state import create_state, make_optimizer
+from uniart_jax.validation import load_conditioner
 from uniart_jax.voxels.assemble import assemble
 
 DEBUG = Path(__file__).parent.parent / "configs/debug.py"
@@ -173,7 +178,7 @@ def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
     assert uniart_jax.load(tmp_path / "work").config.name == "debug"
 
 
-def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path):
+def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys):
     """Its weights are kept and the new layers add nothing yet, so the network begins with the function that it was."""
     config, workdir = trained
     reads = dataclasses.replace(config.model.latent_flow, voxel_channels=8)  # as nano has it
@@ -190,6 +195,7 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path):
         stages.run(config, ["latent_flow"], tmp_path / "work", init=source)  # it should have them
     write_config(source, dataclasses.replace(config, model=model))
     assert adoption.adoptable(config, source, ["structure_flow"], tmp_path / "work") == ["image_encoder", "structure_vae", "uniart_vae"]  # fmt: skip
+    assert "latent_flow reads no pixels" in capsys.readouterr().err.replace("\n", " ")
     stages.run(config, ["latent_flow"], tmp_path / "work", init=source)
     after = load_file(tmp_path / "work/export/latent_flow.safetensors")
     for name, leaf in flat_names(before).items():
@@ -202,6 +208,35 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path):
     }
     added = {name for name in after if name.split(".")[0] in ("pixel_cube", "pixel_voxel")}
     assert len(added) == 4 and not any(after[name].any() for name in added)
+
+
+def test_a_flows_step_sees_by_the_exported_encoder(trained):
+    config, workdir = trained
+    mesh, network = make_mesh(config.mesh), build("structure_flow", config.model)
+    statistics = encoding.encode_all(config, workdir)
+    optimizer = make_optimizer(config.structure_flow)
+    step = stages.make_step("structure_flow", network, optimizer, config, workdir, mesh, statistics)
+    key = jax.random.key(1)
+
+    def init(key):  # a fresh flow hears nothing yet
+        leaves, tree = jax.tree.flatten(network.init(key))
+        return jax.tree.unflatten(tree, [leaf + 0.1 * jax.random.normal(key, leaf.shape) for leaf in leaves])  # fmt: skip
+
+    state = create_state(init, optimizer, key, mesh)
+    with contextlib.closing(iter(stages.stage_batches("structure_flow", config, workdir))) as it:
+        batch = stages.make_put("structure_flow", mesh)(next(it))
+    loss_fn = make_structure_flow_loss(network, config, *statistics["structure"])
+
+    @jax.jit
+    def loss(seen):
+        rest = {k: v for k, v in batch.items() if k != "image"}
+        return loss_fn(state.params, {**seen._asdict(), **rest}, jax.random.fold_in(key, 0))[0]
+
+    see = load_conditioner(config, workdir)
+    expected, bent = loss(see(batch["image"])), loss(see(1 - batch["image"]))
+    assert abs(bent - expected) > 1e-3 * abs(expected)
+    found = step(state, batch, key)[1]["loss"]
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize("name", ["structure_flow", "uniart_vae"])  # trained, taken over

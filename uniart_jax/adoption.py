@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+
 from uniart_jax.config import NETWORKS, Config, ModelConfig
 from uniart_jax.encoding import ENCODED
 from uniart_jax.models.network import build
@@ -22,31 +24,39 @@ from uniart_jax.training.export import (
     write_statistics,
 )
 
+console = Console(stderr=True, highlight=False)
+
 
 def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
-    """The networks that checkpoint ``source`` has, WORKDIR lacks and that are not trained now.
-
-    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents. A latent
-    flow that lacks layers to read pixels with is only something to train on from (``first_weights``), not to take.
+    """The networks of checkpoint ``source`` that WORKDIR takes (``taken``), looked at. A latent flow that is left for want of pixels is named on the console.
 
     Raises:
       ValueError: one of them does not fit the config.
     """
-    found = []
-    for name in NETWORKS:
-        if (
-            name in stages
-            or exported(workdir, name)
-            or not has_export(source, f"{name}.safetensors")
-        ):
-            continue
-        if name.endswith("_flow") and not same_ground(source, stages, workdir):
-            continue
-        if name == "latent_flow" and lacks_pixels(source, config.model):
-            continue
+    found = taken(config, source, stages, workdir)
+    for name in found:
         load_network(source, name, build(name, config.model).abstract())
-        found.append(name)
+    here = "latent_flow" in stages or exported(workdir, "latent_flow")
+    if not here and lacks_pixels(source, config.model) and distributed.is_first():
+        console.print(f"{source}: its latent_flow reads no pixels, the config's does, so it is not taken; train it: --stage latent_flow", style="yellow", markup=False)  # fmt: skip
     return found
+
+
+def taken(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
+    """The networks that checkpoint ``source`` has, WORKDIR lacks and that are not trained now.
+
+    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents. A latent
+    flow that lacks layers to read pixels with is only something to train on from (``first_weights``), not to take.
+    """
+    return [
+        name
+        for name in NETWORKS
+        if name not in stages
+        and not exported(workdir, name)
+        and has_export(source, f"{name}.safetensors")
+        and (not name.endswith("_flow") or same_ground(source, stages, workdir))
+        and not (name == "latent_flow" and lacks_pixels(source, config.model))
+    ]
 
 
 def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
@@ -65,8 +75,9 @@ def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
 
 
 def lacks_pixels(source: Path, model: ModelConfig) -> bool:
-    """Whether the latent flow of checkpoint ``source`` reads no pixels, where the config's does."""
-    if not model.latent_flow.pixel_channels or not has_export(source, "config.json"):
+    """Whether checkpoint ``source`` has a latent flow that reads no pixels, where the config's does."""
+    files = ("latent_flow.safetensors", "config.json")
+    if not model.latent_flow.pixel_channels or not all(has_export(source, f) for f in files):
         return False
     return not read_config(source).model.latent_flow.pixel_channels
 

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import optax
 from rich.console import Console
 
 from uniart_jax.adoption import (
@@ -42,13 +43,14 @@ from uniart_jax.data.image_table import image_batches, load_image_table
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
 from uniart_jax.locks import alone
-from uniart_jax.models.network import build
+from uniart_jax.models.network import Network, build
 from uniart_jax.samplers import make_conditioner
 from uniart_jax.training import distributed, objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
     checkpoint_folder,
     export_network,
+    load_network,
     read_config,
     read_statistics,
     write_config,
@@ -57,7 +59,7 @@ from uniart_jax.training.export import (
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.microbatches import in_parts
 from uniart_jax.training.programs import Programs
-from uniart_jax.training.sharding import make_mesh, put_batch
+from uniart_jax.training.sharding import make_mesh, put_batch, replicated
 from uniart_jax.training.state import (
     abstract_state,
     begin_with,
@@ -66,7 +68,7 @@ from uniart_jax.training.state import (
     make_optimizer,
 )
 from uniart_jax.training.step import make_train_step
-from uniart_jax.validation import load_encoder, make_evaluation
+from uniart_jax.validation import make_evaluation
 
 COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
 RUNTIME = ("kernel", "compute_dtype", "scan_blocks", "remat")  # how a model is run, not what it is
@@ -283,7 +285,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
         distributed.first_does(lambda: write_statistics(workdir / "export", latent, *ours))
     key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
     optimizer = make_optimizer(stage)
-    step = make_step(name, config, workdir, mesh, statistics)
+    step = make_step(name, network, optimizer, config, workdir, mesh, statistics)
     if trained:  # nothing that the checkpoint would replace
         start = abstract_state(network.init, optimizer, mesh)
     else:
@@ -372,24 +374,32 @@ def make_put(name: str, mesh: jax.sharding.Mesh) -> Callable[[dict[str, Any]], d
 
 
 def make_step(
-    name: str, config: Config, workdir: Path, mesh: jax.sharding.Mesh, statistics: Any = None
+    name: str,
+    network: Network,
+    optimizer: optax.GradientTransformation,
+    config: Config,
+    workdir: Path,
+    mesh: jax.sharding.Mesh,
+    statistics: Any = None,
 ) -> Programs:
-    """The train step of a stage; a flow's begins with the frozen image encoder's reading of the pictures.
+    """The train step of a stage; a flow's begins with the frozen image encoder's reading of the pictures, by WORKDIR's export.
 
     Args:
+      network, optimizer: those that the state is made by.
       statistics: of the latents (``encode_all``), for a flow.
     """
     stage, given = getattr(config, name), None
     extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
     if name == "latent_flow" and config.loss.readout_share:
         extra.append(latent_metric(workdir / "latents", config.data.records, config.loss.readout_share, config.data.split))  # fmt: skip
-    loss_fn = getattr(objectives, f"make_{name}_loss")(build(name, config.model), config, *extra)
+    loss_fn = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
     if name.endswith("_flow"):
         loss_fn = objectives.of_pictures(loss_fn, make_conditioner(config.model))
-        given = load_encoder(config, workdir, mesh)
+        encoder = build("image_encoder", config.model).abstract()
+        given = jax.device_put(load_network(workdir, "image_encoder", encoder), replicated(mesh))
     return make_train_step(
         loss_fn,
-        make_optimizer(stage),
+        optimizer,
         stage.ema_decay,
         freeze=stage.freeze,
         accumulate=stage.accumulate,

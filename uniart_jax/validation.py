@@ -33,7 +33,6 @@ from uniart_jax.pipeline import (
 )
 from uniart_jax.training.export import load_network
 from uniart_jax.training.metrics import part_readings, summarize_readings
-from uniart_jax.training.sharding import replicated
 from uniart_jax.training.state import TrainState
 from uniart_jax.voxels.grid import faired
 
@@ -186,10 +185,10 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
     vae = build("structure_vae", config.model)
     parameters = load_network(workdir, "structure_vae", vae.abstract())
     decode = jax.jit(functools.partial(vae.apply, method="decode"))
-    condition_of = load_conditioner(config, workdir)
     threshold = config.sample_structure.threshold
 
     def evaluate(state, step):
+        condition_of = load_conditioner(config, workdir)  # beside the step's own for now alone
         overlaps, pictures = [], []
         number = min(OBJECTS, len(source)) // IMAGE_BATCH * IMAGE_BATCH or len(source)
         chosen = spread(len(source), number)
@@ -219,9 +218,9 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
     vae = build("uniart_vae", config.model)
     parameters = load_network(workdir, "uniart_vae", vae.abstract())
     decode = jax.jit(functools.partial(vae.apply, method="decode"))
-    condition_of = load_conditioner(config, workdir)
 
     def evaluate(state, step):
+        condition_of = load_conditioner(config, workdir)  # beside the step's own for now alone
         rows, inside, pictures = [], [], []
         for index in spread(len(source), OBJECTS):
             item = source[index]
@@ -260,16 +259,11 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
     return evaluate
 
 
-def load_encoder(config: Config, workdir: Path, mesh: jax.sharding.Mesh | None = None) -> Any:
-    """The trained image encoder's parameters of WORKDIR, on every device of the mesh."""
-    abstract = build("image_encoder", config.model).abstract()
-    place = None if mesh is None else replicated(mesh)
-    return jax.device_put(load_network(workdir, "image_encoder", abstract), place)
-
-
 def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Condition]:
-    """``samplers.make_conditioner`` with the trained image encoder of WORKDIR."""
-    return functools.partial(make_conditioner(config.model), load_encoder(config, workdir))
+    """``samplers.make_conditioner`` with the trained image encoder of WORKDIR, on one device as long as the function is kept."""
+    abstract = build("image_encoder", config.model).abstract()
+    parameters = jax.device_put(load_network(workdir, "image_encoder", abstract))
+    return functools.partial(make_conditioner(config.model), parameters)
 
 
 def _condition(items: list[dict[str, Any]], condition_of: Callable[..., Condition]) -> Condition:

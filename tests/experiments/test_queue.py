@@ -3,6 +3,7 @@
 import csv
 import dataclasses
 import json
+import shutil
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,10 +16,12 @@ from uniart_jax.data.folder import COLUMNS
 from uniart_jax.evaluation.kept import keep, read_kept
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.experiments import judge, run, settings, table
-from uniart_jax.experiments.design import Arm, Elsewhere, Experiment
+from uniart_jax.experiments.design import Arm, Elsewhere, Experiment, Records
+from uniart_jax.experiments.inputs import check_networks
 from uniart_jax.experiments.settings import FILE, check_kept, claim_arm, differences
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.training.export import PRETRAINED, read_config, write_config
 
 PIPELINE: Any = None  # nothing is asked of it
 ARM = Arm(Config(), ("uniart_vae",), "vae")
@@ -103,14 +106,50 @@ def test_settings_that_differ_are_named(monkeypatch, tmp_path):
     assert differences({"a": {"b": 1}}, {"a": {"b": 1, "c": 3}}, {"a": {"c": 2}}) == ["a.c 2 instead of 3"]  # fmt: skip
 
 
-def test_a_checkpoint_that_is_missing_is_named_before_anything_is_made(tmp_path):
-    arm = Arm(Config(), (), "object", init=str(tmp_path / "before"))
-    experiment = Experiment({"old": arm}, "old", ("rs_chamfer",), seeds=1, count=1)
-    with pytest.raises(
-        FileNotFoundError, match=r"arm old: .*before.*head of the experiment's file"
-    ):
-        run.prepare(experiment, tmp_path / "out", ["old"], 1, 1)
-    assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize("field", ["init", "beside", "config.init", "there before"])
+def test_a_checkpoint_that_is_missing_is_named_before_anything_is_made(
+    field, monkeypatch, tmp_path
+):
+    monkeypatch.setattr(run, "make_records", lambda *_: pytest.fail("records were made"))
+    missing, arm = str(tmp_path / "before"), dataclasses.replace(ARM, init="nano")
+    other = {
+        "init": dataclasses.replace(ARM, init=missing),
+        "beside": dataclasses.replace(ARM, beside=missing),
+        "config.init": dataclasses.replace(ARM, config=Config(init=missing)),
+        "there before": dataclasses.replace(ARM, init=missing),
+    }[field]
+    records = (Records(str(tmp_path / "records"), count=1),)
+    experiment = Experiment({"now": arm, "old": other}, "now", ("rs_chamfer",), records=records)
+    chosen = ["now", "old"]
+    if field == "there before":  # it enters the table
+        chosen = ["now"]
+        (tmp_path / "out/old").mkdir(parents=True)
+    with pytest.raises(FileNotFoundError, match=r"arm old: .*before.*at its head where it comes"):
+        run.prepare(experiment, tmp_path / "out", chosen, 1, 1)
+    assert not (tmp_path / "out/now").exists()
+
+
+def test_an_arm_that_lacks_a_network_is_named_before_anything_is_made(monkeypatch, tmp_path):
+    monkeypatch.setattr(run, "make_records", lambda *_: pytest.fail("records were made"))
+    records = (Records(str(tmp_path / "records"), count=1),)
+    blind = tmp_path / "blind"  # a shipped model whose latent flow reads no pixels
+    shutil.copytree(PRETRAINED / "nano", blind)
+    kept = read_config(blind)
+    flow = dataclasses.replace(kept.model.latent_flow, pixel_channels=0)
+    write_config(blind, dataclasses.replace(kept, model=dataclasses.replace(kept.model, latent_flow=flow)))  # fmt: skip
+    arms = {
+        "flows, encoder": Arm(kept, ("structure_flow",), "object"),
+        "latent_flow": Arm(kept, ("structure_flow",), "object", init=str(blind)),
+        "structure_flow, latent_flow": Arm(kept, ("uniart_vae",), "object", init="nano"),
+        "structure_flow": Arm(kept, ("latent_flow",), "object", beside="nano"),
+    }
+    lacking = {**{name: name for name in arms}, "flows, encoder": "image_encoder, structure_vae, uniart_vae, latent_flow"}  # fmt: skip
+    for name, arm in arms.items():
+        experiment = Experiment({name: arm}, name, ("rs_chamfer",), records=records)
+        with pytest.raises(ValueError, match=f"is judged by {lacking[name]}, which it neither"):
+            run.prepare(experiment, tmp_path / "out", [name], 1, 1)
+    for arm in (Arm(kept, ("structure_flow",), "object", init="nano"), Arm(kept, (), "object", init=str(blind))):  # fmt: skip
+        check_networks("fine", arm, arm)
 
 
 def test_of_each_object_one_record_is_tested(tmp_path):

@@ -315,6 +315,24 @@ def test_every_stage_on_two_processes_with_evaluation(base):
 
 
 @pytest.mark.slow
+def test_a_latent_flow_that_reads_pixels_on_several_devices_and_processes(base):
+    program = [tiny_run.__file__, base]
+    alone, split, shared = (
+        [*program, run, "latent_flow", "--pixels", *more]
+        for run, more in (
+            ("pixels", ()),
+            ("pixels-split", ("--devices", 4, "--fsdp", 2)),
+            ("pixels-shared", ("--devices", 2, "--fsdp", 2)),
+        )
+    )
+    for programs in ([alone], [split], one_each(shared, 2)):
+        found = finished(*programs)
+        assert not any(code for code, _ in found), found
+    for run in ("pixels-split", "pixels-shared"):
+        check(base / "pixels/latent_flow.npz", base / run / "latent_flow.npz")
+
+
+@pytest.mark.slow
 def test_latents_are_the_same_bytes_whoever_encodes(base):
     """Two processes encode for a flow that has none, in several shards."""
     program = [tiny_run.__file__, base, "encoded", "structure_flow", "--encode", 1]

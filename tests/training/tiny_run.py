@@ -1,6 +1,6 @@
 """Tiny networks of all stages on hand-made records. Run as a program, one or several processes train stages on fake devices and write what they end with:
 
-python tiny_run.py FOLDER RUN STAGE… [--devices N --fsdp M] [--steps 5] [--encode BATCHES] [--processes N --process I --port P] [--validation]
+python tiny_run.py FOLDER RUN STAGE… [--devices N --fsdp M] [--steps 5] [--encode BATCHES] [--processes N --process I --port P] [--validation] [--pixels]
 
 Records are in FOLDER/records. A stage trains in FOLDER/RUN/<stage>, a flow on the networks and (without --encode, so many batches a shard) latents of FOLDER/base, and leaves
 FOLDER/RUN/<stage>.npz.
@@ -97,6 +97,12 @@ def make_config(folder: Path, steps: int = 5, **mesh):
     )
 
 
+def with_pixels(model):
+    """The latent flow's stem and what it reads off pictures as nano has them; the other networks as they are."""
+    nano = {"stem": "patch", "io_channels": (), "voxel_channels": 8, "pixel_channels": 6}
+    return dataclasses.replace(model, latent_flow=dataclasses.replace(model.latent_flow, **nano))
+
+
 def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
     """One stage in a workdir of its own; its last state, whole, to FOLDER/RUN/<stage>.npz."""
     import jax
@@ -156,6 +162,7 @@ def main() -> None:
     parser.add_argument("--process", type=int, default=0)
     parser.add_argument("--port", type=int)
     parser.add_argument("--validation", action="store_true")
+    parser.add_argument("--pixels", action="store_true", help="the latent flow as nano has it")
     args = parser.parse_args()
     os.environ["JAX_PLATFORMS"] = "cpu"
     # a few steps of tiny networks: compiling is what takes time
@@ -173,6 +180,8 @@ def main() -> None:
     if args.validation:
         data = dataclasses.replace(config.data, validation=str(args.folder / "validation"))
         config = dataclasses.replace(config, data=data)
+    if args.pixels:
+        config = dataclasses.replace(config, model=with_pixels(config.model))
     if args.encode:
         encoding.SHARD_BATCHES = args.encode
     with distributed.together():

@@ -76,6 +76,11 @@ class Arm:
     against: str = ""
     sampling: dict[str, Any] = dataclasses.field(default_factory=dict)
 
+    def checkpoints(self) -> list[str]:
+        """All that it names."""
+        given = {self.init, self.beside, self.config.init if self.stages else ""}
+        return sorted(given - {""})
+
 
 @dataclasses.dataclass(frozen=True)
 class Records:

@@ -12,16 +12,17 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from uniart_jax.config import ModelConfig
+from uniart_jax.adoption import taken
+from uniart_jax.config import NETWORKS, ModelConfig
 from uniart_jax.data.folder import read_manifest, read_metadata, write_text
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, record_rows, shard_paths
 from uniart_jax.experiments.design import Arm, Records
-from uniart_jax.experiments.judge import test_names, test_object
+from uniart_jax.experiments.judge import NEEDS, test_names, test_object
 from uniart_jax.locks import in_turn
 from uniart_jax.procedural import SEEN_FAMILIES
 from uniart_jax.stages import prepared_objects
-from uniart_jax.training.export import checkpoint_folder
+from uniart_jax.training.export import checkpoint_folder, has_export
 
 MAX_PARTS = 64
 console = Console(stderr=True, highlight=False)
@@ -121,13 +122,34 @@ def records_digest(folder: str | Path) -> str:
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()[:16]
 
 
-def check_weights(name: str, arm: Arm) -> None:
-    """Raises FileNotFoundError where a checkpoint that the arm begins with, or is judged by, is missing."""
+def check_networks(name: str, arm: Arm, trained: Arm) -> None:
+    """Whether an arm will have the networks that it is judged by: trained, or from a checkpoint.
+
+    Args:
+      trained: the arm whose networks they are.
+
+    Raises:
+      FileNotFoundError: a checkpoint is missing. ValueError: a network is neither trained nor taken from one.
+    """
     try:
-        for checkpoint in filter(None, (arm.init, arm.beside, arm.stages and arm.config.init)):
-            checkpoint_folder(checkpoint)
+        folders = {given: checkpoint_folder(given) for given in trained.checkpoints()}
     except FileNotFoundError as error:
-        raise FileNotFoundError(f"arm {name}: {error}; the head of the experiment's file says where it comes from") from None  # fmt: skip
+        raise FileNotFoundError(f"arm {name}: {error}; the experiment's file, or the config that it trains, says at its head where it comes from") from None  # fmt: skip
+    has, nowhere = {*trained.stages}, Path(os.devnull)
+    if not trained.stages:
+        has |= {n for n in NETWORKS if has_export(folders[trained.init], f"{n}.safetensors")}
+    elif init := trained.init or trained.config.init:
+        has |= {*taken(trained.config, folders[init], trained.stages, nowhere)}
+    if trained.beside:
+        has |= {*beside(trained, folders[trained.beside], nowhere)}
+    if lacking := [network for network in NEEDS[arm.station] if network not in has]:
+        raise ValueError(f"arm {name}: is judged by {', '.join(lacking)}, which it neither trains nor can take from {' or '.join(folders) or 'a checkpoint'}")  # fmt: skip
+
+
+def beside(arm: Arm, source: Path, workdir: Path) -> list[str]:
+    """The networks that WORKDIR takes from the checkpoint beside an arm: no flow, which would speak of other latents."""
+    found = taken(arm.config, source, arm.stages, workdir)
+    return [network for network in found if not network.endswith("_flow")]
 
 
 def check_arm(name: str, arm: Arm, trained: Arm, count: int) -> None:

@@ -21,17 +21,16 @@ from pathlib import Path
 from rich.console import Console
 
 from uniart_jax.adoption import adopt, exported
-from uniart_jax.config import NETWORKS
 from uniart_jax.evaluation.kept import keep
 from uniart_jax.experiments.design import Arm, Experiment
 from uniart_jax.experiments.fronts import drawn_alike, fitted
-from uniart_jax.experiments.inputs import check_arm, check_weights, make_records
+from uniart_jax.experiments.inputs import beside, check_arm, check_networks, make_records
 from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
 from uniart_jax.locks import alone
 from uniart_jax.stages import claim, run
-from uniart_jax.training.export import checkpoint_folder, has_export
+from uniart_jax.training.export import checkpoint_folder
 
 console = Console(stderr=True, highlight=False)
 
@@ -89,12 +88,13 @@ def prepare(
             and experiment.folder(name, out).parent.resolve() == out.resolve()
         ):
             raise ValueError(f"{out}: is the folder of the experiment that arm '{name}' is of; give another --out")  # fmt: skip
-        check_weights(name, experiment.trained(name))
+    entered = [name for name in experiment.arms if name in chosen or (out / name).is_dir()]
+    for name in entered:
+        check_networks(name, experiment.arms[name], experiment.trained(name))
     for records in experiment.records:
         make_records(records, experiment.trained(chosen[0]).config.model)
-    for name in experiment.arms:
-        if name in chosen or (out / name).is_dir():
-            check_kept(experiment, name, out / name)
+    for name in entered:
+        check_kept(experiment, name, out / name)
     for name in chosen:
         if "/" in experiment.arms[name].of:
             there = experiment.folder(name, out)
@@ -159,15 +159,7 @@ def train_arm(arm: Arm, seed: int, workdir: Path) -> Path:
     if arm.beside:
         source = checkpoint_folder(arm.beside)
         claim(config, workdir)
-        given = [
-            name
-            for name in NETWORKS
-            if name not in arm.stages
-            and not name.endswith("_flow")  # it would speak of other latents
-            and has_export(source, f"{name}.safetensors")
-            and not exported(workdir, name)
-        ]
-        adopt(source, given, workdir)
+        adopt(source, beside(arm, source, workdir), workdir)
     init = arm.init or config.init
     if init and "uniart_vae" in arm.stages:
         init = fitted(checkpoint_folder(init), config, workdir / "init")

@@ -39,12 +39,11 @@ def described(arm: Arm) -> dict[str, Any]:
         "beside": arm.beside,
         "sampling": arm.sampling,
     }
-    weights, records = {arm.init, arm.beside}, {arm.tests.records}
+    records = {arm.tests.records}
     if arm.stages:
         found["config"] = json.loads(to_json(arm.config))
-        weights.add(arm.config.init)
         records.add(arm.config.data.records)
-    found["weights"] = {name: checkpoint_digest(name) for name in sorted(weights - {""})}
+    found["weights"] = {name: checkpoint_digest(name) for name in arm.checkpoints()}
     found["records"] = {name: records_digest(name) for name in sorted(records - {""})}
     return json.loads(json.dumps(found))
 

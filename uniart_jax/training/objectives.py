@@ -39,6 +39,9 @@ OCCUPANCY_WEIGHT = 10.0  # of the image encoder's occupancy against boxes and jo
 CAMERA_WEIGHT = 3.0
 
 LossFn = Callable[[Any, dict[str, Any], jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
+GivenLossFn = Callable[
+    [Any, dict[str, Any], jax.Array, Any], tuple[jax.Array, dict[str, jax.Array]]
+]
 
 
 def part_weights(
@@ -194,7 +197,7 @@ def normalize(latent: jax.Array, mean: Any, std: Any) -> jax.Array:
     return (latent - jnp.asarray(mean)) / jnp.asarray(std)
 
 
-def of_pictures(loss_fn: LossFn, condition: Callable[..., Condition]) -> Callable[..., Any]:
+def of_pictures(loss_fn: LossFn, condition: Callable[..., Condition]) -> GivenLossFn:
     """A flow's loss of batches with ``image`` [B, H, W, 3] in place of what an image encoder sees in them: (params, batch, key, encoder's parameters) -> as ``loss_fn``.
 
     Args:
