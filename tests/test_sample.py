@@ -13,6 +13,7 @@ from PIL import Image
 
 from uniart_jax.cli import guarded
 from uniart_jax.cli import sample as sample_command
+from uniart_jax.config import SampleConfig
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.pipeline import Sample
 from uniart_jax.training.export import PRETRAINED
@@ -160,7 +161,9 @@ class Finder:
         if seed not in self.seeds:
             raise ValueError(f"cabinet: the model found no object ({seed})")
         parts = [Part("body", trimesh.creation.box((0.4, 0.4, 0.4)), -1)]
-        return Sample(ArticulatedObject(parts), {}, {"structure": 1, "latent": 1})
+        flow = SampleConfig(adaptive=True, tolerance=0.02)
+        options, evaluations = {"structure": flow, "latent": flow}, {"structure": 4, "latent": 9}
+        return Sample(ArticulatedObject(parts), options, evaluations, {"structure": 0, "latent": 2})
 
 
 @pytest.mark.parametrize(("seeds", "code"), [((0, 2), 1), ((1,), 1), ((0, 1, 2), 0), ((), 2)])
@@ -173,9 +176,15 @@ def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, cap
     for i in seeds:
         report = json.loads((tmp_path / f"cabinet/sample-{i}/report.json").read_text())
         assert report["seed"] == i
+        assert [report["sampling"][flow]["forced"] for flow in ("structure", "latent")] == [0, 2]
         assert (report["spread"]["samples"] if len(seeds) > 1 else 1) == len(seeds)
         assert ("spread" in report) == (len(seeds) > 1)
-    errors = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
+    printed = capsys.readouterr()
+    said = (
+        "latent: 2 adaptive steps could not keep the tolerance of 0.02; give a larger --tolerance"
+    )
+    assert (" ".join((printed.out + printed.err).split())).count(said) == len(seeds)
+    errors = [line for line in printed.err.splitlines() if line.startswith("error: ")]
     if code == 1:
         assert errors == [f"error: cabinet.png, seed {i}: cabinet: the model found no object ({i})" for i in range(3) if i not in seeds]  # fmt: skip
     elif code == 2:

@@ -66,8 +66,8 @@ def test_every_stage_shows_what_it_makes(config, tmp_path, monkeypatch, name):
         "load_network": lambda *_: {},
         "LatentSource": lambda folder: items,
         "load_conditioner": lambda *_: lambda images: images,
-        "make_structure_sampler": lambda *_: lambda *given: Solution(jnp.zeros((3, 1)), None),
-        "make_latent_sampler": lambda *_: lambda *given: Solution(jnp.zeros((1, 1)), None),
+        "make_structure_sampler": lambda *_: lambda *given: Solution(jnp.zeros((3, 1)), None, None),
+        "make_latent_sampler": lambda *_: lambda *given: Solution(jnp.zeros((1, 1)), None, None),
     }.items():
         monkeypatch.setattr(validation, attribute, fake)
     statistics = {"structure": None, "latent": None}

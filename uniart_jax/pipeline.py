@@ -59,12 +59,13 @@ GAUSSIANS = "gaussian_decoder.safetensors"
 
 @dataclasses.dataclass(frozen=True)
 class Sample:
-    """A sampled object and how: of both flows ("structure", "latent") the options and the velocities that were asked for; with guidance each is one call
-    of the network on twice the batch."""
+    """A sampled object and how: of both flows ("structure", "latent") the options, the velocities that were asked for (with guidance each is one call
+    of the network on twice the batch) and the adaptive steps whose error was above the tolerance (``flow.solvers.Solution``)."""
 
     obj: ArticulatedObject
     options: dict[str, SampleConfig]
     evaluations: dict[str, int]
+    forced: dict[str, int]
 
 
 class Pipeline:
@@ -142,13 +143,12 @@ class Pipeline:
         progress("parts and joints")
         latent = np.asarray(solution.x)[0, : len(coords)]
         grid = self.decode_sampled(coords, latent, latent_options)
+        flows = {"structure": structure, "latent": solution}
         return Sample(
             assemble(grid, name=name, tolerance=NETWORK_TOLERANCE),
             {"structure": structure_options, "latent": latent_options},
-            {
-                "structure": int(structure.evaluations[0]),
-                "latent": int(solution.evaluations[0]),
-            },
+            {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
+            {flow: int(solved.forced[0]) for flow, solved in flows.items()},
         )
 
     def options(self, **changes: Any) -> tuple[StructureSampleConfig, LatentSampleConfig]:

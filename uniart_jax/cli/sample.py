@@ -184,6 +184,9 @@ def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[s
     kinds = ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving))) or "no moving joint"
     yield f"{name}: {len(one.obj.parts)} parts ({kinds}) -> {folder}"
     yield f"  network evaluations: {', '.join(f'{flow} {n}' for flow, n in one.evaluations.items())}"
+    for flow, steps in one.forced.items():
+        if steps:
+            yield f"  {flow}: {steps} adaptive steps could not keep the tolerance of {one.options[flow].tolerance:g}; give a larger --tolerance, or fixed steps"
     for line in validation_lines(found[0]) if found else ():
         yield f"  {line}"
 
@@ -196,10 +199,11 @@ def details(made: list[Sample], index: int) -> dict[str, Any]:
     sampling = {}
     for flow, options in one.options.items():
         fixed = {"steps": options.steps}
+        adapted = {"tolerance": options.tolerance, "forced": one.forced[flow]}
         sampling[flow] = {
             "solver": options.solver,
             "adaptive": options.adaptive,
-            **({"tolerance": options.tolerance} if options.adaptive else fixed),
+            **(adapted if options.adaptive else fixed),
             "guidance": options.guidance,
             "evaluations": one.evaluations[flow],
         }

@@ -35,10 +35,12 @@ INTEGRAL, PROPORTIONAL = 0.7, 0.4  # exponents of the step controller
 
 
 class Solution(NamedTuple):
-    """x [B, ...] at t = 0, and how many velocities each item took: ``evaluations`` [B] int32."""
+    """x [B, ...] at t = 0, how many velocities each item took, and how many of its adaptive steps were taken with an error above the tolerance,
+    because none shorter is tried: ``evaluations``, ``forced`` [B] int32."""
 
     x: jax.Array
     evaluations: jax.Array
+    forced: jax.Array
 
 
 def time_steps(steps: int, rescale_t: float = 1.0, end: float = 0.0) -> np.ndarray:
@@ -98,7 +100,7 @@ def solve(
     Args:
       steps, rescale_t: the steps (``time_steps``); where they adapt, only the first one's length.
       tolerance: adaptive steps with an error of about this much, of values near 1; None = fixed steps. Adaptive ones are at least ``MIN_STEP`` long, whatever
-        their error, and after ``MOST`` velocities one is left.
+        their error, and after ``MOST`` velocities one is left; ``Solution.forced`` counts those.
       valid: mask, broadcastable to x; what is outside does not count as error.
       end: at times below it the velocity is not asked for: the last stretch is one Euler step from there or, with fixed steps, from the last of their times that
         is not below it; those between are left out. For networks that predict x_0, whose velocity is a difference over t.
@@ -115,12 +117,13 @@ def solve(
         x = heun(velocity, x, steps, rescale_t, end)
     else:
         evaluations, x = len(times) - 1, euler(velocity, x, steps, rescale_t, end)
-    return Solution(x, jnp.full(x.shape[0], evaluations, jnp.int32))
+    each = jnp.full(x.shape[0], evaluations, jnp.int32)
+    return Solution(x, each, jnp.zeros_like(each))
 
 
 class _Progress(NamedTuple):
     """Where each item stands: x at time t, the velocity there if ``known``, the step it tries next, the error of the last one, whether the
-    last try was refused, velocities so far."""
+    last try was refused, velocities so far, steps that were forced."""
 
     x: jax.Array
     t: jax.Array
@@ -130,6 +133,7 @@ class _Progress(NamedTuple):
     error: jax.Array
     refused: jax.Array
     evaluations: jax.Array
+    forced: jax.Array
 
 
 def _adaptive(
@@ -205,6 +209,7 @@ def _adaptive(
             jnp.where(accepted & finite, scaled, now.error),
             jnp.where(tried, ~accepted, now.refused),
             now.evaluations + running,
+            now.forced + (tried & shortest & ~(finite & (size <= 1))),
         )
 
     start = _Progress(
@@ -216,9 +221,10 @@ def _adaptive(
         jnp.ones(items),
         jnp.zeros(items, bool),
         jnp.zeros(items, jnp.int32),
+        jnp.zeros(items, jnp.int32),
     )
     done = jax.lax.while_loop(lambda now: (now.t > 0).any(), body, start)
-    return Solution(done.x, done.evaluations)
+    return Solution(done.x, done.evaluations, done.forced)
 
 
 def _heun_stages(
