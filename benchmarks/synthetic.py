@@ -98,8 +98,8 @@ def segment_plan(kind: str, fitted: bool, ids: np.ndarray, counts: np.ndarray) -
     return pack_segments(ids, counts, (size,), rows=row_choices(items, width, size))
 
 
-def voxel_batch(model: ModelConfig, items: int, width: int) -> dict[str, Any]:
-    """What the UniArt VAE trains on, with its plans."""
+def voxel_batch(model: ModelConfig, items: int, width: int, shares: int = 1) -> dict[str, Any]:
+    """What the UniArt VAE trains on, with its plans, in so many shares."""
     parts, cells = model.grid.max_parts, model.grid.subdivisions**3
     coords, counts, voxel_part = objects(items, width, model.grid.resolution, parts)
     valid = (np.arange(width) < counts[:, None])[..., None]
@@ -119,17 +119,19 @@ def voxel_batch(model: ModelConfig, items: int, width: int) -> dict[str, Any]:
         channels = getattr(model.uniart_vae, f"{name}_channels")
         if channels:
             batch[name] = normal(items, width, channels) * valid
-    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, shares=shares)
     return batch
 
 
-def training_batch(name: str, model: ModelConfig, items: int, width: int) -> dict[str, Any]:
-    """A batch of ``training.objectives`` for a network; ``width``: voxels of an item where they are a list."""
+def training_batch(
+    name: str, model: ModelConfig, items: int, width: int, shares: int = 1
+) -> dict[str, Any]:
+    """A batch of ``training.objectives`` for a network; ``width``: voxels of an item where they are a list; ``shares``: the devices that share it."""
     if name == "image_encoder":
         side = model.image_encoder.image_size
         return {"image": np.abs(normal(items, side, side, 3)) % 1}
     if name == "uniart_vae":
-        return voxel_batch(model, items, width)
+        return voxel_batch(model, items, width, shares)
     side, s = model.grid.resolution, model.structure_vae
     if name == "structure_vae":
         occupancy = np.zeros((items, side, side, side), bool)

@@ -328,7 +328,10 @@ def stage_batches(name: str, config: Config, workdir: Path) -> Any:
     if name in ("image_encoder", "structure_vae"):
         return image_batches(*records, **of_records)
     if name == "uniart_vae":
-        return voxel_batches(*records, **of_records)
+        items = batch_size // (share["process_count"] * share["accumulate"])
+        devices = jax.local_device_count()
+        shares = devices if items and items % devices == 0 else 1
+        return voxel_batches(*records, **of_records, shares=shares)
     flow: Any = name
     return latent_store.latent_batches(
         workdir / "latents", config.data, config.model, batch_size, stage=flow, **share

@@ -115,8 +115,10 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
 
     sharding.MIN_SHARDED_SIZE = MIN_SHARDED_SIZE
     workdir = folder / run / name
-    if name.endswith("_flow") and not workdir.exists():
-        distributed.first_does(lambda: begin_flow(folder / "base", workdir, latents))
+    if name.endswith("_flow"):  # the first process looks: a later one would find what it has begun
+        distributed.first_does(
+            lambda: workdir.exists() or begin_flow(folder / "base", workdir, latents)
+        )
     ends = []
     run_stage = stages.run_stage
 

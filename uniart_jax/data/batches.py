@@ -51,6 +51,7 @@ def voxel_batches(
     process_index: int = 0,
     process_count: int = 1,
     accumulate: int = 1,
+    shares: int = 1,
 ) -> Batches:
     """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it reads features), with its attention plans;
     of each object some windows where ``data.voxel_crop`` says so (``data.windows``), some objects made again
@@ -61,6 +62,7 @@ def voxel_batches(
       data: voxel buckets, mirror, live and its strengths, seed (unless ``seed`` is given) and workers (0: threads of this process).
       batch_size: over all processes; each gets ``batch_size / process_count`` items, all of the same width.
       accumulate: micro-batches that each process will cut its items into.
+      shares: parts of a process's items whose attention is planned apart, one for each of its devices (``nn.segments.voxel_plans``).
 
     Raises:
       FileNotFoundError, ValueError: no records, another grid than the model's, no features that the model reads, fewer records than a batch, or a
@@ -83,6 +85,7 @@ def voxel_batches(
         model=model,
         seed=seed,
         rows=local_rows(batch_size, process_index, process_count, accumulate),
+        shares=shares,
     )
     return Batches(order, load, data.workers)
 
@@ -124,6 +127,7 @@ def _load_voxels(
     model: ModelConfig,
     seed: int,
     rows: np.ndarray,
+    shares: int,
 ) -> Batch:
     rng = draw.generator(seed)
     mirrors = rng.random(len(draw.records)) < 0.5
@@ -143,7 +147,7 @@ def _load_voxels(
             record = choose_windows(record, data.voxel_crop, window, np.random.default_rng(own))
         items.append(mirror_record(record) if mirrored and mirror else record)
     batch = collate(items, draw.width, model.grid, features=model.uniart_vae.feature_channels)
-    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, shares=shares)
     return batch
 
 

@@ -9,11 +9,14 @@ are ever made. Padding comes out exactly zero with zero gradients, and its conte
     cudnn     NVIDIA, in bfloat16: rows by their lengths; packed rows of up to ``MASKED`` tokens by a mask (longer ones: xla)
     triton    Pallas for NVIDIA: rows with segment ids, queries and keys the same tokens (elsewhere, as cross-attention, xla)
     splash    Pallas for TPU: rows with segment ids
-    auto      by ``choose``: one TPU splash (Pallas for TPU cannot be split over devices by itself); NVIDIA in bfloat16 cudnn; all else xla
+    auto      by ``choose``: TPU splash; NVIDIA in bfloat16 cudnn; all else xla
+
+Rows, and the shares of a plan, are computed by the device that holds them (``nn.by_device``).
 """
 
 from __future__ import annotations
 
+import functools
 from typing import Literal
 
 import jax
@@ -21,8 +24,9 @@ import jax.numpy as jnp
 
 from uniart_jax.config import Kernel
 from uniart_jax.nn import attention_kernels, attention_xla
-from uniart_jax.nn.gathers import take_rows
-from uniart_jax.nn.segments import Segments
+from uniart_jax.nn.by_device import alone, by_device
+from uniart_jax.nn.gathers import flat_positions, take_rows
+from uniart_jax.nn.segments import Bucket, Segments
 
 SHORT = 64  # keys below which a row is not worth a kernel's tile of 128
 MASKED = 1024  # tokens of a packed row up to which a mask [L, L] may be made
@@ -33,16 +37,17 @@ def choose(
     dtype: jnp.dtype,
     keys: int,
     backend: str | None = None,
-    devices: int | None = None,
+    single: bool | None = None,
 ) -> Literal["xla", "cudnn", "triton", "splash"]:
     """The kernel that 'auto' stands for: the accelerator's own where rows have at least ``SHORT`` keys, xla elsewhere; others unchanged.
 
-    cuDNN computes in bfloat16, so it is taken only where the network does.
+    cuDNN computes in bfloat16, so it is taken only where the network does. XLA cannot split Pallas kernels for TPU over devices, so splash is taken where one
+    device computes (``single``; default: as it is where this is called).
     """
     if kernel != "auto":
         return kernel
     backend = backend or jax.default_backend()
-    if backend == "tpu" and keys >= SHORT and (devices or jax.device_count()) == 1:
+    if backend == "tpu" and keys >= SHORT and (alone() if single is None else single):
         return "splash"
     if backend in ("gpu", "cuda") and keys >= SHORT and dtype == jnp.bfloat16:
         return "cudnn"
@@ -71,6 +76,13 @@ def attend(
     """
     if not q.size or not k.size:
         return jnp.zeros(q.shape, v.dtype)
+    given = (q, k, v, lengths, query_lengths)
+    if lengths is query_lengths:  # some kernels need to know
+        return by_device(lambda q, k, v, n: _attend(q, k, v, n, n, kernel), given[:4])
+    return by_device(functools.partial(_attend, kernel=kernel), given)
+
+
+def _attend(q, k, v, lengths, query_lengths, kernel: Kernel):
     if lengths is not None:
         valid = (jnp.arange(k.shape[1]) < lengths[:, None])[..., None, None]
         k, v = jnp.where(valid, k, 0), jnp.where(valid, v, 0)
@@ -106,6 +118,20 @@ def attend_segments(qkv: jax.Array, segments: Segments, *, kernel: Kernel = "xla
     Returns:
       [T, N, H]; tokens of no segment (padding) are zero.
     """
+    shares = len(segments.inverse)
+
+    def attend_shares(qkv, segments):
+        flat = qkv.reshape(-1, *qkv.shape[2:])
+        return _attend_segments(flat, _one_share(segments), kernel).reshape(
+            *qkv.shape[:2], *qkv.shape[3:]
+        )
+
+    out = by_device(attend_shares, (qkv.reshape(shares, -1, *qkv.shape[1:]), segments))
+    return out.reshape(len(qkv), *qkv.shape[2:])
+
+
+def _attend_segments(qkv: jax.Array, segments: Segments, kernel: Kernel) -> jax.Array:
+    """``attend_segments`` by a plan of one share."""
     longest = max(bucket.index.shape[1] for bucket in segments.buckets)
     chosen = choose(kernel, qkv.dtype, longest)
     packed = any(bucket.segment is not None for bucket in segments.buckets)
@@ -126,6 +152,32 @@ def attend_segments(qkv: jax.Array, segments: Segments, *, kernel: Kernel = "xla
             out = attention_kernels.splash(q, k, v, jnp.asarray(ids), jnp.asarray(ids))
         done.append(out.reshape(-1, heads * size))
     return take_rows(jnp.concatenate(done), segments.inverse).reshape(tokens, heads, size)
+
+
+def _one_share(segments: Segments) -> Segments:
+    """A plan of E shares -> of all their tokens as one, without the axis of shares: index [E S, L], length [E S], inverse [E T]."""
+    shares, tokens = segments.inverse.shape
+    if shares == 1:
+        return jax.tree.map(lambda a: a[0], segments)
+    buckets, parts = [], []
+    here = there = 0  # where the bucket begins in a share's rows and in all
+    for index, length, segment in segments.buckets:
+        size = index.shape[1] * index.shape[2]
+        within = segments.inverse - here
+        start = there + jnp.arange(shares, dtype=within.dtype)[:, None] * size
+        parts.append(((within >= 0) & (within < size), within + start))
+        buckets.append(
+            Bucket(
+                flat_positions(index, tokens).reshape(-1, index.shape[2]),
+                length.reshape(-1),
+                None if segment is None else segment.reshape(-1, index.shape[2]),
+            )
+        )
+        here, there = here + size, there + shares * size
+    inverse = jnp.full_like(segments.inverse, there)
+    for mine, position in parts:
+        inverse = jnp.where(mine, position, inverse)
+    return Segments(tuple(buckets), inverse.reshape(-1))
 
 
 def _key_ids(k: jax.Array, lengths: jax.Array | None) -> jax.Array:

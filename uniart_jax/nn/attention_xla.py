@@ -43,7 +43,10 @@ attend_rows.defvjp(_attend_rows_forward, _attend_rows_backward)
 
 @jax.custom_vjp
 def attend_segments(qkv: jax.Array, segments: Segments) -> jax.Array:
-    """Attention of tokens [T, 3, N, H] within their segments -> [T, N, H]; tokens of no segment are zero."""
+    """Attention of tokens [T, 3, N, H] within their segments -> [T, N, H]; tokens of no segment are zero.
+
+    The plan is of one share, without that axis: index [S, L], length [S], inverse [T].
+    """
     return _segments_forward(qkv, segments)[0]
 
 

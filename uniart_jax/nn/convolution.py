@@ -11,7 +11,8 @@ import jax
 import jax.numpy as jnp
 from flax import nnx
 
-from uniart_jax.nn.gathers import take_rows
+from uniart_jax.nn.by_device import by_device
+from uniart_jax.nn.gathers import flat_positions, take_rows
 
 TAPS = 9  # of 27, worked on at a time
 
@@ -153,11 +154,15 @@ class SubmanifoldConv(nnx.Module):
 
     def __call__(self, x: jax.Array, neighbors: jax.Array) -> jax.Array:
         """x [B, V, C], neighbors [B, V, 27] -> [B, V, C']."""
-        items, width, channels = x.shape
+
+        def convolve(x, neighbors, kernel):
+            items, width, channels = x.shape
+            near = flat_positions(neighbors, width).reshape(-1, 27)
+            return submanifold(x.reshape(-1, channels), kernel, near).reshape(items, width, -1)
+
         kernel = self.kernel[...].astype(self.dtype)
-        rows = x.astype(self.dtype).reshape(-1, channels)
-        out = submanifold(rows, kernel, neighbors.reshape(-1, 27))
-        return out.reshape(items, width, -1) + self.bias[...].astype(self.dtype)
+        out = by_device(convolve, (x.astype(self.dtype), neighbors), (kernel,))
+        return out + self.bias[...].astype(self.dtype)
 
 
 def _torch_uniform(rngs: nnx.Rngs, shape: tuple[int, ...], fan_in: int, zero: bool) -> jax.Array:

@@ -1,8 +1,12 @@
-"""Host-side plans between levels of a sparse voxel grid: pooling into larger cells, and neighbours for convolution. numpy only."""
+"""Host-side plans between levels of a sparse voxel grid: pooling into larger cells, and neighbours for convolution. numpy only.
+
+All positions are within an item, so that a plan can be cut, joined and repeated as any array [B, ...], and a device needs no other's items.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,9 +24,8 @@ class Pool(NamedTuple):
     Attributes:
       coords: [B, L, 3] int32 cell indices (voxel index // f); padding 0.
       counts: [B] int32 active cells.
-      children: [B, L, f^3] int32 voxel in each slot of each cell, flat in [B * V]; empty slots and padding: B * V.
-        Slots are x-major, z fastest.
-      parent: [B, V] int32 slot of each voxel, flat in [B * L * f^3]; padding: B * L * f^3. ``children`` inverted.
+      children: [B, L, f^3] int32 voxel of the item in each slot of each cell; empty slots and padding: V. Slots are x-major, z fastest.
+      parent: [B, V] int32 slot of each voxel, flat in the item's L * f^3; padding: L * f^3. ``children`` inverted.
     """
 
     coords: np.ndarray
@@ -53,8 +56,8 @@ def plan_pool(coords: np.ndarray, counts: np.ndarray, factor: int, capacity: int
     slots = factor**3
     cells = np.zeros((items, capacity, 3), np.int32)
     cell_counts = np.zeros(items, np.int32)
-    children = np.full((items, capacity * slots), items * width, np.int32)
-    parent = np.full((items, width), items * capacity * slots, np.int32)
+    children = np.full((items, capacity * slots), width, np.int32)
+    parent = np.full((items, width), capacity * slots, np.int32)
     for b, count in enumerate(counts):
         voxel = np.asarray(coords[b, :count], np.int64)
         local = voxel % factor
@@ -67,8 +70,8 @@ def plan_pool(coords: np.ndarray, counts: np.ndarray, factor: int, capacity: int
         cells[b, : len(code)] = np.stack(np.unravel_index(code, (span,) * 3), -1) if count else 0
         cell_counts[b] = len(code)
         slot = index * slots + (local[:, 0] * factor + local[:, 1]) * factor + local[:, 2]
-        children[b, slot] = b * width + np.arange(count)
-        parent[b, :count] = b * capacity * slots + slot
+        children[b, slot] = np.arange(count)
+        parent[b, :count] = slot
     return Pool(cells, cell_counts, children.reshape(items, capacity, slots), parent)
 
 
@@ -80,20 +83,18 @@ def _cell_codes(voxel: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
 
 
 def plan_neighbors(coords: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """[B, V, 27] int32 voxel at each offset (a-1, b-1, c-1), tap = (a * 3 + b) * 3 + c, flat in [B * V]; none: B * V.
+    """[B, V, 27] int32 voxel of the item at each offset (a-1, b-1, c-1), tap = (a * 3 + b) * 3 + c; none: V.
 
     The offsets and their order are those of a submanifold 3^3 cross-correlation.
     """
     items, width = coords.shape[:2]
     span = int(np.asarray(coords).max(initial=0)) + 3
     offsets = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), -1).reshape(27, 3)
-    neighbors = np.full((items, width, 27), items * width, np.int32)
+    neighbors = np.full((items, width, 27), width, np.int32)
     for b, count in enumerate(counts):
         voxel = np.asarray(coords[b, :count], np.int64) + 1
-        lookup = np.full(span**3, items * width, np.int32)
-        lookup[(voxel[:, 0] * span + voxel[:, 1]) * span + voxel[:, 2]] = b * width + np.arange(
-            count
-        )
+        lookup = np.full(span**3, width, np.int32)
+        lookup[(voxel[:, 0] * span + voxel[:, 1]) * span + voxel[:, 2]] = np.arange(count)
         near = voxel[:, None] + offsets - 1
         neighbors[b, :count] = lookup[(near[..., 0] * span + near[..., 1]) * span + near[..., 2]]
     return neighbors
@@ -132,4 +133,30 @@ def flow_plan(
         pools.append(pool(coords, counts, 2))
         coords, counts, side = pools[-1].coords, pools[-1].counts, -(-side // 2)
         neighbors.append(plan_neighbors(coords, counts))
+    return FlowPlan(tuple(pools), tuple(neighbors))
+
+
+def pad_cells(plan: FlowPlan, cells: Sequence[int]) -> FlowPlan:
+    """The plan with so many cells an item in each pool, at least as many as it has; what is added is empty."""
+    pools, neighbors, width = [], [], 0
+    for pool, number in zip(plan.pools, cells, strict=True):
+        (capacity, slots), fine = pool.children.shape[1:], pool.parent.shape[1]
+        width = width or fine  # of the finer level, with what was added to it
+        more = ((0, 0), (0, number - capacity), (0, 0))
+        children = np.where(pool.children < fine, pool.children, width)
+        parent = np.where(pool.parent < capacity * slots, pool.parent, number * slots)
+        added = ((0, 0), (0, width - fine))
+        pools.append(
+            Pool(
+                np.pad(pool.coords, more),
+                pool.counts,
+                np.pad(children, more, constant_values=width).astype(np.int32),
+                np.pad(parent, added, constant_values=number * slots).astype(np.int32),
+            )
+        )
+        width = number
+    for level, near in enumerate(plan.neighbors):  # the 'patch' stem has none
+        old, new = near.shape[1], cells[level - 1] if level else near.shape[1]
+        near = np.where(near < old, near, new).astype(np.int32)
+        neighbors.append(np.pad(near, ((0, 0), (0, new - old), (0, 0)), constant_values=new))
     return FlowPlan(tuple(pools), tuple(neighbors))

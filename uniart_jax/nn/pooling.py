@@ -5,30 +5,35 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
+from uniart_jax.nn.by_device import by_device
 from uniart_jax.nn.convolution import space_to_depth
-from uniart_jax.nn.gathers import permute_rows, take_rows
+from uniart_jax.nn.gathers import flat_positions, permute_rows, take_rows
 from uniart_jax.nn.grids import FlowPlan, Pool
 
 
 def to_cells(x: jax.Array, pool: Pool) -> jax.Array:
     """Voxels [B, V, C] -> cells [B, L, f^3, C]; empty slots zero."""
-    rows = x.reshape(-1, x.shape[-1])
-    return permute_rows(rows, pool.children.reshape(-1), pool.parent.reshape(-1)).reshape(
-        *pool.children.shape, -1
-    )
+    out = by_device(_permute, (x, pool.children.reshape(len(x), -1), pool.parent))
+    return out.reshape(*pool.children.shape, -1)
 
 
 def from_cells(cells: jax.Array, pool: Pool) -> jax.Array:
     """Cells [B, L, f^3, C] -> voxels [B, V, C]; padding zero."""
-    rows = cells.reshape(-1, cells.shape[-1])
-    return permute_rows(rows, pool.parent.reshape(-1), pool.children.reshape(-1)).reshape(
-        *pool.parent.shape, -1
-    )
+    rows = cells.reshape(len(cells), -1, cells.shape[-1])
+    return by_device(_permute, (rows, pool.parent, pool.children.reshape(len(cells), -1)))
+
+
+def _permute(x: jax.Array, index: jax.Array, inverse: jax.Array) -> jax.Array:
+    """x [B, V, C] at index [B, W] -> [B, W, C]; ``inverse`` [B, V] undoes it."""
+    (items, width, channels), taken = x.shape, index.shape[1]
+    index, inverse = flat_positions(index, width), flat_positions(inverse, taken)
+    rows = permute_rows(x.reshape(-1, channels), index.reshape(-1), inverse.reshape(-1))
+    return rows.reshape(items, taken, channels)
 
 
 def occupied(pool: Pool) -> jax.Array:
     """[B, L, f^3] bool: slots that hold a voxel."""
-    return pool.children < pool.parent.size
+    return pool.children < pool.parent.shape[1]
 
 
 def downsample(x: jax.Array, pool: Pool) -> jax.Array:
@@ -46,9 +51,12 @@ def upsample(cells: jax.Array, pool: Pool) -> jax.Array:
 def at_cells(dense: jax.Array, coords: jax.Array) -> jax.Array:
     """Dense features [B, G, G, G, C] at cells [B, L, 3] -> [B, L, C]."""
     items, side, channels = dense.shape[0], dense.shape[1], dense.shape[-1]
-    flat = (coords[..., 0] * side + coords[..., 1]) * side + coords[..., 2]
-    flat = flat + jnp.arange(items, dtype=flat.dtype)[:, None] * side**3
-    return take_rows(dense.reshape(-1, channels), flat)
+    index = (coords[..., 0] * side + coords[..., 1]) * side + coords[..., 2]
+
+    def take(rows, index):
+        return take_rows(rows.reshape(-1, channels), flat_positions(index, side**3))
+
+    return by_device(take, (dense.reshape(items, -1, channels), index))
 
 
 def align_volume(volume: jax.Array, side: int) -> jax.Array:
@@ -62,23 +70,4 @@ def align_volume(volume: jax.Array, side: int) -> jax.Array:
 
 def repeat_plan(plan: FlowPlan, times: int) -> FlowPlan:
     """The plan of a batch in which every item stands ``times`` times in a row (several noise draws, guidance)."""
-
-    def index(values: jax.Array, rows: int) -> jax.Array:
-        items = values.shape[0]
-        lead = (-1, *[1] * (values.ndim - 1))
-        local = values - jnp.arange(items, dtype=values.dtype).reshape(lead) * rows
-        start = jnp.arange(items * times, dtype=values.dtype).reshape(lead) * rows
-        repeated = jnp.repeat(local, times, axis=0) + start
-        missing = jnp.repeat(values >= items * rows, times, axis=0)
-        return jnp.where(missing, items * times * rows, repeated)
-
-    pools = tuple(
-        Pool(
-            jnp.repeat(pool.coords, times, axis=0),
-            jnp.repeat(pool.counts, times, axis=0),
-            index(pool.children, pool.parent.shape[1]),
-            index(pool.parent, pool.children.shape[1] * pool.children.shape[2]),
-        )
-        for pool in plan.pools
-    )
-    return FlowPlan(pools, tuple(index(n, n.shape[1]) for n in plan.neighbors))
+    return jax.tree.map(lambda a: jnp.repeat(a, times, axis=0), plan)

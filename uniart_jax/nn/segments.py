@@ -5,6 +5,9 @@ to one another: a part, a window, a run of the Morton curve. ``plan_segments`` s
 [S, L] with exact lengths, one segment a row; ``pack_segments`` puts several into a row, told apart by their ids, so that little of it is padding.
 ``nn.attention`` gathers by them. numpy only: data workers call this without jax.
 
+A plan is of one or more *shares*: consecutive equal parts of the batch's items, each with positions of its own, so that a device that holds a share's items
+needs no other's. What is planned here is one share; ``voxel_plans`` plans several and joins them.
+
 Window ids follow TRELLIS ``modules/sparse/attention/windowed_attn.py``: (coords + shift) // window, without roll or wrap.
 """
 
@@ -32,12 +35,12 @@ _TOKEN_WORK = 128  # of a token in a row, in keys that it looks at: measured on 
 
 
 class Bucket(NamedTuple):
-    """Rows of at most L tokens.
+    """Rows of at most L tokens, S in each of E shares.
 
     Attributes:
-      index: [S, L] int32 positions in the flattened [B * V] tokens; padding is B * V.
-      length: [S] int32 tokens in each row, first in it.
-      segment: [S, L] int32 which of the row's segments a token is in, padding -1; None: one segment a row.
+      index: [E, S, L] int32 positions in the share's T = B * V / E flattened tokens; padding is T.
+      length: [E, S] int32 tokens in each row, first in it.
+      segment: [E, S, L] int32 which of the row's segments a token is in, padding -1; None: one segment a row.
     """
 
     index: np.ndarray
@@ -50,7 +53,7 @@ class Segments(NamedTuple):
 
     Attributes:
       buckets: their rows, concatenated, hold every valid token exactly once.
-      inverse: [B * V] int32 position of each token in the concatenation of all buckets' S * L rows; padding tokens: the total.
+      inverse: [E, T] int32 position of each token in the concatenation of all buckets' S * L rows of its share; padding tokens: the total.
     """
 
     buckets: tuple[Bucket, ...]
@@ -96,9 +99,10 @@ def plan_segments(
         token = tokens[np.repeat(starts[chosen], used) + column]
         index[row, column] = token
         inverse[token] = offset + row * length + column
-        buckets.append(Bucket(index, np.pad(used, (0, size - len(chosen))).astype(np.int32)))
+        length_of = np.pad(used, (0, size - len(chosen))).astype(np.int32)
+        buckets.append(Bucket(index[None], length_of[None]))
         offset += size * length
-    return Segments(tuple(buckets), inverse)
+    return Segments(tuple(buckets), inverse[None])
 
 
 def pack_segments(
@@ -135,9 +139,10 @@ def pack_segments(
                 used[r] = here.stop
         place = np.flatnonzero(index < missing)
         inverse[index.reshape(-1)[place]] = offset + place
-        buckets.append(Bucket(index, used, segment))
+        buckets.append(Bucket(index[None], used[None], segment[None]))
         offset += number * size
-    return Segments(tuple(buckets), np.where(inverse < 0, offset, inverse).astype(np.int32))
+    inverse = np.where(inverse < 0, offset, inverse).astype(np.int32)
+    return Segments(tuple(buckets), inverse[None])
 
 
 def fitted_sizes(ids: np.ndarray, counts: np.ndarray, longest: int) -> tuple[int, ...]:
@@ -163,8 +168,8 @@ def whole_rows(ids: np.ndarray, counts: np.ndarray) -> Segments:
     valid = np.arange(width) < np.asarray(counts)[:, None]
     index = np.where(valid, place, items * width).astype(np.int32)
     segment = np.where(valid, ids, -1).astype(np.int32)
-    bucket = Bucket(index, np.asarray(counts, np.int32), segment)
-    return Segments((bucket,), index.reshape(-1))
+    bucket = Bucket(index[None], np.asarray(counts, np.int32)[None], segment[None])
+    return Segments((bucket,), index.reshape(1, -1))
 
 
 def round_rows(rows: int) -> int:
@@ -268,6 +273,7 @@ def voxel_plans(
     *,
     parts: bool = True,
     fitted: bool = False,
+    shares: int = 1,
 ) -> dict[str, Segments]:
     """The plans that the UniArt VAE reads: "parts" (encoder only), "window_0" and "window_1".
 
@@ -276,14 +282,85 @@ def voxel_plans(
       parts: False leaves out "parts", as decoding alone needs no part ids.
       fitted: where segments are packed, in rows of several lengths, as many as these segments need: least work for one batch, another shape for
         the next. Otherwise (training) in rows of one length, as many as ``row_choices`` has.
+      shares: consecutive equal parts of the items that are planned apart, one for each device that will hold one (not with ``fitted``).
 
     Raises:
-      ValueError: an item has more than ``grid.max_parts`` parts.
+      ValueError: an item has more than ``grid.max_parts`` parts, or the items do not divide into the shares.
     """
     coords, counts = np.asarray(batch["coords"]), np.asarray(batch["counts"])
+    ids = {"parts": np.asarray(batch["voxel_part"])} if parts else {}
+    items = len(counts)
+    if items % shares or (fitted and shares > 1):
+        raise ValueError(f"plans: {items} items in {shares} shares; give a divisor, or 1 if fitted")
+    size = items // shares
+    made = [
+        _plans_of_share(
+            coords[i : i + size],
+            counts[i : i + size],
+            {name: values[i : i + size] for name, values in ids.items()},
+            config,
+            grid,
+            fitted,
+        )
+        for i in range(0, items, size)
+    ]
+    return {name: join_shares([plans[name] for plans in made]) for name in made[0]}
+
+
+def join_shares(plans: Sequence[Segments]) -> Segments:
+    """One plan of the shares of several, which have buckets of the same lengths; rows are added where a share has fewer than another."""
+    if len(plans) == 1:
+        return plans[0]
+    rows = np.max([[b.index.shape[1] for b in plan.buckets] for plan in plans], 0)
+    padded = [pad_rows(plan, rows.tolist()) for plan in plans]
+    buckets = []
+    for own in zip(*(plan.buckets for plan in padded), strict=True):
+        segments = [b.segment for b in own if b.segment is not None]
+        buckets.append(
+            Bucket(
+                np.concatenate([b.index for b in own]),
+                np.concatenate([b.length for b in own]),
+                np.concatenate(segments) if segments else None,
+            )
+        )
+    return Segments(tuple(buckets), np.concatenate([plan.inverse for plan in padded]))
+
+
+def pad_rows(plan: Segments, rows: Sequence[int]) -> Segments:
+    """The plan with so many rows in each bucket, at least as many as it has; what is added is empty."""
+    tokens = plan.inverse.shape[1]
+    inverse = np.full_like(plan.inverse, -1)
+    buckets = []
+    here = there = 0  # where the bucket begins in a share's rows, before and after
+    for bucket, number in zip(plan.buckets, rows, strict=True):
+        _, size, length = bucket.index.shape
+        more = ((0, 0), (0, number - size), (0, 0))
+        segment = bucket.segment
+        buckets.append(
+            Bucket(
+                np.pad(bucket.index, more, constant_values=tokens),
+                np.pad(bucket.length, more[:2]),
+                None if segment is None else np.pad(segment, more, constant_values=-1),
+            )
+        )
+        mine = (plan.inverse >= here) & (plan.inverse < here + size * length)
+        inverse[mine] = plan.inverse[mine] - here + there
+        here, there = here + size * length, there + number * length
+    return Segments(tuple(buckets), np.where(inverse < 0, there, inverse))
+
+
+def _plans_of_share(
+    coords: np.ndarray,
+    counts: np.ndarray,
+    ids: dict[str, np.ndarray],
+    config: UniArtVAEConfig,
+    grid: GridConfig,
+    fitted: bool,
+) -> dict[str, Segments]:
+    """``voxel_plans`` of one share; ids: perhaps those of "parts"."""
     items, width = coords.shape[:2]
     capacities = capacities_for(config, grid, items, width)
-    ids = {"parts": np.asarray(batch["voxel_part"])} if parts else {}
+    ids = dict(ids)
     for i in range(0 if config.attention == "full" else 2):
         shift = i * (config.window // 2)
         ids[f"window_{i}"] = (

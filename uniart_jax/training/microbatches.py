@@ -1,14 +1,13 @@
-"""A batch cut into micro-batches for gradient accumulation: on the host, because attention and pooling plans hold positions in the whole batch."""
+"""A batch cut into micro-batches for gradient accumulation: on the host, because segments are planned anew for each."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
+import jax
 
 from uniart_jax.config import ModelConfig
-from uniart_jax.nn.grids import FlowPlan, flow_plan
 from uniart_jax.nn.segments import voxel_plans
 
 
@@ -42,22 +41,12 @@ def split_batch(
     parts = [{n: v[i : i + size] for n, v in arrays.items()} for i in range(0, items, size)]
     if "plans" not in batch:
         return tuple(parts)
-    if "flow" in batch["plans"]:
-        return tuple(_with_flow_plans(parts, batch["plans"]["flow"], model))
-    parted = "parts" in batch["plans"]
+    plans = batch["plans"]
+    if "flow" in plans:
+        cut = lambda i: jax.tree.map(lambda a: a[i : i + size], plans)  # noqa: E731
+        return tuple({**p, "plans": cut(i * size)} for i, p in enumerate(parts))
+    shares = max((len(plan.inverse) for plan in plans.values()), default=1)
+    options: dict[str, Any] = {"parts": "parts" in plans, "shares": shares}
     return tuple(
-        {**p, "plans": voxel_plans(p, model.uniart_vae, model.grid, parts=parted)} for p in parts
+        {**p, "plans": voxel_plans(p, model.uniart_vae, model.grid, **options)} for p in parts
     )
-
-
-def _with_flow_plans(
-    parts: list[dict[str, Any]], whole: FlowPlan, model: ModelConfig
-) -> list[dict[str, Any]]:
-    """Micro-batches with as many cells as the whole batch's plan has, so that their shapes are equal (stems of one level)."""
-    cells = int(whole.pools[0].coords.shape[1])
-    made = []
-    for part in parts:
-        coords, counts = np.asarray(part["coords"]), np.asarray(part["counts"])
-        plan = flow_plan(coords, counts, model.latent_flow, model.grid, round_to=cells)
-        made.append({**part, "plans": {"flow": plan}})
-    return made

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 import zlib
 from collections import Counter
@@ -102,7 +103,8 @@ class Programs:
             # Pinned, because the compiler may otherwise choose others for its outputs and compile the second step anew.
             shardings = jax.tree.map(lambda leaf: leaf.sharding, state)
             self._jitted = jax.jit(self.update, donate_argnums=0, out_shardings=(shardings, None))
-        traced = self._jitted.trace(state, batch, key, self.given)
+        with _mesh_of(state):  # for what each device does with its own items (``nn.by_device``)
+            traced = self._jitted.trace(state, batch, key, self.given)
         call = traced.lower().compile()
         memory = call.memory_analysis()
         named = jax.tree_util.tree_leaves_with_path(batch)
@@ -114,6 +116,12 @@ class Programs:
             time.perf_counter() - begin,
             getattr(memory, "temp_size_in_bytes", 0),
         )
+
+
+def _mesh_of(state: Any) -> Any:
+    """The context of the mesh that a state lives on; none if it has no such sharding."""
+    meshes = [getattr(leaf.sharding, "mesh", None) for leaf in jax.tree.leaves(state)]
+    return jax.set_mesh(meshes[0]) if meshes and meshes[0] is not None else contextlib.nullcontext()
 
 
 def _shapes(batch: Any) -> Any:

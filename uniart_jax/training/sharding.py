@@ -15,7 +15,7 @@ from jax.sharding import AxisType, Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from uniart_jax.config import MeshConfig
-from uniart_jax.nn.shared_plans import plan_sizes, shared_plans
+from uniart_jax.nn.shared_plans import padded_plans, plan_sizes
 from uniart_jax.training.distributed import largest
 
 AXES = ("data", "fsdp")
@@ -78,9 +78,9 @@ def state_sharding(mesh: Mesh, abstract: Any, min_size: int | None = None) -> An
 def put_batch(batch: Any, mesh: Mesh) -> Any:
     """Host arrays of this process -> global arrays on the mesh.
 
-    An array whose first axis this process's devices divide is split (items, and whatever goes with them); another one, such as a
-    segment plan's, is replicated. Either way the program computes the same numbers. Over several processes ``batch["plans"]`` become plans of the whole batch
-    (``nn.shared_plans``), of the shapes that the largest share needs.
+    An array whose first axis this process's devices divide is split (items, and whatever goes with them, a plan's shares among it); another one is
+    replicated. Either way the program computes the same numbers. Over several processes ``batch["plans"]`` take the shapes that the largest needs
+    (``nn.shared_plans``).
 
     Raises:
       ValueError: several processes and an array that cannot be split: replicas would differ.
@@ -89,10 +89,8 @@ def put_batch(batch: Any, mesh: Mesh) -> Any:
     processes = jax.process_count()
     local = mesh.size // processes
     if processes > 1 and isinstance(batch, dict) and batch.get("plans"):
-        plans = batch["plans"]
-        sizes = largest(plan_sizes(plans))
-        plans = shared_plans(plans, sizes, jax.process_index(), processes, local)
-        batch = {**batch, "plans": plans}
+        sizes = largest(plan_sizes(batch["plans"]))
+        batch = {**batch, "plans": padded_plans(batch["plans"], sizes)}
 
     def put(path: Any, leaf: Any) -> jax.Array:
         leaf = np.asarray(leaf)

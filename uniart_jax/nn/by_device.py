@@ -1,0 +1,43 @@
+"""Work on the items of a batch that each device does with its own, where the compiler by itself would ask all devices for theirs.
+
+XLA splits products and norms over a mesh, but where rows are gathered by computed positions, or sorted into tiles for a loop, it cannot know that
+an item's rows stay with the item: it sends every device everybody's, in a deep network a hundred times the gradients. ``by_device`` says so, by ``jax.shard_map``.
+It also lets Pallas kernels, which XLA cannot split, run on many devices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+from jax.sharding import AxisType
+from jax.sharding import PartitionSpec as P
+
+
+def by_device(function: Callable[..., Any], split: tuple[Any, ...], whole: tuple[Any, ...] = ()) -> Any:  # fmt: skip
+    """``function(*split, *whole)``, by each device on its part of ``split`` where a mesh is set (``jax.set_mesh``).
+
+    Args:
+      function: whose results' rows depend on the same rows of ``split`` alone, whatever their number; all results have that leading axis.
+      split: arrays, or pytrees of them, whose first axis is a batch's items or consecutive equal shares of them.
+      whole: what every device needs all of, such as a kernel; gradients by it are summed.
+
+    Without a mesh, on one device, and where a first axis does not divide over the devices, the function is called as it is.
+    """
+    mesh = jax.sharding.get_abstract_mesh()
+    leaves = jax.tree.leaves(split)
+    if mesh.empty or mesh.size == 1 or AxisType.Manual in mesh.axis_types:
+        return function(*split, *whole)
+    if any(leaf.shape[0] % mesh.size for leaf in leaves):
+        return function(*split, *whole)
+    items = P(mesh.axis_names)
+    specs = (*[items] * len(split), *[P()] * len(whole))
+    mapped = jax.shard_map(function, in_specs=specs, out_specs=items, check_vma=False)
+    return mapped(*split, *whole)
+
+
+def alone() -> bool:
+    """Whether what is traced now runs on one device: there is no other, or this is inside ``by_device``."""
+    mesh = jax.sharding.get_abstract_mesh()
+    return jax.device_count() == 1 or (not mesh.empty and AxisType.Manual in mesh.axis_types)
