@@ -26,7 +26,6 @@ from uniart_jax.cli.train import load_config
 from uniart_jax.config import Config, MeshConfig
 from uniart_jax.models.network import build
 from uniart_jax.training import objectives
-from uniart_jax.training.programs import Programs
 from uniart_jax.training.sharding import make_mesh, put_batch
 from uniart_jax.training.state import abstract_state, make_optimizer
 from uniart_jax.training.step import make_train_step

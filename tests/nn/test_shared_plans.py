@@ -1,4 +1,4 @@
-"""Plans of shares joined: what the shares say, in the positions of the whole batch."""
+"""Plans of several shares, by one process or by many: what the shares say, whatever they are padded to."""
 
 import jax
 import numpy as np
@@ -7,13 +7,14 @@ import pytest
 from uniart_jax.config import FlowConfig, GridConfig, UniArtVAEConfig
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.segments import (
+    join_shares,
     pack_segments,
     plan_segments,
     serial_ids,
     voxel_plans,
     window_ids,
 )
-from uniart_jax.nn.shared_plans import plan_sizes, shared_plans
+from uniart_jax.nn.shared_plans import padded_plans, plan_sizes
 
 GRID = GridConfig(8, 2, 8)
 ITEMS, WIDTH = 6, 48
@@ -34,28 +35,34 @@ def make_batch(seed: int = 0) -> dict[str, np.ndarray]:
     }
 
 
-def shares_of(batch, make, processes: int, multiple: int = 1):
+def shares_of(batch, make, processes: int):
     """Every process's plans, and all rows together as ``jax.make_array_from_process_local_data`` puts them."""
     size = ITEMS // processes
     plans = [make({k: v[i : i + size] for k, v in batch.items()}) for i in range(0, ITEMS, size)]
     sizes = np.max([plan_sizes(plan) for plan in plans], 0).tolist()
-    shared = [shared_plans(p, sizes, i, processes, multiple) for i, p in enumerate(plans)]
+    shared = [padded_plans(p, sizes) for p in plans]
     assert len({str(jax.tree.map(np.shape, s)) for s in shared}) == 1  # of one shape, all of them
     return plans, jax.tree.map(lambda *rows: np.concatenate(rows), *shared)
 
 
-def together(plan, tokens: int) -> dict[int, frozenset[int]]:
-    """With whom each token shares a segment."""
+def together(plan) -> dict[int, frozenset[int]]:
+    """With whom each token of the whole batch shares a segment; checks on the way that every share's inverse finds its tokens."""
     found = {}
-    for bucket in plan.buckets:
-        ids = bucket.segment
-        if ids is None:
-            ids = np.where(np.arange(bucket.index.shape[1]) < bucket.length[:, None], 0, -1)
-        for index, row in zip(bucket.index, ids, strict=True):
-            assert (index[row < 0] == tokens).all()
-            for i in np.unique(row[row >= 0]):
-                members = frozenset(index[row == i].tolist())
-                found |= dict.fromkeys(members, members)
+    shares, tokens = plan.inverse.shape
+    for share in range(shares):
+        rows = np.concatenate([b.index[share].reshape(-1) for b in plan.buckets])
+        valid = np.flatnonzero(plan.inverse[share] < len(rows))
+        assert (rows[plan.inverse[share][valid]] == valid).all()
+        assert (rows < tokens).sum() == len(valid)
+        for bucket in plan.buckets:
+            length = bucket.length[share]
+            ids = np.where(np.arange(bucket.index.shape[2]) < length[:, None], 0, -1)
+            ids = ids if bucket.segment is None else bucket.segment[share]
+            for index, row in zip(bucket.index[share], ids, strict=True):
+                assert (index[row < 0] == tokens).all()
+                for i in np.unique(row[row >= 0]):
+                    members = frozenset((share * tokens + index[row == i]).tolist())
+                    found |= dict.fromkeys(members, members)
     return found
 
 
@@ -79,19 +86,41 @@ def cut(batch):
 
 
 @pytest.mark.parametrize("make", [windows, packed, cut])
-@pytest.mark.parametrize(("processes", "multiple"), [(2, 4), (3, 1), (6, 2)])
-def test_segments_of_shares_are_those_of_the_batch(make, processes, multiple):
-    batch, tokens = make_batch(), ITEMS * WIDTH
-    _, joined = shares_of(batch, make, processes, multiple)
+@pytest.mark.parametrize("processes", [2, 3, 6])
+def test_segments_of_shares_are_those_of_the_batch(make, processes):
+    batch = make_batch()
+    _, joined = shares_of(batch, make, processes)
     for name, expected in make(batch).items():
         plan = joined[name]
-        assert together(plan, tokens) == together(expected, tokens), name
-        # the whole array's rows are bucket after bucket, each with all processes' rows
-        rows = np.concatenate([b.index.reshape(-1) for b in plan.buckets])
-        valid = (np.arange(WIDTH) < batch["counts"][:, None]).reshape(-1)
-        assert (rows[plan.inverse[valid]] == np.flatnonzero(valid)).all(), name
-        assert (plan.inverse[~valid] == len(rows)).all(), name
-        assert all(len(b.index) % (processes * multiple) == 0 for b in plan.buckets)
+        assert len(plan.inverse) == processes
+        assert together(plan) == together(expected), name
+        assert len(together(plan)) == batch["counts"].sum()
+
+
+@pytest.mark.parametrize("attention", ["swin", "serial"])
+@pytest.mark.parametrize("shares", [1, 2, 6])
+def test_one_process_plans_its_devices_shares(attention, shares):
+    batch = make_batch()
+    config = UniArtVAEConfig(attention=attention, window=4)
+    plans = voxel_plans(batch, config, GRID, shares=shares)
+    whole = voxel_plans(batch, config, GRID)
+    # serial runs are cut item by item; whatever shares are planned apart, the segments are the same
+    for name, plan in plans.items():
+        assert plan.inverse.shape == (shares, ITEMS * WIDTH // shares)
+        assert together(plan) == together(whole[name]), name
+
+
+def test_items_that_do_not_divide_into_the_shares():
+    with pytest.raises(ValueError, match="6 items in 4 shares"):
+        voxel_plans(make_batch(), UniArtVAEConfig(window=4), GRID, shares=4)
+
+
+def test_joined_shares_have_the_rows_of_the_largest():
+    plans = [packed({k: v[i : i + 3] for k, v in make_batch().items()}) for i in (0, 3)]
+    few, many = (p["window_0"].buckets[0].index.shape[1] for p in plans)
+    joined = join_shares([p["window_0"] for p in plans])
+    assert few < many and joined.buckets[0].index.shape == (2, many, 16)
+    assert together(joined) == together(packed(make_batch())["window_0"])
 
 
 def test_the_shares_do_need_different_shapes():

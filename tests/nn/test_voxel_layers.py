@@ -15,6 +15,7 @@ from uniart_jax.nn.convolution import (
     submanifold,
 )
 from uniart_jax.nn.embeddings import position_embedding
+from uniart_jax.nn.gathers import flat_positions
 from uniart_jax.nn.grids import FlowPlan, plan_neighbors, plan_pool
 from uniart_jax.nn.pooling import (
     align_volume,
@@ -99,7 +100,7 @@ def test_gathers_have_the_gradients_of_plain_indexing():
         return lambda r: jnp.take(r, index, axis=0, mode="fill", fill_value=0)
 
     pairs = [
-        (lambda r: to_cells(r.reshape(x.shape), pool), plain(pool.children)),
+        (lambda r: to_cells(r.reshape(x.shape), pool), plain(flat_positions(pool.children, 60))),
     ]
     for ours, reference in pairs:
         weights = normal(*reference(rows).shape)
@@ -111,7 +112,7 @@ def test_gathers_have_the_gradients_of_plain_indexing():
 @pytest.mark.parametrize("outputs", [6, 3])
 def test_submanifold_gradients_are_those_of_gathered_columns(outputs):
     coords, counts, x = sparse()
-    neighbors = jnp.asarray(plan_neighbors(coords, counts).reshape(-1, 27))
+    neighbors = flat_positions(jnp.asarray(plan_neighbors(coords, counts)), 60).reshape(-1, 27)
     rows, kernel, weights = x.reshape(-1, 5), normal(27, 5, outputs), normal(x.size // 5, outputs)
 
     def columns(rows, kernel):

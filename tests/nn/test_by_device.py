@@ -1,0 +1,115 @@
+"""On many devices, what gathers by positions stays where its items are: the same numbers, and nothing is sent but gradients."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from uniart_jax.nn.attention import attend_segments
+from uniart_jax.nn.by_device import alone, by_device
+from uniart_jax.nn.gathers import flat_positions
+from uniart_jax.nn.segments import join_shares, pack_segments, plan_segments
+
+PROGRAM = """
+import sys
+import jax, jax.numpy as jnp, numpy as np
+jax.config.update("jax_num_cpu_devices", 8)
+from flax import nnx
+from uniart_jax.config import FlowConfig, GridConfig, MeshConfig, UniArtVAEConfig
+from uniart_jax.nn.attention import attend, attend_segments
+from uniart_jax.nn.convolution import SubmanifoldConv
+from uniart_jax.nn.grids import flow_plan
+from uniart_jax.nn.pooling import at_cells, downsample, repeat_plan, upsample
+from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.training.sharding import make_mesh, put_batch
+
+rng = np.random.default_rng(0)
+items, width, grid = 8, 60, GridConfig(8, 2, 8)
+counts = rng.integers(20, width, items).astype(np.int32)
+coords = np.zeros((items, width, 3), np.int32)
+for b, n in enumerate(counts):
+    coords[b, :n] = np.stack(np.unravel_index(np.sort(rng.choice(512, n, replace=False)), (8,) * 3), 1)
+batch = {"coords": coords, "counts": counts, "voxel_part": rng.integers(0, 5, (items, width)).astype(np.int32)}
+x = np.where((np.arange(width) < counts[:, None])[..., None], rng.normal(size=(items, width, 12)), 0).astype(np.float32)
+flow = flow_plan(coords, counts, FlowConfig(stem="conv", patch_size=2, io_channels=(8,)), grid)
+layer = SubmanifoldConv(12, 12, nnx.Rngs(0))
+graph, weights = nnx.split(layer)
+volume = rng.normal(size=(items, 4, 4, 4, 12)).astype(np.float32)
+
+def loss(weights, x, counts, plans, flow, volume):
+    qkv = jnp.concatenate([x, jnp.sin(x), x], -1).reshape(-1, 3, 2, 6)
+    for plan in plans.values():
+        x = x + attend_segments(qkv, plan).reshape(x.shape)
+    heads = x.reshape(items, width, 2, 6)
+    x = x + attend(heads, heads, heads, counts).reshape(x.shape)
+    x = x + nnx.merge(graph, weights)(x, flow.neighbors[0])
+    cells = downsample(x, flow.pools[0]) + at_cells(volume, flow.pools[0].coords)
+    twice = upsample(jnp.repeat(cells, 2, 0), repeat_plan(flow, 2).pools[0])
+    return jnp.square(x).sum() + jnp.sin(twice).sum()
+
+step = jax.jit(jax.value_and_grad(loss, (0, 1)))
+plans = lambda shares: voxel_plans(batch, UniArtVAEConfig(window=4), grid, shares=shares)
+expected = step(weights, x, counts, plans(1), flow, volume)
+mesh = make_mesh(MeshConfig(fsdp=int(sys.argv[1])))
+with jax.set_mesh(mesh):
+    given = put_batch((x, counts, plans(8), flow, volume), mesh)
+    program = step.lower(jax.device_put(weights, jax.NamedSharding(mesh, jax.P())), *given).compile()
+    found = program(jax.device_put(weights, jax.NamedSharding(mesh, jax.P())), *given)
+for a, b in zip(jax.tree.leaves(expected), jax.tree.leaves(found), strict=True):
+    np.testing.assert_allclose(a, b, rtol=0, atol=1e-5 * np.abs(a).max())
+print(program.as_text())
+"""
+
+
+@pytest.mark.parametrize("fsdp", [1, 4])
+def test_eight_devices_send_nothing_but_sums(fsdp):
+    env = {**os.environ, "JAX_PLATFORMS": "cpu"}
+    program = [sys.executable, "-c", PROGRAM, str(fsdp)]
+    ran = subprocess.run(program, env=env, text=True, capture_output=True, cwd=Path(__file__).parents[2])  # fmt: skip
+    assert not ran.returncode, ran.stderr[-2000:]
+    sent = re.findall(r" (all-gather|all-to-all|collective-permute|reduce-scatter)[\w\-]*\(", ran.stdout)  # fmt: skip
+    assert not sent
+    assert "all-reduce" in ran.stdout  # the loss and the kernel's gradient
+
+
+def test_without_a_mesh_it_is_the_function_itself():
+    x = jnp.arange(6.0).reshape(3, 2)
+    assert by_device(lambda a, b: a * b, (x,), (2.0,)).tolist() == (2 * x).tolist()
+    assert alone() == (jax.device_count() == 1)
+
+
+def test_flat_positions_keep_what_is_missing_missing():
+    index = np.array([[0, 2, 3], [1, 3, 7]])
+    np.testing.assert_array_equal(flat_positions(jnp.asarray(index), 3), [[0, 2, 6], [4, 6, 6]])
+    np.testing.assert_array_equal(flat_positions(index[:1], 3), index[:1])
+
+
+@pytest.mark.parametrize("kernel", ["xla", "splash"])
+@pytest.mark.parametrize("kind", ["buckets", "packed"])
+def test_a_plan_of_shares_attends_as_one_of_the_whole(kind, kernel):
+    """On one device too, where shares are joined: several buckets, forward and gradient."""
+    rng = np.random.default_rng(0)
+    ids, counts = rng.integers(0, 4, (4, 50)), np.array([50, 31, 1, 44])
+
+    def make(rows):
+        if kind == "packed":
+            return pack_segments(ids[rows], counts[rows], (40,))
+        some = len(counts[rows])
+        return plan_segments(ids[rows], counts[rows], ((some * 6, 8), (some * 5, 40)))
+
+    whole, halves = make(slice(0, 4)), [make(slice(0, 2)), make(slice(2, 4))]
+    qkv = jax.random.normal(jax.random.key(0), (200, 3, 2, 8))
+
+    def run(plan):
+        plan = jax.tree.map(jnp.asarray, plan)
+        f = lambda x: jnp.sin(attend_segments(x, plan, kernel=kernel)).sum()  # noqa: E731
+        return attend_segments(qkv, plan, kernel=kernel), jax.jit(jax.grad(f))(qkv)
+
+    for a, b in zip(run(whole), run(join_shares(halves)), strict=True):
+        np.testing.assert_allclose(a, b, atol=2e-5)
