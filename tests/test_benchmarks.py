@@ -3,6 +3,9 @@
 import dataclasses
 import importlib
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import jax
@@ -81,3 +84,47 @@ def test_a_training_is_predicted_from_its_compiled_step(script):
     gib = [2.75 + 16e6 / n / 2**30 for n in (1, 2)]
     assert (row["GiB"], row["GiB, fsdp"]) == pytest.approx(gib)
     assert (row["fits"], row["days"]) == ("with fsdp", pytest.approx(row["step s"]))
+
+
+HLO = """
+%body (p: (s32[], f32[8,100])) -> (s32[], f32[8,100]) {
+  %g = bf16[8,100]{1,0} all-gather(bf16[1,100]{1,0} %x), channel_id=1, replica_groups=[1,8]<=[8], dimensions={0}
+}
+
+%cond (p: (s32[], f32[8,100])) -> pred[] {
+  %c = pred[] compare(s32[] %a, s32[] %b), direction=LT
+}
+
+ENTRY %main (p: f32[100]) -> f32[100] {
+  %w = (s32[], f32[8,100]{1,0}) while((s32[], f32[8,100]{1,0}) %t), condition=%cond, body=%body, backend_config={"known_trip_count":{"n":"3"}}
+  %r = (f32[100]{0}, f32[4]{0}) all-reduce(f32[100]{0} %p, f32[4]{0} %q), replica_groups={{0,1,2,3},{4,5,6,7}}, to_apply=%add
+  ROOT %s = f32[25]{0} reduce-scatter(f32[100]{0} %p), replica_groups=[2,4]<=[8], dimensions={0}, to_apply=%add
+}
+"""
+
+
+def test_what_a_device_receives_is_read_off_a_program(script):
+    moved = script("collectives").received(HLO, 8)
+    assert moved["all-gather"] == 3 * 1600 * 7 // 8  # of eight, three times
+    assert moved["all-reduce"] == 2 * 416 * 3 // 4  # of four, both results
+    assert moved["reduce-scatter"] == 100 * 3
+    assert set(moved) == {"all-gather", "all-reduce", "reduce-scatter"}
+
+
+SPLIT = """
+import jax
+from collectives import received
+mesh = jax.make_mesh((8,), ("data",), axis_types=(jax.sharding.AxisType.Auto,))
+rows = jax.ShapeDtypeStruct((8, 4), "float32", sharding=jax.NamedSharding(mesh, jax.P("data")))
+weights = jax.ShapeDtypeStruct((4, 4), "float32", sharding=jax.NamedSharding(mesh, jax.P()))
+step = jax.jit(jax.grad(lambda w, x: jax.numpy.square(x @ w).sum()))
+print(dict(received(step.lower(weights, rows).compile().as_text(), 8)))
+"""
+
+
+def test_the_gradient_by_whole_weights_of_split_rows_is_one_sum():
+    """As XLA writes its programs."""
+    env = {**os.environ, "JAX_PLATFORMS": "cpu", "JAX_NUM_CPU_DEVICES": "8"}
+    where = Path(__file__).parent.parent / "benchmarks"
+    ran = subprocess.run([sys.executable, "-c", SPLIT], env=env, cwd=where, text=True, capture_output=True)  # fmt: skip
+    assert ran.stdout.strip() == str({"all-reduce": 2 * 64 * 7 // 8}), ran.stderr
