@@ -30,7 +30,7 @@ from uniart_jax.training.sharding import make_mesh, put_batch
 from uniart_jax.training.state import abstract_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 
-NETWORKS = ("structure_vae", "uniart_vae", "structure_flow", "latent_flow")
+NETWORKS = ("uniart_vae", "structure_flow", "latent_flow")
 BYTES = {"pred": 1, "s8": 1, "u8": 1, "bf16": 2, "f16": 2, "s32": 4, "u32": 4, "f32": 4, "s64": 8, "u64": 8, "f64": 8}  # fmt: skip
 KINDS = ("all-gather", "all-reduce", "reduce-scatter", "all-to-all", "collective-permute")
 _COMPUTATION = re.compile(r"^(?:ENTRY )?%?([\w.\-]+) \(.*\{$")
@@ -40,7 +40,7 @@ _INSTRUCTION = re.compile(r"^(?:ROOT )?%?[\w.\-]+ = (.*?) ([\w\-]+)\(")
 
 
 def received(text: str, devices: int) -> Counter[str]:
-    """Bytes that a device receives in the collectives of a compiled program's text, by kind; a loop whose trips XLA does not know counts once.
+    """Bytes that a device receives in the collectives of a compiled program's text, by kind; a loop whose trips XLA does not know counts once, a branch as if all were taken.
 
     Of n devices in a group: an all-gather's result x (n - 1) / n, twice that for an all-reduce, a reduce-scatter's result x (n - 1), all of a permute.
     """
@@ -55,12 +55,16 @@ def received(text: str, devices: int) -> Counter[str]:
             continue
         if not (found := _INSTRUCTION.match(line.strip())):
             continue
-        shape, operation = found[1], found[2].removesuffix("-start")
+        shape, operation = found[1], found[2]
+        if operation.endswith("-start") and operation.removesuffix("-start") in KINDS:
+            raise ValueError(f"collectives: an asynchronous '{operation}' is not understood")
         if operation in KINDS:
             own[here][operation] += _moved(operation, shape, line, devices)
         trips = re.search(r'"known_trip_count":\{"n":"(\d+)"', line)
         times = int(trips[1]) if operation == "while" and trips else 1
         calls[here] += [(name, times) for name in _CALLED.findall(line)]
+        for branches in re.findall(r"branch_computations=\{(.*?)\}", line):
+            calls[here] += [(name.strip(" %"), 1) for name in branches.split(",")]
 
     def total(name: str) -> Counter[str]:
         result = Counter(own.get(name, {}))
@@ -77,17 +81,27 @@ def _moved(operation: str, shape: str, line: str, devices: int) -> int:
         BYTES.get(dtype, 4) * math.prod(int(n) for n in sides.split(",") if n)
         for dtype, sides in _SHAPE.findall(shape)
     )
-    if found := re.search(r"replica_groups=\[(\d+),(\d+)\]", line):
-        group = int(found[2])
-    elif found := re.search(r"replica_groups=\{\{([\d,]*)\}", line):
-        group = len(found[1].split(","))
-    else:
-        group = devices
+    group = _group(line, devices)
     if operation == "collective-permute":
         return size
     if operation == "reduce-scatter":
         return size * (group - 1)
     return (2 if operation == "all-reduce" else 1) * size * (group - 1) // group
+
+
+def _group(line: str, devices: int) -> int:
+    """Devices that exchange with one another, in any of the three forms that XLA writes; all of them where it names no groups."""
+    if found := re.search(r"replica_groups=\[(\d+),(\d+)\]", line):
+        return int(found[2])
+    if found := re.search(r"replica_groups=\{\{([\d,]*)\}", line):
+        return len(found[1].split(","))
+    if found := re.search(r"replica_groups=mesh\[(.*?)\].*?\{(.*?)\}", line):
+        sizes = dict(re.findall(r"'(\w+)'=(\d+)", found[1]))
+        named = re.findall(r"'(\w+)'(?::\(\d+\)(\d+))?", found[2])
+        return math.prod(int(part or sizes[name]) for name, part in named)
+    if "replica_groups=" in line and "replica_groups={}" not in line:
+        raise ValueError(f"collectives: groups that are not understood: {line.strip()[:200]}")
+    return devices
 
 
 def step_program(name: str, config: Config, voxels: int) -> tuple[str, int]:
@@ -118,13 +132,14 @@ def shallow(config: Config, blocks: int) -> Config:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)  # fmt: skip
     parser.add_argument("--config", type=Path, default=Path("configs/paper.py"))
-    parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=["uniart_vae", "structure_flow", "latent_flow"])  # fmt: skip
+    parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=list(NETWORKS))
     parser.add_argument("--devices", type=int, default=8)
     parser.add_argument("--fsdp", type=int, nargs="+", default=[1, 8])
     parser.add_argument("--blocks", type=int, default=2)
     parser.add_argument("--voxels", type=int, default=4096)
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     arguments = parser.parse_args()
+    jax.config.update("jax_platforms", "cpu")
     jax.config.update("jax_num_cpu_devices", arguments.devices)
     config = shallow(load_config(arguments.config), arguments.blocks)
     rows: list[dict[str, Any]] = []

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from uniart_jax.nn.attention import attend_segments
-from uniart_jax.nn.by_device import alone, by_device
 from uniart_jax.nn.gathers import flat_positions
 from uniart_jax.nn.segments import join_shares, pack_segments, plan_segments
 
@@ -63,6 +62,19 @@ with jax.set_mesh(mesh):
     found = program(jax.device_put(weights, jax.NamedSharding(mesh, jax.P())), *given)
 for a, b in zip(jax.tree.leaves(expected), jax.tree.leaves(found), strict=True):
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-5 * np.abs(a).max())
+
+from uniart_jax.nn.by_device import alone, by_device
+seen = []
+with jax.set_mesh(mesh):
+    jax.jit(lambda x: (seen.append(alone()), by_device(lambda x: (seen.append(alone()), x)[1], (x,)))[1])(given[0])
+    assert seen == [False, True], seen
+    # six items on eight devices, and one share of eight items: no part of its own for each, the same numbers
+    for n, own in ((8, plans(1)), (6, voxel_plans({k: v[:6] for k, v in batch.items()}, UniArtVAEConfig(window=4), grid))):
+        for name, plan in own.items():
+            qkv = np.repeat(x[:n, :, None, :6], 3, 2).reshape(-1, 3, 2, 3)
+            mine = jax.jit(attend_segments)(qkv, plan)
+            with jax.set_mesh(mesh):
+                np.testing.assert_allclose(mine, jax.jit(lambda a, p: attend_segments(a, p))(qkv, plan), atol=1e-5)
 print(program.as_text())
 """
 
@@ -78,10 +90,17 @@ def test_eight_devices_send_nothing_but_sums(fsdp):
     assert "all-reduce" in ran.stdout  # the loss and the kernel's gradient
 
 
-def test_without_a_mesh_it_is_the_function_itself():
-    x = jnp.arange(6.0).reshape(3, 2)
-    assert by_device(lambda a, b: a * b, (x,), (2.0,)).tolist() == (2 * x).tolist()
-    assert alone() == (jax.device_count() == 1)
+def test_a_plan_of_other_tokens_is_an_error():
+    plan = plan_segments(np.zeros((2, 6), int), np.array([6, 4]), ((2, 6),))
+    with pytest.raises(ValueError, match="10 tokens, but a plan of 12"):
+        attend_segments(jnp.zeros((10, 3, 1, 4)), plan)
+
+
+def test_shares_of_other_lengths_are_an_error():
+    ids = np.zeros((1, 12), int)
+    plans = [pack_segments(ids, np.array([n]), (4, 12)) for n in (3, 12)]
+    with pytest.raises(ValueError, match="buckets are of other lengths"):
+        join_shares(plans)
 
 
 def test_flat_positions_keep_what_is_missing_missing():

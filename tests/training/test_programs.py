@@ -41,7 +41,8 @@ def test_runs_of_voxels_have_one_set_of_shapes_a_width(tmp_path):
     assert len(shapes(voxel_batches(tmp_path, cropped, model, 2))) == 1
 
 
-def test_cubic_windows_have_nine_at_most(tmp_path):
+@pytest.mark.parametrize("shares", [1, 2])
+def test_cubic_windows_have_nine_at_most(tmp_path, shares):
     """Three numbers of rows for each of the two plans, and the most that there can be is among them."""
     write_folder(tmp_path, [make_record(k, voxels=n) for k, n in enumerate(SIZES)])
     config = tiny_run.make_config(tmp_path)
@@ -50,7 +51,8 @@ def test_cubic_windows_have_nine_at_most(tmp_path):
         (config.data, 9 * widths),
         (dataclasses.replace(config.data, voxel_crop=48), 9),
     ):
-        assert len(shapes(voxel_batches(tmp_path, data, config.model, 2))) <= limit
+        batches = voxel_batches(tmp_path, data, config.model, 2 * shares, shares=shares)
+        assert len(shapes(batches)) <= limit
 
 
 @pytest.mark.parametrize("stem", ["conv", "patch"])

@@ -1,5 +1,6 @@
 """The mesh, where arrays go, and that any split of the devices trains the same network."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -83,6 +84,46 @@ def test_no_device_holds_more_than_its_part_of_the_state(fsdp):
     program = [sys.executable, "-c", BORN, str(fsdp)]
     share = subprocess.run(program, check=True, text=True, capture_output=True).stdout
     assert float(share) < 1.01 / fsdp
+
+
+STEP = """
+import dataclasses, os, sys
+from pathlib import Path
+os.environ["XLA_FLAGS"] = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+import jax
+jax.config.update("jax_num_cpu_devices", 4)
+folder, accumulate = Path(sys.argv[1]), int(sys.argv[2])
+sys.path[:0] = sys.argv[3:]
+import tiny_run
+tiny_run.make_records(folder)
+from uniart_jax import stages
+from uniart_jax.models.network import build
+from uniart_jax.training.microbatches import in_parts
+from uniart_jax.training.sharding import make_mesh
+from uniart_jax.training.state import create_state, make_optimizer
+config = tiny_run.make_config(folder)
+stage = dataclasses.replace(config.uniart_vae, accumulate=accumulate)
+config = dataclasses.replace(config, uniart_vae=stage)
+mesh, network, optimizer = make_mesh(config.mesh), build("uniart_vae", config.model), make_optimizer(stage)
+batch = next(iter(stages.stage_batches("uniart_vae", config, folder)))
+batch = in_parts(stages.make_put("uniart_vae", mesh), accumulate, config.model)(batch)
+parts = batch if accumulate > 1 else (batch,)
+assert all(len(p.inverse) == 4 for part in parts for p in part["plans"].values())
+step = stages.make_step("uniart_vae", network, optimizer, config, folder, mesh)
+state = create_state(network.init, optimizer, jax.random.key(0), mesh)
+print(step.compile(state, batch, jax.random.key(0)).call.as_text())
+"""
+
+
+@pytest.mark.parametrize("accumulate", [1, 2])
+def test_a_step_as_train_makes_it_sends_no_tokens(tmp_path, accumulate):
+    """From the batches that a stage reads to its compiled program: plans of a share a device, traced where the mesh is known."""
+    where = [str(Path(toy_run.__file__).parent), str(Path(__file__).parents[1] / "data")]
+    program = [sys.executable, "-c", STEP, str(tmp_path), str(accumulate), *where]
+    text = subprocess.run(program, check=True, text=True, capture_output=True).stdout
+    assert "all-reduce" in text
+    sent = re.findall(r"= (\S+) (?:all-gather|all-to-all|collective-permute)\(", text)
+    assert not sent
 
 
 def test_state_is_split_over_its_largest_axis_that_divides():

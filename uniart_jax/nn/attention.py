@@ -112,13 +112,18 @@ def attend_segments(qkv: jax.Array, segments: Segments, *, kernel: Kernel = "xla
     """Self-attention of a batch's tokens within their segments.
 
     Args:
-      qkv: [T, 3, N, H] queries, keys and values; T = B * V, flat.
-      segments: their plan.
+      qkv: [B * V, 3, N, H] queries, keys and values, flat.
+      segments: their plan, of one or more shares.
 
     Returns:
-      [T, N, H]; tokens of no segment (padding) are zero.
+      [B * V, N, H]; tokens of no segment (padding) are zero.
+
+    Raises:
+      ValueError: the plan is of another number of tokens.
     """
     shares = len(segments.inverse)
+    if segments.inverse.size != len(qkv):
+        raise ValueError(f"attention: {len(qkv)} tokens, but a plan of {segments.inverse.size}")
 
     def attend_shares(qkv, segments):
         flat = qkv.reshape(-1, *qkv.shape[2:])
@@ -131,7 +136,7 @@ def attend_segments(qkv: jax.Array, segments: Segments, *, kernel: Kernel = "xla
 
 
 def _attend_segments(qkv: jax.Array, segments: Segments, kernel: Kernel) -> jax.Array:
-    """``attend_segments`` by a plan of one share."""
+    """``attend_segments`` by a plan without the axis of shares, as ``_one_share`` gives it."""
     longest = max(bucket.index.shape[1] for bucket in segments.buckets)
     chosen = choose(kernel, qkv.dtype, longest)
     packed = any(bucket.segment is not None for bucket in segments.buckets)

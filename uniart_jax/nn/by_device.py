@@ -1,7 +1,7 @@
 """Work on the items of a batch that each device does with its own, where the compiler by itself would ask all devices for theirs.
 
 XLA splits products and norms over a mesh, but where rows are gathered by computed positions, or sorted into tiles for a loop, it cannot know that
-an item's rows stay with the item: it sends every device everybody's, in a deep network a hundred times the gradients. ``by_device`` says so, by ``jax.shard_map``.
+an item's rows stay with the item: it sends every device everybody's, many times the gradients, and more with every block (docs/scaling.md). ``by_device`` says so, by ``jax.shard_map``.
 It also lets Pallas kernels, which XLA cannot split, run on many devices.
 """
 

@@ -179,10 +179,10 @@ def round_rows(rows: int) -> int:
 
 
 def row_choices(items: int, width: int, size: int) -> tuple[int, int, int]:
-    """Rows of ``size`` that segments of a batch of this width may be packed into while training: few numbers, each a program to compile.
+    """Rows of ``size`` that segments of a share of so many items of this width may be packed into while training: few numbers, each a program to compile.
 
-    The first holds every token if no row has room left, and nearly always suffices, since padding makes up for what rows leave; the second
-    is an eighth more. The third is always enough: two rows one after the other hold more than ``size`` tokens, or they would be one.
+    The first holds every token if no row has room left, and nearly always suffices, since padding makes up for what rows leave (not of a single item that fills
+    its width); the second is an eighth more. The third is always enough: two rows one after the other hold more than ``size`` tokens, or they would be one.
     """
     full = -(-items * width // size)
     return round_rows(full), round_rows(full + -(-full // 8)), round_rows(2 * full + 1)
@@ -308,9 +308,15 @@ def voxel_plans(
 
 
 def join_shares(plans: Sequence[Segments]) -> Segments:
-    """One plan of the shares of several, which have buckets of the same lengths; rows are added where a share has fewer than another."""
+    """One plan of the shares of several; rows are added where a share has fewer than another.
+
+    Raises:
+      ValueError: their buckets are not of the same lengths.
+    """
     if len(plans) == 1:
         return plans[0]
+    if len({tuple(b.index.shape[2] for b in plan.buckets) for plan in plans}) > 1:
+        raise ValueError("plans: shares whose buckets are of other lengths; pack them in one size")
     rows = np.max([[b.index.shape[1] for b in plan.buckets] for plan in plans], 0)
     padded = [pad_rows(plan, rows.tolist()) for plan in plans]
     buckets = []

@@ -8,7 +8,8 @@ from typing import Any
 import jax
 
 from uniart_jax.config import ModelConfig
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.grids import FlowPlan
+from uniart_jax.nn.segments import Segments, voxel_plans
 
 
 def in_parts(put: Callable[[Any], Any], count: int, model: ModelConfig) -> Callable[[Any], Any]:
@@ -42,11 +43,16 @@ def split_batch(
     if "plans" not in batch:
         return tuple(parts)
     plans = batch["plans"]
-    if "flow" in plans:
-        cut = lambda i: jax.tree.map(lambda a: a[i : i + size], plans)  # noqa: E731
-        return tuple({**p, "plans": cut(i * size)} for i, p in enumerate(parts))
-    shares = max((len(plan.inverse) for plan in plans.values()), default=1)
-    options: dict[str, Any] = {"parts": "parts" in plans, "shares": shares}
-    return tuple(
-        {**p, "plans": voxel_plans(p, model.uniart_vae, model.grid, **options)} for p in parts
-    )
+    segments = [plan for plan in plans.values() if isinstance(plan, Segments)]
+    options: dict[str, Any] = {"parts": "parts" in plans}
+    options["shares"] = max((len(plan.inverse) for plan in segments), default=1)
+    made = []
+    for i, part in enumerate(parts):
+        own: dict[str, Any] = {}
+        if segments:
+            own |= voxel_plans(part, model.uniart_vae, model.grid, **options)
+        for name, plan in plans.items():
+            if isinstance(plan, FlowPlan):  # of items, as the arrays are
+                own[name] = jax.tree.map(lambda a, i=i: a[i * size : (i + 1) * size], plan)
+        made.append({**part, "plans": own})
+    return tuple(made)

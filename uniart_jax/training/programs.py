@@ -120,8 +120,9 @@ class Programs:
 
 def _mesh_of(state: Any) -> Any:
     """The context of the mesh that a state lives on; none if it has no such sharding."""
-    meshes = [getattr(leaf.sharding, "mesh", None) for leaf in jax.tree.leaves(state)]
-    return jax.set_mesh(meshes[0]) if meshes and meshes[0] is not None else contextlib.nullcontext()
+    meshes = (getattr(leaf.sharding, "mesh", None) for leaf in jax.tree.leaves(state))
+    mesh = next((mesh for mesh in meshes if mesh is not None), None)
+    return contextlib.nullcontext() if mesh is None else jax.set_mesh(mesh)
 
 
 def _shapes(batch: Any) -> Any:
