@@ -115,7 +115,7 @@ print(step.compile(state, batch, jax.random.key(0)).call.as_text())
 """
 
 
-@pytest.mark.parametrize("accumulate", [1, 2])
+@pytest.mark.parametrize("accumulate", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_step_as_train_makes_it_sends_no_tokens(tmp_path, accumulate):
     """From the batches that a stage reads to its compiled program: plans of a share a device, traced where the mesh is known."""
     where = [str(Path(toy_run.__file__).parent), str(Path(__file__).parents[1] / "data")]
