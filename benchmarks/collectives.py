@@ -4,8 +4,8 @@
 
 The step of a config's network, with fewer blocks, an item a device, compiled for fake CPU devices and not run; what each device receives is read off the
 program (``received``), loops multiplied out. The least: an all-reduce of the gradients in float32, 8 (n - 1) / n bytes a parameter, and where parameters
-are split over ``fsdp`` an all-gather of them beside. XLA for CPUs splits the same program by the same partitioner as for accelerators, but does not turn an
-all-reduce followed by a slice into a reduce-scatter, which halves it, and exchanges bfloat16 as float32.
+are split over ``fsdp`` an all-gather of them beside. What is counted is XLA's program for CPUs; for accelerators it may choose other collectives, such as a
+reduce-scatter where here an all-reduce is cut.
 """
 
 from __future__ import annotations
