@@ -26,7 +26,8 @@ from torch_peers import Windows
 
 from uniart_jax.nn import attention_xla
 from uniart_jax.nn.attention import attend, attend_segments
-from uniart_jax.nn.segments import fitted_sizes, pack_segments, segment_lengths, window_ids
+from uniart_jax.nn.segments import fitted_sizes, pack_segments, segment_lengths
+from uniart_jax.nn.voxel_plans import window_ids
 
 OBJECTS = (("scissors", 0), ("bottle", 0), ("faucet", 4), ("laptop", 2), ("table", 1), ("table", 0), ("refrigerator", 1), ("storage_furniture", 1), ("refrigerator", 0))  # fmt: skip
 HEADS, SIZE, WINDOW = 12, 64, 8

@@ -26,7 +26,7 @@ from surfaces import surface_of
 from uniart_jax.config import ModelConfig
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
-from uniart_jax.nn.segments import voxel_plans, window_ids
+from uniart_jax.nn.voxel_plans import voxel_plans, window_ids
 from uniart_jax.weights.dinov2 import convert_dinov2
 from uniart_jax.weights.trellis import convert_trellis, slat_encoder
 

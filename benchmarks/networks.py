@@ -20,7 +20,7 @@ from uniart_jax.config import NETWORKS, ModelConfig
 from uniart_jax.models.image_encoder import TYPICAL, pixel_width
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.voxel_plans import voxel_plans
 
 VOXELS = 6700  # usual active voxels of an object at 32^3
 

@@ -13,15 +13,8 @@ import numpy as np
 
 from uniart_jax.config import ModelConfig
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
-from uniart_jax.nn.segments import (
-    Segments,
-    fitted_sizes,
-    pack_segments,
-    row_choices,
-    voxel_plans,
-    whole_rows,
-    window_ids,
-)
+from uniart_jax.nn.segments import Segments, fitted_sizes, pack_segments, row_choices, whole_rows
+from uniart_jax.nn.voxel_plans import voxel_plans, window_ids
 
 DISTINCT = 4  # objects of a batch; more items repeat them
 CONTEXT = 1374  # tokens of an image: DINOv2 at 518^2

@@ -11,7 +11,7 @@ from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS, StageConfig
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.voxel_plans import voxel_plans
 
 CONFIGS = sorted((Path(__file__).parent.parent / "configs").glob("*.py"))
 

@@ -31,7 +31,7 @@ from uniart_jax.data.images import crop, foreground, read_image
 from uniart_jax.flow.solvers import Solution
 from uniart_jax.models.gaussian_decoder import gaussian_parameters
 from uniart_jax.models.network import build
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.samplers import (
     Condition,

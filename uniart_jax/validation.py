@@ -21,7 +21,7 @@ from uniart_jax.data.latents import LatentSource
 from uniart_jax.data.order import spread
 from uniart_jax.data.records import Record, RecordSource, decode_color
 from uniart_jax.models.network import build
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.pipeline import (
     Condition,
     flow_inputs,

@@ -4,7 +4,7 @@ import numpy as np
 from hand_records import make_record
 
 from uniart_jax.data.windows import choose_windows
-from uniart_jax.nn.segments import serial_ids
+from uniart_jax.nn.voxel_plans import serial_ids
 
 WINDOW = 8
 

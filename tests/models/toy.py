@@ -15,7 +15,7 @@ from uniart_jax.config import (
     UniArtVAEConfig,
 )
 from uniart_jax.models.image_encoder import TYPICAL, pixel_width
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.voxel_plans import voxel_plans
 
 FLOW = FlowConfig(
     model_channels=24,

@@ -25,7 +25,7 @@ from uniart_jax.nn.attention import attend, attend_segments
 from uniart_jax.nn.convolution import SubmanifoldConv
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.pooling import at_cells, downsample, repeat_plan, upsample
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.training.sharding import make_mesh, put_batch
 
 rng = np.random.default_rng(0)

@@ -18,7 +18,7 @@ from uniart_jax.models.gaussian_decoder import activated, gaussian_parameters
 from uniart_jax.models.multiview import average_views, project
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.weights.compose import compose
 from uniart_jax.weights.dinov2 import convert_dinov2
 from uniart_jax.weights.mapping import flatten

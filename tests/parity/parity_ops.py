@@ -21,7 +21,8 @@ from uniart_jax.nn.convolution import SubmanifoldConv, depth_to_space
 from uniart_jax.nn.embeddings import position_embedding, timestep_embedding
 from uniart_jax.nn.grids import plan_neighbors, plan_pool
 from uniart_jax.nn.pooling import downsample, upsample
-from uniart_jax.nn.segments import plan_segments, segment_lengths, window_ids
+from uniart_jax.nn.segments import plan_segments, segment_lengths
+from uniart_jax.nn.voxel_plans import window_ids
 from uniart_jax.weights.mapping import SUBMANIFOLD
 
 CLOSE = dict(rtol=1e-4, atol=1e-5)

@@ -18,7 +18,7 @@ from uniart_jax.config import (
 )
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.training import objectives
 from uniart_jax.training.flops import matmul_flops
 from uniart_jax.training.state import TrainState, make_optimizer

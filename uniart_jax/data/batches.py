@@ -34,7 +34,7 @@ from uniart_jax.data.records import (
 )
 from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.data.windows import choose_windows
-from uniart_jax.nn.segments import voxel_plans
+from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.objects.perturb import color_gains
 
 logger = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ def voxel_batches(
       data: voxel buckets, mirror, live and its strengths, seed (unless ``seed`` is given) and workers (0: threads of this process).
       batch_size: over all processes; each gets ``batch_size / process_count`` items, all of the same width.
       accumulate: micro-batches that each process will cut its items into.
-      shares: parts of a process's items whose attention is planned apart, one for each of its devices (``nn.segments.voxel_plans``).
+      shares: parts of a process's items whose attention is planned apart, one for each of its devices (``nn.voxel_plans.voxel_plans``).
 
     Raises:
       FileNotFoundError, ValueError: no records, another grid than the model's, no features that the model reads, fewer records than a batch, or a

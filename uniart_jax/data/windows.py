@@ -1,7 +1,7 @@
 """Training on some windows of an object: runs of its Morton curve, chosen so that small parts are seen as often as large ones.
 
 The UniArt VAE reads a voxel with its neighbours only, so a few whole windows teach it what the whole object would, at a fraction of the
-cost and in one static shape. The windows are those that 'serial' attention cuts (``nn.segments.serial_ids``), so attention inside them
+cost and in one static shape. The windows are those that 'serial' attention cuts (``nn.voxel_plans.serial_ids``), so attention inside them
 is what it is on the whole object.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from uniart_jax.data.columns import FEATURES
 from uniart_jax.data.records import Record
-from uniart_jax.nn.segments import morton
+from uniart_jax.nn.voxel_plans import morton
 
 
 def choose_windows(record: Record, voxels: int, window: int, rng: np.random.Generator) -> Record:

@@ -228,7 +228,7 @@ class UniArtVAE(nnx.Module):
     """Methods: ``encode``, ``decode``; calling runs both.
 
     The batch's ``plans`` hold "parts" (encode with 'uniart' or 'pooling'), "window_0" and "window_1" (not
-    with attention 'full'): ``nn.segments.voxel_plans``.
+    with attention 'full'): ``nn.voxel_plans.voxel_plans``.
     """
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):

@@ -9,7 +9,8 @@ import jax
 
 from uniart_jax.config import ModelConfig
 from uniart_jax.nn.grids import FlowPlan
-from uniart_jax.nn.segments import Segments, voxel_plans
+from uniart_jax.nn.segments import Segments
+from uniart_jax.nn.voxel_plans import voxel_plans
 
 
 def in_parts(put: Callable[[Any], Any], count: int, model: ModelConfig) -> Callable[[Any], Any]:
