@@ -30,7 +30,8 @@ from uniart_jax.training.sharding import make_mesh, put_batch
 from uniart_jax.training.state import abstract_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 
-NETWORKS = ("uniart_vae", "structure_flow", "latent_flow")
+NETWORKS = ("structure_vae", "uniart_vae", "structure_flow", "latent_flow")
+ALL = (*NETWORKS, "image_encoder")  # configs/paper.py does not train it, configs/nano.py does
 BYTES = {"pred": 1, "s8": 1, "u8": 1, "bf16": 2, "f16": 2, "s32": 4, "u32": 4, "f32": 4, "s64": 8, "u64": 8, "f64": 8}  # fmt: skip
 KINDS = ("all-gather", "all-reduce", "reduce-scatter", "all-to-all", "collective-permute")
 _COMPUTATION = re.compile(r"^(?:ENTRY )?%?([\w.\-]+) \(.*\{$")
@@ -132,7 +133,7 @@ def shallow(config: Config, blocks: int) -> Config:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)  # fmt: skip
     parser.add_argument("--config", type=Path, default=Path("configs/paper.py"))
-    parser.add_argument("--networks", nargs="+", choices=NETWORKS, default=list(NETWORKS))
+    parser.add_argument("--networks", nargs="+", choices=ALL, default=list(NETWORKS))
     parser.add_argument("--devices", type=int, default=8)
     parser.add_argument("--fsdp", type=int, nargs="+", default=[1, 8])
     parser.add_argument("--blocks", type=int, default=2)

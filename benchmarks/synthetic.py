@@ -116,22 +116,44 @@ def voxel_batch(model: ModelConfig, items: int, width: int, shares: int = 1) -> 
     return batch
 
 
+def dense(items: int, width: int, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """Occupancy [B, R, R, R] bool of ``objects``, and the part of each voxel, -1 where there is none."""
+    part = np.full((items, side, side, side), -1, np.int32)
+    coords, counts, voxel_part = objects(items, width, side)
+    for filled, where, own, count in zip(part, coords, voxel_part, counts, strict=True):
+        filled[tuple(where[:count].T)] = own[:count]
+    return part >= 0, part
+
+
+def image_batch(model: ModelConfig, items: int, width: int) -> dict[str, Any]:
+    """What the 'volume' image encoder trains on; of DINOv2, which is not trained, the images."""
+    size, parts = model.image_encoder.image_size, model.grid.max_parts
+    image = np.abs(normal(items, size, size, 3)) % 1
+    if model.image_encoder.architecture != "volume":
+        return {"image": image}
+    coarse = dense(items, width, model.image_encoder.target_resolution)[1]
+    return {
+        "image": image,
+        "camera": normal(items, 7) * 0.3,
+        "occupancy": dense(items, width, model.grid.resolution)[0],
+        "cell_part": np.where(coarse >= 0, coarse % parts, -1),
+        "boxes": normal(items, parts, 6) * 0.2,
+        "codes": normal(items, parts, 9) * 0.3,
+        "parents": np.zeros((items, parts), np.int32),
+    }
+
+
 def training_batch(
     name: str, model: ModelConfig, items: int, width: int, shares: int = 1
 ) -> dict[str, Any]:
     """A batch of ``training.objectives`` for a network; ``width``: voxels of an item where they are a list; ``shares``: the devices that share it."""
     if name == "image_encoder":
-        side = model.image_encoder.image_size
-        return {"image": np.abs(normal(items, side, side, 3)) % 1}
+        return image_batch(model, items, width)
     if name == "uniart_vae":
         return voxel_batch(model, items, width, shares)
     side, s = model.grid.resolution, model.structure_vae
     if name == "structure_vae":
-        occupancy = np.zeros((items, side, side, side), bool)
-        coords, counts, _ = objects(items, width, side)
-        for filled, where, count in zip(occupancy, coords, counts, strict=True):
-            filled[tuple(where[:count].T)] = True
-        return {"occupancy": occupancy}
+        return {"occupancy": dense(items, width, side)[0]}
     condition = {
         "tokens": normal(items, CONTEXT, getattr(model, name).cond_channels),
         "volume": np.zeros((items, 1, 1, 1, 1), np.float32),  # these networks read none

@@ -271,6 +271,7 @@ class DataConfig:
     part_color: float = (
         0.0  # UniArt VAE, all items: so the brightness and each channel of a part's colour
     )
+    new_joints: float = 0.0  # UniArt VAE: share of the parts whose joint and parent are drawn anew (``objects.perturb.draw_joint``)
     seed: int = 0
     workers: int = 0
 

@@ -13,13 +13,19 @@ from hypothesis import strategies as st
 
 from uniart_jax import procedural
 from uniart_jax.data import records
-from uniart_jax.data.augment import move_codes, recolor_record, scale_codes, shown_codes
+from uniart_jax.data.augment import (
+    move_codes,
+    recolor_record,
+    redraw_joints,
+    scale_codes,
+    shown_codes,
+)
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.perturb import color_gains, part_factors, recolor_parts, scale_parts
 from uniart_jax.objects.states import sample_state
-from uniart_jax.voxels.joint_code import decode_joint, encode_object, gauge_variants
+from uniart_jax.voxels.joint_code import decode_joint, encode_joint, encode_object, gauge_variants
 from uniart_jax.voxels.voxelize import voxelize
 
 TYPES = ("fixed", "revolute", "continuous", "prismatic", "screw")
@@ -196,3 +202,25 @@ def test_record_of_the_recoloured_object(seed):
     plain = [k for k, p in enumerate(obj.parts) if p.mesh.visual.kind == "face"]
     rows = np.isin(found.owner, plain)
     assert plain and np.array_equal(found.color[rows], made[1].color[rows])
+
+
+@given(st.integers(0, 10_000))
+def test_joints_drawn_anew_are_joints_of_a_tree(seed):
+    record = make_record(seed)
+    drawn = redraw_joints(record, 1.0, np.random.default_rng(seed))
+    assert (drawn.parents < np.arange(len(drawn.parents)))[1:].all() and drawn.parents[0] == 0
+    assert not drawn.codes[0].any()
+    for code, box in zip(drawn.codes[1:], drawn.boxes[1:], strict=True):
+        joint = decode_joint(code, box[:3])
+        np.testing.assert_allclose(encode_joint(joint, box[:3]), code, atol=1e-5)
+    unchanged = {f.name for f in dataclasses.fields(record)} - {"codes", "parents"}
+    assert all(getattr(drawn, name) is getattr(record, name) for name in unchanged)
+
+
+def test_a_share_of_joints_is_drawn_anew():
+    record, rng = make_record(0), np.random.default_rng(0)
+    moving = record.parents != np.arange(len(record.parents))
+    assert redraw_joints(record, 0.0, rng).codes.tobytes() == record.codes.tobytes()
+    changed = [(redraw_joints(record, 0.25, rng).codes != record.codes).any(1) for _ in range(400)]
+    assert not np.any(changed, 0)[~moving].any()
+    assert 0.15 < np.mean(changed, 0)[moving].mean() < 0.3  # one fixed joint in five may stay

@@ -116,6 +116,17 @@ def test_colours_change_alone(prepared):
         assert same({**a, "color": 0}, {**b, "color": 0})
 
 
+def test_joints_drawn_anew_change_joints_and_parents_alone(prepared):
+    plain = take(prepared, dataclasses.replace(DATA, live=0.0), 2)
+    data = dataclasses.replace(DATA, live=0.0, new_joints=1.0)
+    drawn = take(prepared, data, 2)
+    assert all(same(a, b) for a, b in zip(drawn, take(prepared, data, 2), strict=True))
+    for a, b in zip(plain, drawn, strict=True):
+        assert not np.array_equal(a["codes"], b["codes"])
+        rest = {"codes": 0, "parents": 0}
+        assert same(a | rest, b | rest)
+
+
 def test_nothing_changes_by_default(prepared):
     data = DataConfig(voxel_buckets=(2048, 4096), mirror=False)
     source = records.RecordSource(prepared)
@@ -232,6 +243,8 @@ def test_one_line_errors(prepared):
     for wrong in ({"live": 1.5}, {"live": -0.1}, {"part_scale": -1.0}):
         with pytest.raises(ValueError, match=r"live must be in 0\.\.1 and part_scale at least 0"):
             LiveRecords(prepared, dataclasses.replace(DATA, **wrong), GRID)
+    with pytest.raises(ValueError, match=r"new_joints must be in 0\.\.1, got 1\.5"):
+        take(prepared, dataclasses.replace(DATA, new_joints=1.5), 1)
     featured = dataclasses.replace(PLAIN, uniart_vae=dataclasses.replace(PLAIN.uniart_vae, visual_channels=4))  # fmt: skip
     with pytest.raises(ValueError, match="live and part_color need visual_channels"):
         take(prepared, DATA, 1, model=featured)

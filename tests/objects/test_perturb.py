@@ -15,7 +15,14 @@ from uniart_jax import procedural
 from uniart_jax.objects.appearance import sample_color, srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.objects.perturb import color_gains, part_factors, recolor_parts, scale_parts
+from uniart_jax.objects.perturb import (
+    JOINT_TYPES,
+    color_gains,
+    draw_joint,
+    part_factors,
+    recolor_parts,
+    scale_parts,
+)
 
 FAMILIES = ("storage_furniture", "table", "oven", "washer", "laptop", "bottle", "swivel_chair")
 
@@ -205,3 +212,18 @@ def test_recolouring_leaves_geometry_and_joints_bit_for_bit():
         assert a.joint is b.joint and dataclasses.replace(b, mesh=a.mesh) == a
     with pytest.raises(ValueError, match="gains of shape"):
         recolor_parts(obj, gains[:-1])
+
+
+def test_drawn_joints_are_of_every_type_and_within_reach():
+    rng, box = np.random.default_rng(0), np.array([0.1, -0.2, 0.3, 0.2, 0.4, 0.6])
+    joints = [draw_joint(box, rng) for _ in range(1000)]
+    share = {kind: np.mean([j.type == kind for j in joints]) for kind in JOINT_TYPES}
+    assert all(0.15 < value < 0.25 for value in share.values())
+    turning = [j for j in joints if j.rotates]
+    assert all((np.abs(j.origin - box[:3]) <= 0.6 * box[3:]).all() for j in turning)
+    straight = np.mean([np.isclose(np.abs(j.direction).max(), 1) for j in turning])
+    assert 0.4 < straight < 0.6
+    ends = [0 in j.limits for j in joints if j.type in ("revolute", "prismatic", "screw")]
+    assert 0.7 < np.mean(ends) < 0.9
+    left = np.mean([j.pitch < 0 for j in joints if j.type == "screw"])
+    assert 0.35 < left < 0.65

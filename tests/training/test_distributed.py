@@ -1,6 +1,7 @@
 """Several processes on this computer: they find one another, train what one does, agree, resume in another number, and say what is wrong."""
 
 import contextlib
+import re
 import signal
 import socket
 import subprocess
@@ -288,6 +289,13 @@ def base(tmp_path_factory):
     return folder
 
 
+def check_sums_alone(program):
+    """Nothing but gradients and figures is sent: no tokens, no pictures."""
+    text = program.read_text()
+    assert "all-reduce(" in text
+    assert not re.findall(r"(?:all-gather|all-to-all|collective-permute)(?:-start)?\(", text)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("devices", "fsdp"), [(d, f) for d in (2, 4, 8) for f in (1, 2, 4, 8) if f <= d]
@@ -299,6 +307,8 @@ def test_every_stage_on_every_split_of_the_devices(base, devices, fsdp):
     assert code == 0, text
     for name in tiny_run.STAGES:
         check(base / "base" / f"{name}.npz", base / run / f"{name}.npz")
+        if fsdp == 1:
+            check_sums_alone(base / run / f"{name}.hlo")
 
 
 @pytest.mark.slow
@@ -317,19 +327,21 @@ def test_every_stage_on_two_processes_with_evaluation(base):
 @pytest.mark.slow
 def test_a_latent_flow_that_reads_pixels_on_several_devices_and_processes(base):
     program = [tiny_run.__file__, base]
-    alone, split, shared = (
+    alone, split, whole, shared = (
         [*program, run, "latent_flow", "--pixels", *more]
         for run, more in (
             ("pixels", ()),
             ("pixels-split", ("--devices", 4, "--fsdp", 2)),
+            ("pixels-whole", ("--devices", 4)),
             ("pixels-shared", ("--devices", 2, "--fsdp", 2)),
         )
     )
-    for programs in ([alone], [split], one_each(shared, 2)):
+    for programs in ([alone], [split], [whole], one_each(shared, 2)):
         found = finished(*programs)
         assert not any(code for code, _ in found), found
-    for run in ("pixels-split", "pixels-shared"):
+    for run in ("pixels-split", "pixels-whole", "pixels-shared"):
         check(base / "pixels/latent_flow.npz", base / run / "latent_flow.npz")
+    check_sums_alone(base / "pixels-whole/latent_flow.hlo")
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 python tiny_run.py FOLDER RUN STAGE… [--devices N --fsdp M] [--steps 5] [--encode BATCHES] [--processes N --process I --port P] [--validation] [--pixels]
 
 Records are in FOLDER/records. A stage trains in FOLDER/RUN/<stage>, a flow on the networks and (without --encode, so many batches a shard) latents of FOLDER/base, and leaves
-FOLDER/RUN/<stage>.npz.
+FOLDER/RUN/<stage>.npz, and the text of its compiled steps in FOLDER/RUN/<stage>.hlo.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import os
 import shutil
 import sys
 from pathlib import Path
+from unittest import mock
 
 HERE = Path(__file__).resolve()
 sys.path[:0] = [str(HERE.parents[2]), str(HERE.parents[1] / "data")]
@@ -104,7 +105,7 @@ def with_pixels(model):
 
 
 def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
-    """One stage in a workdir of its own; its last state, whole, to FOLDER/RUN/<stage>.npz."""
+    """One stage in a workdir of its own; its last state, whole, to FOLDER/RUN/<stage>.npz, its programs to <stage>.hlo."""
     import jax
     import numpy as np
     from jax.experimental import multihost_utils
@@ -119,24 +120,29 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
         distributed.first_does(
             lambda: workdir.exists() or begin_flow(folder / "base", workdir, latents)
         )
-    ends = []
-    run_stage = stages.run_stage
+    ends, steps = [], []
 
-    def keep(*args, **options):
-        ends.append(run_stage(*args, **options))
-        return ends[-1]
+    def keeping(function, kept):
+        def keep(*args, **options):
+            kept.append(function(*args, **options))
+            return kept[-1]
 
-    stages.run_stage = keep
-    try:
+        return keep
+
+    with mock.patch.multiple(
+        stages,
+        run_stage=keeping(stages.run_stage, ends),
+        make_step=keeping(stages.make_step, steps),
+    ):
         stages.run(config, [name], workdir)
-    finally:
-        stages.run_stage = run_stage
     leaves = flat_names(ends[0])
     if config.mesh.fsdp > 1:
         assert any(not leaf.sharding.is_fully_replicated for leaf in leaves.values())
     if jax.process_count() > 1:
         leaves = {n: multihost_utils.process_allgather(v, tiled=True) for n, v in leaves.items()}
     if distributed.is_first():
+        texts = [program.call.as_text() for step in steps for program in step.compiled]
+        (folder / run / f"{name}.hlo").write_text("\n".join(texts))
         np.savez(folder / run / f"{name}.npz", **{n: np.asarray(v) for n, v in leaves.items()})
 
 

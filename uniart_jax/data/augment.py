@@ -26,7 +26,7 @@ import numpy as np
 from uniart_jax.data.records import Record
 from uniart_jax.objects.appearance import gain_tables
 from uniart_jax.objects.kinematics import ANGLE_DEAD_ZONE, TRAVEL_DEAD_ZONE, forward_kinematics
-from uniart_jax.objects.perturb import checked_factors, material_maps, touching_point
+from uniart_jax.objects.perturb import checked_factors, draw_joint, material_maps, touching_point
 from uniart_jax.voxels.joint_code import (
     CODE_SIZE,
     FULL_TURN,
@@ -125,6 +125,18 @@ def recolor_record(record: Record, gains: np.ndarray) -> Record:
     tables = gain_tables(gains)
     color = tables[record.owner[..., None], np.arange(3), record.color]
     return dataclasses.replace(record, color=color)
+
+
+def redraw_joints(record: Record, share: float, rng: np.random.Generator) -> Record:
+    """The record with other joints on each of its parts but the root with probability ``share``: any joint (``objects.perturb.draw_joint``) to any part
+    before it, whatever its mesh says. Voxels and boxes stay."""
+    codes, parents = record.codes.copy(), record.parents.copy()
+    for k in range(len(codes)):
+        if parents[k] != k and rng.random() < share:
+            joint = draw_joint(record.boxes[k], rng)
+            codes[k] = encode_joint(joint, record.boxes[k, :3])
+            parents[k] = rng.integers(k)
+    return dataclasses.replace(record, codes=codes, parents=parents)
 
 
 def _turns(codes: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.config import DataConfig, GridConfig, ModelConfig
-from uniart_jax.data.augment import recolor_record
+from uniart_jax.data.augment import recolor_record, redraw_joints
 from uniart_jax.data.columns import maker
 from uniart_jax.data.images import crop
 from uniart_jax.data.live import LiveRecords
@@ -54,8 +54,8 @@ def voxel_batches(
     shares: int = 1,
 ) -> Batches:
     """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it reads features), with its attention plans;
-    of each object some windows where ``data.voxel_crop`` says so (``data.windows``), some objects made again
-    and recoloured where ``data.live`` and ``data.part_color`` say so.
+    of each object some windows where ``data.voxel_crop`` says so (``data.windows``), some objects made again,
+    recoloured and with other joints where ``data.live``, ``data.part_color`` and ``data.new_joints`` say so.
 
     Args:
       records: a prepared folder. split: of its records (``RecordSource``).
@@ -65,11 +65,13 @@ def voxel_batches(
       shares: parts of a process's items whose attention is planned apart, one for each of its devices (``nn.voxel_plans.voxel_plans``).
 
     Raises:
-      FileNotFoundError, ValueError: no records, another grid than the model's, no features that the model reads, fewer records than a batch, or a
+      FileNotFoundError, ValueError: no records, another grid than the model's, no features that the model reads, fewer records than a batch, a share out of range, or a
         batch that the processes cannot share equally.
     """
     if (data.live or data.part_color) and model.uniart_vae.feature_channels:
         raise ValueError("data: live and part_color need visual_channels and part_feature_channels 0: features from files do not follow what is changed")  # fmt: skip
+    if not 0 <= data.new_joints <= 1:
+        raise ValueError(f"data: new_joints must be in 0..1, got {data.new_joints}")
     source, sizes = open_records(records, model.grid, split, model.uniart_vae.feature_channels)
     seed = data.seed if seed is None else seed
     known, widths = usable(sizes, data, model.grid)
@@ -142,6 +144,9 @@ def _load_voxels(
         if data.part_color:
             gains = color_gains(len(record.boxes), np.random.default_rng([own, 2]), data.part_color)
             record = recolor_record(record, gains)
+        if data.new_joints:
+            chance = np.random.default_rng([own, 3])
+            record = redraw_joints(record, data.new_joints, chance)
         if data.voxel_crop:
             window = model.uniart_vae.window
             record = choose_windows(record, data.voxel_crop, window, np.random.default_rng(own))

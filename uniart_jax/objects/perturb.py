@@ -16,6 +16,8 @@ Meant for the rest state, where what a joint turns stands along the object's axe
 
 **Colours.** A gain a part and channel multiplies linear RGB, clipped at 1.
 
+**Joints.** ``draw_joint``: any screw that a part of that box could have, whatever its mesh says. For a network that has to pass joints on, not to find them.
+
 The same on joint codes and on records: ``data.augment``.
 """
 
@@ -31,6 +33,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, moved_mesh
 
 CROOKED = 1e-4  # components of a unit direction below this do not count
+JOINT_TYPES = ("fixed", "revolute", "continuous", "prismatic", "screw")
 ROUND = np.pi + 1e-6  # radians; what turns farther stays round
 
 
@@ -149,6 +152,36 @@ def recolor_parts(obj: ArticulatedObject, gains: np.ndarray) -> ArticulatedObjec
         for part, gain in zip(obj.parts, gains, strict=True)
     ]
     return dataclasses.replace(obj, parts=tuple(parts))
+
+
+def draw_joint(box: np.ndarray, rng: np.random.Generator) -> Joint:
+    """A random joint of a part with that own box [6] (centre and size): each type equally likely, one axis in two along x, y or z, else uniform over
+    directions; its line through the box or a fifth beyond; the shown state at an end of the limits four times in five.
+
+    Spans are log-uniform: revolute 10 to 350 degrees, travel .03 to .8 object units; a screw turns a fourth of a turn to three turns and travels .02 to .5, either way.
+    """
+    kind = JOINT_TYPES[rng.integers(len(JOINT_TYPES))]
+    if kind == "fixed":
+        return Joint.fixed()
+    along = rng.random() < 0.5
+    direction = np.eye(3)[rng.integers(3)] if along else rng.normal(size=3)
+    origin = box[:3] + 0.6 * rng.uniform(-1, 1, 3) * box[3:]
+    at = rng.choice([0.0, 1.0, rng.random()], p=[0.4, 0.4, 0.2])
+    limits = np.array([-at, 1 - at])
+
+    def span(least: float, most: float) -> np.ndarray:
+        return limits * np.exp(rng.uniform(np.log(least), np.log(most)))
+
+    angle, travel = np.zeros(2), np.zeros(2)
+    if kind == "revolute":
+        angle = span(np.deg2rad(10), np.deg2rad(350))
+    elif kind == "continuous":
+        angle = np.array([-np.pi, np.pi])
+    elif kind == "prismatic":
+        travel = span(0.03, 0.8)
+    else:
+        angle, travel = span(np.pi / 2, 6 * np.pi), span(0.02, 0.5) * rng.choice([-1.0, 1.0])
+    return Joint(origin, direction, (angle[0], angle[1]), (travel[0], travel[1]))
 
 
 def _anchor(k: int, joint: Joint, boxes: np.ndarray, parent: int) -> np.ndarray:
