@@ -9,7 +9,7 @@ Expected: that the joint code carries over, if articulation is a continuum of sc
 Nano: the UniArt VAE of configs/nano.py for 450 steps of 4 objects with 1,024 voxels drawn of each, judged on its reconstruction of held-out objects that have a sliding part. Columns are means over
       all moving parts of such objects, not over the sliding ones alone.
 Paper size: none; the paper has no such table.
-Hardware and time, nano: one CPU core; 450 steps at .46 s on an idle one and 28 objects at 6 s, three arms, three seeds; two arms took 45 minutes beside other work.
+Hardware and time, nano: one CPU core; 450 steps at .46 s on an idle one and 28 objects at 6 s, three arms, three seeds: an hour beside other work.
 """
 
 import dataclasses

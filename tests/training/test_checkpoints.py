@@ -112,6 +112,7 @@ def test_a_save_that_was_cut_off_is_said_and_the_one_before_taken(tmp_path, caps
     assert value(restore(tmp_path)[0]) == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and f"{tmp_path}/2 was not finished" in err
+    assert not list(tmp_path.glob("*tmp*"))
     fill(tmp_path, [2])
     assert value(restore(tmp_path)[0]) == 2
     assert capsys.readouterr().err == ""

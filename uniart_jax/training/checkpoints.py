@@ -72,11 +72,10 @@ class Checkpoints:
 
     def __init__(self, folder: str | Path, keep: int = 2):
         self.folder = Path(folder).absolute()
-        self._say_cut_off()
+        self._remove_cut_off()
         self._orbax = ocp.training.Checkpointer(
             self.folder,
             preservation_policy=ocp.training.preservation_policies.LatestN(max(keep, 1)),
-            cleanup_tmp_directories=True,
         )
 
     def __enter__(self) -> Checkpoints:
@@ -90,14 +89,16 @@ class Checkpoints:
         """Steps that have a complete checkpoint, or whose save is under way, ascending."""
         return [checkpoint.step for checkpoint in self._orbax.checkpoints]
 
-    def _say_cut_off(self) -> None:
-        """A process killed during a save leaves it under another name; Orbax removes that when it opens the folder."""
+    def _remove_cut_off(self) -> None:
+        """A process killed during a save leaves it under another name. Orbax would remove that in the background, where a second opening runs into the first."""
         if jax.process_index() == 0:
-            names = (
-                re.match(r"(\d+)\.orbax-checkpoint-tmp", p.name) for p in self.folder.glob("*")
-            )
-            for step in sorted({int(name[1]) for name in names if name}):
+            left = {
+                p: re.match(r"(\d+)\.orbax-checkpoint-tmp", p.name) for p in self.folder.glob("*")
+            }
+            for step in sorted({int(name[1]) for name in left.values() if name}):
                 print(f"warning: checkpoint {self.folder}/{step} was not finished, the run was killed while it was saved; taking the one before", file=sys.stderr)  # fmt: skip
+            for path in (path for path, name in left.items() if name):
+                shutil.rmtree(path, ignore_errors=True)
 
     def save(
         self,
