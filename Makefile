@@ -28,7 +28,7 @@ test: .venv/ready
 
 test-full: .venv/ready
 	@echo "· the whole suite; what a missing program would cover is skipped with the command that installs it"
-	@$(BIN)/python -m pytest $(SPREAD) -m "" -rs
+	@JAX_DISABLE_MOST_OPTIMIZATIONS=0 $(BIN)/python -m pytest $(SPREAD) -m "" -rs
 
 lint: .venv/ready
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright

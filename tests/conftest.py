@@ -1,8 +1,10 @@
-"""Settings of the whole suite: JAX on the CPU; hypothesis draws the same examples every time, without deadlines."""
+"""Settings of the whole suite: JAX on the CPU, compiling quickly; hypothesis draws the same examples every time, without deadlines."""
 
 import os
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
+# Most of the suite's time is compiling. Processes that tests start inherit this; ``make test-full`` compiles as users do.
+os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
 
 from hypothesis import HealthCheck, settings
 
