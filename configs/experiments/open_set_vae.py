@@ -46,7 +46,12 @@ def experiment(size: str) -> Experiment:
         raise ValueError("experiment open_set_vae: it has no paper size, the paper has no such table")  # fmt: skip
     base = load_config(CONFIGS / "nano.py")
     stage = dataclasses.replace(
-        base.uniart_vae, steps=1200, warmup_steps=50, ema_decay=0.99, save_every=200
+        base.uniart_vae,
+        steps=1200,
+        learning_rate=1e-3,
+        warmup_steps=50,
+        ema_decay=0.99,
+        save_every=200,
     )
     arms = {}
     for name, channels, share in ARMS:
@@ -59,4 +64,4 @@ def experiment(size: str) -> Experiment:
         arms[f"{name}_seen"] = dataclasses.replace(
             arms[name], stages=(), tests=Objects(), of=name, against="narrow_seen"
         )
-    return Experiment(arms, "narrow", COLUMNS, seeds=1, count=35, records=(RECORDS,))
+    return Experiment(arms, "narrow", COLUMNS, seeds=1, count=28, records=(RECORDS,))
