@@ -3,7 +3,7 @@
 import os
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
-# Most of the suite's time is compiling. Processes that tests start inherit this; ``make test-full`` compiles as users do.
+# Most of the suite's time is compiling. Processes that tests start inherit this; ``make test-full`` sets it to 0.
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
 
 from hypothesis import HealthCheck, settings

@@ -217,6 +217,20 @@ def test_joints_drawn_anew_are_joints_of_a_tree(seed):
     assert all(getattr(drawn, name) is getattr(record, name) for name in unchanged)
 
 
+def test_every_part_before_it_may_become_a_parts_parent():
+    count = 5
+    record = make_record(0, parts=count)
+    drawn = [redraw_joints(record, 1.0, np.random.default_rng(k)).parents for k in range(200)]
+    assert [set(own) for own in np.array(drawn).T[1:]] == [set(range(k)) for k in range(1, count)]
+    other = dataclasses.replace(
+        record, parents=np.maximum(np.arange(count) - 1, 0).astype(np.int32)
+    )  # a chain
+    for seed in range(50):
+        some = redraw_joints(other, 0.3, np.random.default_rng(seed))
+        stays = (some.codes == other.codes).all(1) & other.codes.any(1)
+        np.testing.assert_array_equal(some.parents[stays], other.parents[stays])
+
+
 def test_a_share_of_joints_is_drawn_anew():
     record, rng = make_record(0), np.random.default_rng(0)
     moving = record.parents != np.arange(len(record.parents))

@@ -13,10 +13,9 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from uniart_jax import procedural
 from uniart_jax.objects.appearance import sample_color, srgb_to_linear
-from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.kinematics import JOINT_TYPES, Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.perturb import (
-    JOINT_TYPES,
     color_gains,
     draw_joint,
     part_factors,

@@ -112,10 +112,23 @@ def test_a_save_that_was_cut_off_is_said_and_the_one_before_taken(tmp_path, caps
     assert value(restore(tmp_path)[0]) == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and f"{tmp_path}/2 was not finished" in err
-    assert not list(tmp_path.glob("*tmp*"))
     fill(tmp_path, [2])
     assert value(restore(tmp_path)[0]) == 2
     assert capsys.readouterr().err == ""
+
+
+def test_a_save_that_was_cut_off_is_gone_before_the_folder_is_opened(tmp_path, monkeypatch):
+    """Two openings, one after the other, do not remove it side by side."""
+    (tmp_path / "2.orbax-checkpoint-tmp-1234" / "d").mkdir(parents=True)
+    found = []
+    opened = checkpoints_module.ocp.training.Checkpointer
+    monkeypatch.setattr(
+        checkpoints_module.ocp.training,
+        "Checkpointer",
+        lambda folder, **options: found.append(list(folder.iterdir())) or opened(folder, **options),
+    )
+    with Checkpoints(tmp_path):
+        assert found == [[]]
 
 
 def truncate(folder):

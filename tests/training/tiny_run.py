@@ -3,7 +3,7 @@
 python tiny_run.py FOLDER RUN STAGE… [--devices N --fsdp M] [--steps 5] [--encode BATCHES] [--processes N --process I --port P] [--validation] [--pixels]
 
 Records are in FOLDER/records. A stage trains in FOLDER/RUN/<stage>, a flow on the networks and (without --encode, so many batches a shard) latents of FOLDER/base, and leaves
-FOLDER/RUN/<stage>.npz, and the text of its compiled steps in FOLDER/RUN/<stage>.hlo.
+FOLDER/RUN/<stage>.npz, and the text of its compiled steps in FOLDER/RUN/<stage>-<i>.hlo.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ def with_pixels(model):
 
 
 def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
-    """One stage in a workdir of its own; its last state, whole, to FOLDER/RUN/<stage>.npz, its programs to <stage>.hlo."""
+    """One stage in a workdir of its own; its last state, whole, to FOLDER/RUN/<stage>.npz, its programs to <stage>-<i>.hlo."""
     import jax
     import numpy as np
     from jax.experimental import multihost_utils
@@ -141,8 +141,8 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
     if jax.process_count() > 1:
         leaves = {n: multihost_utils.process_allgather(v, tiled=True) for n, v in leaves.items()}
     if distributed.is_first():
-        texts = [program.call.as_text() for step in steps for program in step.compiled]
-        (folder / run / f"{name}.hlo").write_text("\n".join(texts))
+        for i, program in enumerate(p for step in steps for p in step.compiled):
+            (folder / run / f"{name}-{i}.hlo").write_text(program.call.as_text())
         np.savez(folder / run / f"{name}.npz", **{n: np.asarray(v) for n, v in leaves.items()})
 
 

@@ -1,6 +1,6 @@
 """Augmentation on stored types: of boxes and joint codes, so that it can be checked, and of whole records, so that it is cheap.
 
-Each function here and its twin on objects commute with recording:
+Each function here and its twin on objects commute with recording, but for ``redraw_joints``, which has none: the mesh contradicts what it says.
 
 | on objects | here | exact for |
 |---|---|---|
@@ -129,7 +129,7 @@ def recolor_record(record: Record, gains: np.ndarray) -> Record:
 
 def redraw_joints(record: Record, share: float, rng: np.random.Generator) -> Record:
     """The record with other joints on each of its parts but the root with probability ``share``: any joint (``objects.perturb.draw_joint``) to any part
-    before it, whatever its mesh says. Voxels and boxes stay."""
+    before it, whatever its mesh says. Voxels, boxes and ``meta`` stay. Of a record as ``records.from_object`` makes it: parents first, one root."""
     codes, parents = record.codes.copy(), record.parents.copy()
     for k in range(len(codes)):
         if parents[k] != k and rng.random() < share:

@@ -16,6 +16,7 @@ import numpy as np
 
 ANGLE_DEAD_ZONE = float(np.deg2rad(1.0))
 TRAVEL_DEAD_ZONE = 0.005
+JOINT_TYPES = ("fixed", "revolute", "continuous", "prismatic", "screw")
 
 
 @dataclasses.dataclass(frozen=True)

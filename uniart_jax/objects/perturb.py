@@ -1,4 +1,4 @@
-"""Perturbed objects: parts of other sizes and other colours, with joints that still fit (the paper's "random perturbations in part geometry").
+"""Perturbed objects: parts of other sizes and other colours, with joints that still fit (the paper's "random perturbations in part geometry"); and random joints.
 
 **Sizes.** A factor a part and axis, F_k = diag(f_x, f_y, f_z), stretches part k *and all that it carries* about the part's anchor a_k. So a
 material point x of part k goes to
@@ -29,11 +29,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from uniart_jax.objects.appearance import recolored
-from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.kinematics import JOINT_TYPES, Joint
 from uniart_jax.objects.object import ArticulatedObject, moved_mesh
 
 CROOKED = 1e-4  # components of a unit direction below this do not count
-JOINT_TYPES = ("fixed", "revolute", "continuous", "prismatic", "screw")
 ROUND = np.pi + 1e-6  # radians; what turns farther stays round
 
 
@@ -156,7 +155,7 @@ def recolor_parts(obj: ArticulatedObject, gains: np.ndarray) -> ArticulatedObjec
 
 def draw_joint(box: np.ndarray, rng: np.random.Generator) -> Joint:
     """A random joint of a part with that own box [6] (centre and size): each type equally likely, one axis in two along x, y or z, else uniform over
-    directions; its line through the box or a fifth beyond; the shown state at an end of the limits four times in five.
+    directions, through a point of the box enlarged by a fifth; where it has limits, the shown state is at one of them four times in five.
 
     Spans are log-uniform: revolute 10 to 350 degrees, travel .03 to .8 object units; a screw turns a fourth of a turn to three turns and travels .02 to .5, either way.
     """

@@ -15,13 +15,13 @@ import numpy as np
 from trimesh.transformations import euler_matrix
 
 from uniart_jax.objects.json_text import parse_json
+from uniart_jax.objects.kinematics import JOINT_TYPES
 from uniart_jax.objects.names import Numbered
 from uniart_jax.objects.robot import MAX_NUMBER, MAX_PARTS, Geometry, Link, RawJoint, Robot
 from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.objects.xml_text import MAX_BYTES
 
 BASE = euler_matrix(np.pi / 2, 0, -np.pi / 2, axes="sxyz")
-TYPES = ("fixed", "revolute", "prismatic", "screw", "continuous")
 
 
 def read_singapo(data: bytes, files: AssetFiles) -> Robot:
@@ -120,7 +120,7 @@ def _joint_of(node: dict, name: str) -> tuple[dict, str]:
     if not isinstance(joint, dict):
         raise ValueError(f"node '{name}': it has no joint")
     kind = joint.get("type")
-    if kind not in TYPES:
+    if kind not in JOINT_TYPES:
         raise ValueError(f"node '{name}': unknown joint type {kind!r:.40}")
     return joint, kind
 

@@ -92,13 +92,14 @@ class Checkpoints:
     def _remove_cut_off(self) -> None:
         """A process killed during a save leaves it under another name. Orbax would remove that in the background, where a second opening runs into the first."""
         if jax.process_index() == 0:
-            left = {
-                p: re.match(r"(\d+)\.orbax-checkpoint-tmp", p.name) for p in self.folder.glob("*")
-            }
-            for step in sorted({int(name[1]) for name in left.values() if name}):
+            found = (
+                (p, re.match(r"(\d+)\.orbax-checkpoint-tmp", p.name)) for p in self.folder.glob("*")
+            )
+            left = {path: int(name[1]) for path, name in found if name}
+            for step in sorted(set(left.values())):
                 print(f"warning: checkpoint {self.folder}/{step} was not finished, the run was killed while it was saved; taking the one before", file=sys.stderr)  # fmt: skip
-            for path in (path for path, name in left.items() if name):
-                shutil.rmtree(path, ignore_errors=True)
+            for path in left:
+                shutil.rmtree(path)
 
     def save(
         self,
