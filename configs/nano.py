@@ -29,8 +29,8 @@ Sampling steps of the structure flow at guidance 1, on an earlier model: 1 step 
 AdamW at the same rate: loss 1.17 instead of .94 after 200 steps.
 The UniArt VAE's decoder 800 steps on (1e-3, the encoder left as it is), on what the latent flow samples for 1,324 new objects: its loss on others (of which a
 third were encoded, not sampled) falls from 3.47 to 3.17, half of it colours and distances, half which part a place is of, the joint code's own from .047 to .045; no more parts are right on 28 held-out objects (given the structure .316 and .316, from the image .168 and .168): what is
-wrong is in the latents. A UniArt VAE with 48 channels a latent, from scratch, gives .69 of the parts of seen objects right where one with 16 gives .46 after as many steps, and with joints drawn anew far more of unseen
-families' joints (docs/experiments.md, open_set_vae): for the next model, whose flows are to be trained anew. Of four samples the one that agrees best with the other three, instead of any: parts right .199 instead of .208 (14 objects; the best of each four .315).
+wrong is in the latents. A UniArt VAE with 48 channels a latent, from scratch, gives .69 of the parts of 28 seen objects right where one with 16
+gives .46 after as many steps (one training each, docs/experiments.md, open_set_vae): to be tried in a next model, whose latent flow is then to be trained anew. Of four samples the one that agrees best with the other three, instead of any: parts right .199 instead of .208 (14 objects; the best of each four .315).
 """
 
 import dataclasses

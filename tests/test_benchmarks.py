@@ -1,16 +1,19 @@
 """What scripts of benchmarks/ make of their measurements, by numbers known beforehand."""
 
 import dataclasses
-import importlib
 import math
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import collectives
 import jax
 import numpy as np
+import predict_training
 import pytest
+import spread
+import step_overhead
 
 from uniart_jax.config import Config, FlowConfig, ModelConfig, StageConfig
 from uniart_jax.models.network import build
@@ -18,14 +21,8 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.procedural import generate
 
 
-@pytest.fixture
-def script(monkeypatch):
-    monkeypatch.syspath_prepend(Path(__file__).parent.parent / "benchmarks")
-    return importlib.import_module
-
-
-def test_saves_are_counted_as_often_as_a_run_has_them(script):
-    in_run = script("step_overhead").in_run
+def test_saves_are_counted_as_often_as_a_run_has_them():
+    in_run = step_overhead.in_run
     times = [10.0 + i for i in range(41)]  # 40 steps of a second, two of them with a save in it
     times = [t + 3 * (t > 15) + 3 * (t > 35) for t in times]
     held = [(2.0, 9.0), (15.5, 3.0), (38.9, 3.0), (90.0, 5.0)]  # the first and last outside
@@ -35,8 +32,7 @@ def test_saves_are_counted_as_often_as_a_run_has_them(script):
     assert in_run(times, [], save_every=400) == pytest.approx((46.0, 0.0))
 
 
-def test_what_samples_agree_on_is_counted_by_joints_and_drawn_by_objects(script):
-    spread = script("spread")
+def test_what_samples_agree_on_is_counted_by_joints_and_drawn_by_objects():
     sure, torn, none = (
         np.array([[2, 1.0], [2, 1]]),
         np.array([[1, 0.0], [1, 1], [2, 0]]),
@@ -63,8 +59,7 @@ def test_what_samples_agree_on_is_counted_by_joints_and_drawn_by_objects(script)
     assert (rows[:, 0] == 1).sum() == 1 and (rows[:, 1] == 1).all()
 
 
-def test_a_training_is_predicted_from_its_compiled_step(script):
-    predict_training = script("predict_training")
+def test_a_training_is_predicted_from_its_compiled_step():
     flow = FlowConfig(model_channels=32, num_blocks=1, num_heads=2, cond_channels=16)
     stage = StageConfig(batch_size=16, steps=86_400)
     config = Config(model=ModelConfig(structure_flow=flow), structure_flow=stage)
@@ -103,8 +98,8 @@ ENTRY %main (p: f32[100]) -> f32[100] {
 """
 
 
-def test_what_a_device_receives_is_read_off_a_program(script):
-    moved = script("collectives").received(HLO, 8)
+def test_what_a_device_receives_is_read_off_a_program():
+    moved = collectives.received(HLO, 8)
     assert moved["all-gather"] == 3 * 1600 * 7 // 8  # of eight, three times
     assert moved["all-reduce"] == 2 * 416 * 3 // 4  # of four, both results
     assert moved["reduce-scatter"] == 100 * 3

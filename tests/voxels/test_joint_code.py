@@ -7,7 +7,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.kinematics import JOINT_TYPES, Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.joint_code import (
     CODE_SIZE,
@@ -21,7 +21,6 @@ from uniart_jax.voxels.joint_code import (
     gauge_variants,
 )
 
-TYPES = ("fixed", "revolute", "continuous", "prismatic", "screw")
 # axis-aligned of both signs, diagonals whose components tie, and directions a rounding error away from a tie
 AWKWARD = [np.array([x, y, z], float) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
 AWKWARD = [d for d in AWKWARD if d.any()] + [
@@ -45,7 +44,7 @@ def spans(low: float, high: float):
 
 
 @st.composite
-def joints(draw, kinds=TYPES):
+def joints(draw, kinds=JOINT_TYPES):
     kind = draw(st.sampled_from(kinds))
     origin, direction = draw(points), draw(directions)
     if kind == "fixed":
@@ -184,8 +183,8 @@ def test_noisy_voxels_of_a_part_still_give_its_joint(joint, center, seed):
 @settings(max_examples=300)
 @given(st.lists(st.floats(width=32), min_size=9, max_size=9), points)
 def test_any_nine_numbers_give_a_joint(code, center):
-    assert decode_joint(np.array(code), center).type in TYPES
-    assert decode_part(np.array([code, code[::-1]]), center).type in TYPES
+    assert decode_joint(np.array(code), center).type in JOINT_TYPES
+    assert decode_part(np.array([code, code[::-1]]), center).type in JOINT_TYPES
 
 
 def test_a_short_axis_is_fixed():

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import contextlib
 import errno
 import json
 import re
@@ -99,7 +100,8 @@ class Checkpoints:
             for step in sorted(set(left.values())):
                 print(f"warning: checkpoint {self.folder}/{step} was not finished, the run was killed while it was saved; taking the one before", file=sys.stderr)  # fmt: skip
             for path in left:
-                shutil.rmtree(path)
+                with contextlib.suppress(FileNotFoundError):  # another process is at it too
+                    shutil.rmtree(path)
 
     def save(
         self,
