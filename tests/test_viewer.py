@@ -105,7 +105,8 @@ def test_play_moves_and_pause_holds(shown, chest):
 
 @needs_viser
 def test_ctrl_c_ends_it():
-    code = (
+    code = (  # a suite that runs in a shell's background has the signal ignored
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "from uniart_jax.viewer import view; import trimesh; from uniart_jax.objects.object import *\n"
         "view(ArticulatedObject((Part('a', trimesh.creation.box()),), name='box'), port=8411, open_browser=False)"
     )
