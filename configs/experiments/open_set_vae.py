@@ -17,7 +17,14 @@ import dataclasses
 from pathlib import Path
 
 from uniart_jax.cli import load_config
-from uniart_jax.experiments.design import Arm, Experiment, Objects, Records, trained_on
+from uniart_jax.experiments.design import (
+    OBJECT_COLUMNS,
+    Arm,
+    Experiment,
+    Objects,
+    Records,
+    trained_on,
+)
 
 CONFIGS = Path(__file__).parent.parent
 RECORDS = Records("data-cache/experiments-seen", count=2000)
@@ -26,19 +33,6 @@ ARMS = (  # channels, share of joints drawn anew, held against
     ("narrow_new_joints", 16, 0.5, "narrow"),
     ("wide", 48, 0.0, "narrow"),
     ("wide_new_joints", 48, 0.5, "wide"),
-)
-COLUMNS = (
-    "part_recall",
-    "parts_right",
-    "part_count",
-    "type_accuracy",
-    "axis_median",
-    "pivot",
-    "range_iou",
-    "pose_error",
-    "rs_psnr",
-    "rs_chamfer",
-    "as_chamfer",
 )
 
 
@@ -64,4 +58,6 @@ def experiment(size: str) -> Experiment:
     for name, *_, against in ARMS:
         seen = {"tests": Objects(), "of": name, "against": f"{against or name}_seen"}
         arms[f"{name}_seen"] = dataclasses.replace(arms[name], stages=(), **seen)
-    return Experiment(arms, "narrow", COLUMNS, seeds=1, count=28, records=(RECORDS,))
+    return Experiment(
+        arms, "narrow", (*OBJECT_COLUMNS, "range_iou"), seeds=1, count=28, records=(RECORDS,)
+    )
