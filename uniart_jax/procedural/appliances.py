@@ -123,15 +123,16 @@ def knob_row(
     *,
     largest: float = 0.03,
 ) -> list[int]:
-    """Turning knobs of one kind on the plane x = ``face`` at every y of ``ys``; endless or with a stop, as the kind has it."""
+    """Turning knobs of one kind on the plane x = ``face`` at every y of ``ys``.
+
+    What a picture shows decides how they turn: knobs with end stops have a pointer on a skirt of
+    the mark's colour, knobs that turn without end are plain.
+    """
     radius = max(float(rng.uniform(0.55, 1.0)) * largest, 2.3 * unit)
     reach = max(float(rng.uniform(0.02, 0.035)), 2.2 * unit)
     sweep = None if rng.random() < 0.5 else float(np.deg2rad(rng.choice([180, 240, 270, 300])))
-    mark = (
-        materials.plain((0.95, 0.95, 0.95))
-        if material.color[1] < 0.5
-        else materials.plain((0.1, 0.1, 0.1))
-    )
-    if rng.random() < 0.4:
-        mark = material
-    return [add_knob(asm, parent, (face, y, z), radius, reach, material, mark, sweep) for y in ys]
+    light = material.color[1] >= 0.5
+    mark = materials.plain((0.1, 0.1, 0.1) if light else (0.95, 0.95, 0.95))
+    look = (material, mark, sweep)
+    shown = {"pointer": sweep is not None, "skirt": sweep is not None}
+    return [add_knob(asm, parent, (face, y, z), radius, reach, *look, **shown) for y in ys]

@@ -317,14 +317,21 @@ def add_knob(
     sweep: float | None = None,
     name: str = "knob",
     pointer: bool = True,
+    skirt: bool = False,
 ) -> int:
-    """A turning knob on a plane x = at[0] (1 mm of air behind it), with a ridge that shows where it points.
+    """A turning knob on a plane x = at[0] (1 mm of air behind it), ``pointer``: with a ridge.
 
-    ``sweep``: how far it turns, radians; None: without end.
+    ``sweep``: how far it turns, radians; None: without end. ``skirt``: a flat disc of the mark's
+    colour at its foot, as knobs with a scale have; the body is then narrower.
     """
     x, y, z = (float(a) for a in at)
-    body = cylinder("x", [x - reach, y, z], reach - 0.001, 0.85 * radius, radius, segments=18)
+    wide = 0.7 * radius if skirt else radius
+    foot = 0.3 * reach if skirt else 0.001
+    body = cylinder("x", [x - reach, y, z], reach - foot, 0.85 * wide, wide, segments=18)
     shape = Shape().add(body, material)
+    if skirt:
+        disc = cylinder("x", [x - foot, y, z], foot - 0.001, radius, radius, segments=18)
+        shape.add(disc, mark)
     if pointer:
         w = 0.2 * radius
         ridge = box(
