@@ -1,0 +1,287 @@
+"""Pictures and part tables of procedural objects without end: what the part decoder trains on. No voxels, no jax.
+
+Objects are made in *blocks* of ``BLOCK``, one file a block in ``DataConfig.layouts``. A block is a pure function of its
+number and the settings, so whoever needs one that is not there makes it, several programs can share a folder, and training
+resumes at any batch. ``uniart prepare layouts`` makes them ahead.
+
+Batches go through windows of ``WINDOW`` blocks; in a window each object is shown ``DataConfig.reuse`` times, in random
+order, in one of its views, mirrored with probability 1/2:
+
+    image [B, S, S, 3] f4 in [0, 1] over black · camera [B, 7] f4 (``data.cameras``) · boxes [B, K, 6] f4 (centre, size)
+    codes [B, K, 9] f4 · parents [B, K] i4 (root: its own) · colors [B, K, 3] f4 linear RGB · part_counts [B] i4
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import logging
+import os
+from pathlib import Path
+
+import numpy as np
+
+from uniart_jax import procedural
+from uniart_jax.config import DataConfig, ModelConfig
+from uniart_jax.data.batches import local_rows
+from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
+from uniart_jax.data.images import crop
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
+from uniart_jax.data.order import ENDLESS, Draw
+from uniart_jax.data.stream import Batch, Batches
+from uniart_jax.objects.appearance import sample_color
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.states import sample_state
+from uniart_jax.render import Camera, render, sample_camera
+from uniart_jax.voxels.joint_code import encode_object
+
+BLOCK = 256  # objects a file
+WINDOW = 4  # blocks that batches are drawn from at a time
+STATES = 20  # shown states tried before an object is left out
+VERSION = 1  # of what ``make_block`` draws
+COLUMNS = ("images", "cameras", "boxes", "codes", "parents", "colors", "part_counts")
+
+logger = logging.getLogger(__name__)
+
+
+@dataclasses.dataclass(frozen=True)
+class LayoutSettings:
+    """What a folder of blocks was made with."""
+
+    image_size: int = 128
+    views: int = 2
+    max_parts: int = procedural.MAX_PARTS
+    start_seed: int = 0
+    families: tuple[str, ...] = procedural.SEEN_FAMILIES
+    version: int = VERSION
+
+
+def training_seed(number: int, start_seed: int = 0) -> int:
+    """The procedural seed of object ``number``; never one that evaluation or validation reserves.
+
+    Seeds from ``DataConfig.validation_seed`` to ten times ``HELD_OUT_SEED`` are passed over, unless ``start_seed`` is the
+    validation's own.
+    """
+    seed = start_seed + number
+    reserved = DataConfig.validation_seed
+    if start_seed >= reserved:
+        if not reserved <= seed < procedural.HELD_OUT_SEED:
+            raise ValueError(f"layouts: validation seed {seed} lies among the held-out seeds")
+        return seed
+    beyond = 10 * procedural.HELD_OUT_SEED
+    return seed if seed < reserved else seed - reserved + beyond
+
+
+def shown_object(seed: int, families: tuple[str, ...], rng: np.random.Generator):
+    """The object of a seed at a random shown state, and its ``encode_object``; None if no state can be encoded."""
+    closed = procedural.draw(seed, families)
+    for _ in range(STATES):
+        obj = sample_state(closed, rng)
+        try:
+            return obj, encode_object(obj)
+        except ValueError:  # two equal boxes: another state
+            continue
+    return None
+
+
+def part_colors(obj: ArticulatedObject) -> np.ndarray:
+    """[K, 3] mean linear RGB of each part's surface, read at the centres of its triangles."""
+    centre = np.full((1, 3), 1 / 3)
+    rows = []
+    for part in obj.parts:
+        faces, area = np.arange(len(part.mesh.faces)), part.mesh.area_faces
+        color = sample_color(part.mesh, faces, np.repeat(centre, len(faces), 0))
+        rows.append((color * area[:, None]).sum(0) / max(area.sum(), 1e-12))
+    return np.array(rows, np.float32)
+
+
+def take_picture(obj: ArticulatedObject, camera: Camera, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """[S, S, 3] uint8 crop over black and its camera code [7], as ``data.prepare`` renders."""
+    picture = np.round(render(obj, camera, size=size, samples=4) * 255).astype(np.uint8)
+    row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
+    return crop(picture, size), camera_codes(np.array(row), picture[None])[0]
+
+
+def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
+    """Block ``number``: arrays of ``COLUMNS``, n <= ``BLOCK`` objects; tables are zero beyond each object's parts."""
+    rows = []
+    for index in range(number * BLOCK, (number + 1) * BLOCK):
+        seed = training_seed(index, settings.start_seed)
+        rng = np.random.default_rng([seed, 2])
+        found = shown_object(seed, settings.families, rng)
+        if found is None or len(found[0].parts) > settings.max_parts:
+            continue
+        obj, (boxes, codes, parents) = found
+        pictures = [
+            take_picture(obj, sample_camera(rng), settings.image_size)
+            for _ in range(settings.views)
+        ]
+        images, cameras = (np.stack(column) for column in zip(*pictures, strict=True))
+        pad = ((0, settings.max_parts - len(boxes)), (0, 0))
+        rows.append(
+            {
+                "images": images,
+                "cameras": cameras,
+                "boxes": np.pad(boxes.astype(np.float32), pad),
+                "codes": np.pad(codes.astype(np.float32), pad),
+                "parents": np.pad(parents.astype(np.int32), pad[0]),
+                "colors": np.pad(part_colors(obj), pad),
+                "part_counts": np.int32(len(boxes)),
+            }
+        )
+    return {name: np.stack([row[name] for row in rows]) for name in COLUMNS}
+
+
+def block_path(folder: str | Path, number: int) -> Path:
+    """Where a block lies."""
+    return Path(folder) / f"block-{number:06d}.npz"
+
+
+def load_block(folder: str | Path, number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
+    """Read block ``number``, made first where it is not there or damaged."""
+    path = block_path(folder, number)
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            return {name: held[name] for name in COLUMNS}
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        logger.warning("data: %s is damaged (%s) and is made again", path, error)
+    return write_block(folder, number, settings)
+
+
+def write_block(folder: str | Path, number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
+    """Make block ``number`` and put it into the folder at once."""
+    path = block_path(folder, number)
+    block = make_block(number, settings)
+    partial = path.with_name(f".{path.stem}-{os.getpid()}.part")
+    with open(partial, "wb") as file:
+        np.savez_compressed(file, **block)
+    os.replace(partial, path)
+    return block
+
+
+def claim_folder(folder: str | Path, settings: LayoutSettings) -> None:
+    """Make the folder these settings', or check that it is.
+
+    Raises:
+      ValueError: it holds blocks of other settings.
+    """
+    path = Path(folder) / "settings.json"
+    text = json.dumps(dataclasses.asdict(settings), indent=2) + "\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.is_file():
+        partial = path.with_name(f".settings-{os.getpid()}.part")
+        partial.write_text(text)
+        os.replace(partial, path)
+    elif path.read_text() != text:
+        raise ValueError(f"{folder}: holds layouts of other settings; give another folder")
+
+
+def settings_of(data: DataConfig, model: ModelConfig, validation: bool = False) -> LayoutSettings:
+    """The settings that a config asks for."""
+    start = data.validation_seed if validation else 0
+    return LayoutSettings(model.image_encoder.image_size, data.views, start_seed=start)
+
+
+def layout_batches(
+    data: DataConfig,
+    model: ModelConfig,
+    batch_size: int,
+    *,
+    process_index: int = 0,
+    process_count: int = 1,
+    accumulate: int = 1,
+) -> Batches:
+    """Endless batches (see the module's docstring) from ``data.layouts``; missing blocks are made on the way.
+
+    Raises:
+      ValueError: the folder holds other settings, or the batch cannot be shared or does not divide into windows.
+    """
+    settings = settings_of(data, model)
+    claim_folder(data.layouts, settings)
+    order = LayoutOrder(batch_size, data.reuse)
+    rows = local_rows(batch_size, process_index, process_count, accumulate)
+    load = functools.partial(
+        _load, folder=data.layouts, settings=settings, mirror=data.mirror, seed=data.seed,
+        reuse=data.reuse, rows=rows,
+    )  # fmt: skip
+    return Batches(order, load, data.workers)
+
+
+@dataclasses.dataclass(frozen=True)
+class LayoutOrder:
+    """Batch n takes items n B to (n + 1) B of the endless sequence of windows; ``records`` are places in it."""
+
+    batch_size: int
+    reuse: int
+
+    def __len__(self) -> int:
+        return ENDLESS
+
+    def __getitem__(self, number: int) -> Draw:
+        places = np.arange(number * self.batch_size, (number + 1) * self.batch_size)
+        return Draw(number, places, 0)
+
+
+@functools.lru_cache(maxsize=3)
+def load_window(folder: str, window: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
+    """All blocks of a window, joined."""
+    numbers = range(window * WINDOW, (window + 1) * WINDOW)
+    blocks = [load_block(folder, number, settings) for number in numbers]
+    return {name: np.concatenate([block[name] for block in blocks]) for name in COLUMNS}
+
+
+@functools.lru_cache(maxsize=3)
+def _shuffled(window: int, length: int, seed: int) -> np.ndarray:
+    return np.random.default_rng([seed, 3, window]).permutation(length)
+
+
+def _load(
+    draw: Draw, *, folder: str, settings: LayoutSettings, mirror: bool, seed: int, reuse: int,
+    rows: np.ndarray,
+) -> Batch:  # fmt: skip
+    rng = draw.generator(seed)
+    views, flips = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
+    length = WINDOW * BLOCK * reuse
+    items = []
+    for row in rows:
+        window, place = divmod(int(draw.records[row]), length)
+        table = load_window(folder, window, settings)
+        item = _shuffled(window, length, seed)[place] % len(table["images"])
+        items.append(_item(table, int(item), views[row], bool(flips[row] and mirror)))
+    return {name: np.stack([item[name] for item in items]) for name in items[0]}
+
+
+def _item(table: dict[str, np.ndarray], item: int, view: float, mirrored: bool) -> Batch:
+    index = int(view * table["images"].shape[1])
+    image, camera = table["images"][item, index], table["cameras"][item, index]
+    boxes, codes = table["boxes"][item], table["codes"][item]
+    if mirrored:
+        image, camera = mirror_images(image), mirror_camera_codes(camera)
+        boxes, codes = mirror_boxes(boxes), mirror_codes(codes)
+    return {
+        "image": image.astype(np.float32) / np.float32(255),
+        "camera": camera,
+        "boxes": boxes,
+        "codes": codes,
+        "parents": table["parents"][item],
+        "colors": table["colors"][item],
+        "part_counts": table["part_counts"][item],
+    }
+
+
+def validation_layouts(data: DataConfig, model: ModelConfig, count: int) -> Batch:
+    """The first ``count`` validation objects, first view, unmirrored, as one batch."""
+    settings = settings_of(data, model, validation=True)
+    folder = f"{data.layouts}-validation"
+    claim_folder(folder, settings)
+    items: list[Batch] = []
+    number = 0
+    while len(items) < count:
+        table = load_block(folder, number, settings)
+        left = min(count - len(items), len(table["images"]))
+        items += [_item(table, i, 0.0, False) for i in range(left)]
+        number += 1
+    return {name: np.stack([item[name] for item in items]) for name in items[0]}
