@@ -41,6 +41,7 @@ from uniart_jax.config import (
     FlowConfig,
     GridConfig,
     ImageEncoderConfig,
+    LayoutConfig,
     LatentSampleConfig,
     LossConfig,
     ModelConfig,
@@ -87,6 +88,7 @@ def config() -> Config:
                 volume_blocks=1,
                 volume_channels=64,
             ),
+            layout=LayoutConfig(queries=16),
             structure_vae=StructureVAEConfig(
                 patch_size=2, channels=(16, 48), num_res_blocks=1, num_res_blocks_middle=1
             ),
@@ -137,6 +139,20 @@ def config() -> Config:
         structure_vae=dataclasses.replace(stage, steps=300, learning_rate=2e-3, evaluate_every=150),
         uniart_vae=dataclasses.replace(
             stage, steps=2000, batch_size=4, learning_rate=2e-3, evaluate_every=500
+        ),
+        layout=dataclasses.replace(
+            stage,
+            steps=3200,
+            batch_size=32,
+            learning_rate=8e-4,
+            schedule="linear",
+            muon=2.0,
+            slow=("backbone",),
+            betas=(0.9, 0.98),
+            weight_decay=0.02,
+            warmup_steps=150,
+            evaluate_every=400,
+            save_every=200,
         ),
         structure_flow=dataclasses.replace(stage, steps=2500, evaluate_every=250),
         latent_flow=dataclasses.replace(stage, steps=27_000, batch_size=4),

@@ -14,6 +14,7 @@ Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash"]
 TOLERANCES = (1e-4, 1.0)  # of adaptive solvers
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
+STAGES = (*NETWORKS, "layout")  # the last where a model has one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,6 +56,24 @@ class ImageEncoderConfig:
     target_resolution: int = 16  # a side, of the regressed boxes and joints
     sketch_width: int = 384  # of the MLP from the whole coarse map to the camera and a first volume
     mlp_ratio: float = 4.0
+
+
+@dataclasses.dataclass(frozen=True)
+class LayoutConfig:
+    """Parts as a set from one image (``models.layout``). ``queries`` 0: no such network (the paper).
+
+    ``backbone``: 'efficientnet_lite0' begins with ImageNet weights (extra ``lite0``), 'convolutions' from scratch.
+    ``queries``: at most so many parts; objects that are trained on have no more. ``heads``: of attention.
+    """
+
+    queries: int = 0
+    backbone: Literal["efficientnet_lite0", "convolutions"] = "efficientnet_lite0"
+    map_channels: int = 96
+    width: int = 128
+    layers: int = 2
+    heads: int = 4
+    sketch_width: int = 512
+    head_width: int = 128
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,6 +188,7 @@ class ModelConfig:
 
     grid: GridConfig = GridConfig()
     image_encoder: ImageEncoderConfig = ImageEncoderConfig()
+    layout: LayoutConfig = LayoutConfig()
     structure_vae: StructureVAEConfig = StructureVAEConfig()
     uniart_vae: UniArtVAEConfig = UniArtVAEConfig()
     structure_flow: FlowConfig = FlowConfig()
@@ -194,7 +214,11 @@ class StageConfig:
     batch_size: int = 64
     accumulate: int = 1
     learning_rate: float = 1e-4
-    schedule: Literal["constant", "cosine"] = "constant"
+    schedule: Literal["constant", "cosine", "linear"] = "constant"
+    hold: float = 0.6  # 'linear': share of the steps at the full rate, before it falls to 0
+    muon: float = 0.0  # > 0: hidden matrices by Muon, at so many times the learning rate
+    slow: tuple[str, ...] = ()  # parameters, by dotted name or prefix, at ``slow_rate`` times it
+    slow_rate: float = 0.25
     warmup_steps: int = 1000
     weight_decay: float = 0.01
     betas: tuple[float, float] = (0.9, 0.999)
@@ -345,6 +369,7 @@ class Config:
     loss: LossConfig = LossConfig()
     mesh: MeshConfig = MeshConfig()
     image_encoder: StageConfig = StageConfig()
+    layout: StageConfig = StageConfig()
     structure_vae: StageConfig = StageConfig()
     uniart_vae: StageConfig = StageConfig()
     structure_flow: StageConfig = StageConfig()

@@ -6,6 +6,7 @@
     (encode)        all records through both VAEs, once
     structure_flow  noise -> structure latent, given the image
     latent_flow     noise on the active voxels -> UniArt latent, given the image
+    layout          images -> the object's parts as a set (where the config has ``layout.queries``)
 
 WORKDIR holds ``config.json``, ``checkpoints/<stage>``, ``metrics``, ``tensorboard``, ``latents`` and ``export``, the checkpoint that sampling
 loads. Every stage resumes by itself; a finished one is skipped.
@@ -35,13 +36,15 @@ from uniart_jax.adoption import (
     same_ground,
     untrained,
 )
-from uniart_jax.config import NETWORKS, Config, DataConfig, GridConfig
+from uniart_jax.config import NETWORKS, STAGES, Config, DataConfig, GridConfig
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.batches import open_records, voxel_batches
 from uniart_jax.data.folder import read_manifest, read_metadata, write_text
 from uniart_jax.data.image_table import image_batches, load_image_table
+from uniart_jax.data.layouts import layout_batches
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
+from uniart_jax.layouts import check_backbone, first_layout_weights
 from uniart_jax.locks import alone
 from uniart_jax.models.network import Network, build
 from uniart_jax.samplers import make_conditioner
@@ -122,18 +125,23 @@ def _run(
         )
     if source is not None:
         adopt(source, taken, workdir)
-    distributed.first_does(lambda: ensure_records(config))
-    for name in (n for n in NETWORKS if n in stages):
+    if set(stages) != {"layout"}:  # which makes its own
+        distributed.first_does(lambda: ensure_records(config))
+    for name in (n for n in STAGES if n in stages):
         train_network(name, config, workdir, source)
 
 
 def trainable(config: Config, stages: Sequence[str]) -> list[str]:
-    """The stages without the image encoder where that is DINOv2, which is frozen.
+    """The stages without the image encoder where that is DINOv2, which is frozen, and without the layout where there is none.
 
     Raises:
       ValueError: nothing else was asked for.
     """
     left = list(stages)
+    if not config.model.layout.queries and "layout" in left:
+        left.remove("layout")
+        if not left:
+            raise ValueError("stage layout: the config has none; give --model.layout.queries 16")
     if config.model.image_encoder.architecture == "dinov2" and "image_encoder" in left:
         left.remove("image_encoder")
         if not left:
@@ -154,6 +162,8 @@ def overlapping(data: DataConfig) -> bool:
 
 def check_settings(config: Config, stages: Sequence[str]) -> None:
     """ValueError where a number of a stage or the voxel buckets cannot be."""
+    if "layout" in stages:
+        check_backbone(config.model)
     for name in stages:
         for field in COUNTS:
             if (value := getattr(getattr(config, name), field)) < 1:
@@ -171,7 +181,7 @@ def check_features(config: Config, stages: Sequence[str]) -> None:
       ValueError, FileNotFoundError: they have not, or there are no records; what to run is said.
     """
     data, features = config.data, config.model.uniart_vae.feature_channels
-    if not features or set(stages) <= {"image_encoder", "structure_vae"}:
+    if not features or set(stages) <= {"image_encoder", "layout", "structure_vae"}:
         return
     for folder, split in ((data.records, data.split), (data.validation, data.validation_split)):
         if folder:
@@ -283,7 +293,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
             statistics[latent] = read_statistics(units, latent)
         ours = statistics[latent]
         distributed.first_does(lambda: write_statistics(workdir / "export", latent, *ours))
-    key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
+    key = jax.random.fold_in(jax.random.key(config.seed), STAGES.index(name))
     optimizer = make_optimizer(stage)
     step = make_step(name, network, optimizer, config, workdir, mesh, statistics)
     if trained:  # nothing that the checkpoint would replace
@@ -292,6 +302,8 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
         start = create_state(network.init, optimizer, key, mesh)
         if source is not None:
             start = begin_with(start, first_weights(source, name, config.model))
+        elif name == "layout":
+            start = begin_with(start, first_layout_weights(config))
     batches = stage_batches(name, config, workdir)
     with (
         Checkpoints(folder, stage.keep_checkpoints) as checkpoints,
@@ -323,6 +335,8 @@ def stage_batches(name: str, config: Config, workdir: Path) -> Any:
         "process_count": jax.process_count(),
         "accumulate": getattr(config, name).accumulate,
     }
+    if name == "layout":
+        return layout_batches(config.data, config.model, batch_size, **share)
     records = (config.data.records, config.data, config.model, batch_size)
     of_records = {"split": config.data.split, **share}
     if name in ("image_encoder", "structure_vae"):

@@ -18,6 +18,7 @@ from uniart_jax.config import Config
 from uniart_jax.data.batches import record_batches
 from uniart_jax.data.image_table import image_pass
 from uniart_jax.data.latents import LatentSource
+from uniart_jax.data.layouts import validation_layouts
 from uniart_jax.data.order import spread
 from uniart_jax.data.records import Record, RecordSource, decode_color
 from uniart_jax.models.network import build
@@ -32,6 +33,7 @@ from uniart_jax.pipeline import (
     voxel_grid,
 )
 from uniart_jax.training.export import load_network
+from uniart_jax.training.layout_metrics import layout_readings
 from uniart_jax.training.metrics import part_readings, summarize_readings
 from uniart_jax.training.state import TrainState
 from uniart_jax.voxels.grid import faired
@@ -52,6 +54,8 @@ def make_evaluation(
     statistics: dict[str, tuple[np.ndarray, np.ndarray]] | None,
 ) -> Evaluation | None:
     """The evaluation hook of a stage (``training.loop``), judging the averaged weights; None without validation records."""
+    if name == "layout":
+        return _layout(config)
     if not config.data.validation:
         return None
     if name.endswith("_flow"):
@@ -107,6 +111,28 @@ def _image_encoder(config: Config) -> Evaluation:
                     pictures.append(beside(*both, truth.shape[1], batch["image"][b]))
         figures = {"iou": float(np.mean(overlaps)), "camera": float(np.mean(cameras))}
         return {**figures, **summarize_readings(rows)}, {"occupancy": np.concatenate(pictures)}
+
+    return evaluate
+
+
+def _layout(config: Config) -> Evaluation:
+    apply = jax.jit(build("layout", config.model).apply)
+
+    def evaluate(state, step):
+        truth = validation_layouts(config.data, config.model, RECORDS)
+        rows, counts, cameras = [], [], []
+        for first in range(0, len(truth["image"]), IMAGE_BATCH):
+            items = slice(first, first + IMAGE_BATCH)
+            out = jax.device_get(apply(state.ema, truth["image"][items]))
+            cameras.append(np.abs(out["camera"] - truth["camera"][items]).mean())
+            for b, known in enumerate(truth["part_counts"][items]):
+                tables = (truth[n][first + b, :known] for n in ("boxes", "codes", "parents"))
+                parts = {name: values[b] for name, values in out["parts"][-1].items()}
+                found, count = layout_readings(parts, *tables)
+                rows, counts = rows + found, counts + [count]
+        figures = {f"parts/{n}": float(np.mean([r[n] for r in rows])) for n in ("right", "found", "type")}  # fmt: skip
+        figures["parts/box"] = float(np.median([r["box"] for r in rows]))
+        return {**figures, "count": float(np.mean(counts)), "camera": float(np.mean(cameras))}, {}
 
     return evaluate
 

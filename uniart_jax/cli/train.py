@@ -15,10 +15,10 @@ from typing import Any, Literal
 import tyro
 
 import uniart_jax
-from uniart_jax.config import NETWORKS, Config, to_json
+from uniart_jax.config import STAGES, Config, to_json
 
 Stage = Literal[
-    "all", "image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow"
+    "all", "image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow", "layout"
 ]
 
 
@@ -99,7 +99,7 @@ def train(arguments: list[str]) -> None:
     from uniart_jax.training import distributed
 
     enable_compilation_cache()
-    stages = NETWORKS if known.stage == "all" else (known.stage,)
+    stages = STAGES if known.stage == "all" else (known.stage,)
     by_hand = (known.coordinator, known.processes, known.process)
     if known.distributed or any(value is not None for value in by_hand):
         distributed.start(*by_hand, wait=known.wait)

@@ -96,7 +96,9 @@ def part_colors(obj: ArticulatedObject) -> np.ndarray:
     return np.array(rows, np.float32)
 
 
-def take_picture(obj: ArticulatedObject, camera: Camera, size: int) -> tuple[np.ndarray, np.ndarray]:
+def take_picture(
+    obj: ArticulatedObject, camera: Camera, size: int
+) -> tuple[np.ndarray, np.ndarray]:
     """[S, S, 3] uint8 crop over black and its camera code [7], as ``data.prepare`` renders."""
     picture = np.round(render(obj, camera, size=size, samples=4) * 255).astype(np.uint8)
     row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]

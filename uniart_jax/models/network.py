@@ -82,6 +82,8 @@ def build(name: str, config: ModelConfig) -> Network:
         from uniart_jax.models.dinov2 import DINOv2 as module
     elif name == "image_encoder":
         from uniart_jax.models.image_encoder import ImageEncoder as module
+    elif name == "layout":
+        from uniart_jax.models.layout import LayoutNetwork as module
     elif name == "structure_vae":
         from uniart_jax.models.structure_vae import StructureVAE as module
     elif name == "uniart_vae":

@@ -18,6 +18,7 @@ from uniart_jax.voxels.joint_code import (
 )
 
 MIN_VOXELS = 3
+RIGHT_BOX, RIGHT_AXIS, RIGHT_PIVOT = 0.1, 10.0, 0.05  # as in ``evaluation.parts``
 
 
 def part_readings(
@@ -53,7 +54,7 @@ def part_readings(
         same = joint.type == truth.type
         axis = signed_axis_error(joint, truth) if same else float("nan")
         pivot = line_distance(joint, truth) if same and truth.rotates else float("nan")
-        right = same and error < 0.1 and axis < 10.0 and not pivot >= 0.05
+        right = same and error < RIGHT_BOX and axis < RIGHT_AXIS and not pivot >= RIGHT_PIVOT
         rows.append(
             {
                 "box": error,

@@ -22,6 +22,7 @@ from uniart_jax.models.uniart_vae import (
     voxel_codes,
 )
 from uniart_jax.samplers import Condition
+from uniart_jax.training.layout_loss import make_layout_loss  # noqa: F401  the stage's
 from uniart_jax.training.losses import (
     articulation_losses,
     balanced_voxels,

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import optax
+import optax.contrib
 
 from uniart_jax.config import StageConfig
 from uniart_jax.training.export import flat_names
@@ -39,13 +40,19 @@ class TrainState(NamedTuple):
 
 
 def make_schedule(stage: StageConfig) -> optax.Schedule:
-    """Learning rate by update number: linear from lr / warm-up (so that update 0 moves), then constant or cosine to zero."""
+    """Learning rate by update number: linear from lr / warm-up (so that update 0 moves), then constant, cosine to zero, or
+    constant and over the last 1 - ``hold`` of the steps linear to zero."""
     rate = stage.learning_rate
     warmup = min(stage.warmup_steps, max(stage.steps - 1, 0))
     start = rate / max(warmup, 1)
     if stage.schedule == "cosine":
         return optax.warmup_cosine_decay_schedule(start, rate, warmup, max(stage.steps, warmup + 1))
-    return optax.warmup_constant_schedule(start, rate, warmup)
+    constant = optax.warmup_constant_schedule(start, rate, warmup)
+    if stage.schedule == "linear":
+        first = round(stage.hold * stage.steps)
+        fall = optax.linear_schedule(1.0, 0.0, max(stage.steps - first, 1), first)
+        return lambda count: constant(count) * fall(count)
+    return constant
 
 
 def make_optimizer(stage: StageConfig) -> optax.GradientTransformation:
@@ -54,16 +61,14 @@ def make_optimizer(stage: StageConfig) -> optax.GradientTransformation:
     ``gradient_clip`` is the threshold (0 = none); with ``clip_percentile`` it is the most that ``clip_by_recent_norms`` allows. Parameters that ``freeze`` names have no
     moments; ``init`` raises a ValueError where it names none.
     """
-    b1, b2 = stage.betas
-    optimizer = optax.adamw(
-        make_schedule(stage),
-        b1=b1,
-        b2=b2,
-        weight_decay=stage.weight_decay,
-        mask=lambda params: jax.tree_util.tree_map_with_path(
-            lambda path, p: p.ndim >= 2 and path[-1] != FROZEN, params
-        ),
-    )
+    optimizer = _adamw(stage)
+    if stage.muon > 0 or stage.slow:
+        rules = {
+            "adamw": optimizer,
+            "slow": _adamw(stage, stage.slow_rate),
+            "muon": _muon(stage),
+        }
+        optimizer = optax.partition(rules, lambda params: _rules(params, stage))
     if stage.clip_percentile > 0:
         adaptive = clip_by_recent_norms(
             stage.gradient_clip, stage.clip_percentile, stage.clip_window
@@ -78,6 +83,50 @@ def make_optimizer(stage: StageConfig) -> optax.GradientTransformation:
         return jax.tree.map(lambda kept: not kept, frozen_mask(params, stage.freeze))
 
     return optax.masked(optimizer, trained)
+
+
+def _adamw(stage: StageConfig, times: float = 1.0) -> optax.GradientTransformation:
+    schedule, (b1, b2) = make_schedule(stage), stage.betas
+    return optax.adamw(
+        lambda count: times * schedule(count),
+        b1=b1,
+        b2=b2,
+        weight_decay=stage.weight_decay,
+        mask=lambda params: jax.tree_util.tree_map_with_path(
+            lambda path, p: p.ndim >= 2 and path[-1] != FROZEN, params
+        ),
+    )
+
+
+def _muon(stage: StageConfig) -> optax.GradientTransformation:
+    """Orthogonalised momentum (Jordan 2024), the update's root mean square .2 as AdamW's; of kernels [..., in, out]."""
+    schedule = make_schedule(stage)
+
+    def dimensions(params: Params) -> Any:
+        number = optax.contrib.MuonDimensionNumbers
+        return jax.tree.map(lambda p: number(p.ndim - 2, p.ndim - 1), params)
+
+    return optax.contrib.muon(
+        lambda count: stage.muon * schedule(count),
+        beta=0.95,
+        weight_decay=stage.weight_decay,
+        nesterov=True,
+        consistent_rms=0.2,
+        muon_weight_dimension_numbers=dimensions,
+    )
+
+
+def _rules(params: Params, stage: StageConfig) -> Any:
+    """Which rule each parameter follows: "slow", "muon" (kernels of at least 32 by 32) or "adamw"."""
+    slow = frozen_mask(params, stage.slow) if stage.slow else jax.tree.map(lambda p: False, params)
+
+    def rule(path, p, slow):
+        if slow:
+            return "slow"
+        hidden = path[-1] == jax.tree_util.DictKey("kernel") and min(p.shape[-2:]) >= 32
+        return "muon" if stage.muon > 0 and hidden else "adamw"
+
+    return jax.tree_util.tree_map_with_path(rule, params, slow)
 
 
 class RecentNorms(NamedTuple):

@@ -12,6 +12,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 
 from uniart_jax.weights.torch_file import read_torch, widened
+from uniart_jax.weights.torch_legacy import is_legacy, read_legacy
 
 TORCH_SUFFIXES = (".pt", ".pth", ".bin")
 _TYPES = {
@@ -46,6 +47,11 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
         raise FileNotFoundError(f"weights '{path}': no such file")
     if path.suffix == ".safetensors":
         return _read_safetensors(path)
+    if path.suffix in TORCH_SUFFIXES and is_legacy(path):
+        try:
+            return read_legacy(path)
+        except ValueError as error:
+            raise ValueError(f"weights '{path}': {error}; download it again") from None
     if path.suffix in TORCH_SUFFIXES:
         return read_torch(path)
     raise ValueError(

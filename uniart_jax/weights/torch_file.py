@@ -273,7 +273,9 @@ def _set(target: dict, items: list[Any]) -> None:
 
 def _storage(reference: tuple) -> Storage:
     match reference:
-        case ("storage", Symbol(kind), str(key), _, int(size)) if kind in _STORAGES and size >= 0:
+        case ("storage", Symbol(kind), str(key), _, int(size), *rest) if (
+            kind in _STORAGES and size >= 0 and rest in ([], [None])  # of before 1.6: no view
+        ):
             return Storage(kind, key, size)
     raise ValueError("its pickle refers to something that is no tensor's storage")
 

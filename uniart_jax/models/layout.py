@@ -1,0 +1,289 @@
+"""Parts as a set from one image: an image backbone and a part decoder (DETR3D's idea: Carion 2020, Wang 2021).
+
+    image -> backbone -> maps at strides 4, 8, 16 -> one map at stride 4, top down
+                              |                          |
+              sketch: an MLP of the whole coarsest map   |  tokens: every second cell of it
+              -> camera, first guess of every part       |
+                                    |                    |
+       part queries -> layers: attention among parts, to the tokens, and 15 points of the part's
+                       present box read off the map where the camera sees them
+                    -> box, joint code, colour, existence; parent by a pointer
+
+Every layer has heads of its own, corrects the box of the layer before (no gradient goes through that) and gives the rest
+anew. The joint code's moment is predicted about the box's centre and moved to the origin, so that a pivot follows its box.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import nnx
+
+from uniart_jax.config import LayoutConfig, ModelConfig
+from uniart_jax.models.image_encoder import CAMERA_CODE, TYPICAL, StemStage
+from uniart_jax.nn.attention import attend
+from uniart_jax.nn.blocks import MLP, GroupNorm, LayerNorm, linear, zeros
+from uniart_jax.nn.lifting import project, sample_map
+from uniart_jax.nn.precision import compute_dtype
+
+STRIDES = (4, 8, 16)
+BANDS = 8  # of the sine embedding of a box
+POINTER = 64  # width of the parent pointer's queries and keys
+GUESS = 64  # width of a query's offset from the sketch
+# a unit box's centre, corners and centres of faces
+BOX_POINTS = np.array(
+    [[0.5, 0.5, 0.5]]
+    + [[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
+    + [[0, 0.5, 0.5], [1, 0.5, 0.5], [0.5, 0, 0.5], [0.5, 1, 0.5], [0.5, 0.5, 0], [0.5, 0.5, 1]],
+    np.float32,
+)
+
+
+class Convolutions(nnx.Module):
+    """A small backbone from scratch: strided stages with a residual pair each; maps at strides 4, 8, 16."""
+
+    CHANNELS = (24, 48, 96)
+
+    def __init__(self, rngs: nnx.Rngs, dtype=jnp.float32):
+        channels = (3, *self.CHANNELS)
+        self.stages = nnx.List(
+            [
+                StemStage(channels[i], channels[i + 1], stride, rngs, dtype)
+                for i, stride in enumerate((4, 2, 2))
+            ]
+        )
+
+    def __call__(self, image: jax.Array) -> tuple[jax.Array, ...]:
+        """[B, H, W, 3] in [-1, 1] -> maps [B, H / s, W / s, C] for s of ``STRIDES``."""
+        maps = [image]
+        for stage in self.stages:
+            maps.append(stage(maps[-1]))
+        return tuple(maps[1:])
+
+
+def make_backbone(config: LayoutConfig, rngs: nnx.Rngs, dtype) -> Any:
+    """The image backbone that a config names: image in [-1, 1] -> maps at ``STRIDES``, with their ``CHANNELS``."""
+    if config.backbone == "convolutions":
+        return Convolutions(rngs, dtype)
+    from uniart_jax.models.efficientnet_lite import EfficientNetLite0
+
+    return EfficientNetLite0(rngs, dtype)
+
+
+class CellLinear(nnx.Module):
+    """A dense layer of a whole map [B, P, C] -> [B, D], its kernel [P, C, D] a matrix a cell."""
+
+    def __init__(self, cells: int, inputs: int, outputs: int, rngs: nnx.Rngs):
+        bound = (6 / (cells * inputs + outputs)) ** 0.5
+        shape = (cells, inputs, outputs)
+        self.kernel = nnx.Param(
+            jax.random.uniform(rngs.params(), shape, minval=-bound, maxval=bound)
+        )
+        self.bias = nnx.Param(jnp.zeros(outputs))
+
+    def __call__(self, x: jax.Array) -> jax.Array:
+        kernel = self.kernel[...].reshape(-1, self.bias.shape[0])
+        return x.reshape(x.shape[0], -1) @ kernel.astype(x.dtype) + self.bias[...]
+
+
+class PartAttention(nnx.Module):
+    """Multi-head attention whose queries, keys and values are given apart."""
+
+    def __init__(self, width: int, heads: int, rngs: nnx.Rngs, *, kernel, dtype):
+        self.heads, self.kernel = heads, kernel
+        self.to_q, self.to_k, self.to_v, self.to_out = (
+            linear(width, width, rngs, dtype=dtype) for _ in range(4)
+        )
+
+    def __call__(self, q: jax.Array, k: jax.Array, v: jax.Array) -> jax.Array:
+        """q [B, Q, D], k and v [B, L, D] -> [B, Q, D]."""
+        split = lambda x: x.reshape(*x.shape[:2], self.heads, -1)  # noqa: E731
+        h = attend(
+            split(self.to_q(q)), split(self.to_k(k)), split(self.to_v(v)), kernel=self.kernel
+        )
+        return self.to_out(h.reshape(q.shape))
+
+
+class DecoderLayer(nnx.Module):
+    """Attention among parts, to the image's tokens, and what the part's box shows in the map."""
+
+    def __init__(self, config: ModelConfig, rngs: nnx.Rngs, dtype):
+        c = config.layout
+        options: dict[str, Any] = {"kernel": config.kernel, "dtype": dtype}
+        self.self_attn = PartAttention(c.width, c.heads, rngs, **options)
+        self.cross_attn = PartAttention(c.width, c.heads, rngs, **options)
+        self.norm1, self.norm2, self.norm3 = (LayerNorm(c.width) for _ in range(3))
+        points = len(BOX_POINTS)
+        self.read_in = linear(points * (c.map_channels + 3), c.width, rngs, dtype=dtype)
+        self.read_out = linear(c.width, c.width, rngs, dtype=dtype)
+        self.mlp = MLP(c.width, 4, rngs, dtype)
+
+    def __call__(self, x, place, tokens, tokens_place, read):
+        """x, place [B, Q, D]; tokens, tokens_place [B, L, D]; read [B, Q, 15 (C + 3)] -> [B, Q, D]."""
+        y = self.norm1(x)
+        x = x + self.self_attn(y + place, y + place, y)
+        x = x + self.cross_attn(self.norm2(x) + place, tokens + tokens_place, tokens)
+        x = x + self.read_out(jax.nn.gelu(self.read_in(read)))
+        return x + self.mlp(self.norm3(x))
+
+
+class PartHeads(nnx.Module):
+    """A layer's reading of its queries [B, Q, D]."""
+
+    def __init__(self, width: int, hidden: int, rngs: nnx.Rngs, dtype):
+        self.hidden = linear(width, hidden, rngs, dtype=dtype)
+        self.exists = linear(hidden, 1, rngs, dtype=dtype)
+        self.box = linear(hidden, 6, rngs, init=zeros, dtype=dtype)
+        self.code = linear(hidden, 9, rngs, dtype=dtype)
+        self.color = linear(hidden, 3, rngs, dtype=dtype)
+
+    def __call__(self, y: jax.Array, corners: jax.Array) -> dict[str, jax.Array]:
+        """Parts from normalised queries y and the boxes [B, Q, 6] that they correct."""
+        h = jax.nn.gelu(self.hidden(y))
+        out = {name: getattr(self, name)(h).astype(jnp.float32) for name in ("exists", "box", "code", "color")}  # fmt: skip
+        corners = corners + out["box"]
+        code = out["code"]
+        centre = jax.lax.stop_gradient(corners[..., :3] + corners[..., 3:]) / 2
+        moment = code[..., 4:7] + jnp.cross(centre, code[..., 1:4])
+        code = jnp.concatenate([code[..., :4], moment, code[..., 7:]], -1)
+        return {
+            "corners": corners,
+            "codes": code,
+            "exists": out["exists"][..., 0],
+            "colors": out["color"],
+        }
+
+
+class LayoutNetwork(nnx.Module):
+    """image [B, S, S, 3] -> camera, and a set of parts a layer."""
+
+    def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
+        c, dtype = config.layout, compute_dtype(config)
+        side = config.image_encoder.image_size
+        if c.queries < 1 or side % 32:
+            raise ValueError(
+                f"layout: needs queries >= 1 and an image_size that 32 divides, got {c.queries}, {side}"
+            )
+        self.config, width = c, c.width
+        self.backbone = make_backbone(c, rngs, dtype)
+        channels = self.backbone.CHANNELS
+        self.map_norms = nnx.List([GroupNorm(n, groups=8) for n in channels])
+        self.to_map = nnx.List([linear(n, c.map_channels, rngs, dtype=dtype) for n in channels])
+        cells = (side // STRIDES[-1]) ** 2
+        self.squeeze = linear(channels[-1], GUESS, rngs, dtype=dtype)
+        self.sketch1 = CellLinear(cells, GUESS, c.sketch_width, rngs)
+        self.sketch2 = linear(c.sketch_width, c.sketch_width, rngs, dtype=dtype)
+        self.to_camera = linear(c.sketch_width, CAMERA_CODE, rngs, init=zeros)
+        self.map_sketch = linear(c.sketch_width, c.map_channels, rngs, dtype=dtype)
+        self.to_tokens = linear(c.map_channels, width, rngs, dtype=dtype)
+        self.tokens_norm = LayerNorm(width)
+        draw = lambda shape, std: nnx.Param(std * jax.random.normal(rngs.params(), shape))  # noqa: E731
+        self.tokens_place = draw(((side // STRIDES[0] // 2) ** 2, width), 0.02)
+        self.queries = draw((c.queries, width), 0.5)
+        self.guess = linear(c.sketch_width, c.queries * GUESS, rngs, dtype=dtype)
+        self.guess_out = linear(GUESS, width, rngs, dtype=dtype)
+        self.place_in = linear(6 * 2 * BANDS, width, rngs, dtype=dtype)
+        self.place_out = linear(width, width, rngs, dtype=dtype)
+        self.anchors = nnx.Param(jnp.tile(jnp.array([-0.25] * 3 + [0.25] * 3), (c.queries, 1)))
+        self.first_box = linear(width, 6, rngs, init=nnx.initializers.normal(0.01), dtype=dtype)
+        self.layers = nnx.List([DecoderLayer(config, rngs, dtype) for _ in range(c.layers)])
+        self.norm = LayerNorm(width)
+        self.heads = nnx.List([PartHeads(width, c.head_width, rngs, dtype) for _ in range(c.layers + 1)])  # fmt: skip
+        self.parent_q = linear(width, POINTER, rngs, dtype=dtype)
+        self.parent_k = linear(width, POINTER, rngs, dtype=dtype)
+        self.parent_root = linear(width, 1, rngs, dtype=dtype)
+
+    def __call__(
+        self,
+        image: jax.Array,
+        camera: jax.Array | None = None,
+        known: jax.Array | None = None,
+        phase: jax.Array | None = None,
+    ) -> dict[str, Any]:
+        """Find the parts.
+
+        Args:
+          image: [B, S, S, 3] sRGB in [0, 1], the background black.
+          camera: [B, 7] true camera codes that boxes are read with instead of the estimate, where ``known`` [B].
+          phase: [2] 0 or 1, which cells of the map are the tokens; None: the last of each four.
+
+        Returns:
+          camera [B, 7]; parts: a list over the first guess and each layer of corners [B, Q, 6] (lower, upper), codes
+          [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits child -> parent, the diagonal
+          the root's, of the last layer; tokens [B, Q, D], one a part; map [B, S/4, S/4, C].
+        """
+        features, sketch = self.look(image)
+        estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
+        used = jax.lax.stop_gradient(estimate)
+        if camera is not None and known is not None:
+            used = jnp.where(known[:, None], camera, used)
+        tokens = self.tokens_norm(self.to_tokens(self._every_second(features, phase)))
+        items, count = image.shape[0], self.config.queries
+        offset = self.guess_out(self.guess(sketch).reshape(items, count, GUESS))
+        x = self.queries[...].astype(offset.dtype) + offset
+        first = self.anchors[...] + self.first_box(x).astype(jnp.float32)
+        parts = [self.heads[0](self.norm(x), first)]
+        for layer, heads in zip(self.layers, list(self.heads)[1:], strict=True):
+            corners = jax.lax.stop_gradient(parts[-1]["corners"])
+            read = self.read_boxes(features, corners, used)
+            place = self.place_out(jax.nn.gelu(self.place_in(sine_embedding(2 * corners))))
+            x = layer(x, place, tokens, self.tokens_place[...], read)
+            parts.append(heads(self.norm(x), corners))
+        y = self.norm(x)
+        pointer = jnp.einsum("bqd,bkd->bqk", self.parent_q(y), self.parent_k(y)) / POINTER**0.5
+        parents = pointer + jnp.eye(count) * self.parent_root(y)
+        return {
+            "camera": estimate,
+            "parts": parts,
+            "parents": parents.astype(jnp.float32),
+            "tokens": y,
+            "map": features,
+        }
+
+    def look(self, image: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """The map [B, S/4, S/4, C] and the sketch [B, D] of images."""
+        maps = self.backbone(image * 2 - 1)
+        maps = [jax.nn.gelu(norm(m)) for norm, m in zip(self.map_norms, maps, strict=True)]
+        h = self.squeeze(maps[-1]).reshape(image.shape[0], -1, GUESS)
+        h = jax.nn.gelu(self.sketch1(h))
+        h = h + jax.nn.gelu(self.sketch2(h))
+        down = self.to_map[2](maps[2]) + self.map_sketch(h)[:, None, None]
+        down = self.to_map[1](maps[1]) + twice(down)
+        return self.to_map[0](maps[0]) + twice(down), h
+
+    def read_boxes(self, features: jax.Array, corners: jax.Array, camera: jax.Array) -> jax.Array:
+        """[B, Q, 15 (C + 3)]: the map where the camera sees each box's points, and that place and depth."""
+        lower, upper = corners[..., None, :3], corners[..., None, 3:]
+        points = lower + (upper - lower) * BOX_POINTS  # [B, Q, 15, 3]
+        see = jax.vmap(lambda code, p: jax.tree.map(lambda x: x[0], project(code[None], p)))
+        places, depth = see(camera, points.reshape(len(points), -1, 3))
+        read = sample_map(features, places)
+        rows = [read, places.astype(read.dtype), depth[..., None].astype(read.dtype)]
+        return jnp.concatenate(rows, -1).reshape(*corners.shape[:2], -1)
+
+    def _every_second(self, features: jax.Array, phase: jax.Array | None) -> jax.Array:
+        """[B, S, S, C] -> [B, (S / 2)^2, C]: one cell of each four."""
+        items, side, _, channels = features.shape
+        cells = features.reshape(items, side // 2, 2, side // 2, 2, channels)
+        if phase is None:
+            chosen = cells[:, :, 1, :, 1]
+        else:
+            rows = jax.lax.dynamic_index_in_dim(cells, phase[0], 2, keepdims=False)
+            chosen = jax.lax.dynamic_index_in_dim(rows, phase[1], 3, keepdims=False)
+        return chosen.reshape(items, -1, channels)
+
+
+def twice(x: jax.Array) -> jax.Array:
+    """[B, H, W, C] -> [B, 2 H, 2 W, C], each cell repeated."""
+    items, rows, columns, channels = x.shape
+    x = jnp.broadcast_to(x[:, :, None, :, None], (items, rows, 2, columns, 2, channels))
+    return x.reshape(items, 2 * rows, 2 * columns, channels)
+
+
+def sine_embedding(x: jax.Array) -> jax.Array:
+    """[..., D] -> [..., 2 BANDS D] sines and cosines of octaves, the slowest of period 4."""
+    angles = x[..., None] * (2.0 ** jnp.arange(BANDS) * (jnp.pi / 2))
+    return jnp.concatenate([jnp.sin(angles), jnp.cos(angles)], -1).reshape(*x.shape[:-1], -1)

@@ -1,0 +1,108 @@
+"""Losses of the layout network: predicted parts are matched to true ones, then each pays for its own (DETR, Carion 2020).
+
+    cost[q, k] = sum over layers of  5 L1(corners) - p + Huber(code, .05)
+    loss       = 2 mean over layers (5 L1(corners) + 5 Huber(code) + BCE(exists) + .3 L1(colour))
+                 + .3 CE(parent) + 2 L1(camera)
+
+One matching serves all layers. Part terms are means per object, then over objects; codes are compared modulo both gauges.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import optax
+
+from uniart_jax.config import Config
+from uniart_jax.models.network import Network
+from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss
+
+BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
+LAYERS = 2.0
+HUBER = 0.05
+NOBODY = -1e4  # logit of a query that no part is matched to
+
+
+def to_corners(boxes: jax.Array) -> jax.Array:
+    """Boxes [..., 6] (centre, size) as lower and upper corners [..., 6]."""
+    return jnp.concatenate(
+        [boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2], -1
+    )
+
+
+def match_cost(
+    parts: list[dict[str, jax.Array]], corners: jax.Array, codes: jax.Array
+) -> jax.Array:
+    """[B, Q, K] what it costs to give true part k to query q; corners [B, K, 6], codes [B, K, 9]."""
+    total = jnp.zeros(())
+    for out in parts:
+        box = jnp.abs(out["corners"][:, :, None] - corners[:, None]).mean(-1)
+        code = joint_code_loss(out["codes"][:, :, None], codes[:, None], HUBER)
+        total = total + BOX * box + code - jax.nn.sigmoid(out["exists"])[..., None]
+    return total
+
+
+def match(cost: jax.Array, counts: jax.Array) -> jax.Array:
+    """[B, K] the query of each true part, a minimum of the summed cost; of parts beyond ``counts`` [B] some other query.
+
+    cost: [B, Q, K] with Q >= K.
+    """
+    queries, parts = cost.shape[1:]
+    if queries < parts:
+        raise ValueError(f"layout: {queries} queries cannot hold objects of {parts} parts")
+    valid = jnp.arange(parts) < counts[:, None]
+    cost = jnp.where(valid[:, None], jax.lax.stop_gradient(cost), 0)
+
+    def of_item(cost):
+        rows, columns = optax.assignment.hungarian_algorithm(cost.T)  # K rows, Q columns
+        return jnp.zeros(parts, jnp.int32).at[rows].set(columns.astype(jnp.int32))
+
+    return jax.vmap(of_item)(cost)
+
+
+def layout_losses(out: dict[str, Any], batch: dict[str, jax.Array]) -> dict[str, jax.Array]:
+    """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers), "parent", "camera", and "loss"."""
+    corners, codes, counts = to_corners(batch["boxes"]), batch["codes"], batch["part_counts"]
+    items, known = corners.shape[:2]
+    valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
+    weights = valid / jnp.maximum(counts, 1)[:, None] / items
+    query = match(match_cost(out["parts"], corners, codes), counts)
+    chosen = jax.nn.one_hot(query, out["parents"].shape[1]) * valid[..., None]  # [B, K, Q]
+    present = chosen.sum(1)
+    take = lambda rows: jnp.einsum("bkq,bq...->bk...", chosen, rows)  # noqa: E731
+    terms = {name: jnp.zeros(()) for name in ("box", "code", "exists", "color")}
+    for part in out["parts"]:
+        error = jnp.abs(take(part["corners"]) - corners).mean(-1)
+        terms["box"] += (error * weights).sum()
+        wrong = joint_code_loss(take(part["codes"]), codes, HUBER)
+        terms["code"] += (wrong * weights).sum()
+        terms["exists"] += binary_cross_entropy(part["exists"], present).mean()
+        paint = jnp.abs(take(part["colors"]) - batch["colors"]).mean(-1)
+        terms["color"] += (paint * weights).sum()
+    terms = {name: value / len(out["parts"]) for name, value in terms.items()}
+    pointer = jnp.where(present[:, None] > 0, out["parents"], NOBODY)  # [B, child, parent]
+    scores = jax.nn.log_softmax(take(pointer), -1)
+    parent_query = jnp.take_along_axis(query, batch["parents"], 1)
+    picked = jnp.take_along_axis(scores, parent_query[..., None], 2)[..., 0]
+    terms["parent"] = -(picked * weights).sum()
+    terms["camera"] = jnp.abs(out["camera"] - batch["camera"]).mean()
+    layers = BOX * terms["box"] + CODE * terms["code"] + terms["exists"] + COLOR * terms["color"]
+    loss = LAYERS * layers + PARENT * terms["parent"] + CAMERA * terms["camera"]
+    return terms | {"loss": loss}
+
+
+def make_layout_loss(network: Network, config: Config):
+    """``loss_fn(params, batch, key)``: half of the boxes are read with the true camera, and the tokens' phase is drawn."""
+    del config
+
+    def loss_fn(params, batch, key):
+        known_key, phase_key = jax.random.split(key)
+        known = jax.random.bernoulli(known_key, 0.5, batch["image"].shape[:1])
+        phase = jax.random.randint(phase_key, (2,), 0, 2)
+        out = network.apply(params, batch["image"], batch["camera"], known, phase)
+        terms = layout_losses(out, batch)
+        return terms.pop("loss"), terms
+
+    return loss_fn
