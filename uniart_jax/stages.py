@@ -36,7 +36,7 @@ from uniart_jax.adoption import (
     same_ground,
     untrained,
 )
-from uniart_jax.config import NETWORKS, STAGES, Config, DataConfig, GridConfig
+from uniart_jax.config import STAGES, Config, DataConfig, GridConfig
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.batches import open_records, voxel_batches
 from uniart_jax.data.folder import read_manifest, read_metadata, write_text

@@ -184,7 +184,7 @@ def claim_folder(folder: str | Path, settings: LayoutSettings) -> None:
 def settings_of(data: DataConfig, model: ModelConfig, validation: bool = False) -> LayoutSettings:
     """The settings that a config asks for."""
     start = data.validation_seed if validation else 0
-    return LayoutSettings(model.image_encoder.image_size, data.views, start_seed=start)
+    return LayoutSettings(model.image_encoder.image_size, start_seed=start)
 
 
 def layout_batches(
