@@ -14,6 +14,7 @@ from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
 from uniart_jax.cli.data import features, inspect, prepare, stats
 from uniart_jax.cli.evaluation import evaluate
 from uniart_jax.cli.experiment import experiment
+from uniart_jax.cli.layout import layout
 from uniart_jax.cli.sample import sample
 from uniart_jax.cli.train import load_config, train
 
@@ -23,6 +24,7 @@ COMMANDS = {
     "prepare": prepare,
     "features": features,
     "sample": sample,
+    "layout": layout,
     "export": export,
     "validate": validate,
     "view": view,

@@ -10,7 +10,7 @@ import tyro
 
 from uniart_jax.cli.arguments import Out
 
-OWN = ("baselines", "procedural", "representation", "physics")
+OWN = ("baselines", "procedural", "layout", "representation", "physics")
 Engines = tuple[Literal["mujoco", "pybullet"], ...]
 Samples = Literal["mean", "best", "first"]
 
@@ -19,7 +19,7 @@ def evaluate(
     what: Annotated[
         str,
         tyro.conf.Positional,
-        tyro.conf.arg(metavar="PRED|baselines|procedural|representation|physics"),
+        tyro.conf.arg(metavar="PRED|baselines|procedural|layout|representation|physics"),
     ],
     root: Annotated[Path | None, tyro.conf.Positional, tyro.conf.arg(metavar="[REF|ROOT]")] = None,
     /,
@@ -32,6 +32,7 @@ def evaluate(
     count: int | None = None,
     records: Path | None = None,
     pictures: int | None = None,
+    pred: Path | None = None,
     unseen: bool = False,
     processes: int | None = None,
     engines: Engines | None = None,
@@ -40,11 +41,11 @@ def evaluate(
     """Hold anybody's predictions against references: uniart evaluate PRED REF --out DIR. Writes metrics.json, table.md, report.html.
 
     PRED and REF are folders of assets (URDF, MJCF, object.json) matched by name, or one asset each; PRED/NAME may hold several samples.
-    Or measure a checkpoint on held-out procedural objects, beside retrieval and controls (baselines) or station by station (procedural), the
+    Or measure a checkpoint on held-out procedural objects, beside retrieval and controls (baselines) or station by station (procedural), its layouts (layout), the
     representation alone, or assets in simulators (physics).
 
     Args:
-        what: A folder of predictions, or one of the four words baselines, procedural, representation, physics; a folder of such a name is given as ./physics.
+        what: A folder of predictions, or one of the five words baselines, procedural, layout, representation, physics; a folder of such a name is given as ./physics.
         root: The references. representation, physics: a folder of assets instead of procedural objects (representation: at 32 and 64 voxels a side).
         samples: PRED REF: how several samples of an object count (default: mean; best: by pose error).
         only: PRED REF: these figures of surface, articulation, pose_error, singapo, appearance, openshape, physics.
@@ -53,6 +54,7 @@ def evaluate(
         count: Held-out objects, seeds from 1,000,000 on (default 128; physics 200, of a checkpoint 64), or assets (default all).
         records: Training records for the retrieval baseline; without them it is left out.
         pictures: procedural: how many objects are drawn (default 16).
+        pred: layout: a folder of layouts <index>.json instead of a checkpoint's.
         unseen: The families that are never trained on, instead of the trained ones.
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
         engines: physics: MuJoCo and, where it is installed, PyBullet by default.
@@ -71,12 +73,22 @@ def evaluate(
             count=count,
             records=records,
             pictures=pictures,
+            pred=pred,
             unseen=unseen,
             engines=engines,
         )
         _compare(Path(what), root, out, samples or "mean", only, openshape, workers, allow_outside)
         return
     _refuse(what, samples=samples, only=only)
+    if what == "layout":
+        _refuse(what, root=root, records=records, pictures=pictures, openshape=openshape)
+        _refuse(what, engines=engines, allow_outside=allow_outside)
+        from uniart_jax.evaluation.layout import evaluate_layout
+
+        share = {"count": count or 128, "unseen": unseen, "pred": pred, "processes": workers}
+        evaluate_layout(checkpoint or "nano", out, **share)
+        return
+    _refuse(what, pred=pred)
     if what == "baselines":
         _refuse(what, pictures=pictures, engines=engines, allow_outside=allow_outside)
         if root is not None:

@@ -1,0 +1,65 @@
+"""``uniart layout``: the parts found in pictures, as JSON and drawn over them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from uniart_jax.cli.arguments import Out, Overwrite
+
+MARKS = ("layouts.json",)  # what an output folder of this command holds
+
+
+def layout(
+    images: Annotated[tuple[Path, ...], tyro.conf.Positional],
+    /,
+    out: Out,
+    checkpoint: str = "nano",
+    threshold: float = 0.5,
+    overwrite: Overwrite = False,
+) -> None:
+    """Find an object's parts in each image: OUT/<stem>.json and OUT/<stem>.png, boxes, axes and travel drawn over it.
+
+    Args:
+        images: Image files. With an alpha channel or a plain background the object is cut out by itself.
+        checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR; with a layout network.
+        threshold: Least confidence of a part that is kept, in 0..1.
+    """
+    if not images:
+        raise ValueError("layout: give at least one image file")
+    if not 0 <= threshold < 1:
+        raise ValueError(f"layout: --threshold must be in 0..1, got {threshold:g}")
+    stems = [path.stem for path in images]
+    if len(set(stems)) != len(stems):
+        repeated = next(s for s in stems if stems.count(s) > 1)
+        raise ValueError(f"layout: two images are called '{repeated}'; rename one")
+    from uniart_jax.data.images import crop, foreground, read_image
+    from uniart_jax.export.folder import check_target, complete_folder
+
+    pictures = [foreground(read_image(path), f"image '{path}'") for path in images]
+    check_target(out, overwrite, images, MARKS)
+    from uniart_jax.layout_picture import draw_layout
+    from uniart_jax.layouts import load_layout_predictor
+    from uniart_jax.pipeline import enable_compilation_cache
+    from uniart_jax.voxels.layout import read_layout
+
+    enable_compilation_cache()
+    console = Console(stderr=True)
+    with console.status("finding the parts"):
+        predictor = load_layout_predictor(checkpoint)
+        size, margin = predictor.image_size, predictor.crop_margin
+        crops = [crop(picture, size, margin) for picture in pictures]
+        layouts = [read_layout(found, threshold) for found in predictor(crops)]
+    with complete_folder(out, overwrite, MARKS) as folder:
+        (folder / MARKS[0]).write_text(json.dumps(stems) + "\n")
+        for stem, cut, found in zip(stems, crops, layouts, strict=True):
+            (folder / f"{stem}.json").write_text(found.to_json())
+            draw_layout(cut, found).save(folder / f"{stem}.png")
+    for stem, found in zip(stems, layouts, strict=True):
+        moving = sum(joint.type != "fixed" for joint in found.joints)
+        line = f"{stem}: {len(found)} parts, {moving} of them move -> {out / stem}.json"
+        console.print(line, highlight=False, markup=False)

@@ -1,0 +1,144 @@
+"""Layouts of held-out procedural objects, from one picture each, against the truth: ``uniart evaluate layout``.
+
+Figures are over moving parts (``evaluation.parts``: found, right) or over objects (count, tree), for all objects, by family and
+by number of moving parts; intervals resample objects. ``calibration``: expected calibration error of the rows' confidence
+against whether a row matches a true part within ``parts.FOUND``.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from uniart_jax.data.folder import write_text
+from uniart_jax.data.images import crop
+from uniart_jax.evaluation.parts import FOUND, PartScores, compare_parts, match_parts, summarize
+from uniart_jax.evaluation.procedural import HeldOut, held_out
+from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED
+from uniart_jax.layout_picture import contact_sheet, draw_layout
+from uniart_jax.layouts import load_layout_predictor
+from uniart_jax.processes import in_order, process_pool
+from uniart_jax.progress import track
+from uniart_jax.voxels.layout import Layout, read_layout
+
+BINS = 10
+SHOWN = 12  # objects on the contact sheet, the first ones
+SIZES = ((1, 1), (2, 3), (4, 7), (8, 99))  # moving parts, from and to
+INTERVALS = ("parts_right", "recall", "count")
+console = Console(stderr=True, highlight=False)
+
+
+def score_layout(layout: Layout, test: HeldOut) -> tuple[PartScores, np.ndarray, np.ndarray]:
+    """Part scores of a layout as an object of boxes, its rows' confidence [K] and whether each matches a true part [K]."""
+    _, distance = match_parts(test.obj.boxes, layout.boxes)  # for each row of the layout
+    return compare_parts(layout.to_object(), test.obj), layout.confidence, distance < FOUND
+
+
+def figures(scored: Sequence[tuple[PartScores, np.ndarray, np.ndarray]]) -> dict[str, float]:
+    """The figures of some objects."""
+    scores = [s for s, _, _ in scored]
+    rows = summarize(scores)
+    error = np.concatenate([s.box_error[s.moving] for s in scores])
+    matched = error[error < FOUND]
+    rows["box_median"] = float(np.median(matched)) if len(matched) else float("nan")
+    sure, hits = (np.concatenate([row[i] for row in scored]) for i in (1, 2))
+    rows["calibration"] = calibration_error(sure, hits)
+    return rows
+
+
+def calibration_error(confidence: np.ndarray, hits: np.ndarray) -> float:
+    """Mean gap between confidence [n] and the share of hits [n], over ``BINS`` bins of confidence, weighted by their rows."""
+    bins = np.minimum((confidence * BINS).astype(int), BINS - 1)
+    gaps = [abs((confidence - hits)[bins == b].sum()) for b in range(BINS)]
+    return float(sum(gaps) / max(len(confidence), 1))
+
+
+def with_intervals(scored: Sequence[Any]) -> dict[str, Any]:
+    """``figures`` and, of ``INTERVALS``, the bootstrap interval over objects as "<name>_interval"."""
+    found: dict[str, Any] = figures(scored)
+    rng = np.random.default_rng(SEED)
+    draws = [
+        summarize([scored[i][0] for i in rng.integers(len(scored), size=len(scored))])
+        for _ in range(min(RESAMPLES, 500))
+    ]
+    tail = 100 * (1 - LEVEL) / 2
+    for name in INTERVALS:
+        values = np.percentile([draw[name] for draw in draws], (tail, 100 - tail))
+        found[f"{name}_interval"] = [float(v) for v in values]
+    return found
+
+
+def judge(layouts: Sequence[Layout], tests: Sequence[HeldOut]) -> dict[str, Any]:
+    """All figures: {"all", "families": {name: …}, "moving_parts": {"2-3": …}}."""
+    scored = [score_layout(layout, test) for layout, test in zip(layouts, tests, strict=True)]
+    families = {
+        family: figures([s for s, t in zip(scored, tests, strict=True) if t.family == family])
+        for family in dict.fromkeys(t.family for t in tests)
+    }
+    sizes = {}
+    for low, high in SIZES:
+        some = [s for s in scored if low <= s[0].moving.sum() <= high]
+        if some:
+            sizes[f"{low}-{high}" if high < 99 else f"{low}+"] = figures(some)
+    return {"all": with_intervals(scored), "families": families, "moving_parts": sizes}
+
+
+def evaluate_layout(
+    checkpoint: str,
+    out: Path,
+    *,
+    count: int = 128,
+    unseen: bool = False,
+    pred: Path | None = None,
+    processes: int = 1,
+    predictor: Callable[[Sequence[np.ndarray]], list[dict[str, np.ndarray]]] | None = None,
+) -> dict[str, Any]:
+    """Judge a checkpoint's layouts of held-out objects, or those of files PRED/<index>.json.
+
+    Args:
+      out: gets metrics.json and layouts.png. predictor: in place of the checkpoint's (``layouts.LayoutPredictor``).
+    """
+    if pred is None and predictor is None:
+        predictor = load_layout_predictor(checkpoint)
+    size = getattr(predictor, "image_size", 128)
+    margin = getattr(predictor, "crop_margin", 1.1)
+    with process_pool(processes) as submit:
+        make = functools.partial(held_out, unseen=unseen, image_size=size)
+        made = in_order(submit, make, range(count), 2 * processes)
+        tests = list(track(made, "held-out objects", count))
+    crops = [crop(test.image, size, margin) for test in tests]
+    if pred is not None:
+        layouts = [_read(Path(pred) / f"{i}.json") for i in range(count)]
+    else:
+        layouts = [read_layout(found) for found in predictor(crops)]
+    found = judge(layouts, tests)
+    settings = {"count": count, "unseen": unseen, "checkpoint": str(pred or checkpoint)}
+    out.mkdir(parents=True, exist_ok=True)
+    write_text(out / "metrics.json", json.dumps({"settings": settings, **found}, indent=2) + "\n")
+    drawn = [draw_layout(c, one) for c, one in zip(crops[:SHOWN], layouts, strict=False)]
+    contact_sheet(drawn).save(out / "layouts.png")
+    console.print(table(found))
+    return found
+
+
+def _read(path: Path) -> Layout:
+    if not path.is_file():
+        raise FileNotFoundError(f"evaluate layout: no '{path}'; give one <index>.json for each held-out object")  # fmt: skip
+    return Layout.from_json(path.read_text())
+
+
+def table(found: dict[str, Any]) -> Table:
+    """The figures for a terminal."""
+    names = ("parts_right", "recall", "count", "tree", "type_accuracy", "box_median", "calibration")
+    shown = Table("", *names, "objects")
+    groups = {"all": found["all"], **found["families"], **found["moving_parts"]}
+    for name, row in groups.items():
+        shown.add_row(name, *(f"{row[n]:.3f}" for n in names), f"{row['objects']:.0f}")
+    return shown

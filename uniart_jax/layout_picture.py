@@ -1,0 +1,87 @@
+"""A layout drawn over the picture that it was found in: boxes, axes, and how far each part travels or turns."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from uniart_jax.render import PART_COLORS
+from uniart_jax.voxels.layout import Layout
+
+SIDE = 384  # pixels of the drawing
+STEPS = 16  # of a path
+AXIS = 0.12  # half length of a drawn axis, object units
+EDGES = [
+    (a, b) for a, b in itertools.combinations(range(8), 2) if bin(a ^ b).count("1") == 1
+]  # corners whose indices differ in one bit
+
+
+def project(code: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """[P, 2] in [-1, 1]^2 across the crop where a camera code [7] sees points [P, 3] (``data.cameras``)."""
+    sine, cosine, elevation, focal, perspective, x, y = np.asarray(code, np.float64)
+    norm = max(float(np.hypot(sine, cosine)), 1e-3)
+    sa, ca, se, ce = sine / norm, cosine / norm, np.sin(elevation), np.cos(elevation)
+    px, py, pz = np.asarray(points, np.float64).T
+    right, ahead = sa * px - ca * py, ca * px + sa * py
+    forward, down = ce * ahead - se * pz, -se * ahead - ce * pz
+    scale = focal / np.maximum(1 + perspective * forward, 0.1)
+    return np.stack([scale * right - x, scale * down - y], -1)
+
+
+def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Image:
+    """A picture of ``side`` pixels.
+
+    Args:
+      crop: [S, S, 3] uint8, what the network saw. layout: with its camera.
+
+    Each part has a colour: its box, the confidence at its centre, its axis (white) and the path of its centre or, where it
+    turns, of the corner farthest from the axis.
+    """
+    image = Image.fromarray(crop).resize((side, side), Image.Resampling.BICUBIC)
+    image = Image.blend(image, Image.new("RGB", image.size, (40, 40, 40)), 0.25)
+    if layout.camera is None:
+        return image
+    pen = ImageDraw.Draw(image)
+    see = lambda p: [tuple(v) for v in (project(layout.camera, p) + 1) * side / 2]  # noqa: E731
+    for k, (box, joint) in enumerate(zip(layout.boxes, layout.joints, strict=True)):
+        color = tuple(int(255 * c) for c in PART_COLORS[k % len(PART_COLORS)])
+        signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
+        corners = box[:3] + signs * box[3:]
+        spots = see(corners)
+        for a, b in EDGES:
+            pen.line([spots[a], spots[b]], fill=color, width=2)
+        pen.text(see(box[None, :3])[0], f"{layout.confidence[k]:.2f}", fill=color)
+        if joint.type == "fixed":
+            continue
+        line = joint.origin + np.outer([-AXIS, AXIS], joint.direction)
+        pen.line(see(line), fill=(255, 255, 255), width=2)
+        pen.line(see(_path(joint, box, corners)), fill=color, width=3)
+    return image
+
+
+def _path(joint, box: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """[STEPS, 3] where a point of the part goes between the ends of its joint."""
+    point = box[:3]
+    if joint.rotates:
+        away = np.cross(corners - joint.origin, joint.direction)
+        point = corners[int(np.linalg.norm(away, axis=1).argmax())]
+    ends = np.linspace(0, 1, STEPS)
+    angle = joint.angle[0] + ends * (joint.angle[1] - joint.angle[0])
+    travel = joint.travel[0] + ends * (joint.travel[1] - joint.travel[0])
+    arm, axis = point - joint.origin, joint.direction
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    turned = arm * cos + np.cross(axis, arm) * sin + axis * (axis @ arm) * (1 - cos)
+    return joint.origin + turned + travel[:, None] * axis
+
+
+def contact_sheet(pictures: Sequence[Image.Image], columns: int = 4) -> Image.Image:
+    """Equal pictures in rows."""
+    side = pictures[0].width
+    rows = -(-len(pictures) // columns)
+    sheet = Image.new("RGB", (side * min(columns, len(pictures)), side * rows))
+    for i, picture in enumerate(pictures):
+        sheet.paste(picture, (side * (i % columns), side * (i // columns)))
+    return sheet

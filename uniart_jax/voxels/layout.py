@@ -1,0 +1,232 @@
+"""A layout: an object's parts as a table, each a box, a joint, a parent, a colour and how sure a network is of it.
+
+As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians, colours sRGB in 0..1:
+
+    {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
+     "camera": [7] code (``data.cameras``) or null,
+     "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]}, "color": [3], "confidence",
+                "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]}}]}
+
+A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and is not read back.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import trimesh
+
+from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE, decode_part
+
+SCHEMA = 1
+FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
+SMALLEST_SIDE = 0.004  # of a box that a mesh is made of
+ROOT = -1  # name of the virtual root
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """K parts at the shown state.
+
+    Attributes:
+      boxes: [K, 6] own boxes, centre and size. joints: K joints; the root's is fixed.
+      parents: [K] rows, -1 for the root; in any order. colors: [K, 3] linear RGB in 0..1.
+      confidence: [K] in 0..1. camera: [7] code of the camera, or None.
+    """
+
+    boxes: np.ndarray
+    joints: tuple[Joint, ...]
+    parents: tuple[int, ...]
+    colors: np.ndarray
+    confidence: np.ndarray
+    camera: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def to_object(self) -> ArticulatedObject:
+        """An object whose parts are their boxes, parents first."""
+        parts = []
+        for k, (box, joint, parent) in enumerate(
+            zip(self.boxes, self.joints, self.parents, strict=True)
+        ):
+            mesh = trimesh.creation.box(np.maximum(box[3:], SMALLEST_SIDE))
+            mesh.apply_translation(box[:3])
+            paint = np.append(linear_to_srgb(np.clip(self.colors[k], 0, 1)), 1.0)
+            mesh.visual.face_colors = np.round(255 * paint).astype(np.uint8)
+            parts.append(Part(f"part_{k}", mesh, int(parent), joint))
+        return ArticulatedObject(tuple(parts))
+
+    def to_json(self) -> str:
+        """Text of the module's schema."""
+        rows = []
+        for k, joint in enumerate(self.joints):
+            rows.append(
+                {
+                    "name": f"part_{k}",
+                    "parent": None if self.parents[k] < 0 else int(self.parents[k]),
+                    "box": {"center": _plain(self.boxes[k, :3]), "size": _plain(self.boxes[k, 3:])},
+                    "color": _plain(linear_to_srgb(np.clip(self.colors[k], 0, 1))),
+                    "confidence": round(float(self.confidence[k]), 4),
+                    "joint": {
+                        "type": joint.type,
+                        "origin": _plain(joint.origin),
+                        "direction": _plain(joint.direction),
+                        "angle": _plain(joint.angle),
+                        "travel": _plain(joint.travel),
+                    },
+                }
+            )
+        camera = None if self.camera is None else _plain(self.camera)
+        data = {"schema": SCHEMA, "frame": FRAME, "camera": camera, "parts": rows}
+        return json.dumps(data, indent=2) + "\n"
+
+    @staticmethod
+    def from_json(text: str) -> Layout:
+        """Read ``to_json``'s text; ``color``, ``confidence`` and ``camera`` may be left out.
+
+        Raises:
+          ValueError: one line that names the row and the field.
+        """
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise ValueError(f"layout: not valid JSON ({error})") from None
+        if not isinstance(data, dict) or data.get("schema") != SCHEMA:
+            raise ValueError(f'layout: give an object with "schema": {SCHEMA}')
+        rows = data.get("parts")
+        if not isinstance(rows, list) or not rows:
+            raise ValueError('layout: "parts" must be a list of at least one part')
+        boxes, joints, parents, colors, confidence = [], [], [], [], []
+        for k, row in enumerate(rows):
+            where = f"layout: part {k}"
+            if not isinstance(row, dict):
+                raise ValueError(f"{where} is not an object")
+            box = _table(row, "box", where)
+            size = _numbers(box, "size", 3, where)
+            if size.min() <= 0:
+                raise ValueError(f"{where}: size {size.tolist()} must be above 0")
+            boxes.append(np.concatenate([_numbers(box, "center", 3, where), size]))
+            parent = row.get("parent")
+            if parent is not None and (type(parent) is not int or not 0 <= parent < len(rows)):
+                raise ValueError(f"{where}: parent {parent!r} is no row of the table, nor null")
+            parents.append(ROOT if parent is None else parent)
+            joints.append(_joint(row, parent, where))
+            paint = _numbers(row, "color", 3, where) if "color" in row else np.full(3, 0.6)
+            colors.append(srgb_to_linear(np.clip(paint, 0, 1)))
+            sure = row.get("confidence", 1.0)
+            if not isinstance(sure, (int, float)) or not 0 <= sure <= 1:
+                raise ValueError(f"{where}: confidence {sure!r} is not in 0..1")
+            confidence.append(float(sure))
+        _check_tree(parents)
+        camera = data.get("camera")
+        camera = None if camera is None else _numbers(data, "camera", 7, "layout")
+        return Layout(
+            np.array(boxes), tuple(joints), tuple(parents), np.array(colors), np.array(confidence), camera
+        )  # fmt: skip
+
+
+def read_layout(outputs: dict[str, np.ndarray], threshold: float = 0.5) -> Layout:
+    """What a layout network says of one picture.
+
+    Args:
+      outputs: corners [Q, 6] (lower, upper), codes [Q, 9], exists [Q] logits, colors [Q, 3] linear RGB, parents [Q, Q] logits
+        child -> parent (the diagonal: that it is the root), camera [7].
+      threshold: of the probability that a row exists; the surest row is always taken.
+
+    Returns:
+      A layout whose tree is the arborescence of the highest total score.
+    """
+    probability = 1 / (1 + np.exp(-np.asarray(outputs["exists"], np.float64)))
+    rows = np.flatnonzero(probability > threshold)
+    rows = rows if len(rows) else np.array([int(probability.argmax())])
+    corners = np.asarray(outputs["corners"], np.float64)[rows]
+    size = np.maximum(corners[:, 3:] - corners[:, :3], SMALLEST_SIDE)
+    boxes = np.concatenate([(corners[:, :3] + corners[:, 3:]) / 2, size], 1)
+    parents = _best_tree(np.asarray(outputs["parents"], np.float64)[np.ix_(rows, rows)])
+    joints = tuple(
+        Joint.fixed()
+        if parents[k] < 0
+        else decode_part(outputs["codes"][row][None], boxes[k, :3], NETWORK_TOLERANCE)
+        for k, row in enumerate(rows)
+    )
+    colors = np.clip(np.asarray(outputs["colors"], np.float64)[rows], 0, 1)
+    camera = np.asarray(outputs["camera"], np.float64)
+    return Layout(boxes, joints, parents, colors, probability[rows], camera)
+
+
+def _best_tree(scores: np.ndarray) -> tuple[int, ...]:
+    """[K] parents, -1 for the one root, that maximise the sum of log-softmax scores [child, parent]."""
+    scores = scores - scores.max(1, keepdims=True)
+    scores = scores - np.log(np.exp(scores).sum(1, keepdims=True))
+    count = len(scores)
+    single = 2 * (np.abs(scores).sum() + 1)  # a second root costs more than any tree gains
+    graph = nx.DiGraph()
+    for child in range(count):
+        graph.add_edge(ROOT, child, weight=single - scores[child, child])
+        for parent in range(count):
+            if parent != child:
+                graph.add_edge(parent, child, weight=-scores[child, parent])
+    tree = nx.minimum_spanning_arborescence(graph)
+    return tuple(int(next(iter(tree.predecessors(k)))) for k in range(count))
+
+
+def _plain(values: Any) -> list[float]:
+    return [round(float(v), 6) for v in np.ravel(values)]
+
+
+def _table(row: dict, name: str, where: str) -> dict:
+    if not isinstance(row.get(name), dict):
+        raise ValueError(f"{where}: {name} is missing or no object")
+    return row[name]
+
+
+def _numbers(row: dict, name: str, count: int, where: str) -> np.ndarray:
+    values = row.get(name)
+    sound = isinstance(values, list) and len(values) == count
+    sound = sound and all(type(v) in (int, float) and np.isfinite(v) for v in values)
+    if not sound:
+        raise ValueError(f"{where}: {name} must be {count} finite numbers")
+    return np.array(values, np.float64)
+
+
+def _joint(row: dict, parent: int | None, where: str) -> Joint:
+    if parent is None:
+        return Joint.fixed()
+    data = _table(row, "joint", where)
+    angle, travel = (_numbers(data, name, 2, where) for name in ("angle", "travel"))
+    if not angle.any() and not travel.any():
+        return Joint.fixed()
+    direction = _numbers(data, "direction", 3, where)
+    length = float(np.linalg.norm(direction))
+    if length < 1e-6:
+        raise ValueError(f"{where}: direction has no length")
+    try:
+        return Joint(
+            _numbers(data, "origin", 3, where),
+            direction / length,
+            angle=(float(angle[0]), float(angle[1])),
+            travel=(float(travel[0]), float(travel[1])),
+        )
+    except ValueError as error:
+        raise ValueError(f"{where}: joint: {error}") from None
+
+
+def _check_tree(parents: list[int]) -> None:
+    roots = [k for k, parent in enumerate(parents) if parent < 0]
+    if len(roots) != 1:
+        raise ValueError(f"layout: {len(roots)} parts without a parent; give exactly one root")
+    for k in range(len(parents)):
+        seen, at = set(), k
+        while at >= 0:
+            if at in seen:
+                raise ValueError(f"layout: part {k}: its parents go in a circle")
+            seen.add(at)
+            at = parents[at]
