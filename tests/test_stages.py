@@ -14,7 +14,13 @@ from safetensors.numpy import load_file
 import uniart_jax
 from uniart_jax import adoption, encoding, procedural, stages
 from uniart_jax.cli import load_config
-from uniart_jax.config import Config, LatentSampleConfig, LossConfig, StructureSampleConfig
+from uniart_jax.config import (
+    NETWORKS,
+    Config,
+    LatentSampleConfig,
+    LossConfig,
+    StructureSampleConfig,
+)
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
@@ -69,7 +75,7 @@ def toy(folder: Path) -> Config:
             mirror_latents=False,
         ),
         loss=LossConfig(voxels_per_object=64, part_share=0.5, readout_share=0.5, noise_share=0.5),
-        **dict.fromkeys(stages.NETWORKS, stage),
+        **dict.fromkeys(NETWORKS, stage),
         sample_structure=StructureSampleConfig(steps=1),
         sample_latent=LatentSampleConfig(steps=1),
     )
@@ -80,18 +86,18 @@ def trained(tmp_path_factory):
     """A config and the WORKDIR of its five stages."""
     folder = tmp_path_factory.mktemp("stages")
     config = toy(folder)
-    stages.run(config, stages.NETWORKS, folder / "work")
+    stages.run(config, NETWORKS, folder / "work")
     return config, folder / "work"
 
 
 def test_every_stage_leaves_its_weights_and_a_second_run_skips_them(trained, capsys):
     config, workdir = trained
     names = {path.stem for path in (workdir / "export").glob("*.safetensors")}
-    assert names == {*stages.NETWORKS, "latent_stats"}
+    assert names == {*NETWORKS, "latent_stats"}
     before = {p.name: p.read_bytes() for p in (workdir / "export").iterdir()}
-    stages.run(config, stages.NETWORKS, workdir)
+    stages.run(config, NETWORKS, workdir)
     assert {p.name: p.read_bytes() for p in (workdir / "export").iterdir()} == before
-    assert capsys.readouterr().err.count("already trained") == len(stages.NETWORKS)
+    assert capsys.readouterr().err.count("already trained") == len(NETWORKS)
 
 
 def test_the_exported_checkpoint_samples(trained):
@@ -267,7 +273,7 @@ def test_flows_are_taken_over_only_with_their_encoder_and_vaes(trained, tmp_path
 
 def test_training_goes_on_from_a_checkpoint_with_one_flow(trained, tmp_path):
     config, workdir = trained
-    adoption.adopt(workdir, [n for n in stages.NETWORKS if n != "latent_flow"], tmp_path / "source")
+    adoption.adopt(workdir, [n for n in NETWORKS if n != "latent_flow"], tmp_path / "source")
     still = dataclasses.replace(config.structure_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
     frozen = dataclasses.replace(config, structure_flow=still)
     stages.run(frozen, ["structure_flow"], tmp_path / "work", init=tmp_path / "source")
@@ -289,7 +295,7 @@ def test_a_wrong_freeze_is_told_before_the_first_stage_trains(trained, tmp_path)
     config, _ = trained
     wrong = dataclasses.replace(config.latent_flow, freeze=("trunk",))
     with pytest.raises(ValueError, match=r"^latent_flow\.freeze: no parameter is named 'trunk'"):
-        stages.run(dataclasses.replace(config, latent_flow=wrong), stages.NETWORKS, tmp_path / "w")
+        stages.run(dataclasses.replace(config, latent_flow=wrong), NETWORKS, tmp_path / "w")
     assert not (tmp_path / "w").exists()
 
 
@@ -343,13 +349,13 @@ def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
     frozen = dataclasses.replace(
         config, model=dataclasses.replace(config.model, image_encoder=encoder)
     )
-    assert stages.trainable(frozen, stages.NETWORKS) == list(stages.NETWORKS[1:])
+    assert stages.trainable(frozen, NETWORKS) == list(stages.NETWORKS[1:])
     with pytest.raises(ValueError, match="uniart convert dinov2"):
         stages.run(frozen, ("image_encoder",), tmp_path / "work")
     paper = load_config(DEBUG.with_name("paper.py"))
     absent = dataclasses.replace(paper.data, records=str(tmp_path / "absent"))
     with pytest.raises(FileNotFoundError, match=r"absent: no such folder; .* uniart prepare"):
-        stages.run(dataclasses.replace(paper, data=absent), stages.NETWORKS, tmp_path / "work")
+        stages.run(dataclasses.replace(paper, data=absent), NETWORKS, tmp_path / "work")
     assert not (tmp_path / "work").exists()
 
 

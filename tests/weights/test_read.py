@@ -22,6 +22,7 @@ from official import (
 from safetensors.numpy import save_file
 
 from uniart_jax.weights.read import read_tensors
+from uniart_jax.weights.torch_legacy import MAGIC, VERSION
 
 VALUES = np.arange(12, dtype=np.float32)
 
@@ -156,6 +157,32 @@ def test_views_stay_within_their_storage(tmp_path, view):
     else:
         program = tensor("FloatStorage", "0", 12, *view)
     refused(torch_file(tmp_path / "a.pth", dictionary({"w": program}), {"0": VALUES.tobytes()}), "w: ")  # fmt: skip
+
+
+def legacy_file(path, program, *storages):
+    """A file of ``torch.save`` before 1.6: five pickles, then each storage's length and numbers."""
+    system = {"protocol_version": 1001, "little_endian": True, "type_sizes": {"int": 4}}
+    heads = [pickle.dumps(v, 2) for v in (MAGIC, VERSION, system)]
+    keys = pickle.dumps([key for key, _ in storages], 2)
+    numbers = b"".join(struct.pack("<q", len(v)) + v.tobytes() for _, v in storages)
+    frame = b"" if program.startswith(b"\x80") else b"\x80\x02"
+    body = program if frame == b"" else frame + program + b"."
+    path.write_bytes(b"".join([*heads, body, keys]) + numbers)
+    return path
+
+
+def test_the_format_of_before_1_6(tmp_path):
+    program = dictionary({"w": GOOD})
+    path = legacy_file(tmp_path / "a.pth", program, ("0", VALUES))
+    found = read_tensors(path)
+    whole = read_tensors(torch_file(tmp_path / "b.pth", program, {"0": VALUES.tobytes()}))
+    np.testing.assert_array_equal(found["w"], whole["w"])
+    path.write_bytes(path.read_bytes()[:-4])
+    refused(path, r"before 1\.6.*truncated")
+    legacy_file(path, program)
+    refused(path, r"before 1\.6.*missing")
+    legacy_file(path, pickle.dumps(os.getcwd, 2), ("0", VALUES))
+    refused(path, r"before 1\.6.*no part of a state dict")
 
 
 def test_damaged_zips(tmp_path):

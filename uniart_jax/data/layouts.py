@@ -18,6 +18,9 @@ import functools
 import json
 import logging
 import os
+import threading
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +46,7 @@ VERSION = 1  # of what ``make_block`` draws
 COLUMNS = ("images", "cameras", "boxes", "codes", "parents", "colors", "part_counts")
 
 logger = logging.getLogger(__name__)
+_LOCK = threading.Lock()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,7 +152,7 @@ def load_block(folder: str | Path, number: int, settings: LayoutSettings) -> dic
             return {name: held[name] for name in COLUMNS}
     except FileNotFoundError:
         pass
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         logger.warning("data: %s is damaged (%s) and is made again", path, error)
     return write_block(folder, number, settings)
 
@@ -157,7 +161,8 @@ def write_block(folder: str | Path, number: int, settings: LayoutSettings) -> di
     """Make block ``number`` and put it into the folder at once."""
     path = block_path(folder, number)
     block = make_block(number, settings)
-    partial = path.with_name(f".{path.stem}-{os.getpid()}.part")
+    # threads of one process may make the same block
+    partial = path.with_name(f".{path.stem}-{os.getpid()}-{threading.get_ident()}.part")
     with open(partial, "wb") as file:
         np.savez_compressed(file, **block)
     os.replace(partial, path)
@@ -227,9 +232,14 @@ class LayoutOrder:
         return Draw(number, places, 0)
 
 
-@functools.lru_cache(maxsize=3)
 def load_window(folder: str, window: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
-    """All blocks of a window, joined."""
+    """All blocks of a window, joined; kept, and read by one thread at a time."""
+    with _LOCK:
+        return _window(folder, window, settings)
+
+
+@functools.lru_cache(maxsize=3)
+def _window(folder: str, window: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
     numbers = range(window * WINDOW, (window + 1) * WINDOW)
     blocks = [load_block(folder, number, settings) for number in numbers]
     return {name: np.concatenate([block[name] for block in blocks]) for name in COLUMNS}

@@ -136,8 +136,17 @@ def _read(path: Path) -> Layout:
 
 def table(found: dict[str, Any]) -> Table:
     """The figures for a terminal."""
-    names = ("parts_right", "recall", "count", "tree", "type_accuracy", "box_median", "calibration")
-    shown = Table("", *names, "objects")
+    names = {
+        "parts_right": "right",
+        "recall": "recall",
+        "count": "count",
+        "tree": "tree",
+        "type_accuracy": "type",
+        "opens_wrong_way": "wrong way",
+        "pivot_median": "pivot",
+        "box_median": "box",
+    }
+    shown = Table("layouts", *names.values(), "objects")
     groups = {"all": found["all"], **found["families"], **found["moving_parts"]}
     for name, row in groups.items():
         shown.add_row(name, *(f"{row[n]:.3f}" for n in names), f"{row['objects']:.0f}")

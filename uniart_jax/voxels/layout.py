@@ -51,6 +51,15 @@ class Layout:
     def __len__(self) -> int:
         return len(self.boxes)
 
+    @staticmethod
+    def of_object(obj: ArticulatedObject, colors: np.ndarray | None = None) -> Layout:
+        """The true layout of a normalised object at its shown state; ``colors`` [K, 3] linear RGB, gray by default."""
+        count = len(obj.parts)
+        colors = np.full((count, 3), 0.5) if colors is None else np.asarray(colors)
+        joints = tuple(part.joint for part in obj.parts)
+        parents = tuple(part.parent for part in obj.parts)
+        return Layout(np.asarray(obj.boxes), joints, parents, colors, np.ones(count))
+
     def to_object(self) -> ArticulatedObject:
         """An object whose parts are their boxes, parents first."""
         parts = []

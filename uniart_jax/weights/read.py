@@ -51,7 +51,10 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
         try:
             return read_legacy(path)
         except ValueError as error:
-            raise ValueError(f"weights '{path}': {error}; download it again") from None
+            raise ValueError(
+                f"weights '{path}': PyTorch's format of before 1.6, but {' '.join(str(error).split())}; "
+                "download it again, or save the state dict alone as safetensors"
+            ) from None
     if path.suffix in TORCH_SUFFIXES:
         return read_torch(path)
     raise ValueError(

@@ -1,0 +1,86 @@
+"""Blocks of pictures and part tables: functions of their number, never of a held-out seed, and batches that resume."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from uniart_jax import procedural
+from uniart_jax.config import DataConfig, GridConfig, ImageEncoderConfig, ModelConfig
+from uniart_jax.data import layouts
+from uniart_jax.data.mirror import mirror_boxes
+from uniart_jax.voxels.joint_code import gauge_variants
+
+SETTINGS = layouts.LayoutSettings(image_size=32)
+MODEL = ModelConfig(grid=GridConfig(32, 4, 16), image_encoder=ImageEncoderConfig(image_size=32))
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("layouts")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(layouts, "BLOCK", 3)
+        patch.setattr(layouts, "WINDOW", 2)
+        layouts._window.cache_clear()
+        yield DataConfig(layouts=str(folder / "blocks"), reuse=2)
+        layouts._window.cache_clear()
+
+
+def test_no_held_out_or_validation_seed_is_trained_on():
+    reserved = range(DataConfig.validation_seed, 10 * procedural.HELD_OUT_SEED)
+    for number in (0, 899_999, 900_000, 999_999, 1_000_000, 5_000_000, 20_000_000):
+        assert layouts.training_seed(number) not in reserved
+    seeds = [layouts.training_seed(n) for n in range(899_990, 900_010)]
+    assert len(set(seeds)) == len(seeds)
+    assert layouts.training_seed(5, DataConfig.validation_seed) == 900_005
+    with pytest.raises(ValueError, match="held-out"):
+        layouts.training_seed(100_000, DataConfig.validation_seed)
+
+
+def test_a_block_is_a_function_of_its_number(data):
+    first, again = layouts.make_block(1, SETTINGS), layouts.make_block(1, SETTINGS)
+    for name in layouts.COLUMNS:
+        np.testing.assert_array_equal(first[name], again[name])
+    other = layouts.make_block(2, SETTINGS)
+    assert not np.array_equal(first["images"], other["images"])
+    assert first["images"].shape == (3, 2, 32, 32, 3) and first["images"].max() > 60
+    assert ((first["colors"] >= 0) & (first["colors"] <= 1)).all()
+
+
+def test_a_damaged_block_is_made_again(data):
+    layouts.claim_folder(data.layouts, SETTINGS)
+    whole = layouts.load_block(data.layouts, 0, SETTINGS)
+    path = layouts.block_path(data.layouts, 0)
+    path.write_bytes(path.read_bytes()[:500])
+    again = layouts.load_block(data.layouts, 0, SETTINGS)
+    np.testing.assert_array_equal(whole["boxes"], again["boxes"])
+
+
+def test_other_settings_are_refused(data):
+    layouts.claim_folder(data.layouts, SETTINGS)
+    with pytest.raises(ValueError, match="other settings"):
+        layouts.claim_folder(data.layouts, dataclasses.replace(SETTINGS, image_size=64))
+
+
+def test_batches_resume_and_are_shared(data):
+    whole = list(itertools.islice(layouts.layout_batches(data, MODEL, 4), 5))
+    later = iter(layouts.layout_batches(data, MODEL, 4))
+    later.set_state({"batch": 3, "batch_size": 4})
+    np.testing.assert_array_equal(next(later)["image"], whole[3]["image"])
+    later.close()
+    halves = [
+        next(iter(layouts.layout_batches(data, MODEL, 4, process_index=i, process_count=2)))
+        for i in (0, 1)
+    ]
+    np.testing.assert_array_equal(np.concatenate([h["boxes"] for h in halves]), whole[0]["boxes"])
+
+
+def test_mirrored_items_belong_together(data):
+    table = layouts.load_window(data.layouts, 0, SETTINGS)
+    plain = layouts._item(table, 1, 0.0, False)
+    turned = layouts._item(table, 1, 0.0, True)
+    np.testing.assert_array_equal(turned["image"], plain["image"][:, ::-1])
+    np.testing.assert_array_equal(turned["boxes"], mirror_boxes(plain["boxes"]))
+    back = layouts.mirror_codes(turned["codes"])
+    assert np.abs(gauge_variants(back) - plain["codes"][:, None]).max(-1).min(-1).max() < 1e-5

@@ -1,0 +1,163 @@
+"""Matching and losses of the layout network: invariances, and scipy's optimum."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from uniart_jax.config import LayoutConfig, ModelConfig, StageConfig
+from uniart_jax.models.network import build
+from uniart_jax.training.layout_loss import layout_losses, match
+from uniart_jax.training.state import create_state, make_optimizer
+from uniart_jax.training.step import make_train_step
+from uniart_jax.voxels.joint_code import gauge_variants
+
+K, Q = 5, 8
+
+
+@pytest.fixture(scope="module")
+def setting():
+    """A prediction and a batch of two objects, of 3 and 5 parts."""
+    rng = np.random.default_rng(0)
+    parts = [
+        {
+            "corners": rng.normal(size=(2, Q, 6)),
+            "codes": rng.normal(size=(2, Q, 9)),
+            "exists": rng.normal(size=(2, Q)),
+            "colors": rng.random((2, Q, 3)),
+        }
+        for _ in range(2)
+    ]
+    out = {"parts": parts, "camera": rng.normal(size=(2, 7)), "parents": rng.normal(size=(2, Q, Q))}
+    counts = np.array([3, 5])
+    valid = np.arange(K) < counts[:, None]
+    batch = {
+        "boxes": np.abs(rng.normal(size=(2, K, 6))) * valid[..., None],
+        "codes": rng.normal(size=(2, K, 9)) * valid[..., None],
+        "colors": rng.random((2, K, 3)) * valid[..., None],
+        "parents": np.array([[0, 0, 1, 0, 0], [0, 0, 1, 2, 0]]),
+        "part_counts": counts,
+        "camera": rng.normal(size=(2, 7)),
+    }
+    cast = lambda x: jnp.asarray(x, jnp.float32 if x.dtype.kind == "f" else jnp.int32)  # noqa: E731
+    return jax.tree.map(cast, out), jax.tree.map(cast, batch)
+
+
+losses = jax.jit(layout_losses)
+
+
+def same(a, b):
+    for name in a:
+        np.testing.assert_allclose(a[name], b[name], rtol=2e-5, atol=1e-6, err_msg=name)
+
+
+def test_matching_is_scipys():
+    rng = np.random.default_rng(1)
+    cost, counts = rng.normal(size=(6, Q, K)).astype(np.float32), np.array([1, 2, 3, 4, 5, 5])
+    found = np.asarray(jax.jit(match)(cost, counts))
+    for b, n in enumerate(counts):
+        rows, columns = linear_sum_assignment(cost[b, :, :n])
+        np.testing.assert_allclose(
+            cost[b, found[b, :n], np.arange(n)].sum(), cost[b, rows, columns].sum(), rtol=1e-5
+        )
+        assert len(set(found[b].tolist())) == K
+
+
+def test_garbage_in_padding_changes_nothing(setting):
+    out, batch = setting
+    spoiled = dict(batch)
+    for name in ("boxes", "codes", "colors"):
+        spoiled[name] = batch[name].at[0, 3:].set(1e6)
+    spoiled["parents"] = batch["parents"].at[0, 3:].set(4)
+    same(losses(out, batch), losses(out, spoiled))
+
+
+def test_the_order_of_the_true_parts_does_not_matter(setting):
+    out, batch = setting
+    order = np.array([2, 0, 1, 4, 3])
+    place = np.argsort(order)
+    moved = dict(batch, part_counts=jnp.array([5, 5]))
+    turned = {n: moved[n][:, order] for n in ("boxes", "codes", "colors")}
+    parents = jnp.asarray(place)[moved["parents"]][:, order]
+    same(losses(out, moved), losses(out, {**moved, **turned, "parents": parents}))
+
+
+def test_the_order_of_the_queries_does_not_matter(setting):
+    out, batch = setting
+    order = np.random.default_rng(2).permutation(Q)
+    parts = [{n: v[:, order] for n, v in part.items()} for part in out["parts"]]
+    moved = {**out, "parts": parts, "parents": out["parents"][:, order][:, :, order]}
+    same(losses(out, batch), losses(moved, batch))
+
+
+@pytest.mark.parametrize("gauge", range(3))
+def test_codes_are_compared_modulo_their_gauges(setting, gauge):
+    out, batch = setting
+    variant = gauge_variants(np.asarray(batch["codes"]))[..., gauge, :]
+    tau = np.asarray(batch["codes"])[..., :1]  # keep within one step, as true codes are
+    usual = dict(batch, codes=batch["codes"].at[..., :1].set(np.tanh(tau)))
+    variant = gauge_variants(np.asarray(usual["codes"]))[..., 1, :]
+    a, b = losses(out, usual), losses(out, dict(usual, codes=jnp.asarray(variant)))
+    np.testing.assert_allclose(a["code"], b["code"], rtol=0.02)
+
+
+def test_a_prediction_without_error_costs_next_to_nothing(setting):
+    _, batch = setting
+    rows = np.array([6, 1, 4, 0, 3])
+    corners = np.concatenate(
+        [batch["boxes"][..., :3] - batch["boxes"][..., 3:] / 2,
+         batch["boxes"][..., :3] + batch["boxes"][..., 3:] / 2], -1
+    )  # fmt: skip
+    part = {
+        "corners": jnp.full((2, Q, 6), 9.0).at[:, rows].set(corners),
+        "codes": jnp.zeros((2, Q, 9)).at[:, rows].set(batch["codes"]),
+        "exists": jnp.full((2, Q), -20.0),
+        "colors": jnp.zeros((2, Q, 3)).at[:, rows].set(batch["colors"]),
+    }
+    parents = jnp.full((2, Q, Q), -20.0)
+    for b, n in enumerate((3, 5)):
+        part["exists"] = part["exists"].at[b, rows[:n]].set(20.0)
+        parents = parents.at[b, rows[:n], rows[batch["parents"][b, :n]]].set(20.0)
+    out = {"parts": [part], "camera": batch["camera"], "parents": parents}
+    assert float(losses(out, batch)["loss"]) < 1e-4
+
+
+def test_muon_moves_hidden_matrices_and_a_small_network_learns():
+    model = ModelConfig(
+        image_encoder=ModelConfig().image_encoder.__class__(image_size=32),
+        layout=LayoutConfig(
+            queries=Q, backbone="convolutions", map_channels=32, width=32, layers=1, heads=2,
+            sketch_width=32, head_width=32,
+        ),
+    )  # fmt: skip
+    network = build("layout", model)
+    rng = np.random.default_rng(3)
+    batch = {
+        "image": rng.random((2, 32, 32, 3), np.float32),
+        "camera": rng.normal(size=(2, 7)).astype(np.float32),
+        "boxes": np.tile(np.float32([0, 0, 0, 0.5, 0.5, 0.5]), (2, K, 1)),
+        "codes": np.zeros((2, K, 9), np.float32),
+        "colors": np.full((2, K, 3), 0.5, np.float32),
+        "parents": np.zeros((2, K), np.int32),
+        "part_counts": np.array([2, 3], np.int32),
+    }
+    stage = StageConfig(
+        steps=12, learning_rate=3e-3, muon=2.0, slow=("backbone",), schedule="linear",
+        warmup_steps=2,
+    )  # fmt: skip
+    optimizer = make_optimizer(stage)
+    from uniart_jax.config import Config, MeshConfig
+    from uniart_jax.training.layout_loss import make_layout_loss
+    from uniart_jax.training.sharding import make_mesh
+
+    state = create_state(network.init, optimizer, jax.random.key(0), make_mesh(MeshConfig()))
+    before = jax.tree.map(np.array, state.params)
+    step = make_train_step(make_layout_loss(network, Config(model=model)), optimizer, 0.9)
+    seen = []
+    for _ in range(12):
+        state, metrics = step(state, batch, jax.random.key(1))
+        seen.append(float(metrics["loss"]))
+    assert np.isfinite(seen).all() and seen[-1] < 0.7 * seen[0]
+    moved = jax.tree.map(lambda a, b: float(np.abs(a - b).max()), before, state.params)
+    assert moved["sketch2"]["kernel"] > 0 and moved["backbone"]["stages"]["0"]["down"]["kernel"] > 0

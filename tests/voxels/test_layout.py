@@ -1,0 +1,93 @@
+"""Layouts as tables and as JSON, and the tree that is read off a network's pointer."""
+
+import json
+
+import numpy as np
+import pytest
+
+from uniart_jax import procedural
+from uniart_jax.evaluation.parts import compare_parts
+from uniart_jax.voxels.joint_code import encode_object
+from uniart_jax.voxels.layout import Layout, read_layout
+
+
+def outputs_of(obj, queries=16, order=None):
+    """What a network without error would say of an object: its parts on rows ``order`` of ``queries``."""
+    boxes, codes, parents = encode_object(obj)
+    rows = np.arange(len(boxes)) if order is None else np.asarray(order)
+    out = {
+        "corners": np.zeros((queries, 6)),
+        "codes": np.zeros((queries, 9)),
+        "exists": np.full(queries, -9.0),
+        "colors": np.full((queries, 3), 0.5),
+        "parents": np.zeros((queries, queries)),
+        "camera": np.array([0, 1, 0.4, 1.6, 0.3, 0, 0]),
+    }
+    out["corners"][rows, :3] = boxes[:, :3] - boxes[:, 3:] / 2
+    out["corners"][rows, 3:] = boxes[:, :3] + boxes[:, 3:] / 2
+    out["codes"][rows], out["exists"][rows] = codes, 9.0
+    out["parents"][rows, rows[parents]] = 9.0
+    return out
+
+
+@pytest.mark.parametrize("family", ["oven", "storage_furniture"])
+def test_reads_the_truth_whatever_rows_hold_it(family):
+    obj = procedural.generate(family, 3)
+    order = np.random.default_rng(0).permutation(16)[: len(obj.parts)]
+    layout = read_layout(outputs_of(obj, order=order))
+    scores = compare_parts(layout.to_object(), obj)
+    assert len(layout) == len(obj.parts)
+    assert scores.right.all() and scores.tree_right
+
+
+def test_a_doubtful_pointer_still_gives_a_tree_with_one_root():
+    obj = procedural.generate("oven", 3)
+    out = outputs_of(obj)
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        out["parents"] = rng.normal(size=(16, 16))
+        out["exists"] = rng.normal(size=16)
+        layout = read_layout(out)
+        assert sum(parent < 0 for parent in layout.parents) == 1
+        layout.to_object()  # refuses circles and second roots
+
+
+def test_nothing_above_the_threshold_leaves_the_surest_row():
+    out = outputs_of(procedural.generate("oven", 3))
+    out["exists"] -= 100.0
+    out["exists"][5] = -3.0
+    layout = read_layout(out)
+    assert len(layout) == 1 and layout.parents == (-1,) and layout.joints[0].type == "fixed"
+
+
+def test_json_round_trip():
+    obj = procedural.generate("washer", 5)
+    layout = Layout.of_object(obj)
+    again = Layout.from_json(layout.to_json())
+    assert np.allclose(again.boxes, layout.boxes, atol=1e-5)
+    assert again.parents == layout.parents
+    assert [j.type for j in again.joints] == [j.type for j in layout.joints]
+    assert np.allclose(again.colors, layout.colors, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda d: d.update(schema=2), "schema"),
+        (lambda d: d["parts"][1].update(parent=99), "part 1: parent 99"),
+        (lambda d: d["parts"][1].update(parent=None), "2 parts without a parent"),
+        (lambda d: d["parts"][0].update(parent=1), "0 parts without a parent"),
+        (lambda d: d["parts"][1].update(parent=1), "part 1: its parents go in a circle"),
+        (lambda d: d["parts"][1]["box"].update(size=[0.1, 0, 0.1]), "part 1: size"),
+        (lambda d: d["parts"][1]["box"].update(center=[0.1, float("nan"), 0]), "part 1: center"),
+        (lambda d: d["parts"][1]["joint"].update(angle=[0.5, 1.0]), "part 1: joint"),
+        (lambda d: d["parts"][1].update(confidence=2), "part 1: confidence"),
+        (lambda d: d["parts"].clear(), "parts"),
+    ],
+)
+def test_bad_tables_are_refused_in_one_line(change, words):
+    data = json.loads(Layout.of_object(procedural.generate("oven", 3)).to_json())
+    change(data)
+    with pytest.raises(ValueError, match=words) as caught:
+        Layout.from_json(json.dumps(data))
+    assert "\n" not in str(caught.value)
