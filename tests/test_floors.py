@@ -54,6 +54,7 @@ SAME_FLOOR = {
     ("adoption", "training"),
     ("stages", "adoption"),
     ("layouts", "training"),
+    ("pipeline", "layouts"),
     ("stages", "encoding"),
     ("stages", "layouts"),
     ("stages", "training"),

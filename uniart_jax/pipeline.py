@@ -29,6 +29,7 @@ from uniart_jax.config import (
 )
 from uniart_jax.data.images import crop, foreground, read_image
 from uniart_jax.flow.solvers import Solution
+from uniart_jax.layouts import LayoutPredictor, load_layout_predictor
 from uniart_jax.models.gaussian_decoder import gaussian_parameters
 from uniart_jax.models.network import build
 from uniart_jax.nn.voxel_plans import voxel_plans
@@ -52,6 +53,7 @@ from uniart_jax.training.export import (
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
+from uniart_jax.voxels.layout import Layout, read_layout
 
 LATENTS = ("structure", "latent")
 GAUSSIANS = "gaussian_decoder.safetensors"
@@ -150,6 +152,24 @@ class Pipeline:
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.forced[0]) for flow, solved in flows.items()},
         )
+
+    def layout(self, image: str | Path | np.ndarray, threshold: float = 0.5) -> Layout:
+        """The object's parts as a table, found by the checkpoint's layout network (``voxels.layout``).
+
+        Args:
+          image: path, or [H, W, 3 or 4] uint8 sRGB. threshold: least confidence of a part that is kept.
+
+        Raises:
+          FileNotFoundError, ValueError: the image cannot be used, or the checkpoint has no layout network.
+        """
+        pixels = np.round(self.prepare(image) * 255).astype(np.uint8)
+        return read_layout(self._layout_predictor([pixels])[0], threshold)
+
+    @functools.cached_property
+    def _layout_predictor(self) -> LayoutPredictor:
+        if self.folder is None:
+            raise ValueError("layout: this pipeline was not loaded from a checkpoint")
+        return load_layout_predictor(str(self.folder))
 
     def options(self, **changes: Any) -> tuple[StructureSampleConfig, LatentSampleConfig]:
         """The checkpoint's sampling options, changed where asked (``SampleConfig``'s fields); None = as they are.

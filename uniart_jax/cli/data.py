@@ -16,7 +16,9 @@ from uniart_jax.cli.arguments import Out, Overwrite, check_out, shard_numbers
 
 
 def prepare(
-    source: Annotated[Literal["procedural", "partnet-mobility", "urdf"], tyro.conf.Positional],
+    source: Annotated[
+        Literal["procedural", "partnet-mobility", "urdf", "layouts"], tyro.conf.Positional
+    ],
     root: Annotated[Path | None, tyro.conf.Positional] = None,
     /,
     *,
@@ -47,7 +49,7 @@ def prepare(
     """Make training records. Can be killed and run again: finished shards are kept.
 
     Args:
-        source: "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF, MJCF and object.json under ROOT.
+        source: "layouts": pictures and part tables of procedural objects, for --stage layout, without voxels; of the options --count, --image-size and --processes. "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF, MJCF and object.json under ROOT.
         root: Folder of assets.
         count: Objects (default: procedural 1000, else all).
         start_seed: procedural: seed of the first object; seeds from 1,000,000 on are held out and never trained on.
@@ -82,6 +84,11 @@ def prepare(
     if source != "procedural" and (families is not None or start_seed):
         raise ValueError("prepare: --families and --start-seed are of procedural objects")
     workers = processes or max(2, os.cpu_count() or 1)  # one would be this process itself
+    if source == "layouts":
+        from uniart_jax.data.layouts import LayoutSettings, prepare_layouts
+
+        prepare_layouts(out, count or 1000, LayoutSettings(image_size=image_size), workers)
+        return
     run = None
     if runner == "beam":
         from uniart_jax.data.beam import check_beam, run_beam

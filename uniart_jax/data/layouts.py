@@ -36,6 +36,8 @@ from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
+from uniart_jax.processes import in_order, process_pool
+from uniart_jax.progress import track
 from uniart_jax.render import Camera, render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
 
@@ -184,6 +186,23 @@ def claim_folder(folder: str | Path, settings: LayoutSettings) -> None:
         os.replace(partial, path)
     elif path.read_text() != text:
         raise ValueError(f"{folder}: holds layouts of other settings; give another folder")
+
+
+def prepare_layouts(
+    folder: str | Path, count: int, settings: LayoutSettings, processes: int = 1
+) -> None:
+    """Make the first blocks, ``count`` objects or a few more; those that are there are kept."""
+    claim_folder(folder, settings)
+    numbers = [n for n in range(-(-count // BLOCK)) if not block_path(folder, n).is_file()]
+    with process_pool(processes) as submit:
+        work = functools.partial(_write, folder=folder, settings=settings)
+        made = in_order(submit, work, numbers, 2 * processes)
+        for _ in track(made, "blocks of layouts", len(numbers), unit="blocks"):
+            pass
+
+
+def _write(number: int, folder: str | Path, settings: LayoutSettings) -> int:
+    return len(write_block(folder, number, settings)["images"])
 
 
 def settings_of(data: DataConfig, model: ModelConfig, validation: bool = False) -> LayoutSettings:

@@ -1,0 +1,95 @@
+"""Judging layouts: the truth is right, and each kind of error is seen."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from uniart_jax.evaluation import layout as judging
+from uniart_jax.evaluation.procedural import held_out
+from uniart_jax.layout_picture import draw_layout, project
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.layout import Layout
+
+
+@pytest.fixture(scope="module")
+def tests():
+    return [held_out(index, image_size=64) for index in (2, 4)]
+
+
+def judge(tests, change=lambda layout: layout):
+    return judging.judge([change(Layout.of_object(t.obj)) for t in tests], tests)["all"]
+
+
+def test_the_truth_is_right(tests):
+    found = judge(tests)
+    names = ("parts_right", "recall", "count", "tree", "type_accuracy")
+    assert [found[name] for name in names] == [1.0] * 5
+    assert found["box_median"] == found["opens_wrong_way"] == found["calibration"] == 0
+    assert found["parts_right_interval"] == [1.0, 1.0]
+
+
+def test_a_shifted_box_is_found_but_not_right(tests):
+    move = np.array([0.12, 0, 0, 0, 0, 0])
+    found = judge(tests, lambda one: dataclasses.replace(one, boxes=one.boxes + move))
+    assert found["parts_right"] == 0 and found["recall"] > 0
+    assert found["box_median"] == pytest.approx(0.12, abs=1e-6)
+
+
+def test_a_joint_that_opens_inwards_is_seen(tests):
+    def turn(one):
+        joints = [
+            j if j.type == "fixed" else Joint(j.origin, -j.direction, j.angle, j.travel)
+            for j in one.joints
+        ]
+        return dataclasses.replace(one, joints=tuple(joints))
+
+    found = judge(tests, turn)
+    assert found["parts_right"] < 0.5 and found["opens_wrong_way"] > 0.5
+
+
+def test_a_lost_part_costs_the_count(tests):
+    def lose(one):
+        rows = [k for k in range(len(one)) if k != len(one) - 1]
+        pick = lambda values: tuple(values[k] for k in rows)  # noqa: E731
+        return Layout(one.boxes[rows], pick(one.joints), pick(one.parents), one.colors[rows], one.confidence[rows])  # fmt: skip
+
+    found = judge(tests, lose)
+    assert found["count"] == 0 and found["recall"] < 1
+
+
+def test_calibration_error():
+    sure = np.array([0.9, 0.9, 0.9, 0.9, 0.2, 0.2])
+    hits = np.array([1, 1, 1, 0, 0, 0])
+    assert judging.calibration_error(sure, hits) == pytest.approx((0.6 + 0.4) / 6)
+
+
+def test_command_writes_figures_and_pictures(tmp_path, tests):
+    def read(images):
+        raise AssertionError("predictions come from files")
+
+    folder = tmp_path / "pred"
+    folder.mkdir()
+    for index in range(2):
+        test = held_out(index, image_size=128)
+        (folder / f"{index}.json").write_text(Layout.of_object(test.obj).to_json())
+    found = judging.evaluate_layout("nano", tmp_path / "out", count=2, pred=folder)
+    kept = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert kept["all"]["parts_right"] == found["all"]["parts_right"] == 1.0
+    assert (tmp_path / "out" / "layouts.png").stat().st_size > 1000
+    with pytest.raises(FileNotFoundError, match=r"no '.*2\.json'"):
+        judging.evaluate_layout("nano", tmp_path / "more", count=3, pred=folder)
+
+
+def test_drawing_projects_as_networks_do(tests):
+    from uniart_jax.nn.lifting import project as of_networks
+
+    code = np.array([0.3, 0.9, 0.4, 1.6, 0.3, 0.1, -0.2])
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 3))
+    places, _ = of_networks(code[None].astype(np.float32), points.astype(np.float32))
+    np.testing.assert_allclose(project(code, points), places[0], atol=1e-5)
+    layout = dataclasses.replace(Layout.of_object(tests[0].obj), camera=code)
+    blank = np.zeros((64, 64, 3), np.uint8)
+    without = draw_layout(blank, dataclasses.replace(layout, camera=None))
+    assert np.abs(np.asarray(draw_layout(blank, layout), int) - np.asarray(without, int)).max() > 90
