@@ -10,7 +10,7 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "uniart_jax"
 FLOORS = [
-    {"config", "locks", "processes", "progress"},
+    {"allocator", "config", "locks", "processes", "progress"},
     {"objects", "nn"},
     {"voxels", "procedural", "render", "diagram", "flow", "layout_picture"},
     {"data", "models"},

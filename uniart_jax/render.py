@@ -41,6 +41,9 @@ PART_COLORS = np.array(
 )  # fmt: skip
 
 
+Scene = tuple[EmbreeScene, np.ndarray, np.ndarray, np.ndarray]
+
+
 @dataclasses.dataclass(frozen=True)
 class Camera:
     """A pinhole that looks at the origin, z up, square frame.
@@ -157,6 +160,7 @@ def render(
     q: np.ndarray | dict[str, float] | None = None,
     samples: int = 4,
     part_colors: bool = False,
+    scene: Scene | None = None,
 ) -> np.ndarray:
     """A picture of the object at state ``q``.
 
@@ -167,6 +171,7 @@ def render(
       q: joint coordinates as ``ArticulatedObject.coordinates`` takes them; None is the shown state.
       samples: a pixel, a square number: 1, 4, 9, ...
       part_colors: paint every part in one colour of its own instead of its appearance.
+      scene: ``build_scene(obj, q)``, where many pictures are taken of one state.
 
     Returns:
       [size, size, 4] float32 sRGB and straight alpha, in [0, 1]; where alpha is 0 the colour is 0.
@@ -174,7 +179,7 @@ def render(
     side = round(samples**0.5)
     if side < 1 or side * side != samples:
         raise ValueError(f"render: {samples} samples a pixel; give a square number (1, 4, 9, 16)")
-    scene, triangles, face_part, first_face = _build_scene(obj, q)
+    scene, triangles, face_part, first_face = scene or build_scene(obj, q)
     origin = camera.position.astype(np.float32)
     hits, lights = [], []
     for row, column in itertools.product(range(side), range(side)):
@@ -213,7 +218,7 @@ def render(
     return image.reshape(size, size, 4)
 
 
-def _build_scene(obj: ArticulatedObject, q):
+def build_scene(obj: ArticulatedObject, q: np.ndarray | dict[str, float] | None = None) -> Scene:
     """Embree scene of all parts at state q; [F, 4, 3] corner, two edges and unit normal of each triangle; [F] part; [K] first face."""
     corners, part, first = [], [], []
     for k, (p, matrix) in enumerate(zip(obj.parts, obj.forward_kinematics(q), strict=True)):

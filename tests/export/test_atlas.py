@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from asset_objects import hollow_box, marching_cubes_block, painted_box, textured_plate
 
+from uniart_jax.export import atlas
 from uniart_jax.export.atlas import FACE_BUDGET, Atlas, make_atlas, rasterize, simplify
 from uniart_jax.export.collision import collision_shapes
 from uniart_jax.export.wavefront import TEXTURE_FILE, write_material, write_textured
@@ -149,3 +150,11 @@ def test_an_open_surface_with_an_odd_number_of_faces_does_not_crash():
     ((vertices, faces),) = simplify([odd], 1.0, budget=100)
     assert len(faces) and np.isfinite(vertices).all()
     assert collision_shapes([odd])
+
+
+def test_the_last_closed_level_is_kept(monkeypatch):
+    """A level that merging opens does not cost those before it."""
+    ball = trimesh.creation.icosphere(5)  # 20,480 faces
+    monkeypatch.setattr(atlas, "_closed", lambda faces: len(faces) > 4000)
+    ((_, faces),) = simplify([ball], 2.0, budget=1000)
+    assert 4000 < len(faces) < len(ball.faces) / 2

@@ -9,6 +9,7 @@ import sys
 
 import tyro
 
+from uniart_jax.allocator import keep_freed_memory
 from uniart_jax.cli.arguments import guarded
 from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
 from uniart_jax.cli.data import features, inspect, prepare, stats
@@ -40,6 +41,7 @@ COMMANDS = {
 def main() -> None:
     """The ``uniart`` program."""
     if sys.argv[1:2] == ["train"]:
+        keep_freed_memory()
         sys.exit(guarded(lambda: train(sys.argv[2:])))
     sys.exit(
         guarded(
@@ -59,4 +61,5 @@ def sample_main() -> None:
 
 def train_main() -> None:
     """``train.py``."""
+    keep_freed_memory()
     sys.exit(guarded(lambda: train(sys.argv[1:])))

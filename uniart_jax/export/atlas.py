@@ -116,20 +116,20 @@ def simplify(
             if solid.status() == manifold3d.Error.NoError and not solid.is_empty():
                 solids[k] = solid
     rest = OPENED * sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
+    out = list(merged)
     for tolerance in TOLERANCES:
         if rest + sum(solid.num_tri() for solid in solids.values()) <= budget:
             break
         for k, solid in solids.items():
             thin = float(np.ptp(merged[k][0], axis=0).min())
             solids[k] = solid.simplify(min(tolerance * side, thin / 8))
-    out = list(merged)
-    for k, solid in solids.items():
-        simple = solid.to_mesh()
-        vertices, faces = _merged(
-            simple.vert_properties[:, :3].astype(np.float64), simple.tri_verts.astype(np.int64)
-        )
-        if len(faces) >= 4 and _closed(faces):  # places that touch may have become one
-            out[k] = vertices, faces
+            simple = solids[k].to_mesh()
+            vertices, faces = _merged(
+                simple.vert_properties[:, :3].astype(np.float64), simple.tri_verts.astype(np.int64)
+            )
+            # places that touch may have become one: then the last closed level stays
+            if len(faces) >= 4 and _closed(faces):
+                out[k] = vertices, faces
     rest = OPENED * sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
     for k, (vertices, faces) in enumerate(merged):
         share = budget * len(faces) / max(rest, budget)

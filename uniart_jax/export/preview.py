@@ -15,7 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from uniart_jax.diagram import picture
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, fit, render
+from uniart_jax.render import Camera, Scene, build_scene, fit, render
 
 TILE = 320  # pixels a side
 BACKGROUND = (244, 244, 246)
@@ -43,13 +43,13 @@ def choose_view(obj: ArticulatedObject, image: Image.Image | None) -> Camera:
     target = _cropped(np.asarray(small, np.float32) / 255)
     if target is None or target[..., 3].min() > 0.9:
         return DEFAULT_VIEW
-    best = (np.inf, 0.0, 0.0)
+    best, scene = (np.inf, 0.0, 0.0), build_scene(obj)
     coarse = [(a, e) for e in (8, 20, 32) for a in range(-50, 51, 10)]
     for azimuth, elevation in coarse:
-        best = min(best, (_mismatch(obj, target, azimuth, elevation), azimuth, elevation))
+        best = min(best, (_mismatch(obj, scene, target, azimuth, elevation), azimuth, elevation))
     fine = [(best[1] + a, best[2] + e) for e in (-6, 0, 6) for a in (-5, 0, 5)]
     for azimuth, elevation in fine:
-        best = min(best, (_mismatch(obj, target, azimuth, elevation), azimuth, elevation))
+        best = min(best, (_mismatch(obj, scene, target, azimuth, elevation), azimuth, elevation))
     if not np.isfinite(best[0]):
         return DEFAULT_VIEW
     return _view(best[1], best[2])
@@ -61,12 +61,11 @@ def _view(azimuth: float, elevation: float) -> Camera:
 
 
 def _mismatch(
-    obj: ArticulatedObject, target: np.ndarray, azimuth: float, elevation: float
+    obj: ArticulatedObject, scene: Scene, target: np.ndarray, azimuth: float, elevation: float
 ) -> float:
     """Mean difference between the object seen from there (degrees) and the cropped image; infinite if nothing is seen."""
-    seen = _cropped(
-        render(obj, fit(obj, _view(azimuth, elevation)), MATCH_SIZE * 3 // 2, samples=1)
-    )
+    camera = fit(obj, _view(azimuth, elevation))
+    seen = _cropped(render(obj, camera, MATCH_SIZE * 3 // 2, samples=1, scene=scene))
     if seen is None:
         return np.inf
     return float(np.abs(_premultiplied(seen) - _premultiplied(target)).mean())
