@@ -51,6 +51,7 @@ from uniart_jax.training.export import (
     read_statistics,
 )
 from uniart_jax.voxels.assemble import assemble
+from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.layout import Layout, read_layout
@@ -104,6 +105,7 @@ class Pipeline:
         *,
         seed: int = 0,
         name: str = "object",
+        layout: Layout | bool = True,
         progress: Callable[[str], None] = lambda step: None,
         **changes: Any,
     ) -> Sample:
@@ -112,6 +114,8 @@ class Pipeline:
         Args:
           image: path, or [H, W, 3 or 4] uint8 sRGB; a sequence of them = several views.
           seed: same seed, same object.
+          layout: parts, joints and tree that the object follows (``voxels.follow``): a layout in the image's frame and state; True =
+            what the checkpoint's layout network finds in the (first) image, where it has one; False = they are read off the voxels.
           progress: called with the name of each step.
           changes: of both flows' options (``options``): steps, guidance, solver, adaptive, tolerance, …
 
@@ -146,8 +150,11 @@ class Pipeline:
         latent = np.asarray(solution.x)[0, : len(coords)]
         grid = self.decode_sampled(coords, latent, latent_options)
         flows = {"structure": structure, "latent": solution}
+        found = self.find_layout(pixels[0]) if layout is True else layout or None
         return Sample(
-            assemble(grid, name=name, tolerance=NETWORK_TOLERANCE),
+            assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
+            if found is None
+            else assemble_layout(grid, found, name=name),
             {"structure": structure_options, "latent": latent_options},
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.forced[0]) for flow, solved in flows.items()},
@@ -162,8 +169,19 @@ class Pipeline:
         Raises:
           FileNotFoundError, ValueError: the image cannot be used, or the checkpoint has no layout network.
         """
-        pixels = np.round(self.prepare(image) * 255).astype(np.uint8)
-        return read_layout(self._layout_predictor([pixels])[0], threshold)
+        if not self.config.model.layout.queries:
+            raise ValueError("layout: this checkpoint has no layout network; train one with --stage layout")  # fmt: skip
+        return self._read_layout(self.prepare(image), threshold)
+
+    def find_layout(self, pixels: np.ndarray) -> Layout | None:
+        """The layout of a prepared image [S, S, 3]; None where the checkpoint has no layout network."""
+        if not self.config.model.layout.queries or self.folder is None:
+            return None
+        return self._read_layout(pixels) if has_export(self.folder, "layout.safetensors") else None
+
+    def _read_layout(self, pixels: np.ndarray, threshold: float = 0.5) -> Layout:
+        picture = np.round(pixels * 255).astype(np.uint8)
+        return read_layout(self._layout_predictor([picture])[0], threshold)
 
     @functools.cached_property
     def _layout_predictor(self) -> LayoutPredictor:

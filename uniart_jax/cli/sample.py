@@ -41,6 +41,8 @@ def sample(
     adaptive: bool = False,
     tolerance: float | None = None,
     multi_view: bool = False,
+    layout: Path | None = None,
+    follow: bool = True,
     formats: Formats = None,
     size: Size = None,
     density: Density = None,
@@ -64,6 +66,8 @@ def sample(
         adaptive: Steps as long as the error allows, instead of --steps of them.
         tolerance: Of --adaptive: error that is allowed (default: the checkpoint's).
         multi_view: The images are views of one object.
+        layout: JSON of `uniart layout`, perhaps edited: the parts, joints and tree that the object follows, instead of what is found in the image.
+        follow: Follow a layout, where the checkpoint finds one; else parts and joints are read off the voxels.
         refine: Draw in limits and shift axes a little where a joint runs into the object (report.json says which).
         check: Try the asset in the physics engines that are installed (report.json says how it went).
     """
@@ -84,6 +88,7 @@ def sample(
     least, most = TOLERANCES
     if tolerance is not None and not least <= tolerance <= most:
         raise ValueError(f"sample: --tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
+    given = _layout(layout, follow, len(images) == 1 or multi_view)
     from uniart_jax.export.mass import check_weights
     from uniart_jax.export.size import parse_size
 
@@ -127,6 +132,7 @@ def sample(
                         [picture for _, picture in views],
                         seed=seed + i,
                         name=views[0][0].stem,
+                        layout=given,
                         progress=lambda step, name=name: status.update(f"{name}: {step}"),
                         **changes,
                     )
@@ -157,6 +163,22 @@ def sample(
         kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
         print(f"error: {what}: {kind}{' '.join(str(error).split())}", file=sys.stderr)
     return 1 if failed else 0
+
+
+def _layout(path: Path | None, follow: bool, single: bool) -> Any:
+    """What ``Pipeline.sample`` takes as ``layout``."""
+    if path is None:
+        return follow
+    if not follow or not single:
+        raise ValueError("sample: --layout is of one image, and goes without --no-follow")
+    if not path.is_file():
+        raise FileNotFoundError(f"layout '{path}': no such file")
+    from uniart_jax.voxels.layout import Layout
+
+    try:
+        return Layout.from_json(path.read_text())
+    except (ValueError, UnicodeDecodeError) as error:
+        raise ValueError(f"layout '{path}': {error}") from None
 
 
 @contextlib.contextmanager

@@ -5,7 +5,8 @@ One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown st
     representation     truth -> voxels -> object
     vae                truth -> voxels -> UniArt VAE -> object
     latent_flow        image + true active voxels -> latent flow -> object
-    image_to_object    image -> object: the model
+    image_to_object    image -> object: the model; it follows the layout of its layout network, where it has one
+    without_layout     the same voxels, their parts and joints read off themselves
     retrieval          image -> the nearest training image's object (by image features), the paper's section 3
 """
 
@@ -40,8 +41,10 @@ from uniart_jax.processes import in_order, process_pool
 from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
+from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, occupancy
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
+from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.voxelize import voxelize
 
 ATTEMPTS = 20
@@ -199,7 +202,9 @@ def evaluate_checkpoint(
             overlaps.append(overlap)
             others = {} if retrieve is None else {"retrieval": retrieve(pixels)}
             folder = out if k < pictures else None
-            found.append(submit(finish, test, grids, others, folder, f"{k:03d}-{test.family}"))
+            layout = pipeline.find_layout(pixels)
+            name = f"{k:03d}-{test.family}"
+            found.append(submit(finish, test, grids, others, folder, name, layout))
             if k >= ahead:  # wait rather than pile them up
                 found[k - ahead].result()
         results = [future.result() for future in found]
@@ -242,11 +247,15 @@ def finish(
     others: dict[str, ArticulatedObject],
     out: Path | None,
     name: str,
+    layout: Layout | None = None,
 ) -> tuple[dict[str, Score], dict[str, bool]]:
     """Assemble every station's object and score it; where ``out`` is given, draw them and write the model's as an asset (``check_asset``)."""
     predicted = {"representation": assemble(test.grid.gather())}
     for station, grid in grids.items():
         predicted[station] = assemble(grid, tolerance=NETWORK_TOLERANCE)
+    if layout is not None:
+        predicted["without_layout"] = predicted["image_to_object"]
+        predicted["image_to_object"] = assemble_layout(grids["image_to_object"], layout)
     predicted |= others
     loads: dict[str, bool] = {}
     if out is not None:

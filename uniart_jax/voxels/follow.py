@@ -1,0 +1,107 @@
+"""VoxelGrid and Layout -> ArticulatedObject: sub-cells join the layout's rows, joints and tree are the layout's.
+
+Where a layout is known, nothing is clustered and no joint is voted for (``assemble`` does both). A sub-cell at place p that
+says its part has the box b joins the row of the least
+
+    cost = outside(p, row) + SAID * mean |corners(b) - corners(row)| + SIZE * longest side of the row        (object units)
+
+so that a place within several boxes goes to the one that it names, or else to the smallest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from uniart_jax.objects.kinematics import topological_order
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.voxels.assemble import _finite, mesh_parts
+from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
+from uniart_jax.voxels.joint_code import box_corners
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.loose_parts import with_parts_joined
+from uniart_jax.voxels.segment import Segmentation, outside
+
+SAID = 0.25
+SIZE = 0.02
+FEWEST = 4  # solid sub-cells that a part is made of; with fewer its row is left out
+
+
+def row_of_subcells(grid: VoxelGrid, layout: Layout) -> np.ndarray:
+    """[V, r^3] int16 row of the layout that each sub-cell joins."""
+    places = subcell_centers(grid.coords, grid.resolution, grid.subdivisions).astype(np.float32)
+    said = box_corners(np.asarray(grid.own_box, np.float32))
+    rows = box_corners(layout.boxes).astype(np.float32)
+    best = np.full(places.shape[:2], np.inf, np.float32)
+    owner = np.zeros(places.shape[:2], np.int16)
+    for k, row in enumerate(rows):  # one at a time: the sub-cells are hundreds of thousands
+        cost = np.maximum(outside(places, row), 0) + SAID * np.abs(said - row).mean(-1)
+        cost += SIZE * float((row[3:] - row[:3]).max())
+        nearer = cost < best
+        best[nearer], owner[nearer] = cost[nearer], k
+    return owner
+
+
+def assemble_layout(
+    grid: VoxelGrid, layout: Layout, *, scale: float = 1.0, name: str = ""
+) -> ArticulatedObject:
+    """The object that the voxels show, with the layout's parts, tree and joints.
+
+    Args:
+      grid: attributes on active voxels as a network gives them. layout: of the same shown state and frame.
+
+    Returns:
+      Parts 'base', 'link_1', ..., parents first; every mesh is closed. A row that no voxel shows is left out, its children
+      hang on its parent, and ``provenance`` says so.
+
+    Raises:
+      ValueError: the grid holds no voxels.
+    """
+    if len(grid.coords) == 0:
+        raise ValueError("assemble: the voxel grid is empty; nothing was generated")
+    grid = _finite(grid)
+    owner = row_of_subcells(grid, layout)
+    solid = np.bincount(owner[np.asarray(grid.sdf) < 0], minlength=len(layout))
+    left_out = [k for k in range(len(layout)) if solid[k] < FEWEST and layout.parents[k] >= 0]
+    notes = tuple(
+        f"part {k} of the layout (confidence {layout.confidence[k]:.2f}) left out: no voxels show it"
+        for k in left_out
+    )
+    if left_out:
+        layout = _without(layout, left_out)
+        owner = row_of_subcells(grid, layout)
+    boxes = np.asarray(layout.boxes, np.float32)
+    pure = (owner == owner[:, :1]).all(1)
+    told = dataclasses.replace(grid, own_box=boxes[owner])
+    meshes = mesh_parts(told, Segmentation(boxes, owner, pure))
+    order = topological_order(list(layout.parents))
+    position = {old: new for new, old in enumerate(order)}
+    parts = tuple(
+        Part(
+            "base" if layout.parents[k] < 0 else f"link_{position[k]}",
+            meshes[k],
+            position.get(layout.parents[k], -1),
+            layout.joints[k],
+        )
+        for k in order
+    )
+    return with_parts_joined(ArticulatedObject(parts, scale=scale, name=name, provenance=notes))
+
+
+def _without(layout: Layout, left_out: list[int]) -> Layout:
+    """The layout without some rows, none of them the root; what hung on them hangs on their parents."""
+    parents = list(layout.parents)
+    for k in range(len(parents)):
+        while parents[k] in left_out:
+            parents[k] = parents[parents[k]]
+    kept = [k for k in range(len(layout)) if k not in left_out]
+    position = {old: new for new, old in enumerate(kept)} | {-1: -1}
+    return Layout(
+        layout.boxes[kept],
+        tuple(layout.joints[k] for k in kept),
+        tuple(position[parents[k]] for k in kept),
+        layout.colors[kept],
+        layout.confidence[kept],
+        layout.camera,
+    )
