@@ -349,7 +349,7 @@ def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
     frozen = dataclasses.replace(
         config, model=dataclasses.replace(config.model, image_encoder=encoder)
     )
-    assert stages.trainable(frozen, NETWORKS) == list(stages.NETWORKS[1:])
+    assert stages.trainable(frozen, NETWORKS) == list(NETWORKS[1:])
     with pytest.raises(ValueError, match="uniart convert dinov2"):
         stages.run(frozen, ("image_encoder",), tmp_path / "work")
     paper = load_config(DEBUG.with_name("paper.py"))
