@@ -296,7 +296,7 @@ class DataConfig:
         0.0  # UniArt VAE, all items: so the brightness and each channel of a part's colour
     )
     layouts: str = "data-cache/layouts"  # blocks of pictures and part tables (``data.layouts``)
-    reuse: int = 6  # of those: how often training shows each object
+    reuse: int = 3  # of those: how often training shows each object
     new_joints: float = 0.0  # UniArt VAE: share of the parts whose joint and parent are drawn anew (``objects.perturb.draw_joint``)
     seed: int = 0
     workers: int = 0
