@@ -117,6 +117,9 @@ def test_bad_images_are_one_line(tmp_path, write, says):
         (("--adaptive", "--tolerance", "nan"), "--tolerance must be in 0.0001..1"),
         (("--solver", "rk4"), "rk4"),
         (("--num-samples", 0), "--num-samples"),
+        (("--layout", "absent.json"), "layout 'absent.json': no such file"),
+        (("--layout", "absent.json", "--no-follow"), "goes without --no-follow"),
+        (("--layout", str(ROOT / "README.md")), "not valid JSON"),
     ],
 )
 def test_nonsense_options(tmp_path, options, says):
@@ -235,6 +238,23 @@ def test_a_bug_in_one_sample_does_not_cost_the_others(tmp_path, monkeypatch, two
     assert sample_command(two_images, out, check=False, refine=False, formats=("urdf",)) == 1
     assert (out / "light/sample-0/object.urdf").is_file() and not (out / "dark").exists()
     assert "error: dark.png, seed 0: IndexError: list index out of range" in capsys.readouterr().err
+
+
+@shipped
+@pytest.mark.slow
+def test_an_edited_layout_is_followed(tmp_path):
+    """A hinge made a slider, by hand in the file, slides in the asset."""
+    import uniart_jax as ua
+
+    data = json.loads(ua.load("nano").layout(EXAMPLE).to_json())
+    row = next(p for p in data["parts"] if p["joint"]["type"] == "revolute")
+    row["joint"] |= {"angle": [0, 0], "travel": [0, 0.2], "direction": [-1, 0, 0]}
+    (tmp_path / "edited.json").write_text(json.dumps(data))
+    out = tmp_path / "out"
+    sample(EXAMPLE, "--out", out, "--layout", tmp_path / "edited.json", "--no-refine", "--no-check")
+    kinds = [p["type"] for p in json.loads((out / "report.json").read_text())["parts"]]
+    wanted = [p["joint"]["type"] for p in data["parts"] if p["parent"] is not None]
+    assert kinds.count("prismatic") == wanted.count("prismatic") + 1
 
 
 def test_unknown_checkpoint(tmp_path):
