@@ -319,7 +319,8 @@ def add_knob(
     pointer: bool = True,
     skirt: bool = False,
 ) -> int:
-    """A turning knob on a plane x = at[0] (1 mm of air behind it), ``pointer``: with a ridge.
+    """A turning knob on a plane x = at[0] (1 mm of air behind it), ``pointer``: with a ridge
+    that points up at rest.
 
     ``sweep``: how far it turns, radians; None: without end. ``skirt``: a flat disc of the mark's
     colour at its foot, as knobs with a scale have; the body is then narrower.
@@ -332,11 +333,10 @@ def add_knob(
     if skirt:
         disc = cylinder("x", [x - foot, y, z], foot - 0.001, radius, radius, segments=18)
         shape.add(disc, mark)
-    if pointer:
-        w = 0.2 * radius
-        ridge = box(
-            [x - 1.35 * reach, y - w, z - 0.75 * radius], [x - reach, y + w, z + 0.8 * radius]
-        )
+    if pointer:  # from the axis to the rim on one side only: a picture must show where it points
+        w = 0.22 * radius
+        rim = radius if skirt else 0.8 * radius
+        ridge = box([x - 1.35 * reach, y - w, z - w], [x - reach, y + w, z + rim])
         shape.add(ridge, mark)
     joint = turn((x, y, z), (1, 0, 0)) if sweep is None else hinge((x, y, z), (1, 0, 0), sweep)
     return asm.add(name, shape, parent, joint)
