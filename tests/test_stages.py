@@ -201,7 +201,7 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys)
         stages.run(config, ["latent_flow"], tmp_path / "work", init=source)  # it should have them
     write_config(source, dataclasses.replace(config, model=model))
     assert adoption.adoptable(config, source, ["structure_flow"], tmp_path / "work") == ["image_encoder", "structure_vae", "uniart_vae"]  # fmt: skip
-    assert "latent_flow reads no pixels" in capsys.readouterr().err.replace("\n", " ")
+    assert "latent_flow has no pixel_channels" in capsys.readouterr().err.replace("\n", " ")
     stages.run(config, ["latent_flow"], tmp_path / "work", init=source)
     after = load_file(tmp_path / "work/export/latent_flow.safetensors")
     for name, leaf in flat_names(before).items():

@@ -24,11 +24,13 @@ from uniart_jax.training.export import (
     write_statistics,
 )
 
+FLOWS = ("structure_flow", "latent_flow")
+ADDED = ("pixel_channels", "layout_channels")  # layers that a flow can be given later
 console = Console(stderr=True, highlight=False)
 
 
 def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
-    """The networks of checkpoint ``source`` that WORKDIR takes (``taken``), looked at. A latent flow that is left for want of pixels is named on the console.
+    """The networks of checkpoint ``source`` that WORKDIR takes (``taken``), looked at. A flow that is left for want of layers is named on the console.
 
     Raises:
       ValueError: one of them does not fit the config.
@@ -36,17 +38,19 @@ def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path
     found = taken(config, source, stages, workdir)
     for name in found:
         load_network(source, name, build(name, config.model).abstract())
-    here = "latent_flow" in stages or exported(workdir, "latent_flow")
-    if not here and lacks_pixels(source, config.model) and distributed.is_first():
-        console.print(f"{source}: its latent_flow reads no pixels, the config's does, so it is not taken; train it: --stage latent_flow", style="yellow", markup=False)  # fmt: skip
+    for name in FLOWS:
+        if name in stages or exported(workdir, name) or not distributed.is_first():
+            continue
+        for option in lacking(source, name, config.model):
+            console.print(f"{source}: its {name} has no {option}, the config's has, so it is not taken; train it: --stage {name}", style="yellow", markup=False)  # fmt: skip
     return found
 
 
 def taken(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
     """The networks that checkpoint ``source`` has, WORKDIR lacks and that are not trained now.
 
-    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents. A latent
-    flow that lacks layers to read pixels with is only something to train on from (``first_weights``), not to take.
+    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents. A
+    flow that lacks layers to read pixels or a layout with is only something to train on from (``first_weights``), not to take.
     """
     return [
         name
@@ -55,31 +59,34 @@ def taken(config: Config, source: Path, stages: Sequence[str], workdir: Path) ->
         and not exported(workdir, name)
         and has_export(source, f"{name}.safetensors")
         and (not name.endswith("_flow") or same_ground(source, stages, workdir))
-        and not (name == "latent_flow" and lacks_pixels(source, config.model))
+        and not (name in FLOWS and lacking(source, name, config.model))
     ]
 
 
 def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
     """Weights of checkpoint ``source`` that a training of network ``name`` begins with (nested dict, float32).
 
-    A latent flow that had no ``pixel_channels`` may get them: what is returned lacks their layers, which stay as drawn and begin by adding nothing, so that
-    the network begins with the function that it was.
+    A flow that had no ``pixel_channels`` or ``layout_channels`` may get them: what is returned lacks their layers, which stay as drawn and begin by
+    adding nothing, so that the network begins with the function that it was.
 
     Raises:
       FileNotFoundError, ValueError: as ``load_network``.
     """
-    if name == "latent_flow" and lacks_pixels(source, model):
-        blind = dataclasses.replace(model.latent_flow, pixel_channels=0)
-        model = dataclasses.replace(model, latent_flow=blind)
+    if name in FLOWS and (options := lacking(source, name, model)):
+        blind = dataclasses.replace(getattr(model, name), **dict.fromkeys(options, 0))
+        model = dataclasses.replace(model, **{name: blind})
     return load_network(source, name, build(name, model).abstract())
 
 
-def lacks_pixels(source: Path, model: ModelConfig) -> bool:
-    """Whether checkpoint ``source`` has a latent flow that reads no pixels, where the config's does."""
-    files = ("latent_flow.safetensors", "config.json")
-    if not model.latent_flow.pixel_channels or not all(has_export(source, f) for f in files):
-        return False
-    return not read_config(source).model.latent_flow.pixel_channels
+def lacking(source: Path, name: str, model: ModelConfig) -> list[str]:
+    """Which of ``ADDED`` the config's flow ``name`` has and that of checkpoint ``source`` has not."""
+    if not all(has_export(source, file) for file in (f"{name}.safetensors", "config.json")):
+        return []
+    ours = getattr(model, name)
+    if not any(getattr(ours, option) for option in ADDED):
+        return []
+    theirs = getattr(read_config(source).model, name)
+    return [o for o in ADDED if getattr(ours, o) and not getattr(theirs, o)]
 
 
 def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:

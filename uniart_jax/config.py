@@ -135,6 +135,8 @@ class FlowConfig:
     ``volume_channels``: the first so many of the image encoder's volume (its features, then 3 of colour) added to the tokens they are
     aligned with; 0 = none (TRELLIS).
     ``pixel_channels``: width of what each voxel reads off the pictures where the camera sees it (``nn.lifting.read_pixels``); latent flow of stem 'patch'; 0 = none.
+    ``layout_channels``: width of what each voxel (structure flow: each cell of its latent) sees of a layout (``models.layout_features``); latent flow of
+    stem 'patch'; 0 = none (TRELLIS).
     ``position_table``: the structure flow holds its position embedding as a frozen table instead of computing it (weights whose table differs).
     ``prediction``: the network's output is the velocity (TRELLIS) or the clean sample, from which the velocity follows.
     """
@@ -151,6 +153,7 @@ class FlowConfig:
     volume_channels: int = 0
     volume_resolution: int = 8
     pixel_channels: int = 0
+    layout_channels: int = 0
     prediction: Literal["velocity", "data"] = "velocity"
     stem: Literal["conv", "patch"] = "conv"
     voxel_channels: int = 0
@@ -297,6 +300,9 @@ class DataConfig:
     )
     layouts: str = "data-cache/layouts"  # blocks of pictures and part tables (``data.layouts``)
     reuse: int = 3  # of those: how often training shows each object
+    # flows that see a layout: share of the side by which pictures are bent at most, so that the layout says where things are
+    image_warp: float = 0.0
+    layout_errors: float = 0.0  # and the strength of the errors in it (``data.layout_errors``)
     new_joints: float = 0.0  # UniArt VAE: share of the parts whose joint and parent are drawn anew (``objects.perturb.draw_joint``)
     seed: int = 0
     workers: int = 0

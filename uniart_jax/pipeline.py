@@ -55,6 +55,7 @@ from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.layout import Layout, read_layout
+from uniart_jax.voxels.part_table import EMPTY, part_table
 
 LATENTS = ("structure", "latent")
 GAUSSIANS = "gaussian_decoder.safetensors"
@@ -135,7 +136,8 @@ class Pipeline:
         structure_options, latent_options = self.options(**changes)
         progress("looking at the image")
         pixels = np.stack([self.prepare(view) for view in views])
-        condition = join_views(self.encode_images(pixels))
+        found = self.find_layout(pixels[0]) if layout is True else layout or None
+        condition = self.following(join_views(self.encode_images(pixels)), [found])
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
         structure = self.solve_structure(condition, keys[0], structure_options)
@@ -150,7 +152,6 @@ class Pipeline:
         latent = np.asarray(solution.x)[0, : len(coords)]
         grid = self.decode_sampled(coords, latent, latent_options)
         flows = {"structure": structure, "latent": solution}
-        found = self.find_layout(pixels[0]) if layout is True else layout or None
         return Sample(
             assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
             if found is None
@@ -178,6 +179,15 @@ class Pipeline:
         if not self.config.model.layout.queries or self.folder is None:
             return None
         return self._read_layout(pixels) if has_export(self.folder, "layout.safetensors") else None
+
+    def following(self, condition: Condition, layouts: Sequence[Layout | None]) -> Condition:
+        """The condition of B images with their layouts for flows that see them (``FlowConfig.layout_channels``); None: flows are to do without."""
+        model = self.config.model
+        if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
+            return condition
+        most = model.grid.max_parts
+        rows = [EMPTY if item is None else item.rows(most) for item in layouts]
+        return condition._replace(layout=part_table(rows, most))
 
     def _read_layout(self, pixels: np.ndarray, threshold: float = 0.5) -> Layout:
         picture = np.round(pixels * 255).astype(np.uint8)

@@ -28,12 +28,14 @@ class Condition(NamedTuple):
     Attributes:
       tokens: [B, L, D]. volume: [B, Rv, Rv, Rv, C]; None where the image encoder has none (DINOv2).
       pixels, cameras: [B, N, S, S, C], [B, N, 7] maps of N views and where they were taken from (``nn.lifting.read_pixels``); None where the latent flow reads none.
+      layout: part tables [B, ...] (``voxels.part_table``) that the flows follow; None where they see none.
     """
 
     tokens: Any
     volume: Any = None
     pixels: Any = None
     cameras: Any = None
+    layout: Any = None
 
 
 def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
@@ -63,7 +65,7 @@ def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callabl
         )
 
         def velocity(x, t, seen):
-            return network.apply(params, x, t, seen.tokens, seen.volume)
+            return network.apply(params, x, t, seen.tokens, seen.volume, layout=seen.layout)
 
         nothing = jax.tree.map(jnp.zeros_like, condition)
         guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
@@ -86,8 +88,8 @@ def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[.
         noise = jnp.where(valid, jax.random.normal(key, (*coords.shape[:2], channels)), 0)
 
         def velocity(x, t, seen):
-            views = (seen.pixels, seen.cameras)
-            return network.apply(params, x, t, seen.tokens, seen.volume, views=views, **voxels)
+            given = {"views": (seen.pixels, seen.cameras), "layout": seen.layout, **voxels}
+            return network.apply(params, x, t, seen.tokens, seen.volume, **given)
 
         nothing = jax.tree.map(jnp.zeros_like, condition)
         guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
@@ -137,8 +139,8 @@ def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> d
 
 
 def join_views(condition: Condition) -> Condition:
-    """Several views [M, ...] of one object as one condition [1, ...]: tokens and maps side by side, volumes (aligned with the object) averaged."""
-    tokens, volume, *views = condition
+    """Several views [M, ...] of one object as one condition [1, ...], without a layout: tokens and maps side by side, volumes (aligned with the object) averaged."""
+    tokens, volume, *views = condition[:4]
     mean = None if volume is None else volume.mean(0, keepdims=True)
     views = [None if v is None else v.reshape(1, -1, *v.shape[2:]) for v in views]
     return Condition(tokens.reshape(1, -1, tokens.shape[-1]), mean, *views)

@@ -37,6 +37,7 @@ from uniart_jax.training.layout_metrics import layout_readings
 from uniart_jax.training.metrics import part_readings, summarize_readings
 from uniart_jax.training.state import TrainState
 from uniart_jax.voxels.grid import faired
+from uniart_jax.voxels.part_table import ROWS, part_table
 
 Evaluation = Callable[[TrainState, int], tuple[dict[str, float], dict[str, np.ndarray]]]
 IMAGE_BATCH = 16
@@ -220,7 +221,7 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
         chosen = spread(len(source), number)
         for start in range(0, number, IMAGE_BATCH):
             items = [source[i] for i in chosen[start : start + IMAGE_BATCH]]
-            condition = _condition(items, condition_of)
+            condition = _condition(items, condition_of, config)
             key = jax.random.key(start)
             latent = sampler(state.ema, statistics["structure"], condition, key).x
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
@@ -256,7 +257,7 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
             )
             voxels = flow_inputs(coords, counts, config.model)
             key = jax.random.key(index)
-            condition = _condition([item], condition_of)
+            condition = _condition([item], condition_of, config)
             latent = sampler(state.ema, statistics["latent"], condition, key, voxels).x
             batch: dict[str, Any] = {"coords": coords, "counts": counts}
             batch["plans"] = voxel_plans(
@@ -292,9 +293,16 @@ def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Con
     return functools.partial(make_conditioner(config.model), parameters)
 
 
-def _condition(items: list[dict[str, Any]], condition_of: Callable[..., Condition]) -> Condition:
+def _condition(
+    items: list[dict[str, Any]], condition_of: Callable[..., Condition], config: Config
+) -> Condition:
+    """What flows see of the first picture of each item, and of its true layout."""
     images = np.stack([item["images"][0] for item in items]).astype(np.float32) / 255
-    return condition_of(jnp.asarray(images))
+    condition, model = condition_of(jnp.asarray(images)), config.model
+    if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
+        return condition
+    tables = [{name: item[name] for name in ROWS} for item in items]
+    return condition._replace(layout=part_table(tables, model.grid.max_parts))
 
 
 def filled(occupancy: np.ndarray) -> Cells:

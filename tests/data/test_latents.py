@@ -10,8 +10,18 @@ from hand_records import MODEL
 
 from uniart_jax.config import DataConfig
 from uniart_jax.data import latents
+from uniart_jax.voxels.part_table import ROWS
 
 DATA = DataConfig(voxel_buckets=(32, 64), seed=2)
+
+
+def make_layout(parts, rng):
+    return {
+        "boxes": rng.uniform(0.2, 0.5, (parts, 6)),
+        "codes": rng.normal(size=(parts, 9)),
+        "parents": np.maximum(np.arange(parts) - 1, 0),
+        "colors": rng.random((parts, 3)),
+    }
 
 
 def make_items(count=9, scale=1.0):
@@ -26,6 +36,7 @@ def make_items(count=9, scale=1.0):
             "voxel_part": np.arange(len(flat)) % 3,
             "latent": rng.normal(-1, 0.5, (len(flat), 6)),
             "images": rng.integers(0, 100, (2, 4, 4, 3)) + np.array([0, 155]).reshape(2, 1, 1, 1),
+            **make_layout(3, rng),
         }
 
 
@@ -45,7 +56,7 @@ def test_round_trip_and_statistics(cache):
         for name in latents.FIELDS:
             np.testing.assert_allclose(stored[name], item[name], rtol=1e-3, atol=1e-3)
     some = latents.LatentSource(cache, without=("structure", "images"))[3]
-    assert set(some) == {"coords", "voxel_part", "latent", "record", "mirrored"}
+    assert set(some) == {"coords", "voxel_part", "latent", "record", "mirrored", *ROWS}
     np.testing.assert_array_equal(some["latent"], source[3]["latent"])
     found = latents.read_statistics(cache)
     every = np.concatenate([item["latent"] for item in items])

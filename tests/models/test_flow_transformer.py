@@ -6,7 +6,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from toy import MODEL, finite, flow_arguments, flow_views, init, latent_config, voxel_batch
+from toy import (
+    MODEL,
+    finite,
+    flow_arguments,
+    flow_table,
+    flow_views,
+    init,
+    latent_config,
+    voxel_batch,
+)
 
 from uniart_jax.models.flow_transformer import _patchify, _unpatchify
 from uniart_jax.models.network import build
@@ -39,6 +48,7 @@ LATENT_FLOWS = {
     "patch-voxel": dict(stem="patch", share_mod=True, voxel_channels=8),
     "patch-pixel": dict(stem="patch", pixel_channels=6),
     "patch-voxel-pixel": dict(stem="patch", voxel_channels=8, pixel_channels=6),
+    "patch-voxel-layout": dict(stem="patch", voxel_channels=8, layout_channels=6),
     "conv": dict(stem="conv", io_channels=(6,)),
     "conv-io3-noskip": dict(
         stem="conv", io_channels=(6,), num_io_res_blocks=3, use_skip_connection=False
@@ -61,7 +71,8 @@ def test_latent_flow_ignores_padding(changes):
     def step(params, x, coords, counts, plan):
         def loss(params):
             voxels = {"coords": coords, "counts": counts, "plan": plan}
-            v = network.apply(params, x, t, tokens, volume, views=views, **voxels)
+            given = {"views": views, "layout": flow_table(), **voxels}
+            v = network.apply(params, x, t, tokens, volume, **given)
             return jnp.square(v).sum(), v
 
         return jax.grad(loss, has_aux=True)(params)
@@ -85,7 +96,7 @@ def test_latent_flow_ignores_padding(changes):
 
 
 def test_latent_flow_draws_share_voxels():
-    model = latent_config(voxel_channels=8, pixel_channels=6)
+    model = latent_config(voxel_channels=8, pixel_channels=6, layout_channels=6)
     network = build("latent_flow", model)
     params = init(network)
     tokens, volume, t = flow_arguments(2)
@@ -97,7 +108,8 @@ def test_latent_flow_draws_share_voxels():
     def run(coords, counts):
         plan = flow_plan(coords, counts, model.latent_flow, model.grid)
         voxels = {"coords": coords, "counts": counts, "plan": plan}
-        return apply(params, x, t, tokens, volume, views=views, **voxels)
+        given = {"views": views, "layout": flow_table(), **voxels}
+        return apply(params, x, t, tokens, volume, **given)
 
     shared = run(batch["coords"], batch["counts"])
     alone = run(np.repeat(batch["coords"], 2, 0), np.repeat(batch["counts"], 2))
@@ -160,6 +172,42 @@ def test_reading_pixels_begins_at_nothing():
     )
     before = build("latent_flow", plain).apply(params, batch["latent"], t, tokens, volume, **voxels)
     np.testing.assert_allclose(found, before, rtol=1e-5, atol=1e-5)
+
+
+def test_a_flow_sees_the_layout_of_its_own_picture_and_begins_without():
+    """Both flows: new layers add nothing yet; once they do, a part moves its own object alone, and the table's order and padding do not matter."""
+    tokens, volume, t = flow_arguments()
+    batch = voxel_batch(MODEL)
+    rng = np.random.default_rng(0)
+    structure = dataclasses.replace(MODEL.structure_flow, layout_channels=6)
+    models = {
+        "structure_flow": dataclasses.replace(MODEL, structure_flow=structure),
+        "latent_flow": latent_config(voxel_channels=8, layout_channels=6),
+    }
+    for name, model in models.items():
+        x, voxels = jnp.asarray(rng.normal(size=(2, 2, 2, 2, 3)), jnp.float32), {}
+        if name == "latent_flow":
+            plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
+            x = batch["latent"]
+            voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+        flow = dataclasses.replace(getattr(model, name), layout_channels=0)
+        plain, network = (build(name, m) for m in (dataclasses.replace(model, **{name: flow}), model))  # fmt: skip
+        params, table = init(plain), flow_table()
+        fresh = network.init(jax.random.key(0))
+        params |= {key: fresh[key] for key in fresh.keys() - params.keys()}
+        before = plain.apply({k: params[k] for k in plain.abstract()}, x, t, tokens, volume, **voxels)  # fmt: skip
+        apply = jax.jit(network.apply)
+        found = apply(params, x, t, tokens, volume, layout=table, **voxels)
+        np.testing.assert_allclose(found, before, rtol=1e-5, atol=1e-5)
+        params = init(network)
+        run = lambda table: apply(params, x, t, tokens, volume, layout=table, **voxels)  # noqa: B023, E731
+        whole = run(table)
+        moved = np.abs(run(table._replace(boxes=table.boxes.at[0, 0].add(0.1))) - whole)
+        assert moved[0].max() > 1e-3 and not moved[1].any()
+        with pytest.raises(ValueError, match="part table"):
+            network.apply(params, x, t, tokens, volume, **voxels)
+    with pytest.raises(ValueError, match="layout_channels"):
+        build("latent_flow", latent_config(stem="conv", io_channels=(6,), layout_channels=6)).abstract()  # fmt: skip
 
 
 def test_a_flow_that_reads_pixels_says_where_it_cannot():

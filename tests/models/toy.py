@@ -16,6 +16,7 @@ from uniart_jax.config import (
 )
 from uniart_jax.models.image_encoder import TYPICAL, pixel_width
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.voxels.part_table import PartTable
 
 FLOW = FlowConfig(
     model_channels=24,
@@ -127,3 +128,13 @@ def flow_views(views=2, seed=0):
     maps = rng.normal(size=(2, views, 8, 8, pixel_width(MODEL.image_encoder)))
     cameras = np.array(TYPICAL) + rng.normal(0, 0.1, (2, views, 7))
     return jnp.asarray(maps, jnp.float32), jnp.asarray(cameras, jnp.float32)
+
+
+def flow_table(seed=0):
+    """Part tables of two items (``layout_channels``): four parts and three of five rows."""
+    rng = np.random.default_rng(seed)
+    boxes = np.concatenate([rng.uniform(-0.3, 0.3, (2, 5, 3)), rng.uniform(0.05, 0.5, (2, 5, 3))], -1)  # fmt: skip
+    floats = (boxes, rng.normal(size=(2, 5, 9)), rng.random((2, 5, 3)))
+    boxes, codes, colors = (jnp.asarray(a, jnp.float32) for a in floats)
+    parents = jnp.asarray(rng.integers(0, 3, (2, 5)), jnp.int32)
+    return PartTable(boxes, codes, parents, colors, jnp.array([4, 3], jnp.int32))

@@ -16,6 +16,7 @@ from hand_records import make_record, write_folder
 from uniart_jax.data import latents
 from uniart_jax.data.batches import voxel_batches
 from uniart_jax.nn.grids import CELL_SHARES
+from uniart_jax.voxels.part_table import EMPTY
 
 SIZES = [6 + 3 * k for k in range(40)]  # voxels: 6 to 123, two widths
 BATCHES = 120
@@ -71,6 +72,7 @@ def test_batches_of_latents_have_a_few_sets_of_shapes_a_width(tmp_path, stem):
                 "voxel_part": np.zeros(count, int),
                 "latent": rng.normal(size=(count, 6)),
                 "images": np.zeros((1, 4, 4, 3)),
+                **EMPTY,
             }
 
     latents.write_latents(tmp_path / "latents", items(), key="")

@@ -5,6 +5,7 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf
 from uniart_jax.encoding import latent_metric
 from uniart_jax.training.readout import WEIGHTS, fit_metric
+from uniart_jax.voxels.part_table import EMPTY
 
 RNG = np.random.default_rng(0)
 WIDTHS = {"own_box": 6, "joint_code": 9, "parent_box": 6, "color": 3, "sdf": 8}
@@ -66,6 +67,7 @@ def test_metric_of_stored_latents_is_that_of_their_own_voxels(tmp_path):
                 "voxel_part": record.voxel_part,
                 "latent": known @ attribute,
                 "images": record.images[..., :3],
+                **EMPTY,
             }
 
     latent_store.write_latents(tmp_path / "latents", items(), key="k")

@@ -4,7 +4,7 @@
     OUT/metadata.json               key, number of items, mean and std of both latents
 
 An item: ``structure`` [s, s, s, C] f2 latent mean of the structure VAE; ``coords`` [V, 3] u1, ``voxel_part`` [V] u1 and ``latent`` [V, C'] f2
-latent mean of the UniArt VAE; ``images`` [N, H, W, 3] u1 the N views as networks see them, which the image encoder reads in a flow's step: that costs
+latent mean of the UniArt VAE; ``boxes`` [K, 6], ``codes`` [K, 9], ``colors`` [K, 3] f4 and ``parents`` [K] i4, the layout; ``images`` [N, H, W, 3] u1 the N views as networks see them, which the image encoder reads in a flow's step: that costs
 a few percent of it, and a better encoder needs no new latents. A folder is complete or absent;
 one that is being made lies beside it under another name, and a pass that was cut off goes on at its next shard.
 """
@@ -22,15 +22,17 @@ from typing import Any, Literal
 
 import numpy as np
 
-from uniart_jax.config import DataConfig, ModelConfig
+from uniart_jax.config import DataConfig, FlowConfig, ModelConfig
 from uniart_jax.data.batches import local_rows, usable
 from uniart_jax.data.folder import read_metadata, write_text
+from uniart_jax.data.layout_errors import bend, with_errors
 from uniart_jax.data.order import Draw, ShuffledOrder
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.nn.grids import flow_plan
+from uniart_jax.voxels.part_table import ROWS, part_table
 
-FIELDS = ("structure", "coords", "voxel_part", "latent", "images")
+FIELDS = ("structure", "coords", "voxel_part", "latent", "images", *ROWS)
 SHARD_ITEMS = 256
 
 
@@ -135,6 +137,8 @@ def write_latent_shard(out: str | Path, name: str, items: Sequence[Mapping[str, 
         arrays = {field: np.asarray(item[field]) for field in FIELDS}
         for field in ("coords", "voxel_part", "images"):
             arrays[field] = arrays[field].astype(np.uint8)
+        for field in ROWS:
+            arrays[field] = arrays[field].astype(np.int32 if field == "parents" else np.float32)
         for field, moment in moments.items():
             with np.errstate(over="ignore"):
                 arrays[field] = arrays[field].astype(np.float16)
@@ -257,7 +261,8 @@ def latent_batches(
 
     Both stages: ``image`` [B, H, W, 3] float32 in [0, 1]. Structure flow: ``structure`` [B, s, s, s, C] float32.
     Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``voxel_part`` [B, V] int32, ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and
-    ``plans["flow"]``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
+    ``plans["flow"]``. A flow that sees layouts: ``layout``, a ``voxels.part_table.PartTable``, with ``data.layout_errors`` in it, and pictures bent by
+    ``data.image_warp``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
     ``data.mirror_latents`` is decided by what ``write_latents`` was given.
 
     Args and errors: as ``batches.voxel_batches``.
@@ -276,32 +281,50 @@ def latent_batches(
         model=model,
         seed=seed,
         rows=local_rows(batch_size, process_index, process_count, accumulate),
+        data=data,
     )
     return Batches(ShuffledOrder(records, widths, batch_size, seed), load, data.workers)
 
 
 def _draw_items(
-    draw: Draw, source: LatentSource, seed: int, rows: np.ndarray
+    draw: Draw,
+    source: LatentSource,
+    seed: int,
+    rows: np.ndarray,
+    data: DataConfig,
+    flow: FlowConfig,
+    most: int,
 ) -> tuple[list[dict[str, Any]], Batch]:
     views = draw.generator(seed).random(len(draw.records))[rows]
     items = [source[int(index)] for index in draw.records[rows]]
     chosen = [item["images"][int(v * len(item["images"]))] for v, item in zip(views, items, strict=True)]  # fmt: skip
     batch = {"image": np.stack(chosen).astype(np.float32) / np.float32(255)}
+    if flow.layout_channels:
+        seeds = draw.generator(seed + 1).integers(2**31, size=len(draw.records))[rows]
+        rngs = [np.random.default_rng([own, 4]) for own in seeds]
+        tables = [{name: item[name] for name in ROWS} for item in items]
+        tables = [with_errors(t, data.layout_errors, g) for t, g in zip(tables, rngs, strict=True)]
+        batch["layout"] = part_table(tables, most)
+        if data.image_warp:
+            bent = [bend(i, data.image_warp, g) for i, g in zip(batch["image"], rngs, strict=True)]
+            batch["image"] = np.stack(bent)
     return items, batch
 
 
 def _load_structure(
-    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray
-) -> Batch:
-    items, batch = _draw_items(draw, source, seed, rows)
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig
+) -> Batch:  # fmt: skip
+    flow, most = model.structure_flow, model.grid.max_parts
+    items, batch = _draw_items(draw, source, seed, rows, data, flow, most)
     batch["structure"] = np.stack([item["structure"] for item in items]).astype(np.float32)
     return batch
 
 
 def _load_latents(
-    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray
-) -> Batch:
-    items, batch = _draw_items(draw, source, seed, rows)
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig
+) -> Batch:  # fmt: skip
+    flow, most = model.latent_flow, model.grid.max_parts
+    items, batch = _draw_items(draw, source, seed, rows, data, flow, most)
     channels = items[0]["latent"].shape[-1]
     batch["coords"] = np.zeros((len(items), draw.width, 3), np.int32)
     batch["counts"] = np.array([len(item["coords"]) for item in items], np.int32)

@@ -198,11 +198,10 @@ def evaluate_checkpoint(
             submit, functools.partial(held_out_for, model, unseen=unseen), range(count), ahead
         )
         for k, test in enumerate(track(tests, "held-out objects", count)):
-            grids, overlap, pixels = predict(pipeline, test, k)
+            grids, overlap, pixels, layout = predict(pipeline, test, k)
             overlaps.append(overlap)
             others = {} if retrieve is None else {"retrieval": retrieve(pixels)}
             folder = out if k < pictures else None
-            layout = pipeline.find_layout(pixels)
             name = f"{k:03d}-{test.family}"
             found.append(submit(finish, test, grids, others, folder, name, layout))
             if k >= ahead:  # wait rather than pile them up
@@ -224,11 +223,12 @@ def evaluate_checkpoint(
 
 def predict(
     pipeline: Pipeline, test: HeldOut, seed: int
-) -> tuple[dict[str, VoxelGrid], float, np.ndarray]:
-    """What the networks say at every station, the IoU of the sampled structure with the true one, and the image as they see it."""
+) -> tuple[dict[str, VoxelGrid], float, np.ndarray, Layout | None]:
+    """What the networks say at every station, the IoU of the sampled structure with the true one, the image as they see it, and its layout."""
     coords = test.grid.coords
     pixels = pipeline.prepare(test.image)
-    condition = pipeline.encode_images(pixels[None])
+    layout = pipeline.find_layout(pixels)
+    condition = pipeline.following(pipeline.encode_images(pixels[None]), [layout])
     keys = jax.random.split(jax.random.key(seed))
     found = pipeline.sample_structure(condition, keys[0])[0]
     if len(found) == 0:  # a failure counts: an object of one speck
@@ -238,7 +238,7 @@ def predict(
         latent = pipeline.sample_latents([where], condition, keys[1])[0]
         grids[name] = pipeline.decode_sampled(where, latent)
     dense = [occupancy(c, test.grid.resolution) for c in (found, coords)]
-    return grids, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()), pixels
+    return grids, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()), pixels, layout
 
 
 def finish(

@@ -2,7 +2,8 @@
 
 Upstream: TRELLIS ``models/sparse_structure_flow.py`` and ``models/structured_latent_flow.py``. Ours, as config options: a 'patch' stem
 that makes one token of a cube of voxels, features of the image encoder's volume added to the tokens that they are aligned with, pixels
-that each voxel reads where the camera sees it, and prediction of the clean sample instead of the velocity.
+that each voxel reads where the camera sees it, what each voxel or cell sees of a layout (``models.layout_features``), and prediction of the
+clean sample instead of the velocity.
 
 A call may carry several noise draws per image: x has n times the context's batch, item-major, and shares its image's condition.
 """
@@ -10,6 +11,7 @@ A call may carry several noise draws per image: x has n times the context's batc
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +19,7 @@ from flax import nnx
 
 from uniart_jax.config import FlowConfig, ModelConfig
 from uniart_jax.models.image_encoder import pixel_width
+from uniart_jax.models.layout_features import LayoutFeatures
 from uniart_jax.nn.blocks import (
     LayerNorm,
     ModulatedBlock,
@@ -43,6 +46,7 @@ from uniart_jax.nn.pooling import (
 )
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.nn.stack import run_stack
+from uniart_jax.voxels.part_table import PartTable
 
 T_MIN = 0.05  # below this time a predicted sample is turned into a velocity as if at this time
 
@@ -90,6 +94,22 @@ class FlowTrunk(nnx.Module):
         aligned = align_volume(layer_norm(volume, 1e-5), self.side)
         return jnp.repeat(self.volume_layer(aligned), draws, axis=0)
 
+    def _make_layout(self, children: int, cells: int, rngs: nnx.Rngs, dtype) -> None:
+        """Layers for a layout: features of ``cells`` a token, each of ``children`` a side; what they add begins at nothing."""
+        p = self.config.layout_channels
+        self.layout = LayoutFeatures(children, rngs, dtype)
+        self.layout_in = linear(self.layout.width, 2 * p, rngs, dtype=dtype)
+        self.layout_hidden = linear(2 * p, p, rngs, dtype=dtype)
+        self.layout_cube = linear(cells * p, self.config.model_channels, rngs, init=zeros, dtype=dtype)  # fmt: skip
+
+    def _see_layout(self, table: PartTable | None, coords: jax.Array, resolution: int) -> Any:
+        """[B, S, layout_channels] what cells [B, S, 3] see of the layout; None without ``layout_channels``."""
+        if not self.config.layout_channels:
+            return None
+        table = _required(table, "layout_channels", "layout", "the part table of a")
+        h = self.layout_in(self.layout(table, coords, resolution))
+        return jax.nn.gelu(self.layout_hidden(jax.nn.gelu(h)))
+
     def run_blocks(
         self, h: jax.Array, time: jax.Array, context: jax.Array, lengths: jax.Array | None = None
     ) -> jax.Array:
@@ -132,6 +152,12 @@ class StructureFlow(FlowTrunk):
                 "structure_flow: pixel_channels belongs to the latent flow; set it to 0"
             )
         self._make_trunk(c, config, latent_side // c.patch_size, rngs)
+        if p := c.layout_channels:
+            self.latent_side = latent_side
+            self._make_layout(config.grid.resolution // latent_side, c.patch_size**3, rngs, dtype)
+            self.cell_in = linear(2 * s.latent_channels, p, rngs, dtype=dtype)
+            self.cell_hidden = linear(p, p, rngs, dtype=dtype)
+            self.cell_out = linear(p, s.latent_channels, rngs, init=zeros)
         self.input_layer = linear(channels, c.model_channels, rngs, dtype=dtype)
         self.out_layer = linear(c.model_channels, channels, rngs, init=zeros)
         self.pos_emb = nnx.Param(self._computed_positions()) if c.position_table else None
@@ -146,18 +172,41 @@ class StructureFlow(FlowTrunk):
         return position_embedding(grid_coords(self.side), self.config.model_channels)
 
     def __call__(
-        self, x: jax.Array, t: jax.Array, tokens: jax.Array, volume: jax.Array | None = None
+        self,
+        x: jax.Array,
+        t: jax.Array,
+        tokens: jax.Array,
+        volume: jax.Array | None = None,
+        *,
+        layout: PartTable | None = None,
     ) -> jax.Array:
-        """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1], given tokens [B / n, M, D'] and volume [B / n, Rv, Rv, Rv, C']."""
-        h = self.input_layer(_patchify(self.see(x, t), self.config.patch_size))
+        """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1], given tokens [B / n, M, D'], volume [B / n, Rv, Rv, Rv, C'] and, with
+        ``layout_channels``, layout [B / n, ...]."""
+        seen, draws = self.see(x, t), x.shape[0] // tokens.shape[0]
+        h = self.input_layer(_patchify(seen, self.config.patch_size))
+        parts = self._see_cells(layout, draws)
+        if parts is not None:
+            h = h + self.layout_cube(_patchify(parts, self.config.patch_size))
         h = h + self.position_embedding().astype(h.dtype)
         if self.config.volume_channels:
             volume = _required(volume, "volume_channels", "volume")
-            added = self.embed_volume(volume, x.shape[0] // tokens.shape[0])
+            added = self.embed_volume(volume, draws)
             h = h + added.reshape(h.shape)
         h = self.run_blocks(h, self.embed_time(t), tokens)
         out = self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
-        return self.to_velocity(_unpatchify(out, self.side, self.config.patch_size), x, t)
+        out = _unpatchify(out, self.side, self.config.patch_size)
+        if parts is not None:  # a token is narrower than what its cells see
+            cell = self.cell_in(jnp.concatenate([out, seen], -1)) + parts
+            out = out + self.cell_out(jax.nn.gelu(self.cell_hidden(jax.nn.gelu(cell))))
+        return self.to_velocity(out, x, t)
+
+    def _see_cells(self, layout: PartTable | None, draws: int) -> Any:
+        """[B, r, r, r, layout_channels] of the latent's cells; None without ``layout_channels``."""
+        if not self.config.layout_channels:
+            return None
+        coords = jnp.asarray(grid_coords(self.latent_side))[None]
+        parts = self._see_layout(layout, coords, self.latent_side)
+        return jnp.repeat(parts.reshape(-1, *(self.latent_side,) * 3, parts.shape[-1]), draws, 0)
 
 
 class SparseResBlock(nnx.Module):
@@ -217,9 +266,15 @@ class LatentFlow(FlowTrunk):
                 self.pixel_cube = linear(slots * p, d, rngs, init=zeros, dtype=dtype)
                 if e:
                     self.pixel_voxel = linear(p, e, rngs, init=zeros, dtype=dtype)
+            if c.layout_channels:
+                self.resolution = config.grid.resolution
+                self._make_layout(config.grid.subdivisions, slots, rngs, dtype)
+                if e:
+                    self.layout_voxel = linear(c.layout_channels, e, rngs, init=zeros, dtype=dtype)
             return
-        if c.voxel_channels or c.pixel_channels:
-            name = "voxel_channels" if c.voxel_channels else "pixel_channels"
+        for name in ("voxel_channels", "pixel_channels", "layout_channels"):
+            if not getattr(c, name):
+                continue
             raise ValueError(f"latent_flow: {name} belongs to the stem 'patch'; set it to 0")
         if c.patch_size != 2 ** len(c.io_channels) or (c.share_mod and c.io_channels):
             raise ValueError(
@@ -248,6 +303,7 @@ class LatentFlow(FlowTrunk):
         volume: jax.Array | None = None,
         *,
         views: tuple[jax.Array | None, jax.Array | None] = (None, None),
+        layout: PartTable | None = None,
         coords: jax.Array,
         counts: jax.Array,
         plan: FlowPlan,
@@ -257,6 +313,7 @@ class LatentFlow(FlowTrunk):
         Args:
           tokens: [B / n, M, D']. volume: [B / n, Rv, Rv, Rv, C'].
           views: with ``pixel_channels``, maps [B / n, N, S, S, C''] and cameras [B / n, N, 7] of N pictures (``nn.lifting.read_pixels``).
+          layout: with ``layout_channels``, the part table [B / n, ...] of each picture's object.
           coords [B / m, V, 3], counts [B / m] and their plan (``nn.grids.flow_plan``): m draws in a row share them.
         """
         shared = x.shape[0] // coords.shape[0]
@@ -269,8 +326,12 @@ class LatentFlow(FlowTrunk):
         draws = x.shape[0] // tokens.shape[0]
         seen = self.see(x, t)
         if self.config.stem == "patch":
-            pixels = self._read(views, draws, shared, coords, counts)
-            out = self._patch(seen, time, tokens, volume, draws, coords, counts, plan, pixels)
+            extra = {
+                "pixel": self._read(views, draws, shared, coords, counts),
+                "layout": self._read_layout(layout, draws, shared, coords),
+            }
+            extra = {name: values for name, values in extra.items() if values is not None}
+            out = self._patch(seen, time, tokens, volume, draws, coords, counts, plan, extra)
         else:
             out = self._convolve(seen, time, tokens, volume, draws, coords, counts, plan)
         return jnp.where(valid, self.to_velocity(out, x, t), 0)
@@ -297,16 +358,24 @@ class LatentFlow(FlowTrunk):
         h = self.pixel_hidden(jax.nn.gelu(self.pixel_in(read))).mean(1)
         return jnp.repeat(jax.nn.gelu(h), draws, axis=0)
 
-    def _patch(self, x, time, tokens, volume, draws, coords, counts, plan, pixels):
+    def _read_layout(self, layout, draws, shared, coords):
+        """[B, V, layout_channels] of what voxels see of the layout; None without ``layout_channels``."""
+        if layout is not None and shared % draws:
+            layout, draws = jax.tree.map(lambda a: jnp.repeat(a, draws, axis=0), layout), 1
+        seen = self._see_layout(layout, coords[::draws], getattr(self, "resolution", 0))
+        return None if seen is None else jnp.repeat(seen, draws, axis=0)
+
+    def _patch(self, x, time, tokens, volume, draws, coords, counts, plan, extra):
+        """``extra``: "pixel", "layout" -> what voxels know of them [B, V, C]."""
         (pool,) = plan.pools
         cubes = to_cells(x, pool)
         full = occupied(pool).astype(x.dtype)
         h = self.input_layer(
             jnp.concatenate([cubes.reshape(*cubes.shape[:2], -1), full * 2 - 1], -1)
         )
-        if pixels is not None:
-            of_cubes = to_cells(pixels, pool)
-            h = h + self.pixel_cube(of_cubes.reshape(*of_cubes.shape[:2], -1))
+        for name, values in extra.items():
+            of_cubes = to_cells(values, pool)
+            h = h + getattr(self, f"{name}_cube")(of_cubes.reshape(*of_cubes.shape[:2], -1))
         h = self._middle(h, time, tokens, volume, draws, pool.coords, pool.counts)
         out = self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
         out = from_cells(out.reshape(*cubes.shape[:3], -1), pool)
@@ -314,8 +383,8 @@ class LatentFlow(FlowTrunk):
             return out
         # a token is narrower than its cube's latents: what is fine is read off the voxel itself
         out = out + self.voxel_in(x)
-        if pixels is not None:
-            out = out + self.pixel_voxel(pixels)
+        for name, values in extra.items():
+            out = out + getattr(self, f"{name}_voxel")(values)
         return self.voxel_out(jax.nn.gelu(self.voxel_hidden(jax.nn.gelu(out))))
 
     def _convolve(self, x, time, tokens, volume, draws, coords, counts, plan):
@@ -347,7 +416,7 @@ def _unpatchify(x: jax.Array, side: int, patch: int) -> jax.Array:
     return x.transpose(0, 1, 5, 2, 6, 3, 7, 4).reshape(items, *[side * patch] * 3, channels)
 
 
-def _required(given: jax.Array | None, option: str, name: str) -> jax.Array:
+def _required(given: Any, option: str, name: str, whose: str = "the image encoder's") -> Any:
     if given is None:
-        raise ValueError(f"flow: this model reads the image encoder's {name} ({option} > 0); pass {name}=")  # fmt: skip
+        raise ValueError(f"flow: this model reads {whose} {name} ({option} > 0); pass {name}=")
     return given

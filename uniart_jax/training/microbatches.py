@@ -26,21 +26,21 @@ def split_batch(
     """Micro-batches of B / ``count`` items each, in order, with plans of their own.
 
     Args:
-      batch: of ``data.batches`` or ``data.latents``: arrays [B, ...] and perhaps ``plans``.
+      batch: of ``data.batches`` or ``data.latents``: arrays [B, ...], tables of them, and perhaps ``plans``.
       count: how many.
 
     Raises:
       ValueError: the items do not divide.
     """
     arrays = {name: value for name, value in batch.items() if name != "plans"}
-    items = len(next(iter(arrays.values())))
+    items = len(jax.tree.leaves(arrays)[0])
     if count < 1 or items % count:
         raise ValueError(
             f"accumulate: {items} items of a process's batch do not divide into {count} micro-batches; "
             "choose a divisor of the batch size"
         )
     size = items // count
-    parts = [{n: v[i : i + size] for n, v in arrays.items()} for i in range(0, items, size)]
+    parts = [jax.tree.map(lambda a, i=i: a[i : i + size], arrays) for i in range(0, items, size)]
     if "plans" not in batch:
         return tuple(parts)
     plans = batch["plans"]

@@ -221,7 +221,7 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
         x0 = jnp.repeat(normalize(batch["structure"], mean, std), weights.draws_per_image, axis=0)
         t, noise, seen = draw(batch, x0, key, config)
         x = interpolate(x0, noise, t)
-        v = network.apply(params, x, t, seen.tokens, seen.volume)
+        v = network.apply(params, x, t, seen.tokens, seen.volume, layout=seen.layout)
         error = flow_loss(v, x0, noise)
         return summarize_flow(error, v, x, x0, t, None, flow.prediction)
 
@@ -252,7 +252,8 @@ def make_latent_flow_loss(
         x = interpolate(x0, noise, t)
         voxels = {"coords": coords, "counts": counts, "plan": batch["plans"]["flow"]}
         views = (seen.pixels, seen.cameras)
-        v = network.apply(params, x, t, seen.tokens, seen.volume, views=views, **voxels)
+        given = {"views": views, "layout": seen.layout, **voxels}
+        v = network.apply(params, x, t, seen.tokens, seen.volume, **given)
         weights = part_weights(batch["voxel_part"], mask.astype(jnp.float32), parts, share)
         error = flow_loss(v, x0, noise, weights, metric=metric)
         loss, metrics = summarize_flow(error, v, x, x0, t, mask, flow.prediction)

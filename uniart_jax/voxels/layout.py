@@ -23,7 +23,7 @@ import trimesh
 from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE, decode_part
+from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE, decode_part, encode_joint
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
@@ -59,6 +59,27 @@ class Layout:
         joints = tuple(part.joint for part in obj.parts)
         parents = tuple(part.parent for part in obj.parts)
         return Layout(np.asarray(obj.boxes), joints, parents, colors, np.ones(count))
+
+    def rows(self, most: int) -> dict[str, np.ndarray]:
+        """Boxes, codes, parents (root: its own) and colours as ``voxels.part_table`` has them, of the ``most`` surest parts and the root."""
+        kept = np.arange(len(self))
+        if len(self) > most:
+            sure = np.where(np.array(self.parents) < 0, np.inf, self.confidence)
+            kept = np.sort(np.argsort(-sure, kind="stable")[:most])
+        place = {int(k): new for new, k in enumerate(kept)}
+        parents = []
+        for k in kept.tolist():
+            up = self.parents[k]
+            while up >= 0 and up not in place:
+                up = self.parents[up]
+            parents.append(place[up] if up >= 0 else place[k])
+        codes = [encode_joint(self.joints[k], self.boxes[k, :3]) for k in kept]
+        return {
+            "boxes": np.asarray(self.boxes)[kept],
+            "codes": np.array(codes),
+            "parents": np.array(parents, np.int32),
+            "colors": np.asarray(self.colors)[kept],
+        }
 
     def to_object(self) -> ArticulatedObject:
         """An object whose parts are their boxes, parents first."""
