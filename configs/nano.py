@@ -106,7 +106,9 @@ def config() -> Config:
                 part_segment=256,
                 linear_path=True,
             ),
-            structure_flow=dataclasses.replace(flow, num_blocks=5, patch_size=2),
+            structure_flow=dataclasses.replace(
+                flow, num_blocks=5, patch_size=2, layout_channels=32
+            ),
             latent_flow=dataclasses.replace(
                 flow,
                 patch_size=4,
@@ -114,6 +116,7 @@ def config() -> Config:
                 voxel_channels=32,
                 volume_channels=64 + 3,
                 pixel_channels=16,
+                layout_channels=32,
             ),
         ),
         data=DataConfig(
@@ -125,6 +128,8 @@ def config() -> Config:
             voxel_buckets=(5120, 8192, 12288),
             voxel_crop=2048,
             mirror_latents=False,
+            image_warp=0.03,
+            layout_errors=1.0,
         ),
         loss=LossConfig(
             kl=1e-4,
@@ -133,7 +138,8 @@ def config() -> Config:
             voxels_per_object=1024,
             part_share=0.5,
             readout_share=0.9,
-            noise_share=0.5,
+            noise_share=0.8,
+            decoded=1.0,
             draws_per_image=2,
         ),
         image_encoder=dataclasses.replace(stage, steps=13_500, batch_size=32, evaluate_every=500),

@@ -255,6 +255,8 @@ class LossConfig:
     readout_share: float = (
         0.0  # of the latent flow's loss measured on what the latent says (``training.readout``)
     )
+    # latent flow: weight of what the frozen UniArt VAE makes of its x_0 (distances, colours) against what it makes of the true latent
+    decoded: float = 0.0
     time_mean: float = 1.0
     time_std: float = 1.0
     noise_share: float = 0.0  # share of draws taken uniformly from t in (.9, 1)

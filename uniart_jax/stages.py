@@ -347,8 +347,10 @@ def stage_batches(name: str, config: Config, workdir: Path) -> Any:
         shares = devices if items and items % devices == 0 else 1
         return voxel_batches(*records, **of_records, shares=shares)
     flow: Any = name
+    decoded = name == "latent_flow" and config.loss.decoded > 0
+    folder = workdir / "latents"
     return latent_store.latent_batches(
-        workdir / "latents", config.data, config.model, batch_size, stage=flow, **share
+        folder, config.data, config.model, batch_size, stage=flow, decoded=decoded, **share
     )
 
 
@@ -412,8 +414,10 @@ def make_step(
     loss_fn = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
     if name.endswith("_flow"):
         loss_fn = objectives.of_pictures(loss_fn, make_conditioner(config.model))
-        encoder = build("image_encoder", config.model).abstract()
-        given = jax.device_put(load_network(workdir, "image_encoder", encoder), replicated(mesh))
+        decoded = name == "latent_flow" and config.loss.decoded > 0
+        frozen = ("image_encoder", "uniart_vae") if decoded else ("image_encoder",)
+        given = tuple(load_network(workdir, n, build(n, config.model).abstract()) for n in frozen)
+        given = jax.device_put(given, replicated(mesh))
     return make_train_step(
         loss_fn,
         optimizer,

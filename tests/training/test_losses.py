@@ -20,6 +20,7 @@ from uniart_jax.training.objectives import (
     part_weights,
 )
 from uniart_jax.voxels.joint_code import gauge_variants
+from uniart_jax.voxels.part_table import PartTable
 
 CODE = st.lists(st.floats(-1, 1, width=32), min_size=9, max_size=9).map(np.float32)
 
@@ -141,25 +142,28 @@ def test_a_dropped_condition_is_nothing_in_all_its_parts():
     """Of an item that is shown no image, tokens, volume, pictures and cameras are zero together; of the others all are as they were."""
     shapes = {"tokens": (64, 3, 4), "volume": (64, 2, 2, 2, 3), "pixels": (64, 2, 4, 4, 3), "cameras": (64, 2, 7)}  # fmt: skip
     batch = {name: jnp.ones(shape) for name, shape in shapes.items()}
+    batch["layout"] = PartTable(*(jnp.ones((64, *n), jnp.int32) for n in ((2, 6), (2, 9), (2,), (2, 3), ())))  # fmt: skip
     for share in (0.0, 0.4, 1.0):
         config = dataclasses.replace(Config(), loss=LossConfig(condition_drop=share))
         *_, seen = draw(batch, jnp.zeros((64, 5, 4)), jax.random.key(0), config)
-        kept = [np.asarray(a).reshape(64, -1) for a in seen]
-        assert len(kept) == 4 and all(np.array_equal(a.min(1), a.max(1)) for a in kept)
+        kept = [np.asarray(a).reshape(64, -1) for a in jax.tree.leaves(seen)]
+        assert len(kept) == 9 and all(np.array_equal(a.min(1), a.max(1)) for a in kept)
         assert all(np.array_equal(a[:, 0], kept[0][:, 0]) for a in kept)
         assert abs(kept[0][:, 0].mean() - (1 - share)) < 0.25
         assert kept[0][:, 0].mean() == 1 - share or share == 0.4
 
 
 def test_a_loss_of_pictures_is_that_of_what_the_encoder_sees_in_them():
-    def loss(params, batch, key):
-        return params * (batch["tokens"] * batch["x"]).sum(), {"fields": set(batch)}
+    def loss(params, batch, key, more=1):
+        return more * params * (batch["tokens"] * batch["x"]).sum(), {"fields": set(batch)}
 
     def condition(encoder, images):
         return Condition(tokens=encoder * images)
 
-    found, metrics = of_pictures(loss, condition)(2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, 5.0)  # fmt: skip
+    found, metrics = of_pictures(loss, condition)(2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0,))  # fmt: skip
     assert found == 2 * 5 * 3 and metrics["fields"] == {"x", *Condition._fields}
+    given = of_pictures(loss, condition)(2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0, 7))  # fmt: skip
+    assert given[0] == 7 * found
 
 
 def test_the_latent_flow_weighs_parts_and_readouts_as_told():

@@ -30,6 +30,7 @@ from uniart_jax.data.order import Draw, ShuffledOrder
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.nn.grids import flow_plan
+from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.voxels.part_table import ROWS, part_table
 
 FIELDS = ("structure", "coords", "voxel_part", "latent", "images", *ROWS)
@@ -252,6 +253,7 @@ def latent_batches(
     batch_size: int,
     *,
     stage: Literal["structure_flow", "latent_flow"],
+    decoded: bool = False,
     seed: int | None = None,
     process_index: int = 0,
     process_count: int = 1,
@@ -265,7 +267,7 @@ def latent_batches(
     ``data.image_warp``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
     ``data.mirror_latents`` is decided by what ``write_latents`` was given.
 
-    Args and errors: as ``batches.voxel_batches``.
+    Args and errors: as ``batches.voxel_batches``; ``decoded``: ``plans`` hold those of the UniArt VAE's decoder too.
     """
     unread = ("structure",) if stage == "latent_flow" else ("coords", "voxel_part", "latent")
     source = LatentSource(latents, without=unread)
@@ -276,7 +278,9 @@ def latent_batches(
     else:
         records, widths = np.arange(len(source)), np.zeros(len(source), np.int64)
     load = functools.partial(
-        _load_structure if stage == "structure_flow" else _load_latents,
+        _load_structure
+        if stage == "structure_flow"
+        else functools.partial(_load_latents, decoded=decoded),
         source=source,
         model=model,
         seed=seed,
@@ -321,7 +325,7 @@ def _load_structure(
 
 
 def _load_latents(
-    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool
 ) -> Batch:  # fmt: skip
     flow, most = model.latent_flow, model.grid.max_parts
     items, batch = _draw_items(draw, source, seed, rows, data, flow, most)
@@ -336,4 +340,6 @@ def _load_latents(
         batch["latent"][b, : len(item["coords"])] = item["latent"]
     plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
     batch["plans"] = {"flow": plan}
+    if decoded:
+        batch["plans"] |= voxel_plans(batch, model.uniart_vae, model.grid, parts=False)
     return batch

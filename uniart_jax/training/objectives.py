@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from uniart_jax.config import Config
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
-from uniart_jax.models.network import Network
+from uniart_jax.models.network import Network, build
 from uniart_jax.models.uniart_vae import (
     cell_color,
     cell_sdf,
@@ -36,6 +36,8 @@ from uniart_jax.training.losses import (
     masked_mean,
 )
 
+DECODED_VOXELS = 1024  # of an item that the decoded loss looks at
+COLOR_WEIGHT, SIGN_SLOPE = 3.0, 3.0
 OCCUPANCY_WEIGHT = 10.0  # of the image encoder's occupancy against boxes and joints
 CAMERA_WEIGHT = 3.0
 
@@ -199,16 +201,19 @@ def normalize(latent: jax.Array, mean: Any, std: Any) -> jax.Array:
 
 
 def of_pictures(loss_fn: LossFn, condition: Callable[..., Condition]) -> GivenLossFn:
-    """A flow's loss of batches with ``image`` [B, H, W, 3] in place of what an image encoder sees in them: (params, batch, key, encoder's parameters) -> as ``loss_fn``.
+    """A flow's loss of batches with ``image`` [B, H, W, 3] in place of what an image encoder sees in them: (params, batch, key, frozen) -> as ``loss_fn``.
+
+    ``frozen``: parameters of the image encoder, and of what else ``loss_fn`` is given after its key.
 
     Args:
       condition: (encoder's parameters, images) -> what the flow sees (``samplers.make_conditioner``); nothing is differentiated by it.
     """
 
-    def seeing(params, batch, key, encoder):
+    def seeing(params, batch, key, frozen):
+        encoder, *more = frozen
         rest = dict(batch)
         seen = condition(encoder, rest.pop("image"))
-        return loss_fn(params, {**seen._asdict(), **rest}, key)
+        return loss_fn(params, {**seen._asdict(), **rest}, key, *more)
 
     return seeing
 
@@ -233,8 +238,10 @@ def make_latent_flow_loss(
 ) -> LossFn:
     """Rectified flow of the UniArt latents on the active voxels, ``part_share`` of the loss spread evenly over parts.
 
-    ``metric`` [C, C]: of ``training.readout``; None measures all channels alike.
+    ``metric`` [C, C]: of ``training.readout``; None measures all channels alike. With ``loss.decoded`` the function takes the UniArt VAE's
+    parameters after the key, and its batches hold the plans of a decoder.
     """
+    vae = build("uniart_vae", config.model) if config.loss.decoded else None
     for name in ("part_share", "readout_share"):
         if not 0 <= getattr(config.loss, name) <= 1:
             raise ValueError(f"config: loss.{name} is {getattr(config.loss, name)}; give 0 to 1")
@@ -244,7 +251,7 @@ def make_latent_flow_loss(
         config.model.grid.max_parts,
     )
 
-    def loss_fn(params, batch, key):
+    def loss_fn(params, batch, key, decoder=None):
         coords, counts = batch["coords"], batch["counts"]
         mask = valid_tokens(counts, coords.shape[1])[..., 0]
         x0 = jnp.where(mask[..., None], normalize(batch["latent"], mean, std), 0)
@@ -257,9 +264,37 @@ def make_latent_flow_loss(
         weights = part_weights(batch["voxel_part"], mask.astype(jnp.float32), parts, share)
         error = flow_loss(v, x0, noise, weights, metric=metric)
         loss, metrics = summarize_flow(error, v, x, x0, t, mask, flow.prediction)
-        return loss, metrics | {"padding": 1 - mask.mean()}
+        metrics["padding"] = 1 - mask.mean()
+        if vae is None:
+            return loss, metrics
+        rows = draw_rows(jax.random.fold_in(key, 1), weights, DECODED_VOXELS)
+        guess, truth = (z * jnp.asarray(std) + jnp.asarray(mean) for z in (predicted_sample(x, v, t), x0))  # fmt: skip
+        terms = decoded_losses(vae, decoder, guess, truth, batch, rows)
+        loss = loss + config.loss.decoded * (
+            terms["sdf"] + terms["sign"] + COLOR_WEIGHT * terms["color"]
+        )
+        return loss, metrics | {f"decoded_{name}": term for name, term in terms.items()}
 
     return loss_fn
+
+
+def decoded_losses(
+    vae: Network, params: Any, guess: jax.Array, truth: jax.Array, batch: Any, rows: jax.Array
+) -> dict[str, jax.Array]:
+    """What a frozen UniArt VAE makes of latents ``guess`` [B, V, C] against what it makes of ``truth``, at voxels ``rows`` [B, Q].
+
+    Means over sub-cells with weight exp(-|distance|) + .2, so that the surface counts most: "sdf" of the distance's error, "sign" of the cross-entropy
+    of its sign, "color" of the colour's error.
+    """
+    decode = lambda z: vae.apply(params, z, batch, rows, method="decode")  # noqa: E731
+    found, true = decode(guess), jax.lax.stop_gradient(decode(truth))
+    near = jnp.exp(-jnp.abs(true["sdf"])) + 0.2
+    sign = jnp.where(true["sdf"] < 0, -1.0, 1.0)
+    return {
+        "sdf": (near * jnp.abs(found["sdf"] - true["sdf"])).mean(),
+        "sign": (near * jax.nn.softplus(-SIGN_SLOPE * found["sdf"] * sign)).mean(),
+        "color": (near[..., None] * jnp.abs(found["color"] - true["color"])).mean(),
+    }
 
 
 def draw(batch, x0: jax.Array, key: jax.Array, config: Config):
