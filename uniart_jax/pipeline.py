@@ -28,6 +28,7 @@ from uniart_jax.config import (
     StructureSampleConfig,
 )
 from uniart_jax.data.images import crop, foreground, read_image
+from uniart_jax.export.picture_colors import Picture
 from uniart_jax.flow.solvers import Solution
 from uniart_jax.layouts import LayoutPredictor, load_layout_predictor
 from uniart_jax.models.gaussian_decoder import gaussian_parameters
@@ -63,13 +64,14 @@ GAUSSIANS = "gaussian_decoder.safetensors"
 
 @dataclasses.dataclass(frozen=True)
 class Sample:
-    """A sampled object and how: of both flows ("structure", "latent") the options, the velocities that were asked for (with guidance each is one call
+    """A sampled object and how. ``picture``: the (first) image with the camera that was estimated for it. Of both flows ("structure", "latent") the options, the velocities that were asked for (with guidance each is one call
     of the network on twice the batch) and the adaptive steps whose error was above the tolerance (``flow.solvers.Solution``)."""
 
     obj: ArticulatedObject
     options: dict[str, SampleConfig]
     evaluations: dict[str, int]
     forced: dict[str, int]
+    picture: Picture | None = None
 
 
 class Pipeline:
@@ -159,7 +161,21 @@ class Pipeline:
             {"structure": structure_options, "latent": latent_options},
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.forced[0]) for flow, solved in flows.items()},
+            self._picture(views[0], found, condition),
         )
+
+    def _picture(
+        self, image: str | Path | np.ndarray, layout: Layout | None, condition: Condition
+    ) -> Picture | None:
+        """An image with its camera: the layout's, else the image encoder's; None where neither has one."""
+        if layout is not None and layout.camera is not None:
+            camera = layout.camera
+        elif condition.cameras is not None:
+            camera = np.asarray(condition.cameras)[0, 0]
+        else:
+            return None
+        margin = self.config.model.image_encoder.crop_margin
+        return Picture.of(self._cut_out(image), camera, margin)
 
     def layout(self, image: str | Path | np.ndarray, threshold: float = 0.5) -> Layout:
         """The object's parts as a table, found by the checkpoint's layout network (``voxels.layout``).
@@ -215,6 +231,13 @@ class Pipeline:
 
     def prepare(self, image: str | Path | np.ndarray) -> np.ndarray:
         """[S, S, 3] float32 in [0, 1]: read, foreground, square crop, on black."""
+        encoder = self.config.model.image_encoder
+        cut = crop(self._cut_out(image), encoder.image_size, encoder.crop_margin)
+        return cut.astype(np.float32) / 255
+
+    @staticmethod
+    def _cut_out(image: str | Path | np.ndarray) -> np.ndarray:
+        """[H, W, 4] uint8: read, foreground."""
         name = "image" if isinstance(image, np.ndarray) else f"image '{image}'"
         pixels = image if isinstance(image, np.ndarray) else read_image(image)
         if pixels.ndim != 3 or pixels.shape[-1] not in (3, 4) or pixels.dtype != np.uint8:
@@ -223,9 +246,7 @@ class Pipeline:
             )
         if pixels.shape[-1] == 3:
             pixels = np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)])
-        encoder = self.config.model.image_encoder
-        cut = crop(foreground(pixels, name), encoder.image_size, encoder.crop_margin)
-        return cut.astype(np.float32) / 255
+        return foreground(pixels, name)
 
     def encode_images(self, images: np.ndarray) -> Condition:
         """[B, S, S, 3] in [0, 1] -> what the flows see of them."""

@@ -243,14 +243,14 @@ def _light(scene: EmbreeScene, point, normal, row: int, column: int, side: int) 
     facing = normal @ key
     lit = np.flatnonzero(facing > 0)
     if len(lit):
-        blocked = _occluded(scene, start[lit], np.broadcast_to(key, (len(lit), 3)))
+        blocked = occluded(scene, start[lit], np.broadcast_to(key, (len(lit), 3)))
         facing[lit[blocked]] = 0
     seen = np.zeros(len(point), np.float32)
     total = np.zeros(len(point), np.float32)
     for direction in _sky_directions(row, column, side):
         cosine = normal @ direction
         towards = np.where(cosine[:, None] < 0, -direction, direction)
-        free = ~_occluded(scene, start, towards)
+        free = ~occluded(scene, start, towards)
         total += np.abs(cosine)
         seen += np.abs(cosine) * free
     openness = SKY_FLOOR + (1 - SKY_FLOOR) * seen / np.maximum(total, 1e-6)
@@ -258,7 +258,8 @@ def _light(scene: EmbreeScene, point, normal, row: int, column: int, side: int) 
     return sky + KEY_STRENGTH * np.maximum(facing, 0)
 
 
-def _occluded(scene: EmbreeScene, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def occluded(scene: EmbreeScene, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """[n] whether something lies in a direction [n, 3] from places [n, 3] float32."""
     rays = np.ascontiguousarray(direction, dtype=np.float32)
     return scene.run(start, rays, query="OCCLUDED") == 0
 

@@ -43,6 +43,7 @@ def sample(
     multi_view: bool = False,
     layout: Path | None = None,
     follow: bool = True,
+    texture: Literal["both", "network"] = "both",
     formats: Formats = None,
     size: Size = None,
     density: Density = None,
@@ -68,6 +69,7 @@ def sample(
         multi_view: The images are views of one object.
         layout: JSON of `uniart layout`, perhaps edited: the parts, joints and tree that the object follows, instead of what is found in the image.
         follow: Follow a layout, where the checkpoint finds one; else parts and joints are read off the voxels.
+        texture: Colours: "both" takes what the picture shows from the picture and the rest from the network; "network" all of it.
         refine: Draw in limits and shift axes a little where a joint runs into the object (report.json says which).
         check: Try the asset in the physics engines that are installed (report.json says how it went).
     """
@@ -148,6 +150,7 @@ def sample(
                         density=density,
                         mass=mass,
                         image=views[0][1],
+                        picture=one.picture if texture == "both" else None,
                         seed=seed + i,
                         checkpoint=checkpoint,
                         details=details(made, index),

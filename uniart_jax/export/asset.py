@@ -24,6 +24,7 @@ from uniart_jax.export.glb import write_glb
 from uniart_jax.export.mjcf import write_mjcf
 from uniart_jax.export.page import write_page
 from uniart_jax.export.physics import Body
+from uniart_jax.export.picture_colors import Picture
 from uniart_jax.export.preview import (
     choose_view,
     read_image,
@@ -60,6 +61,7 @@ def save_asset(
     density: float | None = None,
     mass: float | None = None,
     image: str | Path | np.ndarray | Image.Image | None = None,
+    picture: Picture | None = None,
     seed: int | None = None,
     checkpoint: str = "",
     details: Mapping[str, Any] | None = None,
@@ -79,6 +81,7 @@ def save_asset(
       size: metres of the longest side; default as ``obj.scale`` says.
       density: kg / m^3 of every part (default 500, light wood). mass: kg of the whole object instead.
       image: the picture that the object was made from, shown beside it in ``preview.png``.
+      picture: the same with its camera, of the shown state: the texture takes its colours (``export.picture_colors``).
       seed, checkpoint: what made the object, for the report. details: further entries of it, plain JSON values.
       overwrite: replace a folder that holds an asset; the old one stands until the new one is complete.
       motion: also write ``motion.gif`` (if anything moves).
@@ -98,10 +101,10 @@ def save_asset(
         raise ValueError(f"save: unknown format '{unknown[0]}'; there are {', '.join(FORMATS)}")
     inputs = [image] if isinstance(image, str | Path) else []
     check_target(folder, overwrite, inputs)
-    picture = None if image is None else read_image(image)
+    beside = None if image is None else read_image(image)
     obj = obj if size is None else resized(obj, size)
     with complete_folder(folder, overwrite) as target:
-        atlas = make_atlas(obj)
+        atlas = make_atlas(obj, picture=picture)
         bodies = make_bodies(obj, atlas.unclosed, density=density, mass=mass)
         if mend is not None:
             obj, bodies = mend(obj, bodies, atlas.unclosed)
@@ -114,8 +117,8 @@ def save_asset(
             if "glb" not in chosen:
                 glb.unlink()
         shown = with_meshes(obj, textured).normalized()
-        view = choose_view(shown, picture)
-        write_preview(shown, target / "preview.png", picture, view)
+        view = choose_view(shown, beside)
+        write_preview(shown, target / "preview.png", beside, view)
         if motion:
             write_motion(shown, target / "motion.gif", view)
         closed = [surface.mesh.is_watertight for surface in atlas.surfaces]

@@ -20,6 +20,7 @@ from PIL import Image
 from scipy import ndimage
 
 from uniart_jax.export.closing import closed
+from uniart_jax.export.picture_colors import Picture, paint
 from uniart_jax.objects.appearance import corner_weights, linear_to_srgb, sample_color
 from uniart_jax.objects.object import ArticulatedObject
 
@@ -81,8 +82,13 @@ class Atlas:
     unclosed: tuple[trimesh.Trimesh, ...]
 
 
-def make_atlas(obj: ArticulatedObject, size: int = TEXTURE_SIZE) -> Atlas:
-    """Simplify, close, unwrap and bake every part of ``obj`` into one atlas of about ``size`` texels a side."""
+def make_atlas(
+    obj: ArticulatedObject, size: int = TEXTURE_SIZE, picture: Picture | None = None
+) -> Atlas:
+    """Simplify, close, unwrap and bake every part of ``obj`` into one atlas of about ``size`` texels a side.
+
+    ``picture``: of the shown state, whose colours are taken where it shows the object (``export.picture_colors``).
+    """
     sources = [part.mesh for part in obj.parts]
     side = float((obj.bounds[1] - obj.bounds[0]).max())
     simple = simplify(sources, side)
@@ -90,7 +96,7 @@ def make_atlas(obj: ArticulatedObject, size: int = TEXTURE_SIZE) -> Atlas:
     geometry = [closed(vertices, faces, side) for vertices, faces in simple]
     layout, width, height = charts(geometry, side, size)
     surfaces = [Surface(*g, *uv) for g, uv in zip(geometry, layout, strict=True)]
-    texture = bake(surfaces, sources, width, height)
+    texture = bake(surfaces, sources, width, height, obj if picture else None, picture)
     unclosed = tuple(trimesh.Trimesh(*g, process=False) for g in simple)
     return Atlas(tuple(surfaces), texture, unclosed)
 
@@ -213,16 +219,29 @@ def _is_rough(geometry: Geometry) -> bool:
 
 
 def bake(
-    surfaces: list[Surface], sources: list[trimesh.Trimesh], width: int, height: int
+    surfaces: list[Surface],
+    sources: list[trimesh.Trimesh],
+    width: int,
+    height: int,
+    obj: ArticulatedObject | None = None,
+    picture: Picture | None = None,
 ) -> Image.Image:
-    """sRGB image of the sources' colours under the surfaces' charts; texels outside all charts repeat the nearest inside."""
+    """sRGB image of the sources' colours under the surfaces' charts, or of a picture of ``obj``; texels outside all charts repeat the nearest inside."""
+    texels: list[tuple[np.ndarray, ...]] = []
+    for k, (surface, source) in enumerate(zip(surfaces, sources, strict=True)):
+        rows, columns, faces, weights = rasterize(surface, width, height)
+        corners = surface.vertices[surface.faces[faces]]
+        points = np.einsum("nk,nkc->nc", weights, corners)
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
+        own = np.full(len(rows), k)
+        texels.append((rows, columns, points, normals, own, source_color(source, points)))
+    rows, columns, points, normals, own, found = (np.concatenate(c) for c in zip(*texels, strict=True))  # fmt: skip
+    if obj is not None and picture is not None:
+        found = paint(picture, obj, points, normals, own, found)
     color = np.zeros((height, width, 3), np.float32)
     filled = np.zeros((height, width), bool)
-    for surface, source in zip(surfaces, sources, strict=True):
-        rows, columns, faces, weights = rasterize(surface, width, height)
-        points = np.einsum("nk,nkc->nc", weights, surface.vertices[surface.faces[faces]])
-        color[rows, columns] = source_color(source, points)
-        filled[rows, columns] = True
+    color[rows, columns], filled[rows, columns] = found, True
     nearest = ndimage.distance_transform_edt(~filled, return_distances=False, return_indices=True)
     rows, columns = np.asarray(nearest)
     color = color[rows, columns]

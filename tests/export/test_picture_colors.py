@@ -1,0 +1,103 @@
+"""A picture's colours on the surface that it shows: what is seen takes them, what is hidden does not, light is divided out."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from uniart_jax.data.cameras import camera_codes
+from uniart_jax.export.picture_colors import Picture, look, paint, project
+from uniart_jax.nn import lifting
+from uniart_jax.objects.appearance import linear_to_srgb
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.render import Camera, fit, render
+
+FRONT, SIDE, HIDDEN = (
+    np.array([0.7, 0.1, 0.1]),
+    np.array([0.1, 0.2, 0.7]),
+    np.array([0.1, 0.6, 0.1]),
+)
+
+
+def painted(mesh, colors):
+    rgba = np.round(255 * np.append(linear_to_srgb(colors), np.ones((len(colors), 1)), 1))
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, face_colors=rgba.astype(np.uint8), process=False)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A box, red in front (-x) and blue beside, before the middle of a green panel."""
+    box = trimesh.creation.box((0.3, 0.4, 0.4))
+    box.apply_translation((-0.2, 0, 0))
+    colors = np.where(box.face_normals[:, :1] < -0.5, FRONT, SIDE)
+    panel = trimesh.creation.box((0.05, 0.9, 0.9))
+    panel.apply_translation((0.2, 0, 0))
+    parts = (
+        Part("panel", painted(panel, np.tile(HIDDEN, (12, 1))), -1, Joint.fixed()),
+        Part("box", painted(box, colors), 0, Joint.fixed()),
+    )
+    obj = ArticulatedObject(parts)
+    camera = fit(obj, Camera(0.5, 0.4, 35))
+    rgba = np.round(render(obj, camera, size=128, samples=4) * 255).astype(np.uint8)
+    row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
+    code = camera_codes(np.array(row), rgba[None])[0]
+    return obj, Picture.of(rgba, code, size=128), code
+
+
+def test_projection_is_the_networks():
+    rng = np.random.default_rng(0)
+    code = np.array([0.3, 0.9, 0.4, 1.7, 0.4, 0.05, -0.1])
+    points = rng.uniform(-0.5, 0.5, (20, 3))
+    position, places = project(code, points)
+    (expected,), _ = lifting.project(code[None].astype(np.float32), points.astype(np.float32))
+    np.testing.assert_allclose(places, expected, atol=1e-5)
+    _, along = project(code, np.stack([position * 0.2, position * 0.4]))
+    np.testing.assert_allclose(along[0], along[1], atol=1e-9)  # one ray through the camera
+
+
+def sampled(obj, count=4000):
+    points, normals, own, colors = [], [], [], []
+    for k, part in enumerate(obj.parts):
+        place, face = trimesh.sample.sample_surface(part.mesh, count, seed=k)
+        points.append(place)
+        normals.append(part.mesh.face_normals[face])
+        own.append(np.full(count, k))
+        colors.append((np.asarray(part.mesh.visual.face_colors)[face, :3] / 255) ** 2.2)
+    return tuple(np.concatenate(rows) for rows in (points, normals, own, colors))
+
+
+def test_what_is_seen_is_believed_and_what_is_hidden_is_not(scene):
+    obj, picture, _ = scene
+    points, normals, own, _ = sampled(obj)
+    _, belief = look(picture, obj, points, normals)
+    front = (own == 1) & (normals[:, 0] < -0.5)
+    assert np.median(belief[front]) == 1 and not belief[normals[:, 0] > 0.5].any()
+    shadowed = (own == 0) & (np.abs(points[:, 1:] - [0.1, -0.12]).max(1) < 0.06) & (normals[:, 0] < -0.5)  # fmt: skip
+    assert shadowed.sum() > 5 and not belief[shadowed].any()  # behind the box
+
+
+def test_colours_come_from_the_picture_and_light_does_not(scene):
+    obj, picture, _ = scene
+    points, normals, own, true = sampled(obj)
+    gray = np.full_like(true, true.mean())
+    found = paint(picture, obj, points, normals, own, gray)
+    _, belief = look(picture, obj, points, normals)
+    sure = belief > 0.9
+    before, after = np.abs(gray - true)[sure].mean(), np.abs(found - true)[sure].mean()
+    assert after < 0.4 * before
+    lit = [np.median(found[(belief > 0.5) & (own == 1) & mine].sum(-1)) for mine in (normals[:, 0] < -0.5, normals[:, 2] > 0.5)]  # fmt: skip
+    true_lit = FRONT.sum() / SIDE.sum()
+    assert abs(np.log(lit[0] / lit[1] / true_lit)) < 0.35
+    # the far side of the box mirrors the near one
+    near, far = ((own == 1) & (s * normals[:, 1] < -0.5) for s in (1, -1))
+    assert not belief[far].any()
+    np.testing.assert_allclose(np.median(found[far], 0), np.median(found[near], 0), atol=0.05)
+    back = (own == 0) & (normals[:, 0] > 0.5)
+    np.testing.assert_allclose(found[back & (np.abs(points[:, 1]) < 0.2) & (np.abs(points[:, 2]) < 0.2)], true.mean(), atol=0.08)  # fmt: skip
+
+
+def test_a_picture_of_nothing_changes_nothing(scene):
+    obj, picture, code = scene
+    points, normals, own, true = sampled(obj, 300)
+    away = Picture(picture.pixels, picture.depth, code + np.array([0, 0, 0, 0, 0, 5, 5]))
+    np.testing.assert_array_equal(paint(away, obj, points, normals, own, true), true)

@@ -1,0 +1,144 @@
+"""Colours of an object's surface from the picture that it was made of.
+
+What the picture shows, each place of the surface takes from it: the more it faces the camera and the farther it lies from the
+silhouette, where a small error of the camera shows the background. The picture's light is divided out: a smooth function of the
+normal that makes what is seen as bright as the network's colours, on the whole. What the picture does not show takes the colour
+of the nearest place of the same part that it does show, or of its mirror image (y -> -y), if that is near; else it keeps the
+network's.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from uniart_jax.data.images import MARGIN, crop
+from uniart_jax.objects.appearance import srgb_to_linear
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.render import build_scene, occluded
+
+SIZE = 512  # pixels a side that a picture is cropped to
+FACING = (0.15, 0.5)  # cosines between which a place comes to be believed
+EDGE = 0.025  # of the picture's side, from the silhouette, over which it comes to be believed
+OFFSET = 0.004  # object units, of rays to the camera from the surface they leave
+SEEN = 0.5  # belief of places that others take their colour from
+TURNED = 0.1  # object units that the opposite of a normal counts as twice
+NEAR = 0.1  # object units over which a colour is carried
+LIGHT = (0.2, 3.0)
+DARK = 0.02  # linear RGB below which ratios say nothing
+SAMPLES = 20_000  # places a part that colours are carried from
+ROUNDS = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """A picture and where it was taken from.
+
+    Attributes:
+      pixels: [S, S, 3] linear RGB of the square crop. depth: [S, S] how far a pixel lies within the silhouette, in shares of the side.
+      camera: [7] code (``data.cameras``).
+    """
+
+    pixels: np.ndarray
+    depth: np.ndarray
+    camera: np.ndarray
+
+    @staticmethod
+    def of(
+        rgba: np.ndarray, camera: np.ndarray, margin: float = MARGIN, size: int = SIZE
+    ) -> Picture:
+        """Of an image [H, W, 4] uint8 with the object cut out (``data.images.foreground``)."""
+        white = np.dstack([np.full_like(rgba[..., :3], 255), rgba[..., 3]])
+        alpha = crop(white, size, margin)[..., 0] / 255
+        color = srgb_to_linear(crop(rgba, size, margin) / 255)
+        depth = ndimage.distance_transform_edt(alpha > 0.9) / size
+        return Picture(color, depth, np.asarray(camera, np.float64))
+
+
+def paint(
+    picture: Picture,
+    obj: ArticulatedObject,
+    points: np.ndarray,
+    normals: np.ndarray,
+    parts: np.ndarray,
+    colors: np.ndarray,
+) -> np.ndarray:
+    """[n, 3] linear RGB of places on an object at the state that the picture shows.
+
+    Args:
+      points, normals: [n, 3] places, object units and frame, and unit normals. parts: [n] whose they are. colors: [n, 3] the network's.
+    """
+    shown, belief = look(picture, obj, points, normals)
+    if (belief > SEEN).sum() < 50:  # the camera is off, or the picture says nothing
+        return colors
+    shown = np.clip(shown / light(shown, colors, normals, belief)[:, None], 0, 1)
+    filled = colors.copy()
+    for k in np.unique(parts):
+        mine = np.flatnonzero(parts == k)
+        seen, unseen = mine[belief[mine] > SEEN], mine[belief[mine] < 1]
+        if len(seen) < 10 or not len(unseen):
+            continue
+        seen = seen[:: -(-len(seen) // SAMPLES)]
+        tree = cKDTree(_places(points[seen], normals[seen]))
+        found = [tree.query(_places(points[unseen] * m, normals[unseen] * m)) for m in ([1, 1, 1], [1, -1, 1])]  # fmt: skip
+        distance, index = (np.stack(rows) for rows in zip(*found, strict=True))
+        best = distance.argmin(0)[None]
+        near = np.exp(-((np.take_along_axis(distance, best, 0)[0] / NEAR) ** 2))[:, None]
+        carried = shown[seen[np.take_along_axis(index, best, 0)[0]]]
+        filled[unseen] = near * carried + (1 - near) * colors[unseen]
+    return belief[:, None] * shown + (1 - belief[:, None]) * filled
+
+
+def look(
+    picture: Picture, obj: ArticulatedObject, points: np.ndarray, normals: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """[n, 3] linear RGB that the picture shows at places of the object, and how far that is to be believed, [n] in 0..1."""
+    position, places = project(picture.camera, points)
+    towards = position - points
+    towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
+    size = len(picture.depth)
+    at = ((places + 1) * (size / 2) - 0.5)[:, ::-1].T  # rows, columns
+    read = lambda image: ndimage.map_coordinates(image, at, order=1, mode="constant")  # noqa: E731
+    shown = np.stack([read(picture.pixels[..., c]) for c in range(3)], -1)
+    belief = np.clip(((normals * towards).sum(-1) - FACING[0]) / (FACING[1] - FACING[0]), 0, 1)
+    belief = belief * np.clip(read(picture.depth) / EDGE, 0, 1)
+    tried = np.flatnonzero(belief > 0)
+    start = points[tried] + OFFSET * (normals[tried] + towards[tried])
+    hidden = occluded(build_scene(obj)[0], start.astype(np.float32), towards[tried])
+    belief[tried[hidden]] = 0
+    return shown.astype(np.float32), belief.astype(np.float32)
+
+
+def project(camera: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where a camera code [7] stands, [3], and sees points [n, 3]: [n, 2] in [-1, 1]^2 across the picture, x right, y down (``nn.lifting.project``)."""
+    sine, cosine, elevation, focal, perspective, *shift = camera
+    norm = max(np.hypot(sine, cosine), 1e-6)
+    sa, ca, se, ce = sine / norm, cosine / norm, np.sin(elevation), np.cos(elevation)
+    right, down, forward = np.array([[sa, -ca, 0], [-se * ca, -se * sa, -ce], [ca * ce, sa * ce, -se]])  # fmt: skip
+    scale = focal / np.maximum(1 + perspective * (points @ forward), 0.1)
+    seen = np.stack([points @ right, points @ down], -1) * scale[:, None]
+    return -forward / max(perspective, 1e-3), seen - shift
+
+
+def light(
+    shown: np.ndarray, colors: np.ndarray, normals: np.ndarray, belief: np.ndarray
+) -> np.ndarray:
+    """[n] the light on places, as a smooth function of their normals: what is seen over what the network says, by robust least squares."""
+    ratio = np.log((shown.mean(-1) + DARK) / (colors.mean(-1) + DARK))
+    basis = np.concatenate([np.ones((len(normals), 1)), normals, normals[:, :2] ** 2], -1)
+    rows = np.flatnonzero(belief > SEEN)
+    rows = rows[:: -(-len(rows) // SAMPLES)]
+    weight, found = belief[rows], np.zeros(basis.shape[1])
+    for _ in range(ROUNDS):
+        scaled = basis[rows] * weight[:, None]
+        damp = 0.01 * len(rows) * np.eye(len(found))
+        found = np.linalg.solve(scaled.T @ basis[rows] + damp, scaled.T @ ratio[rows])
+        weight = belief[rows] / (1 + (np.abs(basis[rows] @ found - ratio[rows]) / 0.3) ** 2)
+    return np.clip(np.exp(basis @ found), *LIGHT)
+
+
+def _places(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    return np.concatenate([points, TURNED * normals], -1)
