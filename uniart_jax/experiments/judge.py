@@ -242,9 +242,10 @@ def make_object(
 
 
 def look(pipeline: Pipeline, test: Test) -> Condition:
-    """The condition that the images of an object make."""
+    """The condition that the images of an object make, with the layout of the first where flows see one."""
     pixels = [pipeline.prepare(image) for image in test.images]
-    return join_views(pipeline.encode_images(np.stack(pixels)))
+    condition = join_views(pipeline.encode_images(np.stack(pixels)))
+    return pipeline.following(condition, [pipeline.find_layout(pixels[0])])
 
 
 @functools.lru_cache
