@@ -26,6 +26,7 @@ from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
 from uniart_jax.locks import alone
 from uniart_jax.models.network import build
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.training.export import (
     export_network,
     flat_names,
@@ -38,12 +39,13 @@ from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.validation import load_conditioner
 from uniart_jax.voxels.assemble import assemble
+from uniart_jax.voxels.layout import Layout
 
 DEBUG = Path(__file__).parent.parent / "configs/debug.py"
 
 
 def toy(folder: Path) -> Config:
-    """``configs/debug.py`` on a coarser grid, with what only nano sets: no mirrored latents, losses per part, on readouts, on pure noise."""
+    """``configs/debug.py`` on a coarser grid, with what only nano sets: no mirrored latents, flows that see layouts, losses per part, on readouts, on pure noise, on what is decoded."""
     debug = load_config(DEBUG)
     model, smaller = debug.model, dataclasses.replace
     encoder = smaller(
@@ -62,8 +64,8 @@ def toy(folder: Path) -> Config:
             model,
             grid=smaller(model.grid, resolution=16),
             image_encoder=encoder,
-            structure_flow=smaller(model.structure_flow, volume_resolution=4),
-            latent_flow=smaller(model.latent_flow, volume_resolution=4),
+            structure_flow=smaller(model.structure_flow, volume_resolution=4, layout_channels=4),
+            latent_flow=smaller(model.latent_flow, volume_resolution=4, layout_channels=4),
         ),
         data=smaller(
             debug.data,
@@ -73,8 +75,12 @@ def toy(folder: Path) -> Config:
             validation_count=1,
             voxel_buckets=(4096,),
             mirror_latents=False,
+            image_warp=0.03,
+            layout_errors=0.5,
         ),
-        loss=LossConfig(voxels_per_object=64, part_share=0.5, readout_share=0.5, noise_share=0.5),
+        loss=LossConfig(
+            voxels_per_object=64, part_share=0.5, readout_share=0.5, noise_share=0.5, decoded=0.5
+        ),
         **dict.fromkeys(NETWORKS, stage),
         sample_structure=StructureSampleConfig(steps=1),
         sample_latent=LatentSampleConfig(steps=1),
@@ -105,13 +111,20 @@ def test_the_exported_checkpoint_samples(trained):
     pipeline = uniart_jax.load(workdir)
     image = np.zeros((40, 40, 4), np.uint8)
     image[8:32, 10:30] = 200, 150, 90, 255
-    condition = pipeline.encode_images(pipeline.prepare(image)[None])
+    seen = pipeline.encode_images(pipeline.prepare(image)[None])
+    condition = pipeline.following(seen, [None])
+    assert condition.layout.counts.tolist() == [0]
     found = pipeline.sample_structure(condition, jax.random.key(0))
     assert len(found) == 1 and found[0].ndim == 2  # two steps of training may well find nothing
     coords = RecordSource(config.data.records)[0].coords.astype(np.int32)
     latents = pipeline.sample_latents([coords], condition, jax.random.key(1))
     (grid,) = pipeline.decode([coords], latents)
     assert np.array_equal(grid.coords, coords) and len(assemble(grid).parts) >= 1
+    boxes = np.array([[0, 0, 0, 1, 1, 1], [-0.4, 0, 0, 0.1, 0.5, 0.5]])
+    layout = Layout(boxes, (Joint.fixed(),) * 2, (-1, 0), np.full((2, 3), 0.5), np.ones(2))
+    condition = pipeline.following(seen, [layout])
+    followed = pipeline.sample_latents([coords], condition, jax.random.key(1))
+    assert np.abs(followed[0] - latents[0]).max() > 0
 
 
 def test_a_resumed_stage_makes_no_second_state(trained, tmp_path, monkeypatch):

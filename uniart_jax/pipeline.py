@@ -55,7 +55,7 @@ from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
-from uniart_jax.voxels.layout import Layout, read_layout
+from uniart_jax.voxels.layout import THRESHOLD, Layout, read_layout
 from uniart_jax.voxels.part_table import EMPTY, part_table
 
 LATENTS = ("structure", "latent")
@@ -177,7 +177,7 @@ class Pipeline:
         margin = self.config.model.image_encoder.crop_margin
         return Picture.of(self._cut_out(image), camera, margin)
 
-    def layout(self, image: str | Path | np.ndarray, threshold: float = 0.5) -> Layout:
+    def layout(self, image: str | Path | np.ndarray, threshold: float = THRESHOLD) -> Layout:
         """The object's parts as a table, found by the checkpoint's layout network (``voxels.layout``).
 
         Args:
@@ -205,7 +205,7 @@ class Pipeline:
         rows = [EMPTY if item is None else item.rows(most) for item in layouts]
         return condition._replace(layout=part_table(rows, most))
 
-    def _read_layout(self, pixels: np.ndarray, threshold: float = 0.5) -> Layout:
+    def _read_layout(self, pixels: np.ndarray, threshold: float = THRESHOLD) -> Layout:
         picture = np.round(pixels * 255).astype(np.uint8)
         return read_layout(self._layout_predictor([picture])[0], threshold)
 

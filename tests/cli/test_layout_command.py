@@ -1,5 +1,6 @@
 """``uniart layout`` at the keyboard: what it writes, and what it refuses."""
 
+import inspect
 import json
 
 import jax
@@ -9,10 +10,11 @@ from PIL import Image
 
 from uniart_jax.cli.layout import layout
 from uniart_jax.config import Config, ImageEncoderConfig, LayoutConfig, ModelConfig
-from uniart_jax.layouts import load_layout_predictor
+from uniart_jax.layouts import joined, load_layout_predictor, mirror_parts
 from uniart_jax.models.network import build
 from uniart_jax.training.export import export_network, write_config
-from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.joint_code import align, canonical
+from uniart_jax.voxels.layout import THRESHOLD, Layout
 
 
 @pytest.fixture(scope="module")
@@ -70,3 +72,42 @@ def test_a_picture_is_read_alike_alone_and_among_others(checkpoint):
     many, alone = predict(images), predict(images[9:])
     for name, values in alone[0].items():
         np.testing.assert_allclose(values, many[9][name], atol=1e-4)
+
+
+def test_a_mirrored_picture_has_the_mirrored_parts(checkpoint):
+    """Both looks are at both pictures, so what is found cannot depend on which was given."""
+    predict = load_layout_predictor(str(checkpoint))
+    image = np.random.default_rng(1).integers(0, 255, (32, 32, 3)).astype(np.uint8)
+    (found,) = predict([image])
+    (other,) = predict([np.ascontiguousarray(image[:, ::-1])])
+    other = mirror_parts(other)
+    order, match = np.argsort(found["exists"]), np.argsort(other["exists"])
+    for name in ("exists", "corners", "colors"):
+        np.testing.assert_allclose(found[name][order], other[name][match], atol=1e-4)
+    codes = align(other["codes"][match], found["codes"][order])
+    np.testing.assert_allclose(found["codes"][order], codes, atol=1e-3)
+    assert inspect.signature(layout).parameters["threshold"].default == THRESHOLD
+
+
+def test_rows_of_two_looks_are_matched_and_averaged():
+    rng = np.random.default_rng(0)
+    one = {
+        "corners": np.sort(rng.uniform(-0.5, 0.5, (4, 2, 3)), 1).reshape(4, 6),
+        "codes": canonical(rng.normal(size=(4, 9))),
+        "colors": rng.random((4, 3)),
+        "exists": np.array([3.0, 3.0, 3.0, -3.0]),
+        "parents": rng.normal(size=(4, 4)),
+        "camera": rng.normal(size=7),
+    }
+    order = np.array([2, 0, 3, 1])
+    other = {name: values[order] if name != "camera" else values for name, values in one.items()}
+    other["parents"] = one["parents"][np.ix_(order, order)]
+    other["corners"] = other["corners"] + 0.02
+    other["corners"][1] += 1.0  # row 0 of the first look is elsewhere, and a little surer
+    other["exists"] = other["exists"] - np.array([0, 1.0, 0, 0])
+    found = joined(one, other)
+    np.testing.assert_allclose(found["corners"][1:], one["corners"][1:] + 0.01, atol=1e-6)
+    np.testing.assert_allclose(found["corners"][0], one["corners"][0], atol=1e-6)
+    np.testing.assert_allclose(found["exists"], [2.5, 3, 3, -3])
+    for name in ("codes", "parents", "colors", "camera"):
+        np.testing.assert_allclose(found[name], one[name], atol=1e-9)
