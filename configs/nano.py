@@ -139,7 +139,6 @@ def config() -> Config:
             part_share=0.5,
             readout_share=0.9,
             noise_share=0.8,
-            decoded=1.0,
             draws_per_image=2,
         ),
         image_encoder=dataclasses.replace(stage, steps=13_500, batch_size=32, evaluate_every=500),
