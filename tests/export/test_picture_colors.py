@@ -1,10 +1,13 @@
 """A picture's colours on the surface that it shows: what is seen takes them, what is hidden does not, light is divided out."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
 
 from uniart_jax.data.cameras import camera_codes
+from uniart_jax.export.atlas import make_atlas
 from uniart_jax.export.picture_colors import Picture, look, paint, project
 from uniart_jax.nn import lifting
 from uniart_jax.objects.appearance import linear_to_srgb
@@ -101,3 +104,13 @@ def test_a_picture_of_nothing_changes_nothing(scene):
     points, normals, own, true = sampled(obj, 300)
     away = Picture(picture.pixels, picture.depth, code + np.array([0, 0, 0, 0, 0, 5, 5]))
     np.testing.assert_array_equal(paint(away, obj, points, normals, own, true), true)
+
+
+def test_the_atlas_of_a_gray_object_takes_the_pictures_colours(scene):
+    obj, picture, _ = scene
+    parts = [dataclasses.replace(p, mesh=painted(p.mesh, np.full((12, 3), 0.3))) for p in obj.parts]
+    gray = ArticulatedObject(tuple(parts))
+    plain, shown = (np.asarray(make_atlas(gray, 256, p).texture, float) for p in (None, picture))
+    assert np.ptp(plain, axis=-1).max() < 2  # gray throughout
+    red, blue = (shown[..., i] > 1.5 * shown[..., j] + 20 for i, j in ((0, 2), (2, 0)))
+    assert red.mean() > 0.01 and blue.mean() > 0.01

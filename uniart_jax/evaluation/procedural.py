@@ -5,7 +5,8 @@ One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown st
     representation     truth -> voxels -> object
     vae                truth -> voxels -> UniArt VAE -> object
     latent_flow        image + true active voxels -> latent flow -> object
-    image_to_object    image -> object: the model; it follows the layout of its layout network, where it has one
+    image_to_object    image -> object: the model
+                       (both follow the layout of the layout network, where the checkpoint has one)
     without_layout     the same voxels, their parts and joints read off themselves
     retrieval          image -> the nearest training image's object (by image features), the paper's section 3
 """
@@ -250,12 +251,13 @@ def finish(
     layout: Layout | None = None,
 ) -> tuple[dict[str, Score], dict[str, bool]]:
     """Assemble every station's object and score it; where ``out`` is given, draw them and write the model's as an asset (``check_asset``)."""
-    predicted = {"representation": assemble(test.grid.gather())}
-    for station, grid in grids.items():
-        predicted[station] = assemble(grid, tolerance=NETWORK_TOLERANCE)
+    read_off = functools.partial(assemble, tolerance=NETWORK_TOLERANCE)
+    follow = read_off if layout is None else functools.partial(assemble_layout, layout=layout)
+    predicted = {"representation": assemble(test.grid.gather()), "vae": read_off(grids["vae"])}
+    for station in ("latent_flow", "image_to_object"):
+        predicted[station] = follow(grids[station])
     if layout is not None:
-        predicted["without_layout"] = predicted["image_to_object"]
-        predicted["image_to_object"] = assemble_layout(grids["image_to_object"], layout)
+        predicted["without_layout"] = read_off(grids["image_to_object"])
     predicted |= others
     loads: dict[str, bool] = {}
     if out is not None:
