@@ -31,7 +31,7 @@ from torch.nn.utils import clip_grad_norm_
 from torch.utils.flop_counter import FlopCounterMode
 
 from uniart_jax.config import Config
-from uniart_jax.models.flow_transformer import T_MIN
+from uniart_jax.models.flow_trunk import T_MIN
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.training.sharding import make_mesh, put_batch

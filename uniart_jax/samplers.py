@@ -15,7 +15,7 @@ import numpy as np
 from uniart_jax.config import FlowConfig, ModelConfig, SampleConfig
 from uniart_jax.flow.guidance import guide
 from uniart_jax.flow.solvers import Solution, Velocity, solve
-from uniart_jax.models.flow_transformer import T_MIN
+from uniart_jax.models.flow_trunk import T_MIN
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 

@@ -17,13 +17,11 @@ import jax
 import jax.numpy as jnp
 from flax import nnx
 
-from uniart_jax.config import FlowConfig, ModelConfig
+from uniart_jax.config import ModelConfig
+from uniart_jax.models.flow_trunk import FlowTrunk, required
 from uniart_jax.models.image_encoder import pixel_width
-from uniart_jax.models.layout_features import LayoutFeatures
 from uniart_jax.nn.blocks import (
     LayerNorm,
-    ModulatedBlock,
-    TimestepEmbedder,
     layer_norm,
     linear,
     modulation,
@@ -31,11 +29,10 @@ from uniart_jax.nn.blocks import (
     zeros,
 )
 from uniart_jax.nn.convolution import SubmanifoldConv
-from uniart_jax.nn.embeddings import grid_coords, position_embedding, timestep_embedding
+from uniart_jax.nn.embeddings import grid_coords, position_embedding
 from uniart_jax.nn.grids import FlowPlan
 from uniart_jax.nn.lifting import read_pixels
 from uniart_jax.nn.pooling import (
-    align_volume,
     at_cells,
     downsample,
     from_cells,
@@ -45,98 +42,7 @@ from uniart_jax.nn.pooling import (
     upsample,
 )
 from uniart_jax.nn.precision import compute_dtype
-from uniart_jax.nn.stack import run_stack
 from uniart_jax.voxels.part_table import PartTable
-
-T_MIN = 0.05  # below this time a predicted sample is turned into a velocity as if at this time
-
-
-class FlowTrunk(nnx.Module):
-    """What both flows share: time embedding, blocks, aligned volume. A base class, so that parameter names stay TRELLIS's."""
-
-    def _make_trunk(
-        self, c: FlowConfig, config: ModelConfig, grid_side: int, rngs: nnx.Rngs
-    ) -> None:
-        dtype, d = compute_dtype(config), c.model_channels
-        self.config, self.side = c, grid_side
-        self.scan_blocks, self.remat = config.scan_blocks, config.remat
-        self.t_embedder = TimestepEmbedder(d, rngs)
-        self.share_mod = c.share_mod
-        if c.share_mod:
-            self.adaLN_modulation = modulation(d, 6 * d, rngs, init=zeros, dtype=dtype)
-        if c.volume_channels:
-            joined = max(1, c.volume_resolution // grid_side) ** 3
-            self.volume_layer = linear(c.volume_channels * joined, d, rngs, dtype=dtype)
-        self.blocks = nnx.List(
-            [
-                ModulatedBlock(
-                    d,
-                    c.cond_channels,
-                    c.num_heads,
-                    c.mlp_ratio,
-                    rngs,
-                    qk_rms_norm=c.qk_rms_norm,
-                    qk_rms_norm_cross=c.qk_rms_norm_cross,
-                    share_mod=c.share_mod,
-                    kernel=config.kernel,
-                    dtype=dtype,
-                )
-                for _ in range(c.num_blocks)
-            ]
-        )
-
-    def embed_time(self, t: jax.Array) -> jax.Array:
-        return self.t_embedder(timestep_embedding(1000.0 * t))
-
-    def embed_volume(self, volume: jax.Array, draws: int) -> jax.Array:
-        """[B, Rv, Rv, Rv, C] -> [B draws, G, G, G, D], of the first ``volume_channels`` channels; zeros (no condition) give the layer's bias."""
-        volume = volume[..., : self.config.volume_channels]
-        aligned = align_volume(layer_norm(volume, 1e-5), self.side)
-        return jnp.repeat(self.volume_layer(aligned), draws, axis=0)
-
-    def _make_layout(self, children: int, cells: int, rngs: nnx.Rngs, dtype) -> None:
-        """Layers for a layout: features of ``cells`` a token, each of ``children`` a side; what they add begins at nothing."""
-        p = self.config.layout_channels
-        self.layout = LayoutFeatures(children, rngs, dtype)
-        self.layout_in = linear(self.layout.width, 2 * p, rngs, dtype=dtype)
-        self.layout_hidden = linear(2 * p, p, rngs, dtype=dtype)
-        self.layout_cube = linear(cells * p, self.config.model_channels, rngs, init=zeros, dtype=dtype)  # fmt: skip
-
-    def _see_layout(self, table: PartTable | None, coords: jax.Array, resolution: int) -> Any:
-        """[B, S, layout_channels] what cells [B, S, 3] see of the layout; None without ``layout_channels``."""
-        if not self.config.layout_channels:
-            return None
-        table = _required(table, "layout_channels", "layout", "the part table of a")
-        h = self.layout_in(self.layout(table, coords, resolution))
-        return jax.nn.gelu(self.layout_hidden(jax.nn.gelu(h)))
-
-    def run_blocks(
-        self, h: jax.Array, time: jax.Array, context: jax.Array, lengths: jax.Array | None = None
-    ) -> jax.Array:
-        if self.share_mod:
-            time = self.adaLN_modulation["1"](jax.nn.silu(time))
-        return run_stack(
-            self.blocks,
-            lambda block, _, h: block(h, time, context, lengths),
-            h,
-            scan=self.scan_blocks,
-            remat=self.remat,
-        )
-
-    def see(self, x: jax.Array, t: jax.Array) -> jax.Array:
-        """What the network is shown of x_t. Where it predicts x_0: the best linear guess of x_0, so that near t = 1 it is shown nothing
-        instead of noise (the c_skip of Karras et al. 2022, for straight paths and data of deviation 1, on the way in)."""
-        if self.config.prediction == "velocity":
-            return x
-        scale = (1 - t) / ((1 - t) ** 2 + t**2)
-        return x * scale.reshape(-1, *[1] * (x.ndim - 1))
-
-    def to_velocity(self, out: jax.Array, x: jax.Array, t: jax.Array) -> jax.Array:
-        """The network's output as a velocity: v = (x_t - x_0) / t where it predicts x_0."""
-        out = out.astype(jnp.float32)
-        if self.config.prediction == "velocity":
-            return out
-        return (x - out) / jnp.maximum(t, T_MIN).reshape(-1, *[1] * (x.ndim - 1))
 
 
 class StructureFlow(FlowTrunk):
@@ -151,10 +57,10 @@ class StructureFlow(FlowTrunk):
             raise ValueError(
                 "structure_flow: pixel_channels belongs to the latent flow; set it to 0"
             )
-        self._make_trunk(c, config, latent_side // c.patch_size, rngs)
+        self.make_trunk(c, config, latent_side // c.patch_size, rngs)
         if p := c.layout_channels:
             self.latent_side = latent_side
-            self._make_layout(config.grid.resolution // latent_side, c.patch_size**3, rngs, dtype)
+            self.make_layout(config.grid.resolution // latent_side, c.patch_size**3, rngs, dtype)
             self.cell_in = linear(2 * s.latent_channels, p, rngs, dtype=dtype)
             self.cell_hidden = linear(p, p, rngs, dtype=dtype)
             self.cell_out = linear(p, s.latent_channels, rngs, init=zeros)
@@ -189,7 +95,7 @@ class StructureFlow(FlowTrunk):
             h = h + self.layout_cube(_patchify(parts, self.config.patch_size))
         h = h + self.position_embedding().astype(h.dtype)
         if self.config.volume_channels:
-            volume = _required(volume, "volume_channels", "volume")
+            volume = required(volume, "volume_channels", "volume")
             added = self.embed_volume(volume, draws)
             h = h + added.reshape(h.shape)
         h = self.run_blocks(h, self.embed_time(t), tokens)
@@ -205,7 +111,7 @@ class StructureFlow(FlowTrunk):
         if not self.config.layout_channels:
             return None
         coords = jnp.asarray(grid_coords(self.latent_side))[None]
-        parts = self._see_layout(layout, coords, self.latent_side)
+        parts = self.see_layout(layout, coords, self.latent_side)
         return jnp.repeat(parts.reshape(-1, *(self.latent_side,) * 3, parts.shape[-1]), draws, 0)
 
 
@@ -243,7 +149,7 @@ class LatentFlow(FlowTrunk):
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.latent_flow, compute_dtype(config)
         latent, d = config.uniart_vae.latent_channels, c.model_channels
-        self._make_trunk(c, config, config.grid.resolution // c.patch_size, rngs)
+        self.make_trunk(c, config, config.grid.resolution // c.patch_size, rngs)
         if c.stem == "patch":
             slots = c.patch_size**3
             self.input_layer = linear(slots * (latent + 1), d, rngs, dtype=dtype)
@@ -268,7 +174,7 @@ class LatentFlow(FlowTrunk):
                     self.pixel_voxel = linear(p, e, rngs, init=zeros, dtype=dtype)
             if c.layout_channels:
                 self.resolution = config.grid.resolution
-                self._make_layout(config.grid.subdivisions, slots, rngs, dtype)
+                self.make_layout(config.grid.subdivisions, slots, rngs, dtype)
                 if e:
                     self.layout_voxel = linear(c.layout_channels, e, rngs, init=zeros, dtype=dtype)
             return
@@ -340,7 +246,7 @@ class LatentFlow(FlowTrunk):
         h = h + position_embedding(coords, h.shape[-1]).astype(h.dtype)
         if self.config.volume_channels:
             h = h + at_cells(
-                self.embed_volume(_required(volume, "volume_channels", "volume"), draws), coords
+                self.embed_volume(required(volume, "volume_channels", "volume"), draws), coords
             )
         return self.run_blocks(h, time, tokens, counts)
 
@@ -362,7 +268,7 @@ class LatentFlow(FlowTrunk):
         """[B, V, layout_channels] of what voxels see of the layout; None without ``layout_channels``."""
         if layout is not None and shared % draws:
             layout, draws = jax.tree.map(lambda a: jnp.repeat(a, draws, axis=0), layout), 1
-        seen = self._see_layout(layout, coords[::draws], getattr(self, "resolution", 0))
+        seen = self.see_layout(layout, coords[::draws], getattr(self, "resolution", 0))
         return None if seen is None else jnp.repeat(seen, draws, axis=0)
 
     def _patch(self, x, time, tokens, volume, draws, coords, counts, plan, extra):
@@ -414,9 +320,3 @@ def _unpatchify(x: jax.Array, side: int, patch: int) -> jax.Array:
     items, channels = x.shape[0], x.shape[-1] // patch**3
     x = x.reshape(items, side, side, side, channels, patch, patch, patch)
     return x.transpose(0, 1, 5, 2, 6, 3, 7, 4).reshape(items, *[side * patch] * 3, channels)
-
-
-def _required(given: Any, option: str, name: str, whose: str = "the image encoder's") -> Any:
-    if given is None:
-        raise ValueError(f"flow: this model reads {whose} {name} ({option} > 0); pass {name}=")
-    return given
