@@ -19,7 +19,7 @@ def layout(
     /,
     out: Out,
     checkpoint: str = "nano",
-    threshold: float = 0.4,  # voxels.layout.THRESHOLD
+    threshold: float = 0.3,  # voxels.layout.THRESHOLD
     overwrite: Overwrite = False,
 ) -> None:
     """Find an object's parts in each image: OUT/<stem>.json and OUT/<stem>.png, boxes, axes and travel drawn over it.

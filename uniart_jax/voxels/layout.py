@@ -28,7 +28,7 @@ from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE, decode_part, encode_
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
 SMALLEST_SIDE = 0.004  # of a box that a mesh is made of
-THRESHOLD = 0.4  # of a part's probability (docs/evaluation.md, layouts)
+THRESHOLD = 0.3  # of a part's probability (docs/evaluation.md, layouts)
 ROOT = -1  # name of the virtual root
 
 
