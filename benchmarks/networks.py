@@ -21,6 +21,7 @@ from uniart_jax.models.image_encoder import TYPICAL, pixel_width
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.voxels.part_table import PartTable, part_table
 
 VOXELS = 6700  # usual active voxels of an object at 32^3
 
@@ -95,7 +96,11 @@ def case(name: str, model: ModelConfig, items: int):
         s = model.structure_vae
         side = model.grid.resolution // s.patch_size // 2 ** (len(s.channels) - 1)
         x = normal(items * draws, side, side, side, s.latent_channels)
-        return network, lambda p, *a: mean_square(network.apply(p, *a)), (x, t, tokens, volume)
+
+        def structure_loss(p, x, t, tokens, volume, layout):
+            return mean_square(network.apply(p, x, t, tokens, volume, layout=layout))
+
+        return network, structure_loss, (x, t, tokens, volume, layouts(model, items))
     batch = voxel_batch(model, items, width, count)
     plan = jax.tree.map(
         jnp.asarray, flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
@@ -106,11 +111,24 @@ def case(name: str, model: ModelConfig, items: int):
     cameras = jnp.broadcast_to(jnp.asarray(TYPICAL), (items, 1, len(TYPICAL)))
     views = normal(items, 1, side, side, pixel_width(e)), cameras
 
-    def loss(p, x, t, tokens, volume, views, coords, counts, plan):
-        voxels = {"coords": coords, "counts": counts, "plan": plan}
-        return mean_square(network.apply(p, x, t, tokens, volume, views=views, **voxels))
+    def loss(p, x, t, tokens, volume, views, layout, coords, counts, plan):
+        given = {"views": views, "layout": layout, "coords": coords, "counts": counts, "plan": plan}
+        return mean_square(network.apply(p, x, t, tokens, volume, **given))
 
-    return network, loss, (x, t, tokens, volume, views, coords, counts, plan)
+    layout = layouts(model, items)
+    return network, loss, (x, t, tokens, volume, views, layout, coords, counts, plan)
+
+
+def layouts(model: ModelConfig, items: int) -> PartTable:
+    """Part tables of six parts an item."""
+    rng = np.random.default_rng(0)
+    table = {
+        "boxes": np.concatenate([rng.uniform(-0.3, 0.3, (6, 3)), rng.uniform(0.1, 0.5, (6, 3))], 1),
+        "codes": rng.normal(size=(6, 9)),
+        "parents": np.zeros(6, np.int32),
+        "colors": rng.random((6, 3)),
+    }
+    return jax.tree.map(jnp.asarray, part_table([table] * items, model.grid.max_parts))
 
 
 def measure(name: str, model: ModelConfig, items: int, repeats: int = 3) -> None:
