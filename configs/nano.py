@@ -163,9 +163,9 @@ def config() -> Config:
         structure_flow=dataclasses.replace(stage, steps=2500, evaluate_every=250),
         latent_flow=dataclasses.replace(stage, steps=27_000, batch_size=4),
         sample_structure=StructureSampleConfig(
-            steps=4, guidance=1.0, rescale_t=3.0, threshold=-1.5
+            steps=1, guidance=1.0, rescale_t=3.0, threshold=-1.0
         ),
         sample_latent=LatentSampleConfig(
-            steps=4, guidance=1.0, rescale_t=3.0, sdf_offset=0.5, sdf_blur=1.0
+            steps=1, guidance=1.0, rescale_t=3.0, sdf_offset=0.5, sdf_blur=1.0
         ),
     )

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from uniart_jax.pipeline import Sample
 
 
+DIFFERENT = 4  # solver steps of several samples, where the checkpoint's own would make them alike
+
+
 def sample(
     images: Annotated[tuple[Path, ...], tyro.conf.Positional],
     /,
@@ -60,7 +63,8 @@ def sample(
         images: Image files. With an alpha channel or a plain background the object is cut out by itself.
         checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR.
         seed: Same seed, same object.
-        num_samples: Samples an image; with several, report.json says how much those that were made agree on each joint.
+        num_samples: Samples an image; with several, report.json says how much those that were made agree on each joint. Where the checkpoint takes one step, which
+            is the mean whatever the seed, several are made in four.
         steps: Solver steps of both flows (default: the checkpoint's).
         guidance: Classifier-free guidance of both flows, 0 = none (default: the checkpoint's).
         solver: Of both flows (default: the checkpoint's). Heun asks the network twice a step.
@@ -118,6 +122,9 @@ def sample(
     console = Console(stderr=True)
     with console.status("loading the model") as status:
         pipeline = load(checkpoint)
+        if num_samples > 1 and steps is None and not adaptive:
+            few = all(options.steps == 1 for options in pipeline.options())
+            changes["steps"] = DIFFERENT if few else None  # one step is the mean, whatever the seed
         groups = [("object", list(zip(images, pictures, strict=True)))]
         if not multi_view:
             groups = [

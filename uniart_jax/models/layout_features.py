@@ -43,7 +43,7 @@ class LayoutFeatures(nnx.Module):
         self.geometry = linear(GEOMETRY, HIDDEN, rngs, dtype=dtype)
         self.of_part = linear(TOKEN, HIDDEN, rngs, dtype=dtype)
         self.score = linear(HIDDEN, 1, rngs, dtype=dtype)
-        self.none = nnx.Param(jnp.full((), -3.0))
+        self.none = nnx.Param(jnp.full(1, -3.0))
 
     @property
     def width(self) -> int:
