@@ -158,9 +158,13 @@ class Finder:
     """A pipeline that finds an object for some seeds only."""
 
     def __init__(self, seeds):
-        self.seeds = seeds
+        self.seeds, self.asked = seeds, set()
 
-    def sample(self, image, *, seed, **_):
+    def options(self):
+        return SampleConfig(steps=1), SampleConfig(steps=1)
+
+    def sample(self, image, *, seed, steps, **_):
+        self.asked.add(steps)
         if seed not in self.seeds:
             raise ValueError(f"cabinet: the model found no object ({seed})")
         parts = [Part("body", trimesh.creation.box((0.4, 0.4, 0.4)), -1)]
@@ -171,9 +175,10 @@ class Finder:
 
 @pytest.mark.parametrize(("seeds", "code"), [((0, 2), 1), ((1,), 1), ((0, 1, 2), 0), ((), 2)])
 def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, capsys, seeds, code):
-    monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: Finder(seeds))
+    finder = Finder(seeds)
+    monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: finder)
     found = guarded(lambda: sample_command((EXAMPLE,), tmp_path, num_samples=3, check=False, refine=False, formats=("urdf",)))  # fmt: skip
-    assert found == code
+    assert found == code and finder.asked == {4}  # as one step would make them alike
     made = {i for i in range(3) if (tmp_path / f"cabinet/sample-{i}/object.urdf").is_file()}
     assert made == set(seeds)
     for i in seeds:
