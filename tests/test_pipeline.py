@@ -24,9 +24,11 @@ from uniart_jax.config import (
     UniArtVAEConfig,
 )
 from uniart_jax.models.network import build
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.samplers import Condition, flow_inputs, join_views, pad_coords
 from uniart_jax.training.export import export_network, write_config, write_statistics
+from uniart_jax.voxels.layout import Layout
 
 ROOT = Path(__file__).parent.parent
 GUIDED = SampleConfig(steps=2, guidance=1.5, rescale_t=3.0)
@@ -41,6 +43,11 @@ def disturbed(params):
 @pytest.fixture(scope="module")
 def pipeline():
     config = load_config(ROOT / "configs" / "debug.py")
+    flows = {
+        name: dataclasses.replace(getattr(config.model, name), layout_channels=4)
+        for name in ("structure_flow", "latent_flow")
+    }
+    config = dataclasses.replace(config, model=dataclasses.replace(config.model, **flows))
     parameters = {
         name: disturbed(build(name, config.model).init(jax.random.key(i)))
         for i, name in enumerate(NETWORKS)
@@ -59,7 +66,14 @@ def pipeline():
 @pytest.fixture(scope="module")
 def condition(pipeline):
     rng = np.random.default_rng(0)
-    return pipeline.encode_images(rng.random((2, 64, 64, 3), np.float32))
+    seen = pipeline.encode_images(rng.random((2, 64, 64, 3), np.float32))
+    return pipeline.following(seen, [make_layout(0.0), make_layout(0.3)])
+
+
+def make_layout(y):
+    """A body and a panel before it."""
+    boxes = np.array([[0, 0, 0, 0.8, 1, 1], [-0.45, y, 0, 0.1, 0.4, 0.8]])
+    return Layout(boxes, (Joint.fixed(),) * 2, (-1, 0), np.full((2, 3), 0.5), np.ones(2))
 
 
 def one(condition, b):
@@ -107,6 +121,7 @@ def test_guided_velocities_use_each_items_own_voxels(pipeline, condition):
             seen.tokens,
             seen.volume,
             views=(seen.pixels, seen.cameras),
+            layout=seen.layout,
             **inputs,
         )
 
@@ -115,7 +130,8 @@ def test_guided_velocities_use_each_items_own_voxels(pipeline, condition):
     np.testing.assert_allclose(straight[2:], swapped[:2], atol=2e-5)
     np.testing.assert_allclose(straight[0], straight[1], atol=2e-5)
     for field in condition._fields:  # nothing of it goes unread
-        other = condition._replace(**{field: getattr(condition, field)[::-1]})
+        turned = jax.tree.map(lambda a: a[::-1], getattr(condition, field))
+        other = condition._replace(**{field: turned})
         assert np.abs(velocity([0, 1], other) - straight).max() > 1e-3, field
 
 
