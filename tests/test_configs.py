@@ -12,6 +12,7 @@ from uniart_jax.config import NETWORKS, StageConfig
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.voxels.part_table import PartTable
 
 CONFIGS = sorted((Path(__file__).parent.parent / "configs").glob("*.py"))
 
@@ -39,7 +40,16 @@ def test_the_networks_of_a_config_fit_each_other(path):
     occupancy = shape(2, *[grid.resolution] * 3)
     encoded = outputs(networks["structure_vae"], occupancy)
     assert encoded["logits"].shape == occupancy.shape
-    v = outputs(networks["structure_flow"], encoded["latent"], shape(2), tokens, volume)
+    n = grid.max_parts
+    layout = PartTable(
+        shape(2, n, 6),
+        shape(2, n, 9),
+        shape(2, n, dtype="int32"),
+        shape(2, n, 3),
+        shape(2, dtype="int32"),
+    )
+    given = {"layout": layout} if model.structure_flow.layout_channels else {}
+    v = outputs(networks["structure_flow"], encoded["latent"], shape(2), tokens, volume, **given)
     assert v.shape == encoded["latent"].shape
 
     width, rng = 256, np.random.default_rng(0)
@@ -68,6 +78,8 @@ def test_the_networks_of_a_config_fit_each_other(path):
     voxels = {"coords": coords, "counts": counts, "plan": plan}
     if model.latent_flow.pixel_channels:
         voxels["views"] = tuple(shape(2, 1, *image[n].shape[1:]) for n in ("pixels", "camera"))
+    if model.latent_flow.layout_channels:
+        voxels["layout"] = layout
     v = outputs(networks["latent_flow"], out["latent"], shape(2), tokens, volume, **voxels)
     assert v.shape == out["latent"].shape
 

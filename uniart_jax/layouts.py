@@ -22,7 +22,7 @@ from uniart_jax.training.export import checkpoint_folder, load_network, read_con
 from uniart_jax.voxels.joint_code import align, box_corners
 
 APART = 0.15  # object units between the corners of rows that two looks have of one part
-SURE = 0.3  # object units that the surer row of a match is worth
+SURE = 0.3  # object units that a match is worth if both rows are sure
 BATCH = 8  # pictures at once, always padded to so many: one program
 
 

@@ -116,7 +116,7 @@ class Pipeline:
 
         Args:
           image: path, or [H, W, 3 or 4] uint8 sRGB; a sequence of them = several views.
-          seed: same seed, same object.
+          seed: same seed, same object. Flows that take one step give their mean, whatever the seed.
           layout: parts, joints and tree that the object follows (``voxels.follow``): a layout in the image's frame and state; True =
             what the checkpoint's layout network finds in the (first) image, where it has one; False = they are read off the voxels.
           progress: called with the name of each step.
@@ -145,9 +145,7 @@ class Pipeline:
         structure = self.solve_structure(condition, keys[0], structure_options)
         coords = self.active_voxels(structure.x, structure_options)[0]
         if len(coords) == 0:
-            raise ValueError(
-                f"{name}: the model found no object in the image; crop to the object or try another seed"
-            )
+            raise ValueError(f"{name}: the model found no object in the image; crop to the object")
         progress(f"{len(coords)} voxels")
         solution = self.solve_latents([coords], condition, keys[1], latent_options)
         progress("parts and joints")
@@ -202,6 +200,8 @@ class Pipeline:
         if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
             return condition
         most = model.grid.max_parts
+        if len(layouts) != (images := len(condition.tokens)):
+            raise ValueError(f"layout: {len(layouts)} layouts of {images} images; give one each, or None")  # fmt: skip
         rows = [EMPTY if item is None else item.rows(most) for item in layouts]
         return condition._replace(layout=part_table(rows, most))
 

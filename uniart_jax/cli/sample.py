@@ -123,7 +123,7 @@ def sample(
     with console.status("loading the model") as status:
         pipeline = load(checkpoint)
         if num_samples > 1 and steps is None and not adaptive:
-            few = all(options.steps == 1 for options in pipeline.options())
+            few = any(options.steps == 1 for options in pipeline.options())
             changes["steps"] = DIFFERENT if few else None  # one step is the mean, whatever the seed
         groups = [("object", list(zip(images, pictures, strict=True)))]
         if not multi_view:

@@ -20,7 +20,7 @@ COARSE = 5  # a side, of the displacements that pictures are bent by
 def with_errors(
     table: dict[str, np.ndarray], strength: float, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """A layout as a network might find it, its parts in random order; empty for a tenth of the draws, which are to be made without.
+    """A layout as a network might find it, its parts in random order; empty for a tenth of the draws, which are to be made without it; never at strength 0.
 
     Args:
       table: boxes [K, 6], codes [K, 9], parents [K] (root: its own), colors [K, 3]. strength: 0 = the truth, in random order.

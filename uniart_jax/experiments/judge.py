@@ -41,8 +41,10 @@ from uniart_jax.render import render, sample_camera
 from uniart_jax.samplers import Condition, join_views
 from uniart_jax.training.export import checkpoint_folder, load_network, read_config, read_statistics
 from uniart_jax.voxels.assemble import assemble
+from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import occupancy
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
+from uniart_jax.voxels.layout import Layout
 
 NEEDS: dict[Station, tuple[str, ...]] = {
     "vae": ("uniart_vae",),
@@ -209,7 +211,7 @@ def why(error: Exception) -> str:
 def structure_overlap(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> Figures:
     """Of the sampled active voxels with the true ones."""
     grid, (options, _) = test.truth.grid, pipeline.options(**arm.sampling)
-    solution = pipeline.solve_structure(look(pipeline, test), jax.random.key(seed), options)
+    solution = pipeline.solve_structure(look(pipeline, test)[0], jax.random.key(seed), options)
     found = pipeline.active_voxels(solution.x, options)[0]
     one, other = (occupancy(c, grid.resolution) for c in (found, grid.coords))
     iou = float((one & other).sum() / (one | other).sum())
@@ -232,20 +234,23 @@ def make_object(
         latent = pipeline.encode_voxels(grid, **test.features)
         out = pipeline.decode([grid.coords], [latent])[0]
         return assemble(out, tolerance=NETWORK_TOLERANCE), None
-    condition, key = look(pipeline, test), jax.random.key(seed)
+    (condition, layout), key = look(pipeline, test), jax.random.key(seed)
     _, options = pipeline.options(**arm.sampling)
     solution = pipeline.solve_latents([grid.coords], condition, key, options)
     latent = np.asarray(solution.x)[0, : len(grid.coords)]
     sampled = pipeline.decode_sampled(grid.coords, latent, options)
+    if layout is not None:
+        return assemble_layout(sampled, layout), float(solution.evaluations[0])
     obj = assemble(sampled, tolerance=NETWORK_TOLERANCE)
     return obj, float(solution.evaluations[0])
 
 
-def look(pipeline: Pipeline, test: Test) -> Condition:
-    """The condition that the images of an object make, with the layout of the first where flows see one."""
+def look(pipeline: Pipeline, test: Test) -> tuple[Condition, Layout | None]:
+    """The condition that the images of an object make, and the layout of the first, which flows that see layouts are given."""
     pixels = [pipeline.prepare(image) for image in test.images]
     condition = join_views(pipeline.encode_images(np.stack(pixels)))
-    return pipeline.following(condition, [pipeline.find_layout(pixels[0])])
+    layout = pipeline.find_layout(pixels[0])
+    return pipeline.following(condition, [layout]), layout
 
 
 @functools.lru_cache

@@ -115,12 +115,12 @@ def look(
 def project(camera: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Where a camera code [7] stands, [3], and sees points [n, 3]: [n, 2] in [-1, 1]^2 across the picture, x right, y down (``nn.lifting.project``)."""
     sine, cosine, elevation, focal, perspective, *shift = camera
-    norm = max(np.hypot(sine, cosine), 1e-6)
+    norm, perspective = max(np.hypot(sine, cosine), 1e-6), max(perspective, 1e-3)
     sa, ca, se, ce = sine / norm, cosine / norm, np.sin(elevation), np.cos(elevation)
     right, down, forward = np.array([[sa, -ca, 0], [-se * ca, -se * sa, -ce], [ca * ce, sa * ce, -se]])  # fmt: skip
     scale = focal / np.maximum(1 + perspective * (points @ forward), 0.1)
     seen = np.stack([points @ right, points @ down], -1) * scale[:, None]
-    return -forward / max(perspective, 1e-3), seen - shift
+    return -forward / perspective, seen - shift
 
 
 def light(

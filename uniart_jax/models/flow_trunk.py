@@ -117,5 +117,8 @@ class FlowTrunk(nnx.Module):
 
 def required(given: Any, option: str, name: str, whose: str = "the image encoder's") -> Any:
     if given is None:
-        raise ValueError(f"flow: this model reads {whose} {name} ({option} > 0); pass {name}=")
+        more = ", as pipeline.following(condition, [layout or None]) does" if name == "layout" else ""  # fmt: skip
+        raise ValueError(
+            f"flow: this model reads {whose} {name} ({option} > 0); pass {name}={more}"
+        )
     return given

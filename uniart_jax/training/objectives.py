@@ -241,7 +241,7 @@ def make_latent_flow_loss(
     ``metric`` [C, C]: of ``training.readout``; None measures all channels alike. With ``loss.decoded`` the function takes the UniArt VAE's
     parameters after the key, and its batches hold the plans of a decoder.
     """
-    vae = build("uniart_vae", config.model) if config.loss.decoded else None
+    vae = build("uniart_vae", config.model) if config.loss.decoded > 0 else None
     for name in ("part_share", "readout_share"):
         if not 0 <= getattr(config.loss, name) <= 1:
             raise ValueError(f"config: loss.{name} is {getattr(config.loss, name)}; give 0 to 1")
