@@ -31,6 +31,7 @@ TOLERANCES = tuple(2.0 ** (k / 2) / 1024 for k in range(9))
 OPENED = 2  # faces that an open surface's count as, which is given a second side
 PADDING = 3  # texels between charts
 ROUGH_EDGES = 6000  # fewer edges are no trouble, however sharp
+MANY_EDGES = 40_000  # more take it long, however smooth
 ROUGH_ANGLE = 0.6  # radians between the faces of a sharp edge
 ROUGH_SHARE = 0.35  # of edges that are sharp
 
@@ -215,7 +216,7 @@ def _is_rough(geometry: Geometry) -> bool:
         angles = mesh.face_adjacency_angles
         sharp += int((angles > ROUGH_ANGLE).sum())
         total += len(angles)
-    return total > ROUGH_EDGES and sharp > ROUGH_SHARE * total
+    return total > MANY_EDGES or (total > ROUGH_EDGES and sharp > ROUGH_SHARE * total)
 
 
 def bake(

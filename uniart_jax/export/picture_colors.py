@@ -27,9 +27,10 @@ OFFSET = 0.004  # object units, of rays to the camera from the surface they leav
 SEEN = 0.5  # belief of places that others take their colour from
 TURNED = 0.1  # object units that the opposite of a normal counts as twice
 NEAR = 0.1  # object units over which a colour is carried
+FAR = 0.25  # beyond which none is
 LIGHT = (0.2, 3.0)
 DARK = 0.02  # linear RGB below which ratios say nothing
-SAMPLES = 20_000  # places a part that colours are carried from
+SAMPLES = 5_000  # places a part that colours are carried from
 ROUNDS = 4
 
 
@@ -83,11 +84,15 @@ def paint(
             continue
         seen = seen[:: -(-len(seen) // SAMPLES)]
         tree = cKDTree(_places(points[seen], normals[seen]))
-        found = [tree.query(_places(points[unseen] * m, normals[unseen] * m)) for m in ([1, 1, 1], [1, -1, 1])]  # fmt: skip
+        found = [
+            tree.query(_places(points[unseen] * m, normals[unseen] * m), eps=0.5, distance_upper_bound=FAR)
+            for m in ([1, 1, 1], [1, -1, 1])
+        ]  # fmt: skip
         distance, index = (np.stack(rows) for rows in zip(*found, strict=True))
         best = distance.argmin(0)[None]
         near = np.exp(-((np.take_along_axis(distance, best, 0)[0] / NEAR) ** 2))[:, None]
-        carried = shown[seen[np.take_along_axis(index, best, 0)[0]]]
+        nearest = np.minimum(np.take_along_axis(index, best, 0)[0], len(seen) - 1)  # none: len
+        carried = shown[seen[nearest]]
         filled[unseen] = near * carried + (1 - near) * colors[unseen]
     return belief[:, None] * shown + (1 - belief[:, None]) * filled
 
