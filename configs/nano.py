@@ -30,7 +30,7 @@ it: .501 where that of the second go has .494 on the same validation records (ma
 seen instead: .498, no better. One Euler step and threshold 0 instead of 4 and -1.5: .510 and .513, of the mean rather than of samples; not tried on whole objects.
 Sampling steps of the structure flow at guidance 1, on an earlier model: 1 step .518, 2 .505, 4 .501, 8 .499. Muon instead of
 AdamW at the same rate: loss 1.17 instead of .94 after 200 steps.
-Sampling with layouts found, 28 validation objects, structure IoU: 1 step .538 at threshold -1 (.535 at -1.5, .540 at 0), 4 steps .524; given the true layout .609 and .626; shown none .527 and .505. Latent flow, 14 of them: 1 step Chamfer .0198, 4 steps .0201, and parts right .75 and .73 (of 44); sdf_blur .5
+Sampling with layouts found (scripts that are not kept), 28 validation objects, structure IoU: 1 step .538 at threshold -1 (.535 at -1.5, .540 at 0), 4 steps .524; given the true layout .609 and .626; shown none .527 and .505. Latent flow, 14 of them: 1 step Chamfer .0198, 4 steps .0201, and parts right .75 and .73 (of 44); sdf_blur .5
 and sdf_offset .3 instead of 1 and .5: .0192 (1 and .25: .0195).
 The UniArt VAE's decoder 800 steps on (1e-3, the encoder left as it is), on what the latent flow samples for 1,324 new objects: its loss on others (of which a
 third were encoded, not sampled) falls from 3.47 to 3.17, half of it colours and distances, half which part a place is of, the joint code's own from .047 to .045; no more parts are right on 28 held-out objects (given the structure .316 and .316, from the image .168 and .168): what is

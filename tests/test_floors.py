@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parent.parent / "uniart_jax"
 FLOORS = [
     {"allocator", "config", "locks", "processes", "progress"},
     {"objects", "nn"},
-    {"voxels", "procedural", "render", "diagram", "flow", "layout_picture"},
+    {"voxels", "procedural", "render", "diagram", "flow"},
     {"data", "models"},
     {"weights", "export", "samplers"},
     {
@@ -25,6 +25,7 @@ FLOORS = [
         "stages",
         "conversion",
         "layouts",
+        "layout_picture",
     },
     {"simulation", "evaluation", "viewer"},
     {"experiments"},
@@ -41,8 +42,6 @@ SAME_FLOOR = {
     ("procedural", "voxels"),
     ("procedural", "render"),
     ("diagram", "render"),
-    ("layout_picture", "render"),
-    ("layout_picture", "voxels"),
     ("evaluation", "simulation"),
     ("pipeline", "training"),
     ("validation", "pipeline"),

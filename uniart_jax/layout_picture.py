@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw
 
+from uniart_jax.data.cameras import project
 from uniart_jax.render import PART_COLORS
 from uniart_jax.voxels.layout import Layout
 
@@ -17,18 +18,6 @@ AXIS = 0.12  # half length of a drawn axis, object units
 EDGES = [
     (a, b) for a, b in itertools.combinations(range(8), 2) if bin(a ^ b).count("1") == 1
 ]  # corners whose indices differ in one bit
-
-
-def project(code: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """[P, 2] in [-1, 1]^2 across the crop where a camera code [7] sees points [P, 3] (``data.cameras``)."""
-    sine, cosine, elevation, focal, perspective, x, y = np.asarray(code, np.float64)
-    norm = max(float(np.hypot(sine, cosine)), 1e-3)
-    sa, ca, se, ce = sine / norm, cosine / norm, np.sin(elevation), np.cos(elevation)
-    px, py, pz = np.asarray(points, np.float64).T
-    right, ahead = sa * px - ca * py, ca * px + sa * py
-    forward, down = ce * ahead - se * pz, -se * ahead - ce * pz
-    scale = focal / np.maximum(1 + perspective * forward, 0.1)
-    return np.stack([scale * right - x, scale * down - y], -1)
 
 
 def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Image:

@@ -137,7 +137,8 @@ class Pipeline:
             raise ValueError("sample: no image; give one, or several views of one object")
         structure_options, latent_options = self.options(**changes)
         progress("looking at the image")
-        pixels = np.stack([self.prepare(view) for view in views])
+        shown = [self._cut_out(view) for view in views]
+        pixels = np.stack([self._crop(view) for view in shown])
         found = self.find_layout(pixels[0]) if layout is True else layout or None
         condition = self.following(join_views(self.encode_images(pixels)), [found])
         keys = jax.random.split(jax.random.key(seed))
@@ -159,13 +160,13 @@ class Pipeline:
             {"structure": structure_options, "latent": latent_options},
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.forced[0]) for flow, solved in flows.items()},
-            self._picture(views[0], found, condition),
+            self._picture(shown[0], found, condition),
         )
 
     def _picture(
-        self, image: str | Path | np.ndarray, layout: Layout | None, condition: Condition
+        self, cut_out: np.ndarray, layout: Layout | None, condition: Condition
     ) -> Picture | None:
-        """An image with its camera: the layout's, else the image encoder's; None where neither has one."""
+        """An image [H, W, 4] with its camera: the layout's, else the image encoder's; None where neither has one."""
         if layout is not None and layout.camera is not None:
             camera = layout.camera
         elif condition.cameras is not None:
@@ -173,7 +174,7 @@ class Pipeline:
         else:
             return None
         margin = self.config.model.image_encoder.crop_margin
-        return Picture.of(self._cut_out(image), camera, margin)
+        return Picture.of(cut_out, camera, margin)
 
     def layout(self, image: str | Path | np.ndarray, threshold: float = THRESHOLD) -> Layout:
         """The object's parts as a table, found by the checkpoint's layout network (``voxels.layout``).
@@ -231,8 +232,11 @@ class Pipeline:
 
     def prepare(self, image: str | Path | np.ndarray) -> np.ndarray:
         """[S, S, 3] float32 in [0, 1]: read, foreground, square crop, on black."""
+        return self._crop(self._cut_out(image))
+
+    def _crop(self, cut_out: np.ndarray) -> np.ndarray:
         encoder = self.config.model.image_encoder
-        cut = crop(self._cut_out(image), encoder.image_size, encoder.crop_margin)
+        cut = crop(cut_out, encoder.image_size, encoder.crop_margin)
         return cut.astype(np.float32) / 255
 
     @staticmethod

@@ -1,13 +1,15 @@
 """What training of a flow that follows a layout does to layouts and pictures, so that it leans on neither too much. numpy only.
 
-A found layout has parts missing, invented, a little off. And what a picture says of places disagrees with it: so the picture
-is bent (``bend``) while layout and voxels agree, and the flow learns that the layout says where things are.
+A layout that a network finds lacks parts, and boxes are a little off: ``with_errors``. It also disagrees with the picture about
+where things are. In training the picture is bent (``bend``) while layout and voxels agree, so that the flow goes by the layout.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from scipy import ndimage
+
+from uniart_jax.voxels.joint_code import box_corners
 
 NO_LAYOUT = 0.1  # share of objects that are shown without a layout
 EXACT = 0.4  # of the others, those whose layout is exact
@@ -20,7 +22,7 @@ COARSE = 5  # a side, of the displacements that pictures are bent by
 def with_errors(
     table: dict[str, np.ndarray], strength: float, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """A layout as a network might find it, its parts in random order; empty for a tenth of the draws, which are to be made without it; never at strength 0.
+    """A layout as a network might find it, its parts in random order. A tenth of the draws, but none at strength 0, are empty: no layout is known.
 
     Args:
       table: boxes [K, 6], codes [K, 9], parents [K] (root: its own), colors [K, 3]. strength: 0 = the truth, in random order.
@@ -38,13 +40,7 @@ def with_errors(
     parents = table["parents"][order]
     while (hidden := place[parents] < 0).any():  # a lost parent's children hang on its parent
         parents = np.where(hidden, table["parents"][parents], parents)
-    corners = np.concatenate(
-        [
-            table["boxes"][order, :3] - table["boxes"][order, 3:] / 2,
-            table["boxes"][order, :3] + table["boxes"][order, 3:] / 2,
-        ],
-        -1,
-    )
+    corners = box_corners(table["boxes"][order])
     corners = corners + rng.normal(0, MOVED * strength, corners.shape)
     size = np.maximum(corners[:, 3:] - corners[:, :3], THINNEST)
     boxes = np.concatenate([(corners[:, :3] + corners[:, 3:]) / 2, size], -1)

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from uniart_jax.data.cameras import camera_position, project
 from uniart_jax.data.images import MARGIN, crop
 from uniart_jax.objects.appearance import srgb_to_linear
 from uniart_jax.objects.object import ArticulatedObject
@@ -101,7 +102,7 @@ def look(
     picture: Picture, obj: ArticulatedObject, points: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """[n, 3] linear RGB that the picture shows at places of the object, and how far that is to be believed, [n] in 0..1."""
-    position, places = project(picture.camera, points)
+    position, places = camera_position(picture.camera), project(picture.camera, points)
     towards = position - points
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
     size = len(picture.depth)
@@ -115,17 +116,6 @@ def look(
     hidden = occluded(build_scene(obj)[0], start.astype(np.float32), towards[tried])
     belief[tried[hidden]] = 0
     return shown.astype(np.float32), belief.astype(np.float32)
-
-
-def project(camera: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where a camera code [7] stands, [3], and sees points [n, 3]: [n, 2] in [-1, 1]^2 across the picture, x right, y down (``nn.lifting.project``)."""
-    sine, cosine, elevation, focal, perspective, *shift = camera
-    norm, perspective = max(np.hypot(sine, cosine), 1e-6), max(perspective, 1e-3)
-    sa, ca, se, ce = sine / norm, cosine / norm, np.sin(elevation), np.cos(elevation)
-    right, down, forward = np.array([[sa, -ca, 0], [-se * ca, -se * sa, -ce], [ca * ce, sa * ce, -se]])  # fmt: skip
-    scale = focal / np.maximum(1 + perspective * (points @ forward), 0.1)
-    seen = np.stack([points @ right, points @ down], -1) * scale[:, None]
-    return -forward / perspective, seen - shift
 
 
 def light(
