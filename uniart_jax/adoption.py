@@ -25,7 +25,8 @@ from uniart_jax.training.export import (
 )
 
 FLOWS = ("structure_flow", "latent_flow")
-ADDED = ("pixel_channels", "layout_channels")  # layers that a flow can be given later
+WIDENED = (*FLOWS, "uniart_vae")
+ADDED = ("pixel_channels", "layout_channels")  # layers that such a network can be given later
 console = Console(stderr=True, highlight=False)
 
 
@@ -38,7 +39,7 @@ def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path
     found = taken(config, source, stages, workdir)
     for name in found:
         load_network(source, name, build(name, config.model).abstract())
-    for name in FLOWS:
+    for name in WIDENED:
         if name in stages or exported(workdir, name) or not distributed.is_first():
             continue
         for option in lacking(source, name, config.model):
@@ -59,34 +60,33 @@ def taken(config: Config, source: Path, stages: Sequence[str], workdir: Path) ->
         and not exported(workdir, name)
         and has_export(source, f"{name}.safetensors")
         and (not name.endswith("_flow") or same_ground(source, stages, workdir))
-        and not (name in FLOWS and lacking(source, name, config.model))
+        and not (name in WIDENED and lacking(source, name, config.model))
     ]
 
 
 def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
     """Weights of checkpoint ``source`` that a training of network ``name`` begins with (nested dict, float32).
 
-    A flow that had no ``pixel_channels`` or ``layout_channels`` may get them: what is returned lacks their layers, which stay as drawn and begin by
+    A flow that had no ``pixel_channels`` or ``layout_channels``, or a UniArt VAE that had no ``layout_channels``, may get them: what is returned lacks their layers, which stay as drawn and begin by
     adding nothing, so that the network begins with the function that it was.
 
     Raises:
       FileNotFoundError, ValueError: as ``load_network``.
     """
-    if name in FLOWS and (options := lacking(source, name, model)):
+    if name in WIDENED and (options := lacking(source, name, model)):
         blind = dataclasses.replace(getattr(model, name), **dict.fromkeys(options, 0))
         model = dataclasses.replace(model, **{name: blind})
     return load_network(source, name, build(name, model).abstract())
 
 
 def lacking(source: Path, name: str, model: ModelConfig) -> list[str]:
-    """Which of ``ADDED`` the config's flow ``name`` has and that of checkpoint ``source`` has not."""
+    """Which of ``ADDED`` the config's network ``name`` has and that of checkpoint ``source`` has not."""
     if not all(has_export(source, file) for file in (f"{name}.safetensors", "config.json")):
         return []
     ours = getattr(model, name)
-    if not any(getattr(ours, option) for option in ADDED):
-        return []
-    theirs = getattr(read_config(source).model, name)
-    return [o for o in ADDED if getattr(ours, o) and not getattr(theirs, o)]
+    wanted = [option for option in ADDED if getattr(ours, option, 0)]
+    theirs = getattr(read_config(source).model, name) if wanted else None
+    return [option for option in wanted if not getattr(theirs, option)]
 
 
 def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:

@@ -56,7 +56,7 @@ from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.layout import THRESHOLD, Layout, read_layout
-from uniart_jax.voxels.part_table import EMPTY, part_table
+from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table
 
 LATENTS = ("structure", "latent")
 GAUSSIANS = "gaussian_decoder.safetensors"
@@ -151,7 +151,7 @@ class Pipeline:
         solution = self.solve_latents([coords], condition, keys[1], latent_options)
         progress("parts and joints")
         latent = np.asarray(solution.x)[0, : len(coords)]
-        grid = self.decode_sampled(coords, latent, latent_options)
+        grid = self.decode_sampled(coords, latent, latent_options, found)
         flows = {"structure": structure, "latent": solution}
         return Sample(
             assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
@@ -200,11 +200,14 @@ class Pipeline:
         model = self.config.model
         if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
             return condition
-        most = model.grid.max_parts
-        if len(layouts) != (images := len(condition.tokens)):
-            raise ValueError(f"layout: {len(layouts)} layouts of {images} images; give one each, or None")  # fmt: skip
+        return condition._replace(layout=self._part_table(layouts, len(condition.tokens)))
+
+    def _part_table(self, layouts: Sequence[Layout | None], items: int) -> PartTable:
+        most = self.config.model.grid.max_parts
+        if len(layouts) != items:
+            raise ValueError(f"layout: {len(layouts)} layouts of {items} images; give one each, or None")  # fmt: skip
         rows = [EMPTY if item is None else item.rows(most) for item in layouts]
-        return condition._replace(layout=part_table(rows, most))
+        return part_table(rows, most)
 
     def _read_layout(self, pixels: np.ndarray, threshold: float = THRESHOLD) -> Layout:
         picture = np.round(pixels * 255).astype(np.uint8)
@@ -353,10 +356,19 @@ class Pipeline:
         return np.asarray(self._encode_voxels(self.parameters["uniart_vae"], batch))[0, :count]
 
     def decode(
-        self, coords: Sequence[np.ndarray], latents: Sequence[np.ndarray]
+        self,
+        coords: Sequence[np.ndarray],
+        latents: Sequence[np.ndarray],
+        layouts: Sequence[Layout | None] = (),
     ) -> list[VoxelGrid]:
-        """Latents [V_i, C] on voxels [V_i, 3] -> voxel grids."""
+        """Latents [V_i, C] on voxels [V_i, 3] -> voxel grids.
+
+        Args:
+          layouts: of the items, for a decoder that sees them (``UniArtVAEConfig.layout_channels``); none are known without.
+        """
         latent, batch = self._padded(coords, latents)
+        if self.config.model.uniart_vae.layout_channels:
+            batch["layout"] = self._part_table(list(layouts) or [None] * len(coords), len(coords))
         out = jax.device_get(self._decode_voxels(self.parameters["uniart_vae"], latent, batch))
         grid, kept = self.config.model.grid, zip(batch["coords"], batch["counts"], strict=True)
         return [voxel_grid(out, b, voxels[:count], grid) for b, (voxels, count) in enumerate(kept)]
@@ -403,11 +415,16 @@ class Pipeline:
         return latent, batch
 
     def decode_sampled(
-        self, coords: np.ndarray, latent: np.ndarray, options: LatentSampleConfig | None = None
+        self,
+        coords: np.ndarray,
+        latent: np.ndarray,
+        options: LatentSampleConfig | None = None,
+        layout: Layout | None = None,
     ) -> VoxelGrid:
         """One item of ``decode``, thickened and smoothed as ``sample_latent`` says (``voxels.grid.faired``)."""
         options = options or self.config.sample_latent
-        return faired(self.decode([coords], [latent])[0], options.sdf_offset, options.sdf_blur)
+        grid = self.decode([coords], [latent], [layout])[0]
+        return faired(grid, options.sdf_offset, options.sdf_blur)
 
     @functools.cached_property
     def _encode_images(self):

@@ -53,6 +53,7 @@ from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
     checkpoint_folder,
     export_network,
+    has_export,
     load_network,
     read_config,
     read_statistics,
@@ -295,7 +296,7 @@ def train_network(name: str, config: Config, workdir: Path, source: Path | None 
         distributed.first_does(lambda: write_statistics(workdir / "export", latent, *ours))
     key = jax.random.fold_in(jax.random.key(config.seed), STAGES.index(name))
     optimizer = make_optimizer(stage)
-    step = make_step(name, network, optimizer, config, workdir, mesh, statistics)
+    step = make_step(name, network, optimizer, config, workdir, mesh, statistics, source)
     if trained:  # nothing that the checkpoint would replace
         start = abstract_state(network.init, optimizer, mesh)
     else:
@@ -345,7 +346,8 @@ def stage_batches(name: str, config: Config, workdir: Path) -> Any:
         items = batch_size // (share["process_count"] * share["accumulate"])
         devices = jax.local_device_count()
         shares = devices if items and items % devices == 0 else 1
-        return voxel_batches(*records, **of_records, shares=shares)
+        shown = config.loss.sampled > 0
+        return voxel_batches(*records, **of_records, shares=shares, shown=shown)
     flow: Any = name
     decoded = name == "latent_flow" and config.loss.decoded > 0
     folder = workdir / "latents"
@@ -386,6 +388,22 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
         write_text(note, key)
 
 
+def sampled_from(config: Config, workdir: Path, source: Path | None) -> dict[str, Any]:
+    """Image encoder and latent flow of WORKDIR, or else of checkpoint ``source``: "parameters" of both, "statistics" of the flow's latents.
+
+    Raises:
+      FileNotFoundError: neither has them. ValueError: the encoder would be trained, and its latents so be others than the flow's.
+    """
+    if not {"front", "encoder"} <= set(config.uniart_vae.freeze):
+        raise ValueError("loss.sampled: the flow's latents are those of the encoder as it is; give --uniart_vae.freeze front encoder")  # fmt: skip
+    names = ("image_encoder", "latent_flow")
+    for folder in (workdir / "export", source):
+        if folder is not None and all(has_export(folder, f"{n}.safetensors") for n in names):
+            parameters = tuple(load_network(folder, n, build(n, config.model).abstract()) for n in names)  # fmt: skip
+            return {"parameters": parameters, "statistics": read_statistics(folder, "latent")}
+    raise FileNotFoundError("loss.sampled: needs a trained image encoder and latent flow; give a checkpoint that has them as --init")  # fmt: skip
+
+
 def make_put(name: str, mesh: jax.sharding.Mesh) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Host batch -> what the stage's loss reads, on the devices."""
     wanted = {"structure_vae": ("occupancy",)}.get(name)
@@ -400,18 +418,24 @@ def make_step(
     workdir: Path,
     mesh: jax.sharding.Mesh,
     statistics: Any = None,
+    source: Path | None = None,
 ) -> Programs:
     """The train step of a stage; a flow's begins with the frozen image encoder's reading of the pictures, by WORKDIR's export.
 
     Args:
       network, optimizer: those that the state is made by.
       statistics: of the latents (``encode_all``), for a flow.
+      source: the checkpoint that WORKDIR goes on from, whose latent flow a UniArt VAE is shown samples of (``loss.sampled``).
     """
     stage, given = getattr(config, name), None
     extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
     if name == "latent_flow" and config.loss.readout_share:
         extra.append(latent_metric(workdir / "latents", config.data.records, config.loss.readout_share, config.data.split))  # fmt: skip
     loss_fn = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
+    if name == "uniart_vae" and config.loss.sampled > 0:
+        flow = sampled_from(config, workdir, source)
+        loss_fn = objectives.make_uniart_vae_loss(network, config, *flow["statistics"])
+        given = jax.device_put(flow["parameters"], replicated(mesh))
     if name.endswith("_flow"):
         loss_fn = objectives.of_pictures(loss_fn, make_conditioner(config.model))
         decoded = name == "latent_flow" and config.loss.decoded > 0

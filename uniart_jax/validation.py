@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from uniart_jax.config import Config
+from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.batches import record_batches
 from uniart_jax.data.image_table import image_pass
 from uniart_jax.data.latents import LatentSource
@@ -37,7 +37,7 @@ from uniart_jax.training.layout_metrics import layout_readings
 from uniart_jax.training.metrics import part_readings, summarize_readings
 from uniart_jax.training.state import TrainState
 from uniart_jax.voxels.grid import faired
-from uniart_jax.voxels.part_table import ROWS, part_table
+from uniart_jax.voxels.part_table import ROWS, PartTable, part_table
 
 Evaluation = Callable[[TrainState, int], tuple[dict[str, float], dict[str, np.ndarray]]]
 IMAGE_BATCH = 16
@@ -263,6 +263,8 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
             batch["plans"] = voxel_plans(
                 batch, config.model.uniart_vae, config.model.grid, parts=False
             )
+            if config.model.uniart_vae.layout_channels:
+                batch["layout"] = item_tables([item], config.model)
             out, count = jax.device_get(decode(parameters, latent, batch)), counts[0]
             rows += part_readings(
                 out["joint_code"][0, :count],
@@ -301,8 +303,13 @@ def _condition(
     condition, model = condition_of(jnp.asarray(images)), config.model
     if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
         return condition
+    return condition._replace(layout=item_tables(items, model))
+
+
+def item_tables(items: list[dict[str, Any]], model: ModelConfig) -> PartTable:
+    """The true layouts of items of ``data.latents``."""
     tables = [{name: item[name] for name in ROWS} for item in items]
-    return condition._replace(layout=part_table(tables, model.grid.max_parts))
+    return part_table(tables, model.grid.max_parts)
 
 
 def filled(occupancy: np.ndarray) -> Cells:

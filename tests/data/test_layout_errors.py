@@ -22,6 +22,7 @@ def test_without_strength_the_parts_are_only_in_another_order():
         for name in ("boxes", "codes", "colors"):
             np.testing.assert_allclose(found[name], TABLE[name][order], atol=1e-6)
         np.testing.assert_array_equal(order[found["parents"]], TABLE["parents"][order])
+        np.testing.assert_array_equal(order, found["part"])
     assert len(orders) > 3
 
 

@@ -24,18 +24,23 @@ from uniart_jax.config import DataConfig, GridConfig, ModelConfig
 from uniart_jax.data.augment import recolor_record, redraw_joints
 from uniart_jax.data.columns import maker
 from uniart_jax.data.images import crop
+from uniart_jax.data.layout_errors import with_errors
 from uniart_jax.data.live import LiveRecords
 from uniart_jax.data.mirror import mirror_record
 from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, fitting_width, spread
 from uniart_jax.data.records import (
     Record,
     RecordSource,
+    decode_color,
+    decode_sdf,
     record_rows,
 )
 from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.data.windows import choose_windows
+from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.objects.perturb import color_gains
+from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table, surface_colors
 
 logger = logging.getLogger(__name__)
 
@@ -52,6 +57,7 @@ def voxel_batches(
     process_count: int = 1,
     accumulate: int = 1,
     shares: int = 1,
+    shown: bool = False,
 ) -> Batches:
     """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it reads features), with its attention plans;
     of each object some windows where ``data.voxel_crop`` says so (``data.windows``), some objects made again,
@@ -63,6 +69,10 @@ def voxel_batches(
       batch_size: over all processes; each gets ``batch_size / process_count`` items, all of the same width.
       accumulate: micro-batches that each process will cut its items into.
       shares: parts of a process's items whose attention is planned apart, one for each of its devices (``nn.voxel_plans.voxel_plans``).
+      shown: with a random view ``image`` [B, H, W, 3] and ``plans["flow"]``, for ``loss.sampled``.
+
+    A decoder that sees layouts gets ``layout``, a ``voxels.part_table.PartTable`` with ``data.layout_errors`` in it, and ``layout_rows`` [B, K], the
+    layout's row of each true part, -1 where it is lost.
 
     Raises:
       FileNotFoundError, ValueError: no records, another grid than the model's, no features that the model reads, fewer records than a batch, a share out of range, or a
@@ -72,6 +82,8 @@ def voxel_batches(
         raise ValueError("data: live and part_color need visual_channels and part_feature_channels 0: features from files do not follow what is changed")  # fmt: skip
     if not 0 <= data.new_joints <= 1:
         raise ValueError(f"data: new_joints must be in 0..1, got {data.new_joints}")
+    if shown and data.voxel_crop:
+        raise ValueError("data: a latent flow sees whole objects; with loss.sampled set data.voxel_crop 0")  # fmt: skip
     source, sizes = open_records(records, model.grid, split, model.uniart_vae.feature_channels)
     seed = data.seed if seed is None else seed
     known, widths = usable(sizes, data, model.grid)
@@ -88,6 +100,7 @@ def voxel_batches(
         seed=seed,
         rows=local_rows(batch_size, process_index, process_count, accumulate),
         shares=shares,
+        shown=shown,
     )
     return Batches(order, load, data.workers)
 
@@ -130,6 +143,7 @@ def _load_voxels(
     seed: int,
     rows: np.ndarray,
     shares: int,
+    shown: bool,
 ) -> Batch:
     rng = draw.generator(seed)
     mirrors = rng.random(len(draw.records)) < 0.5
@@ -153,7 +167,39 @@ def _load_voxels(
         items.append(mirror_record(record) if mirrored and mirror else record)
     batch = collate(items, draw.width, model.grid, features=model.uniart_vae.feature_channels)
     batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, shares=shares)
+    chances = [np.random.default_rng([own, 4]) for own in seeds[rows]]
+    if model.uniart_vae.layout_channels:
+        batch |= layouts_of(items, model.grid.max_parts, data.layout_errors, chances)
+    if shown:
+        views = [
+            seen_images(item.images[(v := int(g.integers(len(item.images)))) : v + 1])[0]
+            for item, g in zip(items, chances, strict=True)
+        ]
+        batch["image"] = np.stack(views).astype(np.float32) / np.float32(255)
+        batch["plans"]["flow"] = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)  # fmt: skip
     return batch
+
+
+def layouts_of(
+    records: Sequence[Record], most: int, errors: float, rngs: Sequence[np.random.Generator]
+) -> Batch:
+    """``layout`` and ``layout_rows`` of records (``voxel_batches``); without ``rngs`` the truth, in its own order."""
+    tables = []
+    for record, rng in zip(records, rngs or [None] * len(records), strict=True):
+        table = true_layout(record)
+        plain = table | {"part": np.arange(len(record.boxes))}
+        tables.append(plain if rng is None else with_errors(table, errors, rng))
+    rows = np.full((len(records), most), -1, np.int32)
+    for row, table in zip(rows, tables, strict=True):
+        row[table["part"]] = np.arange(len(table["part"]))
+    return {"layout": part_table(tables, most), "layout_rows": rows}
+
+
+def true_layout(record: Record) -> dict[str, np.ndarray]:
+    """A record's parts as a table of ``voxels.part_table.ROWS``."""
+    sdf, color = decode_sdf(record.sdf), decode_color(record.color)
+    colors = surface_colors(sdf, color, record.owner, len(record.boxes))
+    return {"boxes": record.boxes, "codes": record.codes, "parents": record.parents, "colors": colors}  # fmt: skip
 
 
 def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirrored: bool) -> Batch:
@@ -169,6 +215,11 @@ def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirro
     batch["images"] = images
     batch["record"] = draw.records.astype(np.int32)
     batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+    if model.uniart_vae.layout_channels:
+        most = model.grid.max_parts
+        known = layouts_of(items, most, 0.0, [])["layout"]
+        none = part_table([EMPTY] * (len(draw.records) - len(items)), most)
+        batch["layout"] = PartTable(*(np.concatenate(both) for both in zip(known, none, strict=True)))
     return batch
 
 

@@ -26,6 +26,9 @@ def with_errors(
 
     Args:
       table: boxes [K, 6], codes [K, 9], parents [K] (root: its own), colors [K, 3]. strength: 0 = the truth, in random order.
+
+    Returns:
+      The same fields, and part [n]: which row of ``table`` each row was.
     """
     count = len(table["boxes"])
     absent = strength > 0 and rng.random() < NO_LAYOUT
@@ -53,6 +56,7 @@ def with_errors(
         "codes": codes.astype(np.float32),
         "parents": place[parents].astype(np.int32),
         "colors": np.clip(colors, 0, 1).astype(np.float32),
+        "part": order.astype(np.int32),
     }
 
 

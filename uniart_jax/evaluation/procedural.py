@@ -237,7 +237,7 @@ def predict(
     grids = {"vae": pipeline.decode([coords], [pipeline.encode_voxels(test.grid)])[0]}
     for name, where in (("latent_flow", coords), ("image_to_object", found)):
         latent = pipeline.sample_latents([where], condition, keys[1])[0]
-        grids[name] = pipeline.decode_sampled(where, latent)
+        grids[name] = pipeline.decode_sampled(where, latent, layout=layout)
     dense = [occupancy(c, test.grid.resolution) for c in (found, coords)]
     return grids, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()), pixels, layout
 

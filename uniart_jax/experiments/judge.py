@@ -238,7 +238,7 @@ def make_object(
     _, options = pipeline.options(**arm.sampling)
     solution = pipeline.solve_latents([grid.coords], condition, key, options)
     latent = np.asarray(solution.x)[0, : len(grid.coords)]
-    sampled = pipeline.decode_sampled(grid.coords, latent, options)
+    sampled = pipeline.decode_sampled(grid.coords, latent, options, layout)
     if layout is not None:
         return assemble_layout(sampled, layout), float(solution.evaluations[0])
     obj = assemble(sampled, tolerance=NETWORK_TOLERANCE)

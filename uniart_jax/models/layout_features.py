@@ -51,6 +51,13 @@ class LayoutFeatures(nnx.Module):
 
     def __call__(self, table: PartTable, coords: jax.Array, resolution: int) -> jax.Array:
         """Features of cells ``coords`` [B, S, 3] of a grid of ``resolution`` cells a side."""
+        return self.look(table, coords, resolution)[0]
+
+    def look(
+        self, table: PartTable, coords: jax.Array, resolution: int
+    ) -> tuple[jax.Array, jax.Array, jax.Array]:
+        """Features, and of the candidates: their rows [B, S, N, K] one-hot (zero where there are
+        fewer), and how deep each child lies in each [B, S, N, children^3] (``child_depth``)."""
         lower = table.boxes[..., :3] - table.boxes[..., 3:] / 2
         upper = table.boxes[..., :3] + table.boxes[..., 3:] / 2
         at = (coords + 0.5) / resolution - 0.5
@@ -80,9 +87,11 @@ class LayoutFeatures(nnx.Module):
         mean = jnp.einsum("bsn,bsnc->bsc", weights, jnp.concatenate([hidden, distances], -1))
         most = jnp.where(there[..., None], hidden, 0).max(2)
         token = jnp.einsum("bsn,bsnk,bkc->bsc", weights, picks, tokens)
-        depth = child_depth(low[:, :, :DEEP], high[:, :, :DEEP], self.children)
-        depth = jnp.where(there[:, :, :DEEP, None], depth, -1.0).reshape(*depth.shape[:2], -1)
-        return jnp.concatenate([mean, token, most, depth], -1).astype(self.dtype)
+        depth = child_depth(low, high, self.children)
+        depth = jnp.where(there[..., None], depth, -1.0)
+        deep = depth[:, :, :DEEP].reshape(*depth.shape[:2], -1)
+        features = jnp.concatenate([mean, token, most, deep], -1).astype(self.dtype)
+        return features, picks, depth
 
     def tokens(self, table: PartTable) -> jax.Array:
         """[B, K, TOKEN] one of each row: its box, joint, parent's box and colour."""

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import Kernel, ModelConfig
+from uniart_jax.models.layout_decoder import LayoutDecoder, pointed, required
 from uniart_jax.models.structure_vae import sample_posterior
 from uniart_jax.nn.attention import attend_segments
 from uniart_jax.nn.blocks import SelfAttention, TransformerBlock, layer_norm, linear, zeros
@@ -120,11 +121,15 @@ class Trunk(nnx.Module):
         coords: jax.Array,
         plans: Mapping[str, Any],
         counts: jax.Array | None = None,
+        added: jax.Array | None = None,
     ) -> jax.Array:
-        """x [B, V, C] on coords [B, V, 3] with its window plans, or, where attention is 'full', its counts [B]."""
+        """x [B, V, C] on coords [B, V, 3] with its window plans, or, where attention is 'full', its counts [B].
+
+        ``added`` [B, V, width]: what else the first block is given."""
         if self.full and counts is None:
             raise ValueError("trunk: attention 'full' needs the batch's counts")
         h = self.input_layer(x)
+        h = h if added is None else h + added.astype(h.dtype)
         h = h + position_embedding(coords, h.shape[-1]).astype(h.dtype)
         h = run_stack(
             self.blocks,
@@ -244,6 +249,7 @@ class UniArtVAE(nnx.Module):
         self.geometry_head = linear(c.width, self.cells * 4, rngs, dtype=dtype)
         self.segmentation_head = linear(c.width, 12 + self.cells, rngs, dtype=dtype)
         self.articulation_head = linear(c.width, 15 + c.part_feature_channels, rngs, dtype=dtype)
+        self.layout = LayoutDecoder(config, rngs) if c.layout_channels else None
 
     def encode(self, batch: Batch) -> dict[str, jax.Array]:
         """Batch -> {"mean", "logvar": [B, V, C]; "geometry", "articulation": the embeddings V_geo and V_art}; padding zero."""
@@ -260,22 +266,34 @@ class UniArtVAE(nnx.Module):
         """Latent [B, V, C] -> attributes of every voxel, or only of ``voxels`` [B, Q] (indices; losses draw few).
 
         Args:
-          batch: coords, counts and plans ("window_0", "window_1").
+          batch: coords, counts and plans ("window_0", "window_1"); with ``layout_channels`` the layout, a ``PartTable``.
 
         Returns:
           sdf [B, Q, r^3] in sub-cells; color [B, Q, r^3, 3] linear in [0, 1]; box_pair [B, Q, 2, 6], of the voxel's part and of another that
           shares it; foreign [B, Q, r^3], the logit of a sub-cell being the other's; own_box [B, Q, r^3, 6], the one or the other;
           joint_code [B, Q, 9]; parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is zero.
+          With ``layout_channels``, pointer [B, Q, r^3, N + 1] and rows [B, Q, N]: logits of a sub-cell being of each of the voxel's N candidate
+          rows of the layout, or of none; where one wins, own_box, joint_code and parent_box are the row's.
         """
         valid = valid_tokens(batch["counts"], latent.shape[1])
         latent = jnp.where(valid, latent, 0)
-        h = self.decoder(latent, batch["coords"], batch["plans"], batch["counts"])
+        coords, added = batch["coords"], None
+        if self.layout is not None:
+            table = required(batch.get("layout"))
+            added = self.layout.before(table, coords)
+        h = self.decoder(latent, coords, batch["plans"], batch["counts"], added)
         if voxels is not None:
             h = jnp.take_along_axis(h, voxels[..., None], axis=1, mode="clip")
+            coords = jnp.take_along_axis(coords, voxels[..., None], axis=1, mode="clip")
             valid = voxels[..., None] < batch["counts"][:, None, None]
         h = jnp.where(valid, h, 0)
         lead = h.shape[:2]
+        more = None
+        if self.layout is not None:
+            more = self.layout.after(table, coords, h)
+            h = h + more.hidden
         geometry = self.geometry_head(h).astype(jnp.float32)
+        geometry = geometry if more is None else geometry + more.geometry
         color = jax.nn.sigmoid(geometry[..., self.cells :]).reshape(*lead, self.cells, 3)
         # a voxel is on one part or shared by two: each sub-cell takes one of two boxes, never a mean of them
         segmentation = self.segmentation_head(h).astype(jnp.float32)
@@ -294,6 +312,8 @@ class UniArtVAE(nnx.Module):
         }
         if self.features:
             out["part_feature"] = articulation[..., 15:]
+        if more is not None:
+            out |= pointed(table, more, out)
         return {
             k: jnp.where(valid.reshape(*lead, *[1] * (x.ndim - 2)), x, 0) for k, x in out.items()
         }

@@ -5,6 +5,7 @@ Batches are those of ``data.batches``, a flow's with what an image encoder sees 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -14,6 +15,7 @@ import jax.numpy as jnp
 from uniart_jax.config import Config
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
 from uniart_jax.models.network import Network, build
+from uniart_jax.models.structure_vae import sample_posterior
 from uniart_jax.models.uniart_vae import (
     cell_color,
     cell_sdf,
@@ -21,7 +23,7 @@ from uniart_jax.models.uniart_vae import (
     voxel_boxes,
     voxel_codes,
 )
-from uniart_jax.samplers import Condition
+from uniart_jax.samplers import Condition, make_conditioner, make_latent_sampler
 from uniart_jax.training.layout_loss import make_layout_loss  # noqa: F401  the stage's
 from uniart_jax.training.losses import (
     articulation_losses,
@@ -132,11 +134,16 @@ def make_structure_vae_loss(network: Network, config: Config) -> LossFn:
     return loss_fn
 
 
-def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
-    """L_geo + lambda_1 L_art + lambda_2 L_kl (+ the supplement's alignment), on all voxels or on some drawn equally from all parts."""
-    weights, max_parts = config.loss, config.model.grid.max_parts
+def make_uniart_vae_loss(network: Network, config: Config, mean: Any = None, std: Any = None) -> Any:
+    """L_geo + lambda_1 L_art + lambda_2 L_kl (+ the supplement's alignment), on all voxels or on some drawn equally from all parts.
 
-    def loss_fn(params, batch, key):
+    With ``loss.sampled`` the function takes the parameters of the image encoder and of the latent flow after the key, ``mean`` and ``std`` of
+    the flow's latents are to be given, and batches hold ``image`` and ``plans["flow"]``.
+    """
+    weights, max_parts = config.loss, config.model.grid.max_parts
+    sample = make_sampled_latents(config, mean, std) if weights.sampled > 0 else None
+
+    def loss_fn(params, batch, key, frozen=None):
         draw_key, noise_key = jax.random.split(key)
         valid = valid_tokens(batch["counts"], batch["coords"].shape[1])[..., 0].astype(jnp.float32)
         voxels, mask = None, valid
@@ -145,7 +152,13 @@ def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
                 draw_key, batch["voxel_part"], batch["counts"], weights.voxels_per_object, max_parts
             )
             mask = jnp.ones(voxels.shape)
-        out = network.apply(params, batch, noise_key, voxels)
+        out = network.apply(params, batch, method="encode")
+        latent = sample_posterior(out["mean"], out["logvar"], noise_key)
+        if sample is not None:
+            choice_key, flow_key = jax.random.split(jax.random.fold_in(key, 1))
+            chosen = jax.random.uniform(choice_key, latent.shape[:1]) < weights.sampled
+            latent = jnp.where(chosen[:, None, None], sample(frozen, batch, flow_key), latent)
+        out |= network.apply(params, latent, batch, voxels, method="decode")
 
         def at(values: jax.Array) -> jax.Array:
             if voxels is None:
@@ -164,8 +177,11 @@ def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
             mask,
             weights.huber_delta,
         )
+        if "pointer" in out:
+            geometry["pointer"] = pointer_loss(out, at(batch["owner"]), batch["layout_rows"], sdf, mask)
         kl = kl_loss(out["mean"], out["logvar"], valid)
         loss = geometry["occupancy"] + geometry["sdf"] + weights.color * geometry["color"]
+        loss = loss + geometry.get("pointer", 0.0)
         metrics = {**geometry, **articulation, "kl": kl, "padding": 1 - valid.mean()}
         loss = loss + articulation.pop("foreign")
         loss = loss + weights.articulation * sum(articulation.values()) + weights.kl * kl
@@ -175,6 +191,40 @@ def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
         return loss, metrics
 
     return loss_fn
+
+
+def make_sampled_latents(config: Config, mean: Any, std: Any) -> Callable[..., jax.Array]:
+    """(parameters of image encoder and latent flow, voxel batch, key) -> latents [B, V, C] that the flow samples in one step; not differentiated."""
+    model = config.model
+    condition = make_conditioner(model)
+    run = make_latent_sampler(model, dataclasses.replace(config.sample_latent, steps=1))
+
+    def sample(frozen, batch, key):
+        encoder, flow = frozen
+        seen = condition(encoder, batch["image"])._replace(layout=batch.get("layout"))
+        voxels = {"coords": batch["coords"], "counts": batch["counts"]}
+        voxels["plan"] = batch["plans"]["flow"]
+        return jax.lax.stop_gradient(run(flow, (mean, std), seen, key, voxels).x)
+
+    return sample
+
+
+def pointer_loss(out: Any, owner: jax.Array, rows: jax.Array, sdf: jax.Array, mask: jax.Array) -> jax.Array:
+    """Cross-entropy of the sub-cells' pointers, most of it near the surface (exp(-|distance|) + .2).
+
+    Args:
+      out: "pointer" [B, Q, r^3, N + 1] and "rows" [B, Q, N] of the decoder. owner, sdf: [B, Q, r^3] true part and distance.
+      rows: [B, K] the layout's row of each true part, -1 where it has none: its sub-cells are to point at none. mask: [B, Q].
+
+    Sub-cells whose row is none of their voxel's candidates do not count.
+    """
+    wanted = jax.vmap(lambda table, part: table[part])(rows, owner.astype(jnp.int32))
+    hit = (out["rows"][:, :, None] == wanted[..., None]) & (wanted >= 0)[..., None]
+    target = jnp.concatenate([hit, (wanted < 0)[..., None]], -1).astype(jnp.float32)
+    entropy = -(jax.nn.log_softmax(out["pointer"], -1) * target).sum(-1)
+    near = (jnp.exp(-jnp.abs(sdf)) + 0.2) * target.sum(-1)
+    each = (entropy * near).sum(-1) / jnp.maximum(near.sum(-1), 1e-6)
+    return masked_mean(each, mask)
 
 
 def alignment_loss(geometry: jax.Array, articulation: jax.Array, valid: jax.Array) -> jax.Array:
