@@ -37,6 +37,8 @@ MORE_FAMILIES: tuple[str, ...] = (
     "box",
     "sliding_window",
     "door",
+    "tool_cabinet",
+    "trolley",
 )
 UNSEEN_FAMILIES: tuple[str, ...] = (
     "toilet",
