@@ -39,6 +39,8 @@ MORE_FAMILIES: tuple[str, ...] = (
     "door",
     "tool_cabinet",
     "trolley",
+    "safe",
+    "casement_window",
 )
 UNSEEN_FAMILIES: tuple[str, ...] = (
     "toilet",
