@@ -41,6 +41,8 @@ MORE_FAMILIES: tuple[str, ...] = (
     "trolley",
     "safe",
     "casement_window",
+    "suitcase",
+    "assemblies",
 )
 UNSEEN_FAMILIES: tuple[str, ...] = (
     "toilet",

@@ -109,7 +109,7 @@ class _Look:
         self.handle = str(rng.choice(["lever", "ring", "knob", "none"], p=[0.6, 0.12, 0.13, 0.15]))
         self.inset = bool(rng.random() < 0.6)
         self.lap = min(float(rng.uniform(0.6, 1.6)) * unit, 0.5 * post - 0.2 * unit)
-        self.knuckles = bool(rng.random() < 0.6)
+        self.knuckles = bool(rng.random() < 0.6) and post - 2 * self.lap > 2 * unit
         self.swing = float(np.deg2rad(rng.uniform(50, 100 if self.inset else 150)))
         self.tilt = float(np.deg2rad(rng.uniform(20, 70)))
 
