@@ -42,6 +42,8 @@ MORE_FAMILIES: tuple[str, ...] = (
     "safe",
     "casement_window",
     "suitcase",
+    "desk_lamp",
+    "fan",
     "assemblies",
 )
 UNSEEN_FAMILIES: tuple[str, ...] = (

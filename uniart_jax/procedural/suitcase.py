@@ -17,6 +17,7 @@ from uniart_jax.procedural.shapes import (
     pipe,
     rounded,
     slide,
+    tidy,
     turn,
     union,
 )
@@ -76,7 +77,8 @@ def _lying(rng: np.random.Generator) -> ArticulatedObject:
     body.add(floor, lining)
     tall = height - low
     cover = extrusion(outline, "z", [middle, 0, low], tall)
-    if trunk and rng.random() < 0.4:  # a vaulted lid
+    vaulted = trunk and rng.random() < 0.4
+    if vaulted:
         angle = np.linspace(0, np.pi, 13)
         rise = tall * float(rng.uniform(0.4, 0.9))
         arch = np.column_stack([low + tall - rise + rise * np.sin(angle), middle - middle * np.cos(angle)])  # fmt: skip
@@ -88,36 +90,37 @@ def _lying(rng: np.random.Generator) -> ArticulatedObject:
         cover -= extrusion(inner, "z", [middle, 0, low - 1], 1 + tall - wall)
     if rims:
         ring = extrusion(_rim(outline, proud), "z", [middle, 0, low], min(band, 0.6 * tall))
-        lid.add(ring - extrusion(outline, "z", [middle, 0, low - 1], 2 * height), metal)
-    lid.add(cover, face)
+        lid.add(ring - extrusion(outline, "z", [middle, 0, low - 1], 3), metal)
+    lid.add(tidy(cover), face)
     front = -proud if rims else 0.0
-    _straps(rng, body, lid, front, depth, half, seam, low, height, rims, unit, face)
-    if rng.random() < 0.5:
-        _corners(rng, body, lid, depth, half, seam, low, height, corner, proud, unit, metal, rims)
+    if not vaulted and not rims and rng.random() < 0.35:
+        front = _straps(rng, body, lid, depth, half, seam, low, height, unit)
+    elif not vaulted and corner < 3 * unit and rng.random() < 0.6:
+        _corners(rng, body, lid, depth, half, seam, low, height, proud, unit, metal)
+        front = -proud
+    fittings = _fittings(rng, body, front, half, seam, low, height, unit, metal)
     root = asm.add("body", body)
     swing = float(np.deg2rad(rng.uniform(75, 115) if trunk or rng.random() < 0.5 else 175))
     back = depth + (proud if rims else 0.0)
     top = asm.add("lid", lid, root, hinge((back, 0, low), (0, 1, 0), swing))
-    _fittings(rng, asm, root, top, front, half, seam, low, height, unit, metal, trunk)
+    for name, shape, joint, on_lid in fittings:
+        asm.add(name, shape, top if on_lid else root, joint)
     return asm.object()
 
 
-def _straps(rng, body, lid, front, depth, half, seam, low, height, rims, unit, face) -> None:
-    """Belts round the case, in the front's plane."""
-    if rng.random() < 0.7 or rims:
-        return
+def _straps(rng, body, lid, depth, half, seam, low, height, unit) -> float:
+    """Belts round the case; returns the plane of their front."""
     belt = materials.plain(np.array([0.35, 0.2, 0.1]) * rng.uniform(0.4, 1.6))
     y, w, t = half * float(rng.uniform(0.45, 0.75)), 1.6 * unit, 0.8 * unit
     for side in (-y, y):
         body.add(box([-t, side - w, 0], [0, side + w, seam]), belt)
-        lid.add(box([-t, side - w, low], [0, side + w, height]), belt)
+        lid.add(box([-t, side - w, low], [0, side + w, height + t]), belt)
         lid.add(box([0, side - w, height], [0.9 * depth, side + w, height + t]), belt)
+    return -t
 
 
-def _corners(rng, body, lid, depth, half, seam, low, height, corner, proud, unit, metal, rims):
+def _corners(rng, body, lid, depth, half, seam, low, height, proud, unit, metal) -> None:
     """Caps on the corners at the front, as trunks have."""
-    if corner > 3 * unit:
-        return
     size = float(rng.uniform(4, 8)) * unit
     for y in (-1, 1):
         for shape, a, b in ((body, 0.0, min(size, 0.4 * seam)), (lid, height - min(size, 0.4 * (height - low)), height)):  # fmt: skip
@@ -127,8 +130,12 @@ def _corners(rng, body, lid, depth, half, seam, low, height, corner, proud, unit
             shape.add(block - inside, metal)
 
 
-def _fittings(rng, asm, root, top, front, half, seam, low, height, unit, metal, trunk) -> None:
-    """Clasps over the seam that fold down or up, and a handle that folds up."""
+def _fittings(rng, body, front, half, seam, low, height, unit, metal) -> list[tuple]:
+    """Clasps over the seam that fold down or up, and a handle that folds up: (name, shape, joint, whether on the lid).
+
+    What carries the handle is added to ``body``.
+    """
+    found: list[tuple] = []
     count = int(rng.choice([0, 1, 2, 3], p=[0.07, 0.2, 0.63, 0.1]))
     handle = rng.random() < 0.8
     if count in (1, 3) and handle:
@@ -147,12 +154,12 @@ def _fittings(rng, asm, root, top, front, half, seam, low, height, unit, metal, 
         shape = Shape().add(union([plate, rib]) if rng.random() < 0.6 else plate, metal)
         if down:
             joint = hinge((x - thick, y, seam - below), (0, -1, 0), swing)
-            asm.add("clasp", shape, root, joint)
+            found.append(("clasp", shape, joint, False))
         else:
             joint = hinge((x - thick, y, low + above), (0, 1, 0), swing)
-            asm.add("clasp", shape, top, joint)
+            found.append(("clasp", shape, joint, True))
     if not handle or seam < 5 * unit:
-        return
+        return found
     reach = min(float(rng.uniform(5, 8)) * unit, 0.75 * seam)
     z = seam - float(rng.uniform(0.1, 0.25)) * seam
     reach = min(reach, 0.85 * z)
@@ -162,9 +169,12 @@ def _fittings(rng, asm, root, top, front, half, seam, low, height, unit, metal, 
     x = front - r - 0.6 * unit
     line = [[x, -way, z], [x, -way, z - reach], [x, way, z - reach], [x, way, z]]
     grip = Shape().add(pipe(line, r, 10), metal if rng.random() < 0.4 else materials.dark(rng))
-    # lugs on the body beside its ends would be a part of their own: the ends turn on the body's face
+    lug, gap = 1.3 * unit, 0.3 * unit
+    for a in (way + r + gap, -way - r - gap - lug):
+        body.add(box([x - r, a, z - r], [0, a + lug, z + r]), metal)
     joint = hinge((x, 0, z), (0, 1, 0), float(np.deg2rad(rng.uniform(85, 120))))
-    asm.add("handle", grip, root, joint)
+    found.append(("handle", grip, joint, False))
+    return found
 
 
 def _upright(rng: np.random.Generator) -> ArticulatedObject:
@@ -175,7 +185,7 @@ def _upright(rng: np.random.Generator) -> ArticulatedObject:
     wall, air = float(rng.uniform(1.3, 2.0)) * unit, 0.35 * unit
     corner = float(rng.uniform(2, 11)) * unit
     face, metal = _shell(rng), materials.hardware(rng)
-    half, legs = width / 2, float(rng.uniform(3.5, 7)) * unit
+    half, legs = width / 2, float(rng.uniform(6, 10)) * unit
     split = depth * float(rng.uniform(0.3, 0.6))
     outline = rounded(width, height, corner, 6)  # (y, z)
     middle = legs + height / 2
@@ -210,23 +220,23 @@ def _upright(rng: np.random.Generator) -> ArticulatedObject:
         for y in (-gauge, gauge):
             solid -= box([x - rod - air, y - rod - air, rise - 3 * wall], [x + rod + air, y + rod + air, rise + 1])  # fmt: skip
     body.add(solid, face)
-    if rng.random() < 0.7:  # a grip at the side
+    way = 1 if rng.random() < 0.5 else -1  # of the hinges
+    if rng.random() < 0.7:  # a grip at the other side
         z, r, out = middle, 1.0 * unit, 3.2 * unit
-        y = half * float(rng.choice([-1, 1]))
-        s = np.sign(y)
+        y, s = -way * half, -way
         line = [[depth * 0.75, y, z - 8 * unit], [depth * 0.75, y + s * out, z - 7 * unit], [depth * 0.75, y + s * out, z + 7 * unit], [depth * 0.75, y, z + 8 * unit]]  # fmt: skip
         lo, hi = ([-1, half, -1], [2, 2, 3]) if s > 0 else ([-1, -2, -1], [2, -half, 3])
         body.add(pipe(line, r, 8) ^ box(lo, hi), materials.dark(rng))
     four = rng.random() < 0.5
     radius = 0.5 * legs
-    xs = [0.18 * depth + split * 0.0, 0.85 * depth] if four else [0.85 * depth]
+    xs = [0.18 * depth, depth - 1.2 * radius] if four else [depth - 1.2 * radius]
     xs = [max(q, split + 1.1 * radius + air) if k == 0 and four else q for k, q in enumerate(xs)]
     if four and xs[1] - xs[0] < 3 * radius:
         xs = xs[1:]
     spots = [(q, y) for q in xs for y in (-half + 0.18 * width, half - 0.18 * width)]
     if len(xs) == 1:  # it stands on feet in front
         for y in (-half + 0.18 * width, half - 0.18 * width):
-            at = [split + 3 * unit, y, 0]
+            at = [split + 2.2 * unit, y, 0]
             body.add(cylinder("z", at, legs + 0.02 * height, 1.6 * unit, segments=12) - solid, materials.dark(rng))  # fmt: skip
     rubber = materials.dark(rng)
     wide = 0.5 * radius
@@ -237,7 +247,6 @@ def _upright(rng: np.random.Generator) -> ArticulatedObject:
             cheeks.append(box([q - 0.6 * radius, side, 0.6 * radius], [q + 0.6 * radius, side + 0.8 * unit, legs + 0.01 * height]))  # fmt: skip
         body.add(union(cheeks) - solid, rubber)
     root = asm.add("body", body)
-    way = 1 if rng.random() < 0.5 else -1
     swing = float(np.deg2rad(rng.uniform(80, 175)))
     joint = hinge((split, way * half, 0), (0, 0, -way), swing)
     asm.add("lid", lid, root, joint)

@@ -21,6 +21,7 @@ from uniart_jax.procedural.shapes import (
     cylinder,
     hull,
     pipe,
+    tidy,
     tube,
     turn,
     union,
@@ -181,7 +182,7 @@ def _castor(
     pin = cylinder("z", [0, 0, bridge], floor - plate - bridge, 0.55 * radius, segments=14)
     head = cylinder("z", [0, 0, floor - plate], plate - 0.0008, 0.8 * radius, segments=14)
     axle = cylinder("y", [trail, -outer, radius], 2 * outer, axle_r, segments=12)
-    fork = union([*cheek, lid, pin, head, axle])
+    fork = tidy(union([*cheek, lid, pin, head, axle]))
     degrees = float(np.rad2deg(heading))
     way = np.array([np.cos(heading), np.sin(heading), 0])
     center = np.array([x, y, radius]) + trail * way
