@@ -32,8 +32,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     return _box_fan(rng) if rng.random() < 0.25 else _guarded(rng)
 
 
-def _blades(rng, radius: float, hub: float, deep: float, unit: float) -> list[Manifold]:
-    """Blades and hub about x through 0, within |x| < ``deep`` / 2: [hub, blades]."""
+def _blades(rng, radius: float, hub: float, deep: float, unit: float, shaft: float) -> list[Manifold]:  # fmt: skip
+    """Blades and hub about x through 0, within |x| < ``deep`` / 2: [hub, blades]; ``shaft``: how far it goes on behind."""
     count = int(rng.choice([3, 4, 5, 6], p=[0.4, 0.25, 0.25, 0.1]))
     pitch = float(rng.choice([-1, 1])) * float(rng.uniform(18, 35))
     wide = radius * float(rng.uniform(0.35, 0.75)) * 3 / count**0.8
@@ -44,34 +44,37 @@ def _blades(rng, radius: float, hub: float, deep: float, unit: float) -> list[Ma
     long = radius - 0.6 * hub
     half = wide / 2 * (np.clip(0.55 + 1.2 * u, 0, 1) * np.sqrt(np.clip(1 - u**6, 0, 1)) if not paddle else 0.5 + 0.5 * u)  # fmt: skip
     z = 0.6 * hub + long * u
+    half = np.minimum(half, 0.92 * z * np.tan(np.pi / count))  # clear of the next blade
     lean = float(rng.uniform(-0.25, 0.4)) * wide * u
     outline = np.vstack([np.column_stack([lean + half, z]), np.column_stack([lean - half, z])[::-1]])  # (y, z)  # fmt: skip
     blade = extrusion(outline, "x", [-thick / 2, 0, 0], thick).rotate((0, 0, pitch))
     room = cylinder("x", [-deep / 2, 0, 0], deep, radius, segments=32)
     blades = [blade.rotate((360 * k / count, 0, 0)) for k in range(count)]
-    nose = cylinder("x", [-deep / 2, 0, 0], 0.3 * deep, 0.6 * hub, hub, segments=20)
+    nose = cylinder("x", [-deep / 2, 0, 0], 0.34 * deep, 0.6 * hub, 0.97 * hub, segments=20)
     core = cylinder("x", [-0.2 * deep, 0, 0], 0.7 * deep, hub, segments=20)
-    return [union([nose, core]), cut(union(blades) ^ room, [core, nose])]
+    axle = cylinder("x", [0, 0, 0], 0.5 * deep + shaft, 0.35 * hub, segments=12)
+    middle = tidy(union([nose, core, axle]))
+    return [middle, tidy(cut(union(blades) ^ room, [middle]))]
 
 
 def _cage(rng, radius: float, front: float, back: float, hub: float, wire: float) -> Manifold:
     """A guard of ring and ribs about x from ``front`` to ``back``: a basket round the blades, with a badge in front."""
-    solids = [tube("x", [-wire, 0, 0], 2 * wire, radius + wire, radius - wire, 32)]
+    solids = [tube("x", [-wire, 0, 0], 2 * wire, radius + wire, radius - wire, 26)]
     rings = int(rng.integers(0, 3))
     for x, bulge in ((front, 1), (back, 1)):
         inner = 0.85 * radius
         plane = x * bulge
-        solids.append(tube("x", [plane - wire / 2, 0, 0], wire, inner + wire / 2, inner - wire / 2, 28))  # fmt: skip
+        solids.append(tube("x", [plane - wire / 2, 0, 0], wire, inner + wire / 2, inner - wire / 2, 22))  # fmt: skip
         for k in range(rings):
             r = inner * (k + 1) / (rings + 1)
             if r > hub + 2 * wire:
-                solids.append(tube("x", [plane - wire / 2, 0, 0], wire, r + wire / 2, r - wire / 2, 24))  # fmt: skip
+                solids.append(tube("x", [plane - wire / 2, 0, 0], wire, r + wire / 2, r - wire / 2, 18))  # fmt: skip
         solids.append(cylinder("x", [plane - wire / 2, 0, 0], wire, hub, segments=20))
-    count = int(rng.choice([8, 12, 16, 20]))
+    count = int(min(rng.choice([8, 12, 16, 20]), 2 * hub // wire))
     for k in range(count):
         turned = 360 * (k + 0.5) / count
-        w = wire / 2
-        for x in (front, back):
+        for x, share in ((front, 0.46), (back, 0.39)):  # unlike, so that no two edges coincide
+            w = share * wire
             spoke = box([x - w, -w, 0.8 * hub], [x + w, w, 0.85 * radius + w])
             a, b = np.array([x, 0, 0.85 * radius]), np.array([0, 0, radius])
             corner = [p + [dx, dy, 0] for p in (a, b) for dx in (-w, w) for dy in (-w, w)]
@@ -92,9 +95,9 @@ def _colors(rng: np.random.Generator) -> tuple[Material, Material, Material]:
 
 def _guarded(rng: np.random.Generator) -> ArticulatedObject:
     """A round head on a foot."""
-    tall = rng.random() < 0.5
-    radius = float(rng.uniform(0.15, 0.24) if tall else rng.uniform(0.09, 0.2))
-    axle = float(rng.uniform(0.75, 1.3) if tall else radius * rng.uniform(1.45, 2.1))
+    tall = rng.random() < 0.4
+    radius = float(rng.uniform(0.17, 0.26) if tall else rng.uniform(0.09, 0.2))
+    axle = float(rng.uniform(0.55, 1.05) if tall else radius * rng.uniform(1.45, 2.1))
     unit = (axle + radius) / 100
     body, guard, tone = _colors(rng)
     wire = max(0.9 * unit if not tall else 0.55 * unit, 0.003)
@@ -149,7 +152,7 @@ def _guarded(rng: np.random.Generator) -> ArticulatedObject:
     if rng.random() < 0.3:
         tilt = float(np.deg2rad(rng.uniform(45, 80)))
     neck = asm.add("head", head, carrier, hinge(pivot, (0, 1, 0), tilt))
-    core, blades = (s.translate(tuple(center)) for s in _blades(rng, 0.85 * radius - 2 * wire, 0.7 * hub, deep, unit))  # fmt: skip
+    core, blades = (s.translate(tuple(center)) for s in _blades(rng, 0.85 * radius - 2 * wire, 0.7 * hub, deep, unit, 1.3 * wire))  # fmt: skip
     finish = tone.darker(0.7) if rng.random() < 0.5 else tone
     asm.add("blades", Shape().add(core, finish).add(blades, tone), neck, turn(center, (1, 0, 0)))
     if knobs:
@@ -206,7 +209,7 @@ def _motor(rng, back: float, long: float, hub: float, wire: float) -> Manifold:
     taper = float(rng.uniform(0.6, 0.95))
     start = back + wire / 2
     front = cylinder("x", [start, 0, 0], 0.45 * long, r, segments=24)
-    return union([front, cylinder("x", [start + 0.45 * long, 0, 0], 0.55 * long, r, taper * r, 24)])
+    return union([front, cylinder("x", [start + 0.45 * long, 0, 0], 0.55 * long, 0.97 * r, taper * r, 24)])
 
 
 def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
@@ -261,7 +264,7 @@ def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
             frame.add(cut(union([foot, lift]), [rest, hole.translate(tuple(center))]), steel)
         parent = asm.add("frame", frame)
     room = deep - 2 * wire - 2.0 * unit
-    core, blades = (s.translate(tuple(center)) for s in _blades(rng, 0.95 * radius, hub, room, unit))  # fmt: skip
+    core, blades = (s.translate(tuple(center)) for s in _blades(rng, 0.95 * radius, hub, room, unit, 0.6 * unit))  # fmt: skip
     asm.add("blades", Shape().add(core, tone).add(blades, tone), parent, turn(center, (1, 0, 0)))
     if not round_frame and rim > 4 * unit and rng.random() < 0.6:  # a knob in a corner of the frame
         s = float(rng.choice([-1, 1]))
