@@ -44,6 +44,8 @@ MORE_FAMILIES: tuple[str, ...] = (
     "suitcase",
     "desk_lamp",
     "fan",
+    "stapler",
+    "toaster",
     "assemblies",
 )
 UNSEEN_FAMILIES: tuple[str, ...] = (

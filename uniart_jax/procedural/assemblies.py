@@ -293,7 +293,9 @@ def _sliding(rng, seat, parent, i, s, palette) -> _Candidate | None:
     j, k = [a for a in range(3) if a != i]
     j, k = (j, k) if rng.random() < 0.5 else (k, j)  # slides along j
     size = np.zeros(3)
-    size[j] = room[j] * float(rng.uniform(0.15, 0.6) if rng.random() < 0.75 else rng.uniform(0.6, 1))
+    size[j] = room[j] * float(
+        rng.uniform(0.15, 0.6) if rng.random() < 0.75 else rng.uniform(0.6, 1)
+    )
     size[k] = room[k] * float(rng.uniform(0.2, 0.85))
     size[i] = float(rng.uniform(0.04, 0.3))
     if size[[j, k]].min() < 0.05:
@@ -414,7 +416,9 @@ def _drawer(rng, seat, parent, i, s, palette) -> _Candidate | None:
         if rng.random() < 0.5:
             start = at.copy()
             start[i] = min(_span(i, s, at[i], reach))
-            grip = cylinder("xyz"[i], start, reach, min(0.035, 0.2 * min(size[j], size[k])), segments=14)
+            grip = cylinder(
+                "xyz"[i], start, reach, min(0.035, 0.2 * min(size[j], size[k])), segments=14
+            )
         else:
             along = j if size[j] > size[k] else k
             half = np.full(3, 0.014)
@@ -476,7 +480,9 @@ def _host(pieces: list[_Piece], solids: list[Manifold], found: _Candidate) -> _P
     for n, other in enumerate(pieces):
         if n and n not in chain:
             strict = 1 if n in children else -1
-            if not _free(other.joint, solids[n], [body, *([found.add] if found.add else [])], strict):
+            if not _free(
+                other.joint, solids[n], [body, *([found.add] if found.add else [])], strict
+            ):
                 return None
     return host
 

@@ -98,7 +98,9 @@ def _how(rng: np.random.Generator, size: np.ndarray, k: int, count: int) -> str:
 class _Look:
     """What the sashes of one window have in common (metres, radians)."""
 
-    def __init__(self, rng: np.random.Generator, unit: float, face: Material, depth: float, post: float):
+    def __init__(
+        self, rng: np.random.Generator, unit: float, face: Material, depth: float, post: float
+    ):
         self.face, self.glass = face, materials.glass(rng)
         self.metal = materials.hardware(rng)
         self.thick = min(float(rng.uniform(2.2, 4.2)) * unit, 0.9 * depth)

@@ -50,7 +50,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     points[0][2] = foot_high + post + 2 * radius
     for length, angle in zip(lengths, elevations[:-1], strict=True):
         points.append(points[-1] + length * np.array([-np.cos(angle), 0, np.sin(angle)]))
-    balance = points[-1][0] * float(rng.uniform(0.05, 0.25))  # the foot lies under the head a little
+    balance = points[-1][0] * float(
+        rng.uniform(0.05, 0.25)
+    )  # the foot lies under the head a little
 
     asm = Assembly()
 
@@ -169,7 +171,9 @@ def _arm(rng, a, b, radius, spans, layer, paint, accent):
     bars = [_bar(a, b, radius, span, thin) for span in spans]
     if len(spans) == 2:  # a fork, held together amid
         m, way = (a + b) / 2, (b - a) * 0.08
-        bars.append(_bar(m - way, m + way, 0.6 * radius, (spans[1][1] - 0.001, spans[0][0] + 0.001)))
+        bars.append(
+            _bar(m - way, m + way, 0.6 * radius, (spans[1][1] - 0.001, spans[0][0] + 0.001))
+        )
     pieces = [(union(bars), paint)]
     outside = max(span[1] for span in spans)
     caps = [cylinder("y", [p[0], outside, p[2]], 0.35 * layer, 0.65 * radius, segments=14) for p in (a, b)]  # fmt: skip
@@ -213,7 +217,9 @@ def _head(rng, at, tilt: float, radius, spans, unit, total, paint, accent):
         profile = np.vstack([[[0, z0]], outer, inner, [[0, inner[-1, 1]]]])
         shade = revolution(profile, "z", [0, 0, 0], 28)
         bulb = ball([0, 0, z0 - wall - 0.45 * tall], 0.3 * min(size, tall), 14)
-        socket = cylinder("z", [0, 0, z0 - wall - 0.45 * tall], 0.4 * tall, 0.12 * size, segments=12)
+        socket = cylinder(
+            "z", [0, 0, z0 - wall - 0.45 * tall], 0.4 * tall, 0.12 * size, segments=12
+        )
         pieces = [(shade, finish), (bulb + socket - shade, glow)]
     degrees = float(np.rad2deg(np.arctan2(way[0], way[2]))) - 180  # about y: carries -z to the way
     placed = [(s.rotate((0, degrees, 0)).translate(tuple(at)), m) for s, m in pieces]

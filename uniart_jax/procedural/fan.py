@@ -138,7 +138,9 @@ def _guarded(rng: np.random.Generator) -> ArticulatedObject:
     root = asm.add("foot", foot)
     carrier = root
     if lift:
-        rod = cylinder("z", [foot_x, 0, middle - reach], top - middle + reach, 0.9 * post, segments=18)
+        rod = cylinder(
+            "z", [foot_x, 0, middle - reach], top - middle + reach, 0.9 * post, segments=18
+        )
         pole = asm.add("pole", Shape().add(tidy(union([rod, fork])), pole_finish), root, slide((0, 0, 1), reach * float(rng.uniform(0.5, 0.85))))  # fmt: skip
         carrier = pole
     center = np.array([0, 0, axle])
@@ -154,7 +156,10 @@ def _guarded(rng: np.random.Generator) -> ArticulatedObject:
     neck = asm.add("head", head, carrier, hinge(pivot, (0, 1, 0), tilt))
     core, blades = (s.translate(tuple(center)) for s in _blades(rng, 0.85 * radius - 2 * wire, 0.7 * hub, deep, unit, 1.3 * wire))  # fmt: skip
     finish = tone.darker(0.7) if rng.random() < 0.5 else tone
-    asm.add("blades", Shape().add(core, finish).add(blades, tone), neck, turn(center, (1, 0, 0)))
+    rotor = Shape().add(core, finish).add(blades, tone)
+    if finish is tone:
+        rotor = Shape().add(tidy(core + blades), tone)
+    asm.add("blades", rotor, neck, turn(center, (1, 0, 0)))
     if knobs:
         _dial(rng, asm, root, at[0] - size, high, unit)
     return asm.object()
@@ -209,7 +214,9 @@ def _motor(rng, back: float, long: float, hub: float, wire: float) -> Manifold:
     taper = float(rng.uniform(0.6, 0.95))
     start = back + wire / 2
     front = cylinder("x", [start, 0, 0], 0.45 * long, r, segments=24)
-    return union([front, cylinder("x", [start + 0.45 * long, 0, 0], 0.55 * long, 0.97 * r, taper * r, 24)])
+    return union(
+        [front, cylinder("x", [start + 0.45 * long, 0, 0], 0.55 * long, 0.97 * r, taper * r, 24)]
+    )
 
 
 def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
@@ -249,7 +256,7 @@ def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
             for k in range(4 if manner == "rings" else 1):
                 r = radius * (0.35 + 0.16 * k)
                 lines.append(tube("x", [x, 0, 0], wire, r + wire / 2, r - wire / 2, 28))
-        bars.append(union([disc, *lines]) ^ cylinder("x", [-deep, 0, 0], 2 * deep, radius, segments=36))  # fmt: skip
+        bars.append(union([disc, *lines]) ^ cylinder("x", [-deep, 0, 0], 2 * deep, radius + (3e-4 if guard is body else 0), segments=36))  # fmt: skip
     frame.add(tidy(union(bars)).translate(tuple(center)), guard)
     steel = materials.hardware(rng)
     if stand:
@@ -258,14 +265,17 @@ def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
         parent = asm.add("frame", frame, root, hinge(center, (0, 1, 0), tilt))
     else:
         for y in (-0.7 * half, 0.7 * half):  # feet
-            foot = box([-0.8 * deep, y - 1.5 * unit, 0], [0.8 * deep, y + 1.5 * unit, low + 0.02 * unit])
+            foot = box(
+                [-0.8 * deep, y - 1.5 * unit, 0], [0.8 * deep, y + 1.5 * unit, low + 0.02 * unit]
+            )
             rest = shell.translate(tuple(center))
             lift = box([-0.5 * deep, y - 1.5 * unit, low - 0.1 * unit], [0.5 * deep, y + 1.5 * unit, low + (half if round_frame else 0.3 * unit)])  # fmt: skip
             frame.add(cut(union([foot, lift]), [rest, hole.translate(tuple(center))]), steel)
         parent = asm.add("frame", frame)
     room = deep - 2 * wire - 2.0 * unit
     core, blades = (s.translate(tuple(center)) for s in _blades(rng, 0.95 * radius, hub, room, unit, 0.6 * unit))  # fmt: skip
-    asm.add("blades", Shape().add(core, tone).add(blades, tone), parent, turn(center, (1, 0, 0)))
+    rotor = Shape().add(tidy(core + blades), tone)
+    asm.add("blades", rotor, parent, turn(center, (1, 0, 0)))
     if not round_frame and rim > 4 * unit and rng.random() < 0.6:  # a knob in a corner of the frame
         s = float(rng.choice([-1, 1]))
         off = 0.84 * half
