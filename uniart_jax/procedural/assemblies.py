@@ -7,14 +7,13 @@ barrels, rails, bores), and that is shown in most cases but not in all.
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from manifold3d import Manifold
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
+from uniart_jax.procedural.fitting import AIR, Candidate, Piece, host_with
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -31,38 +30,12 @@ from uniart_jax.procedural.shapes import (
     union,
 )
 
-AIR = 0.003  # between a part and what it moves on; the root's longest side is about 1
 CUES = 0.75  # share of the joints that show how they work
 TRIES = 12  # a part
-CLEAR = 2e-4  # of the smaller part's volume, an overlap that is none
 MANNERS = {
     "turn": 0.15, "arm": 0.13, "flap": 0.2, "slide": 0.17, "piston": 0.3, "drawer": 0.15
 }  # fmt: skip
 FACES = {(0, -1): 3.0, (2, 1): 2.5, (1, -1): 1.5, (1, 1): 1.5, (0, 1): 0.15, (2, -1): 0.3}
-
-
-@dataclasses.dataclass
-class _Piece:
-    """A part while the tree grows: its seat (corners of its main solid), all solids by material, parent and joint."""
-
-    lo: np.ndarray
-    hi: np.ndarray
-    solids: list[tuple[Manifold, Material]]
-    parent: int
-    joint: Joint
-
-    @property
-    def solid(self) -> Manifold:
-        return union([s for s, _ in self.solids])
-
-
-@dataclasses.dataclass
-class _Candidate:
-    """A part that may be added: ``cut`` is taken from its parent and ``add`` put onto it where it is."""
-
-    piece: _Piece
-    cut: Manifold | None = None
-    add: Manifold | None = None
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
@@ -75,7 +48,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         if len(pieces) == count:
             break
         found = _grow(rng, pieces, palette)
-        if found is not None and (host := _host(pieces, solids, found)) is not None:
+        if found is not None and (host := host_with(pieces, solids, found)) is not None:
             pieces[found.piece.parent] = host
             solids[found.piece.parent] = host.solid
             pieces.append(found.piece)
@@ -126,7 +99,7 @@ def _solid(rng: np.random.Generator, lo, hi, kind: str, axis: int) -> Manifold:
     return box(lo, hi)
 
 
-def _root(rng: np.random.Generator, palette: list[Material]) -> _Piece:
+def _root(rng: np.random.Generator, palette: list[Material]) -> Piece:
     """The part that all stands on: a block, a slab, a post, a frame, a tray."""
     kind = str(rng.choice(["block", "slab", "post", "wall"], p=[0.4, 0.25, 0.15, 0.2]))
     size = {
@@ -140,10 +113,10 @@ def _root(rng: np.random.Generator, palette: list[Material]) -> _Piece:
     if form == "tray" and kind != "block":
         form = "box"
     solid = _solid(rng, lo, hi, form, 2)
-    return _Piece(lo, hi, [(solid, _finish(rng, palette))], -1, Joint.fixed())
+    return Piece(lo, hi, [(solid, _finish(rng, palette))], -1, Joint.fixed())
 
 
-def _grow(rng, pieces: list[_Piece], palette) -> _Candidate | None:
+def _grow(rng, pieces: list[Piece], palette) -> Candidate | None:
     """A candidate part; None if what was drawn cannot be."""
     weights = np.array([1.0 if k == 0 else 0.6 for k in range(len(pieces))])
     parent = int(rng.choice(len(pieces), p=weights / weights.sum()))
@@ -166,14 +139,14 @@ def _span(i: int, s: int, start: float, h: float) -> tuple[float, float]:
     return (start, start + h) if s > 0 else (start - h, start)
 
 
-def _box_on(rng, seat: _Piece, i: int, s: int, size: np.ndarray, place: np.ndarray):
+def _box_on(rng, seat: Piece, i: int, s: int, size: np.ndarray, place: np.ndarray):
     """Corners of a box of ``size`` that sits on face (i, s), its middle at ``place`` in the other axes."""
     lo, hi = place - size / 2, place + size / 2
     lo[i], hi[i] = _span(i, s, (seat.hi if s > 0 else seat.lo)[i] + s * AIR, size[i])
     return lo, hi
 
 
-def _place(rng, seat: _Piece, i: int, size: np.ndarray) -> np.ndarray:
+def _place(rng, seat: Piece, i: int, size: np.ndarray) -> np.ndarray:
     """A middle for a box of ``size`` on a face: in the centre, flush with an edge, or anywhere within."""
     place = (seat.lo + seat.hi) / 2
     for axis in range(3):
@@ -198,7 +171,7 @@ def _about_normal(rng, at, i: int) -> Joint:
     return hinge(at, _axis(i, float(rng.choice([-1, 1]))), angle)
 
 
-def _turning(rng, seat, parent, i, s, palette, arm=False) -> _Candidate | None:
+def _turning(rng, seat, parent, i, s, palette, arm=False) -> Candidate | None:
     """A part that turns on a face: about its middle, or an arm about a pin near its end."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]
@@ -237,10 +210,10 @@ def _turning(rng, seat, parent, i, s, palette, arm=False) -> _Candidate | None:
         start = at.copy()
         start[i] = min(_span(i, s, (hi if s > 0 else lo)[i], tall))
         solids.append((cylinder("xyz"[i], start, tall, r, segments=16), materials.hardware(rng)))
-    return _Candidate(_Piece(lo, hi, solids, parent, _about_normal(rng, at, i)))
+    return Candidate(Piece(lo, hi, solids, parent, _about_normal(rng, at, i)))
 
 
-def _flap(rng, seat, parent, i, s, palette) -> _Candidate | None:
+def _flap(rng, seat, parent, i, s, palette) -> Candidate | None:
     """A plate or block on a face, hinged along one of the edges that it touches the face with."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]
@@ -278,16 +251,16 @@ def _flap(rng, seat, parent, i, s, palette) -> _Candidate | None:
         for share in (0.12, 0.88) if rng.random() < 0.7 else (0.5,):
             start[k] = lo[k] + share * size[k] - tall / 2
             bars.append(cylinder("xyz"[k], start, tall, r, segments=12))
-            a, b = np.minimum(start, start), start.copy()
-            a[i], b[i] = _span(i, s, at[i], r)
+            a, b = start.copy(), start.copy()
+            a[i], b[i] = _span(i, s, at[i], 0.8 * r)
             a[j], b[j] = sorted((at[j], at[j] - way * (r + AIR)))
             b[k] += tall
             bars.append(box(a, b))
         solids.append((union(bars), materials.hardware(rng)))
-    return _Candidate(_Piece(lo, hi, solids, parent, hinge(at, axis, angle)))
+    return Candidate(Piece(lo, hi, solids, parent, hinge(at, axis, angle)))
 
 
-def _sliding(rng, seat, parent, i, s, palette) -> _Candidate | None:
+def _sliding(rng, seat, parent, i, s, palette) -> Candidate | None:
     """A block that slides along a face, between rails on some."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]
@@ -314,7 +287,7 @@ def _sliding(rng, seat, parent, i, s, palette) -> _Candidate | None:
     form = str(rng.choice(["box", "round", "frame"], p=[0.65, 0.25, 0.1]))
     finish = _finish(rng, palette)
     solids = [(_solid(rng, lo, hi, form, i), finish)]
-    found = _Candidate(_Piece(lo, hi, solids, parent, slide(_axis(j, way), travel)))
+    found = Candidate(Piece(lo, hi, solids, parent, slide(_axis(j, way), travel)))
     gap = min((lo - seat.lo)[k], (seat.hi - hi)[k])
     if rng.random() < CUES and gap > 0.03:
         rails = []
@@ -328,7 +301,7 @@ def _sliding(rng, seat, parent, i, s, palette) -> _Candidate | None:
     return found
 
 
-def _piston(rng, seat, parent, i, s, palette) -> _Candidate | None:
+def _piston(rng, seat, parent, i, s, palette) -> Candidate | None:
     """A head on a rod in a bore: slides, turns, or winds."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]
@@ -377,10 +350,10 @@ def _piston(rng, seat, parent, i, s, palette) -> _Candidate | None:
         joint = screw(place, _axis(i, s), turns, travel, left_handed=bool(rng.random() < 0.3))
     else:
         joint = _about_normal(rng, place, i)
-    return _Candidate(_Piece(lo, hi, solids, parent, joint), cut=hole)
+    return Candidate(Piece(lo, hi, solids, parent, joint), cut=hole)
 
 
-def _drawer(rng, seat, parent, i, s, palette) -> _Candidate | None:
+def _drawer(rng, seat, parent, i, s, palette) -> Candidate | None:
     """A block in a pocket of its parent, that pulls out."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]
@@ -428,88 +401,4 @@ def _drawer(rng, seat, parent, i, s, palette) -> _Candidate | None:
             grip = box(a, b)
         solids.append((grip, materials.hardware(rng)))
     travel = size[i] * float(rng.uniform(0.4, 0.9))
-    return _Candidate(_Piece(lo, hi, solids, parent, slide(_axis(i, s), travel)), cut=box(c, d))
-
-
-def _host(pieces: list[_Piece], solids: list[Manifold], found: _Candidate) -> _Piece | None:
-    """The candidate's parent as it will be; None where the candidate cannot be added.
-
-    It must touch its parent, be told apart from all parts by its box, and on its whole way, and on those of all parts that
-    carry it, run into nothing; nor may others run into it.
-    """
-    piece, body = found.piece, found.piece.solid
-    parent = piece.parent
-    corners = np.array(body.bounding_box())
-    if (piece.hi - piece.lo).min() < 0.02 or np.abs(corners).max() > 1.3:
-        return None
-    if any(np.abs(np.array(s.bounding_box()) - corners).max() < 0.04 for s in solids):
-        return None
-    host, rest = pieces[parent], [s for n, s in enumerate(solids) if n != parent]
-    children = [n for n, p in enumerate(pieces) if p.parent == parent]
-    if found.cut is not None:
-        if any((found.cut ^ s).volume() > 0 for s in rest):
-            return None
-        cut = [(s - found.cut, m) for s, m in host.solids]
-        host = dataclasses.replace(host, solids=cut)
-        if len(host.solid.decompose()) != len(solids[parent].decompose()):
-            return None
-        if any(host.solid.min_gap(solids[n], 1.0) > 3 * AIR for n in children):
-            return None
-    carried = body
-    if found.add is not None:
-        if any(_shared(found.add, s) > CLEAR for s in rest):
-            return None
-        host = dataclasses.replace(host, solids=[*host.solids, (found.add, host.solids[0][1])])
-        carried = body + found.add
-    others = [host.solid if n == parent else s for n, s in enumerate(solids)]
-    if any(_shared(body, s) > CLEAR for s in others):
-        return None
-    if body.min_gap(others[parent], 1.0) > 3 * AIR:
-        return None
-    if not _free(piece.joint, body, others, parent):
-        return None
-    chain = []
-    k = parent
-    while pieces[k].parent >= 0:
-        chain.append(k)
-        beside = [s for n, s in enumerate(others) if not _below(pieces, n, k)]
-        own = sum(not _below(pieces, n, k) for n in range(pieces[k].parent))
-        if not _free(pieces[k].joint, carried, beside, own):
-            return None
-        k = pieces[k].parent
-    for n, other in enumerate(pieces):
-        if n and n not in chain:
-            strict = 1 if n in children else -1
-            if not _free(
-                other.joint, solids[n], [body, *([found.add] if found.add else [])], strict
-            ):
-                return None
-    return host
-
-
-def _below(pieces: list[_Piece], n: int, k: int) -> bool:
-    """Whether part n is k or hangs on it."""
-    while n > k:
-        n = pieces[n].parent
-    return n == k
-
-
-def _free(joint: Joint, body: Manifold, others: list[Manifold], parent: int) -> bool:
-    """Whether a body runs into nothing along a joint's way; least of all into ``others[parent]``."""
-    low, high = joint.limits
-    far = high if high > -low else low
-    shares = (0.25, 0.5, 0.75, 1.0) if joint.type != "continuous" else (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # fmt: skip
-    for share in shares:
-        there = body.transform(joint.motion(share * far)[:3])
-        for n, other in enumerate(others):
-            if _shared(there, other) > (CLEAR if n == parent else 0.02):
-                return False
-    return True
-
-
-def _shared(a: Manifold, b: Manifold) -> float:
-    """Volume of the intersection relative to the smaller solid."""
-    one, two = a.bounding_box(), b.bounding_box()
-    if any(one[n] >= two[n + 3] or two[n] >= one[n + 3] for n in range(3)):
-        return 0.0
-    return (a ^ b).volume() / min(a.volume(), b.volume())
+    return Candidate(Piece(lo, hi, solids, parent, slide(_axis(i, s), travel)), cut=box(c, d))

@@ -10,16 +10,15 @@ from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
 from uniart_jax.procedural.shapes import (
     Assembly,
-    Shape,
     ball,
     box,
     cylinder,
     extrusion,
     hinge,
     hull,
+    merged,
     revolution,
     rounded,
-    tidy,
     turn,
     union,
 )
@@ -57,10 +56,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     asm = Assembly()
 
     def add(name: str, pieces: list[tuple[Manifold, Material]], parent: int, joint=None) -> int:
-        shape = Shape()
-        for solid, material in pieces:
-            shape.add(tidy(solid.rotate((0, 0, yaw))), material)
-        return asm.add(name, shape, parent, joint)
+        return asm.add(name, merged(pieces, yaw), parent, joint)
 
     fork = rng.random() < 0.45
     sides = _layers(count, layer, air, fork)  # y spans of the post, each arm and the head

@@ -41,10 +41,10 @@ def _blades(rng, radius: float, hub: float, deep: float, unit: float, shaft: flo
     thick = max(0.7 * unit, 0.0025)
     paddle = rng.random() < 0.4
     u = np.linspace(0, 1, 7)
-    long = radius - 0.6 * hub
+    long = radius - 0.7 * hub
     half = wide / 2 * (np.clip(0.55 + 1.2 * u, 0, 1) * np.sqrt(np.clip(1 - u**6, 0, 1)) if not paddle else 0.5 + 0.5 * u)  # fmt: skip
-    z = 0.6 * hub + long * u
-    half = np.minimum(half, 0.92 * z * np.tan(np.pi / count))  # clear of the next blade
+    z = 0.7 * hub + long * u
+    half = np.minimum(half, 0.85 * z * np.tan(np.pi / count))  # clear of the next blade
     lean = float(rng.uniform(-0.25, 0.4)) * wide * u
     outline = np.vstack([np.column_stack([lean + half, z]), np.column_stack([lean - half, z])[::-1]])  # (y, z)  # fmt: skip
     blade = extrusion(outline, "x", [-thick / 2, 0, 0], thick).rotate((0, 0, pitch))
@@ -108,7 +108,7 @@ def _guarded(rng: np.random.Generator) -> ArticulatedObject:
     stem = max(radius * float(rng.uniform(0.1, 0.16)), 1.4 * unit)
     fixed_pose = float(rng.uniform(0.35, 0.7))
     pivot = np.array([back + fixed_pose * motor, 0, axle - 1.35 * hub - 1.4 * stem])
-    high = float(rng.uniform(0.02, 0.05)) * (1 if tall else 1.3)
+    high = radius * float(rng.uniform(0.1, 0.25))
     size = radius * float(rng.uniform(0.75, 1.1)) + (0.03 if tall else 0)
     lift = tall and rng.random() < 0.6
     air = 0.35 * unit

@@ -140,7 +140,7 @@ def _drawer(rng, asm, root, look, room_lo, room_hi, low, shelf, back, unit) -> N
     if hi[2] - lo[2] < 5 * unit:
         lo[2] = max(room_lo[2] + air, hi[2] - 5 * unit)
     inner = dataclasses.replace(
-        look, panel="slab", handle=str(rng.choice(["knob", "bar", "recess"])), unit=0.7 * unit, handle_length=0.3
+        look, panel="slab", handle=str(rng.choice(["recess", "none"])), unit=0.7 * unit, handle_length=0.3
     )  # fmt: skip
     bay_lo, bay_hi = [back, *(lo[1:] - 0.2 * air)], [room_hi[0], *(hi[1:] + 0.2 * air)]
     add_drawer(asm, root, lo, hi, bay_lo, bay_hi, float(rng.uniform(0.4, 0.7)), inner, clearance=air)  # fmt: skip
@@ -187,7 +187,7 @@ def _controls(rng, extra: Shape, lo, hi, edge, unit, face: Material, metal) -> l
     width, height = hi[1] - lo[1], hi[2] - lo[2]
     middle_y, x = (lo[1] + hi[1]) / 2, lo[0]
     small = min(width, height)
-    stacked = rng.random() < 0.5
+    stacked = rng.random() < 0.5 or width < 0.6 * height
     offset = float(rng.uniform(0.14, 0.2)) * (height if stacked else width)
     shift = -way * float(rng.uniform(0.0, 0.18)) * width
     middle_z = lo[2] + height * float(rng.uniform(0.42, 0.62))

@@ -8,14 +8,13 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.shapes import (
     Assembly,
-    Shape,
     box,
     cylinder,
     extrusion,
     hinge,
     hull,
+    merged,
     slide,
-    tidy,
     union,
 )
 
@@ -47,10 +46,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     asm = Assembly()
 
     def add(name: str, pieces, parent: int = -1, joint=None) -> int:
-        shape = Shape()
-        for solid, material in pieces:
-            shape.add(tidy(solid.rotate((0, 0, yaw))), material)
-        return asm.add(name, shape, parent, joint)
+        return asm.add(name, merged(pieces, yaw), parent, joint)
 
     # base: a long foot with ears outside everything that turns, and the anvil
     ear = arm + air
@@ -83,11 +79,11 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     # magazine: a channel open above, its lugs between the cap's
     top = low + rail
     front = float(rng.uniform(0.0, 1.5)) * unit
-    back = pin_x + 0.6 * boss
+    back = pin_x + 0.2 * boss
     channel = box([front, -inner, low], [back, inner, top])
     channel -= box([front + wall, -inner + wall, low + wall], [back + 1, inner - wall, top + 1])
     knuckle = cylinder("y", [pin_x, -inner, pin[2]], 2 * inner, 0.45 * rail, segments=18)
-    lift = float(rng.uniform(20, 60)) if rng.random() < 0.7 else float(rng.uniform(90, 160))
+    lift = float(rng.uniform(20, 60)) if rng.random() < 0.7 else float(rng.uniform(60, 88))
     joint = hinge(at, axis, float(np.deg2rad(lift)))
     magazine = add("magazine", [(union([channel, knuckle]) - bore, steel if rng.random() < 0.7 else body)], root, joint)  # fmt: skip
 
@@ -124,7 +120,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         pad = box([x0 + 4 * unit, -0.7 * arm, 0], [x0 + 26 * unit, 0.7 * arm, 1])
         layer = (hood.translate((0, 0, 0.7 * unit)) ^ pad) - hood
         pieces.append((layer, materials.dark(rng)))
-    joint = hinge(at, axis, float(np.deg2rad(rng.uniform(45, 100))))
+    joint = hinge(at, axis, float(np.deg2rad(rng.uniform(45, 88))))
     add("cap", pieces, magazine, joint)
     return asm.object()
 

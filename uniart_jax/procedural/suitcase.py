@@ -208,8 +208,9 @@ def _upright(rng: np.random.Generator) -> ArticulatedObject:
                 y, w = 0.42 * width * share, 0.4 * width / grooves * 0.45
                 cover -= box([-1, y - w, middle - 0.4 * height], [0.4 * wall, y + w, middle + 0.4 * height])  # fmt: skip
     lid.add(cover, face)
-    if rng.random() < 0.5:
-        ring = extrusion(_rim(outline, 0.7 * unit), "x", [split + air, 0, middle], 1.6 * unit)
+    rim = 0.7 * unit if rng.random() < 0.5 else 0.0
+    if rim:
+        ring = extrusion(_rim(outline, rim), "x", [split + air, 0, middle], 1.6 * unit)
         body.add(ring - extrusion(outline, "x", [0, 0, middle], 1), metal)
     # channels for the rods, through the top wall
     pull = rng.random() < 0.8
@@ -248,7 +249,7 @@ def _upright(rng: np.random.Generator) -> ArticulatedObject:
         body.add(union(cheeks) - solid, rubber)
     root = asm.add("body", body)
     swing = float(np.deg2rad(rng.uniform(80, 175)))
-    joint = hinge((split, way * half, 0), (0, 0, -way), swing)
+    joint = hinge((split, way * (half + rim), 0), (0, 0, -way), swing)
     asm.add("lid", lid, root, joint)
     if pull:
         deep = 0.8 * (height - 4 * wall)
