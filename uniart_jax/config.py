@@ -284,6 +284,7 @@ class DataConfig:
     validation: str = ""
     validation_split: str = ""
     procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
+    world: Literal["seven", "wide"] = "seven"  # families of those and of ``layouts``
     views: int = 2  # images of each
     validation_count: int = 64
     validation_seed: int = (

@@ -47,6 +47,7 @@ from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
 from uniart_jax.layouts import check_backbone, first_layout_weights
 from uniart_jax.locks import alone
 from uniart_jax.models.network import Network, build
+from uniart_jax.procedural import WORLDS
 from uniart_jax.samplers import make_conditioner
 from uniart_jax.training import distributed, objectives
 from uniart_jax.training.checkpoints import Checkpoints
@@ -233,6 +234,7 @@ def ensure_records(config: Config) -> None:
         "views": data.views,
         "processes": os.cpu_count() or 1,
     }
+    families = WORLDS[data.world]
     for folder, count, seed in (
         (data.records, data.procedural, 0),
         (data.validation, data.validation_count, data.validation_seed),
@@ -248,6 +250,9 @@ def ensure_records(config: Config) -> None:
                 "views": data.views,
             }
             found = read_metadata(folder)
+            names = {tuple(drawn): world for world, drawn in WORLDS.items()}
+            found["world"] = names.get(tuple(found.get("families", ())), "other families")
+            asked["world"] = data.world
             if differ := [key for key in asked if found.get(key) != asked[key]]:
                 listed = ", ".join(f"{k} {found.get(k)} instead of {asked[k]}" for k in differ)
                 raise ValueError(
@@ -256,7 +261,7 @@ def ensure_records(config: Config) -> None:
                 )
         else:
             console.print(f"preparing {count} procedural objects in {folder}")
-            prepare_procedural(Path(folder), count, start_seed=seed, **options)
+            prepare_procedural(Path(folder), count, start_seed=seed, families=families, **options)
 
 
 def prepared_objects(folder: Path) -> int:

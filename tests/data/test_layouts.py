@@ -63,6 +63,30 @@ def test_other_settings_are_refused(data):
         layouts.claim_folder(data.layouts, dataclasses.replace(SETTINGS, image_size=64))
 
 
+def test_a_config_chooses_its_world_and_a_folder_keeps_to_it(tmp_path):
+    seven, wide = (DataConfig(layouts=str(tmp_path), world=world) for world in ("seven", "wide"))
+    assert layouts.settings_of(seven, MODEL).families == procedural.SEEN_FAMILIES
+    settings = layouts.settings_of(wide, MODEL)
+    assert settings.families == procedural.WORLDS["wide"]
+    layouts.claim_folder(tmp_path, settings)
+    with pytest.raises(ValueError, match=r"other settings .families."):
+        layouts.layout_batches(seven, MODEL, 4)
+
+
+def test_prepare_takes_a_world(tmp_path, monkeypatch):
+    from uniart_jax.cli.data import prepare
+
+    asked = []
+    monkeypatch.setattr(layouts, "prepare_layouts", lambda *args: asked.append(args[2]))
+    prepare("layouts", out=tmp_path, world="wide")
+    prepare("layouts", out=tmp_path)
+    assert [s.families for s in asked] == [procedural.WORLDS[w] for w in ("wide", "seven")]
+    with pytest.raises(ValueError, match="--world"):
+        prepare("procedural", out=tmp_path, world="wide", families=("oven",))
+    with pytest.raises(ValueError, match="--world"):
+        prepare("urdf", tmp_path, out=tmp_path, world="wide")
+
+
 def test_batches_resume_and_are_shared(data):
     whole = list(itertools.islice(layouts.layout_batches(data, MODEL, 4), 5))
     later = iter(layouts.layout_batches(data, MODEL, 4))

@@ -46,7 +46,7 @@ def fake(monkeypatch):
     monkeypatch.setattr(prepare, "make_records", make_records)
     monkeypatch.setattr(card, "write_contact_sheet", lambda folder, rows, settings: None)
     monkeypatch.setattr(procedural, "SEEN_FAMILIES", ("door", "drawer"), raising=False)
-    monkeypatch.setattr(procedural, "UNSEEN_FAMILIES", (), raising=False)
+    monkeypatch.setattr(procedural, "FAMILIES", ("door", "drawer"), raising=False)
     return made
 
 

@@ -22,7 +22,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.states import sample_state
 
-FAMILIES = procedural.SEEN_FAMILIES + procedural.UNSEEN_FAMILIES
+FAMILIES = procedural.FAMILIES
 objects = st.builds(
     lambda family, seed, state: sample_state(
         procedural.generate(family, seed), np.random.default_rng(state)

@@ -15,16 +15,15 @@ import trimesh
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.procedural import (
     BOX_SEPARATION,
+    FAMILIES,
     HELD_OUT_SEED,
     MAX_PARTS,
     SEEN_FAMILIES,
-    UNSEEN_FAMILIES,
     box_separation,
     draw,
     generate,
 )
 
-FAMILIES = SEEN_FAMILIES + UNSEEN_FAMILIES
 SEEDS = (*range(8), HELD_OUT_SEED)
 HAIR = 1e-3  # of the smaller part's volume
 REST_TOLERANCE = 1e-9

@@ -271,9 +271,8 @@ def test_fine_noise_keeps_the_face_budget(noise):
 
 
 def families() -> list:
-    from uniart_jax.procedural import SEEN_FAMILIES, UNSEEN_FAMILIES
+    from uniart_jax.procedural import FAMILIES as names
 
-    names = SEEN_FAMILIES + UNSEEN_FAMILIES
     return [pytest.param(n, marks=pytest.mark.slow if i >= 2 else ()) for i, n in enumerate(names)]
 
 

@@ -26,6 +26,7 @@ def prepare(
     count: int | None = None,
     start_seed: int = 0,
     families: tuple[str, ...] | None = None,
+    world: Literal["seven", "wide"] = "seven",
     resolution: int = 32,
     subdivisions: int = 4,
     max_parts: int = 16,
@@ -49,11 +50,12 @@ def prepare(
     """Make training records. Can be killed and run again: finished shards are kept.
 
     Args:
-        source: "layouts": pictures and part tables of procedural objects, for --stage layout, without voxels; of the options --count, --image-size and --processes. "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF, MJCF and object.json under ROOT.
+        source: "layouts": pictures and part tables of procedural objects, for --stage layout, without voxels; of the options --count, --world, --image-size and --processes. "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF, MJCF and object.json under ROOT.
         root: Folder of assets.
         count: Objects (default: procedural 1000, else all).
         start_seed: procedural: seed of the first object; seeds from 1,000,000 on are held out and never trained on.
-        families: procedural: which families (default: all that are trained on).
+        families: procedural: which families, in turn, in place of a world's.
+        world: procedural, layouts: "seven": the paper's seven seen categories. "wide": half of the objects are of those, half of the other families that are trained on (docs/data.md).
         resolution: Voxels a side.
         subdivisions: Sub-cells a voxel side.
         max_parts: Objects with more parts are left out.
@@ -76,6 +78,7 @@ def prepare(
     """
     from uniart_jax.data import prepare as records
     from uniart_jax.data.folder import Settings
+    from uniart_jax.procedural import WORLDS
 
     part = shard_numbers(shard)
     for name, value in (("count", count), ("processes", processes)):
@@ -83,11 +86,17 @@ def prepare(
             raise ValueError(f"prepare: --{name} must be at least 1, got {value}")
     if source != "procedural" and (families is not None or start_seed):
         raise ValueError("prepare: --families and --start-seed are of procedural objects")
+    if world != "seven" and (families is not None or source not in ("procedural", "layouts")):
+        raise ValueError(
+            "prepare: --world is of procedural objects and layouts, and instead of --families"
+        )
+    drawn = WORLDS[world] if families is None else families
     workers = processes or max(2, os.cpu_count() or 1)  # one would be this process itself
     if source == "layouts":
         from uniart_jax.data.layouts import LayoutSettings, prepare_layouts
 
-        prepare_layouts(out, count or 1000, LayoutSettings(image_size=image_size), workers)
+        made = LayoutSettings(image_size=image_size, families=drawn)
+        prepare_layouts(out, count or 1000, made, workers)
         return
     run = None
     if runner == "beam":
@@ -116,7 +125,7 @@ def prepare(
     if source == "procedural":
         if root is not None or split != "none" or split_list is not None:
             raise ValueError("prepare: procedural objects have no ROOT and no --split; their seeds and families are their split")  # fmt: skip
-        entries, settings = records.procedural_entries(settings, 1000 if count is None else count, families)  # fmt: skip
+        entries, settings = records.procedural_entries(settings, 1000 if count is None else count, drawn)  # fmt: skip
     else:
         if root is None:
             raise ValueError(f"prepare: give the folder of assets: uniart prepare {source} ROOT --out OUT")  # fmt: skip

@@ -185,7 +185,17 @@ def claim_folder(folder: str | Path, settings: LayoutSettings) -> None:
         partial.write_text(text)
         os.replace(partial, path)
     elif path.read_text() != text:
-        raise ValueError(f"{folder}: holds layouts of other settings; give another folder")
+        raise ValueError(f"{folder}: holds layouts of other settings ({_differing(path, settings)}); give another folder")  # fmt: skip
+
+
+def _differing(path: Path, settings: LayoutSettings) -> str:
+    """Names of the settings in which a folder's file differs."""
+    try:
+        found = json.loads(path.read_text())
+    except ValueError:
+        return f"{path.name} cannot be read"
+    asked = json.loads(json.dumps(dataclasses.asdict(settings)))
+    return ", ".join(k for k in sorted({*found, *asked}) if found.get(k) != asked.get(k))
 
 
 def prepare_layouts(
@@ -208,7 +218,8 @@ def _write(number: int, folder: str | Path, settings: LayoutSettings) -> int:
 def settings_of(data: DataConfig, model: ModelConfig, validation: bool = False) -> LayoutSettings:
     """The settings that a config asks for."""
     start = data.validation_seed if validation else 0
-    return LayoutSettings(model.image_encoder.image_size, start_seed=start)
+    families = procedural.WORLDS[data.world]
+    return LayoutSettings(model.image_encoder.image_size, start_seed=start, families=families)
 
 
 def layout_batches(

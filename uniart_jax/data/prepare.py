@@ -107,7 +107,7 @@ def procedural_entries(
     if count < 1:
         raise ValueError(f"prepare: count must be at least 1, got {count}")
     families = tuple(procedural.SEEN_FAMILIES if families is None else families)
-    known = (*procedural.SEEN_FAMILIES, *procedural.UNSEEN_FAMILIES)
+    known = procedural.FAMILIES
     unknown = [name for name in families if name not in known]
     if unknown or not families:
         raise ValueError(

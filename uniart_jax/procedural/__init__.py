@@ -1,17 +1,22 @@
 """Parametric articulated objects, one file a family: licence-clean training and test data.
 
 ``generate(family, seed)`` is a pure function of its arguments. Objects are normalised, at rest (closed), z up, front at -x,
-with their metric size in ``scale``. Networks are trained on ``SEEN_FAMILIES`` (the paper's seven seen categories) only, with
-seeds below ``HELD_OUT_SEED``; ``UNSEEN_FAMILIES`` are for evaluation.
+with their metric size in ``scale``. Seeds from ``HELD_OUT_SEED`` on are never trained on.
 
-A family is a module ``procedural/<family>.py`` with ``build(rng) -> ArticulatedObject`` in metres, and its name in one of the
-two tuples. Appending to a tuple of families leaves the objects of the others as they are: names seed the generator.
+A family is a module ``procedural/<family>.py`` with ``build(rng) -> ArticulatedObject`` in metres, and its name in one of
+three tuples: ``SEEN_FAMILIES``, the paper's seven seen categories; ``MORE_FAMILIES``, which networks of the wide world are
+trained on besides; ``UNSEEN_FAMILIES``, which nothing is ever trained on. Appending to a tuple leaves the objects of the
+other families as they are, since names seed the generator.
+
+What a training draws from is a *world*, a tuple of families taken in turn or at random, of ``WORLDS``: "seven", or "wide",
+in which half of the objects are of the seven and half, evenly, of the others.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import importlib
+import math
 import zlib
 
 import numpy as np
@@ -27,18 +32,44 @@ SEEN_FAMILIES: tuple[str, ...] = (
     "washer",
     "microwave",
 )
+MORE_FAMILIES: tuple[str, ...] = (
+    "scissors",
+    "box",
+    "sliding_window",
+    "door",
+    "tool_cabinet",
+    "trolley",
+    "safe",
+    "casement_window",
+    "suitcase",
+    "desk_lamp",
+    "fan",
+    "stapler",
+    "toaster",
+    "assemblies",
+)
 UNSEEN_FAMILIES: tuple[str, ...] = (
     "toilet",
     "laptop",
     "trash_can",
     "bottle",
     "swivel_chair",
-    "scissors",
     "faucet",
-    "box",
-    "sliding_window",
-    "door",
 )
+FAMILIES = SEEN_FAMILIES + MORE_FAMILIES + UNSEEN_FAMILIES
+
+
+def _alternating(one: tuple[str, ...], other: tuple[str, ...]) -> tuple[str, ...]:
+    """The shortest cycle in which every second name is of ``one`` and each tuple is taken in turn, evenly."""
+    count = math.lcm(len(one), len(other))
+    pairs = ((one[k % len(one)], other[k % len(other)]) for k in range(count))
+    return tuple(name for pair in pairs for name in pair)
+
+
+WORLDS: dict[str, tuple[str, ...]] = {
+    "seven": SEEN_FAMILIES,
+    "wide": _alternating(SEEN_FAMILIES, MORE_FAMILIES),
+}
 HELD_OUT_SEED = 1_000_000
 MAX_PARTS = 16
 BOX_SEPARATION = (
@@ -52,15 +83,14 @@ def generate(family: str, seed: int) -> ArticulatedObject:
     """One object of a family at its closed state, normalised.
 
     Args:
-      family: a name of ``SEEN_FAMILIES`` or ``UNSEEN_FAMILIES``.
+      family: a name of ``FAMILIES``.
       seed: 0 and up; evaluation uses ``HELD_OUT_SEED`` and above.
 
     Raises:
       ValueError: no such family, or a negative seed.
     """
-    if family not in SEEN_FAMILIES + UNSEEN_FAMILIES:
-        known = ", ".join(SEEN_FAMILIES + UNSEEN_FAMILIES)
-        raise ValueError(f"procedural: no family '{family}'; there are {known}")
+    if family not in FAMILIES:
+        raise ValueError(f"procedural: no family '{family}'; there are {', '.join(FAMILIES)}")
     if seed < 0:
         raise ValueError(f"procedural: the seed must be 0 or more, got {seed}")
     module = importlib.import_module(f"uniart_jax.procedural.{family}")
@@ -75,7 +105,7 @@ def generate(family: str, seed: int) -> ArticulatedObject:
 
 
 def draw(seed: int, families: tuple[str, ...] = SEEN_FAMILIES) -> ArticulatedObject:
-    """An object of a family that the seed chooses among ``families``, all equally likely."""
+    """An object of a family that the seed chooses among ``families``, each place equally likely (a world names some twice)."""
     family = families[int(np.random.default_rng([seed, 0]).integers(len(families)))]
     return generate(family, seed)
 

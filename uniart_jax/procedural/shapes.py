@@ -312,3 +312,14 @@ def tidy(solid: Manifold, tolerance: float = 1e-5) -> Manifold:
     """``solid`` without slivers: edges below ``tolerance`` metres closed up, crumbs of no volume dropped."""
     pieces = [p for p in solid.simplify(tolerance).decompose() if p.volume() > tolerance**2]
     return Manifold.compose(pieces)
+
+
+def merged(pieces: Iterable[tuple[Manifold, Material]], yaw: float = 0.0) -> Shape:
+    """Solids that touch or overlap, as one tidy solid a material, turned about z by ``yaw`` degrees."""
+    groups: dict[Material, list[Manifold]] = {}
+    for solid, material in pieces:
+        groups.setdefault(material, []).append(solid)
+    shape = Shape()
+    for material, solids in groups.items():
+        shape.add(tidy(union(solids).rotate((0, 0, yaw))), material)
+    return shape
