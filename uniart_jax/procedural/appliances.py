@@ -8,15 +8,21 @@ import numpy as np
 from manifold3d import Manifold
 
 from uniart_jax.procedural import materials
-from uniart_jax.procedural.fronts import FrontStyle, add_knob
+from uniart_jax.procedural.fronts import FrontStyle, add_knob, hang
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, tray
 
 
 def style(
-    rng: np.random.Generator, unit: float, face: Material, *, panels=("slab",), handles=("bar",)
+    rng: np.random.Generator,
+    unit: float,
+    face: Material,
+    *,
+    panels=("slab",),
+    handles=("bar",),
+    own_handle: float = 0.06,
 ) -> FrontStyle:
-    """Fronts of one appliance; ``panels`` and ``handles``: what its kind uses."""
+    """Fronts of one appliance; ``panels`` and ``handles``: what its kind uses; ``own_handle``: the share whose handles are parts."""
     return FrontStyle(
         panel=str(rng.choice(panels)),
         handle=str(rng.choice(handles)),
@@ -31,7 +37,8 @@ def style(
         unit=unit,
         handle_length=float(rng.uniform(0.35, 0.8)),
         reach=float(rng.uniform(0.9, 1.2)),
-        own_handle=bool(rng.random() < 0.1),
+        own_handle=bool(rng.random() < own_handle),
+        **hang(rng, unit),
     )
 
 
@@ -128,8 +135,8 @@ def knob_row(
     What a picture shows decides how they turn: knobs with end stops have a pointer on a skirt of
     the mark's colour, knobs that turn without end are plain.
     """
-    radius = max(float(rng.uniform(0.55, 1.0)) * largest, 2.3 * unit)
-    reach = max(float(rng.uniform(0.02, 0.035)), 2.2 * unit)
+    radius = max(float(rng.uniform(0.45, 1.2)) * largest, 1.7 * unit)
+    reach = max(float(rng.uniform(0.012, 0.04)), float(rng.uniform(1.0, 2.4)) * unit)
     sweep = None if rng.random() < 0.5 else float(np.deg2rad(rng.choice([180, 240, 270, 300])))
     light = material.color[1] >= 0.5
     mark = materials.plain((0.1, 0.1, 0.1) if light else (0.95, 0.95, 0.95))

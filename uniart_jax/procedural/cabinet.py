@@ -8,17 +8,21 @@ import itertools
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.procedural.fronts import FrontStyle, add_door, add_drawer
-from uniart_jax.procedural.shapes import Assembly, box, cut
+from uniart_jax.procedural.fronts import FrontStyle, add_door, add_drawer, opening
+from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, slide, tray
 
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """A rectangle of the front and what fills it: 'door', 'double', 'flap', 'drawer' or 'open'."""
+    """A rectangle of the front and what fills it: 'door', 'double', 'flap', 'drawer', 'open' or 'blank' (a board that stays).
+
+    ``trays``: pull-outs behind its doors.
+    """
 
     y: tuple[float, float]
     z: tuple[float, float]
     kind: str
+    trays: int = 0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,6 +36,7 @@ class Fit:
       swing: widest opening of doors, radians.
       fill: share of a bay's height that a drawer's box takes.
       pull: share of its depth by which a drawer opens.
+      deep: share of its bay's depth that a drawer takes.
       centered: drawer handles in the middle of the front, else near its top.
       flap: hinge edge of flaps.
       alternate: which way doors on inner columns turn.
@@ -43,6 +48,7 @@ class Fit:
     swing: float
     fill: float
     pull: float
+    deep: float
     centered: bool
     flap: str
     alternate: bool
@@ -54,9 +60,10 @@ class Fit:
             inset=bool(rng.random() < 0.3),
             seam=max(0.003, float(rng.uniform(0.35, 0.9)) * unit),
             reveal=0.0 if rng.random() < 0.5 else float(rng.uniform(0.15, 0.45)) * wall,
-            swing=float(np.deg2rad(rng.uniform(80, 168))),
-            fill=float(rng.uniform(0.5, 0.9)),
-            pull=float(rng.uniform(0.45, 0.9)),
+            swing=opening(rng),
+            fill=float(rng.uniform(0.5, 0.95)),
+            pull=float(rng.uniform(0.45, 0.8) if rng.random() < 0.5 else rng.uniform(0.8, 0.97)),
+            deep=float(rng.uniform(0.75, 0.99)),
             centered=bool(rng.random() < 0.7),
             flap=str(rng.choice(["+z", "-z"])),
             alternate=bool(rng.random() < 0.5),
@@ -65,7 +72,7 @@ class Fit:
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A hollow box with its front at x = ``front``, divided into cells (metres)."""
+    """A hollow box with its front at x = ``front``, divided into cells (metres); ``covered``: a top lies over its front's upper edge."""
 
     y: tuple[float, float]
     z: tuple[float, float]
@@ -73,11 +80,14 @@ class Case:
     depth: float
     wall: float
     cells: tuple[Cell, ...]
+    covered: bool = False
 
     @property
     def moving(self) -> int:
         """How many parts will move."""
-        return sum({"open": 0, "double": 2}.get(c.kind, 1) for c in self.cells)
+        return sum(
+            {"open": 0, "blank": 0, "double": 2}.get(c.kind, 1) + c.trays for c in self.cells
+        )
 
     def bay(self, cell: Cell) -> tuple[np.ndarray, np.ndarray]:
         """Corners of the room behind a cell: full walls outside, half a wall towards neighbours."""
@@ -95,10 +105,12 @@ class Case:
 
     def _holes(self, rng: np.random.Generator, cell: Cell) -> list[Manifold]:
         """What to cut from the case for a cell: its bay, left in pieces where shelves run."""
+        if cell.kind == "blank":
+            return []
         lo, hi = self.bay(cell)
         height, shelf, outside = hi[2] - lo[2], max(0.8 * self.wall, 0.016), self.front - 0.1
         count = 0
-        if cell.kind in ("open", "door", "double"):
+        if cell.kind in ("open", "door", "double") and not cell.trays:
             count = int(np.clip(rng.integers(0, 3) + (height > 0.9), 0, int(height / 0.25)))
         borders = np.linspace(lo[2], hi[2], count + 2)
         holes = []
@@ -117,7 +129,7 @@ class Case:
     ) -> None:
         """Add the doors, flaps and drawers of all cells as children of part ``root``."""
         for i, cell in enumerate(self.cells):
-            if cell.kind == "open":
+            if cell.kind in ("open", "blank"):
                 continue
             bay_lo, bay_hi = self.bay(cell)
             thick = look.thickness
@@ -134,20 +146,54 @@ class Case:
                 hi = np.array([self.front - 0.002, cell.y[1] - air, cell.z[1] - air])
             if cell.kind == "drawer":
                 add_drawer(
-                    asm, root, lo, hi, bay_lo, bay_hi, fit.pull, look, fill=fit.fill, center=fit.centered,
+                    asm, root, lo, hi, bay_lo, bay_hi, fit.pull, look, fill=fit.fill, depth=fit.deep, center=fit.centered,
                     kind="slab" if look.panel in ("glass", "slats") else None,
                 )  # fmt: skip
             elif cell.kind == "flap":
-                angle = min(fit.swing, float(rng.uniform(1.3, 1.65)))
-                add_door(asm, root, lo, hi, fit.flap, angle, look, name="flap")
+                angle = opening(rng, 0.0 if self.covered or fit.inset else 0.1)
+                tight = fit.inset or (self.covered and fit.flap == "+z")
+                add_door(
+                    asm, root, lo, hi, fit.flap, angle, look, name="flap", inset=tight, beyond=1.0
+                )  # fmt: skip
             elif cell.kind == "double":
                 middle, half = (lo[1] + hi[1]) / 2, fit.seam / 2
                 for edge, a, b in (("+y", middle + half, hi[1]), ("-y", lo[1], middle - half)):
                     angle = self._swing(edge, cell, fit)
-                    add_door(asm, root, [lo[0], a, lo[2]], [hi[0], b, hi[2]], edge, angle, look)
+                    corners = [lo[0], a, lo[2]], [hi[0], b, hi[2]]
+                    add_door(
+                        asm, root, *corners, edge, angle, look, inset=fit.inset,
+                        beyond=self._beyond(edge, cell, air),
+                    )  # fmt: skip
             else:
                 edge = self._hinge_edge(rng, cell, fit, i)
-                add_door(asm, root, lo, hi, edge, self._swing(edge, cell, fit), look)
+                angle = self._swing(edge, cell, fit)
+                beyond = self._beyond(edge, cell, air)
+                add_door(asm, root, lo, hi, edge, angle, look, inset=fit.inset, beyond=beyond)
+            if cell.trays:
+                self._add_trays(rng, asm, root, cell, look, fit)
+
+    def _add_trays(
+        self,
+        rng: np.random.Generator,
+        asm: Assembly,
+        root: int,
+        cell: Cell,
+        look: FrontStyle,
+        fit: Fit,
+    ) -> None:
+        """Pull-outs behind the doors of a cell, one over the other."""
+        lo, hi = self.bay(cell)
+        wall = max(0.012, 1.55 * look.unit)
+        lo = lo + [0.012 + (look.thickness if fit.inset else 0.0), 0.012, 0.008]
+        hi = hi - [0.006, 0.012, 0.008]
+        length = (hi[0] - lo[0]) * fit.deep
+        share = float(rng.uniform(0.3, 0.85))
+        borders = np.linspace(lo[2], hi[2], cell.trays + 1)
+        for a, b in itertools.pairwise(borders):
+            top = a + max(3 * wall, share * (b - a))
+            solid = tray([lo[0], lo[1], a], [lo[0] + length, hi[1], min(top, b - 0.004)], wall)
+            joint = slide((-1, 0, 0), fit.pull * length)
+            asm.add("tray", Shape().add(solid, look.inside), root, joint, label="drawer")
 
     def _outer(self, cell: Cell) -> tuple[bool, bool]:
         """Whether a cell touches the case's left (+y) and right (-y) side."""
@@ -159,6 +205,10 @@ class Case:
         if left != right and rng.random() < 0.75:
             return "+y" if left else "-y"
         return "+y" if fit.alternate == (index % 2 == 0 or rng.random() < 0.5) else "-y"
+
+    def _beyond(self, edge: str, cell: Cell, air: float) -> float:
+        """How much of the case lies beyond a front's hinged edge."""
+        return air if self._outer(cell)[0 if edge == "+y" else 1] else 1.0
 
     def _swing(self, edge: str, cell: Cell, fit: Fit) -> float:
         """Doors hinged on the outside of the case may open wide; others stop before they meet a neighbour."""

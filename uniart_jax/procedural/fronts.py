@@ -1,7 +1,8 @@
 """Doors, flaps and drawers with their handles: what opens on furniture and appliances.
 
-Fronts are slabs in a plane x = const that face -x. A door turns about its *outer front* edge, so no point of it ever moves
-behind the plane of its rear face or past the hinge line while it is open by 90 degrees or less: it cannot hit what it closes.
+Fronts are slabs in a plane x = const that face -x. A door that turns about its *outer front* edge never moves behind the plane of
+its rear face or past the hinge line while it is open by 90 degrees or less: it cannot hit what it closes. Others turn about a
+line further back and inside (``FrontStyle.axis_depth``, ``axis_inset``): they clear what they close, and hit a neighbour that is near.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ from uniart_jax.procedural.shapes import (
     union,
 )
 
+AIR = (
+    0.0015  # metres that the corner of a door beyond its axis may swing behind the door's rear face
+)
 PANELS = ("slab", "shaker", "raised", "glass", "slats", "border")
 HANDLES = ("bar", "round_bar", "arch", "knob", "lip", "recess", "latch", "none")
 
@@ -46,6 +50,9 @@ class FrontStyle:
       handle_length: share of the edge that a bar takes.
       reach: height above the floor where handles of tall doors sit, metres.
       own_handle: handles are parts of their own, fixed to their front.
+      stand: how far handles stand out, of what is usual.
+      axis_depth: where in a door's thickness its axis lies: 0 its front face, 1 its rear face.
+      axis_inset: how far inside the door's edge its axis lies, metres.
     """
 
     panel: str
@@ -60,6 +67,9 @@ class FrontStyle:
     handle_length: float = 0.4
     reach: float = 0.9
     own_handle: bool = False
+    stand: float = 1.0
+    axis_depth: float = 0.0
+    axis_inset: float = 0.0
 
 
 def panel(
@@ -103,7 +113,7 @@ def handle(style: FrontStyle, face: float, at, along: str, length: float) -> Sha
     """A handle on the plane x = ``face``, centred at ``at`` (y, z), its bar along 'y' or 'z'."""
     y, z = at
     width = max(0.012, (1.5 if style.own_handle else 1.0) * style.unit)
-    reach = max(0.032, 2.2 * style.unit)
+    reach = max(0.032, 2.2 * style.unit) * style.stand
     length = max(length, 4 * width)
     half = length / 2
     shape = Shape()
@@ -145,6 +155,26 @@ def handle(style: FrontStyle, face: float, at, along: str, length: float) -> Sha
         ey, ez = (width / 2, half) if along == "z" else (half, width / 2)
         solids.append(box([face - reach, y - ey, z - ez], [face - reach + width, y + ey, z + ez]))
     return shape.add(union(solids), style.hardware)
+
+
+def hang(rng: np.random.Generator, unit: float) -> dict[str, float]:
+    """Where a maker puts hinges, and how far handles stand out: fields of ``FrontStyle``.
+
+    Concealed hinges turn a door about its rear edge, knife hinges about a line within its thickness a little inside its edge,
+    butt hinges about its outer front edge.
+    """
+    kind = rng.choice(3, p=[0.25, 0.4, 0.35])
+    depth = (0.0, 1.0, float(rng.uniform(0.2, 0.9)))[kind]
+    inset = 0.0 if kind == 0 else float(rng.choice([0.0, rng.uniform(0.2, 1.8)])) * unit
+    stand = 1.0 if rng.random() < 0.5 else float(rng.uniform(0.6, 2.2))
+    return {"axis_depth": depth, "axis_inset": inset, "stand": stand}
+
+
+def opening(rng: np.random.Generator, wide: float = 0.3) -> float:
+    """How far doors open, radians: right angles, a little more, or (a share ``wide``) right round."""
+    if rng.random() < wide:
+        return float(np.deg2rad(180 if rng.random() < 0.5 else rng.uniform(115, 178)))
+    return float(np.deg2rad(90 if rng.random() < 0.55 else rng.uniform(80, 115)))
 
 
 def _lip(style: FrontStyle, lo, hi, edge: str) -> Shape:
@@ -228,6 +258,22 @@ def _latch(asm: Assembly, front: int, style: FrontStyle, at, along: str) -> int:
     return asm.add("latch", Shape().add(union([boss, lever]), style.hardware), front, joint)
 
 
+def _clear(thick: float, behind: float, into: float, beyond: float) -> float:
+    """How far a door can open, radians, before it meets what it closes: that ends ``beyond`` metres past the door's hinged edge."""
+    side = np.linspace(
+        -behind, thick - behind, 12
+    )  # about the axis: x to the rear, y past the edge
+    edge = np.linspace(-4 * thick, into, 24)
+    x = np.concatenate([side, np.full(24, -behind), np.full(24, thick - behind)])
+    y = np.concatenate([np.full(12, into), edge, edge])
+    angles = np.deg2rad(np.arange(90, 181, 2.0))[:, None]
+    there = x * np.cos(angles) + y * np.sin(angles), y * np.cos(angles) - x * np.sin(angles)
+    met = ((there[0] > thick - behind + AIR) & (there[1] < into + beyond + 1e-3)).any(1)
+    if not met.any():
+        return np.pi
+    return float(angles[max(int(met.argmax()) - 1, 0), 0])
+
+
 def add_door(
     asm: Assembly,
     parent: int,
@@ -244,16 +290,28 @@ def add_door(
     Args:
       hinge_edge: '+y' (left as seen from the front), '-y' (right), '-z' (bottom) or '+z' (top).
       angle: how far it opens, radians.
-      options: ``extra`` shape welded to its rear, ``kind`` of panel.
+      options: ``extra`` shape welded to its rear, ``kind`` of panel, ``inset`` for a door that stands
+        between walls: its axis is its outer front edge whatever the style says; ``beyond``: metres of what it closes that lie
+        beyond its hinged edge.
 
     Returns:
       The part's index.
     """
-    lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
+    lo, hi = np.asarray(lo, dtype=np.float64), np.array(hi, dtype=np.float64)
+    inset = bool(options.pop("inset", False))
     at = (lo + hi) / 2
-    at[0] = lo[0]
-    axis = "xyz".index(hinge_edge[1])
-    at[axis] = hi[axis] if hinge_edge[0] == "+" else lo[axis]
+    axis, sign = "xyz".index(hinge_edge[1]), 1 if hinge_edge[0] == "+" else -1
+    into = 0.0 if inset else min(style.axis_inset, 0.1 * (hi[axis] - lo[axis]))
+    thick = hi[0] - lo[0]
+    into = min(into, 0.5 * thick) if style.axis_depth > 0 else 0.0
+    rear = thick if inset else max(thick * (1 - style.axis_depth), min(into, 4e-3))
+    into = min(into, float(np.sqrt(2 * AIR * rear + AIR**2)))  # its corner swings back by ``AIR``
+    behind = thick - rear
+    at[0] = lo[0] + behind
+    at[axis] = (hi[axis] if sign > 0 else lo[axis]) - sign * into
+    beyond = options.pop("beyond", 0.0)
+    if behind > 0:
+        angle = min(angle, _clear(thick, behind, into, beyond))
     free = ("-" if hinge_edge[0] == "+" else "+") + hinge_edge[1]
     joint = hinge(at, _OPENING[hinge_edge], angle)
     return _front(asm, parent, lo, hi, free, joint, style, name, **options)
