@@ -130,7 +130,23 @@ def knob_row(
     *,
     largest: float = 0.03,
 ) -> list[int]:
-    """Turning knobs of one kind on the plane x = ``face`` at every y of ``ys``.
+    """Turning knobs of one kind on the plane x = ``face`` at every y of ``ys``; see ``knobs``."""
+    places = [(face, float(y), z) for y in ys]
+    return knobs(asm, rng, parent, places, unit, material, largest=largest)
+
+
+def knobs(
+    asm: Assembly,
+    rng,
+    parent: int,
+    places,
+    unit: float,
+    material: Material,
+    *,
+    largest: float = 0.03,
+    tilt: float = 0.0,
+) -> list[int]:
+    """Turning knobs of one kind at ``places`` (x, y, z), on a panel that leans back by ``tilt`` radians (a right angle: that lies flat).
 
     What a picture shows decides how they turn: knobs with end stops have a pointer on a skirt of
     the mark's colour, knobs that turn without end are plain.
@@ -142,4 +158,4 @@ def knob_row(
     mark = materials.plain((0.1, 0.1, 0.1) if light else (0.95, 0.95, 0.95))
     look = (material, mark, sweep)
     shown = {"pointer": sweep is not None, "skirt": sweep is not None}
-    return [add_knob(asm, parent, (face, y, z), radius, reach, *look, **shown) for y in ys]
+    return [add_knob(asm, parent, at, radius, reach, *look, tilt=tilt, **shown) for at in places]

@@ -11,6 +11,7 @@ import dataclasses
 import itertools
 
 import numpy as np
+import trimesh
 from manifold3d import Manifold
 
 from uniart_jax.procedural import shapes
@@ -376,12 +377,13 @@ def add_knob(
     name: str = "knob",
     pointer: bool = True,
     skirt: bool = False,
+    tilt: float = 0.0,
 ) -> int:
     """A turning knob on a plane x = at[0] (1 mm of air behind it), ``pointer``: with a ridge
     that points up at rest.
 
     ``sweep``: how far it turns, radians; None: without end. ``skirt``: a flat disc of the mark's
-    colour at its foot, as knobs with a scale have; the body is then narrower.
+    colour at its foot, as knobs with a scale have; the body is then narrower. ``tilt``: by how much its panel leans back, radians.
     """
     x, y, z = (float(a) for a in at)
     wide = 0.7 * radius if skirt else radius
@@ -396,5 +398,9 @@ def add_knob(
         rim = radius if skirt else 0.8 * radius
         ridge = box([x - 1.35 * reach, y - w, z - w], [x - reach, y + w, z + rim])
         shape.add(ridge, mark)
-    joint = turn((x, y, z), (1, 0, 0)) if sweep is None else hinge((x, y, z), (1, 0, 0), sweep)
+    axis = np.array([np.cos(tilt), 0.0, -np.sin(tilt)])
+    if tilt:
+        lean = trimesh.transformations.rotation_matrix(tilt, (0, 1, 0), (x, y, z))
+        shape = shape.moved(lean)
+    joint = turn((x, y, z), axis) if sweep is None else hinge((x, y, z), axis, sweep)
     return asm.add(name, shape, parent, joint)

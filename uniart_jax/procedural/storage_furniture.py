@@ -51,7 +51,7 @@ def style(rng: np.random.Generator, unit: float, floor: float = 0.0) -> FrontSty
         accent=accents[rng.integers(3)],
         glass=materials.glass(rng),
         hardware=materials.hardware(rng),
-        inside=materials.wood(rng, textured=False) if rng.random() < 0.6 else face.darker(0.9),
+        inside=materials.wood(rng, textured=False) if rng.random() < 0.45 else face.darker(0.9),
         thickness=max(rng.uniform(0.018, 0.03), 1.7 * unit),
         unit=unit,
         handle_length=float(rng.uniform(0.18, 0.7)),
