@@ -7,8 +7,9 @@ import itertools
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.procedural import materials
-from uniart_jax.procedural.fronts import FrontStyle, add_knob, hang
+from uniart_jax.procedural import finishes, materials
+from uniart_jax.procedural.fronts import FrontStyle, add_knob
+from uniart_jax.procedural.hinges import hang
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, tray
 
@@ -30,9 +31,9 @@ def style(
         accent=face.darker(0.85),
         glass=materials.dark_glass(rng) if rng.random() < 0.75 else materials.glass(rng),
         hardware=materials.hardware(rng) if rng.random() < 0.7 else face.darker(0.8),
-        inside=materials.white_plastic(rng)
+        inside=finishes.white_plastic(rng)
         if rng.random() < 0.6
-        else materials.metal(rng, brushed=False),
+        else finishes.metal(rng, brushed=False),
         thickness=max(0.03, 2.4 * unit),
         unit=unit,
         handle_length=float(rng.uniform(0.35, 0.8)),
@@ -70,7 +71,7 @@ def feet(
     body: Shape, rng: np.random.Generator, width: float, depth: float, legs: float, unit: float
 ) -> None:
     """Four round or square feet from the floor to z = ``legs``, or a dark kick plate set back from the front."""
-    material = materials.dark(rng)
+    material = finishes.dark(rng)
     if rng.random() < 0.5:
         back = float(rng.uniform(0.03, 0.07))
         body.add(

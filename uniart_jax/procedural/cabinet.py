@@ -8,7 +8,8 @@ import itertools
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.procedural.fronts import FrontStyle, add_door, add_drawer, opening
+from uniart_jax.procedural.fronts import FrontStyle, add_door, add_drawer
+from uniart_jax.procedural.hinges import opening
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, slide, tray
 
 

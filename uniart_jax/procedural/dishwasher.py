@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import appliances, materials
+from uniart_jax.procedural import appliances, finishes, materials
 from uniart_jax.procedural.fronts import add_door, add_drawer, add_knob
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, hinge, slide
 
@@ -23,7 +23,7 @@ def _drawers(rng: np.random.Generator) -> ArticulatedObject:
     width, height = float(rng.uniform(0.45, 0.75)), float(rng.uniform(0.4, 0.92))
     depth = float(rng.uniform(0.5, 0.68))
     unit = max(width, height, depth) / 100
-    face = materials.appliance(rng)
+    face = finishes.appliance(rng)
     look = appliances.style(
         rng, unit, face, panels=("slab", "slab", "border"),
         handles=("bar", "round_bar", "arch", "recess", "lip"),
@@ -60,7 +60,7 @@ def _with_door(rng: np.random.Generator) -> ArticulatedObject:
     height = float(rng.uniform(0.45, 0.62) if rng.random() < 0.25 else rng.uniform(0.72, 0.92))
     depth = float(rng.uniform(0.5, 0.65))
     unit = max(width, height, depth) / 100
-    face = materials.appliance(rng)
+    face = finishes.appliance(rng)
     look = appliances.style(
         rng, unit, face, panels=("slab", "slab", "slab", "shaker", "border"),
         handles=("bar", "bar", "round_bar", "arch", "recess", "lip"),
@@ -94,7 +94,7 @@ def _with_door(rng: np.random.Generator) -> ArticulatedObject:
         ),
         case,
     )
-    panel = materials.dark(rng) if rng.random() < 0.5 else face
+    panel = finishes.dark(rng) if rng.random() < 0.5 else face
     front = -thick - 0.002
     if strip:
         seam = 0.5 * unit
@@ -102,7 +102,7 @@ def _with_door(rng: np.random.Generator) -> ArticulatedObject:
         _controls(rng, body, front, half, (ceiling + seam, height - top), unit)
     if top:
         over = thick if rng.random() < 0.7 else 0.0
-        slab = materials.wood(rng) if rng.random() < 0.3 else materials.stone(rng)
+        slab = finishes.wood(rng) if rng.random() < 0.3 else materials.stone(rng)
         body.add(box([-over, -half, height - top], [depth, half, height]), slab.along("y"))
     root = asm.add("body", body)
 
@@ -129,7 +129,7 @@ def _with_door(rng: np.random.Generator) -> ArticulatedObject:
     count = int(rng.choice([0, 1, 2, 3], p=[0.38, 0.14, 0.36, 0.12]))
     wire = max(0.014, 1.6 * unit)
     steel = (
-        materials.metal(rng, brushed=False)
+        finishes.metal(rng, brushed=False)
         if rng.random() < 0.5
         else materials.plain(rng.uniform(0.3, 0.9, 3) * [0.5, 0.7, 1])
     )

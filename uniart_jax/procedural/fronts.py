@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
-from uniart_jax.procedural import shapes
+from uniart_jax.procedural import hinges, shapes
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -158,26 +158,6 @@ def handle(style: FrontStyle, face: float, at, along: str, length: float) -> Sha
     return shape.add(union(solids), style.hardware)
 
 
-def hang(rng: np.random.Generator, unit: float) -> dict[str, float]:
-    """Where a maker puts hinges, and how far handles stand out: fields of ``FrontStyle``.
-
-    Concealed hinges turn a door about its rear edge, knife hinges about a line within its thickness a little inside its edge,
-    butt hinges about its outer front edge.
-    """
-    kind = rng.choice(3, p=[0.25, 0.4, 0.35])
-    depth = (0.0, 1.0, float(rng.uniform(0.2, 0.9)))[kind]
-    inset = 0.0 if kind == 0 else float(rng.choice([0.0, rng.uniform(0.2, 1.8)])) * unit
-    stand = 1.0 if rng.random() < 0.5 else float(rng.uniform(0.6, 2.2))
-    return {"axis_depth": depth, "axis_inset": inset, "stand": stand}
-
-
-def opening(rng: np.random.Generator, wide: float = 0.3) -> float:
-    """How far doors open, radians: right angles, a little more, or (a share ``wide``) right round."""
-    if rng.random() < wide:
-        return float(np.deg2rad(180 if rng.random() < 0.5 else rng.uniform(115, 178)))
-    return float(np.deg2rad(90 if rng.random() < 0.55 else rng.uniform(80, 115)))
-
-
 def _lip(style: FrontStyle, lo, hi, edge: str) -> Shape:
     """A grip that runs along a whole edge of a front and stands out of its face."""
     width, reach = max(0.014, 1.1 * style.unit), max(0.02, 1.6 * style.unit)
@@ -259,22 +239,6 @@ def _latch(asm: Assembly, front: int, style: FrontStyle, at, along: str) -> int:
     return asm.add("latch", Shape().add(union([boss, lever]), style.hardware), front, joint)
 
 
-def _clear(thick: float, behind: float, into: float, beyond: float) -> float:
-    """How far a door can open, radians, before it meets what it closes: that ends ``beyond`` metres past the door's hinged edge."""
-    side = np.linspace(
-        -behind, thick - behind, 12
-    )  # about the axis: x to the rear, y past the edge
-    edge = np.linspace(-4 * thick, into, 24)
-    x = np.concatenate([side, np.full(24, -behind), np.full(24, thick - behind)])
-    y = np.concatenate([np.full(12, into), edge, edge])
-    angles = np.deg2rad(np.arange(90, 181, 2.0))[:, None]
-    there = x * np.cos(angles) + y * np.sin(angles), y * np.cos(angles) - x * np.sin(angles)
-    met = ((there[0] > thick - behind + AIR) & (there[1] < into + beyond + 1e-3)).any(1)
-    if not met.any():
-        return np.pi
-    return float(angles[max(int(met.argmax()) - 1, 0), 0])
-
-
 def add_door(
     asm: Assembly,
     parent: int,
@@ -302,17 +266,14 @@ def add_door(
     inset = bool(options.pop("inset", False))
     at = (lo + hi) / 2
     axis, sign = "xyz".index(hinge_edge[1]), 1 if hinge_edge[0] == "+" else -1
-    into = 0.0 if inset else min(style.axis_inset, 0.1 * (hi[axis] - lo[axis]))
-    thick = hi[0] - lo[0]
-    into = min(into, 0.5 * thick) if style.axis_depth > 0 else 0.0
-    rear = thick if inset else max(thick * (1 - style.axis_depth), min(into, 4e-3))
-    into = min(into, float(np.sqrt(2 * AIR * rear + AIR**2)))  # its corner swings back by ``AIR``
-    behind = thick - rear
+    thick, width = hi[0] - lo[0], hi[axis] - lo[axis]
+    depth = 0.0 if inset else style.axis_depth
+    behind, into = hinges.place(thick, width, depth, style.axis_inset)
     at[0] = lo[0] + behind
     at[axis] = (hi[axis] if sign > 0 else lo[axis]) - sign * into
     beyond = options.pop("beyond", 0.0)
     if behind > 0:
-        angle = min(angle, _clear(thick, behind, into, beyond))
+        angle = min(angle, hinges.clear_angle(thick, behind, into, beyond))
     free = ("-" if hinge_edge[0] == "+" else "+") + hinge_edge[1]
     joint = hinge(at, _OPENING[hinge_edge], angle)
     return _front(asm, parent, lo, hi, free, joint, style, name, **options)

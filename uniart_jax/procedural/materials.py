@@ -72,11 +72,6 @@ def _hsv(rng: np.random.Generator, hue, saturation, value) -> np.ndarray:
     )
 
 
-def _gray(rng: np.random.Generator, most: float) -> tuple[float, float]:
-    """A range of saturation: none at all in one case of two, else up to ``most``."""
-    return (0.0, 0.0) if rng.random() < 0.5 else (0.0, most)
-
-
 def _noise(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
     """[64, 64] smooth noise of about unit range, from a rows x columns lattice."""
     lattice = rng.uniform(-1, 1, (rows, columns)).astype(np.float32)
@@ -92,13 +87,13 @@ def _shaded(rgb: np.ndarray, shade: np.ndarray) -> np.ndarray:
 def wood(rng: np.random.Generator, *, textured: bool | None = None, grain: str = "z") -> Material:
     """Wood from pale birch to wenge; grained in two cases of three unless ``textured`` says."""
     tones = [
-        ((0.08, 0.13), (0.15, 0.42), (0.80, 1.0)),  # birch, maple
-        ((0.06, 0.11), (0.38, 0.65), (0.62, 0.90)),  # oak, pine
-        ((0.02, 0.07), (0.50, 0.80), (0.35, 0.62)),  # cherry, teak
+        ((0.09, 0.12), (0.22, 0.38), (0.80, 0.93)),  # birch, maple
+        ((0.07, 0.10), (0.38, 0.55), (0.62, 0.80)),  # oak, pine
+        ((0.03, 0.07), (0.50, 0.68), (0.40, 0.58)),  # cherry, teak
         ((0.04, 0.08), (0.42, 0.60), (0.24, 0.38)),  # walnut
         ((0.03, 0.09), (0.20, 0.45), (0.13, 0.22)),  # wenge
     ]
-    rgb = _hsv(rng, *tones[rng.choice(5, p=[0.3, 0.28, 0.2, 0.15, 0.07])])
+    rgb = _hsv(rng, *tones[rng.choice(5, p=[0.25, 0.3, 0.2, 0.17, 0.08])])
     if not (rng.random() < 0.67 if textured is None else textured):
         return plain(rgb)
     shade = 0.13 * _noise(rng, 3, int(rng.integers(10, 26))) + 0.07 * _noise(rng, 5, 48)
@@ -114,11 +109,11 @@ def wood(rng: np.random.Generator, *, textured: bool | None = None, grain: str =
 
 def paint(rng: np.random.Generator) -> Material:
     """Painted or laminated boards: whites and greys mostly, muted and now and then strong colours."""
-    kind = rng.choice(5, p=[0.38, 0.2, 0.22, 0.12, 0.08])
+    kind = rng.choice(5, p=[0.36, 0.2, 0.24, 0.12, 0.08])
     if kind == 0:
-        return plain(_hsv(rng, (0.05, 0.2), _gray(rng, 0.08), (0.86, 1.0)))
+        return plain(_hsv(rng, (0.05, 0.2), (0.0, 0.08), (0.86, 0.98)))
     if kind == 1:
-        return plain(_hsv(rng, (0, 1), _gray(rng, 0.06), (0.35, 0.9)))
+        return plain(_hsv(rng, (0, 1), (0.0, 0.06), (0.35, 0.8)))
     if kind == 2:
         return plain(_hsv(rng, (0, 1), (0.15, 0.4), (0.4, 0.82)))
     if kind == 3:
@@ -128,8 +123,7 @@ def paint(rng: np.random.Generator) -> Material:
 
 def metal(rng: np.random.Generator, *, brushed: bool | None = None) -> Material:
     """Stainless or dark steel, sometimes with a brushed texture (one in three unless ``brushed`` says)."""
-    bright = (0.58, 0.9) if rng.random() < 0.8 else (0.3, 0.5)
-    rgb = _hsv(rng, (0.52, 0.64), _gray(rng, 0.07), bright)
+    rgb = _hsv(rng, (0.52, 0.64), (0.0, 0.07), (0.58, 0.82) if rng.random() < 0.8 else (0.3, 0.45))
     if not (rng.random() < 0.33 if brushed is None else brushed):
         return plain(rgb)
     shade = 0.06 * _noise(rng, 3, 64) + 0.05 * _noise(rng, 2, 6)
@@ -158,12 +152,12 @@ def dark_glass(rng: np.random.Generator) -> Material:
 
 def dark(rng: np.random.Generator) -> Material:
     """Black or charcoal plastic and rubber."""
-    return plain(_hsv(rng, (0, 1), _gray(rng, 0.1), (0.03, 0.27)))
+    return plain(_hsv(rng, (0, 1), (0.0, 0.1), (0.09, 0.27)))
 
 
 def white_plastic(rng: np.random.Generator) -> Material:
     """The insides and panels of appliances."""
-    return plain(_hsv(rng, (0.1, 0.6), _gray(rng, 0.06), (0.82, 1.0)))
+    return plain(_hsv(rng, (0.1, 0.6), (0.0, 0.06), (0.82, 0.96)))
 
 
 def hardware(rng: np.random.Generator) -> Material:
@@ -185,7 +179,7 @@ def furniture(rng: np.random.Generator) -> Material:
 
 def appliance(rng: np.random.Generator) -> Material:
     """A finish for an appliance's outside: white, steel, black, or a retro colour."""
-    kind = rng.choice(4, p=[0.4, 0.38, 0.12, 0.1])
+    kind = rng.choice(4, p=[0.38, 0.36, 0.1, 0.16])
     if kind == 0:
         return white_plastic(rng)
     if kind == 1:

@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import appliances, materials
-from uniart_jax.procedural.fronts import add_door, opening
+from uniart_jax.procedural import appliances, finishes, materials
+from uniart_jax.procedural.fronts import add_door
+from uniart_jax.procedural.hinges import opening
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, revolution, turn
 
 
@@ -20,7 +21,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         float(rng.uniform(0.28, 0.5)),
     )
     unit = max(width, height, depth) / 100
-    face = materials.appliance(rng)
+    face = finishes.appliance(rng)
     flap = rng.random() < 0.2
     look = appliances.style(
         rng, unit, face, panels=("glass", "glass", "glass", "border", "slab"),
@@ -30,7 +31,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         look,
         thickness=max(0.01, float(rng.uniform(1.7, 5.0)) * unit),
         accent=materials.dark_glass(rng),
-        face=face if rng.random() < 0.6 else materials.dark(rng),
+        face=face if rng.random() < 0.6 else finishes.dark(rng),
         handle_length=float(rng.uniform(0.45, 0.8)),
         reach=0.5 * height,
     )
@@ -62,12 +63,12 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     asm, body = Assembly(), Shape()
     if legs:
         r = 2.2 * unit
-        rubber = materials.dark(rng)
+        rubber = finishes.dark(rng)
         for x in (2 * r, depth - 2 * r):
             for y in (-half + 2 * r, half - 2 * r):
                 body.add(cylinder("z", [x, y, 0], legs, r, segments=10), rubber)
     lining = (
-        materials.white_plastic(rng) if rng.random() < 0.6 else materials.metal(rng, brushed=False)
+        finishes.white_plastic(rng) if rng.random() < 0.6 else finishes.metal(rng, brushed=False)
     )
     case = box([0, -half, low], [depth, half, height])
     liner = box([0.002, bay_lo[1] - 0.4 * wall, bay_lo[2] - 0.4 * wall], bay_hi + 0.4 * wall)
@@ -81,7 +82,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         area_y, area_z = (-half, -half + share - seam / 2), (low, height)
     else:
         area_y, area_z = (half - share + seam / 2, half), (low, height)
-    board = look.face if rng.random() < 0.5 else materials.dark(rng)
+    board = look.face if rng.random() < 0.5 else finishes.dark(rng)
     body.add(box([front, area_y[0], area_z[0]], [0, area_y[1], area_z[1]]), board)
     for a, b in ((low, sill - seam / 2), (lintel + seam / 2, height)):
         if b - a > 0.005 and not (below and b == height):
@@ -115,7 +116,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
     if rng.random() < 0.5:
         _turntable(rng, asm, root, bay_lo, bay_hi, unit, look.glass)
-    finish = look.hardware if rng.random() < 0.7 else materials.white_plastic(rng)
+    finish = look.hardware if rng.random() < 0.7 else finishes.white_plastic(rng)
     for y, z, largest in knobs:
         appliances.knob_row(asm, rng, root, front, [y], z, unit, finish, largest=largest)
     return asm.object()

@@ -8,8 +8,9 @@ import itertools
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import appliances, materials
-from uniart_jax.procedural.fronts import add_door, add_drawer, opening
+from uniart_jax.procedural import appliances, finishes, materials
+from uniart_jax.procedural.fronts import add_door, add_drawer
+from uniart_jax.procedural.hinges import opening
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -36,7 +37,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     if plan == "double" and rng.random() < 0.4:  # built in, one over the other
         height = float(rng.uniform(0.95, 1.35))
     unit = max(width, height, depth) / 100
-    face = materials.appliance(rng)
+    face = finishes.appliance(rng)
     look = appliances.style(
         rng,
         unit,
@@ -49,7 +50,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         thickness=max(0.02, float(rng.uniform(2.0, 5.5)) * unit),
         accent=materials.dark_glass(rng) if rng.random() < 0.7 else look.accent,
         handle_length=float(rng.uniform(0.5, 0.85)),
-        face=face if rng.random() < 0.75 else materials.dark(rng),
+        face=face if rng.random() < 0.75 else finishes.dark(rng),
     )
     thick, half = look.thickness, width / 2
     wall = max(0.025, float(rng.uniform(2.2, 4.5)) * unit)
@@ -90,10 +91,10 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         for (lo, hi), room in zip(bays, rooms, strict=True)
         if room[3] != "panel"
     ]
-    enamel = materials.dark(rng) if rng.random() < 0.25 else face
+    enamel = finishes.dark(rng) if rng.random() < 0.25 else face
     body.add(cut(box([0, -half, low], [depth, half, height]), holes), enamel)
     front = -thick - 0.002
-    panel = look.face if rng.random() < 0.6 else materials.dark(rng)
+    panel = look.face if rng.random() < 0.6 else finishes.dark(rng)
     tilt = float(np.deg2rad(rng.uniform(12, 48))) if rng.random() < 0.18 else 0.0
     if panel_at == "front":
         foot = top + seam / 2
@@ -120,7 +121,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         )
     shelves = str(rng.choice(["none", "fixed", "slide"], p=[0.4, 0.3, 0.3]))
     wire = max(0.014, 1.8 * unit)
-    steel = materials.metal(rng, brushed=False)
+    steel = finishes.metal(rng, brushed=False)
     racks = []
     number = int(rng.choice([1, 2, 3], p=[0.6, 0.25, 0.15]))
     for (_, a, b, kind), (lo, hi) in zip(rooms, bays, strict=True):
@@ -187,7 +188,7 @@ def _built_in_cooktop(rng: np.random.Generator) -> ArticulatedObject:
     width, depth = float(rng.uniform(0.5, 1.2)), float(rng.uniform(0.42, 0.62))
     height = float(rng.uniform(0.06, 0.2))
     unit, half = max(width, depth) / 100, width / 2
-    face = materials.appliance(rng)
+    face = finishes.appliance(rng)
     asm, body = Assembly(), Shape()
     lip = float(rng.uniform(0.0, 0.05))
     body.add(box([lip, lip - half, 0], [depth - lip, half - lip, 0.6 * height]), face.darker(0.8))
@@ -267,9 +268,9 @@ def _cooktop(
     """A glass or steel top with burners; grates on some."""
     back = depth - (max(0.05, 4 * unit) if guard else 0.01)
     plate = max(0.004, 0.7 * unit)
-    glass = materials.dark_glass(rng) if rng.random() < 0.6 else materials.metal(rng, brushed=False)
+    glass = materials.dark_glass(rng) if rng.random() < 0.6 else finishes.metal(rng, brushed=False)
     body.add(box([0.01, -half + 0.01, height], [back, half - 0.01, height + plate]), glass)
-    mark = materials.plain((0.35, 0.33, 0.33)) if glass.color[1] < 0.3 else materials.dark(rng)
+    mark = materials.plain((0.35, 0.33, 0.33)) if glass.color[1] < 0.3 else finishes.dark(rng)
     style, top = rng.integers(3), height + plate
     spots = [(x, y) for x in (0.28, 0.72) for y in (-0.5, 0.5)]
     if half > 0.4 and rng.random() < 0.5:

@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import appliances, materials
-from uniart_jax.procedural.fronts import add_door, add_drawer, opening
+from uniart_jax.procedural import appliances, finishes
+from uniart_jax.procedural.fronts import add_door, add_drawer
+from uniart_jax.procedural.hinges import opening
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, tray
 
 
@@ -25,7 +26,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     height = float(rng.uniform(0.5, 0.95) if plan == "mini" else rng.uniform(1.3, 2.0))
     depth = float(rng.uniform(0.4, 0.75))
     unit = max(width, height, depth) / 100
-    face = materials.appliance(rng)
+    face = finishes.appliance(rng)
     look = appliances.style(
         rng, unit, face, panels=("slab", "slab", "slab", "border", "raised"),
         handles=("bar", "bar", "round_bar", "arch", "recess", "lip"),
@@ -39,7 +40,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     crown = 0.0 if rng.random() < 0.7 else float(rng.uniform(0.03, 0.1)) * height  # above the doors
     ceiling, height = height, height - crown
     wall = max(float(rng.uniform(0.035, 0.055)), 1.8 * unit)
-    lining = materials.white_plastic(rng)
+    lining = finishes.white_plastic(rng)
 
     half, low = width / 2, legs
     middle = low + (height - low) * {

@@ -8,9 +8,10 @@ import itertools
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import materials
+from uniart_jax.procedural import finishes, materials
 from uniart_jax.procedural.cabinet import Case, Cell, Fit
-from uniart_jax.procedural.fronts import FrontStyle, hang
+from uniart_jax.procedural.fronts import FrontStyle
+from uniart_jax.procedural.hinges import hang
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, hull
 
 MAX_MOVING = 9
@@ -32,8 +33,8 @@ _HUNG = ("wall", "bridge")
 
 def style(rng: np.random.Generator, unit: float, floor: float = 0.0) -> FrontStyle:
     """Fronts of one piece of furniture; ``floor``: height of the piece's z = 0 above the floor, metres."""
-    face = materials.furniture(rng)
-    accents = (face, face.darker(0.82), materials.furniture(rng))
+    face = finishes.furniture(rng)
+    accents = (face, face.darker(0.82), finishes.furniture(rng))
     return FrontStyle(
         panel=str(
             rng.choice(
@@ -51,7 +52,7 @@ def style(rng: np.random.Generator, unit: float, floor: float = 0.0) -> FrontSty
         accent=accents[rng.integers(3)],
         glass=materials.glass(rng),
         hardware=materials.hardware(rng),
-        inside=materials.wood(rng, textured=False) if rng.random() < 0.45 else face.darker(0.9),
+        inside=finishes.wood(rng, textured=False) if rng.random() < 0.45 else face.darker(0.9),
         thickness=max(rng.uniform(0.018, 0.03), 1.7 * unit),
         unit=unit,
         handle_length=float(rng.uniform(0.18, 0.7)),
@@ -233,12 +234,12 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     else:
         case = Case(side, z, 0.0, depth, wall, (Cell(side, z, "door"),))
 
-    finish = look.face if rng.random() < 0.5 else materials.furniture(rng)
+    finish = look.face if rng.random() < 0.5 else finishes.furniture(rng)
     fit = Fit.draw(rng, unit, wall)
     asm, body = Assembly(), Shape()
     _stand(body, rng, base, legs, width, depth, unit, finish, look)
     if top > 0:
-        slab = finish if rng.random() < 0.5 else materials.wood(rng)
+        slab = finish if rng.random() < 0.5 else finishes.wood(rng)
         slab = materials.stone(rng) if rng.random() < 0.2 else slab
         over = float(rng.choice([0.0, rng.uniform(0.01, 0.035)])) + look.thickness
         side = float(rng.choice([0.0, rng.uniform(0.01, 0.03)]))

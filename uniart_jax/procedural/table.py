@@ -9,7 +9,7 @@ import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import materials
+from uniart_jax.procedural import finishes, materials
 from uniart_jax.procedural.cabinet import Case, Cell, Fit
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -67,8 +67,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         cases = [Case(span, row, back, deep, wall, (Cell(span, row, "drawer"),))]
 
     rolls = rolls and min([c.z[0] for c in cases], default=under) > 0.2 * under
-    finish = look.face if rng.random() < 0.65 else materials.furniture(rng)
-    board = finish if rng.random() < 0.6 else materials.furniture(rng)
+    finish = look.face if rng.random() < 0.65 else finishes.furniture(rng)
+    board = finish if rng.random() < 0.6 else finishes.furniture(rng)
     asm, body = Assembly(), Shape()
     over = float(rng.choice([0.0, rng.uniform(0.01, 0.12)]))
     front = look.thickness + 0.002 + float(rng.uniform(0.0, 0.03))
@@ -101,7 +101,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 def _casters(rng: np.random.Generator, asm: Assembly, root: int, feet, height: float) -> None:
     """A wheel under each foot (x, y), on an axle or in a fork that turns about the foot."""
-    forks, metal, rubber = rng.random() < 0.5, materials.hardware(rng), materials.dark(rng)
+    forks, metal, rubber = rng.random() < 0.5, materials.hardware(rng), finishes.dark(rng)
     radius = 0.5 * height if not forks else 0.42 * height
     wide = radius * float(rng.uniform(0.5, 0.9))
     along = "y" if rng.random() < 0.7 else "x"
@@ -142,7 +142,7 @@ def _adjustable(rng: np.random.Generator) -> ArticulatedObject:
     tall = height - thick - row  # of the column
     radius = max(0.03, float(rng.uniform(3.5, 6.0)) * unit)
     center = (depth / 2, 0.0)
-    finish, steel = materials.furniture(rng), materials.hardware(rng)
+    finish, steel = finishes.furniture(rng), materials.hardware(rng)
 
     asm, base, top = Assembly(), Shape(), Shape()
     column = cylinder("z", [*center, 0], tall - 0.004, radius, segments=20)
@@ -346,7 +346,7 @@ def _sides(
         y = side * (half - inset)
         # up to the row of drawers where there is one above, else to the top
         high = min([c.z[0] for c in cases if c.y[0] - r < y < c.y[1] + r], default=under)
-        if support == "panel":
+        if support == "panel" and high > 0.02:
             w = max(0.025, 1.8 * unit)
             lo, hi = sorted((side * half, side * (half - w)))
             body.add(box([0.0, lo, 0], [depth, hi, high]), finish)
