@@ -29,6 +29,7 @@ FAMILIES = {
 ROLES = ("door", "flap", "lid", "drawer", "button", "knob", "plate", "slider", "fixed")
 QUANTILES = (0.05, 0.5, 0.95)
 INSIDE = (0.01, 0.99)  # quantiles of the generated values between which a real one lies inside
+SLACK = 0.005  # and by how much it may miss them: of object units, shares, degrees
 COVERED = 0.6  # share of a part's front behind other parts from which it is hidden
 FEW = 3  # real values below which a row says nothing
 
@@ -164,7 +165,7 @@ def compare(real: Sequence[Values], made: Sequence[Values]) -> list[dict[str, ob
             low, high = np.quantile(ours[name], INSIDE)
             row["made"] = np.quantile(ours[name], QUANTILES)
             row["made_mean"] = float(ours[name].mean())
-            row["inside"] = float(((numbers >= low - 1e-6) & (numbers <= high + 1e-6)).mean())
+            row["inside"] = float(((numbers >= low - SLACK) & (numbers <= high + SLACK)).mean())
         rows.append(row)
     return rows
 

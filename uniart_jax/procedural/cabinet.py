@@ -17,7 +17,7 @@ from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, slide, tray
 class Cell:
     """A rectangle of the front and what fills it: 'door', 'double', 'flap', 'drawer', 'open' or 'blank' (a board that stays).
 
-    ``trays``: pull-outs behind its doors.
+    ``trays``: pull-outs behind its doors; behind double doors an even number may stand in two columns.
     """
 
     y: tuple[float, float]
@@ -57,6 +57,7 @@ class Fit:
     @classmethod
     def draw(cls, rng: np.random.Generator, unit: float, wall: float) -> Fit:
         """A plausible fit; ``unit``: one percent of the object's longest side, ``wall``: of the case, metres."""
+        reaches = ((0.45, 0.75), (0.75, 0.95), (0.93, 1.0))[rng.choice(3, p=[0.1, 0.38, 0.52])]
         return cls(
             inset=bool(rng.random() < 0.3),
             seam=max(0.003, float(rng.uniform(0.35, 0.9)) * unit),
@@ -64,7 +65,7 @@ class Fit:
             swing=opening(rng),
             fill=float(rng.uniform(0.5, 0.95)),
             pull=float(rng.uniform(0.45, 0.8) if rng.random() < 0.5 else rng.uniform(0.8, 0.97)),
-            deep=float(rng.uniform(0.75, 0.99)),
+            deep=float(rng.uniform(*reaches)),
             centered=bool(rng.random() < 0.7),
             flap=str(rng.choice(["+z", "-z"])),
             alternate=bool(rng.random() < 0.5),
@@ -136,9 +137,9 @@ class Case:
             thick = look.thickness
             if fit.inset:
                 size = min(bay_hi[1] - bay_lo[1], bay_hi[2] - bay_lo[2])
-                air = (
-                    max(0.003, 0.3 * look.unit) + thick**2 / size
-                )  # the far corner sweeps a wider arc
+                # the far corner of what turns sweeps a wider arc
+                arc = 0.0 if cell.kind == "drawer" else thick**2 / size
+                air = max(0.003, 0.3 * look.unit) + arc
                 lo = np.array([self.front, bay_lo[1] + air, bay_lo[2] + air])
                 hi = np.array([self.front + thick, bay_hi[1] - air, bay_hi[2] - air])
             else:
@@ -182,17 +183,25 @@ class Case:
         look: FrontStyle,
         fit: Fit,
     ) -> None:
-        """Pull-outs behind the doors of a cell, one over the other."""
+        """Pull-outs behind the doors of a cell, one over the other or in two columns, deep ones or flat ones somewhere in their room."""
         lo, hi = self.bay(cell)
         wall = max(0.012, 1.55 * look.unit)
         lo = lo + [0.012 + (look.thickness if fit.inset else 0.0), 0.012, 0.008]
         hi = hi - [0.006, 0.012, 0.008]
         length = (hi[0] - lo[0]) * fit.deep
-        share = float(rng.uniform(0.3, 0.85))
-        borders = np.linspace(lo[2], hi[2], cell.trays + 1)
-        for a, b in itertools.pairwise(borders):
-            top = a + max(3 * wall, share * (b - a))
-            solid = tray([lo[0], lo[1], a], [lo[0] + length, hi[1], min(top, b - 0.004)], wall)
+        columns = 2 if cell.kind == "double" and cell.trays % 2 == 0 and rng.random() < 0.7 else 1
+        rows = np.linspace(lo[2], hi[2], cell.trays // columns + 1)
+        sides = [(lo[1], hi[1])]
+        if columns == 2:
+            middle, free = (lo[1] + hi[1]) / 2, float(rng.uniform(0.006, 0.06))
+            sides = [(lo[1], middle - free), (middle + free, hi[1])]
+        flat = rng.random() < 0.5
+        share = float(rng.uniform(0.05, 0.25) if flat else rng.uniform(0.3, 0.85))
+        raised = float(rng.uniform(0.0, 0.6)) if flat else 0.0
+        for (a, b), (left, right) in itertools.product(itertools.pairwise(rows), sides):
+            foot = a + raised * (b - a)
+            top = min(foot + max(2.5 * wall, share * (b - a)), b - 0.004)
+            solid = tray([lo[0], left, foot], [lo[0] + length, right, top], wall)
             joint = slide((-1, 0, 0), fit.pull * length)
             asm.add("tray", Shape().add(solid, look.inside), root, joint, label="drawer")
 

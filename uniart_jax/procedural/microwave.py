@@ -40,18 +40,20 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     wall = max(0.012, float(rng.uniform(1.8, 3.2)) * unit)
     share = float(rng.uniform(0.11, 0.31)) * width
     side = -1 if rng.random() < 0.85 else 1  # controls on the right as seen from the front, mostly
-    below = flap and rng.random() < 0.5  # controls in a band instead of at the side
-    band = float(rng.uniform(0.15, 0.3)) * height if below else 0.0
+    # controls in a band over or under the door instead of at the side
+    banded = rng.random() < (0.5 if flap else 0.1)
+    bottom = banded and rng.random() < 0.45
+    band = float(rng.uniform(0.15, 0.3)) * height if banded else 0.0
     low = legs
     # strips of the front above and below the door that stay
     above, under = (
         float(rng.choice([0.0, rng.uniform(0.03, 0.2)], p=[0.6, 0.4])) * height for _ in range(2)
     )
-    above = 0.0 if below else above
-    under *= 0.6
-    sill, lintel = low + under, height - band - above
+    above = 0.0 if banded else above
+    under = band if bottom else 0.6 * under
+    sill, lintel = low + under, height - above - (0.0 if bottom else band)
 
-    if below:
+    if banded:
         bay_y, door_y = (-half + wall, half - wall), (-half, half)
     elif side < 0:
         bay_y, door_y = (-half + share, half - wall), (-half + share, half)
@@ -76,18 +78,21 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     body.add(cut(case, (liner, room)), face)
     body.add(cut(liner, (room,)), lining)
     front, seam = -thick - 0.002, max(0.003, 0.5 * unit)
-    if below:
-        area_y, area_z = (-half, half), (height - band + seam / 2, height)
+    if banded:
+        edge = (low, sill - seam / 2) if bottom else (lintel + seam / 2, height)
+        area_y, area_z = (-half, half), edge
     elif side < 0:
         area_y, area_z = (-half, -half + share - seam / 2), (low, height)
     else:
         area_y, area_z = (half - share + seam / 2, half), (low, height)
     board = look.face if rng.random() < 0.5 else finishes.dark(rng)
     body.add(box([front, area_y[0], area_z[0]], [0, area_y[1], area_z[1]]), board)
-    for a, b in ((low, sill - seam / 2), (lintel + seam / 2, height)):
-        if b - a > 0.005 and not (below and b == height):
+    strips = [] if bottom else [(low, sill - seam / 2)]
+    strips += [] if banded else [(lintel + seam / 2, height)]
+    for a, b in strips:
+        if b - a > 0.005:
             body.add(box([front, door_y[0] + 0.001, a], [0, door_y[1] - 0.001, b]), board)
-    knobs = _panel(rng, body, front, area_y, area_z, unit, below, look)
+    knobs = _panel(rng, body, front, area_y, area_z, unit, banded, look)
     root = asm.add("body", body)
 
     lo = np.array([front, door_y[0] + (0.001 if door_y[0] == -half else seam / 2), sill + 0.002])
@@ -95,7 +100,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         [
             -0.002,
             door_y[1] - (0.001 if door_y[1] == half else seam / 2),
-            lintel - (seam / 2 if below else 0.002),
+            lintel - (seam / 2 if banded and not bottom else 0.002),
         ]
     )
     if flap:
@@ -123,7 +128,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _panel(
-    rng, body: Shape, front: float, y, z, unit: float, below: bool, look
+    rng, body: Shape, front: float, y, z, unit: float, banded: bool, look
 ) -> list[tuple[float, float, float]]:
     """Display and buttons on the control panel; returns (y, z, largest radius) of the knobs to add."""
     proud = max(0.002, 0.5 * unit)
@@ -131,7 +136,7 @@ def _panel(
     middle = (y[0] + y[1]) / 2
     screen = materials.plain((0.25, 0.5, 0.45)) if rng.random() < 0.4 else materials.dark_glass(rng)
     count = int(rng.choice([0, 1, 2, 3], p=[0.42, 0.22, 0.3, 0.06]))
-    if below:
+    if banded:
         ys = np.linspace(-0.6, 0.6, max(count, 2))[:count] * width / 2
         if count < 3:
             appliances.display(

@@ -18,10 +18,11 @@ MAX_MOVING = 9
 
 # width, height, depth (metres), most columns, weight
 _KINDS = {
-    "base": ((0.5, 1.8), (0.7, 0.95), (0.4, 0.65), 4, 0.18),
+    "base": ((0.5, 1.8), (0.7, 0.95), (0.4, 0.65), 4, 0.14),
+    "cube": ((0.4, 0.9), (0.4, 0.8), (0.4, 0.75), 2, 0.08),
     "narrow": ((0.25, 0.6), (0.65, 0.95), (0.5, 0.75), 1, 0.09),
-    "dresser": ((0.7, 1.6), (0.7, 1.25), (0.4, 0.55), 3, 0.15),
-    "sideboard": ((1.1, 2.0), (0.45, 0.85), (0.35, 0.5), 4, 0.13),
+    "dresser": ((0.7, 1.6), (0.7, 1.25), (0.4, 0.55), 3, 0.13),
+    "sideboard": ((1.1, 2.0), (0.45, 0.85), (0.35, 0.5), 4, 0.11),
     "wardrobe": ((0.6, 1.6), (1.5, 2.2), (0.45, 0.65), 3, 0.12),
     "pantry": ((0.25, 0.8), (1.5, 2.3), (0.3, 0.65), 1, 0.08),
     "nightstand": ((0.38, 0.65), (0.4, 0.75), (0.35, 0.5), 1, 0.1),
@@ -129,16 +130,17 @@ def _plain(
 ) -> list[Cell]:
     """A front of one kind: doors over the whole height, flaps, or drawers, with at most one row on top."""
     half, height = width / 2, z[1] - z[0]
-    door = "double" if width > rng.uniform(0.5, 0.8) else "door"
-    kinds = ["door", "flap", "drawers", "top_row", "two_doors"]
-    weights = np.array([0.4, 0.14, 0.14, 0.22, 0.1])
+    door = "double" if width > rng.uniform(0.5, 0.8) and rng.random() < 0.8 else "door"
+    kinds = ["door", "flap", "drawers", "top_row", "two_doors", "beside"]
+    weights = np.array([0.34, 0.15, 0.15, 0.2, 0.1, 0.06])
     if width < 0.8 * height:
         weights[1] = 0.0
     plan = str(rng.choice(kinds, p=weights / weights.sum()))
-    trays = int(rng.integers(1, 4)) if rng.random() < 0.22 and height > 0.45 else 0
+    trays = int(rng.integers(1, 4)) if rng.random() < 0.24 and height > 0.45 else 0
+    trays *= 2 if door == "double" and trays < 3 and rng.random() < 0.5 else 1  # two side by side
     full, least = (-half, half), max(0.08, 7 * unit)
     if plan == "flap":
-        columns = 2 if width > 1.3 * height and rng.random() < 0.5 else 1
+        columns = 2 if width > 0.8 * height and rng.random() < 0.5 else 1
         rows = 2 if height > 0.5 and rng.random() < 0.5 else 1
         ys, zs = np.linspace(-half, half, columns + 1), np.linspace(*z, rows + 1)
         pairs = itertools.product(itertools.pairwise(ys), itertools.pairwise(zs))
@@ -164,6 +166,10 @@ def _plain(
             Cell(full, (z[0], middle), str(kinds[0])),
             Cell(full, (middle, z[1]), str(kinds[1])),
         ]
+    if plan == "beside":  # a door, and open shelves next to it
+        y = half * float(rng.uniform(-0.5, 0.5))
+        kinds = ["door", "open"] if rng.random() < 0.5 else ["open", "door"]
+        return [Cell((-half, y), z, kinds[0]), Cell((y, half), z, kinds[1])]
     return [Cell(full, z, door, trays)]
 
 

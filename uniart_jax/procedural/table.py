@@ -52,8 +52,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     back = float(
         rng.choice([0.0, rng.uniform(0.02, 0.1), rng.uniform(0.1, 0.4)], p=[0.5, 0.38, 0.12])
     )
-    back *= depth
+    back = min(back * depth, depth - 0.2)
     deep = (depth - back) * float(1.0 if rng.random() < 0.5 else rng.uniform(0.6, 1.0))
+    deep = max(deep, 0.2)
     rolls = left == right == "legs" and rng.random() < 0.12
     most = 4 if rolls else 6 if look.own_handle or look.handle == "latch" else MAX_MOVING
     for _ in range(100):
@@ -78,7 +79,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         if case.z[0] > 0 and case.y[1] - case.y[0] < 0.9 * width and case.z[0] < 0.4 * under:
             _feet(body, case, unit, finish)
     low = min([c.z[0] for c in cases if c.y[1] - c.y[0] > 0.9 * width], default=under)
-    wheel = float(rng.uniform(0.05, 0.13)) * under if rolls else 0.0
+    wheel = max(0.045, float(rng.uniform(0.05, 0.15)) * under) if rolls else 0.0
     feet = _sides(
         rng, body, (left, right), cases, width, depth, under, unit, finish, look.hardware, wheel
     )  # fmt: skip

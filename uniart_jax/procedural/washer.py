@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import appliances, finishes, materials
+from uniart_jax.procedural import appliances, finishes, hinges, materials
 from uniart_jax.procedural.fronts import add_drawer
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -197,8 +197,11 @@ def _round_door(
         ),
         grip,
     )
-    axis = [front, y + sign * (radius * (1.0 if square else 1.02)), z]
-    angle = float(np.deg2rad(rng.uniform(85, 165)))
+    behind, _ = hinges.place(thick, 2 * radius, look.axis_depth, 0.0)
+    axis = [front + behind, y + sign * (radius * (1.0 if square else 1.02)), z]
+    angle = hinges.opening(rng, 0.4)
+    if behind > 0:
+        angle = min(angle, hinges.clear_angle(thick, behind, 0.0, 1.0))
     return asm.add("door", shape, root, hinge(axis, (0, 0, -sign), angle))
 
 
@@ -322,7 +325,7 @@ def _top_loader(rng: np.random.Generator) -> ArticulatedObject:
     w = max(0.02, 1.8 * unit)
     grip = float(rng.uniform(0.15, 0.5)) * lid_y
     lid.add(box([lo[0] - w, -grip, lo[2] + 0.2 * thick], [lo[0], grip, hi[2]]), look.hardware)
-    angle = float(np.deg2rad(rng.uniform(65, 90)))
+    angle = np.pi / 2 if rng.random() < 0.4 else float(np.deg2rad(rng.uniform(65, 90)))
     asm.add("lid", lid, root, hinge([hi[0], 0, hi[2]], (0, 1, 0), angle))
     if rng.random() < 0.75:
         _drum(
