@@ -26,7 +26,7 @@ from uniart_jax.processes import each
 from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
-from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.layout import SMALLEST_SIDE, Layout
 
 STATES = 20  # drawn before an object whose parts' boxes coincide is given up
 
@@ -112,6 +112,7 @@ def _show(settings: Settings, cache: Path, size: int, entry: Entry) -> RealObjec
         picture = render(obj, sample_camera(entry.generator(2)), size=size, samples=4)
         image = np.round(picture * 255).astype(np.uint8)
         layout = Layout.of_object(obj, part_colors(obj))
+        layout.boxes[:, 3:] = np.maximum(layout.boxes[:, 3:], SMALLEST_SIDE)  # flat sheets
         data = {"category": entry.category or "-", "layout": json.loads(layout.to_json())}
         _write(cache, f"{stem}.png", lambda path: Image.fromarray(image).save(path, "PNG"))
         _write(cache, f"{stem}.json", lambda path: path.write_text(json.dumps(data) + "\n"))
