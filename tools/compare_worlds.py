@@ -2,8 +2,9 @@
 
     python tools/compare_worlds.py REAL_ROOT [--count 300] [--out table.md]
 
-REAL_ROOT holds assets in any format that is read, the category of each from its meta.json or its folder (PartNet-Mobility's
-names). Only numbers come out: no shape, texture or picture. Seconds to minutes: every asset is read once.
+REAL_ROOT holds assets in any format that is read, the category of each from its meta.json or its
+folder (PartNet-Mobility's names). Only numbers come out: no shape, texture or picture. Seconds to
+minutes: every asset is read once.
 """
 
 from __future__ import annotations

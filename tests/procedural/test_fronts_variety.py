@@ -1,4 +1,5 @@
-"""Hinges, finishes and what real objects have: that all of it is made, and that doors clear what they close."""
+"""Hinges, finishes and what real objects have: that all of it is made, and that doors clear what
+they close."""
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ def test_an_axis_lies_within_the_door_and_lets_it_open(depth):
     behind, into = hinges.place(thick, 0.5, depth, 0.02)
     assert 0 <= behind <= thick and 0 <= into < 0.02
     assert (behind == 0) == (into == 0) == (depth == 0)
-    # the corner beyond the axis, where it swings farthest back, against the case ``AIR`` behind the door
+    # the corner beyond the axis, where it swings farthest back, against the case ``AIR`` behind the
+    # door
     assert np.hypot(thick - behind, into) <= thick - behind + hinges.AIR + 1e-9
     free = hinges.clear_angle(thick, behind, into, beyond=0.0)
     blocked = hinges.clear_angle(thick, behind, into, beyond=1.0)

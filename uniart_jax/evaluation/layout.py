@@ -1,4 +1,5 @@
-"""Layouts of held-out procedural or of real objects, from one picture each, against the truth: ``uniart evaluate layout``.
+"""Layouts of held-out procedural or of real objects, from one picture each, against the truth:
+``uniart evaluate layout``.
 
 Figures are over moving parts (``evaluation.parts``: found, right) or over objects (count, tree), for all objects, by family and
 by number of moving parts; intervals resample objects. ``calibration``: expected calibration error of the rows' confidence
@@ -109,11 +110,14 @@ def evaluate_layout(
     processes: int = 1,
     predictor: Callable[[Sequence[np.ndarray]], list[dict[str, np.ndarray]]] | None = None,
 ) -> dict[str, Any]:
-    """Judge a checkpoint's layouts, or those of files PRED/<index>.json, of held-out objects or of the assets below ``root``.
+    """Judge a checkpoint's layouts, or those of files PRED/<index>.json, of held-out objects or of
+    the assets below ``root``.
 
     Args:
-      out: gets metrics.json and layouts.png. count: objects (default ``COUNT`` held-out ones, or all assets).
-      cache: keeps the assets' pictures (default OUT/objects). predictor: in place of the checkpoint's
+      out: gets metrics.json and layouts.png. count: objects (default ``COUNT`` held-out ones, or
+        all assets).
+      cache: keeps the assets' pictures (default OUT/objects). predictor: in place of the
+        checkpoint's
         (``layouts.LayoutPredictor``).
     """
     if pred is None and predictor is None:

@@ -1,9 +1,11 @@
-"""Folders of real assets as test objects for layouts: rendered as the procedural ones are, with what is true of their parts.
+"""Folders of real assets as test objects for layouts: rendered as the procedural ones are, with
+what is true of their parts.
 
     asset -> a shown state (``objects.states``) -> one picture by ``render.sample_camera`` -> CACHE/<name>.png, CACHE/<name>.json
 
-The JSON holds the true layout (``voxels.layout``) and the category. Textured assets take seconds each, so pictures are kept and
-taken again from the cache; remove the folder when assets change. A state, a camera: functions of the asset's path below the root.
+The JSON holds the true layout (``voxels.layout``) and the category. Textured assets take seconds
+each, so pictures are kept and taken again from the cache; remove the folder when assets change. A
+state, a camera: functions of the asset's path below the root.
 """
 
 from __future__ import annotations
@@ -56,7 +58,8 @@ def real_objects(
     allow_outside: bool = False,
     processes: int = 1,
 ) -> tuple[list[RealObject], dict[str, str]]:
-    """The first ``count`` assets below ``root`` (default: all), and {name: why} of those that cannot be shown.
+    """The first ``count`` assets below ``root`` (default: all), and {name: why} of those that
+    cannot be shown.
 
     Raises:
       FileNotFoundError: no assets. ValueError: none of them can be shown.
@@ -79,10 +82,12 @@ def real_objects(
 
 
 def shown_object(entry: Entry, settings: Settings) -> ArticulatedObject:
-    """The asset at its shown state, normalised; one whose parts nothing can tell apart is drawn again.
+    """The asset at its shown state, normalised; one whose parts nothing can tell apart is drawn
+    again.
 
     Raises:
-      ValueError, FileNotFoundError: it cannot be read, nothing of it moves, or every state has two equal boxes.
+      ValueError, FileNotFoundError: it cannot be read, nothing of it moves, or every state has two
+        equal boxes.
     """
     closed = load_entry(entry, settings)
     if all(part.joint.type == "fixed" for part in closed.parts):

@@ -1,8 +1,10 @@
-"""Two worlds of objects side by side: what a folder of real assets has that procedural objects of the same family lack.
+"""Two worlds of objects side by side: what a folder of real assets has that procedural objects of
+the same family lack.
 
-Every object becomes numbers at its rest state, normalised (longest side 1, z up, front at -x): some of the object, some of each
-moving part, by what the part is for (``role``). ``compare`` puts the quantiles of both worlds into rows and says which share of
-the real values lies inside what is generated; ``nearest`` asks how well the best of the generated objects fits each real one.
+Every object becomes numbers at its rest state, normalised (longest side 1, z up, front at -x): some
+of the object, some of each moving part, by what the part is for (``role``). ``compare`` puts the
+quantiles of both worlds into rows and says which share of the real values lies inside what is
+generated; ``nearest`` asks how well the best of the generated objects fits each real one.
 """
 
 from __future__ import annotations
@@ -83,7 +85,8 @@ def object_values(obj: ArticulatedObject) -> Values:
 
 
 def part_values(obj: ArticulatedObject, k: int, bounds) -> dict[str, float]:
-    """The statistics of part ``k`` of a normalised object at rest; ``bounds``: the object's corners."""
+    """The statistics of part ``k`` of a normalised object at rest; ``bounds``: the object's
+    corners."""
     part, (lo, hi) = obj.parts[k], bounds
     joint, size = part.joint, part.box[3:]
     a, b = part.mesh.bounds
@@ -154,7 +157,8 @@ def gather(values: Sequence[Values]) -> dict[str, np.ndarray]:
 
 
 def compare(real: Sequence[Values], made: Sequence[Values]) -> list[dict[str, object]]:
-    """A row a statistic: {"statistic", "values", "real" quantiles, "made" quantiles or None, "inside" share}."""
+    """A row a statistic: {"statistic", "values", "real" quantiles, "made" quantiles or None,
+    "inside" share}."""
     ours, rows = gather(made), []
     for name, numbers in sorted(gather(real).items(), key=lambda item: _order(item[0])):
         if len(numbers) < FEW or (name.endswith(": an object") and not numbers.any()):
@@ -192,7 +196,8 @@ def _span(quantiles, mean) -> str:
 
 
 def at_rest(obj: ArticulatedObject) -> tuple[np.ndarray, list[str], np.ndarray]:
-    """Boxes [K, 6] at rest, normalised; roles of the K parts, the root's "root"; boxes are all that ``nearest`` reads."""
+    """Boxes [K, 6] at rest, normalised; roles of the K parts, the root's "root"; boxes are all that
+    ``nearest`` reads."""
     obj = obj.shown_at(obj.rest()).normalized()
     names = ["root"] + [role(part) for part in obj.parts[1:]]
     return obj.boxes, names, np.array([n not in ("root", "fixed") for n in names])
@@ -202,7 +207,8 @@ def nearest(real, made) -> tuple[int, int, int]:
     """How well the best of ``made`` fits ``real`` (``at_rest`` of each).
 
     Returns:
-      (moving parts of the real object within ``RIGHT_BOX`` of one of the same role, moving parts, index of the best).
+      (moving parts of the real object within ``RIGHT_BOX`` of one of the same role, moving parts,
+      index of the best).
     """
     boxes, names, moving = real
     best, index = -1, -1

@@ -23,7 +23,8 @@ def style(
     handles=("bar",),
     own_handle: float = 0.06,
 ) -> FrontStyle:
-    """Fronts of one appliance; ``panels`` and ``handles``: what its kind uses; ``own_handle``: the share whose handles are parts."""
+    """Fronts of one appliance; ``panels`` and ``handles``: what its kind uses; ``own_handle``: the
+    share whose handles are parts."""
     return FrontStyle(
         panel=str(rng.choice(panels)),
         handle=str(rng.choice(handles)),
@@ -147,7 +148,8 @@ def knobs(
     largest: float = 0.03,
     tilt: float = 0.0,
 ) -> list[int]:
-    """Turning knobs of one kind at ``places`` (x, y, z), on a panel that leans back by ``tilt`` radians (a right angle: that lies flat).
+    """Turning knobs of one kind at ``places`` (x, y, z), on a panel that leans back by ``tilt``
+    radians (a right angle: that lies flat).
 
     What a picture shows decides how they turn: knobs with end stops have a pointer on a skirt of
     the mark's colour, knobs that turn without end are plain.

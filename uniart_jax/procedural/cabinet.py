@@ -15,9 +15,11 @@ from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, slide, tray
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """A rectangle of the front and what fills it: 'door', 'double', 'flap', 'drawer', 'open' or 'blank' (a board that stays).
+    """A rectangle of the front and what fills it: 'door', 'double', 'flap', 'drawer', 'open' or
+    'blank' (a board that stays).
 
-    ``trays``: pull-outs behind its doors; behind double doors an even number may stand in two columns.
+    ``trays``: pull-outs behind its doors; behind double doors an even number may stand in two
+    columns.
     """
 
     y: tuple[float, float]
@@ -74,7 +76,8 @@ class Fit:
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A hollow box with its front at x = ``front``, divided into cells (metres); ``covered``: a top lies over its front's upper edge."""
+    """A hollow box with its front at x = ``front``, divided into cells (metres); ``covered``: a top
+    lies over its front's upper edge."""
 
     y: tuple[float, float]
     z: tuple[float, float]
@@ -183,7 +186,8 @@ class Case:
         look: FrontStyle,
         fit: Fit,
     ) -> None:
-        """Pull-outs behind the doors of a cell, one over the other or in two columns, deep ones or flat ones somewhere in their room."""
+        """Pull-outs behind the doors of a cell, one over the other or in two columns, deep ones or
+        flat ones somewhere in their room."""
         lo, hi = self.bay(cell)
         wall = max(0.012, 1.55 * look.unit)
         lo = lo + [0.012 + (look.thickness if fit.inset else 0.0), 0.012, 0.008]

@@ -1,4 +1,5 @@
-"""Finishes as wide as real furniture's and appliances': those of ``materials``, brighter, darker, stronger or without any colour."""
+"""Finishes as wide as real furniture's and appliances': those of ``materials``, brighter, darker,
+stronger or without any colour."""
 
 from __future__ import annotations
 
@@ -23,7 +24,8 @@ def varied(
     """``material`` with its colour changed, its image too.
 
     Args:
-      gray: share that comes out without any colour. chroma: range of what the distance from gray is multiplied by.
+      gray: share that comes out without any colour. chroma: range of what the distance from gray is
+        multiplied by.
       gain: range of what the brightness is multiplied by.
     """
     strength = 0.0 if rng.random() < gray else float(rng.uniform(*chroma))

@@ -1,8 +1,10 @@
 """Doors, flaps and drawers with their handles: what opens on furniture and appliances.
 
-Fronts are slabs in a plane x = const that face -x. A door that turns about its *outer front* edge never moves behind the plane of
-its rear face or past the hinge line while it is open by 90 degrees or less: it cannot hit what it closes. Others turn about a
-line further back and inside (``FrontStyle.axis_depth``, ``axis_inset``): they clear what they close, and hit a neighbour that is near.
+Fronts are slabs in a plane x = const that face -x. A door that turns about its *outer front* edge
+never moves behind the plane of its rear face or past the hinge line while it is open by 90 degrees
+or less: it cannot hit what it closes. Others turn about a line further back and inside
+(``FrontStyle.axis_depth``, ``axis_inset``): they clear what they close, and hit a neighbour that is
+near.
 """
 
 from __future__ import annotations
@@ -255,9 +257,9 @@ def add_door(
     Args:
       hinge_edge: '+y' (left as seen from the front), '-y' (right), '-z' (bottom) or '+z' (top).
       angle: how far it opens, radians.
-      options: ``extra`` shape welded to its rear, ``kind`` of panel, ``inset`` for a door that stands
-        between walls: its axis is its outer front edge whatever the style says; ``beyond``: metres of what it closes that lie
-        beyond its hinged edge.
+      options: ``extra`` shape welded to its rear, ``kind`` of panel, ``inset`` for a door that
+        stands between walls: its axis is its outer front edge whatever the style says; ``beyond``:
+        metres of what it closes that lie beyond its hinged edge.
 
     Returns:
       The part's index.
@@ -344,7 +346,8 @@ def add_knob(
     that points up at rest.
 
     ``sweep``: how far it turns, radians; None: without end. ``skirt``: a flat disc of the mark's
-    colour at its foot, as knobs with a scale have; the body is then narrower. ``tilt``: by how much its panel leans back, radians.
+    colour at its foot, as knobs with a scale have; the body is then narrower. ``tilt``: by how much
+    its panel leans back, radians.
     """
     x, y, z = (float(a) for a in at)
     wide = 0.7 * radius if skirt else radius

@@ -24,7 +24,8 @@ def hang(rng: np.random.Generator, unit: float) -> dict[str, float]:
 
 
 def opening(rng: np.random.Generator, wide: float = 0.3) -> float:
-    """How far doors open, radians: right angles, a little more, or (a share ``wide``) right round."""
+    """How far doors open, radians: right angles, a little more, or (a share ``wide``) right
+    round."""
     if rng.random() < wide:
         return float(np.deg2rad(180 if rng.random() < 0.5 else rng.uniform(115, 178)))
     return float(np.deg2rad(90 if rng.random() < 0.55 else rng.uniform(80, 115)))
@@ -32,7 +33,8 @@ def opening(rng: np.random.Generator, wide: float = 0.3) -> float:
 
 def place(thick: float, width: float, depth: float, inset: float) -> tuple[float, float]:
     """(metres behind a door's front face, metres inside its edge) of an axis that ``FrontStyle``'s
-    ``axis_depth`` and ``axis_inset`` ask for, moved until a right angle is free of what the door closes.
+    ``axis_depth`` and ``axis_inset`` ask for, moved until a right angle is free of what the door
+    closes.
     """
     into = 0.0 if depth == 0 else min(inset, 0.1 * width, 0.5 * thick)
     rear = max(thick * (1 - depth), min(into, 4e-3))

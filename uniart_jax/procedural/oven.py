@@ -230,7 +230,8 @@ def _built_in_cooktop(rng: np.random.Generator) -> ArticulatedObject:
 def _panel_plan(
     rng, half: float, unit: float
 ) -> tuple[list[float], tuple[float, float] | None, float]:
-    """Where knobs sit on the control panel, the span of a display or None, and the least distance of two knobs."""
+    """Where knobs sit on the control panel, the span of a display or None, and the least distance
+    of two knobs."""
     count = int(rng.choice(10, p=[0.08, 0.06, 0.14, 0.08, 0.2, 0.14, 0.12, 0.08, 0.06, 0.04]))
     pitch = max(0.055, float(rng.uniform(5.5, 8.5)) * unit)
     count = min(count, int(1.7 * half / pitch))

@@ -128,7 +128,8 @@ def _column(
 def _plain(
     rng: np.random.Generator, width: float, z: tuple[float, float], unit: float
 ) -> list[Cell]:
-    """A front of one kind: doors over the whole height, flaps, or drawers, with at most one row on top."""
+    """A front of one kind: doors over the whole height, flaps, or drawers, with at most one row on
+    top."""
     half, height = width / 2, z[1] - z[0]
     door = "double" if width > rng.uniform(0.5, 0.8) and rng.random() < 0.8 else "door"
     kinds = ["door", "flap", "drawers", "top_row", "two_doors", "beside"]

@@ -323,7 +323,8 @@ def _sides(
     hardware,
     raised: float = 0.0,
 ) -> list[tuple[float, float]]:
-    """Legs or side panels from the floor (legs: from ``raised``) to the underside, a shelf between legs; the places (x, y) of legs."""
+    """Legs or side panels from the floor (legs: from ``raised``) to the underside, a shelf between
+    legs; the places (x, y) of legs."""
     half, material = width / 2, finish if rng.random() < 0.6 else hardware
     r = max(float(rng.uniform(0.018, 0.035)), 1.4 * unit)
     inset, manner, splay = (
