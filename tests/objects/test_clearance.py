@@ -69,7 +69,8 @@ def test_what_moves_freely_is_left_alone(family):
         obj = generate(family, seed)
         clearance = Clearance(obj)
         for k, joint in enumerate(obj.joints):
-            if k == 0 or joint.type == "fixed":
+            behind_a_door = obj.parts[k].name.startswith("tray")
+            if k == 0 or joint.type == "fixed" or behind_a_door:
                 continue
             q = obj.rest()
             q[k] = rng.uniform(*joint.limits)

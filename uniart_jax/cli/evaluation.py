@@ -33,6 +33,7 @@ def evaluate(
     records: Path | None = None,
     pictures: int | None = None,
     pred: Path | None = None,
+    cache: Path | None = None,
     unseen: bool = False,
     processes: int | None = None,
     engines: Engines | None = None,
@@ -46,7 +47,7 @@ def evaluate(
 
     Args:
         what: A folder of predictions, or one of the five words baselines, procedural, layout, representation, physics; a folder of such a name is given as ./physics.
-        root: The references. representation, physics: a folder of assets instead of procedural objects (representation: at 32 and 64 voxels a side).
+        root: The references. representation, physics, layout: a folder of assets instead of procedural objects (representation: at 32 and 64 voxels a side).
         samples: PRED REF: how several samples of an object count (default: mean; best: by pose error).
         only: PRED REF: these figures of surface, articulation, pose_error, singapo, appearance, openshape, physics.
         openshape: PRED REF, baselines: OpenShape's converted weights; without them that figure is not computed.
@@ -55,6 +56,7 @@ def evaluate(
         records: Training records for the retrieval baseline; without them it is left out.
         pictures: procedural: how many objects are drawn (default 16).
         pred: layout: a folder of layouts <index>.json instead of a checkpoint's.
+        cache: layout ROOT: where the assets' pictures are kept for the next run (default OUT/objects).
         unseen: The families that are never trained on, instead of the trained ones.
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
         engines: physics: MuJoCo and, where it is installed, PyBullet by default.
@@ -74,6 +76,7 @@ def evaluate(
             records=records,
             pictures=pictures,
             pred=pred,
+            cache=cache,
             unseen=unseen,
             engines=engines,
         )
@@ -81,14 +84,19 @@ def evaluate(
         return
     _refuse(what, samples=samples, only=only)
     if what == "layout":
-        _refuse(what, root=root, records=records, pictures=pictures, openshape=openshape)
-        _refuse(what, engines=engines, allow_outside=allow_outside)
+        _refuse(what, records=records, pictures=pictures, openshape=openshape, engines=engines)
+        if root is None:
+            _refuse(what, allow_outside=allow_outside, cache=cache)
+        else:
+            _refuse(f"{what} ROOT", unseen=unseen)
         from uniart_jax.evaluation.layout import evaluate_layout
 
-        share = {"count": count or 128, "unseen": unseen, "pred": pred, "processes": workers}
-        evaluate_layout(checkpoint or "nano", out, **share)
+        evaluate_layout(
+            checkpoint or "nano", out, root=root, count=count, unseen=unseen, pred=pred, cache=cache,
+            allow_outside=allow_outside, processes=workers,
+        )  # fmt: skip
         return
-    _refuse(what, pred=pred)
+    _refuse(what, pred=pred, cache=cache)
     if what == "baselines":
         _refuse(what, pictures=pictures, engines=engines, allow_outside=allow_outside)
         if root is not None:

@@ -44,7 +44,7 @@ from uniart_jax.voxels.joint_code import encode_object
 BLOCK = 256  # objects a file
 WINDOW = 4  # blocks that batches are drawn from at a time
 STATES = 20  # shown states tried before an object is left out
-VERSION = 1  # of what ``make_block`` draws
+VERSION = 2  # of what ``make_block`` draws; 2: fronts as real objects have them
 COLUMNS = ("images", "cameras", "boxes", "codes", "parents", "colors", "part_counts")
 
 logger = logging.getLogger(__name__)

@@ -1,4 +1,5 @@
-"""Layouts of held-out procedural objects, from one picture each, against the truth: ``uniart evaluate layout``.
+"""Layouts of held-out procedural or of real objects, from one picture each, against the truth:
+``uniart evaluate layout``.
 
 Figures are over moving parts (``evaluation.parts``: found, right) or over objects (count, tree), for all objects, by family and
 by number of moving parts; intervals resample objects. ``calibration``: expected calibration error of the rows' confidence
@@ -21,6 +22,7 @@ from uniart_jax.data.folder import write_text
 from uniart_jax.data.images import crop
 from uniart_jax.evaluation.parts import FOUND, PartScores, compare_parts, match_parts, summarize
 from uniart_jax.evaluation.procedural import HeldOut, held_out
+from uniart_jax.evaluation.real import RealObject, real_objects
 from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED
 from uniart_jax.layout_picture import contact_sheet, draw_layout
 from uniart_jax.layouts import load_layout_predictor
@@ -29,13 +31,18 @@ from uniart_jax.progress import track
 from uniart_jax.voxels.layout import Layout, read_layout
 
 BINS = 10
-SHOWN = 12  # objects on the contact sheet, the first ones
+COUNT = 128  # held-out objects
+SHOWN = (
+    20  # objects on the contact sheet: the first ones, of real ones evenly spread over the folder
+)
 SIZES = ((1, 1), (2, 3), (4, 7), (8, 99))  # moving parts, from and to
 INTERVALS = ("parts_right", "recall", "count")
 console = Console(stderr=True, highlight=False)
 
 
-def score_layout(layout: Layout, test: HeldOut) -> tuple[PartScores, np.ndarray, np.ndarray]:
+def score_layout(
+    layout: Layout, test: HeldOut | RealObject
+) -> tuple[PartScores, np.ndarray, np.ndarray]:
     """Part scores of a layout as an object of boxes, its rows' confidence [K] and whether each matches a true part [K]."""
     _, distance = match_parts(test.obj.boxes, layout.boxes)  # for each row of the layout
     return compare_parts(layout.to_object(), test.obj), layout.confidence, distance < FOUND
@@ -75,7 +82,7 @@ def with_intervals(scored: Sequence[Any]) -> dict[str, Any]:
     return found
 
 
-def judge(layouts: Sequence[Layout], tests: Sequence[HeldOut]) -> dict[str, Any]:
+def judge(layouts: Sequence[Layout], tests: Sequence[HeldOut | RealObject]) -> dict[str, Any]:
     """All figures: {"all", "families": {name: …}, "moving_parts": {"2-3": …}}."""
     scored = [score_layout(layout, test) for layout, test in zip(layouts, tests, strict=True)]
     families = {
@@ -94,35 +101,59 @@ def evaluate_layout(
     checkpoint: str,
     out: Path,
     *,
-    count: int = 128,
+    root: Path | None = None,
+    count: int | None = None,
     unseen: bool = False,
     pred: Path | None = None,
+    cache: Path | None = None,
+    allow_outside: bool = False,
     processes: int = 1,
     predictor: Callable[[Sequence[np.ndarray]], list[dict[str, np.ndarray]]] | None = None,
 ) -> dict[str, Any]:
-    """Judge a checkpoint's layouts of held-out objects, or those of files PRED/<index>.json.
+    """Judge a checkpoint's layouts, or those of files PRED/<index>.json, of held-out objects or of
+    the assets below ``root``.
 
     Args:
-      out: gets metrics.json and layouts.png. predictor: in place of the checkpoint's (``layouts.LayoutPredictor``).
+      out: gets metrics.json and layouts.png. count: objects (default ``COUNT`` held-out ones, or
+        all assets).
+      cache: keeps the assets' pictures (default OUT/objects). predictor: in place of the
+        checkpoint's
+        (``layouts.LayoutPredictor``).
     """
     if pred is None and predictor is None:
         predictor = load_layout_predictor(checkpoint)
     size = getattr(predictor, "image_size", 128)
     margin = getattr(predictor, "crop_margin", 1.1)
-    with process_pool(processes) as submit:
-        make = functools.partial(held_out, unseen=unseen, image_size=size)
-        made = in_order(submit, make, range(count), 2 * processes)
-        tests = list(track(made, "held-out objects", count))
+    out.mkdir(parents=True, exist_ok=True)
+    settings: dict[str, Any] = {"unseen": unseen, "checkpoint": str(pred or checkpoint)}
+    tests: list[HeldOut] | list[RealObject]
+    if root is None:
+        count = COUNT if count is None else count
+        with process_pool(processes) as submit:
+            make = functools.partial(held_out, unseen=unseen, image_size=size)
+            made = in_order(submit, make, range(count), 2 * processes)
+            tests = list(track(made, "held-out objects", count))
+        shown = list(range(min(SHOWN, count)))
+    else:
+        tests, refused = real_objects(
+            root, cache or out / "objects", image_size=size, count=count,
+            allow_outside=allow_outside, processes=processes,
+        )  # fmt: skip
+        settings |= {"root": Path(root).name, "refused": refused}
+        for name, why in refused.items():
+            console.print(f"left out {name}: {why}", markup=False)
+        shown = np.linspace(0, len(tests) - 1, min(SHOWN, len(tests))).round().astype(int).tolist()
+    settings["count"] = len(tests)
     crops = [crop(test.image, size, margin) for test in tests]
     if pred is not None:
-        layouts = [_read(Path(pred) / f"{i}.json") for i in range(count)]
+        layouts = [_read(Path(pred) / f"{i}.json") for i in range(len(tests))]
     else:
         layouts = [read_layout(found) for found in predictor(crops)]
     found = judge(layouts, tests)
-    settings = {"count": count, "unseen": unseen, "checkpoint": str(pred or checkpoint)}
-    out.mkdir(parents=True, exist_ok=True)
+    if root is not None:
+        found["objects"] = [t.name for t in tests]
     write_text(out / "metrics.json", json.dumps({"settings": settings, **found}, indent=2) + "\n")
-    drawn = [draw_layout(c, one) for c, one in zip(crops[:SHOWN], layouts, strict=False)]
+    drawn = [draw_layout(crops[i], layouts[i]) for i in shown]
     contact_sheet(drawn).save(out / "layouts.png")
     console.print(table(found))
     return found
@@ -130,7 +161,7 @@ def evaluate_layout(
 
 def _read(path: Path) -> Layout:
     if not path.is_file():
-        raise FileNotFoundError(f"evaluate layout: no '{path}'; give one <index>.json for each held-out object")  # fmt: skip
+        raise FileNotFoundError(f"evaluate layout: no '{path}'; give one <index>.json for each object")  # fmt: skip
     return Layout.from_json(path.read_text())
 
 

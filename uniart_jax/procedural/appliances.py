@@ -7,16 +7,24 @@ import itertools
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.procedural import materials
+from uniart_jax.procedural import finishes, materials
 from uniart_jax.procedural.fronts import FrontStyle, add_knob
+from uniart_jax.procedural.hinges import hang
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, tray
 
 
 def style(
-    rng: np.random.Generator, unit: float, face: Material, *, panels=("slab",), handles=("bar",)
+    rng: np.random.Generator,
+    unit: float,
+    face: Material,
+    *,
+    panels=("slab",),
+    handles=("bar",),
+    own_handle: float = 0.06,
 ) -> FrontStyle:
-    """Fronts of one appliance; ``panels`` and ``handles``: what its kind uses."""
+    """Fronts of one appliance; ``panels`` and ``handles``: what its kind uses; ``own_handle``: the
+    share whose handles are parts."""
     return FrontStyle(
         panel=str(rng.choice(panels)),
         handle=str(rng.choice(handles)),
@@ -24,14 +32,15 @@ def style(
         accent=face.darker(0.85),
         glass=materials.dark_glass(rng) if rng.random() < 0.75 else materials.glass(rng),
         hardware=materials.hardware(rng) if rng.random() < 0.7 else face.darker(0.8),
-        inside=materials.white_plastic(rng)
+        inside=finishes.white_plastic(rng)
         if rng.random() < 0.6
-        else materials.metal(rng, brushed=False),
+        else finishes.metal(rng, brushed=False),
         thickness=max(0.03, 2.4 * unit),
         unit=unit,
         handle_length=float(rng.uniform(0.35, 0.8)),
         reach=float(rng.uniform(0.9, 1.2)),
-        own_handle=bool(rng.random() < 0.1),
+        own_handle=bool(rng.random() < own_handle),
+        **hang(rng, unit),
     )
 
 
@@ -63,7 +72,7 @@ def feet(
     body: Shape, rng: np.random.Generator, width: float, depth: float, legs: float, unit: float
 ) -> None:
     """Four round or square feet from the floor to z = ``legs``, or a dark kick plate set back from the front."""
-    material = materials.dark(rng)
+    material = finishes.dark(rng)
     if rng.random() < 0.5:
         back = float(rng.uniform(0.03, 0.07))
         body.add(
@@ -123,16 +132,33 @@ def knob_row(
     *,
     largest: float = 0.03,
 ) -> list[int]:
-    """Turning knobs of one kind on the plane x = ``face`` at every y of ``ys``.
+    """Turning knobs of one kind on the plane x = ``face`` at every y of ``ys``; see ``knobs``."""
+    places = [(face, float(y), z) for y in ys]
+    return knobs(asm, rng, parent, places, unit, material, largest=largest)
+
+
+def knobs(
+    asm: Assembly,
+    rng,
+    parent: int,
+    places,
+    unit: float,
+    material: Material,
+    *,
+    largest: float = 0.03,
+    tilt: float = 0.0,
+) -> list[int]:
+    """Turning knobs of one kind at ``places`` (x, y, z), on a panel that leans back by ``tilt``
+    radians (a right angle: that lies flat).
 
     What a picture shows decides how they turn: knobs with end stops have a pointer on a skirt of
     the mark's colour, knobs that turn without end are plain.
     """
-    radius = max(float(rng.uniform(0.55, 1.0)) * largest, 2.3 * unit)
-    reach = max(float(rng.uniform(0.02, 0.035)), 2.2 * unit)
+    radius = max(float(rng.uniform(0.45, 1.2)) * largest, 1.7 * unit)
+    reach = max(float(rng.uniform(0.012, 0.04)), float(rng.uniform(1.0, 2.4)) * unit)
     sweep = None if rng.random() < 0.5 else float(np.deg2rad(rng.choice([180, 240, 270, 300])))
     light = material.color[1] >= 0.5
     mark = materials.plain((0.1, 0.1, 0.1) if light else (0.95, 0.95, 0.95))
     look = (material, mark, sweep)
     shown = {"pointer": sweep is not None, "skirt": sweep is not None}
-    return [add_knob(asm, parent, (face, y, z), radius, reach, *look, **shown) for y in ys]
+    return [add_knob(asm, parent, at, radius, reach, *look, tilt=tilt, **shown) for at in places]

@@ -1,7 +1,10 @@
 """Doors, flaps and drawers with their handles: what opens on furniture and appliances.
 
-Fronts are slabs in a plane x = const that face -x. A door turns about its *outer front* edge, so no point of it ever moves
-behind the plane of its rear face or past the hinge line while it is open by 90 degrees or less: it cannot hit what it closes.
+Fronts are slabs in a plane x = const that face -x. A door that turns about its *outer front* edge
+never moves behind the plane of its rear face or past the hinge line while it is open by 90 degrees
+or less: it cannot hit what it closes. Others turn about a line further back and inside
+(``FrontStyle.axis_depth``, ``axis_inset``): they clear what they close, and hit a neighbour that is
+near.
 """
 
 from __future__ import annotations
@@ -10,9 +13,10 @@ import dataclasses
 import itertools
 
 import numpy as np
+import trimesh
 from manifold3d import Manifold
 
-from uniart_jax.procedural import shapes
+from uniart_jax.procedural import hinges, shapes
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -26,6 +30,9 @@ from uniart_jax.procedural.shapes import (
     union,
 )
 
+AIR = (
+    0.0015  # metres that the corner of a door beyond its axis may swing behind the door's rear face
+)
 PANELS = ("slab", "shaker", "raised", "glass", "slats", "border")
 HANDLES = ("bar", "round_bar", "arch", "knob", "lip", "recess", "latch", "none")
 
@@ -46,6 +53,9 @@ class FrontStyle:
       handle_length: share of the edge that a bar takes.
       reach: height above the floor where handles of tall doors sit, metres.
       own_handle: handles are parts of their own, fixed to their front.
+      stand: how far handles stand out, of what is usual.
+      axis_depth: where in a door's thickness its axis lies: 0 its front face, 1 its rear face.
+      axis_inset: how far inside the door's edge its axis lies, metres.
     """
 
     panel: str
@@ -60,6 +70,9 @@ class FrontStyle:
     handle_length: float = 0.4
     reach: float = 0.9
     own_handle: bool = False
+    stand: float = 1.0
+    axis_depth: float = 0.0
+    axis_inset: float = 0.0
 
 
 def panel(
@@ -103,7 +116,7 @@ def handle(style: FrontStyle, face: float, at, along: str, length: float) -> Sha
     """A handle on the plane x = ``face``, centred at ``at`` (y, z), its bar along 'y' or 'z'."""
     y, z = at
     width = max(0.012, (1.5 if style.own_handle else 1.0) * style.unit)
-    reach = max(0.032, 2.2 * style.unit)
+    reach = max(0.032, 2.2 * style.unit) * style.stand
     length = max(length, 4 * width)
     half = length / 2
     shape = Shape()
@@ -244,16 +257,25 @@ def add_door(
     Args:
       hinge_edge: '+y' (left as seen from the front), '-y' (right), '-z' (bottom) or '+z' (top).
       angle: how far it opens, radians.
-      options: ``extra`` shape welded to its rear, ``kind`` of panel.
+      options: ``extra`` shape welded to its rear, ``kind`` of panel, ``inset`` for a door that
+        stands between walls: its axis is its outer front edge whatever the style says; ``beyond``:
+        metres of what it closes that lie beyond its hinged edge.
 
     Returns:
       The part's index.
     """
-    lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
+    lo, hi = np.asarray(lo, dtype=np.float64), np.array(hi, dtype=np.float64)
+    inset = bool(options.pop("inset", False))
     at = (lo + hi) / 2
-    at[0] = lo[0]
-    axis = "xyz".index(hinge_edge[1])
-    at[axis] = hi[axis] if hinge_edge[0] == "+" else lo[axis]
+    axis, sign = "xyz".index(hinge_edge[1]), 1 if hinge_edge[0] == "+" else -1
+    thick, width = hi[0] - lo[0], hi[axis] - lo[axis]
+    depth = 0.0 if inset else style.axis_depth
+    behind, into = hinges.place(thick, width, depth, style.axis_inset)
+    at[0] = lo[0] + behind
+    at[axis] = (hi[axis] if sign > 0 else lo[axis]) - sign * into
+    beyond = options.pop("beyond", 0.0)
+    if behind > 0:
+        angle = min(angle, hinges.clear_angle(thick, behind, into, beyond))
     free = ("-" if hinge_edge[0] == "+" else "+") + hinge_edge[1]
     joint = hinge(at, _OPENING[hinge_edge], angle)
     return _front(asm, parent, lo, hi, free, joint, style, name, **options)
@@ -318,12 +340,14 @@ def add_knob(
     name: str = "knob",
     pointer: bool = True,
     skirt: bool = False,
+    tilt: float = 0.0,
 ) -> int:
     """A turning knob on a plane x = at[0] (1 mm of air behind it), ``pointer``: with a ridge
     that points up at rest.
 
     ``sweep``: how far it turns, radians; None: without end. ``skirt``: a flat disc of the mark's
-    colour at its foot, as knobs with a scale have; the body is then narrower.
+    colour at its foot, as knobs with a scale have; the body is then narrower. ``tilt``: by how much
+    its panel leans back, radians.
     """
     x, y, z = (float(a) for a in at)
     wide = 0.7 * radius if skirt else radius
@@ -338,5 +362,9 @@ def add_knob(
         rim = radius if skirt else 0.8 * radius
         ridge = box([x - 1.35 * reach, y - w, z - w], [x - reach, y + w, z + rim])
         shape.add(ridge, mark)
-    joint = turn((x, y, z), (1, 0, 0)) if sweep is None else hinge((x, y, z), (1, 0, 0), sweep)
+    axis = np.array([np.cos(tilt), 0.0, -np.sin(tilt)])
+    if tilt:
+        lean = trimesh.transformations.rotation_matrix(tilt, (0, 1, 0), (x, y, z))
+        shape = shape.moved(lean)
+    joint = turn((x, y, z), axis) if sweep is None else hinge((x, y, z), axis, sweep)
     return asm.add(name, shape, parent, joint)

@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import appliances, materials
+from uniart_jax.procedural import appliances, finishes
 from uniart_jax.procedural.fronts import add_door, add_drawer
+from uniart_jax.procedural.hinges import opening
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, tray
 
 
@@ -17,26 +18,29 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     plan = str(
         rng.choice(
             ["single", "top", "bottom", "bottom_drawer", "side", "french", "mini"],
-            p=[0.14, 0.2, 0.16, 0.1, 0.14, 0.16, 0.1],
+            p=[0.12, 0.18, 0.14, 0.09, 0.15, 0.13, 0.19],
         )
     )
     wide = plan in ("side", "french")
-    width = float(rng.uniform(0.8, 0.95) if wide else rng.uniform(0.5, 0.75))
-    height = float(rng.uniform(0.5, 0.9) if plan == "mini" else rng.uniform(1.4, 1.95))
-    depth = float(rng.uniform(0.5, 0.7))
+    width = float(rng.uniform(0.75, 1.25) if wide else rng.uniform(0.45, 0.8))
+    height = float(rng.uniform(0.5, 0.95) if plan == "mini" else rng.uniform(1.3, 2.0))
+    depth = float(rng.uniform(0.4, 0.75))
     unit = max(width, height, depth) / 100
-    face = materials.appliance(rng)
+    face = finishes.appliance(rng)
     look = appliances.style(
         rng, unit, face, panels=("slab", "slab", "slab", "border", "raised"),
         handles=("bar", "bar", "round_bar", "arch", "recess", "lip"),
+        own_handle=0.4,
     )  # fmt: skip
     if look.panel == "border":
         look = dataclasses.replace(look, accent=face.darker(0.93))
-    thick = float(rng.uniform(0.045, 0.08))
+    thick = float(rng.uniform(0.016, 0.09))
     look = dataclasses.replace(look, thickness=thick, handle_length=float(rng.uniform(0.25, 0.6)))
-    legs = float(rng.uniform(0.03, 0.08))
+    legs = float(rng.uniform(0.01, 0.08) if rng.random() < 0.75 else rng.uniform(0.06, 0.16))
+    crown = 0.0 if rng.random() < 0.7 else float(rng.uniform(0.03, 0.1)) * height  # above the doors
+    ceiling, height = height, height - crown
     wall = max(float(rng.uniform(0.035, 0.055)), 1.8 * unit)
-    lining = materials.white_plastic(rng)
+    lining = finishes.white_plastic(rng)
 
     half, low = width / 2, legs
     middle = low + (height - low) * {
@@ -58,6 +62,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         cells.append((full, (middle, height), single))
     elif plan == "side":
         cells = [((share, half), (low, height), "+y"), ((-half, share), (low, height), "-y")]
+        if rng.random() < 0.08:  # three in a row
+            ys, edges = np.linspace(half, -half, 4), rng.choice(["+y", "-y"], 3)
+            cells = [((ys[i + 1], ys[i]), (low, height), str(edges[i])) for i in range(3)]
         if rng.random() < 0.25:
             cut_at = low + (height - low) * float(rng.uniform(0.35, 0.5))
             cells = [(y, z, e) for y, _, e in cells for z in ((low, cut_at), (cut_at, height))]
@@ -68,6 +75,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         cells += [((0.0, half), (middle, height), "+y"), ((-half, 0.0), (middle, height), "-y")]
 
     asm, body = Assembly(), Shape()
+    case = face if rng.random() < 0.55 else face.darker(float(rng.uniform(0.3, 0.9)))
     appliances.feet(body, rng, width, depth, legs, unit)
     bays = [_bay(y, z, half, (low, height), depth, wall) for y, z, _ in cells]
     shelves, holes = Shape(), []
@@ -83,15 +91,15 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
             _shelves(
                 rng, shelves, lo, hi, unit, depth, look.glass if rng.random() < 0.5 else lining
             )
-    body.add(
-        cut(box([0, -half, low], [depth, half, height]), holes),
-        face if rng.random() < 0.7 else face.darker(0.85),
-    )
+    body.add(cut(box([0, -half, low], [depth, half, height]), holes), case)
+    if crown:
+        lo = -thick - 0.002 if rng.random() < 0.6 else 0.0
+        body.add(box([lo, -half, height], [depth, half, ceiling]), case)
     body.join(shelves)
     root = asm.add("body", body)
 
-    seam = max(0.004, float(rng.uniform(0.35, 0.8)) * unit)
-    swing = float(np.deg2rad(rng.uniform(85, 150)))
+    seam = max(0.002, float(rng.uniform(0.1, 0.8)) * unit)
+    swing = opening(rng, 0.65)
     bins = rng.random() < 0.55
     for (y, z, edge), (lo, hi) in zip(cells, bays, strict=True):
         front_lo = np.array([-thick - 0.002, y[0] + seam / 2, z[0] + seam / 2])
@@ -103,7 +111,11 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
             )  # fmt: skip
         else:
             extra = _bins(rng, front_lo, front_hi, lo, hi, unit, lining) if bins else None
-            add_door(asm, root, front_lo, front_hi, edge, swing, look, extra=extra)
+            outer = y[1] > half - 1e-6 if edge == "+y" else y[0] < 1e-6 - half
+            beyond = seam / 2 if outer else 1.0
+            add_door(
+                asm, root, front_lo, front_hi, edge, swing, look, extra=extra, beyond=beyond
+            )  # fmt: skip
     return asm.object()
 
 

@@ -142,6 +142,13 @@ class Shape:
             self._solids.setdefault(material, []).extend(solids)
         return self
 
+    def moved(self, matrix: np.ndarray) -> Shape:
+        """All solids moved by a rigid motion [4, 4]."""
+        out = Shape()
+        for material, solids in self._solids.items():
+            out._solids[material] = [solid.transform(matrix[:3]) for solid in solids]
+        return out
+
     def mesh(self) -> trimesh.Trimesh:
         """One closed mesh with face colours, or with one atlas image and UVs if any material has an image."""
         materials, vertices, faces = [], [], []

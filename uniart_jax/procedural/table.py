@@ -9,7 +9,7 @@ import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import materials
+from uniart_jax.procedural import finishes, materials
 from uniart_jax.procedural.cabinet import Case, Cell, Fit
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -19,6 +19,7 @@ from uniart_jax.procedural.shapes import (
     cylinder,
     hull,
     revolution,
+    turn,
     union,
 )
 from uniart_jax.procedural.storage_furniture import split, style
@@ -27,16 +28,16 @@ MAX_MOVING = 8
 
 # width, height, depth (metres), weight
 _KINDS = {
-    "desk": ((1.0, 1.8), (0.7, 0.8), (0.5, 0.8), 0.5),
-    "console": ((0.8, 1.4), (0.7, 0.9), (0.3, 0.45), 0.15),
-    "coffee": ((0.8, 1.3), (0.35, 0.52), (0.5, 0.75), 0.2),
-    "side": ((0.4, 0.65), (0.45, 0.72), (0.38, 0.55), 0.15),
+    "desk": ((1.0, 1.8), (0.65, 0.8), (0.5, 0.8), 0.38),
+    "console": ((0.8, 1.7), (0.65, 0.9), (0.28, 0.55), 0.18),
+    "coffee": ((0.8, 1.6), (0.3, 0.52), (0.45, 0.8), 0.17),
+    "side": ((0.35, 0.7), (0.42, 0.78), (0.33, 0.6), 0.27),
 }
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
     """A table with drawers, metres, closed."""
-    if rng.random() < 0.1:
+    if rng.random() < 0.06:
         return _adjustable(rng)
     names = list(_KINDS)
     kind = names[rng.choice(len(names), p=[k[-1] for k in _KINDS.values()])]
@@ -47,19 +48,30 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     top = max(float(rng.uniform(0.018, 0.05)), 1.65 * unit)
     under = height - top
     left, right = _supports(rng, kind)
+    # the case stands back under its top, and need not reach the rear
+    back = float(
+        rng.choice([0.0, rng.uniform(0.02, 0.1), rng.uniform(0.1, 0.4)], p=[0.5, 0.38, 0.12])
+    )
+    back = min(back * depth, depth - 0.2)
+    deep = (depth - back) * float(1.0 if rng.random() < 0.5 else rng.uniform(0.6, 1.0))
+    deep = max(deep, 0.2)
+    rolls = left == right == "legs" and rng.random() < 0.12
+    most = 4 if rolls else 6 if look.own_handle or look.handle == "latch" else MAX_MOVING
     for _ in range(100):
         cases = _cases(rng, kind, (left, right), width, depth, under, wall)
-        if 1 <= sum(c.moving for c in cases) <= (6 if look.own_handle else MAX_MOVING):
+        cases = [dataclasses.replace(c, front=back, depth=deep) for c in cases]
+        if (0 if rolls else 1) <= sum(c.moving for c in cases) <= most:
             break
     else:
         left = right = "legs"
         span, row = (-width / 2, width / 2), (under - max(0.12, 9 * unit), under)
-        cases = [Case(span, row, 0.0, depth, wall, (Cell(span, row, "drawer"),))]
+        cases = [Case(span, row, back, deep, wall, (Cell(span, row, "drawer"),))]
 
-    finish = look.face if rng.random() < 0.5 else materials.furniture(rng)
-    board = finish if rng.random() < 0.5 else materials.furniture(rng)
+    rolls = rolls and min([c.z[0] for c in cases], default=under) > 0.2 * under
+    finish = look.face if rng.random() < 0.65 else finishes.furniture(rng)
+    board = finish if rng.random() < 0.6 else finishes.furniture(rng)
     asm, body = Assembly(), Shape()
-    over = float(rng.choice([0.0, rng.uniform(0.01, 0.06)]))
+    over = float(rng.choice([0.0, rng.uniform(0.01, 0.12)]))
     front = look.thickness + 0.002 + float(rng.uniform(0.0, 0.03))
     _top(rng, body, board, (-front, depth + over), width / 2 + over, under, height)
     for case in cases:
@@ -67,7 +79,10 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         if case.z[0] > 0 and case.y[1] - case.y[0] < 0.9 * width and case.z[0] < 0.4 * under:
             _feet(body, case, unit, finish)
     low = min([c.z[0] for c in cases if c.y[1] - c.y[0] > 0.9 * width], default=under)
-    _sides(rng, body, (left, right), cases, width, depth, under, unit, finish, look.hardware)
+    wheel = max(0.045, float(rng.uniform(0.05, 0.15)) * under) if rolls else 0.0
+    feet = _sides(
+        rng, body, (left, right), cases, width, depth, under, unit, finish, look.hardware, wheel
+    )  # fmt: skip
     inner = [c for c in cases if c.z[0] <= 0.4 * under]
     if kind == "desk" and rng.random() < 0.45:  # a modesty panel at the back
         a = max([c.y[1] for c in inner if c.y[1] < 0], default=-width / 2 + 4.5 * unit)
@@ -80,7 +95,40 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     fit = Fit.draw(rng, unit, wall)
     for case in cases:
         case.add_fronts(rng, asm, root, look, fit)
+    if rolls:
+        _casters(rng, asm, root, feet, wheel)
     return asm.object()
+
+
+def _casters(rng: np.random.Generator, asm: Assembly, root: int, feet, height: float) -> None:
+    """A wheel under each foot (x, y), on an axle or in a fork that turns about the foot."""
+    forks, metal, rubber = rng.random() < 0.5, materials.hardware(rng), finishes.dark(rng)
+    radius = 0.5 * height if not forks else 0.42 * height
+    wide = radius * float(rng.uniform(0.5, 0.9))
+    along = "y" if rng.random() < 0.7 else "x"
+    axis = 1 if along == "y" else 0
+    for x, y in feet:
+        parent, at = root, np.array([x, y, radius])
+        if forks:
+            t = 0.16 * radius + 0.002
+            cheeks = []
+            for sign in (-1, 1):
+                middle = np.array([x, y, (radius + height) / 2 - 0.001])
+                middle[axis] += sign * (wide / 2 + 0.002 + t / 2)
+                half = np.array([0.3 * radius, 0.3 * radius, (height - radius) / 2 - 0.001])
+                half[axis] = t / 2
+                cheeks.append(box(middle - half, middle + half))
+            plate = np.array([0.3 * radius] * 2)
+            plate[axis] = wide / 2 + 0.002 + t
+            low = [x - plate[0], y - plate[1], 2 * radius + 0.002]
+            cheeks.append(box(low, [x + plate[0], y + plate[1], height - 0.002]))
+            joint = turn((x, y, 0), (0, 0, 1))
+            parent = asm.add("fork", Shape().add(union(cheeks), metal), root, joint)
+        start = at.copy()
+        start[axis] -= wide / 2
+        tyre = 1.0 if forks else 0.96  # clear of the foot above it
+        shape = Shape().add(cylinder(along, start, wide, tyre * radius, segments=18), rubber)
+        asm.add("wheel", shape, parent, turn(at, np.eye(3)[axis]))
 
 
 def _adjustable(rng: np.random.Generator) -> ArticulatedObject:
@@ -95,7 +143,7 @@ def _adjustable(rng: np.random.Generator) -> ArticulatedObject:
     tall = height - thick - row  # of the column
     radius = max(0.03, float(rng.uniform(3.5, 6.0)) * unit)
     center = (depth / 2, 0.0)
-    finish, steel = materials.furniture(rng), materials.hardware(rng)
+    finish, steel = finishes.furniture(rng), materials.hardware(rng)
 
     asm, base, top = Assembly(), Shape(), Shape()
     column = cylinder("z", [*center, 0], tall - 0.004, radius, segments=20)
@@ -152,9 +200,16 @@ def _cases(
 ) -> list[Case]:
     """Pedestals and the row of drawers below the top."""
     half, unit = width / 2, max(width, under, depth) / 100
-    row = float(np.clip(rng.uniform(0.1, 0.2), 9 * unit, 0.4 * under))
+    tall = rng.uniform(0.07, 0.2) if rng.random() < 0.75 else rng.uniform(0.2, 0.32)
+    row = float(np.clip(tall, max(7 * unit, 3 * wall + 0.02), 0.45 * under))
     cases: list[Case] = []
+    if kind in ("side", "coffee") and rng.random() < 0.25:  # a chest under a top
+        y, low = (-half, half), float(rng.choice([0.0, rng.uniform(0.03, 0.4)])) * under
+        cells = tuple(Cell(y, z, cell) for z, cell in _pedestal(rng, low, under, 9 * unit))
+        return [Case(y, (low, under), 0.0, depth, wall, cells)]
     a, b = -half, half
+    if supports == ("legs", "legs") and rng.random() < 0.45:  # between the legs
+        a, b = np.array([-1, 1]) * (half - float(rng.uniform(0.03, 0.16)) * width)
     floating = float(rng.choice([0.0, rng.uniform(0.03, 0.1), 0.45 * under], p=[0.4, 0.45, 0.15]))
     wide = float(rng.uniform(0.24, 0.32)) * width
     full = (
@@ -181,15 +236,36 @@ def _cases(
         count = int(rng.integers(1, max(2, min(4, int((b - a) / max(0.2, 13 * unit)) + 1))))
         borders = split(rng, a, b, count, max(0.2, 13 * unit))
         cells = []
-        for c, d in itertools.pairwise(borders):
-            kind_of = "open" if count > 1 and rng.random() < 0.12 else "drawer"
+        blank = 0.25 if rng.random() < 0.3 else 0.0
+        if rng.random() < 0.22:  # one drawer in an apron
+            c = (b - a) * float(rng.uniform(0.25, 0.8))
+            start = (a + b - c) / 2 + float(rng.choice([0.0, rng.uniform(-0.5, 0.5)])) * (b - a - c)
+            borders = np.array([a, start, start + c, b])
+            blank = 1.0
+        for i, (c, d) in enumerate(itertools.pairwise(borders)):
+            if d - c < 0.02:
+                continue
+            kind_of = "open" if count > 1 and blank < 1 and rng.random() < 0.12 else "drawer"
+            if (blank == 1.0 and i != 1) or (blank < 1 and rng.random() < blank):
+                kind_of = "blank"
+            if kind_of == "drawer" and row > 0.22 and rng.random() < 0.25:
+                kind_of = "door"
             cells.append(Cell((float(c), float(d)), (under - row, under), kind_of))
         if kind in ("side", "coffee", "console") and rng.random() < 0.3:  # two rows
             lower = under - 2 * row
             if lower > 0.15 * under:
-                cells += [Cell(c.y, (lower, under - row), "drawer") for c in cells]
+                cells += [Cell(c.y, (lower, under - row), c.kind) for c in cells]
                 row *= 2
-        cases.append(Case((a, b), (under - row, under), 0.0, depth, wall, tuple(cells)))
+        cases.append(
+            Case(
+                (cells[0].y[0], cells[-1].y[1]),
+                (under - row, under),
+                0.0,
+                depth,
+                wall,
+                tuple(cells),
+            )
+        )
     return cases
 
 
@@ -245,8 +321,10 @@ def _sides(
     unit: float,
     finish,
     hardware,
-) -> None:
-    """Legs or side panels from the floor to the underside."""
+    raised: float = 0.0,
+) -> list[tuple[float, float]]:
+    """Legs or side panels from the floor (legs: from ``raised``) to the underside, a shelf between
+    legs; the places (x, y) of legs."""
     half, material = width / 2, finish if rng.random() < 0.6 else hardware
     r = max(float(rng.uniform(0.018, 0.035)), 1.4 * unit)
     inset, manner, splay = (
@@ -255,18 +333,32 @@ def _sides(
         float(rng.uniform(0.3, 1.0)),
     )
     stretcher = rng.random() < 0.25
+    feet: list[tuple[float, float]] = []
+    shelf = (
+        float(rng.uniform(0.1, 0.45))
+        if rng.random() < 0.3 and supports == ("legs", "legs")
+        else 0.0
+    )
+    if shelf and shelf * under + 0.1 < min([c.z[0] for c in cases], default=under):
+        low = max(raised + 0.02, shelf * under)
+        thick, r0 = max(0.018, 1.5 * unit), inset
+        lo, hi = [r0, r0 - half, low], [depth - r0, half - r0, low + thick]
+        body.add(box(lo, hi), material)
     for side, support in zip((1, -1), supports, strict=True):
         y = side * (half - inset)
         # up to the row of drawers where there is one above, else to the top
         high = min([c.z[0] for c in cases if c.y[0] - r < y < c.y[1] + r], default=under)
-        if support == "panel":
+        if support == "panel" and high > 0.02:
             w = max(0.025, 1.8 * unit)
             lo, hi = sorted((side * half, side * (half - w)))
             body.add(box([0.0, lo, 0], [depth, hi, high]), finish)
         elif support == "legs":
             for x in (inset, depth - inset):
-                if manner == 0:
-                    body.add(box([x - r, y - r, 0], [x + r, y + r, high]), material)
+                if high < raised + 0.02:  # a chest stands there
+                    continue
+                feet.append((x, y))
+                if manner == 0 or raised:
+                    body.add(box([x - r, y - r, raised], [x + r, y + r, high]), material)
                 elif manner == 1:
                     body.add(cylinder("z", [x, y, 0], high, 0.6 * r, r, segments=14), material)
                 elif manner == 2:
@@ -281,14 +373,15 @@ def _sides(
                     profile = np.vstack([[0, 0], np.column_stack([s, t]), [0, high]])
                     body.add(revolution(profile, "z", [x, y, 0], 14), material)
             if stretcher and manner in (0, 1):
-                z, w = high * 0.15, 0.55 * r
+                z, w = raised + high * 0.15, 0.55 * r
                 body.add(box([inset, y - w, z - w], [depth - inset, y + w, z + w]), material)
+    return feet
 
 
 def _feet(body: Shape, case: Case, unit: float, finish) -> None:
     """Small feet under a pedestal that does not reach the floor."""
     r = max(0.02, 1.4 * unit)
-    for x in (2 * r, case.depth - 2 * r):
+    for x in (case.front + 2 * r, case.front + case.depth - 2 * r):
         for y in (case.y[0] + 2 * r, case.y[1] - 2 * r):
             body.add(box([x - r, y - r, 0], [x + r, y + r, case.z[0]]), finish)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import appliances, materials
+from uniart_jax.procedural import appliances, finishes, hinges, materials
 from uniart_jax.procedural.fronts import add_drawer
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -32,7 +32,7 @@ def _front_loader(rng: np.random.Generator) -> ArticulatedObject:
         float(rng.uniform(0.45, 0.75)),
     )
     unit = max(width, height, depth) / 100
-    face = materials.appliance(rng)
+    face = finishes.appliance(rng)
     look = appliances.style(rng, unit, face, handles=("recess", "lip", "none"))
     half, legs = width / 2, float(rng.uniform(0.015, 0.06))
     band = float(rng.uniform(0.11, 0.17))  # control panel at the top
@@ -73,7 +73,7 @@ def _front_loader(rng: np.random.Generator) -> ArticulatedObject:
     strip_y = [-half, half]
     if drawer:
         strip_y = [-half, y[0] - 0.004] if side > 0 else [y[1] + 0.004, half]
-    dark = materials.dark(rng) if rng.random() < 0.4 else face.darker(float(rng.uniform(0.6, 0.97)))
+    dark = finishes.dark(rng) if rng.random() < 0.4 else face.darker(float(rng.uniform(0.6, 0.97)))
     body.add(box([-proud, strip_y[0], panel_z[0]], [0, strip_y[1], height]), dark)
     span, z = strip_y[1] - strip_y[0], (panel_z[0] + height) / 2
     knob_y = strip_y[0] + span * float(rng.choice([0.5, 0.25, 0.75], p=[0.5, 0.25, 0.25]))
@@ -157,7 +157,7 @@ def _round_door(
     y, z = center
     thick = max(0.03, float(rng.uniform(2.6, 5.0)) * unit)
     back, front = -0.002, -0.002 - thick
-    ring = materials.metal(rng, brushed=False) if rng.random() < 0.5 else materials.dark(rng)
+    ring = finishes.metal(rng, brushed=False) if rng.random() < 0.5 else finishes.dark(rng)
     if rng.random() < 0.3:
         ring = look.face.darker(0.95)
     glass = look.glass
@@ -197,8 +197,11 @@ def _round_door(
         ),
         grip,
     )
-    axis = [front, y + sign * (radius * (1.0 if square else 1.02)), z]
-    angle = float(np.deg2rad(rng.uniform(85, 165)))
+    behind, _ = hinges.place(thick, 2 * radius, look.axis_depth, 0.0)
+    axis = [front + behind, y + sign * (radius * (1.0 if square else 1.02)), z]
+    angle = hinges.opening(rng, 0.4)
+    if behind > 0:
+        angle = min(angle, hinges.clear_angle(thick, behind, 0.0, 1.0))
     return asm.add("door", shape, root, hinge(axis, (0, 0, -sign), angle))
 
 
@@ -215,7 +218,7 @@ def _drum(
 ) -> int:
     """A steel drum, open at one end, with three lifters; turns without end. ``at``: the end that is open for 'x', shut for 'z'."""
     wall = max(0.014, 1.7 * unit)
-    steel = materials.metal(rng, brushed=False)
+    steel = finishes.metal(rng, brushed=False)
     mouth = min(opening, radius - wall) if axis == "x" else radius - wall
     # profile of (radius, height): a cup whose mouth is narrower than its body
     cup = np.array([
@@ -256,7 +259,7 @@ def _top_loader(rng: np.random.Generator) -> ArticulatedObject:
         float(rng.uniform(0.5, 0.7)),
     )
     unit = max(width, height, depth) / 100
-    face = materials.appliance(rng)
+    face = finishes.appliance(rng)
     look = appliances.style(rng, unit, face, handles=("lip", "recess"))
     half, legs = width / 2, float(rng.uniform(0.015, 0.05))
     wall = max(0.025, 2.2 * unit)
@@ -278,7 +281,7 @@ def _top_loader(rng: np.random.Generator) -> ArticulatedObject:
         cylinder("z", [middle, 0, floor], height - wall - floor, chamber, segments=28),
     ]
     body.add(cut(box([0, -half, legs], [depth, half, height]), holes), face)
-    dark = materials.dark(rng) if rng.random() < 0.4 else face.darker(0.9)
+    dark = finishes.dark(rng) if rng.random() < 0.4 else face.darker(0.9)
     body.add(box([depth - console, -half, height], [depth, half, height + guard]), dark)
     face_x, z = depth - console, height + guard / 2 + thick / 2
     count = int(rng.integers(0, 4))
@@ -322,7 +325,7 @@ def _top_loader(rng: np.random.Generator) -> ArticulatedObject:
     w = max(0.02, 1.8 * unit)
     grip = float(rng.uniform(0.15, 0.5)) * lid_y
     lid.add(box([lo[0] - w, -grip, lo[2] + 0.2 * thick], [lo[0], grip, hi[2]]), look.hardware)
-    angle = float(np.deg2rad(rng.uniform(65, 90)))
+    angle = np.pi / 2 if rng.random() < 0.4 else float(np.deg2rad(rng.uniform(65, 90)))
     asm.add("lid", lid, root, hinge([hi[0], 0, hi[2]], (0, 1, 0), angle))
     if rng.random() < 0.75:
         _drum(
