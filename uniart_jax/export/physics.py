@@ -68,6 +68,8 @@ class Body:
       inertia: [3, 3] tensor about ``center``, kg m^2, object frame's axes.
       shapes: convex pieces that together stand for the part in collisions; at least one.
       dynamics: of the joint to its parent; None for the root and fixed parts.
+      volume_error: what the shapes hold too much and too little, as a share of the part's convex hull (``export.budget``); None if
+        nobody measured it.
     """
 
     mass: float
@@ -75,3 +77,4 @@ class Body:
     inertia: np.ndarray
     shapes: tuple[Shape, ...]
     dynamics: Dynamics | None
+    volume_error: float | None = None

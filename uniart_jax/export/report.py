@@ -45,6 +45,8 @@ def make_report(
                 "travel": None if joint is None else [t * obj.scale for t in joint.travel],
                 "mass": float(body.mass),
                 "watertight": bool(closed),
+                "shapes": len(body.shapes),
+                "volume_error": body.volume_error,
             }
         )
     rest = {}
