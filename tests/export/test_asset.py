@@ -190,6 +190,7 @@ def test_report(cabinet, asset):
         "watertight",
         "shapes",
         "volume_error",
+        "handle",
     }
     assert all(set(p) == keys for p in parts.values())
     assert all(p["watertight"] and p["mass"] > 0 for p in parts.values())
