@@ -52,7 +52,8 @@ def make_bodies(obj: ArticulatedObject) -> list[Body]:
             hull = part.mesh.convex_hull
             shapes += (Hull(trimesh.Trimesh(hull.vertices * obj.scale, hull.faces)),)
         moving = part.parent >= 0 and part.joint.type != "fixed"
-        dynamics = Dynamics(0.1 + k, 0.01 + k, 20.0 + k, 2.0 + k) if moving else None
+        spring = {"stiffness": 0.3 + k, "reference": 0.2 + k, "unsprung": 0.05 + k}
+        dynamics = Dynamics(0.1 + k, 0.01 + k, 20.0 + k, 2.0 + k, **spring) if moving else None
         center = (lo + hi) / 2 + 0.1 * size
         bodies.append(Body(mass, center, turn @ np.diag(moments) @ turn.T, shapes, dynamics))
     return bodies

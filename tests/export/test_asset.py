@@ -188,12 +188,15 @@ def test_report(cabinet, asset):
         "travel",
         "mass",
         "watertight",
+        "shapes",
+        "volume_error",
+        "handle",
     }
     assert all(set(p) == keys for p in parts.values())
     assert all(p["watertight"] and p["mass"] > 0 for p in parts.values())
-    assert [v for k, v in parts["body"].items() if k not in ("name", "mass", "watertight")] == [
-        None
-    ] * 6
+    motion = ("parent", "type", "origin", "direction", "angle", "travel")
+    assert [parts["body"][key] for key in motion] == [None] * 6
+    assert all(1 <= p["shapes"] <= 16 and 0 <= p["volume_error"] < 0.1 for p in parts.values())
     assert parts["knob"]["parent"] == "door" and parts["knob"]["type"] == "screw"
     assert parts["drawer"]["travel"] == pytest.approx([0, 0.4 * cabinet.scale])
     assert parts["door"]["angle"] == pytest.approx([-0.4, 1.6])

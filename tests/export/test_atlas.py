@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import trimesh
 from asset_objects import hollow_box, marching_cubes_block, painted_box, textured_plate
+from scipy import ndimage
+from skimage import measure
 
 from uniart_jax.export import atlas
 from uniart_jax.export.atlas import FACE_BUDGET, Atlas, make_atlas, rasterize, simplify
@@ -150,6 +152,20 @@ def test_an_open_surface_with_an_odd_number_of_faces_does_not_crash():
     ((vertices, faces),) = simplify([odd], 1.0, budget=100)
     assert len(faces) and np.isfinite(vertices).all()
     assert collision_shapes([odd])
+
+
+def test_sheets_that_come_to_touch_do_not_keep_all_faces():
+    """A bumpy solid full of thin places, where simplifying brings vertices of two sheets into one place."""
+    rng = np.random.default_rng(0)
+    grid = (np.arange(64) + 0.5) / 64 - 0.5
+    at = np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), -1)
+    field = (np.abs(at) - 0.4).max(-1) * 64 + 4 * ndimage.gaussian_filter(rng.normal(size=(64,) * 3), 1) * 8  # fmt: skip
+    field = np.pad(field, 1, constant_values=9.0)
+    vertices, faces, _, _ = measure.marching_cubes(field, 0)
+    bumpy = max(trimesh.Trimesh(vertices / 64, faces).split(), key=lambda m: len(m.faces))
+    ((points, corners),) = simplify([bumpy], 1.0, budget=4000)
+    assert len(corners) < len(bumpy.faces) / 4
+    assert trimesh.Trimesh(points, corners).is_watertight
 
 
 def test_the_last_closed_level_is_kept(monkeypatch):

@@ -47,7 +47,7 @@ def test_mass_and_density():
     dense = make_bodies(obj, meshes, density=1000.0)
     default = make_bodies(obj, meshes)
     assert dense[0].mass == pytest.approx(2 * default[0].mass)
-    ratio = dense[1].dynamics.friction / default[1].dynamics.friction
+    ratio = dense[1].dynamics.damping / default[1].dynamics.damping
     assert ratio == pytest.approx(2, rel=0.01)
     with pytest.raises(ValueError, match="not both"):
         make_bodies(obj, meshes, density=500.0, mass=12.0)

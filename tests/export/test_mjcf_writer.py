@@ -153,6 +153,8 @@ def test_joints_resist_and_end_as_said(cabinet_files, model):
         joint = model.joint(f"{part.name}_joint")
         assert joint.damping[0] == body.dynamics.damping
         assert joint.frictionloss[0] == body.dynamics.friction
+        assert joint.stiffness[0] == body.dynamics.stiffness
+        assert model.qpos_spring[joint.qposadr[0]] == body.dynamics.reference
         assert model.jnt_actfrcrange[joint.id, 1] == body.dynamics.effort
         limited = part.joint.type != "continuous"
         assert bool(joint.limited[0]) == limited

@@ -204,7 +204,7 @@ def test_mass_and_resistance_arrive(tmp_path):
             continue
         joint = model.joint(joint_name(part))
         assert joint.damping[0] == pytest.approx(body.dynamics.damping)
-        assert joint.frictionloss[0] == pytest.approx(body.dynamics.friction)
+        assert joint.frictionloss[0] == pytest.approx(body.dynamics.alone)
     assert model.body("knob_turn").mass[0] < 0.05 * bodies[3].mass
     joints = yourdfpy.URDF.load(str(tmp_path / "object.urdf")).joint_map
     for part, body in zip(obj.parts, bodies, strict=True):
@@ -237,7 +237,7 @@ def test_pybullet_reads_what_we_write(tmp_path):
             assert count == len(body.shapes)
             assert part.parent < 0 or mass == pytest.approx(body.mass)  # the base is held
             if body.dynamics and part.joint.type != "screw":
-                assert info[6:8] == pytest.approx((body.dynamics.damping, body.dynamics.friction))
+                assert info[6:8] == pytest.approx((body.dynamics.damping, body.dynamics.alone))
                 assert info[10:12] == pytest.approx((body.dynamics.effort, body.dynamics.velocity))
     finally:
         pybullet.disconnect(client)

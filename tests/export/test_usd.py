@@ -201,7 +201,9 @@ def test_limits_and_resistance(cabinet, files, stage):
             expected = [-np.inf, np.inf]
         np.testing.assert_allclose(limits, expected, rtol=1e-6)
         drive = UsdPhysics.DriveAPI(prim, kind)
-        assert drive.GetStiffnessAttr().Get() == 0
+        assert drive.GetStiffnessAttr().Get() == pytest.approx(dynamics.stiffness / degrees)
+        target = drive.GetTargetPositionAttr().Get()
+        assert target == pytest.approx(dynamics.reference * degrees)
         assert drive.GetDampingAttr().Get() == pytest.approx(dynamics.damping / degrees)
         assert drive.GetMaxForceAttr().Get() == pytest.approx(dynamics.effort)
         schemas = prim.GetMetadata("apiSchemas").GetAppliedItems()

@@ -33,6 +33,10 @@ Density = Annotated[
 ]
 Mass = Annotated[float | None, tyro.conf.arg(help="kg of the whole object, instead of a density.")]
 
+CollisionBudget = Annotated[
+    int, tyro.conf.arg(help="Convex collision shapes of the whole object at most; 16 a part.")
+]
+
 
 def guarded(command: Callable[[], int | None]) -> int:
     """Run a command; user errors become one line and exit code 2, Ctrl-C becomes 130, SIGTERM 143 with temporary folders removed."""

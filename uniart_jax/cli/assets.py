@@ -10,6 +10,7 @@ import tyro
 from rich.console import Console
 
 from uniart_jax.cli.arguments import (
+    CollisionBudget,
     Density,
     Formats,
     Mass,
@@ -20,6 +21,7 @@ from uniart_jax.cli.arguments import (
     tried,
     validation_lines,
 )
+from uniart_jax.export.formats import COLLISION_BUDGET
 
 Asset = Annotated[Path, tyro.conf.Positional]
 
@@ -32,6 +34,7 @@ def export(
     size: Size = None,
     density: Density = None,
     mass: Mass = None,
+    collision_budget: CollisionBudget = COLLISION_BUDGET,
     refine: bool = False,
     check: bool = True,
     allow_outside: bool = False,
@@ -65,6 +68,7 @@ def export(
             size=metres,
             density=density,
             mass=mass,
+            collision_budget=collision_budget,
             overwrite=overwrite,
             mend=mend if refine else None,
             check=(lambda folder: tried(folder, found)) if check else None,

@@ -12,6 +12,7 @@ import tyro
 from rich.console import Console
 
 from uniart_jax.cli.arguments import (
+    CollisionBudget,
     Density,
     Formats,
     Mass,
@@ -23,6 +24,7 @@ from uniart_jax.cli.arguments import (
     validation_lines,
 )
 from uniart_jax.config import TOLERANCES
+from uniart_jax.export.formats import COLLISION_BUDGET
 
 if TYPE_CHECKING:
     from uniart_jax.pipeline import Sample
@@ -51,6 +53,7 @@ def sample(
     size: Size = None,
     density: Density = None,
     mass: Mass = None,
+    collision_budget: CollisionBudget = COLLISION_BUDGET,
     refine: bool = True,
     check: bool = True,
     overwrite: Overwrite = False,
@@ -95,11 +98,13 @@ def sample(
     if tolerance is not None and not least <= tolerance <= most:
         raise ValueError(f"sample: --tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
     given = _layout(layout, follow, len(images) == 1 or multi_view)
+    from uniart_jax.export.budget import check_budget
     from uniart_jax.export.mass import check_weights
     from uniart_jax.export.size import parse_size
 
     metres = parse_size(size) if size else None
     check_weights(density, mass)
+    check_budget(collision_budget)
     from uniart_jax.data.images import check_visible, read_image
 
     pictures = [read_image(path) for path in images]  # all inputs are checked before any work
@@ -156,6 +161,7 @@ def sample(
                         size=metres,
                         density=density,
                         mass=mass,
+                        collision_budget=collision_budget,
                         image=views[0][1],
                         picture=one.picture if texture == "both" else None,
                         seed=seed + i,

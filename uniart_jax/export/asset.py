@@ -17,8 +17,9 @@ from PIL import Image
 
 from uniart_jax.export.atlas import Atlas, make_atlas
 from uniart_jax.export.bodies import make_bodies
+from uniart_jax.export.budget import check_budget, within_budget
 from uniart_jax.export.folder import check_target, complete_folder
-from uniart_jax.export.formats import FORMATS, Format, default_formats
+from uniart_jax.export.formats import COLLISION_BUDGET, FORMATS, Format, default_formats
 from uniart_jax.export.frames import hulls
 from uniart_jax.export.glb import write_glb
 from uniart_jax.export.mjcf import write_mjcf
@@ -47,7 +48,7 @@ from uniart_jax.objects.object import ArticulatedObject
 
 Check = Callable[[Path], dict]
 Mend = Callable[
-    [ArticulatedObject, Sequence[Body], Sequence[trimesh.Trimesh]],
+    [ArticulatedObject, Sequence[Body], Sequence[trimesh.Trimesh], int | None],
     tuple[ArticulatedObject, Sequence[Body]],
 ]
 
@@ -60,6 +61,7 @@ def save_asset(
     size: float | None = None,
     density: float | None = None,
     mass: float | None = None,
+    collision_budget: int | None = COLLISION_BUDGET,
     image: str | Path | np.ndarray | Image.Image | None = None,
     picture: Picture | None = None,
     seed: int | None = None,
@@ -80,12 +82,13 @@ def save_asset(
       folder: where to; made with its parents. It appears complete or not at all.
       size: metres of the longest side; default as ``obj.scale`` says.
       density: kg / m^3 of every part (default 500, light wood). mass: kg of the whole object instead.
+      collision_budget: convex shapes of the whole object at most, 16 a part (``export.budget``); None: as many as follow the surface.
       image: the picture that the object was made from, shown beside it in ``preview.png``.
       picture: the same with its camera, of the shown state: the texture takes its colours (``export.picture_colors``).
       seed, checkpoint: what made the object, for the report. details: further entries of it, plain JSON values.
       overwrite: replace a folder that holds an asset; the old one stands until the new one is complete.
       motion: also write ``motion.gif`` (if anything moves).
-      mend: mends joints and shapes once these are known (``simulation.refine.mend``).
+      mend: mends joints and shapes once these are known, and keeps them within the budget (``simulation.refine.mend``).
       check: looks at the written folder before it takes its place and returns the report's ``validation``
         (``simulation.validate``).
 
@@ -100,6 +103,8 @@ def save_asset(
     if unknown := [f for f in chosen if f not in FORMATS]:
         raise ValueError(f"save: unknown format '{unknown[0]}'; there are {', '.join(FORMATS)}")
     inputs = [image] if isinstance(image, str | Path) else []
+    if collision_budget is not None:
+        check_budget(collision_budget)
     check_target(folder, overwrite, inputs)
     beside = None if image is None else read_image(image)
     obj = obj if size is None else resized(obj, size)
@@ -107,7 +112,9 @@ def save_asset(
         atlas = make_atlas(obj, picture=picture)
         bodies = make_bodies(obj, atlas.unclosed, density=density, mass=mass)
         if mend is not None:
-            obj, bodies = mend(obj, bodies, atlas.unclosed)
+            obj, bodies = mend(obj, bodies, atlas.unclosed, collision_budget)
+        elif collision_budget is not None:
+            bodies = within_budget(obj, bodies, atlas.unclosed, collision_budget)
         notes = _write_simulation(obj, atlas, bodies, target, chosen)
         textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
         if "glb" in chosen or "page" in chosen:

@@ -21,14 +21,17 @@ from scipy import ndimage
 
 from uniart_jax.export.closing import closed
 from uniart_jax.export.picture_colors import Picture, paint
+from uniart_jax.export.voxel_boxes import is_rough
 from uniart_jax.objects.appearance import corner_weights, linear_to_srgb, sample_color
 from uniart_jax.objects.object import ArticulatedObject
 
 TEXTURE_SIZE = 1024  # texels a side, about: xatlas picks the exact size
 FACE_BUDGET = 10_000  # faces of all parts together
+ROUGH_TEXTURE, ROUGH_FACES = 512, 4000  # of what a network makes
 # Fractions of the object's longest side, tried in turn until the budget is met: from 1/8 of a sub-cell at 128^3 to 2 sub-cells.
 TOLERANCES = tuple(2.0 ** (k / 2) / 1024 for k in range(9))
 OPENED = 2  # faces that an open surface's count as, which is given a second side
+TOUCH = 1e-5  # of the longest side: how far vertices in one place, of two sheets, are drawn apart
 PADDING = 3  # texels between charts
 ROUGH_EDGES = 6000  # fewer edges are no trouble, however sharp
 MANY_EDGES = 40_000  # more take it long, however smooth
@@ -84,15 +87,19 @@ class Atlas:
 
 
 def make_atlas(
-    obj: ArticulatedObject, size: int = TEXTURE_SIZE, picture: Picture | None = None
+    obj: ArticulatedObject, size: int | None = None, picture: Picture | None = None
 ) -> Atlas:
     """Simplify, close, unwrap and bake every part of ``obj`` into one atlas of about ``size`` texels a side.
 
+    By default 1,024 texels and 10,000 faces; 512 and 4,000 where the surface is bumpy all over (``voxel_boxes.is_rough``), whose noise is
+    no detail and would be most of the folder.
     ``picture``: of the shown state, whose colours are taken where it shows the object (``export.picture_colors``).
     """
     sources = [part.mesh for part in obj.parts]
     side = float((obj.bounds[1] - obj.bounds[0]).max())
-    simple = simplify(sources, side)
+    rough = is_rough(obj)
+    size = size or (ROUGH_TEXTURE if rough else TEXTURE_SIZE)
+    simple = simplify(sources, side, ROUGH_FACES if rough else FACE_BUDGET)
     charts = _grid_charts if _is_rough(simple) else _xatlas_charts
     geometry = [closed(vertices, faces, side) for vertices, faces in simple]
     layout, width, height = charts(geometry, side, size)
@@ -132,9 +139,13 @@ def simplify(
             solids[k] = solid.simplify(min(tolerance * side, thin / 8))
             simple = solids[k].to_mesh()
             vertices, faces = _merged(
-                simple.vert_properties[:, :3].astype(np.float64), simple.tri_verts.astype(np.int64)
+                *_untouched(
+                    simple.vert_properties[:, :3].astype(np.float64),
+                    simple.tri_verts.astype(np.int64),
+                    TOUCH * side,
+                )
             )
-            # places that touch may have become one: then the last closed level stays
+            # places that touch have become one nevertheless: then the last closed level stays
             if len(faces) >= 4 and _closed(faces):
                 out[k] = vertices, faces
     rest = OPENED * sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
@@ -143,6 +154,18 @@ def simplify(
         if k not in solids and len(faces) > share:
             out[k] = _clustered(vertices, faces, side, share)
     return out
+
+
+def _untouched(
+    vertices: np.ndarray, faces: np.ndarray, gap: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """A closed surface whose vertices in one place, of sheets that touch there, are drawn apart by ``gap`` into the solid."""
+    _, place, count = np.unique(vertices, axis=0, return_inverse=True, return_counts=True)
+    shared = count[place.reshape(-1)] > 1
+    if not shared.any():
+        return vertices, faces
+    normals = trimesh.Trimesh(vertices, faces, process=False).vertex_normals
+    return np.where(shared[:, None], vertices - gap * normals, vertices), faces
 
 
 def _clustered(

@@ -6,6 +6,7 @@ import importlib.util
 from typing import Literal, get_args
 
 Format = Literal["urdf", "mjcf", "glb", "page", "usd", "stl"]
+COLLISION_BUDGET = 64  # convex collision shapes of an object, unless another number is asked for
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 

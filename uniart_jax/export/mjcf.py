@@ -196,6 +196,9 @@ class _Writer:
             "frictionloss": _number(dynamics.friction),
             **HELD,
         }
+        if dynamics.stiffness > 0:
+            resistance["stiffness"] = _number(dynamics.stiffness)
+            resistance["springref"] = _number(dynamics.reference)
         if dynamics.effort > 0:
             limit = _vector([-dynamics.effort, dynamics.effort])
             resistance["actuatorfrcrange"] = limit

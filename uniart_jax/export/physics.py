@@ -48,14 +48,28 @@ class Dynamics:
 
     Attributes:
       damping: viscous.
-      friction: dry; holds the part where it is against gravity.
+      friction: dry, beside the spring.
       effort, velocity: what a drive may use at most (rad / s or m / s).
+      stiffness, reference: of a spring that carries most of gravity's load: it pushes the coordinate towards ``reference`` (rad or m). 0: none.
+      unsprung: dry friction where a format has no springs; None: the same as ``friction``.
+      start: newtons at the handle that start the joint from rest, with the spring; None if nobody asked.
+      falls: whether gravity moves the part, from some states, where there is no spring.
     """
 
     damping: float
     friction: float
     effort: float
     velocity: float
+    stiffness: float = 0.0
+    reference: float = 0.0
+    unsprung: float | None = None
+    start: float | None = None
+    falls: bool = False
+
+    @property
+    def alone(self) -> float:
+        """Dry friction where there is no spring."""
+        return self.friction if self.unsprung is None else self.unsprung
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,6 +82,8 @@ class Body:
       inertia: [3, 3] tensor about ``center``, kg m^2, object frame's axes.
       shapes: convex pieces that together stand for the part in collisions; at least one.
       dynamics: of the joint to its parent; None for the root and fixed parts.
+      volume_error: what the shapes hold too much and too little, as a share of the part's convex hull (``export.budget``); None if
+        nobody measured it.
     """
 
     mass: float
@@ -75,3 +91,4 @@ class Body:
     inertia: np.ndarray
     shapes: tuple[Shape, ...]
     dynamics: Dynamics | None
+    volume_error: float | None = None

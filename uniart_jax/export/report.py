@@ -8,6 +8,7 @@ from pathlib import Path
 
 import uniart_jax
 from uniart_jax.export.frames import joint_name
+from uniart_jax.export.handles import Handle, handles
 from uniart_jax.export.physics import Body
 from uniart_jax.objects.object import ArticulatedObject
 
@@ -28,11 +29,13 @@ def make_report(
       seed, checkpoint: what made the object; None and "" if it was not sampled.
       notes: what a written format cannot say, a line each; the object's own provenance stands before them.
 
-    ``rest`` maps every moving joint, by its name in the URDF, to its coordinate at rest. ``validation`` is absent until a physics
+    ``handle`` of a moving part: the ``point`` to hold, on ``part``; ``opens``: whether its coordinate grows (1) or falls (-1) on the way;
+    ``start_force`` newtons there start it. ``rest`` maps every moving joint, by its name in the URDF, to its coordinate at rest. ``validation`` is absent until a physics
     engine has run.
     """
     parts = []
-    for part, body, closed in zip(obj.parts, bodies, watertight, strict=True):
+    held = handles(obj)
+    for part, body, closed, handle in zip(obj.parts, bodies, watertight, held, strict=True):
         joint = None if part.parent < 0 else part.joint
         parts.append(
             {
@@ -45,6 +48,9 @@ def make_report(
                 "travel": None if joint is None else [t * obj.scale for t in joint.travel],
                 "mass": float(body.mass),
                 "watertight": bool(closed),
+                "shapes": len(body.shapes),
+                "volume_error": body.volume_error,
+                "handle": None if handle is None else _handle(obj, handle, body),
             }
         )
     rest = {}
@@ -60,6 +66,30 @@ def make_report(
         "seed": seed,
         "checkpoint": checkpoint,
         "version": uniart_jax.__version__,
+    }
+
+
+def _handle(obj: ArticulatedObject, handle: Handle, body: Body) -> dict:
+    """Where a hand holds a moving part, how it opens it and what that takes."""
+    found = {
+        "part": obj.parts[handle.part].name,
+        "point": [float(x * obj.scale) for x in handle.point],
+        "opens": handle.opens,
+    }
+    dynamics = body.dynamics
+    if dynamics is None or dynamics.start is None:
+        return found
+    holds = "friction"
+    if dynamics.stiffness:
+        alone = "nothing: it falls" if dynamics.falls else "friction"
+        holds = f"a spring in MJCF and USD; {alone} in URDF"
+    elif dynamics.falls:
+        holds = "nothing: it falls"
+    return found | {
+        "start_force": float(dynamics.start),
+        "friction": float(dynamics.friction),
+        "friction_urdf": float(dynamics.alone),
+        "held_by": holds,
     }
 
 

@@ -200,7 +200,7 @@ def _element(
         limit.set("upper", _number(limits[1]))
     resistance = {
         "damping": _number(dynamics.damping),
-        "friction": _number(dynamics.friction),
+        "friction": _number(dynamics.alone),
     }
     etree.SubElement(element, "dynamics", resistance)
     return element

@@ -37,7 +37,7 @@ def set_limits(joint, limits) -> None:
 
 
 def set_dynamics(joint, dynamics: Dynamics, kind: str) -> None:
-    """Damping and effort as a UsdPhysics drive without stiffness; dry friction and velocity, which UsdPhysics lacks, as PhysX's schemas.
+    """Damping, effort and the spring as a UsdPhysics drive; dry friction and velocity, which UsdPhysics lacks, as PhysX's schemas.
 
     Args:
       kind: 'angular' (then UsdPhysics and PhysX count in degrees; torques stay N m) or 'linear'.
@@ -47,7 +47,9 @@ def set_dynamics(joint, dynamics: Dynamics, kind: str) -> None:
     degree = np.deg2rad(1.0) if kind == "angular" else 1.0
     drive = UsdPhysics.DriveAPI.Apply(joint.GetPrim(), kind)
     drive.CreateTypeAttr("force")
-    drive.CreateStiffnessAttr(0.0)
+    drive.CreateStiffnessAttr(dynamics.stiffness * degree)
+    if dynamics.stiffness > 0:
+        drive.CreateTargetPositionAttr(dynamics.reference / degree)
     drive.CreateDampingAttr(dynamics.damping * degree)
     drive.CreateMaxForceAttr(dynamics.effort)
     prim = joint.GetPrim()

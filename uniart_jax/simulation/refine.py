@@ -16,6 +16,7 @@ import numpy as np
 import trimesh
 
 from uniart_jax.export.bodies import with_joints
+from uniart_jax.export.budget import within_budget
 from uniart_jax.export.physics import Body
 from uniart_jax.export.voxel_boxes import as_cells, is_rough
 from uniart_jax.objects.kinematics import Joint, forward_kinematics, subtrees
@@ -63,12 +64,16 @@ class Refinement:
 
 
 def mend(
-    obj: ArticulatedObject, bodies: Sequence[Body], meshes: Sequence[trimesh.Trimesh]
+    obj: ArticulatedObject,
+    bodies: Sequence[Body],
+    meshes: Sequence[trimesh.Trimesh],
+    budget: int | None = None,
 ) -> tuple[ArticulatedObject, tuple[Body, ...]]:
     """``clear``, or ``carve`` where the object is rough, and ``refine``: shapes that scrape are cut back, then limits and axes mended.
 
     Args:
       bodies, meshes: [K] of its parts, and the surfaces that they were made of, object units (``export.bodies.make_bodies``).
+      budget: convex shapes of the object at most (``export.budget``), joined before limits are looked at; None: as many as there are.
 
     ``provenance`` tells it all.
     """
@@ -80,6 +85,8 @@ def mend(
         )
     else:
         bodies, lines = clear(obj, bodies)
+    if budget is not None:
+        bodies = within_budget(obj, bodies, meshes, budget)
     obj, _ = refine(dataclasses.replace(obj, provenance=obj.provenance + lines), bodies)
     return obj, with_joints(bodies, obj)
 

@@ -1,0 +1,432 @@
+"""Fewer convex shapes: neighbours joined by least volume error until an object keeps within a budget.
+
+Simulators with thousands of copies pay for every shape. Two shapes of a part are joined to a box or a hull; first those whose union changes
+least, and those last that would stand where another part is on any joint's way. So walls of a drawer, which five boxes say, stay
+walls, and what is cut into dozens of wedges becomes as coarse as the budget asks for.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import heapq
+import itertools
+from collections.abc import Sequence
+
+import igl
+import numpy as np
+import trimesh
+from manifold3d import Manifold
+
+from uniart_jax.export.box_cover import box_solid, fitted_box, own_frame
+from uniart_jax.export.collision import rebuilt
+from uniart_jax.export.convex_split import triangles
+from uniart_jax.export.formats import COLLISION_BUDGET
+from uniart_jax.export.physics import Body, Box, Shape
+from uniart_jax.export.separation import as_solid
+from uniart_jax.objects.object import ArticulatedObject
+
+PART_MOST = 16  # convex shapes a part
+MANY = 24  # pieces: of more, only those that nearly touch are tried with one another
+NEAR = 0.02  # of the part
+STATES = 7  # of a joint's range, at which other parts are looked up
+CELL = 1 / 64  # of the object's longest side: how closely other parts' places are told apart
+INSET = 0.006  # of the longest side: how deep in another part a place must lie to be its own
+SAMPLES = 3000  # places a part
+BARRED = 10.0  # volumes of the object that a place of another part costs
+FREE = 0.004  # of the hull of the part: joined although the budget does not ask for it
+AS_GOOD = 0.004  # likewise: by how much a single box or hull may be worse than what it replaces
+BOX_LIKE = 0.01  # likewise: by how much a box, which is the quicker shape, may be worse than a hull
+POINTS = 8192  # at which an error is measured
+OWN = 6  # places along each side of a shape that stand for its matter
+SPAN = 0.03  # of the part: how much shorter it may become by what is left out
+MISSING = 1.5  # how much worse matter that is left out is than matter that is added
+
+
+def within_budget(
+    obj: ArticulatedObject,
+    bodies: Sequence[Body],
+    meshes: Sequence[trimesh.Trimesh],
+    budget: int = COLLISION_BUDGET,
+) -> tuple[Body, ...]:
+    """The bodies with at most ``budget`` shapes together and 16 each, but one a part at least.
+
+    Args:
+      obj: any object. bodies, meshes: [K] of its parts (``export.bodies.make_bodies``); meshes in object units.
+
+    Raises:
+      ValueError: a budget below 1.
+    """
+    check_budget(budget)
+    size = float(np.ptp(obj.bounds, axis=0).max()) * obj.scale
+    places = [_places(body.shapes, size) for body in bodies]
+    parts = []
+    for k, body in enumerate(bodies):
+        barred = _barred(obj, k, places, body.shapes, size) if len(body.shapes) > 1 else _NOWHERE
+        parts.append(_Merger(body.shapes, barred, BARRED * size**3))
+    for part in parts:
+        part.coarsen(min(PART_MOST, budget))
+    while sum(part.count for part in parts) > max(budget, len(parts)):
+        open_to = [part for part in parts if part.count > 1 and np.isfinite(part.next_cost())]
+        if not open_to:
+            break
+        min(open_to, key=lambda p: p.next_cost() / p.extent**0.5).step()
+    out = []
+    for body, part, mesh in zip(bodies, parts, meshes, strict=True):
+        while part.count > 1 and part.next_cost() <= FREE * part.extent:
+            part.step()
+        shapes, error = _simplest(part, _metric(mesh, obj.scale), size)
+        out.append(dataclasses.replace(body, shapes=shapes, volume_error=error))
+    return tuple(out)
+
+
+def check_budget(budget: int) -> None:
+    """Refuse (ValueError) what is no budget."""
+    if budget < 1:
+        raise ValueError(f"--collision-budget {budget}: give 1 or more convex shapes an object")
+
+
+def shape_count(bodies: Sequence[Body]) -> int:
+    """Of all bodies together."""
+    return sum(len(body.shapes) for body in bodies)
+
+
+def volume_error(mesh: trimesh.Trimesh, shapes: Sequence[Shape]) -> float:
+    """What shapes hold too much and too little of a solid, as a share of the volume of the solid's convex hull.
+
+    Measured at 8,192 points of a Halton sequence in the box of both. 0 for a solid without a volume.
+    """
+    solids = [_half_spaces(as_solid(shape)) for shape in shapes]
+    corners = np.concatenate([mesh.bounds, *(_bounds(as_solid(s)) for s in shapes)])
+    lo, hi = corners.min(0), corners.max(0)
+    points = lo + _halton(POINTS) * (hi - lo)
+    vertices = np.ascontiguousarray(mesh.vertices, np.float64)
+    faces = np.ascontiguousarray(mesh.faces, np.int64)
+    hull = Manifold.hull_points(vertices).volume()
+    if hull <= 0:
+        return 0.0
+    winding = igl.fast_winding_number(vertices, faces, np.ascontiguousarray(points))
+    full = np.abs(np.asarray(winding).ravel()) > 0.5
+    held = np.zeros(len(points), bool)
+    for normals, offsets in solids:
+        held |= (points @ normals.T <= offsets).all(1)
+    return float((full != held).mean() * np.prod(hi - lo) / hull)
+
+
+def _halton(count: int) -> np.ndarray:
+    """[count, 3] in [0, 1)."""
+    index = np.arange(1, count + 1)
+    columns = []
+    for base in (2, 3, 5):
+        left, share, value = index.copy(), 1.0 / base, np.zeros(count)
+        while left.any():
+            value += share * (left % base)
+            left //= base
+            share /= base
+        columns.append(value)
+    return np.stack(columns, 1)
+
+
+def _simplest(part: _Merger, mesh: trimesh.Trimesh, size: float) -> tuple[tuple[Shape, ...], float]:
+    """The shapes of a part, or one box or hull where that is as good by its measured error; and the error."""
+    shapes = part.shapes(size)
+    error = volume_error(mesh, shapes)
+    if len(shapes) < 2:
+        return shapes, error
+    hull = Manifold.batch_hull(part.solids())
+    for one in (part.box(hull), hull):
+        if part.inside(one):
+            continue
+        shape = rebuilt(one, size)
+        if shape is None:
+            continue
+        alone = volume_error(mesh, (shape,))
+        if alone <= error + AS_GOOD:
+            return (shape,), alone
+    return shapes, error
+
+
+class _Merger:
+    """The shapes of one part, joined pair by pair.
+
+    Args:
+      shapes: metres.
+      barred: [n, 3] places of other parts.
+      toll: what each of them costs, m^3.
+
+    ``extent``: volume of the hull of all.
+    """
+
+    def __init__(self, shapes: Sequence[Shape], barred: np.ndarray, toll: float):
+        self.barred, self.toll = barred, toll
+        self.given = list(shapes)
+        self.pieces: list[Manifold | None] = []
+        self.kept: dict[int, Shape] = {}  # pieces that are as they were given
+        self.heap: list[tuple[float, int, int, Manifold]] = []
+        self.matter: list[
+            tuple[np.ndarray, np.ndarray]
+        ] = []  # of each piece: points, m^3 that each is for
+        self.unique: list[float] = []  # m^3 that no other piece holds
+        whole = Manifold.batch_hull([as_solid(s) for s in shapes])
+        self.extent = max(whole.volume(), 1e-12)
+        self.frame = _common_frame(shapes)
+
+    def coarsen(self, most: int) -> None:
+        """Join pieces until there are ``most``."""
+        self.pieces = [as_solid(shape) for shape in self.given]
+        self.bounds = np.array([_bounds(s) for s in self.pieces])
+        self.spaces = [_half_spaces(s) for s in self.pieces]
+        self.matter = [_matter(shape) for shape in self.given]
+        self.unique = [self._unique(i) for i in range(len(self.pieces))]
+        self.reach = float(np.ptp(self.bounds.reshape(-1, 3), axis=0).max())
+        self.kept = dict(enumerate(self.given))
+        self.apart = len(self.pieces) <= MANY  # whether pieces that lie apart are paired too
+        for new in range(len(self.pieces)):
+            self._offer(new)
+        while self.count > most and np.isfinite(self.next_cost()):
+            self.step()
+
+    @property
+    def count(self) -> int:
+        return sum(piece is not None for piece in self.pieces)
+
+    def next_cost(self) -> float:
+        """Cubic metres that the next step adds or loses, and the toll; infinite if there is none."""
+        return min(self._next_join(), MISSING * self._least_unique()[0])
+
+    def step(self) -> None:
+        """The cheapest pair becomes one, or the piece that is missed the least is left out, if the part stays as long."""
+        lost, least = self._least_unique()
+        if MISSING * lost < self._next_join():
+            self._remove(least)
+            return
+        _, a, b, joined = heapq.heappop(self.heap)
+        points = np.concatenate([self.matter[a][0], self.matter[b][0]])
+        shares = np.concatenate([self.matter[a][1], self.matter[b][1]])
+        self.pieces.append(joined)
+        self.bounds = np.concatenate([self.bounds, _bounds(joined)[None]])
+        self.spaces.append(_half_spaces(joined))
+        self.matter.append((points, shares))
+        self.unique.append(0.0)
+        self.pieces[a] = self.pieces[b] = None
+        self.kept.pop(a, None)
+        self.kept.pop(b, None)
+        self._counted(_common_bounds(self.bounds[[a, b, -1]]))
+        if self.count <= MANY and not self.apart:
+            self._offer_apart()
+        else:
+            self._offer(len(self.pieces) - 1)
+
+    def _remove(self, i: int) -> None:
+        self.pieces[i] = None
+        self.kept.pop(i, None)
+        self._counted(self.bounds[i])
+
+    def _counted(self, changed: np.ndarray) -> None:
+        """Measure anew what pieces hold alone that lie where something changed [2, 3]."""
+        for i, piece in enumerate(self.pieces):
+            lo, hi = self.bounds[i]
+            if piece is not None and (lo < changed[1]).all() and (hi > changed[0]).all():
+                self.unique[i] = self._unique(i)
+
+    def _unique(self, i: int) -> float:
+        points, shares = self.matter[i]
+        alone = np.ones(len(points), bool)
+        lo, hi = self.bounds[i]
+        near = (self.bounds[:, 0] < hi).all(1) & (self.bounds[:, 1] > lo).all(1)
+        for j in np.flatnonzero(near):
+            if j != i and self.pieces[j] is not None:
+                normals, offsets = self.spaces[j]
+                alone[alone] = (points[alone] @ normals.T > offsets).any(1)
+        return float(shares[alone].sum())
+
+    def _least_unique(self) -> tuple[float, int]:
+        standing = [i for i, piece in enumerate(self.pieces) if piece is not None]
+        for i in sorted(standing, key=lambda i: self.unique[i]):
+            others = self.bounds[[j for j in standing if j != i]]
+            if not len(others):
+                break
+            shrunk = np.abs(_common_bounds(others) - _common_bounds(self.bounds[standing]))
+            if shrunk.max() <= SPAN * self.reach:
+                return self.unique[i], i
+        return np.inf, -1
+
+    def _next_join(self) -> float:
+        while self.heap and any(self.pieces[i] is None for i in self.heap[0][1:3]):
+            heapq.heappop(self.heap)
+        if not self.heap and not self.apart and self.count > 1:
+            self._offer_apart()
+        return self.heap[0][0] if self.heap else np.inf
+
+    def _offer_apart(self) -> None:
+        self.apart, self.heap = True, []
+        for new in range(len(self.pieces)):
+            self._offer(new)
+
+    def solids(self) -> list[Manifold]:
+        return [piece for piece in self.pieces if piece is not None]
+
+    def shapes(self, size: float) -> tuple[Shape, ...]:
+        """What is left as shapes; slivers are dropped unless nothing else is left. ``size``: longest side of the object."""
+        found = []
+        for i, piece in enumerate(self.pieces):
+            if piece is not None:
+                shape = self.kept.get(i) or rebuilt(piece, size)
+                found += [] if shape is None else [shape]
+        return tuple(found) or (self.given[0],)
+
+    def inside(self, solid: Manifold) -> int:
+        """How many places of other parts a convex solid holds."""
+        lo, hi = _bounds(solid)
+        near = self.barred[((self.barred > lo) & (self.barred < hi)).all(1)]
+        if not len(near):
+            return 0
+        normals, offsets = _half_spaces(solid)
+        return int((near @ normals.T < offsets).all(1).sum())
+
+    def box(self, hull: Manifold) -> Manifold:
+        """The box of a convex solid along the part's own axes, or the solid's."""
+        vertices, faces = triangles(hull)
+        frame = self.frame if self.frame is not None else own_frame(vertices, faces)
+        return box_solid(*fitted_box(vertices, frame), frame)
+
+    def _offer(self, new: int) -> None:
+        """Pair a piece with those before it: of many, with those that it nearly touches."""
+        own = self.pieces[new]
+        if own is None:
+            return
+        low, high = self.bounds[new]
+        away = np.maximum(self.bounds[:new, 0] - high, low - self.bounds[:new, 1]).max(1)
+        near = away <= (np.inf if self.apart else NEAR * self.reach)
+        for old in np.flatnonzero(near):
+            other = self.pieces[old]
+            if other is None:
+                continue
+            hull = Manifold.batch_hull([other, own])
+            both = other.volume() + own.volume()
+            if away[old] < 0:
+                both -= (other ^ own).volume()
+            if hull.is_empty() or hull.volume() < max(own.volume(), other.volume()) * (1 - 1e-6):
+                continue  # manifold3d's hulls of points that are nearly coplanar
+            best: tuple[float, Manifold] | None = None
+            for joined, worth in ((hull, 0.0), (self.box(hull), BOX_LIKE * self.extent)):
+                cost = joined.volume() - both + self.toll * self.inside(joined)
+                if best is None or cost <= best[0] + min(worth, 0.25 * abs(best[0]) + 1e-15):
+                    best = cost, joined
+            assert best is not None
+            heapq.heappush(self.heap, (best[0], int(old), new, best[1]))
+
+
+_NOWHERE = np.zeros((0, 3))
+
+
+def _matter(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, 3] spread in a shape, and the cubic metres [n] that each stands for."""
+    solid = as_solid(shape)
+    frame = shape.rotation if isinstance(shape, Box) else np.eye(3)
+    center, extent = fitted_box(triangles(solid)[0], frame)
+    steps = (np.arange(OWN) + 0.5) / OWN - 0.5
+    points = np.array(list(itertools.product(steps, repeat=3))) * extent @ frame.T + center
+    if not isinstance(shape, Box):
+        normals, offsets = _half_spaces(solid)
+        inside = (points @ normals.T <= offsets).all(1)
+        points = points[inside] if inside.any() else triangles(solid)[0].mean(0)[None]
+    return points, np.full(len(points), solid.volume() / len(points))
+
+
+def _common_bounds(bounds: np.ndarray) -> np.ndarray:
+    """[2, 3] of boxes [n, 2, 3]."""
+    return np.stack([bounds[:, 0].min(0), bounds[:, 1].max(0)])
+
+
+def _common_frame(shapes: Sequence[Shape]) -> np.ndarray | None:
+    """[3, 3] of boxes that all lie along the same axes; None if they do not, or are not all boxes."""
+    if not all(isinstance(s, Box) for s in shapes):
+        return None
+    frames = [np.asarray(s.rotation) for s in shapes if isinstance(s, Box)]
+    along = frames[0]
+    turned = [np.abs(along.T @ f).max(1).min() for f in frames]
+    if min(turned) < 1 - 1e-9:
+        return None
+    return along if all(np.allclose(f, along, atol=1e-9) for f in frames) else None
+
+
+def _barred(
+    obj: ArticulatedObject,
+    k: int,
+    places: Sequence[np.ndarray],
+    shapes: Sequence[Shape],
+    size: float,
+) -> np.ndarray:
+    """[n, 3] places, in the frame of part k, that other parts hold at rest, as shown or on any joint's way, and its shapes do not."""
+    lo, hi = np.array([_bounds(as_solid(s)) for s in shapes]).transpose(1, 0, 2)
+    lo, hi = lo.min(0), hi.max(0)
+    found = []
+    for state in _states(obj):
+        poses = obj.forward_kinematics(state)
+        back = np.linalg.inv(poses[k])
+        for j, points in enumerate(places):
+            if j == k or not len(points):
+                continue
+            relative = back @ poses[j]
+            moved = points @ relative[:3, :3].T + relative[:3, 3] * obj.scale
+            found.append(moved[((moved > lo) & (moved < hi)).all(1)])
+    points = np.concatenate(found) if found else _NOWHERE
+    _, first = np.unique(np.floor(points / (CELL * size)).astype(np.int64), axis=0, return_index=True)  # fmt: skip
+    points = points[np.sort(first)]
+    for shape in shapes:
+        normals, offsets = _half_spaces(as_solid(shape))
+        points = points[~(points @ normals.T <= offsets).all(1)]
+    return points
+
+
+def _states(obj: ArticulatedObject) -> list[np.ndarray]:
+    """As shown, at rest, and every joint over its range with the others at rest."""
+    rest = obj.rest()
+    states = [np.zeros(len(obj.parts)), rest]
+    for k, (lo, hi) in enumerate(obj.limits):
+        if obj.parts[k].parent >= 0 and hi > lo:
+            for q in np.linspace(lo, hi, STATES):
+                states.append(np.where(np.arange(len(rest)) == k, q, rest))
+    return states
+
+
+def _places(shapes: Sequence[Shape], size: float) -> np.ndarray:
+    """[n, 3] points in the shapes of a part, no nearer to their faces than the inset, as far as they are thick enough."""
+    found = []
+    for shape in shapes:
+        solid = as_solid(shape)
+        frame = shape.rotation if isinstance(shape, Box) else np.eye(3)
+        vertices, _ = triangles(solid)
+        center, extent = fitted_box(vertices, frame)
+        half = np.maximum(extent / 2 - INSET * size, 0)
+        axes = [
+            np.linspace(-h, h, max(1, int(2 * h / (CELL * size)) + 2) if h else 1) for h in half
+        ]
+        points = np.array(list(itertools.product(*axes))) @ frame.T + center
+        if not isinstance(shape, Box):
+            normals, offsets = _half_spaces(solid)
+            points = points[(points @ normals.T <= offsets - INSET * size).all(1)]
+            points = points if len(points) else vertices.mean(0)[None]
+        found.append(points)
+    points = np.concatenate(found)
+    return points[:: max(1, len(points) // SAMPLES)]
+
+
+def _half_spaces(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
+    """([n, 3] unit normals, [n] offsets) of a convex solid: a point p is inside where normals @ p <= offsets."""
+    vertices, faces = triangles(solid)
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    kept = length > 1e-12 * max(length.max(initial=0.0), 1e-300)
+    normals = normals[kept] / length[kept, None]
+    return normals, (normals * corners[kept, 0]).sum(1)
+
+
+def _bounds(solid: Manifold) -> np.ndarray:
+    """[2, 3]"""
+    return np.reshape(solid.bounding_box(), (2, 3))
+
+
+def _metric(mesh: trimesh.Trimesh, scale: float) -> trimesh.Trimesh:
+    return trimesh.Trimesh(mesh.vertices * scale, mesh.faces, process=False)
