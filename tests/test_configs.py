@@ -71,6 +71,7 @@ def test_the_networks_of_a_config_fit_each_other(path):
         "parents": shape(2, k, dtype="int32"),
         "visual": shape(2, width, model.uniart_vae.visual_channels),
         "plans": plans,
+        "layout": layout,
     }
     out = outputs(networks["uniart_vae"], batch)
     assert out["sdf"].shape == (2, width, cells) and out["joint_code"].shape == (2, width, 9)
