@@ -66,6 +66,8 @@ def voxel_batch(model: ModelConfig, items: int, width: int, count: int, seed: in
     if model.uniart_vae.visual_channels:
         batch["visual"] = f(items, width, model.uniart_vae.visual_channels)
     batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+    if model.uniart_vae.layout_channels:
+        batch["layout"] = layouts(model, items)
     return batch
 
 
