@@ -8,6 +8,7 @@ barrels, rails, bores), and that is shown in most cases but not in all.
 from __future__ import annotations
 
 import numpy as np
+import trimesh
 from manifold3d import Manifold
 
 from uniart_jax.objects.kinematics import Joint
@@ -39,7 +40,18 @@ FACES = {(0, -1): 3.0, (2, 1): 2.5, (1, -1): 1.5, (1, 1): 1.5, (0, 1): 0.15, (2,
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A random assembly, metres, all joints at the end of their range where they begin."""
+    """A random assembly, metres, all joints at the end of their range where they begin.
+
+    Solids that touch along an edge or at a point come apart when a reader merges equal vertices: such a one is drawn again.
+    """
+    while True:
+        obj = _draw(rng)
+        merged = (trimesh.Trimesh(p.mesh.vertices, p.mesh.faces, process=True) for p in obj.parts)
+        if all(mesh.is_watertight for mesh in merged):
+            return obj
+
+
+def _draw(rng: np.random.Generator) -> ArticulatedObject:
     count = int(rng.choice(np.arange(2, 10), p=[0.1, 0.16, 0.18, 0.17, 0.14, 0.11, 0.08, 0.06]))
     palette = [_material(rng) for _ in range(int(rng.integers(1, 5)))]
     pieces = [_root(rng, palette)]
