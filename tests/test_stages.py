@@ -342,6 +342,7 @@ def test_records_of_other_settings_are_refused(trained, tmp_path):
     data = config.data
     for changes, said in (
         ({"views": 3}, "views 2 instead of 3"),
+        ({"world": "wide"}, "world seven instead of wide"),
         ({"records": data.validation, "procedural": 1}, "start_seed 900000 instead of 0"),
     ):
         other = dataclasses.replace(config, data=dataclasses.replace(data, **changes))

@@ -264,9 +264,9 @@ def _flap(rng, seat, parent, i, s, palette) -> Candidate | None:
             start[k] = lo[k] + share * size[k] - tall / 2
             bars.append(cylinder("xyz"[k], start, tall, r, segments=12))
             a, b = start.copy(), start.copy()
-            a[i], b[i] = _span(i, s, at[i], 0.8 * r)
-            a[j], b[j] = sorted((at[j], at[j] - way * (r + AIR)))
-            b[k] += tall
+            a[i], b[i] = _span(i, s, at[i] + s * 0.07 * r, 0.73 * r)
+            a[j], b[j] = sorted((at[j] + way * 0.15 * r, at[j] - way * (r + AIR)))
+            a[k], b[k] = start[k] + 0.08 * tall, start[k] + 0.92 * tall
             bars.append(box(a, b))
         solids.append((union(bars), materials.hardware(rng)))
     return Candidate(Piece(lo, hi, solids, parent, hinge(at, axis, angle)))

@@ -106,7 +106,7 @@ def _free(joint: Joint, body: Manifold, others: list[Manifold], parent: int) -> 
     """Whether a body runs into nothing along a joint's way; least of all into ``others[parent]``."""
     low, high = joint.limits
     far = high if high > -low else low
-    shares = (0.25, 0.5, 0.75, 1.0) if joint.type != "continuous" else (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # fmt: skip
+    shares = (0.1, 0.25, 0.5, 0.75, 1.0) if joint.type != "continuous" else (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # fmt: skip
     for share in shares:
         there = body.transform(joint.motion(share * far)[:3])
         for n, other in enumerate(others):
