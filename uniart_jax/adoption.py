@@ -24,9 +24,8 @@ from uniart_jax.training.export import (
     write_statistics,
 )
 
-FLOWS = ("structure_flow", "latent_flow")
-WIDENED = (*FLOWS, "uniart_vae")
-ADDED = ("pixel_channels", "layout_channels")  # layers that such a network can be given later
+WIDENED = ("structure_flow", "latent_flow", "uniart_vae")  # networks that can be given, later,
+ADDED = ("pixel_channels", "layout_channels")  # these layers
 console = Console(stderr=True, highlight=False)
 
 

@@ -17,7 +17,13 @@ from rich.console import Console
 
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data import latents as latent_store
-from uniart_jax.data.batches import fitting, may_mirror, open_records, record_batches
+from uniart_jax.data.batches import (
+    fitting,
+    may_mirror,
+    open_records,
+    record_batches,
+    true_layout,
+)
 from uniart_jax.data.columns import column_note, column_path
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
@@ -25,7 +31,6 @@ from uniart_jax.progress import advancing
 from uniart_jax.training import distributed
 from uniart_jax.training.export import load_network
 from uniart_jax.training.readout import WEIGHTS, fit_metric
-from uniart_jax.voxels.part_table import surface_colors
 
 ENCODED = ("structure_vae", "uniart_vae")  # what latents depend on
 ENCODE_KEYS = (
@@ -215,18 +220,10 @@ def encode_batch(
                 "voxel_part": batch["voxel_part"][b, :count],
                 "latent": out["latent"][b, :count],
                 "images": np.round(batch["images"][b] * 255),
-                **_layout(batch, b),
+                **true_layout(batch, b),
             }
         )
     return items
-
-
-def _layout(batch: dict[str, Any], b: int) -> dict[str, np.ndarray]:
-    """The true layout of one item of ``record_batches``."""
-    known, count = batch["part_counts"][b], batch["counts"][b]
-    sdf, color = decode_sdf(batch["sdf"][b, :count]), decode_color(batch["color"][b, :count])
-    found = {name: batch[name][b, :known] for name in ("boxes", "codes", "parents")}
-    return found | {"colors": surface_colors(sdf, color, batch["owner"][b, :count], known)}
 
 
 def dense_occupancy(coords: jax.Array, counts: jax.Array, resolution: int) -> jax.Array:

@@ -393,8 +393,8 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
         write_text(note, key)
 
 
-def sampled_from(config: Config, workdir: Path, source: Path | None) -> dict[str, Any]:
-    """Image encoder and latent flow of WORKDIR, or else of checkpoint ``source``: "parameters" of both, "statistics" of the flow's latents.
+def latent_sampler_of(config: Config, workdir: Path, source: Path | None) -> tuple[Any, Any]:
+    """Parameters of (image encoder, latent flow) of WORKDIR, or else of checkpoint ``source``, and (mean, std) of the flow's latents.
 
     Raises:
       FileNotFoundError: neither has them. ValueError: the encoder would be trained, and its latents so be others than the flow's.
@@ -405,7 +405,7 @@ def sampled_from(config: Config, workdir: Path, source: Path | None) -> dict[str
     for folder in (workdir / "export", source):
         if folder is not None and all(has_export(folder, f"{n}.safetensors") for n in names):
             parameters = tuple(load_network(folder, n, build(n, config.model).abstract()) for n in names)  # fmt: skip
-            return {"parameters": parameters, "statistics": read_statistics(folder, "latent")}
+            return parameters, read_statistics(folder, "latent")
     raise FileNotFoundError("loss.sampled: needs a trained image encoder and latent flow; give a checkpoint that has them as --init")  # fmt: skip
 
 
@@ -436,11 +436,10 @@ def make_step(
     extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))
     if name == "latent_flow" and config.loss.readout_share:
         extra.append(latent_metric(workdir / "latents", config.data.records, config.loss.readout_share, config.data.split))  # fmt: skip
-    loss_fn = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
     if name == "uniart_vae" and config.loss.sampled > 0:
-        flow = sampled_from(config, workdir, source)
-        loss_fn = objectives.make_uniart_vae_loss(network, config, *flow["statistics"])
-        given = jax.device_put(flow["parameters"], replicated(mesh))
+        frozen, extra = latent_sampler_of(config, workdir, source)
+        given = jax.device_put(frozen, replicated(mesh))
+    loss_fn = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
     if name.endswith("_flow"):
         loss_fn = objectives.of_pictures(loss_fn, make_conditioner(config.model))
         decoded = name == "latent_flow" and config.loss.decoded > 0

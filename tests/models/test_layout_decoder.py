@@ -93,7 +93,11 @@ def test_the_pointers_loss_is_least_where_the_owner_is_named():
     right = np.full((1, 1, 3, 5), -20.0, np.float32)
     right[0, 0, 0, 1] = right[0, 0, 1, 0] = right[0, 0, 2, 4] = 20
     sdf, mask = jnp.zeros((1, 1, 3)), jnp.ones((1, 1))
-    loss = lambda logits: float(pointer_loss(seen | {"pointer": jnp.asarray(logits)}, owner, rows, sdf, mask))  # noqa: E731
+
+    def loss(logits):
+        out = seen | {"pointer": jnp.asarray(logits)}
+        return float(pointer_loss(out, owner, rows, sdf, mask))
+
     assert loss(right) < 1e-6
     for cell in range(3):
         wrong = right.copy()

@@ -40,7 +40,7 @@ from uniart_jax.data.windows import choose_windows
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.objects.perturb import color_gains
-from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table, surface_colors
+from uniart_jax.voxels.part_table import part_table, surface_colors
 
 logger = logging.getLogger(__name__)
 
@@ -169,37 +169,33 @@ def _load_voxels(
     batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, shares=shares)
     chances = [np.random.default_rng([own, 4]) for own in seeds[rows]]
     if model.uniart_vae.layout_channels:
-        batch |= layouts_of(items, model.grid.max_parts, data.layout_errors, chances)
+        batch |= layouts_with_errors(batch, model.grid.max_parts, data.layout_errors, chances)
     if shown:
-        views = [
-            seen_images(item.images[(v := int(g.integers(len(item.images)))) : v + 1])[0]
-            for item, g in zip(items, chances, strict=True)
-        ]
-        batch["image"] = np.stack(views).astype(np.float32) / np.float32(255)
-        batch["plans"]["flow"] = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)  # fmt: skip
+        views = [g.choice(item.images)[None] for item, g in zip(items, chances, strict=True)]
+        seen = np.concatenate([seen_images(view) for view in views])
+        batch["image"] = seen.astype(np.float32) / np.float32(255)
+        voxels = (batch["coords"], batch["counts"])
+        batch["plans"]["flow"] = flow_plan(*voxels, model.latent_flow, model.grid)
     return batch
 
 
-def layouts_of(
-    records: Sequence[Record], most: int, errors: float, rngs: Sequence[np.random.Generator]
+def layouts_with_errors(
+    batch: Batch, most: int, errors: float, rngs: Sequence[np.random.Generator]
 ) -> Batch:
-    """``layout`` and ``layout_rows`` of records (``voxel_batches``); without ``rngs`` the truth, in its own order."""
-    tables = []
-    for record, rng in zip(records, rngs or [None] * len(records), strict=True):
-        table = true_layout(record)
-        plain = table | {"part": np.arange(len(record.boxes))}
-        tables.append(plain if rng is None else with_errors(table, errors, rng))
-    rows = np.full((len(records), most), -1, np.int32)
+    """``layout`` and ``layout_rows`` of a collated batch (``voxel_batches``)."""
+    tables = [with_errors(true_layout(batch, b), errors, rng) for b, rng in enumerate(rngs)]
+    rows = np.full((len(tables), most), -1, np.int32)
     for row, table in zip(rows, tables, strict=True):
         row[table["part"]] = np.arange(len(table["part"]))
     return {"layout": part_table(tables, most), "layout_rows": rows}
 
 
-def true_layout(record: Record) -> dict[str, np.ndarray]:
-    """A record's parts as a table of ``voxels.part_table.ROWS``."""
-    sdf, color = decode_sdf(record.sdf), decode_color(record.color)
-    colors = surface_colors(sdf, color, record.owner, len(record.boxes))
-    return {"boxes": record.boxes, "codes": record.codes, "parents": record.parents, "colors": colors}  # fmt: skip
+def true_layout(batch: Batch, b: int) -> dict[str, np.ndarray]:
+    """The parts of item ``b`` of a collated batch: fields of ``voxels.part_table.ROWS``."""
+    known, count = batch["part_counts"][b], batch["counts"][b]
+    sdf, color = decode_sdf(batch["sdf"][b, :count]), decode_color(batch["color"][b, :count])
+    found = {name: batch[name][b, :known] for name in ("boxes", "codes", "parents")}
+    return found | {"colors": surface_colors(sdf, color, batch["owner"][b, :count], known)}
 
 
 def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirrored: bool) -> Batch:
@@ -216,10 +212,8 @@ def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirro
     batch["record"] = draw.records.astype(np.int32)
     batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
     if model.uniart_vae.layout_channels:
-        most = model.grid.max_parts
-        known = layouts_of(items, most, 0.0, [])["layout"]
-        none = part_table([EMPTY] * (len(draw.records) - len(items)), most)
-        batch["layout"] = PartTable(*(np.concatenate(both) for both in zip(known, none, strict=True)))
+        tables = [true_layout(batch, b) for b in range(len(draw.records))]
+        batch["layout"] = part_table(tables, model.grid.max_parts)
     return batch
 
 

@@ -81,7 +81,11 @@ def training_seed(number: int, start_seed: int = 0) -> int:
 
 def shown_object(seed: int, families: tuple[str, ...], rng: np.random.Generator):
     """The object of a seed at a random shown state, and its ``encode_object``; None if no state can be encoded."""
-    closed = procedural.draw(seed, families)
+    return encodable_state(procedural.draw(seed, families), rng)
+
+
+def encodable_state(closed: ArticulatedObject, rng: np.random.Generator):
+    """An object at a random shown state, and its ``encode_object``; None if no state of ``STATES`` can be encoded."""
     for _ in range(STATES):
         obj = sample_state(closed, rng)
         try:

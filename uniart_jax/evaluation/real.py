@@ -19,18 +19,14 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from uniart_jax.data.folder import Settings
-from uniart_jax.data.layouts import part_colors
+from uniart_jax.data.folder import Settings, temporary_path, write_text
+from uniart_jax.data.layouts import encodable_state, part_colors
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.objects.states import sample_state
 from uniart_jax.processes import each
 from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
-from uniart_jax.voxels.joint_code import encode_object
 from uniart_jax.voxels.layout import SMALLEST_SIDE, Layout
-
-STATES = 20  # drawn before an object whose parts' boxes coincide is given up
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,16 +88,10 @@ def shown_object(entry: Entry, settings: Settings) -> ArticulatedObject:
     closed = load_entry(entry, settings)
     if all(part.joint.type == "fixed" for part in closed.parts):
         raise ValueError("nothing of it moves")
-    rng = entry.generator(1)
-    for _ in range(STATES):
-        obj = sample_state(closed, rng)
-        try:
-            encode_object(obj)
-        except ValueError as error:
-            why = error
-            continue
-        return obj
-    raise why
+    found = encodable_state(closed, entry.generator(1))
+    if found is None:
+        raise ValueError("two of its parts have the same box, whatever its state")
+    return found[0]
 
 
 def _show(settings: Settings, cache: Path, size: int, entry: Entry) -> RealObject | str:
@@ -119,15 +109,11 @@ def _show(settings: Settings, cache: Path, size: int, entry: Entry) -> RealObjec
         layout = Layout.of_object(obj, part_colors(obj))
         layout.boxes[:, 3:] = np.maximum(layout.boxes[:, 3:], SMALLEST_SIDE)  # flat sheets
         data = {"category": entry.category or "-", "layout": json.loads(layout.to_json())}
-        _write(cache, f"{stem}.png", lambda path: Image.fromarray(image).save(path, "PNG"))
-        _write(cache, f"{stem}.json", lambda path: path.write_text(json.dumps(data) + "\n"))
+        picture = cache / f"{stem}.png"
+        Image.fromarray(image).save(partial := temporary_path(picture), "PNG")
+        os.replace(partial, picture)
+        write_text(kept, json.dumps(data) + "\n")
         return RealObject(entry.key, data["category"], layout.to_object(), image)
     except Exception as error:  # one asset must not cost the figures of all others
         text = " ".join(str(error).split())
         return text if isinstance(error, ValueError) else f"{type(error).__name__}: {text}"
-
-
-def _write(folder: Path, name: str, write) -> None:
-    partial = folder / f".{name}-{os.getpid()}.part"
-    write(partial)
-    os.replace(partial, folder / name)

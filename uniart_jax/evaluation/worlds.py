@@ -114,17 +114,12 @@ def part_values(obj: ArticulatedObject, k: int, bounds) -> dict[str, float]:
         found["travel of depth"] = (joint.travel[1] - joint.travel[0]) / max(size[axis], 1e-6)
         return found
     found["opens (deg)"] = float(np.rad2deg(joint.angle[1] - joint.angle[0]))
-    if role(part) == "door":
-        side = np.argmin(np.abs([joint.origin[1] - b[1], joint.origin[1] - a[1]]))
-        edge = b[1] - joint.origin[1] if side == 0 else joint.origin[1] - a[1]
-        found["hinge on the left"] = float(side == 0)
-        found["axis inside its edge"] = edge
-        found["axis behind its front"] = joint.origin[0] - a[0]
-    elif role(part) == "flap":
-        side = np.argmin(np.abs([joint.origin[2] - b[2], joint.origin[2] - a[2]]))
-        edge = b[2] - joint.origin[2] if side == 0 else joint.origin[2] - a[2]
-        found["hinge at the top"] = float(side == 0)
-        found["axis inside its edge"] = edge
+    if (kind := role(part)) in ("door", "flap"):
+        across, side = (1, "on the left") if kind == "door" else (2, "at the top")
+        from_ends = joint.origin[across] - a[across], b[across] - joint.origin[across]
+        near_end = abs(from_ends[1]) <= abs(from_ends[0])
+        found[f"hinge {side}"] = float(near_end)
+        found["axis inside its edge"] = from_ends[int(near_end)]
         found["axis behind its front"] = joint.origin[0] - a[0]
     elif axis == 0:
         found["axis off its centre"] = float(np.abs(joint.origin[1:] - part.box[1:3]).max())

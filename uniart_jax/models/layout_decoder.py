@@ -97,9 +97,7 @@ def pointed(table: PartTable, more: Refinement, out: dict[str, jax.Array]) -> di
     }
 
 
-def copied(
-    rows: jax.Array, picks: jax.Array, chosen: jax.Array, other: jax.Array
-) -> jax.Array:
+def copied(rows: jax.Array, picks: jax.Array, chosen: jax.Array, other: jax.Array) -> jax.Array:
     """[B, Q, C, D] of ``rows`` [B, K, D] what ``chosen`` [B, Q, C, N + 1] (one-hot) points at; ``other`` where it is none."""
     found = jnp.einsum("bqcn,bqnk,bkd->bqcd", chosen[..., :-1], picks, rows)
     return found + chosen[..., -1:] * other

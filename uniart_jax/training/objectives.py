@@ -134,7 +134,9 @@ def make_structure_vae_loss(network: Network, config: Config) -> LossFn:
     return loss_fn
 
 
-def make_uniart_vae_loss(network: Network, config: Config, mean: Any = None, std: Any = None) -> Any:
+def make_uniart_vae_loss(
+    network: Network, config: Config, mean: Any = None, std: Any = None
+) -> Any:
     """L_geo + lambda_1 L_art + lambda_2 L_kl (+ the supplement's alignment), on all voxels or on some drawn equally from all parts.
 
     With ``loss.sampled`` the function takes the parameters of the image encoder and of the latent flow after the key, ``mean`` and ``std`` of
@@ -178,7 +180,9 @@ def make_uniart_vae_loss(network: Network, config: Config, mean: Any = None, std
             weights.huber_delta,
         )
         if "pointer" in out:
-            geometry["pointer"] = pointer_loss(out, at(batch["owner"]), batch["layout_rows"], sdf, mask)
+            geometry["pointer"] = pointer_loss(
+                out, at(batch["owner"]), batch["layout_rows"], sdf, mask
+            )
         kl = kl_loss(out["mean"], out["logvar"], valid)
         loss = geometry["occupancy"] + geometry["sdf"] + weights.color * geometry["color"]
         loss = loss + geometry.get("pointer", 0.0)
@@ -209,7 +213,9 @@ def make_sampled_latents(config: Config, mean: Any, std: Any) -> Callable[..., j
     return sample
 
 
-def pointer_loss(out: Any, owner: jax.Array, rows: jax.Array, sdf: jax.Array, mask: jax.Array) -> jax.Array:
+def pointer_loss(
+    out: Any, owner: jax.Array, rows: jax.Array, sdf: jax.Array, mask: jax.Array
+) -> jax.Array:
     """Cross-entropy of the sub-cells' pointers, most of it near the surface (exp(-|distance|) + .2).
 
     Args:
