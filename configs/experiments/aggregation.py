@@ -48,7 +48,8 @@ def nano() -> Config:
     stage = dataclasses.replace(
         config.uniart_vae, steps=500, warmup_steps=50, ema_decay=0.99, save_every=100
     )
-    vae = dataclasses.replace(config.model.uniart_vae, part_segment=0)
+    # no layout for the decoder: what the latents hold is asked
+    vae = dataclasses.replace(config.model.uniart_vae, part_segment=0, layout_channels=0)
     model = dataclasses.replace(config.model, uniart_vae=vae)
     config = dataclasses.replace(config, model=model, uniart_vae=stage)
     return trained_on(config, RECORDS, voxel_crop=1024)

@@ -50,7 +50,10 @@ def experiment(size: str) -> Experiment:
     )
     arms = {}
     for name, channels, share, against in ARMS:
-        vae = dataclasses.replace(base.model.uniart_vae, latent_channels=channels)
+        # no layout for the decoder: what the latents hold is asked
+        vae = dataclasses.replace(
+            base.model.uniart_vae, latent_channels=channels, layout_channels=0
+        )
         model = dataclasses.replace(base.model, uniart_vae=vae)
         config = dataclasses.replace(base, model=model, uniart_vae=stage)
         config = trained_on(config, RECORDS, voxel_crop=1024, new_joints=share)

@@ -35,7 +35,8 @@ KINDS: tuple[Aggregation, ...] = ("uniart", "concat")
 
 def nano() -> Config:
     config = load_config(CONFIGS / "nano.py")
-    vae = dataclasses.replace(config.model.uniart_vae, part_segment=0)
+    # no layout for the decoder: what the latents hold is asked
+    vae = dataclasses.replace(config.model.uniart_vae, part_segment=0, layout_channels=0)
     short = dict(warmup_steps=50, ema_decay=0.99, save_every=100)
     config = dataclasses.replace(
         config,

@@ -53,6 +53,9 @@ def experiment(size: str) -> Experiment:
             validation="",
             voxel_crop=1024,
         )
-        config = dataclasses.replace(base, data=data, uniart_vae=stage)
+        # no layout for the decoder: what the latents hold is asked
+        vae = dataclasses.replace(base.model.uniart_vae, layout_channels=0)
+        model = dataclasses.replace(base.model, uniart_vae=vae)
+        config = dataclasses.replace(base, model=model, data=data, uniart_vae=stage)
         arms[name] = Arm(config, ("uniart_vae",), "vae", Objects(joint_type="prismatic"))
     return Experiment(arms, "as_few", COLUMNS, seeds=3, count=28, records=(ALL, REST, FEW))

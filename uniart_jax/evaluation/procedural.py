@@ -6,7 +6,7 @@ One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown st
     vae                truth -> voxels -> UniArt VAE -> object
     latent_flow        image + true active voxels -> latent flow -> object
     image_to_object    image -> object: the model
-                       (both follow the layout of the layout network, where the checkpoint has one)
+                       (these three follow the layout found in the image, where the checkpoint has a layout network)
     without_layout     the same voxels, their parts and joints read off themselves
     retrieval          image -> the nearest training image's object (by image features), the paper's section 3
 """
@@ -234,7 +234,8 @@ def predict(
     found = pipeline.sample_structure(condition, keys[0])[0]
     if len(found) == 0:  # a failure counts: an object of one speck
         found = np.array([[pipeline.config.model.grid.resolution // 2] * 3], np.int32)
-    grids = {"vae": pipeline.decode([coords], [pipeline.encode_voxels(test.grid)])[0]}
+    encoded = pipeline.encode_voxels(test.grid)
+    grids = {"vae": pipeline.decode([coords], [encoded], [layout])[0]}
     for name, where in (("latent_flow", coords), ("image_to_object", found)):
         latent = pipeline.sample_latents([where], condition, keys[1])[0]
         grids[name] = pipeline.decode_sampled(where, latent, layout=layout)
@@ -253,8 +254,8 @@ def finish(
     """Assemble every station's object and score it; where ``out`` is given, draw them and write the model's as an asset (``check_asset``)."""
     read_off = functools.partial(assemble, tolerance=NETWORK_TOLERANCE)
     follow = read_off if layout is None else functools.partial(assemble_layout, layout=layout)
-    predicted = {"representation": assemble(test.grid.gather()), "vae": read_off(grids["vae"])}
-    for station in ("latent_flow", "image_to_object"):
+    predicted = {"representation": assemble(test.grid.gather())}
+    for station in ("vae", "latent_flow", "image_to_object"):
         predicted[station] = follow(grids[station])
     if layout is not None:
         predicted["without_layout"] = read_off(grids["image_to_object"])

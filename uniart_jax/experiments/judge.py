@@ -232,7 +232,11 @@ def make_object(
     grid = test.truth.grid
     if arm.station == "vae":
         latent = pipeline.encode_voxels(grid, **test.features)
-        out = pipeline.decode([grid.coords], [latent])[0]
+        sees = pipeline.config.model.uniart_vae.layout_channels > 0
+        layout = look(pipeline, test)[1] if sees else None
+        out = pipeline.decode([grid.coords], [latent], [layout])[0]
+        if layout is not None:
+            return assemble_layout(out, layout), None
         return assemble(out, tolerance=NETWORK_TOLERANCE), None
     (condition, layout), key = look(pipeline, test), jax.random.key(seed)
     _, options = pipeline.options(**arm.sampling)
