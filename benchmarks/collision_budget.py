@@ -1,7 +1,10 @@
-"""What a budget of collision shapes costs and gains:  python benchmarks/collision_budget.py [--count 20] [--sampled 0] [--budget 64] [--copies 100]
+"""What a budget of collision shapes costs and gains:  python benchmarks/collision_budget.py
+[--count 20] [--sampled 0] [--budget 64] [--copies 100]
 
-A table over procedural objects (validation seeds, families in turn) and, with --sampled, over what the shipped model makes of rendered
-images: shapes an object, MB of its MJCF with meshes, error of their volume, whether drawers hold a ball, MuJoCo's steps a second.
+A table over procedural objects (validation seeds, families in turn) and, with --sampled, over what
+the shipped model makes of rendered
+images: shapes an object, MB of its MJCF with meshes, error of their volume, whether drawers hold a
+  ball, MuJoCo's steps a second.
 """
 
 from __future__ import annotations
@@ -35,8 +38,11 @@ def drawers(obj: ArticulatedObject) -> list[int]:
     ]
 
 
-def drop(asset: Path, obj: ArticulatedObject, k: int, radius: float) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """[n, 3] the ball's place in drawer k, metres from the drawer's box centre, while it opens, stops and closes; [3] the drawer's size.
+def drop(
+    asset: Path, obj: ArticulatedObject, k: int, radius: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """[n, 3] the ball's place in drawer k, metres from the drawer's box centre, while it opens,
+    stops and closes; [3] the drawer's size.
 
     Args:
       asset: folder with ``object.xml``. obj: what it was written of, at rest.
@@ -62,7 +68,9 @@ def drop(asset: Path, obj: ArticulatedObject, k: int, radius: float) -> tuple[np
     for i in range(int(5.0 / model.opt.timestep)):
         t = i * model.opt.timestep
         # opens for 1.5 s, waits, then closes to the half
-        goal = start + (end - start) * np.clip(t / 1.5, 0, 1) * (1 if t < 3 else np.clip(4.5 - t, 0, 1.5) / 1.5)  # fmt: skip
+        goal = start + (end - start) * np.clip(t / 1.5, 0, 1) * (
+            1 if t < 3 else np.clip(4.5 - t, 0, 1.5) / 1.5
+        )
         error = goal - data.qpos[address]
         data.qfrc_applied[dof] = mass * (900 * error - 60 * data.qvel[dof])
         mujoco.mj_step(model, data)
@@ -76,14 +84,16 @@ def ball_radius(obj: ArticulatedObject, k: int) -> float:
 
 
 def holds(track: np.ndarray, size: np.ndarray, radius: float) -> bool:
-    """Whether the ball stayed in the drawer's box from .5 s on and came to lie near its floor, not on a lid of hulls."""
+    """Whether the ball stayed in the drawer's box from .5 s on and came to lie near its floor, not
+    on a lid of hulls."""
     settled = track[len(track) // 10 :]
     inside = np.isfinite(track).all() and (np.abs(settled) <= size / 2 + 1e-3).all()
     return bool(inside and settled[-1, 2] < -size[2] / 2 + radius + 0.35 * size[2])
 
 
 def speed(asset: Path, copies: int) -> float:
-    """Steps of one object a second, of a model of many that stand in a field with a ball dropped on each."""
+    """Steps of one object a second, of a model of many that stand in a field with a ball dropped on
+    each."""
     one = mujoco.MjSpec.from_file(str(asset / "object.xml"))
     for key in list(one.keys):
         one.delete(key)
@@ -141,7 +151,14 @@ def figures(obj: ArticulatedObject, budget: int | None, generated: bool, copies:
         return obj, bodies
 
     with tempfile.TemporaryDirectory() as folder:
-        asset = save_asset(obj, Path(folder) / "asset", formats=("mjcf",), motion=False, mend=watched, collision_budget=budget)  # fmt: skip
+        asset = save_asset(
+            obj,
+            Path(folder) / "asset",
+            formats=("mjcf",),
+            motion=False,
+            mend=watched,
+            collision_budget=budget,
+        )
         bodies, meshes, written = kept
         errors = [
             volume_error(m.copy().apply_scale(obj.scale), b.shapes)
@@ -170,7 +187,10 @@ def _as_they_are(obj, bodies, meshes, budget):
 
 
 def table(rows: dict[str, dict[str, list[dict]]]) -> str:
-    lines = ["| | objects | shapes (median, most) | MB (median) | volume error (mean) | drawers that hold a ball | steps/s (median) |", "|---|---|---|---|---|---|---|"]  # fmt: skip
+    lines = [
+        "| | objects | shapes (median, most) | MB (median) | volume error (mean) | drawers that hold a ball | steps/s (median) |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for name, found in rows.items():
         for budget, objects in found.items():
             column = {
@@ -186,7 +206,9 @@ def table(rows: dict[str, dict[str, list[dict]]]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--sampled", type=int, default=0)
     parser.add_argument("--budget", type=int, default=64)
@@ -199,7 +221,10 @@ def main() -> None:
     rows: dict[str, dict[str, list[dict]]] = {}
     for name, objects in given.items():
         for i, obj in enumerate(objects):
-            for label, budget in (("no budget", None), (f"budget {options.budget}", options.budget)):  # fmt: skip
+            for label, budget in (
+                ("no budget", None),
+                (f"budget {options.budget}", options.budget),
+            ):
                 found = figures(obj, budget, name != "procedural", options.copies)
                 rows.setdefault(name, {}).setdefault(label, []).append(found)
                 print(f"{name} {i}, {label}: {found}", flush=True)

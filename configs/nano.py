@@ -16,8 +16,12 @@ piece. Objects: seeds 0 to 11,999 and 20,000 to 29,999; this config makes seeds 
   9,000 more with pixel_channels, whose layers begin at nothing (1e-3), 45 on both: parts found .80, right .37, type .85, axis 1.6 degrees, pivot .040, inside IoU .59.
 - flows that follow the layout, both from the weights before, whose layout layers begin at nothing, on 1,470 objects with knobs mended (--data.procedural 1472 --data.mirror-latents; every record mirrored too, true layouts with data.layout_errors): structure flow 750 steps more (8e-4), 18 on one core, IoU given the true layout .618 (.516 without);
   latent flow 3,000 more (7e-4), 60 on one core beside other work, given the true structure and layout inside IoU .636 (.59 without). Its loss on what the frozen decoder makes of x_0 (loss.decoded) was tried and left: it makes a step 2.3 times as long.
-- a decoder of the UniArt VAE that sees the layout, on 5,990 objects (seeds 2,000 on, four views): 2,200 steps (batch 4, 1.5e-3) from the weights before, the encoder as it was (--uniart-vae.freeze front encoder --data.voxel-crop 0 --loss.sampled .7 --data.layout-errors .6), 85 on one core beside other work.
-  Given the true latents and layout: inside IoU .897 (.901 by the decoder before, which saw such latents alone), color error .061 (.041).
+- a decoder of the UniArt VAE that sees the layout, on 5,990 objects (seeds 2,000 on, four views):
+2,200 steps (batch 4, 1.5e-3) from the weights before, the encoder as it was (--uniart-vae.freeze
+front encoder --data.voxel-crop 0 --loss.sampled .7 --data.layout-errors .6), 85 on one core beside
+other work.
+  Given the true latents and layout: inside IoU .897 (.901 by the decoder before, which saw such
+  latents alone), color error .061 (.041).
 Before they followed layouts, held out, 128 objects: structure IoU .525; image to object recall .50, parts right .20, count .17 (given the true structure .66, .36, .36;
 by `uniart evaluate procedural`; after the second go .504; .50, .16, .15; .62, .31, .27; retrieval then .48, .27, .21). Beside retrieval and controls: docs/evaluation.md, second go.
 Object by object the third go is ahead of the second in pictures of seen families, in pivots from the image and, of unseen families, in the Chamfer distance at rest; other figures may be chance: `uniart experiment shipped`.

@@ -66,8 +66,9 @@ def taken(config: Config, source: Path, stages: Sequence[str], workdir: Path) ->
 def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
     """Weights of checkpoint ``source`` that a training of network ``name`` begins with (nested dict, float32).
 
-    A flow that had no ``pixel_channels`` or ``layout_channels``, or a UniArt VAE that had no ``layout_channels``, may get them: what is returned lacks their layers, which stay as drawn and begin by
-    adding nothing, so that the network begins with the function that it was.
+    A flow that had no ``pixel_channels`` or ``layout_channels``, or a UniArt VAE that had no
+    ``layout_channels``, may get them: what is returned lacks their layers, which stay as drawn and
+    begin by adding nothing, so that the network begins with the function that it was.
 
     Raises:
       FileNotFoundError, ValueError: as ``load_network``.
@@ -79,7 +80,8 @@ def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
 
 
 def lacking(source: Path, name: str, model: ModelConfig) -> list[str]:
-    """Which of ``ADDED`` the config's network ``name`` has and that of checkpoint ``source`` has not."""
+    """Which of ``ADDED`` the config's network ``name`` has and that of checkpoint ``source`` has
+    not."""
     if not all(has_export(source, file) for file in (f"{name}.safetensors", "config.json")):
         return []
     ours = getattr(model, name)

@@ -100,7 +100,8 @@ class UniArtVAEConfig:
     of exactly ``window`` tokens, shifted by half a run in every other block (no padding waste: the laptop's choice).
     ``part_segment``: parts longer than this are attended in pieces of this many voxels; 0 = never cut.
     ``linear_path``: a linear layer past each trunk (TRELLIS has none).
-    ``layout_channels``: width of what the decoder's voxels see of a layout, whose rows its sub-cells
+    ``layout_channels``: width of what the decoder's voxels see of a layout, whose rows its
+      sub-cells
     then point at (``models.layout_decoder``); 0 = none (the paper).
     """
 
@@ -260,7 +261,8 @@ class LossConfig:
     )
     # latent flow: weight of what the frozen UniArt VAE makes of its x_0 (distances, colours) against what it makes of the true latent
     decoded: float = 0.0
-    # UniArt VAE: share of the items whose latents a trained latent flow samples in one step, the encoder
+    # UniArt VAE: share of the items whose latents a trained latent flow samples in one step, the
+    # encoder
     # left as it is (``freeze``): the decoder learns what to make of a flow's mistakes
     sampled: float = 0.0
     time_mean: float = 1.0

@@ -205,7 +205,9 @@ class Pipeline:
     def _part_table(self, layouts: Sequence[Layout | None], items: int) -> PartTable:
         most = self.config.model.grid.max_parts
         if len(layouts) != items:
-            raise ValueError(f"layout: {len(layouts)} layouts of {items} images; give one each, or None")  # fmt: skip
+            raise ValueError(
+                f"layout: {len(layouts)} layouts of {items} images; give one each, or None"
+            )
         rows = [EMPTY if item is None else item.rows(most) for item in layouts]
         return part_table(rows, most)
 
@@ -364,7 +366,8 @@ class Pipeline:
         """Latents [V_i, C] on voxels [V_i, 3] -> voxel grids.
 
         Args:
-          layouts: of the items, for a decoder that sees them (``UniArtVAEConfig.layout_channels``); none are known without.
+          layouts: of the items, for a decoder that sees them (``UniArtVAEConfig.layout_channels``);
+            none are known without.
         """
         latent, batch = self._padded(coords, latents)
         if self.config.model.uniart_vae.layout_channels:

@@ -394,19 +394,29 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
 
 
 def latent_sampler_of(config: Config, workdir: Path, source: Path | None) -> tuple[Any, Any]:
-    """Parameters of (image encoder, latent flow) of WORKDIR, or else of checkpoint ``source``, and (mean, std) of the flow's latents.
+    """Parameters of (image encoder, latent flow) of WORKDIR, or else of checkpoint ``source``, and
+    (mean, std) of the flow's latents.
 
     Raises:
-      FileNotFoundError: neither has them. ValueError: the encoder would be trained, and its latents so be others than the flow's.
+      FileNotFoundError: neither has them. ValueError: the encoder would be trained, and its latents
+        so be others than the flow's.
     """
     if not {"front", "encoder"} <= set(config.uniart_vae.freeze):
-        raise ValueError("loss.sampled: the flow's latents are those of the encoder as it is; give --uniart_vae.freeze front encoder")  # fmt: skip
+        raise ValueError(
+            "loss.sampled: the flow's latents are those of the encoder as it is; "
+            "give --uniart_vae.freeze front encoder"
+        )
     names = ("image_encoder", "latent_flow")
     for folder in (workdir / "export", source):
         if folder is not None and all(has_export(folder, f"{n}.safetensors") for n in names):
-            parameters = tuple(load_network(folder, n, build(n, config.model).abstract()) for n in names)  # fmt: skip
+            parameters = tuple(
+                load_network(folder, n, build(n, config.model).abstract()) for n in names
+            )
             return parameters, read_statistics(folder, "latent")
-    raise FileNotFoundError("loss.sampled: needs a trained image encoder and latent flow; give a checkpoint that has them as --init")  # fmt: skip
+    raise FileNotFoundError(
+        "loss.sampled: needs a trained image encoder and latent flow; "
+        "give a checkpoint that has them as --init"
+    )
 
 
 def make_put(name: str, mesh: jax.sharding.Mesh) -> Callable[[dict[str, Any]], dict[str, Any]]:
@@ -430,7 +440,8 @@ def make_step(
     Args:
       network, optimizer: those that the state is made by.
       statistics: of the latents (``encode_all``), for a flow.
-      source: the checkpoint that WORKDIR goes on from, whose latent flow a UniArt VAE is shown samples of (``loss.sampled``).
+      source: the checkpoint that WORKDIR goes on from, whose latent flow a UniArt VAE is shown
+        samples of (``loss.sampled``).
     """
     stage, given = getattr(config, name), None
     extra = list((statistics or {}).get(name.removesuffix("_flow"), ()))

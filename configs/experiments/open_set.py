@@ -6,7 +6,8 @@ Command: uniart experiment open_set                             nano size
 What varies: the test objects, so nothing is paired: difference and share kept have intervals of two independent bootstraps over objects.
 Expected (the paper, RS / AS): PSNR 28.52 / 23.77 seen, 22.31 / 19.05 unseen; Chamfer distance .0095 / .0376 seen, .0173 / .0501 unseen. Its text says that over
       85 % of the closed-set performance is kept "across all metrics"; its own figures are 78 to 80 % of PSNR and 55 to 75 % of Chamfer distance.
-Nano: the shipped model as it is, nothing is trained: seven seen families, six unseen ones. seen_vae and unseen_vae are the truth's voxels through the UniArt VAE
+Nano: the shipped model as it is, nothing is trained: seven seen families, six unseen ones. seen_vae
+  and unseen_vae are the truth's voxels through the UniArt VAE
       alone: what the representation and its code make of such objects, whatever a generator does. Seen families also differ from unseen ones in how hard
       they are.
 Hardware and time, nano: one CPU core; sampling alone, about 8 s an object and arm.

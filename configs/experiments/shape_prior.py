@@ -5,8 +5,9 @@ Command: uniart experiment shape_prior                          nano size
 What varies: what the networks begin with. Paper size: TRELLIS's weights, or drawn at random (DINOv2, frozen, in both).
 Expected (the paper, RS / AS): PSNR 28.52 / 23.77 with, 13.24 / 11.76 without; Chamfer distance .0095 / .0376 with, .0572 / .0763 without.
 Nano: the structure flow alone, which knows nothing of parts and joints, as TRELLIS does not. Its prior is the shipped model's, made on 22,000 objects
-      of seven families; it is trained on 300 objects of ten families that the shipped model has never seen, and judged on others of six of them: a large prior of other things, a small
-      set of the things wanted, as in the paper. prior_alone is the shipped model without that training.
+      of seven families; it is trained on 300 objects of ten families that the shipped model has
+      never seen, and judged on others of six of them: a large prior of other things, a small set of
+      the things wanted, as in the paper. prior_alone is the shipped model without that training.
 What the twin does not test: 'scratch' is not without the prior: only its structure flow begins at random. The image encoder that it reads and the structure VAE whose
       latent it makes are the shipped model's in both arms, trained on the seven families, and so is the threshold on occupancy (-1.5), chosen for the
       shipped flow. So it tests a prior in the flow alone, not in all networks. Nor does it say anything about articulation.
@@ -29,7 +30,18 @@ from uniart_jax.experiments.design import (
 )
 
 CONFIGS = Path(__file__).parent.parent
-UNKNOWN = ("toilet", "laptop", "trash_can", "bottle", "swivel_chair", "scissors", "faucet", "box", "sliding_window", "door")  # fmt: skip
+UNKNOWN = (
+    "toilet",
+    "laptop",
+    "trash_can",
+    "bottle",
+    "swivel_chair",
+    "scissors",
+    "faucet",
+    "box",
+    "sliding_window",
+    "door",
+)
 RECORDS = Records("data-cache/experiments-unseen", families=UNKNOWN, count=300)
 
 

@@ -155,11 +155,14 @@ def test_an_open_surface_with_an_odd_number_of_faces_does_not_crash():
 
 
 def test_sheets_that_come_to_touch_do_not_keep_all_faces():
-    """A bumpy solid full of thin places, where simplifying brings vertices of two sheets into one place."""
+    """A bumpy solid full of thin places, where simplifying brings vertices of two sheets into one
+    place."""
     rng = np.random.default_rng(0)
     grid = (np.arange(64) + 0.5) / 64 - 0.5
     at = np.stack(np.meshgrid(grid, grid, grid, indexing="ij"), -1)
-    field = (np.abs(at) - 0.4).max(-1) * 64 + 4 * ndimage.gaussian_filter(rng.normal(size=(64,) * 3), 1) * 8  # fmt: skip
+    field = (np.abs(at) - 0.4).max(-1) * 64 + 4 * ndimage.gaussian_filter(
+        rng.normal(size=(64,) * 3), 1
+    ) * 8
     field = np.pad(field, 1, constant_values=9.0)
     vertices, faces, _, _ = measure.marching_cubes(field, 0)
     bumpy = max(trimesh.Trimesh(vertices / 64, faces).split(), key=lambda m: len(m.faces))

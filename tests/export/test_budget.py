@@ -1,4 +1,5 @@
-"""Few convex shapes: budgets are kept, walls stay walls, other parts' room stays free, and the error is measured right."""
+"""Few convex shapes: budgets are kept, walls stay walls, other parts' room stays free, and the
+error is measured right."""
 
 from __future__ import annotations
 
@@ -26,7 +27,9 @@ def body(*shapes: Box) -> Body:
 
 def boxed(shapes) -> trimesh.Trimesh:
     """The surface of boxes."""
-    solids = [trimesh.creation.box(bounds=[s.center - s.size / 2, s.center + s.size / 2]) for s in shapes]  # fmt: skip
+    solids = [
+        trimesh.creation.box(bounds=[s.center - s.size / 2, s.center + s.size / 2]) for s in shapes
+    ]
     return trimesh.boolean.union(solids, engine="manifold")
 
 

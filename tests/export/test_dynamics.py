@@ -51,7 +51,8 @@ def test_a_flap_is_held_by_the_moment_of_its_weight():
     ],
 )
 def test_a_hand_starts_every_joint_whatever_it_weighs(joint, scale):
-    """From 1 g to 1,350 kg: between 5 and 22 N at the handle, measured by what holds the joint at rest."""
+    """From 1 g to 1,350 kg: between 5 and 22 N at the handle, measured by what holds the joint at
+    rest."""
     obj = two_parts(joint, scale)
     inertials = part_inertials([p.mesh for p in obj.parts], obj.scale, None, None)
     found, handle = joint_dynamics(obj, inertials)[1], handles(obj)[1]

@@ -1,4 +1,5 @@
-"""A UniArt VAE whose decoder sees a layout: begins as it was, ignores padding, copies what its pointers name."""
+"""A UniArt VAE whose decoder sees a layout: begins as it was, ignores padding, copies what its
+pointers name."""
 
 import jax
 import jax.numpy as jnp
@@ -74,7 +75,11 @@ def test_boxes_joints_and_parents_are_copied_from_the_row_that_wins():
     logits[:, 0, 5:7, 1] = 9
     logits[:, 0, 7, 4] = 9
     more = Refinement(jnp.zeros(0), jnp.zeros(0), jnp.asarray(logits), jnp.asarray(picks))
-    other = {"own_box": jnp.full((2, 1, 8, 6), 5.0), "joint_code": jnp.full((2, 1, 9), 5.0), "parent_box": jnp.full((2, 1, 6), 5.0)}  # fmt: skip
+    other = {
+        "own_box": jnp.full((2, 1, 8, 6), 5.0),
+        "joint_code": jnp.full((2, 1, 9), 5.0),
+        "parent_box": jnp.full((2, 1, 6), 5.0),
+    }
     out = pointed(table, more, other)
     for b in range(2):
         np.testing.assert_array_equal(out["own_box"][b, 0, :5], np.tile(table.boxes[b, 2], (5, 1)))

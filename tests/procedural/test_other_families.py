@@ -1,4 +1,5 @@
-"""What the families beyond the seven add: screws of both hands, fixed parts, trees three deep, and parts that survive the voxels."""
+"""What the families beyond the seven add: screws of both hands, fixed parts, trees three deep, and
+parts that survive the voxels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A hand that pulls at the handle with 25 N opens every joint of light objects and of heavy ones."""
+"""A hand that pulls at the handle with 25 N opens every joint of light objects and of heavy
+ones."""
 
 from __future__ import annotations
 

@@ -71,8 +71,9 @@ def voxel_batches(
       shares: parts of a process's items whose attention is planned apart, one for each of its devices (``nn.voxel_plans.voxel_plans``).
       shown: with a random view ``image`` [B, H, W, 3] and ``plans["flow"]``, for ``loss.sampled``.
 
-    A decoder that sees layouts gets ``layout``, a ``voxels.part_table.PartTable`` with ``data.layout_errors`` in it, and ``layout_rows`` [B, K], the
-    layout's row of each true part, -1 where it is lost.
+    A decoder that sees layouts gets ``layout``, a ``voxels.part_table.PartTable`` with
+    ``data.layout_errors`` in it, and ``layout_rows`` [B, K], the layout's row of each true part, -1
+    where it is lost.
 
     Raises:
       FileNotFoundError, ValueError: no records, another grid than the model's, no features that the model reads, fewer records than a batch, a share out of range, or a
@@ -83,7 +84,9 @@ def voxel_batches(
     if not 0 <= data.new_joints <= 1:
         raise ValueError(f"data: new_joints must be in 0..1, got {data.new_joints}")
     if shown and data.voxel_crop:
-        raise ValueError("data: a latent flow sees whole objects; with loss.sampled set data.voxel_crop 0")  # fmt: skip
+        raise ValueError(
+            "data: a latent flow sees whole objects; with loss.sampled set data.voxel_crop 0"
+        )
     source, sizes = open_records(records, model.grid, split, model.uniart_vae.feature_channels)
     seed = data.seed if seed is None else seed
     known, widths = usable(sizes, data, model.grid)

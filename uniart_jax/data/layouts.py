@@ -85,7 +85,8 @@ def shown_object(seed: int, families: tuple[str, ...], rng: np.random.Generator)
 
 
 def encodable_state(closed: ArticulatedObject, rng: np.random.Generator):
-    """An object at a random shown state, and its ``encode_object``; None if no state of ``STATES`` can be encoded."""
+    """An object at a random shown state, and its ``encode_object``; None if no state of ``STATES``
+    can be encoded."""
     for _ in range(STATES):
         obj = sample_state(closed, rng)
         try:
@@ -189,7 +190,10 @@ def claim_folder(folder: str | Path, settings: LayoutSettings) -> None:
         partial.write_text(text)
         os.replace(partial, path)
     elif path.read_text() != text:
-        raise ValueError(f"{folder}: holds layouts of other settings ({_differing(path, settings)}); give another folder")  # fmt: skip
+        raise ValueError(
+            f"{folder}: holds layouts of other settings ({_differing(path, settings)}); "
+            "give another folder"
+        )
 
 
 def _differing(path: Path, settings: LayoutSettings) -> str:

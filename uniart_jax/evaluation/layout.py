@@ -161,7 +161,9 @@ def evaluate_layout(
 
 def _read(path: Path) -> Layout:
     if not path.is_file():
-        raise FileNotFoundError(f"evaluate layout: no '{path}'; give one <index>.json for each object")  # fmt: skip
+        raise FileNotFoundError(
+            f"evaluate layout: no '{path}'; give one <index>.json for each object"
+        )
     return Layout.from_json(path.read_text())
 
 

@@ -6,7 +6,8 @@ One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown st
     vae                truth -> voxels -> UniArt VAE -> object
     latent_flow        image + true active voxels -> latent flow -> object
     image_to_object    image -> object: the model
-                       (these three follow the layout found in the image, where the checkpoint has a layout network)
+                       (these three follow the layout found in the image, where the checkpoint has a
+                       layout network)
     without_layout     the same voxels, their parts and joints read off themselves
     retrieval          image -> the nearest training image's object (by image features), the paper's section 3
 """

@@ -1,7 +1,8 @@
 """Folders of real assets as test objects for layouts: rendered as the procedural ones are, with
 what is true of their parts.
 
-    asset -> a shown state (``objects.states``) -> one picture by ``render.sample_camera`` -> CACHE/<name>.png, CACHE/<name>.json
+    asset -> a shown state (``objects.states``) -> one picture by ``render.sample_camera`` ->
+    CACHE/<name>.png, CACHE/<name>.json
 
 The JSON holds the true layout (``voxels.layout``) and the category. Textured assets take seconds
 each, so pictures are kept and taken again from the cache; remove the folder when assets change. A

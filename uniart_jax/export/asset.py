@@ -82,13 +82,15 @@ def save_asset(
       folder: where to; made with its parents. It appears complete or not at all.
       size: metres of the longest side; default as ``obj.scale`` says.
       density: kg / m^3 of every part (default 500, light wood). mass: kg of the whole object instead.
-      collision_budget: convex shapes of the whole object at most, 16 a part (``export.budget``); None: as many as follow the surface.
+      collision_budget: convex shapes of the whole object at most, 16 a part (``export.budget``);
+        None: as many as follow the surface.
       image: the picture that the object was made from, shown beside it in ``preview.png``.
       picture: the same with its camera, of the shown state: the texture takes its colours (``export.picture_colors``).
       seed, checkpoint: what made the object, for the report. details: further entries of it, plain JSON values.
       overwrite: replace a folder that holds an asset; the old one stands until the new one is complete.
       motion: also write ``motion.gif`` (if anything moves).
-      mend: mends joints and shapes once these are known, and keeps them within the budget (``simulation.refine.mend``).
+      mend: mends joints and shapes once these are known, and keeps them within the budget
+        (``simulation.refine.mend``).
       check: looks at the written folder before it takes its place and returns the report's ``validation``
         (``simulation.validate``).
 

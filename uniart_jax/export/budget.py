@@ -1,8 +1,10 @@
-"""Fewer convex shapes: neighbours joined by least volume error until an object keeps within a budget.
+"""Fewer convex shapes: neighbours joined by least volume error until an object keeps within a
+budget.
 
-Simulators with thousands of copies pay for every shape. Two shapes of a part are joined to a box or a hull; first those whose union changes
-least, and those last that would stand where another part is on any joint's way. So walls of a drawer, which five boxes say, stay
-walls, and what is cut into dozens of wedges becomes as coarse as the budget asks for.
+Simulators with thousands of copies pay for every shape. Two shapes of a part are joined to a box or
+a hull; first those whose union changes least, and those last that would stand where another part is
+on any joint's way. So walls of a drawer, which five boxes say, stay walls, and what is cut into
+dozens of wedges becomes as coarse as the budget asks for.
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ def within_budget(
     """The bodies with at most ``budget`` shapes together and 16 each, but one a part at least.
 
     Args:
-      obj: any object. bodies, meshes: [K] of its parts (``export.bodies.make_bodies``); meshes in object units.
+      obj: any object. bodies, meshes: [K] of its parts (``export.bodies.make_bodies``); meshes in
+        object units.
 
     Raises:
       ValueError: a budget below 1.
@@ -91,9 +94,11 @@ def shape_count(bodies: Sequence[Body]) -> int:
 
 
 def volume_error(mesh: trimesh.Trimesh, shapes: Sequence[Shape]) -> float:
-    """What shapes hold too much and too little of a solid, as a share of the volume of the solid's convex hull.
+    """What shapes hold too much and too little of a solid, as a share of the volume of the solid's
+    convex hull.
 
-    Measured at 8,192 points of a Halton sequence in the box of both. 0 for a solid without a volume.
+    Measured at 8,192 points of a Halton sequence in the box of both. 0 for a solid without a
+    volume.
     """
     solids = [_half_spaces(as_solid(shape)) for shape in shapes]
     corners = np.concatenate([mesh.bounds, *(_bounds(as_solid(s)) for s in shapes)])
@@ -127,7 +132,8 @@ def _halton(count: int) -> np.ndarray:
 
 
 def _simplest(part: _Merger, mesh: trimesh.Trimesh, size: float) -> tuple[tuple[Shape, ...], float]:
-    """The shapes of a part, or one box or hull where that is as good by its measured error; and the error."""
+    """The shapes of a part, or one box or hull where that is as good by its measured error; and the
+    error."""
     shapes = part.shapes(size)
     error = volume_error(mesh, shapes)
     if len(shapes) < 2:
@@ -190,11 +196,13 @@ class _Merger:
         return sum(piece is not None for piece in self.pieces)
 
     def next_cost(self) -> float:
-        """Cubic metres that the next step adds or loses, and the toll; infinite if there is none."""
+        """Cubic metres that the next step adds or loses, and the toll; infinite if there is
+        none."""
         return min(self._next_join(), MISSING * self._least_unique()[0])
 
     def step(self) -> None:
-        """The cheapest pair becomes one, or the piece that is missed the least is left out, if the part stays as long."""
+        """The cheapest pair becomes one, or the piece that is missed the least is left out, if the
+        part stays as long."""
         lost, least = self._least_unique()
         if MISSING * lost < self._next_join():
             self._remove(least)
@@ -266,7 +274,8 @@ class _Merger:
         return [piece for piece in self.pieces if piece is not None]
 
     def shapes(self, size: float) -> tuple[Shape, ...]:
-        """What is left as shapes; slivers are dropped unless nothing else is left. ``size``: longest side of the object."""
+        """What is left as shapes; slivers are dropped unless nothing else is left. ``size``:
+        longest side of the object."""
         found = []
         for i, piece in enumerate(self.pieces):
             if piece is not None:
@@ -339,7 +348,8 @@ def _common_bounds(bounds: np.ndarray) -> np.ndarray:
 
 
 def _common_frame(shapes: Sequence[Shape]) -> np.ndarray | None:
-    """[3, 3] of boxes that all lie along the same axes; None if they do not, or are not all boxes."""
+    """[3, 3] of boxes that all lie along the same axes; None if they do not, or are not all
+    boxes."""
     if not all(isinstance(s, Box) for s in shapes):
         return None
     frames = [np.asarray(s.rotation) for s in shapes if isinstance(s, Box)]
@@ -357,7 +367,8 @@ def _barred(
     shapes: Sequence[Shape],
     size: float,
 ) -> np.ndarray:
-    """[n, 3] places, in the frame of part k, that other parts hold at rest, as shown or on any joint's way, and its shapes do not."""
+    """[n, 3] places, in the frame of part k, that other parts hold at rest, as shown or on any
+    joint's way, and its shapes do not."""
     lo, hi = np.array([_bounds(as_solid(s)) for s in shapes]).transpose(1, 0, 2)
     lo, hi = lo.min(0), hi.max(0)
     found = []
@@ -371,7 +382,9 @@ def _barred(
             moved = points @ relative[:3, :3].T + relative[:3, 3] * obj.scale
             found.append(moved[((moved > lo) & (moved < hi)).all(1)])
     points = np.concatenate(found) if found else _NOWHERE
-    _, first = np.unique(np.floor(points / (CELL * size)).astype(np.int64), axis=0, return_index=True)  # fmt: skip
+    _, first = np.unique(
+        np.floor(points / (CELL * size)).astype(np.int64), axis=0, return_index=True
+    )
     points = points[np.sort(first)]
     for shape in shapes:
         normals, offsets = _half_spaces(as_solid(shape))
@@ -391,7 +404,8 @@ def _states(obj: ArticulatedObject) -> list[np.ndarray]:
 
 
 def _places(shapes: Sequence[Shape], size: float) -> np.ndarray:
-    """[n, 3] points in the shapes of a part, no nearer to their faces than the inset, as far as they are thick enough."""
+    """[n, 3] points in the shapes of a part, no nearer to their faces than the inset, as far as
+    they are thick enough."""
     found = []
     for shape in shapes:
         solid = as_solid(shape)
@@ -413,7 +427,8 @@ def _places(shapes: Sequence[Shape], size: float) -> np.ndarray:
 
 
 def _half_spaces(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
-    """([n, 3] unit normals, [n] offsets) of a convex solid: a point p is inside where normals @ p <= offsets."""
+    """([n, 3] unit normals, [n] offsets) of a convex solid: a point p is inside where normals @ p
+    <= offsets."""
     vertices, faces = triangles(solid)
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -1,6 +1,8 @@
-"""How joints resist: a hand opens every part whatever it weighs, none falls open or shut, and no time step of 2 ms makes one explode.
+"""How joints resist: a hand opens every part whatever it weighs, none falls open or shut, and no
+time step of 2 ms makes one explode.
 
-Doors that everybody must be able to open take 22 N at the most (2010 ADA Standards, 404.2.9: 5 lbf = 22.2 N; docs/simulation.md).
+Doors that everybody must be able to open take 22 N at the most (2010 ADA Standards, 404.2.9: 5 lbf
+= 22.2 N; docs/simulation.md).
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ STATES = 64  # drawn within the limits, beside the sweeps of each joint
 SWEEP = 11  # states of each joint's own sweep
 CLIMB = 2200  # states of all climbs at the most: whole chains of ten joints, less of longer ones
 SLOPES = 61  # stiffnesses of a spring that are tried
-# rad and m: how far off a spring's rest may lie, whose force is nearly the same everywhere. PhysX turns no target beyond 2 pi.
+# rad and m: how far off a spring's rest may lie, whose force is nearly the same everywhere. PhysX
+# turns no target beyond 2 pi.
 FAR_TURN, FAR_TRAVEL = 6.0, 1000.0
 TURN_SPEED = 6.0  # rad / s
 TRAVEL_SPEED = 2.0  # m / s
@@ -46,16 +49,19 @@ def joint_dynamics(
       obj: any object.
       inertials: per part (kg, centre of mass [3] m, tensor about it [3, 3]), object frame at the shown state.
 
-    Gravity's load on a joint, of everything that hangs on it, is looked up over its own sweep, 64 states drawn within all limits
-    and a climb from the worst of them (objects of more than ten joints: over the nearest joints of a chain only, and over none past fifty;
-    the load of a long chain's joint is then taken for too small).
+    Gravity's load on a joint, of everything that hangs on it, is looked up over its own sweep, 64
+    states drawn within all limits and a climb from the worst of them (objects of more than ten
+    joints: over the nearest joints of a chain only, and over none past fifty; the load of a long
+    chain's joint is then taken for too small).
 
-    Without a load, dry friction is 3 % of the weight, but 5 to 12 N at the handle (``export.handles``). Where 1.3 times the largest load
-    would still let 22 N at the handle start the joint, friction is that, and the part stays where it is left. Else a spring carries what a
-    spring can carry, and friction 1.15 times what is left, as far as 22 N allow; formats without springs (``Dynamics.unsprung``) get
-    friction that holds the part within 40 N at the handle, or, where that does not suffice, 22 N and a part that falls (``Dynamics.falls``), but
-    never from rest. Damping is inertia / .2 s, at most 25 N s / m at the handle. Effort is five times friction and load together plus what brings
-    the part to its top speed in 1 / 20 s.
+    Without a load, dry friction is 3 % of the weight, but 5 to 12 N at the handle
+    (``export.handles``). Where 1.3 times the largest load would still let 22 N at the handle start
+    the joint, friction is that, and the part stays where it is left. Else a spring carries what a
+    spring can carry, and friction 1.15 times what is left, as far as 22 N allow; formats without
+    springs (``Dynamics.unsprung``) get friction that holds the part within 40 N at the handle, or,
+    where that does not suffice, 22 N and a part that falls (``Dynamics.falls``), but never from
+    rest. Damping is inertia / .2 s, at most 25 N s / m at the handle. Effort is five times friction
+    and load together plus what brings the part to its top speed in 1 / 20 s.
     """
     below = [sorted(own) for own in subtrees(obj.parents)]
     states, loads = _loads_tried(obj, inertials, below)
@@ -88,13 +94,16 @@ def joint_dynamics(
         held = _held(load, float(floor), float(lever), handle, ends)
         effort = 5 * (held.alone + largest[k]) + inertia * velocity * (ACCELERATION + 1 / TIME)
         damping = min(inertia / TIME, DRAG * lever**2)
-        found.append(dataclasses.replace(held, damping=damping, effort=float(effort), velocity=velocity))  # fmt: skip
+        found.append(
+            dataclasses.replace(held, damping=damping, effort=float(effort), velocity=velocity)
+        )
     return tuple(found)
 
 
 @dataclasses.dataclass(frozen=True)
 class _Load:
-    """What gravity does to a joint: ``forces`` [n] (N m or N) push coordinates ``states`` [n] (rad or m) down, ``at_rest`` at ``rest``. ``far``: of ``FAR_*``."""
+    """What gravity does to a joint: ``forces`` [n] (N m or N) push coordinates ``states`` [n] (rad
+    or m) down, ``at_rest`` at ``rest``. ``far``: of ``FAR_*``."""
 
     states: np.ndarray
     forces: np.ndarray
@@ -106,7 +115,8 @@ class _Load:
 def _held(
     load: _Load, floor: float, lever: float, handle: Handle, ends: tuple[float, float] | None
 ) -> Dynamics:
-    """Friction, spring and the force that starts the joint; damping, effort and velocity are still to be set.
+    """Friction, spring and the force that starts the joint; damping, effort and velocity are still
+    to be set.
 
     ``ends``: None of a joint that turns for ever, which gets no spring.
     """
@@ -139,7 +149,8 @@ def _held(
 
 
 def _spring(load: _Load, ends: tuple[float, float], balanced: bool) -> tuple[float, float]:
-    """(stiffness, reference) of the spring that leaves the least of a load, at its worst; ``balanced``: and nothing of it at rest."""
+    """(stiffness, reference) of the spring that leaves the least of a load, at its worst;
+    ``balanced``: and nothing of it at rest."""
     span = max(ends[1] - ends[0], 1e-6)
     spread = float(np.ptp(load.forces))
     best, chosen = np.inf, (0.0, 0.0)
@@ -159,7 +170,8 @@ def _spring(load: _Load, ends: tuple[float, float], balanced: bool) -> tuple[flo
 def _loads_tried(
     obj: ArticulatedObject, inertials: list[Inertial], below: list[list[int]]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """([n, K] states that are tried, [n, K] gravity's load on every joint there, N m or N, which pushes its coordinate down)."""
+    """([n, K] states that are tried, [n, K] gravity's load on every joint there, N m or N, which
+    pushes its coordinate down)."""
     limits = np.array([(0.0, 0.0) if p.parent < 0 else p.joint.limits for p in obj.parts])
     moving = [k for k, (lo, hi) in enumerate(limits) if lo != hi]
     states: list[np.ndarray] = []
@@ -199,7 +211,8 @@ def _loads_tried(
 def _loads(
     obj: ArticulatedObject, inertials: list[Inertial], below: list[list[int]], q: np.ndarray
 ) -> np.ndarray:
-    """[K] gravity's load on every joint at state ``q``: how much its energy grows with the coordinate."""
+    """[K] gravity's load on every joint at state ``q``: how much its energy grows with the
+    coordinate."""
     masses = np.array([m for m, _, _ in inertials])
     centers = np.array([c for _, c, _ in inertials]) / obj.scale
     moved = obj.forward_kinematics(q)

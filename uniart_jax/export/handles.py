@@ -20,9 +20,11 @@ class Handle:
     """Of one moving part.
 
     Attributes:
-      part: index of the part that the point lies on: a handle fixed to the moving part, or that part.
+      part: index of the part that the point lies on: a handle fixed to the moving part, or that
+        part.
       point: [3] object units, object frame at the shown state.
-      lever: metres that the point goes for a unit of the joint's coordinate (rad, or m), as it turns or slides.
+      lever: metres that the point goes for a unit of the joint's coordinate (rad, or m), as it
+        turns or slides.
       opens: 1 if the coordinate grows from rest to open, else -1.
     """
 
@@ -35,8 +37,9 @@ class Handle:
 def handles(obj: ArticulatedObject) -> tuple[Handle | None, ...]:
     """[K] of every part that moves; None for the root and fixed parts.
 
-    The middle of a part called a handle, knob, grip or pull that is fixed to it; else the middle of the rim farthest from a hinge's axis,
-    of the part and what is fixed to it; of a slide the middle of the face that goes ahead when it opens.
+    The middle of a part called a handle, knob, grip or pull that is fixed to it; else the middle of
+    the rim farthest from a hinge's axis, of the part and what is fixed to it; of a slide the middle
+    of the face that goes ahead when it opens.
     """
     rest, opened = obj.rest(), obj.open()
     leaders = rigid_groups(obj)
@@ -56,7 +59,9 @@ def handles(obj: ArticulatedObject) -> tuple[Handle | None, ...]:
 def _handle(obj: ArticulatedObject, k: int, own: list[int], opens: int) -> Handle:
     """Of part k; ``own``: it and the parts that are fixed to it."""
     joint = obj.parts[k].joint
-    named = [i for i in own if i != k and HANDLE.search(f"{obj.parts[i].name} {obj.parts[i].label}")]  # fmt: skip
+    named = [
+        i for i in own if i != k and HANDLE.search(f"{obj.parts[i].name} {obj.parts[i].label}")
+    ]
     if named:
         held = named[0]
         point = obj.parts[held].mesh.bounds.mean(0)

@@ -50,9 +50,11 @@ class Dynamics:
       damping: viscous.
       friction: dry, beside the spring.
       effort, velocity: what a drive may use at most (rad / s or m / s).
-      stiffness, reference: of a spring that carries most of gravity's load: it pushes the coordinate towards ``reference`` (rad or m). 0: none.
+      stiffness, reference: of a spring that carries most of gravity's load: it pushes the
+        coordinate towards ``reference`` (rad or m). 0: none.
       unsprung: dry friction where a format has no springs; None: the same as ``friction``.
-      start: newtons at the handle that start the joint from rest, with the spring; None if nobody asked.
+      start: newtons at the handle that start the joint from rest, with the spring; None if nobody
+        asked.
       falls: whether gravity moves the part, from some states, where there is no spring.
     """
 
@@ -82,8 +84,8 @@ class Body:
       inertia: [3, 3] tensor about ``center``, kg m^2, object frame's axes.
       shapes: convex pieces that together stand for the part in collisions; at least one.
       dynamics: of the joint to its parent; None for the root and fixed parts.
-      volume_error: what the shapes hold too much and too little, as a share of the part's convex hull (``export.budget``); None if
-        nobody measured it.
+      volume_error: what the shapes hold too much and too little, as a share of the part's convex
+        hull (``export.budget``); None if nobody measured it.
     """
 
     mass: float

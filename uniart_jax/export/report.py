@@ -29,9 +29,10 @@ def make_report(
       seed, checkpoint: what made the object; None and "" if it was not sampled.
       notes: what a written format cannot say, a line each; the object's own provenance stands before them.
 
-    ``handle`` of a moving part: the ``point`` to hold, on ``part``; ``opens``: whether its coordinate grows (1) or falls (-1) on the way;
-    ``start_force`` newtons there start it. ``rest`` maps every moving joint, by its name in the URDF, to its coordinate at rest. ``validation`` is absent until a physics
-    engine has run.
+    ``handle`` of a moving part: the ``point`` to hold, on ``part``; ``opens``: whether its
+    coordinate grows (1) or falls (-1) on the way; ``start_force`` newtons there start it. ``rest``
+    maps every moving joint, by its name in the URDF, to its coordinate at rest. ``validation`` is
+    absent until a physics engine has run.
     """
     parts = []
     held = handles(obj)

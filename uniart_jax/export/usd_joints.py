@@ -37,7 +37,8 @@ def set_limits(joint, limits) -> None:
 
 
 def set_dynamics(joint, dynamics: Dynamics, kind: str) -> None:
-    """Damping, effort and the spring as a UsdPhysics drive; dry friction and velocity, which UsdPhysics lacks, as PhysX's schemas.
+    """Damping, effort and the spring as a UsdPhysics drive; dry friction and velocity, which
+    UsdPhysics lacks, as PhysX's schemas.
 
     Args:
       kind: 'angular' (then UsdPhysics and PhysX count in degrees; torques stay N m) or 'linear'.

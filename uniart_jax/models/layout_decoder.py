@@ -1,12 +1,13 @@
-"""The part of the UniArt VAE's decoder that sees a layout: flat faces where its boxes are, and pointers to its rows.
+"""The part of the UniArt VAE's decoder that sees a layout.
 
-    before   what voxels see of the layout (``models.layout_features``) is added to the trunk's input
-    after    an MLP of the trunk's output and the same features adds to the output, and to distances and colours at once,
-             which are more numbers than the trunk is wide
-    pointer  each sub-cell chooses among its voxel's nearest rows, and none; own box, joint code and parent are copied
-             from the row that wins, so that they are exact
+    before   what voxels see of the layout (``models.layout_features``) is added to the trunk's
+             input
+    after    an MLP of the trunk's output and the same features adds to the output, and directly
+             to distances and colours, which are more numbers than the trunk is wide
+    pointer  each sub-cell chooses one of its voxel's nearest rows of the layout, or none; own box,
+             joint code and parent are copied from the chosen row, so that they are exact
 
-All layers that add begin at zero, so that a decoder without a layout goes on as it was.
+All layers that add begin at zero: a decoder that had no layout keeps its function at first.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ class Refinement(NamedTuple):
     """What the layout adds at voxels [B, Q].
 
     Attributes:
-      hidden: [B, Q, width]. geometry: [B, Q, 4 r^3]. pointer: [B, Q, r^3, N + 1] logits, the last for none.
+      hidden: [B, Q, width]. geometry: [B, Q, 4 r^3]. pointer: [B, Q, r^3, N + 1] logits, the last
+        for none.
       picks: [B, Q, N, K] one-hot rows of the candidates, zero where there are fewer.
     """
 
@@ -79,7 +81,8 @@ class LayoutDecoder(nnx.Module):
 
 
 def pointed(table: PartTable, more: Refinement, out: dict[str, jax.Array]) -> dict[str, jax.Array]:
-    """The pointer's entries of what the decoder returns, and boxes, joint and parent copied from the rows that win.
+    """The pointer's entries of what the decoder returns, and boxes, joint and parent copied from
+    the rows that win.
 
     A voxel's joint and parent are those of the row to which most of its sub-cells point.
     """
@@ -87,7 +90,10 @@ def pointed(table: PartTable, more: Refinement, out: dict[str, jax.Array]) -> di
     own = copied(table.boxes, more.picks, chosen, out["own_box"])
     most = jax.nn.one_hot(chosen.sum(2).argmax(-1), chosen.shape[-1])[:, :, None]
     parent = jnp.take_along_axis(table.boxes, table.parents[..., None], 1, mode="clip")
-    one = lambda rows, other: copied(rows, more.picks, most, other[:, :, None])[:, :, 0]  # noqa: E731
+
+    def one(rows, other):
+        return copied(rows, more.picks, most, other[:, :, None])[:, :, 0]
+
     return {
         "pointer": more.pointer,
         "rows": jnp.where(more.picks.sum(-1) > 0, more.picks.argmax(-1), -1),
@@ -98,7 +104,8 @@ def pointed(table: PartTable, more: Refinement, out: dict[str, jax.Array]) -> di
 
 
 def copied(rows: jax.Array, picks: jax.Array, chosen: jax.Array, other: jax.Array) -> jax.Array:
-    """[B, Q, C, D] of ``rows`` [B, K, D] what ``chosen`` [B, Q, C, N + 1] (one-hot) points at; ``other`` where it is none."""
+    """[B, Q, C, D] of ``rows`` [B, K, D] what ``chosen`` [B, Q, C, N + 1] (one-hot) points at;
+    ``other`` where it is none."""
     found = jnp.einsum("bqcn,bqnk,bkd->bqcd", chosen[..., :-1], picks, rows)
     return found + chosen[..., -1:] * other
 

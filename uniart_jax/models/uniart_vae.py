@@ -123,7 +123,8 @@ class Trunk(nnx.Module):
         counts: jax.Array | None = None,
         added: jax.Array | None = None,
     ) -> jax.Array:
-        """x [B, V, C] on coords [B, V, 3] with its window plans, or, where attention is 'full', its counts [B].
+        """x [B, V, C] on coords [B, V, 3] with its window plans, or, where attention is 'full', its
+        counts [B].
 
         ``added`` [B, V, width]: what else the first block is given."""
         if self.full and counts is None:
@@ -266,14 +267,16 @@ class UniArtVAE(nnx.Module):
         """Latent [B, V, C] -> attributes of every voxel, or only of ``voxels`` [B, Q] (indices; losses draw few).
 
         Args:
-          batch: coords, counts and plans ("window_0", "window_1"); with ``layout_channels`` the layout, a ``PartTable``.
+          batch: coords, counts and plans ("window_0", "window_1"); with ``layout_channels`` the
+            layout, a ``PartTable``.
 
         Returns:
           sdf [B, Q, r^3] in sub-cells; color [B, Q, r^3, 3] linear in [0, 1]; box_pair [B, Q, 2, 6], of the voxel's part and of another that
           shares it; foreign [B, Q, r^3], the logit of a sub-cell being the other's; own_box [B, Q, r^3, 6], the one or the other;
           joint_code [B, Q, 9]; parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is zero.
-          With ``layout_channels``, pointer [B, Q, r^3, N + 1] and rows [B, Q, N]: logits of a sub-cell being of each of the voxel's N candidate
-          rows of the layout, or of none; where one wins, own_box, joint_code and parent_box are the row's.
+          With ``layout_channels``, pointer [B, Q, r^3, N + 1] and rows [B, Q, N]: logits of a
+          sub-cell being of each of the voxel's N candidate rows of the layout, or of none; where
+          one wins, own_box, joint_code and parent_box are the row's.
         """
         valid = valid_tokens(batch["counts"], latent.shape[1])
         latent = jnp.where(valid, latent, 0)

@@ -3,13 +3,15 @@
 ``generate(family, seed)`` is a pure function of its arguments. Objects are normalised, at rest (closed), z up, front at -x,
 with their metric size in ``scale``. Seeds from ``HELD_OUT_SEED`` on are never trained on.
 
-A family is a module ``procedural/<family>.py`` with ``build(rng) -> ArticulatedObject`` in metres, and its name in one of
-three tuples: ``SEEN_FAMILIES``, the paper's seven seen categories; ``MORE_FAMILIES``, which networks of the wide world are
-trained on besides; ``UNSEEN_FAMILIES``, which nothing is ever trained on. Appending to a tuple leaves the objects of the
-other families as they are, since names seed the generator.
+A family is a module ``procedural/<family>.py`` with ``build(rng) -> ArticulatedObject`` in metres,
+and its name in one of three tuples: ``SEEN_FAMILIES``, the paper's seven seen categories;
+``MORE_FAMILIES``, which networks of the wide world are trained on besides; ``UNSEEN_FAMILIES``,
+which nothing is ever trained on. Appending to a tuple leaves the objects of the other families as
+they are, since names seed the generator.
 
-What a training draws from is a *world*, a tuple of families taken in turn or at random, of ``WORLDS``: "seven", or "wide",
-in which half of the objects are of the seven and half, evenly, of the others.
+What a training draws from is a *world*, a tuple of families taken in turn or at random, of
+``WORLDS``: "seven", or "wide", in which half of the objects are of the seven and half, evenly, of
+the others.
 """
 
 from __future__ import annotations
@@ -60,7 +62,8 @@ FAMILIES = SEEN_FAMILIES + MORE_FAMILIES + UNSEEN_FAMILIES
 
 
 def _alternating(one: tuple[str, ...], other: tuple[str, ...]) -> tuple[str, ...]:
-    """The shortest cycle in which every second name is of ``one`` and each tuple is taken in turn, evenly."""
+    """The shortest cycle in which every second name is of ``one`` and each tuple is taken in turn,
+    evenly."""
     count = math.lcm(len(one), len(other))
     pairs = ((one[k % len(one)], other[k % len(other)]) for k in range(count))
     return tuple(name for pair in pairs for name in pair)
@@ -105,7 +108,8 @@ def generate(family: str, seed: int) -> ArticulatedObject:
 
 
 def draw(seed: int, families: tuple[str, ...] = SEEN_FAMILIES) -> ArticulatedObject:
-    """An object of a family that the seed chooses among ``families``, each place equally likely (a world names some twice)."""
+    """An object of a family that the seed chooses among ``families``, each place equally likely (a
+    world names some twice)."""
     family = families[int(np.random.default_rng([seed, 0]).integers(len(families)))]
     return generate(family, seed)
 

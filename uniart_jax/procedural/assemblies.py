@@ -1,8 +1,10 @@
-"""Assemblies: random trees of boxes, plates, rods and rounds with every type of joint, so that no category gives a joint away.
+"""Assemblies: random trees of boxes, plates, rods and rounds with every type of joint, so that no
+category gives a joint away.
 
-A part sits on a face of its parent, hinges there, turns on a pin, slides along it, is a piston or a screw in a bore or a
-drawer in a pocket. The same shapes serve for every joint; what tells joints apart is what a mechanic would look at (pins,
-barrels, rails, bores), and that is shown in most cases but not in all.
+A part sits on a face of its parent, hinges there, turns on a pin, slides along it, is a piston or a
+screw in a bore or a drawer in a pocket. The same shapes serve for every joint; what tells joints
+apart is what a mechanic would look at (pins, barrels, rails, bores), and that is shown in most
+cases but not in all.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ FACES = {(0, -1): 3.0, (2, 1): 2.5, (1, -1): 1.5, (1, 1): 1.5, (0, 1): 0.15, (2,
 def build(rng: np.random.Generator) -> ArticulatedObject:
     """A random assembly, metres, all joints at the end of their range where they begin.
 
-    Solids that touch along an edge or at a point come apart when a reader merges equal vertices: such a one is drawn again.
+    Solids that touch along an edge or at a point come apart when a reader merges equal vertices:
+    such a one is drawn again.
     """
     while True:
         obj = _draw(rng)
@@ -88,7 +91,8 @@ def _finish(rng: np.random.Generator, palette: list[Material]) -> Material:
 
 
 def _solid(rng: np.random.Generator, lo, hi, kind: str, axis: int) -> Manifold:
-    """A solid that fills a box: 'box', 'round' or 'hex' about ``axis``, 'frame' open along its thinnest side, 'tray'."""
+    """A solid that fills a box: 'box', 'round' or 'hex' about ``axis``, 'frame' open along its
+    thinnest side, 'tray'."""
     size = hi - lo
     if kind == "round":
         u, v = (axis + 1) % 3, (axis + 2) % 3
@@ -137,11 +141,20 @@ def _grow(rng, pieces: list[Piece], palette) -> Candidate | None:
     shares = np.array(list(FACES.values()))
     i, s = faces[rng.choice(len(faces), p=shares / shares.sum())]
     names = list(MANNERS)
-    manner = names[rng.choice(len(names), p=np.array(list(MANNERS.values())) / sum(MANNERS.values()))]  # fmt: skip
+    manner = names[
+        rng.choice(len(names), p=np.array(list(MANNERS.values())) / sum(MANNERS.values()))
+    ]
     room = seat.hi - seat.lo
     if np.delete(room, i).min() < 0.07:
         return None
-    make = {"turn": _turning, "arm": _turning, "flap": _flap, "slide": _sliding, "piston": _piston, "drawer": _drawer}  # fmt: skip
+    make = {
+        "turn": _turning,
+        "arm": _turning,
+        "flap": _flap,
+        "slide": _sliding,
+        "piston": _piston,
+        "drawer": _drawer,
+    }
     more = {"arm": True} if manner == "arm" else {}
     return make[manner](rng, seat, parent, i, s, palette, **more)
 
@@ -152,14 +165,16 @@ def _span(i: int, s: int, start: float, h: float) -> tuple[float, float]:
 
 
 def _box_on(rng, seat: Piece, i: int, s: int, size: np.ndarray, place: np.ndarray):
-    """Corners of a box of ``size`` that sits on face (i, s), its middle at ``place`` in the other axes."""
+    """Corners of a box of ``size`` that sits on face (i, s), its middle at ``place`` in the other
+    axes."""
     lo, hi = place - size / 2, place + size / 2
     lo[i], hi[i] = _span(i, s, (seat.hi if s > 0 else seat.lo)[i] + s * AIR, size[i])
     return lo, hi
 
 
 def _place(rng, seat: Piece, i: int, size: np.ndarray) -> np.ndarray:
-    """A middle for a box of ``size`` on a face: in the centre, flush with an edge, or anywhere within."""
+    """A middle for a box of ``size`` on a face: in the centre, flush with an edge, or anywhere
+    within."""
     place = (seat.lo + seat.hi) / 2
     for axis in range(3):
         if axis == i:
@@ -234,7 +249,9 @@ def _flap(rng, seat, parent, i, s, palette) -> Candidate | None:
     whole = rng.random() < 0.4
     size[j] = room[j] * (1.0 if whole else float(rng.uniform(0.3, 1.0)))
     size[k] = room[k] * (1.0 if whole or rng.random() < 0.4 else float(rng.uniform(0.3, 1.0)))
-    size[i] = float(rng.uniform(0.03, 0.12)) if rng.random() < 0.75 else float(rng.uniform(0.1, 0.5))  # fmt: skip
+    size[i] = (
+        float(rng.uniform(0.03, 0.12)) if rng.random() < 0.75 else float(rng.uniform(0.1, 0.5))
+    )
     if size[[j, k]].min() < 0.07:
         return None
     place = _place(rng, seat, i, size)

@@ -1,4 +1,5 @@
-"""Casement windows: a frame with one to four sashes hinged at the side, the top or the bottom, handles that turn; shutters."""
+"""Casement windows: a frame with one to four sashes hinged at the side, the top or the bottom,
+handles that turn; shutters."""
 
 from __future__ import annotations
 
@@ -36,14 +37,19 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     light = rng.random() < 0.25 and height > 0.8  # a row of small ones above the others, or below
     if light:
         share = float(rng.uniform(0.22, 0.35))
-        levels.insert(1, levels[0] + (share if rng.random() < 0.2 else 1 - share) * (levels[1] - levels[0]))  # fmt: skip
+        levels.insert(
+            1, levels[0] + (share if rng.random() < 0.2 else 1 - share) * (levels[1] - levels[0])
+        )
     bays = []  # lo (y, z), hi (y, z)
     for low, high in itertools.pairwise(levels):
         whole = light and high - low < 0.5 * height and rng.random() < 0.5
         edges = [sides[0], sides[-1]] if whole else list(sides)
         for a, b in itertools.pairwise(edges):
             lo = [a if a == edges[0] else a + post / 2, low if low == levels[0] else low + post / 2]
-            hi = [b if b == edges[-1] else b - post / 2, high if high == levels[-1] else high - post / 2]  # fmt: skip
+            hi = [
+                b if b == edges[-1] else b - post / 2,
+                high if high == levels[-1] else high - post / 2,
+            ]
             bays.append((np.array(lo), np.array(hi)))
 
     asm, frame = Assembly(), Shape()
@@ -117,7 +123,8 @@ class _Look:
 
 
 def _pane(shape: Shape, lo, hi, look: _Look, rail: float, unit: float) -> None:
-    """Rails round a pane of glass with glazing bars, between two corners [3]; or louvres, or a board."""
+    """Rails round a pane of glass with glazing bars, between two corners [3]; or louvres, or a
+    board."""
     if look.kind != "glass":
         style = FrontStyle(
             look.kind, "none", look.face, look.face.darker(0.9), look.glass, look.metal, look.face,
@@ -147,10 +154,19 @@ def _pane(shape: Shape, lo, hi, look: _Look, rail: float, unit: float) -> None:
 
 
 def _fixed_pane(frame: Shape, lo, hi, depth: float, look: _Look, unit: float) -> None:
-    _pane(frame, np.array([0.3 * depth, *lo]), np.array([0.8 * depth, *hi]), look, 0.6 * look.rail, unit)  # fmt: skip
+    _pane(
+        frame,
+        np.array([0.3 * depth, *lo]),
+        np.array([0.8 * depth, *hi]),
+        look,
+        0.6 * look.rail,
+        unit,
+    )
 
 
-def _sash(asm: Assembly, root: int, lo, hi, edge: str, look: _Look, unit: float, handle: str) -> None:  # fmt: skip
+def _sash(
+    asm: Assembly, root: int, lo, hi, edge: str, look: _Look, unit: float, handle: str
+) -> None:
     """A hinged sash over the bay between (y, z) corners; its handle at the free edge."""
     size = (hi - lo).min()
     if look.inset:
@@ -182,7 +198,9 @@ def _sash(asm: Assembly, root: int, lo, hi, edge: str, look: _Look, unit: float,
     if handle == "lever":  # its plate
         y, z = _grip(lo, hi, edge, look, unit)
         a, b = (0.9, 2.6) if axis == 1 else (2.6, 0.9)
-        plate = box([lo[0] - 0.5 * unit, y - a * unit, z - b * unit], [lo[0], y + a * unit, z + b * unit])  # fmt: skip
+        plate = box(
+            [lo[0] - 0.5 * unit, y - a * unit, z - b * unit], [lo[0], y + a * unit, z + b * unit]
+        )
         shape.add(plate, look.metal)
     sash = asm.add("sash", shape, root, hinge(at, _OPENING[edge], swing))
     if handle == "lever":

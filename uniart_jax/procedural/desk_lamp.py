@@ -1,4 +1,5 @@
-"""Desk lamps: a foot, two to four hinged arms, a head that tilts; arms side by side, in forks, or as a bar of light."""
+"""Desk lamps: a foot, two to four hinged arms, a head that tilts; arms side by side, in forks, or
+as a bar of light."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ from uniart_jax.procedural.shapes import (
 def build(rng: np.random.Generator) -> ArticulatedObject:
     """A desk lamp, metres, folded as it stands on a desk.
 
-    Made in the plane of its arms (x, z), in which it bends towards -x, and turned about z at the end.
+    Made in the plane of its arms (x, z), in which it bends towards -x, and turned about z at the
+    end.
     """
     count = int(rng.choice([1, 2, 3, 4], p=[0.15, 0.5, 0.25, 0.1]))
     total = float(rng.uniform(0.45, 0.95))
@@ -42,7 +44,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     air = 0.35 * unit
     layer = 1.5 * radius  # thickness of an arm across the plane
     spread = np.deg2rad(yaw)
-    turned = np.array([[np.cos(spread), -np.sin(spread), 0], [np.sin(spread), np.cos(spread), 0], [0, 0, 1]])  # fmt: skip
+    turned = np.array(
+        [[np.cos(spread), -np.sin(spread), 0], [np.sin(spread), np.cos(spread), 0], [0, 0, 1]]
+    )
 
     points = [np.array([0.0, 0.0, 0.0])]
     foot_high, post = float(rng.uniform(0.015, 0.03)), float(rng.uniform(0.02, 0.12)) * total
@@ -106,7 +110,8 @@ def _pose(rng: np.random.Generator, count: int) -> list[float]:
 
 
 def _layers(count: int, layer: float, air: float, fork: bool) -> list[list[tuple[float, float]]]:
-    """Spans in y of the post, the arms and the head: neighbours lie side by side, or every second one is a fork."""
+    """Spans in y of the post, the arms and the head: neighbours lie side by side, or every second
+    one is a fork."""
     middle = (-layer / 2, layer / 2)
     if fork:
         outer = [(layer / 2 + air, 1.2 * layer + air), (-1.2 * layer - air, -layer / 2 - air)]
@@ -117,8 +122,11 @@ def _layers(count: int, layer: float, air: float, fork: bool) -> list[list[tuple
 
 
 def _bar(a, b, radius: float, span: tuple[float, float], thin: float = 1.0) -> Manifold:
-    """A flat bar with round ends from a to b, between two y; ``thin``: its width amid, of the ends'."""
-    ends = [cylinder("y", [p[0], span[0], p[2]], span[1] - span[0], radius, segments=18) for p in (a, b)]  # fmt: skip
+    """A flat bar with round ends from a to b, between two y; ``thin``: its width amid, of the
+    ends'."""
+    ends = [
+        cylinder("y", [p[0], span[0], p[2]], span[1] - span[0], radius, segments=18) for p in (a, b)
+    ]
     way = (b - a) / np.linalg.norm(b - a)
     side = np.array([-way[2], 0, way[0]]) * radius * thin
     corners = [p + s * side + [0, y, 0] for p in (a, b) for s in (-1, 1) for y in span]
@@ -126,7 +134,8 @@ def _bar(a, b, radius: float, span: tuple[float, float], thin: float = 1.0) -> M
 
 
 def _foot(rng, unit, high, total, balance, paint, accent):
-    """The foot's solids with their materials, and their union: a disc, a slab, a clamp under a board."""
+    """The foot's solids with their materials, and their union: a disc, a slab, a clamp under a
+    board."""
     size = float(rng.uniform(0.13, 0.22)) * total + 0.02
     kind = str(rng.choice(["disc", "slab", "dome", "square"], p=[0.45, 0.2, 0.2, 0.15]))
     finish = paint if rng.random() < 0.6 else accent
@@ -140,13 +149,21 @@ def _foot(rng, unit, high, total, balance, paint, accent):
         rim = np.column_stack([size * np.cos(angle), 0.35 * high + 0.65 * high * np.sin(angle)])
         solid = revolution(np.vstack([[[0, 0], [size, 0]], rim]), "z", at, 28)
     else:
-        deep, wide = 2 * size, 2 * size * (1.0 if kind == "square" else float(rng.uniform(0.5, 0.8)))  # fmt: skip
+        deep, wide = (
+            2 * size,
+            2 * size * (1.0 if kind == "square" else float(rng.uniform(0.5, 0.8))),
+        )
         outline = rounded(deep, wide, float(rng.uniform(0.05, 0.4)) * wide)
         solid = extrusion(outline, "z", at, high)
     pieces = [(solid, finish)]
     if rng.random() < 0.5 and abs(balance - 0.6 * size) > 6 * unit:  # a switch
         r = 1.2 * unit
-        pieces.append((cylinder("z", [balance - 0.6 * size, 0, high], 1.0 * unit, r, segments=12), materials.dark(rng)))  # fmt: skip
+        pieces.append(
+            (
+                cylinder("z", [balance - 0.6 * size, 0, high], 1.0 * unit, r, segments=12),
+                materials.dark(rng),
+            )
+        )
     return pieces, solid
 
 
@@ -172,14 +189,18 @@ def _arm(rng, a, b, radius, spans, layer, paint, accent):
         )
     pieces = [(union(bars), paint)]
     outside = max(span[1] for span in spans)
-    caps = [cylinder("y", [p[0], outside, p[2]], 0.35 * layer, 0.65 * radius, segments=14) for p in (a, b)]  # fmt: skip
+    caps = [
+        cylinder("y", [p[0], outside, p[2]], 0.35 * layer, 0.65 * radius, segments=14)
+        for p in (a, b)
+    ]
     if len(spans) == 2 or spans[0][0] > 0:
         pieces.append((union(caps), accent))
     return pieces
 
 
 def _head(rng, at, tilt: float, radius, spans, unit, total, paint, accent):
-    """A shade, a bell, a ball or a bar of light that shines along ``tilt``, hung on the last hinge."""
+    """A shade, a bell, a ball or a bar of light that shines along ``tilt``, hung on the last
+    hinge."""
     kind = str(rng.choice(["cone", "bell", "drum", "bar", "ball"], p=[0.34, 0.2, 0.14, 0.2, 0.12]))
     size = float(rng.uniform(0.09, 0.17)) * total
     glow = plain((1.0, 0.96, 0.8)) if rng.random() < 0.7 else plain((0.93, 0.93, 0.9))
@@ -206,7 +227,9 @@ def _head(rng, at, tilt: float, radius, spans, unit, total, paint, accent):
         outer = [[top, z0], [size, z1]]
         if kind == "bell":
             angle = np.linspace(0, np.pi / 2, 6)
-            outer = np.column_stack([top + (size - top) * np.sin(angle), z0 - tall + tall * np.cos(angle)])  # fmt: skip
+            outer = np.column_stack(
+                [top + (size - top) * np.sin(angle), z0 - tall + tall * np.cos(angle)]
+            )
         outer = np.array(outer)
         inner = np.maximum(outer - [wall, 0], [0.12 * size, -9])[::-1]
         inner[-1, 1] -= wall

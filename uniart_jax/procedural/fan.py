@@ -1,4 +1,5 @@
-"""Fans: blades that turn without end in a guard, a head that tilts, on a desk, on a pole that lifts, or in a box on the floor."""
+"""Fans: blades that turn without end in a guard, a head that tilts, on a desk, on a pole that
+lifts, or in a box on the floor."""
 
 from __future__ import annotations
 
@@ -32,8 +33,11 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     return _box_fan(rng) if rng.random() < 0.25 else _guarded(rng)
 
 
-def _blades(rng, radius: float, hub: float, deep: float, unit: float, shaft: float) -> list[Manifold]:  # fmt: skip
-    """Blades and hub about x through 0, within |x| < ``deep`` / 2: [hub, blades]; ``shaft``: how far it goes on behind."""
+def _blades(
+    rng, radius: float, hub: float, deep: float, unit: float, shaft: float
+) -> list[Manifold]:
+    """Blades and hub about x through 0, within |x| < ``deep`` / 2: [hub, blades]; ``shaft``: how
+    far it goes on behind."""
     count = int(rng.choice([3, 4, 5, 6], p=[0.4, 0.25, 0.25, 0.1]))
     pitch = float(rng.choice([-1, 1])) * float(rng.uniform(18, 35))
     wide = radius * float(rng.uniform(0.35, 0.75)) * 3 / count**0.8
@@ -42,11 +46,21 @@ def _blades(rng, radius: float, hub: float, deep: float, unit: float, shaft: flo
     paddle = rng.random() < 0.4
     u = np.linspace(0, 1, 7)
     long = radius - 0.7 * hub
-    half = wide / 2 * (np.clip(0.55 + 1.2 * u, 0, 1) * np.sqrt(np.clip(1 - u**6, 0, 1)) if not paddle else 0.5 + 0.5 * u)  # fmt: skip
+    half = (
+        wide
+        / 2
+        * (
+            np.clip(0.55 + 1.2 * u, 0, 1) * np.sqrt(np.clip(1 - u**6, 0, 1))
+            if not paddle
+            else 0.5 + 0.5 * u
+        )
+    )
     z = 0.7 * hub + long * u
     half = np.minimum(half, 0.85 * z * np.tan(np.pi / count))  # clear of the next blade
     lean = float(rng.uniform(-0.25, 0.4)) * wide * u
-    outline = np.vstack([np.column_stack([lean + half, z]), np.column_stack([lean - half, z])[::-1]])  # (y, z)  # fmt: skip
+    outline = np.vstack(
+        [np.column_stack([lean + half, z]), np.column_stack([lean - half, z])[::-1]]
+    )  # (y, z)
     blade = extrusion(outline, "x", [-thick / 2, 0, 0], thick).rotate((0, 0, pitch))
     room = cylinder("x", [-deep / 2, 0, 0], deep, radius, segments=32)
     blades = [blade.rotate((360 * k / count, 0, 0)) for k in range(count)]
@@ -58,17 +72,22 @@ def _blades(rng, radius: float, hub: float, deep: float, unit: float, shaft: flo
 
 
 def _cage(rng, radius: float, front: float, back: float, hub: float, wire: float) -> Manifold:
-    """A guard of ring and ribs about x from ``front`` to ``back``: a basket round the blades, with a badge in front."""
+    """A guard of ring and ribs about x from ``front`` to ``back``: a basket round the blades, with
+    a badge in front."""
     solids = [tube("x", [-wire, 0, 0], 2 * wire, radius + wire, radius - wire, 26)]
     rings = int(rng.integers(0, 3))
     for x, bulge in ((front, 1), (back, 1)):
         inner = 0.85 * radius
         plane = x * bulge
-        solids.append(tube("x", [plane - wire / 2, 0, 0], wire, inner + wire / 2, inner - wire / 2, 22))  # fmt: skip
+        solids.append(
+            tube("x", [plane - wire / 2, 0, 0], wire, inner + wire / 2, inner - wire / 2, 22)
+        )
         for k in range(rings):
             r = inner * (k + 1) / (rings + 1)
             if r > hub + 2 * wire:
-                solids.append(tube("x", [plane - wire / 2, 0, 0], wire, r + wire / 2, r - wire / 2, 18))  # fmt: skip
+                solids.append(
+                    tube("x", [plane - wire / 2, 0, 0], wire, r + wire / 2, r - wire / 2, 18)
+                )
         solids.append(cylinder("x", [plane - wire / 2, 0, 0], wire, hub, segments=20))
     count = int(min(rng.choice([8, 12, 16, 20]), 2 * hub // wire))
     for k in range(count):
@@ -89,7 +108,12 @@ def _colors(rng: np.random.Generator) -> tuple[Material, Material, Material]:
     if rng.random() < 0.4:
         body = materials.paint(rng) if rng.random() < 0.6 else materials.metal(rng, brushed=False)
     guard = body if rng.random() < 0.5 else materials.hardware(rng)
-    blade = (body, materials.paint(rng), materials.metal(rng, brushed=False), plain(rng.uniform(0.2, 0.9, 3)))[rng.integers(4)]  # fmt: skip
+    blade = (
+        body,
+        materials.paint(rng),
+        materials.metal(rng, brushed=False),
+        plain(rng.uniform(0.2, 0.9, 3)),
+    )[rng.integers(4)]
     return body, guard, blade
 
 
@@ -127,7 +151,13 @@ def _guarded(rng: np.random.Generator) -> ArticulatedObject:
     foot_x = pivot[0]
     pole_finish = body if rng.random() < 0.5 else materials.metal(rng, brushed=False)
     lower_top = middle if lift else top
-    sleeve = cylinder("z", [foot_x, 0, 0.5 * high], lower_top - 0.5 * high, post * (1.3 if lift else 1), segments=18)  # fmt: skip
+    sleeve = cylinder(
+        "z",
+        [foot_x, 0, 0.5 * high],
+        lower_top - 0.5 * high,
+        post * (1.3 if lift else 1),
+        segments=18,
+    )
     reach = 0.8 * (middle - high)
     if lift:
         sleeve -= cylinder("z", [foot_x, 0, middle - reach - air], 3, 0.9 * post + air, segments=18)
@@ -141,7 +171,12 @@ def _guarded(rng: np.random.Generator) -> ArticulatedObject:
         rod = cylinder(
             "z", [foot_x, 0, middle - reach], top - middle + reach, 0.9 * post, segments=18
         )
-        pole = asm.add("pole", Shape().add(tidy(union([rod, fork])), pole_finish), root, slide((0, 0, 1), reach * float(rng.uniform(0.5, 0.85))))  # fmt: skip
+        pole = asm.add(
+            "pole",
+            Shape().add(tidy(union([rod, fork])), pole_finish),
+            root,
+            slide((0, 0, 1), reach * float(rng.uniform(0.5, 0.85))),
+        )
         carrier = pole
     center = np.array([0, 0, axle])
     head = Shape()
@@ -154,7 +189,10 @@ def _guarded(rng: np.random.Generator) -> ArticulatedObject:
     if rng.random() < 0.3:
         tilt = float(np.deg2rad(rng.uniform(45, 80)))
     neck = asm.add("head", head, carrier, hinge(pivot, (0, 1, 0), tilt))
-    core, blades = (s.translate(tuple(center)) for s in _blades(rng, 0.85 * radius - 2 * wire, 0.7 * hub, deep, unit, 1.3 * wire))  # fmt: skip
+    core, blades = (
+        s.translate(tuple(center))
+        for s in _blades(rng, 0.85 * radius - 2 * wire, 0.7 * hub, deep, unit, 1.3 * wire)
+    )
     finish = tone.darker(0.7) if rng.random() < 0.5 else tone
     rotor = Shape().add(core, finish).add(blades, tone)
     if finish is tone:
@@ -186,7 +224,10 @@ def _foot(rng, plan: str, at, pole: float, size: float, high: float, unit: float
         return revolution(np.vstack([[[0, 0], [size, 0]], rim]), "z", at, 30)
     w = 2.2 * unit
     turned = 45 if rng.random() < 0.5 else 0
-    bars = [box([-1.2 * size, -w, 0], [1.2 * size, w, high]), box([-w, -1.2 * size, 0], [w, 1.2 * size, high])]  # fmt: skip
+    bars = [
+        box([-1.2 * size, -w, 0], [1.2 * size, w, high]),
+        box([-w, -1.2 * size, 0], [w, 1.2 * size, high]),
+    ]
     return union(bars).rotate((0, 0, turned)).translate((pole, 0, 0))
 
 
@@ -220,7 +261,8 @@ def _motor(rng, back: float, long: float, hub: float, wire: float) -> Manifold:
 
 
 def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
-    """A square or round frame on the floor, a grille in front, a knob above or beside it; some tilt in a stand."""
+    """A square or round frame on the floor, a grille in front, a knob above or beside it; some tilt
+    in a stand."""
     radius = float(rng.uniform(0.16, 0.3))
     deep = radius * float(rng.uniform(0.35, 0.6))
     unit = 2.2 * radius / 100
@@ -252,11 +294,21 @@ def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
             lines.append(box([x, -radius, -wire], [x + wire, radius, wire]))
         else:
             spokes = 6 if manner == "rings" else int(rng.choice([12, 16, 20]))
-            lines += [box([x, -wire / 2, 0], [x + wire, wire / 2, 1.02 * radius]).rotate((360 * k / spokes, 0, 0)) for k in range(spokes)]  # fmt: skip
+            lines += [
+                box([x, -wire / 2, 0], [x + wire, wire / 2, 1.02 * radius]).rotate(
+                    (360 * k / spokes, 0, 0)
+                )
+                for k in range(spokes)
+            ]
             for k in range(4 if manner == "rings" else 1):
                 r = radius * (0.35 + 0.16 * k)
                 lines.append(tube("x", [x, 0, 0], wire, r + wire / 2, r - wire / 2, 28))
-        bars.append(union([disc, *lines]) ^ cylinder("x", [-deep, 0, 0], 2 * deep, radius + (3e-4 if guard is body else 0), segments=36))  # fmt: skip
+        bars.append(
+            union([disc, *lines])
+            ^ cylinder(
+                "x", [-deep, 0, 0], 2 * deep, radius + (3e-4 if guard is body else 0), segments=36
+            )
+        )
     frame.add(tidy(union(bars)).translate(tuple(center)), guard)
     steel = materials.hardware(rng)
     if stand:
@@ -269,11 +321,16 @@ def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
                 [-0.8 * deep, y - 1.5 * unit, 0], [0.8 * deep, y + 1.5 * unit, low + 0.02 * unit]
             )
             rest = shell.translate(tuple(center))
-            lift = box([-0.5 * deep, y - 1.5 * unit, low - 0.1 * unit], [0.5 * deep, y + 1.5 * unit, low + (half if round_frame else 0.3 * unit)])  # fmt: skip
+            lift = box(
+                [-0.5 * deep, y - 1.5 * unit, low - 0.1 * unit],
+                [0.5 * deep, y + 1.5 * unit, low + (half if round_frame else 0.3 * unit)],
+            )
             frame.add(cut(union([foot, lift]), [rest, hole.translate(tuple(center))]), steel)
         parent = asm.add("frame", frame)
     room = deep - 2 * wire - 2.0 * unit
-    core, blades = (s.translate(tuple(center)) for s in _blades(rng, 0.95 * radius, hub, room, unit, 0.6 * unit))  # fmt: skip
+    core, blades = (
+        s.translate(tuple(center)) for s in _blades(rng, 0.95 * radius, hub, room, unit, 0.6 * unit)
+    )
     rotor = Shape().add(tidy(core + blades), tone)
     asm.add("blades", rotor, parent, turn(center, (1, 0, 0)))
     if not round_frame and rim > 4 * unit and rng.random() < 0.6:  # a knob in a corner of the frame
@@ -293,7 +350,16 @@ def _stand(rng, asm: Assembly, center, half: float, deep: float, low: float, uni
     solids.append(box([0.9 * deep - 3 * unit, -y - wall, 0], [0.9 * deep, y + wall, 2.2 * unit]))
     for side in (-y - wall, y):
         a, b = [side, side + wall], [0.0, float(center[2])]
-        corners = [[x, yy, z] for x, z in ((-0.9 * deep, b[0]), (0.9 * deep, b[0]), (0.15 * deep, b[1]), (-0.15 * deep, b[1])) for yy in a]  # fmt: skip
+        corners = [
+            [x, yy, z]
+            for x, z in (
+                (-0.9 * deep, b[0]),
+                (0.9 * deep, b[0]),
+                (0.15 * deep, b[1]),
+                (-0.15 * deep, b[1]),
+            )
+            for yy in a
+        ]
         solids.append(hull(np.array(corners)))
         out = side - 0.9 * wall if side < 0 else side + wall
         solids.append(cylinder("y", [0, out, center[2]], 0.9 * wall, 2.6 * unit, segments=16))

@@ -1,4 +1,5 @@
-"""Whether a part may join a tree of parts: it must touch its parent, look unlike the others, and move without running into them."""
+"""Whether a part may join a tree of parts: it must touch its parent, look unlike the others, and
+move without running into them."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ CLEAR = 2e-4  # of the smaller part's volume, an overlap that is none
 
 @dataclasses.dataclass
 class Piece:
-    """A part while the tree grows: its seat (corners of its main solid), all solids by material, parent and joint."""
+    """A part while the tree grows: its seat (corners of its main solid), all solids by material,
+    parent and joint."""
 
     lo: np.ndarray
     hi: np.ndarray
@@ -32,7 +34,8 @@ class Piece:
 
 @dataclasses.dataclass
 class Candidate:
-    """A part that may be added: ``cut`` is taken from its parent and ``add`` put onto it where it is."""
+    """A part that may be added: ``cut`` is taken from its parent and ``add`` put onto it where it
+    is."""
 
     piece: Piece
     cut: Manifold | None = None
@@ -42,8 +45,8 @@ class Candidate:
 def host_with(pieces: list[Piece], solids: list[Manifold], found: Candidate) -> Piece | None:
     """The candidate's parent as it will be; None where the candidate cannot be added.
 
-    It must touch its parent, be told apart from all parts by its box, and on its whole way, and on those of all parts that
-    carry it, run into nothing; nor may others run into it.
+    It must touch its parent, be told apart from all parts by its box, and on its whole way, and on
+    those of all parts that carry it, run into nothing; nor may others run into it.
     """
     piece, body = found.piece, found.piece.solid
     parent = piece.parent
@@ -103,10 +106,15 @@ def _below(pieces: list[Piece], n: int, k: int) -> bool:
 
 
 def _free(joint: Joint, body: Manifold, others: list[Manifold], parent: int) -> bool:
-    """Whether a body runs into nothing along a joint's way; least of all into ``others[parent]``."""
+    """Whether a body runs into nothing along a joint's way; least of all into
+    ``others[parent]``."""
     low, high = joint.limits
     far = high if high > -low else low
-    shares = (0.1, 0.25, 0.5, 0.75, 1.0) if joint.type != "continuous" else (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)  # fmt: skip
+    shares = (
+        (0.1, 0.25, 0.5, 0.75, 1.0)
+        if joint.type != "continuous"
+        else (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75, 1.0)
+    )
     for share in shares:
         there = body.transform(joint.motion(share * far)[:3])
         for n, other in enumerate(others):

@@ -1,4 +1,5 @@
-"""Safes: a thick door with a dial, a wheel or lever and a key pad, a drawer or shelf within; wall, floor and gun safes."""
+"""Safes: a thick door with a dial, a wheel or lever and a key pad, a drawer or shelf within; wall,
+floor and gun safes."""
 
 from __future__ import annotations
 
@@ -67,12 +68,19 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     rooms = [box([-1, *room_lo[1:]], room_hi)]
     solid = cut(box([0, -half, legs], [depth, half, top]), rooms)
     if plan != "empty":
-        solid += box([back, room_lo[1] - 0.001, shelf], [depth - wall / 2, room_hi[1] + 0.001, shelf + board])  # fmt: skip
+        solid += box(
+            [back, room_lo[1] - 0.001, shelf], [depth - wall / 2, room_hi[1] + 0.001, shelf + board]
+        )
     body.add(solid, face)
     if rng.random() < 0.35:  # a plate with the maker's name
         y, z = float(rng.uniform(0.1, 0.25)) * width, float(rng.uniform(0.02, 0.04)) * height
         if not inset:
-            body.add(box([depth, -y, top - 0.3 * height], [depth + 0.4 * unit, y, top - 0.3 * height + z]), metal)  # fmt: skip
+            body.add(
+                box(
+                    [depth, -y, top - 0.3 * height], [depth + 0.4 * unit, y, top - 0.3 * height + z]
+                ),
+                metal,
+            )
     root = asm.add("body", body)
 
     look = FrontStyle(
@@ -143,7 +151,9 @@ def _drawer(rng, asm, root, look, room_lo, room_hi, low, shelf, back, unit) -> N
         look, panel="slab", handle=str(rng.choice(["recess", "none"])), unit=0.7 * unit, handle_length=0.3
     )  # fmt: skip
     bay_lo, bay_hi = [back, *(lo[1:] - 0.2 * air)], [room_hi[0], *(hi[1:] + 0.2 * air)]
-    add_drawer(asm, root, lo, hi, bay_lo, bay_hi, float(rng.uniform(0.4, 0.7)), inner, clearance=air)  # fmt: skip
+    add_drawer(
+        asm, root, lo, hi, bay_lo, bay_hi, float(rng.uniform(0.4, 0.7)), inner, clearance=air
+    )
 
 
 def _knuckles(rng, extra: Shape, lo, hi, edge, thick, unit, metal) -> None:
@@ -158,7 +168,9 @@ def _knuckles(rng, extra: Shape, lo, hi, edge, thick, unit, metal) -> None:
         extra.add(barrel - slab, metal)
 
 
-def _rear(rng, extra, lo, hi, edge, room_lo, room_hi, depth, thick, unit, metal, plan, back) -> None:  # fmt: skip
+def _rear(
+    rng, extra, lo, hi, edge, room_lo, room_hi, depth, thick, unit, metal, plan, back
+) -> None:
     """A plate with bolts on the door's inside, clear of the walls as the door turns."""
     deep = float(rng.uniform(1.0, 2.2)) * unit
     if rng.random() < 0.3 or hi[0] + deep > back - unit:
@@ -179,9 +191,11 @@ def _rear(rng, extra, lo, hi, edge, room_lo, room_hi, depth, thick, unit, metal,
 
 
 def _controls(rng, extra: Shape, lo, hi, edge, unit, face: Material, metal) -> list[Callable]:
-    """A dial or a key pad, and what draws the bolts: a lever, a wheel of spokes, a knob; or one of these alone.
+    """A dial or a key pad, and what draws the bolts: a lever, a wheel of spokes, a knob; or one of
+    these alone.
 
-    Adds what does not move to ``extra`` and returns what adds the moving parts, given the assembly and the door's index.
+    Adds what does not move to ``extra`` and returns what adds the moving parts, given the assembly
+    and the door's index.
     """
     way = 1 if edge == "+y" else -1  # towards the hinge
     width, height = hi[1] - lo[1], hi[2] - lo[2]
@@ -221,8 +235,23 @@ def _controls(rng, extra: Shape, lo, hi, edge, unit, face: Material, metal) -> l
         w, h, proud = min(w, 0.8 * room), min(h, 0.9 * room), 0.7 * unit
         extra.add(box([x - proud, y - w, z - h], [x, y + w, z + h]), materials.dark(rng))
         tone = materials.plain(rng.uniform(0.5, 0.95, 3))
-        appliances.display(extra, x - proud, (y - 0.7 * w, y + 0.7 * w), (z + 0.55 * h, z + 0.85 * h), 0.25 * unit, tone)  # fmt: skip
-        appliances.buttons(extra, rng, x - proud, (y - 0.8 * w, y + 0.8 * w), (z - 0.85 * h, z + 0.4 * h), 0.6 * unit, materials.white_plastic(rng))  # fmt: skip
+        appliances.display(
+            extra,
+            x - proud,
+            (y - 0.7 * w, y + 0.7 * w),
+            (z + 0.55 * h, z + 0.85 * h),
+            0.25 * unit,
+            tone,
+        )
+        appliances.buttons(
+            extra,
+            rng,
+            x - proud,
+            (y - 0.8 * w, y + 0.8 * w),
+            (z - 0.85 * h, z + 0.4 * h),
+            0.6 * unit,
+            materials.white_plastic(rng),
+        )
     y, z = spots[1]
     if bolt == "lever":
         moving.append(_lever(rng, (x, y, z), way, 0.75 * room, unit, metal))
@@ -282,4 +311,6 @@ def _wheel(rng, at, radius, unit, metal) -> Callable:
             solids.append(ball(tip, 1.7 * r, 10))
     if rim:
         solids.append(tube("x", [x - reach - r, y, z], 2 * r, radius + r, radius - r, 28))
-    return functools.partial(_part, "wheel", Shape().add(tidy(union(solids)), metal), turn(at, (1, 0, 0)))  # fmt: skip
+    return functools.partial(
+        _part, "wheel", Shape().add(tidy(union(solids)), metal), turn(at, (1, 0, 0))
+    )

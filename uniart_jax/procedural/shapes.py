@@ -322,7 +322,8 @@ def tidy(solid: Manifold, tolerance: float = 1e-5) -> Manifold:
 
 
 def merged(pieces: Iterable[tuple[Manifold, Material]], yaw: float = 0.0) -> Shape:
-    """Solids that touch or overlap, as one tidy solid a material, turned about z by ``yaw`` degrees."""
+    """Solids that touch or overlap, as one tidy solid a material, turned about z by ``yaw``
+    degrees."""
     groups: dict[Material, list[Manifold]] = {}
     for solid, material in pieces:
         groups.setdefault(material, []).append(solid)

@@ -1,4 +1,5 @@
-"""Staplers: a base, a magazine and a cap about one pin at the rear, a pusher that slides in the magazine."""
+"""Staplers: a base, a magazine and a cap about one pin at the rear, a pusher that slides in the
+magazine."""
 
 from __future__ import annotations
 
@@ -28,7 +29,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     half = float(rng.uniform(6, 13)) * unit  # of the base's width
     yaw = float(rng.choice([0, 90, -90, rng.uniform(-180, 180)], p=[0.35, 0.15, 0.1, 0.4]))
     spread = np.deg2rad(yaw)
-    matrix = np.array([[np.cos(spread), -np.sin(spread), 0], [np.sin(spread), np.cos(spread), 0], [0, 0, 1]])  # fmt: skip
+    matrix = np.array(
+        [[np.cos(spread), -np.sin(spread), 0], [np.sin(spread), np.cos(spread), 0], [0, 0, 1]]
+    )
     body = materials.dark(rng) if rng.random() < 0.35 else materials.paint(rng)
     cap_face = body if rng.random() < 0.65 else materials.paint(rng)
     steel = materials.metal(rng, brushed=False)
@@ -57,15 +60,42 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     foot = extrusion(outline, "z", [0, 0, 0], base_high)
     ears = []
     for y in (-ear - thick, ear):
-        corners = [[x, yy, z] for x, z in ((pin_x - 1.6 * boss, base_high - unit), (length - 1.5 * unit, base_high - unit)) for yy in (y, y + thick)]  # fmt: skip
-        ears.append(hull(np.array(corners + [[pin_x + s * 0.7 * boss, yy, pin[2] + 0.6 * boss] for s in (-1, 1) for yy in (y, y + thick)])))  # fmt: skip
+        corners = [
+            [x, yy, z]
+            for x, z in (
+                (pin_x - 1.6 * boss, base_high - unit),
+                (length - 1.5 * unit, base_high - unit),
+            )
+            for yy in (y, y + thick)
+        ]
+        ears.append(
+            hull(
+                np.array(
+                    corners
+                    + [
+                        [pin_x + s * 0.7 * boss, yy, pin[2] + 0.6 * boss]
+                        for s in (-1, 1)
+                        for yy in (y, y + thick)
+                    ]
+                )
+            )
+        )
         ears.append(cylinder("y", [pin_x, y, pin[2]], thick, boss, segments=20))
     root_solid = union([foot, *ears])
     pieces = [(root_solid, body)]
     plate = float(rng.uniform(0.5, 0.9)) * inner
     anvil = box([2 * unit, -plate, base_high], [11 * unit, plate, base_high + 0.5 * unit])
     pieces.append((anvil, steel))
-    head = [cylinder("y", [pin_x, s * (ear + thick) - (0 if s > 0 else 0.6 * unit), pin[2]], 0.6 * unit, 0.45 * boss, segments=14) for s in (-1, 1)]  # fmt: skip
+    head = [
+        cylinder(
+            "y",
+            [pin_x, s * (ear + thick) - (0 if s > 0 else 0.6 * unit), pin[2]],
+            0.6 * unit,
+            0.45 * boss,
+            segments=14,
+        )
+        for s in (-1, 1)
+    ]
     rod = cylinder("y", [pin_x, -ear - thick, pin[2]], 2 * (ear + thick), 0.2 * boss, segments=12)
     pieces.append((union([*head, rod]) - root_solid, steel))
     bore = cylinder("y", [pin_x, -1, pin[2]], 2, 0.2 * boss + 0.5 * air, segments=12)
@@ -85,7 +115,12 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     knuckle = cylinder("y", [pin_x, -inner, pin[2]], 2 * inner, 0.45 * rail, segments=18)
     lift = float(rng.uniform(20, 60)) if rng.random() < 0.7 else float(rng.uniform(60, 88))
     joint = hinge(at, axis, float(np.deg2rad(lift)))
-    magazine = add("magazine", [(union([channel, knuckle]) - bore, steel if rng.random() < 0.7 else body)], root, joint)  # fmt: skip
+    magazine = add(
+        "magazine",
+        [(union([channel, knuckle]) - bore, steel if rng.random() < 0.7 else body)],
+        root,
+        joint,
+    )
 
     # pusher: a block on the floor of the channel, drawn back from the mouth
     if rng.random() < 0.75:
@@ -108,11 +143,29 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     )  # (z, x)
     hood = extrusion(profile, "y", [0, -arm, 0], 2 * arm)
     cheek_low = top - drop
-    skirt = hull(np.array([[x, y, z] for y in (-arm, arm) for x, z in ((profile[:, 1].min() + 2 * unit, cheek_low), (pin_x, cheek_low), (profile[:, 1].min() + unit, top + 2 * air), (pin_x, top + 2 * air))]))  # fmt: skip
+    skirt = hull(
+        np.array(
+            [
+                [x, y, z]
+                for y in (-arm, arm)
+                for x, z in (
+                    (profile[:, 1].min() + 2 * unit, cheek_low),
+                    (pin_x, cheek_low),
+                    (profile[:, 1].min() + unit, top + 2 * air),
+                    (pin_x, top + 2 * air),
+                )
+            ]
+        )
+    )
     rear = cylinder("y", [pin_x, -arm, pin[2]], 2 * arm, 0.75 * boss, segments=20)
     slot = box([-1, -inner - air, -1], [length + 1, inner + air, top + air])
-    inside = cylinder("y", [pin_x, -inner - air, pin[2]], 2 * (inner + air), 0.45 * rail + air, segments=20)  # fmt: skip
-    swept = box([pin_x - 0.2 * boss, -inner - air, pin[2] - boss - 1], [pin_x + boss, inner + air, pin[2] + 0.55 * rail + air])  # fmt: skip
+    inside = cylinder(
+        "y", [pin_x, -inner - air, pin[2]], 2 * (inner + air), 0.45 * rail + air, segments=20
+    )
+    swept = box(
+        [pin_x - 0.2 * boss, -inner - air, pin[2] - boss - 1],
+        [pin_x + boss, inner + air, pin[2] + 0.55 * rail + air],
+    )
     cap = union([hood, skirt, rear]) - slot - inside - swept - bore
     pieces = [(cap, cap_face)]
     if rng.random() < 0.35:  # a soft pad where one presses

@@ -1,4 +1,5 @@
-"""Suitcases, briefcases and trunks: a shell with a lid, clasps, a carrying handle; or upright on wheels with a pull-out handle."""
+"""Suitcases, briefcases and trunks: a shell with a lid, clasps, a carrying handle; or upright on
+wheels with a pull-out handle."""
 
 from __future__ import annotations
 
@@ -81,7 +82,9 @@ def _lying(rng: np.random.Generator) -> ArticulatedObject:
     if vaulted:
         angle = np.linspace(0, np.pi, 13)
         rise = tall * float(rng.uniform(0.4, 0.9))
-        arch = np.column_stack([low + tall - rise + rise * np.sin(angle), middle - middle * np.cos(angle)])  # fmt: skip
+        arch = np.column_stack(
+            [low + tall - rise + rise * np.sin(angle), middle - middle * np.cos(angle)]
+        )
         profile = np.vstack([[[low - 0.01, 0]], arch, [[low - 0.01, depth]]])
         cover = cover ^ extrusion(profile, "y", [0, -half, 0], width)
         room = (profile - [low, middle]) * [1 - wall / tall, 1 - 2 * wall / depth] + [low, middle]
@@ -123,7 +126,10 @@ def _corners(rng, body, lid, depth, half, seam, low, height, proud, unit, metal)
     """Caps on the corners at the front, as trunks have."""
     size = float(rng.uniform(4, 8)) * unit
     for y in (-1, 1):
-        for shape, a, b in ((body, 0.0, min(size, 0.4 * seam)), (lid, height - min(size, 0.4 * (height - low)), height)):  # fmt: skip
+        for shape, a, b in (
+            (body, 0.0, min(size, 0.4 * seam)),
+            (lid, height - min(size, 0.4 * (height - low)), height),
+        ):
             lo, hi = sorted((y * (half + proud), y * (half - size)))
             block = box([-proud, lo, a], [size, hi, b])
             inside = box([0, -half, -1], [depth, half, 2 * height])
@@ -131,7 +137,8 @@ def _corners(rng, body, lid, depth, half, seam, low, height, proud, unit, metal)
 
 
 def _fittings(rng, body, front, half, seam, low, height, unit, metal) -> list[tuple]:
-    """Clasps over the seam that fold down or up, and a handle that folds up: (name, shape, joint, whether on the lid).
+    """Clasps over the seam that fold down or up, and a handle that folds up: (name, shape, joint,
+    whether on the lid).
 
     What carries the handle is added to ``body``.
     """
@@ -150,7 +157,10 @@ def _fittings(rng, body, front, half, seam, low, height, unit, metal) -> list[tu
     swing = float(np.deg2rad(rng.uniform(90, 165)))
     for y in ys:
         plate = box([x - thick, y - w, seam - below], [x, y + w, low + above])
-        rib = box([x - 1.7 * thick, y - 0.5 * w, low - 0.5 * unit], [x - thick, y + 0.5 * w, low + 0.7 * above])  # fmt: skip
+        rib = box(
+            [x - 1.7 * thick, y - 0.5 * w, low - 0.5 * unit],
+            [x - thick, y + 0.5 * w, low + 0.7 * above],
+        )
         shape = Shape().add(union([plate, rib]) if rng.random() < 0.6 else plate, metal)
         if down:
             joint = hinge((x - thick, y, seam - below), (0, -1, 0), swing)
@@ -178,7 +188,8 @@ def _fittings(rng, body, front, half, seam, low, height, unit, metal) -> list[tu
 
 
 def _upright(rng: np.random.Generator) -> ArticulatedObject:
-    """A cabin or large case: the front half opens at the side; wheels; a handle that pulls out of the top."""
+    """A cabin or large case: the front half opens at the side; wheels; a handle that pulls out of
+    the top."""
     height = float(rng.uniform(0.45, 0.78))
     width, depth = height * float(rng.uniform(0.6, 0.75)), height * float(rng.uniform(0.32, 0.48))
     unit = height / 100
@@ -206,7 +217,9 @@ def _upright(rng: np.random.Generator) -> ArticulatedObject:
                 cover -= box([-1, -0.4 * width, z - w], [0.4 * wall, 0.4 * width, z + w])
             else:
                 y, w = 0.42 * width * share, 0.4 * width / grooves * 0.45
-                cover -= box([-1, y - w, middle - 0.4 * height], [0.4 * wall, y + w, middle + 0.4 * height])  # fmt: skip
+                cover -= box(
+                    [-1, y - w, middle - 0.4 * height], [0.4 * wall, y + w, middle + 0.4 * height]
+                )
     lid.add(cover, face)
     rim = 0.7 * unit if rng.random() < 0.5 else 0.0
     if rim:
@@ -219,13 +232,21 @@ def _upright(rng: np.random.Generator) -> ArticulatedObject:
     rise = legs + height
     if pull:
         for y in (-gauge, gauge):
-            solid -= box([x - rod - air, y - rod - air, rise - 3 * wall], [x + rod + air, y + rod + air, rise + 1])  # fmt: skip
+            solid -= box(
+                [x - rod - air, y - rod - air, rise - 3 * wall],
+                [x + rod + air, y + rod + air, rise + 1],
+            )
     body.add(solid, face)
     way = 1 if rng.random() < 0.5 else -1  # of the hinges
     if rng.random() < 0.7:  # a grip at the other side
         z, r, out = middle, 1.0 * unit, 3.2 * unit
         y, s = -way * half, -way
-        line = [[depth * 0.75, y, z - 8 * unit], [depth * 0.75, y + s * out, z - 7 * unit], [depth * 0.75, y + s * out, z + 7 * unit], [depth * 0.75, y, z + 8 * unit]]  # fmt: skip
+        line = [
+            [depth * 0.75, y, z - 8 * unit],
+            [depth * 0.75, y + s * out, z - 7 * unit],
+            [depth * 0.75, y + s * out, z + 7 * unit],
+            [depth * 0.75, y, z + 8 * unit],
+        ]
         lo, hi = ([-1, half, -1], [2, 2, 3]) if s > 0 else ([-1, -2, -1], [2, -half, 3])
         body.add(pipe(line, r, 8) ^ box(lo, hi), materials.dark(rng))
     four = rng.random() < 0.5
@@ -238,14 +259,22 @@ def _upright(rng: np.random.Generator) -> ArticulatedObject:
     if len(xs) == 1:  # it stands on feet in front
         for y in (-half + 0.18 * width, half - 0.18 * width):
             at = [split + 2.2 * unit, y, 0]
-            body.add(cylinder("z", at, legs + 0.02 * height, 1.6 * unit, segments=12) - solid, materials.dark(rng))  # fmt: skip
+            body.add(
+                cylinder("z", at, legs + 0.02 * height, 1.6 * unit, segments=12) - solid,
+                materials.dark(rng),
+            )
     rubber = materials.dark(rng)
     wide = 0.5 * radius
     gap = 0.35 * unit
     for q, y in spots:  # forks
         cheeks = []
         for side in (y - wide - gap - 0.8 * unit, y + wide + gap):
-            cheeks.append(box([q - 0.6 * radius, side, 0.6 * radius], [q + 0.6 * radius, side + 0.8 * unit, legs + 0.01 * height]))  # fmt: skip
+            cheeks.append(
+                box(
+                    [q - 0.6 * radius, side, 0.6 * radius],
+                    [q + 0.6 * radius, side + 0.8 * unit, legs + 0.01 * height],
+                )
+            )
         body.add(union(cheeks) - solid, rubber)
     root = asm.add("body", body)
     swing = float(np.deg2rad(rng.uniform(80, 175)))
@@ -254,8 +283,14 @@ def _upright(rng: np.random.Generator) -> ArticulatedObject:
     if pull:
         deep = 0.8 * (height - 4 * wall)
         low, lift = rise - deep, float(rng.uniform(0.4, 0.85)) * deep
-        bar = [box([x - rod, y - rod, low], [x + rod, y + rod, rise + 1.2 * unit]) for y in (-gauge, gauge)]  # fmt: skip
-        top = box([x - 1.6 * unit, -gauge - 1.6 * unit, rise + 0.6 * unit], [x + 1.6 * unit, gauge + 1.6 * unit, rise + 3.4 * unit])  # fmt: skip
+        bar = [
+            box([x - rod, y - rod, low], [x + rod, y + rod, rise + 1.2 * unit])
+            for y in (-gauge, gauge)
+        ]
+        top = box(
+            [x - 1.6 * unit, -gauge - 1.6 * unit, rise + 0.6 * unit],
+            [x + 1.6 * unit, gauge + 1.6 * unit, rise + 3.4 * unit],
+        )
         steel = materials.metal(rng, brushed=False) if rng.random() < 0.6 else materials.dark(rng)
         shape = Shape().add(union(bar) - top, steel).add(top, materials.dark(rng))
         asm.add("pull_handle", shape, root, slide((0, 0, 1), lift))

@@ -54,7 +54,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
             if wide:
                 y = -half + end + (slot_long + end) * p + slot_long / 2
                 x = depth / 2 + off + 0.005
-                slots.append((p, [x - slot / 2, y - slot_long / 2], [x + slot / 2, y + slot_long / 2]))  # fmt: skip
+                slots.append(
+                    (p, [x - slot / 2, y - slot_long / 2], [x + slot / 2, y + slot_long / 2])
+                )
             else:
                 y = -half + across * (p + 0.5) + off
                 long = depth - 2 * end - 0.02
@@ -71,7 +73,10 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     tray_box = None
     lowest = min([z - 1.2 * r for _, z, r in controls["knobs"]], default=top)
     if rng.random() < 0.45 and lowest > legs + 0.12 * height:  # a crumb tray, drawn out in front
-        tray_box = [[0.0, -0.6 * half, legs + 0.03 * height], [0.75 * depth, 0.6 * half, legs + 0.1 * height]]  # fmt: skip
+        tray_box = [
+            [0.0, -0.6 * half, legs + 0.03 * height],
+            [0.75 * depth, 0.6 * half, legs + 0.1 * height],
+        ]
         lo, hi = np.array(tray_box[0]), np.array(tray_box[1])
         wells.append(box(lo - [1, 0.3 * unit, 0.3 * unit], hi + [unit, 0.3 * unit, 0.3 * unit]))
     solid = tidy(cut(solid, [*wells, *clefts]))
@@ -92,7 +97,10 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         shape = Shape()
         wide_grip, tall = float(rng.uniform(4, 8)) * unit, float(rng.uniform(1.6, 3)) * unit
         reach = float(rng.uniform(3, 6)) * unit
-        pad = box([-reach, y - wide_grip / 2, high - tall / 2], [-0.5 * unit, y + wide_grip / 2, high + tall / 2])  # fmt: skip
+        pad = box(
+            [-reach, y - wide_grip / 2, high - tall / 2],
+            [-0.5 * unit, y + wide_grip / 2, high + tall / 2],
+        )
         stem = box([-0.6 * unit, y - 0.75 * w, high - w], [0.9 * wall, y + 0.75 * w, high + w])
         shape.add(union([pad, stem]), grip)
         mine = [s for s in slots if s[0] == p] if len(controls["levers"]) > 1 else slots
@@ -107,10 +115,23 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         sweep = None if rng.random() < 0.35 else float(np.deg2rad(rng.choice([180, 240, 300])))
         mark = plain((0.1, 0.1, 0.1) if grip.color[1] > 0.5 else (0.95, 0.95, 0.95))
         limited = sweep is not None
-        add_knob(asm, root, (-0.0005, y, z), r, 1.1 * r, grip, mark, sweep, pointer=limited, skirt=limited)  # fmt: skip
+        add_knob(
+            asm,
+            root,
+            (-0.0005, y, z),
+            r,
+            1.1 * r,
+            grip,
+            mark,
+            sweep,
+            pointer=limited,
+            skirt=limited,
+        )
     if tray_box is not None:
         lo, hi = tray_box
-        plate = box(lo, hi) - box([lo[0] + 2 * unit, lo[1] + unit, lo[2] + 0.8 * unit], [hi[0] - unit, hi[1] - unit, 1])  # fmt: skip
+        plate = box(lo, hi) - box(
+            [lo[0] + 2 * unit, lo[1] + unit, lo[2] + 0.8 * unit], [hi[0] - unit, hi[1] - unit, 1]
+        )
         lip = box([-1.5 * unit, lo[1], lo[2]], [0.001, hi[1], hi[2]])
         pull = float(rng.uniform(0.4, 0.85)) * (hi[0] - lo[0])
         asm.add("crumb_tray", Shape().add(union([plate, lip]), trim), root, slide((-1, 0, 0), pull))
@@ -141,7 +162,16 @@ def _shell(rng, depth, half, legs, height, unit):
         return extrusion(outline, "z", [depth / 2, 0, legs], height), 0.0
     if manner == "y":  # only its upper rear edge, so that the front stays flat
         arc = np.linspace(0, np.pi / 2, 6)
-        rear = np.column_stack([legs + height - corner + corner * np.cos(arc[::-1]) * 0 + corner * np.sin(arc[::-1]), depth - corner + corner * np.cos(arc[::-1])])  # fmt: skip
+        rear = np.column_stack(
+            [
+                legs
+                + height
+                - corner
+                + corner * np.cos(arc[::-1]) * 0
+                + corner * np.sin(arc[::-1]),
+                depth - corner + corner * np.cos(arc[::-1]),
+            ]
+        )
         profile = np.vstack([[[legs, 0], [legs + height, 0]], rear, [[legs, depth]]])
         return extrusion(profile, "y", [0, -half, 0], 2 * half), 0.0
     return box([0, -half, legs], [depth, half, legs + height]), 0.0
@@ -197,7 +227,9 @@ def _trim(rng, body: Shape, slots, depth, half, top, legs, corner, unit, trim: M
         body.add(union(feet), materials.dark(rng))
     else:
         inset = corner * 0.6 + unit
-        body.add(box([unit, -half + inset, 0], [depth - unit, half - inset, legs]), materials.dark(rng))  # fmt: skip
+        body.add(
+            box([unit, -half + inset, 0], [depth - unit, half - inset, legs]), materials.dark(rng)
+        )
 
 
 def _slice(shape: Shape, lo, hi, low: float, high: float, loaf: Material) -> None:

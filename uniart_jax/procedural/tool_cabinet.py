@@ -1,4 +1,5 @@
-"""Chests of many small drawers: apothecary chests, card catalogues, plan chests, tool cabinets, desktop organisers."""
+"""Chests of many small drawers: apothecary chests, card catalogues, plan chests, tool cabinets,
+desktop organisers."""
 
 from __future__ import annotations
 
@@ -96,7 +97,10 @@ def _style(rng: np.random.Generator, unit: float, steel: bool) -> FrontStyle:
 def _cells(rng, width: float, z, columns, rows, least: float) -> list[Cell]:
     """A grid of drawers: equal, with larger ones below, or with a band of wide ones."""
     for _ in range(200):
-        count, tall = int(rng.integers(columns[0], columns[1] + 1)), int(rng.integers(rows[0], rows[1] + 1))  # fmt: skip
+        count, tall = (
+            int(rng.integers(columns[0], columns[1] + 1)),
+            int(rng.integers(rows[0], rows[1] + 1)),
+        )
         weights = np.ones(tall)
         manner = rng.random()
         if manner < 0.3:
@@ -117,10 +121,17 @@ def _cells(rng, width: float, z, columns, rows, least: float) -> list[Cell]:
             whole = i < band if low else i >= tall - band
             row = [(-width / 2, width / 2)] if whole else list(itertools.pairwise(sides))
             cells += [Cell((float(c), float(d)), (float(a), float(b)), "drawer") for c, d in row]
-        if 6 <= len(cells) <= MOST and np.diff(edges).min() > least and np.diff(sides).min() > least:  # fmt: skip
+        if (
+            6 <= len(cells) <= MOST
+            and np.diff(edges).min() > least
+            and np.diff(sides).min() > least
+        ):
             return cells
     edges = np.linspace(*z, 7)
-    return [Cell((-width / 2, width / 2), (float(a), float(b)), "drawer") for a, b in itertools.pairwise(edges)]  # fmt: skip
+    return [
+        Cell((-width / 2, width / 2), (float(a), float(b)), "drawer")
+        for a, b in itertools.pairwise(edges)
+    ]
 
 
 def _stand(rng, body: Shape, base: str, legs: float, width, depth, unit, finish) -> None:

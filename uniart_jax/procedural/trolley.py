@@ -1,4 +1,5 @@
-"""Trolleys: drawers, a door or open trays on four castors that swivel and roll; office pedestals, tool and kitchen trolleys."""
+"""Trolleys: drawers, a door or open trays on four castors that swivel and roll; office pedestals,
+tool and kitchen trolleys."""
 
 from __future__ import annotations
 
@@ -114,7 +115,8 @@ def _style(rng: np.random.Generator, unit: float, office: bool) -> FrontStyle:
 
 
 def _borders(rng, z, most: int, least: float, shelf: bool) -> list[float]:
-    """Heights between drawers, from below: equal, or shallower towards the top; ``shelf``: one tall bay below."""
+    """Heights between drawers, from below: equal, or shallower towards the top; ``shelf``: one tall
+    bay below."""
     low = z[0] + (float(rng.uniform(0.3, 0.55)) * (z[1] - z[0]) if shelf else 0)
     count = int(rng.integers(3, 13))
     count = max(1, min(count, most - 2 * shelf, int((z[1] - low) / least)))
@@ -165,7 +167,8 @@ def _places(rng, width, depth, radius) -> list[tuple[float, float, float]]:
 def _castor(
     radius: float, floor: float, plate: float, unit: float, x: float, y: float, heading: float
 ) -> tuple[Manifold, Manifold, np.ndarray, np.ndarray]:
-    """A fork under z = ``floor`` and its wheel, trailing behind the pin at (x, y); with the wheel's centre and axle."""
+    """A fork under z = ``floor`` and its wheel, trailing behind the pin at (x, y); with the wheel's
+    centre and axle."""
     trail, half, air = 0.7 * radius, 0.45 * radius, 0.25 * unit
     wall = 0.7 * unit
     outer, axle_r = half + air + wall, 0.28 * radius
@@ -176,7 +179,16 @@ def _castor(
     bridge = 2 * radius + air
     cheek = []
     for side in (-outer, half + air):
-        points = [[trail + dx, side + dy, z] for dx, z in ((-1.4 * axle_r, radius - 1.4 * axle_r), (1.4 * axle_r, radius - 1.4 * axle_r), (trail * 0.3, bridge), (-trail - 0.5 * radius, bridge)) for dy in (0, wall)]  # fmt: skip
+        points = [
+            [trail + dx, side + dy, z]
+            for dx, z in (
+                (-1.4 * axle_r, radius - 1.4 * axle_r),
+                (1.4 * axle_r, radius - 1.4 * axle_r),
+                (trail * 0.3, bridge),
+                (-trail - 0.5 * radius, bridge),
+            )
+            for dy in (0, wall)
+        ]
         cheek.append(hull(np.array(points)))
     lid = box([-0.5 * radius, -outer, bridge], [trail + 0.3 * trail, outer, bridge + wall])
     pin = cylinder("z", [0, 0, bridge], floor - plate - bridge, 0.55 * radius, segments=14)

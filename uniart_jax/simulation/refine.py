@@ -73,7 +73,8 @@ def mend(
 
     Args:
       bodies, meshes: [K] of its parts, and the surfaces that they were made of, object units (``export.bodies.make_bodies``).
-      budget: convex shapes of the object at most (``export.budget``), joined before limits are looked at; None: as many as there are.
+      budget: convex shapes of the object at most (``export.budget``), joined before limits are
+        looked at; None: as many as there are.
 
     ``provenance`` tells it all.
     """

@@ -137,10 +137,12 @@ def make_structure_vae_loss(network: Network, config: Config) -> LossFn:
 def make_uniart_vae_loss(
     network: Network, config: Config, mean: Any = None, std: Any = None
 ) -> Any:
-    """L_geo + lambda_1 L_art + lambda_2 L_kl (+ the supplement's alignment), on all voxels or on some drawn equally from all parts.
+    """L_geo + lambda_1 L_art + lambda_2 L_kl (+ the supplement's alignment), on all voxels or on
+    some drawn equally from all parts.
 
-    With ``loss.sampled`` the function takes the parameters of the image encoder and of the latent flow after the key, ``mean`` and ``std`` of
-    the flow's latents are to be given, and batches hold ``image`` and ``plans["flow"]``.
+    With ``loss.sampled`` the function takes the parameters of the image encoder and of the latent
+    flow after the key, ``mean`` and ``std`` of the flow's latents are to be given, and batches hold
+    ``image`` and ``plans["flow"]``.
     """
     weights, max_parts = config.loss, config.model.grid.max_parts
     sample = make_sampled_latents(config, mean, std) if weights.sampled > 0 else None
@@ -198,7 +200,8 @@ def make_uniart_vae_loss(
 
 
 def make_sampled_latents(config: Config, mean: Any, std: Any) -> Callable[..., jax.Array]:
-    """(parameters of image encoder and latent flow, voxel batch, key) -> latents [B, V, C] that the flow samples in one step; not differentiated."""
+    """(parameters of image encoder and latent flow, voxel batch, key) -> latents [B, V, C] that the
+    flow samples in one step; not differentiated."""
     model = config.model
     condition = make_conditioner(model)
     run = make_latent_sampler(model, dataclasses.replace(config.sample_latent, steps=1))
@@ -216,11 +219,14 @@ def make_sampled_latents(config: Config, mean: Any, std: Any) -> Callable[..., j
 def pointer_loss(
     out: Any, owner: jax.Array, rows: jax.Array, sdf: jax.Array, mask: jax.Array
 ) -> jax.Array:
-    """Cross-entropy of the sub-cells' pointers, most of it near the surface (exp(-|distance|) + .2).
+    """Cross-entropy of the sub-cells' pointers, most of it near the surface (exp(-|distance|) +
+    .2).
 
     Args:
-      out: "pointer" [B, Q, r^3, N + 1] and "rows" [B, Q, N] of the decoder. owner, sdf: [B, Q, r^3] true part and distance.
-      rows: [B, K] the layout's row of each true part, -1 where it has none: its sub-cells are to point at none. mask: [B, Q].
+      out: "pointer" [B, Q, r^3, N + 1] and "rows" [B, Q, N] of the decoder. owner, sdf: [B, Q, r^3]
+        true part and distance.
+      rows: [B, K] the layout's row of each true part, -1 where it has none: its sub-cells are to
+        point at none. mask: [B, Q].
 
     Sub-cells whose row is none of their voxel's candidates do not count.
     """
