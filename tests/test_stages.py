@@ -329,6 +329,37 @@ def test_a_decoder_learns_on_what_a_flow_samples_while_the_encoder_stays(trained
     assert any(name.startswith("layout.") for name in after)
 
 
+def test_a_flow_gets_a_refiner_that_trains_while_the_flow_stays(trained, tmp_path):
+    config, workdir = trained
+    refining = dataclasses.replace(config.model.structure_flow, refine_channels=4)
+    kept = tuple(k for k in build("structure_flow", config.model).abstract())
+    changed = dataclasses.replace(
+        config,
+        model=dataclasses.replace(config.model, structure_flow=refining),
+        loss=dataclasses.replace(config.loss, refined=1.0),
+        structure_flow=dataclasses.replace(config.structure_flow, freeze=kept),
+    )
+    stages.run(changed, ["structure_flow"], tmp_path / "w", init=workdir)
+    before, after = (
+        load_file(folder / "export/structure_flow.safetensors")
+        for folder in (workdir, tmp_path / "w")
+    )
+    assert all(np.array_equal(values, after[name]) for name, values in before.items())
+    assert after["refiner.out.kernel"].any()
+    stages.run(changed, ["latent_flow"], tmp_path / "w", init=workdir)
+    pipeline = uniart_jax.load(tmp_path / "w")
+    seen = pipeline.encode_images(np.full((1, 32, 32, 3), 0.5, np.float32))
+    condition = pipeline.following(seen, [None])
+    latent = pipeline.solve_structure(condition, jax.random.key(0)).x
+    options = pipeline.config.sample_structure
+    found = []
+    for scale in (0, 50):
+        refiner = pipeline.parameters["structure_flow"]["refiner"]
+        refiner["out"]["bias"] = np.full_like(refiner["out"]["bias"], scale)
+        found.append(len(pipeline.active_voxels(latent, condition, options)[0]))
+    assert found[1] > found[0]
+
+
 def test_a_wrong_freeze_is_told_before_the_first_stage_trains(trained, tmp_path):
     config, _ = trained
     wrong = dataclasses.replace(config.latent_flow, freeze=("trunk",))

@@ -141,6 +141,7 @@ class FlowConfig:
     ``pixel_channels``: width of what each voxel reads off the pictures where the camera sees it (``nn.lifting.read_pixels``); latent flow of stem 'patch'; 0 = none.
     ``layout_channels``: width of what each voxel (structure flow: each cell of its latent) sees of a layout (``models.layout_features``); latent flow of
     stem 'patch'; 0 = none (TRELLIS).
+    ``refine_channels``: structure flow: width of a refiner of what the structure VAE decodes, at full resolution (``models.occupancy_refiner``); 0 = none (TRELLIS).
     ``position_table``: the structure flow holds its position embedding as a frozen table instead of computing it (weights whose table differs).
     ``prediction``: the network's output is the velocity (TRELLIS) or the clean sample, from which the velocity follows.
     """
@@ -158,6 +159,7 @@ class FlowConfig:
     volume_resolution: int = 8
     pixel_channels: int = 0
     layout_channels: int = 0
+    refine_channels: int = 0
     prediction: Literal["velocity", "data"] = "velocity"
     stem: Literal["conv", "patch"] = "conv"
     voxel_channels: int = 0
@@ -269,6 +271,9 @@ class LossConfig:
     time_std: float = 1.0
     noise_share: float = 0.0  # share of draws taken uniformly from t in (.9, 1)
     condition_drop: float = 0.1
+    # structure flow: share of the loss that is the refiner's cross-entropy on what the flow samples in
+    # one step; 1: the flow's own is left out (``freeze`` its layers)
+    refined: float = 0.0
     draws_per_image: int = 1  # structure flow: noise draws that share one image's condition
 
 

@@ -41,6 +41,7 @@ from uniart_jax.samplers import (
     join_views,
     make_conditioner,
     make_latent_sampler,
+    make_structure_decoder,
     make_structure_sampler,
     pad_coords,
 )
@@ -144,7 +145,7 @@ class Pipeline:
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
         structure = self.solve_structure(condition, keys[0], structure_options)
-        coords = self.active_voxels(structure.x, structure_options)[0]
+        coords = self.active_voxels(structure.x, condition, structure_options)[0]
         if len(coords) == 0:
             raise ValueError(f"{name}: the model found no object in the image; crop to the object")
         progress(f"{len(coords)} voxels")
@@ -265,7 +266,8 @@ class Pipeline:
         self, condition: Condition, key: jax.Array, options: StructureSampleConfig | None = None
     ) -> list[np.ndarray]:
         """Active voxels [V_i, 3] of each item (``active_voxels``)."""
-        return self.active_voxels(self.solve_structure(condition, key, options).x, options)
+        latent = self.solve_structure(condition, key, options).x
+        return self.active_voxels(latent, condition, options)
 
     def solve_structure(
         self, condition: Condition, key: jax.Array, options: StructureSampleConfig | None = None
@@ -276,11 +278,15 @@ class Pipeline:
         return sampler(parameters, self.statistics["structure"], condition, key)
 
     def active_voxels(
-        self, latent: jax.Array, options: StructureSampleConfig | None = None
+        self,
+        latent: jax.Array,
+        condition: Condition,
+        options: StructureSampleConfig | None = None,
     ) -> list[np.ndarray]:
-        """Structure latents -> active voxels [V_i, 3] of each item; at most as many as the largest bucket holds, the most certain first."""
+        """Structure latents, and the condition that they were sampled with -> active voxels [V_i, 3] of each item; at most as many as the largest bucket holds, the most certain first."""
         options = options or self.config.sample_structure
-        logits = np.asarray(self._decode_structure(self.parameters["structure_vae"], latent))
+        parameters = (self.parameters[name] for name in ("structure_vae", "structure_flow"))
+        logits = np.asarray(self._decode_structure(*parameters, latent, condition))
         most = max(self.config.data.voxel_buckets)
         found = []
         for item in logits - options.threshold:
@@ -435,9 +441,7 @@ class Pipeline:
 
     @functools.cached_property
     def _decode_structure(self):
-        return jax.jit(
-            functools.partial(build("structure_vae", self.config.model).apply, method="decode")
-        )
+        return make_structure_decoder(self.config.model)
 
     @functools.cached_property
     def _decode_voxels(self):

@@ -27,7 +27,7 @@ class Condition(NamedTuple):
 
     Attributes:
       tokens: [B, L, D]. volume: [B, Rv, Rv, Rv, C]; None where the image encoder has none (DINOv2).
-      pixels, cameras: [B, N, S, S, C], [B, N, 7] maps of N views and where they were taken from (``nn.lifting.read_pixels``); None where the latent flow reads none.
+      pixels, cameras: [B, N, S, S, C], [B, N, 7] maps of N views and where they were taken from (``nn.lifting.read_pixels``); None where the flows read none.
       layout: part tables [B, ...] (``voxels.part_table``) that the flows follow; None where they see none.
     """
 
@@ -40,7 +40,8 @@ class Condition(NamedTuple):
 
 def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
     """Jitted (image encoder's params, images [B, S, S, 3] in [0, 1]) -> what the flows see of them."""
-    network, closely = build("image_encoder", model), model.latent_flow.pixel_channels > 0
+    network = build("image_encoder", model)
+    closely = model.latent_flow.pixel_channels + model.structure_flow.refine_channels > 0
 
     @jax.jit
     def run(params, images):
@@ -71,6 +72,22 @@ def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callabl
         guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
         found = _solve(guided, noise, options, model.structure_flow)
         return found._replace(x=found.x * std + mean)
+
+    return run
+
+
+def make_structure_decoder(model: ModelConfig) -> Callable[..., jax.Array]:
+    """Jitted (structure VAE's params, structure flow's, latents [B, s, s, s, C], condition) -> occupancy logits [B, R, R, R], refined where the
+    flow has a refiner."""
+    vae, flow = build("structure_vae", model), build("structure_flow", model)
+
+    @jax.jit
+    def run(vae_params, flow_params, latent, condition):
+        logits = vae.apply(vae_params, latent, method="decode")
+        if not model.structure_flow.refine_channels:
+            return logits
+        seen = (condition.pixels, condition.cameras, condition.layout)
+        return flow.apply(flow_params, logits, *seen, method="refine")
 
     return run
 

@@ -453,8 +453,11 @@ def make_step(
     loss_fn = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
     if name.endswith("_flow"):
         loss_fn = objectives.of_pictures(loss_fn, make_conditioner(config.model))
-        decoded = name == "latent_flow" and config.loss.decoded > 0
-        frozen = ("image_encoder", "uniart_vae") if decoded else ("image_encoder",)
+        frozen = ["image_encoder"]
+        if name == "latent_flow" and config.loss.decoded > 0:
+            frozen.append("uniart_vae")
+        if name == "structure_flow" and config.loss.refined > 0:
+            frozen.append("structure_vae")
         given = tuple(load_network(workdir, n, build(n, config.model).abstract()) for n in frozen)
         given = jax.device_put(given, replicated(mesh))
     return make_train_step(

@@ -28,6 +28,7 @@ from uniart_jax.pipeline import (
     flow_inputs,
     make_conditioner,
     make_latent_sampler,
+    make_structure_decoder,
     make_structure_sampler,
     pad_coords,
     voxel_grid,
@@ -209,9 +210,9 @@ def _uniart_vae(config: Config) -> Evaluation:
 def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> Evaluation:
     source = LatentSource(workdir / "latents-validation")
     sampler = make_structure_sampler(config.model, config.sample_structure)
-    vae = build("structure_vae", config.model)
-    parameters = load_network(workdir, "structure_vae", vae.abstract())
-    decode = jax.jit(functools.partial(vae.apply, method="decode"))
+    abstract = build("structure_vae", config.model).abstract()
+    parameters = load_network(workdir, "structure_vae", abstract)
+    decode = make_structure_decoder(config.model)
     threshold = config.sample_structure.threshold
 
     def evaluate(state, step):
@@ -227,7 +228,7 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
             for row, item in zip(truth, items, strict=True):
                 row[tuple(item["coords"].astype(int).T)] = True
-            found = np.asarray(decode(parameters, latent)) > threshold
+            found = np.asarray(decode(parameters, state.ema, latent, condition)) > threshold
             overlaps += list(iou(found, truth))
             for b, item in enumerate(items[: PICTURES - len(pictures)]):
                 both, image = (filled(truth[b]), filled(found[b])), item["images"][0] / 255

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
@@ -96,6 +97,18 @@ def test_structure_batches_resume(cache):
     for _ in range(4):
         a, b = next(first), next(second)
         assert all(np.array_equal(a[key], b[key]) for key in a)
+
+
+def test_a_refiners_batches_hold_the_occupancy(cache):
+    flow = dataclasses.replace(MODEL.structure_flow, refine_channels=4)
+    model = dataclasses.replace(MODEL, structure_flow=flow)
+    batch = next(iter(latents.latent_batches(cache, DATA, model, 4, stage="structure_flow")))
+    side = MODEL.grid.resolution
+    assert batch["occupancy"].shape == (4, side, side, side)
+    items = {item["structure"].astype(np.float32).tobytes(): item for item in latents.LatentSource(cache)}  # fmt: skip
+    for structure, found in zip(batch["structure"], batch["occupancy"], strict=True):
+        coords = items[structure.tobytes()]["coords"]
+        assert set(map(tuple, np.argwhere(found))) == set(map(tuple, coords.astype(int)))
 
 
 def test_complete_or_absent(cache, tmp_path):

@@ -80,6 +80,14 @@ def test_hidden_depth_is_measured_from_the_foremost_valid_point_of_the_same_cell
     np.testing.assert_allclose(found, [0.2, 0, 0, 0, 0], atol=1e-6)
 
 
+def test_only_points_that_hide_others_are_the_front():
+    places = jnp.array([[-0.9, -0.9], [-0.6, -0.7], [-0.9, -0.8], [0.9, 0.9]])
+    depth = jnp.array([0.3, 0.1, 0.5, 0.2])
+    valid = jnp.array([True, True, True, True])
+    found = hidden_depth(places, depth, valid, 2, jnp.array([True, False, False, False]))
+    np.testing.assert_allclose(found, [0, -0.2, 0.2, -np.inf], atol=1e-6)
+
+
 def _pixels(views=3, width=64):
     rng = np.random.default_rng(5)
     coords = np.zeros((2, width, 3), np.int32)

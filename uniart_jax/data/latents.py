@@ -261,7 +261,8 @@ def latent_batches(
 ) -> Batches:
     """Endless shuffled batches for a flow stage, a random view of each item.
 
-    Both stages: ``image`` [B, H, W, 3] float32 in [0, 1]. Structure flow: ``structure`` [B, s, s, s, C] float32.
+    Both stages: ``image`` [B, H, W, 3] float32 in [0, 1]. Structure flow: ``structure`` [B, s, s, s, C] float32 and, with a refiner, ``occupancy``
+    [B, R, R, R] bool.
     Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``voxel_part`` [B, V] int32, ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and
     ``plans["flow"]``. A flow that sees layouts: ``layout``, a ``voxels.part_table.PartTable``, with ``data.layout_errors`` in it, and pictures bent by
     ``data.image_warp``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
@@ -269,7 +270,9 @@ def latent_batches(
 
     Args and errors: as ``batches.voxel_batches``; ``decoded``: ``plans`` hold those of the UniArt VAE's decoder too.
     """
-    unread = ("structure",) if stage == "latent_flow" else ("coords", "voxel_part", "latent")
+    unread = ["structure"] if stage == "latent_flow" else ["voxel_part", "latent"]
+    if stage == "structure_flow" and not model.structure_flow.refine_channels:
+        unread.append("coords")
     source = LatentSource(latents, without=unread)
     seed = data.seed if seed is None else seed
     if stage == "latent_flow":
@@ -321,6 +324,10 @@ def _load_structure(
     flow, most = model.structure_flow, model.grid.max_parts
     items, batch = _draw_items(draw, source, seed, rows, data, flow, most)
     batch["structure"] = np.stack([item["structure"] for item in items]).astype(np.float32)
+    if flow.refine_channels:
+        batch["occupancy"] = np.zeros((len(items), *(model.grid.resolution,) * 3), bool)
+        for row, item in zip(batch["occupancy"], items, strict=True):
+            row[tuple(item["coords"].astype(int).T)] = True
     return batch
 
 

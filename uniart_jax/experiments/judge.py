@@ -211,8 +211,9 @@ def why(error: Exception) -> str:
 def structure_overlap(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> Figures:
     """Of the sampled active voxels with the true ones."""
     grid, (options, _) = test.truth.grid, pipeline.options(**arm.sampling)
-    solution = pipeline.solve_structure(look(pipeline, test)[0], jax.random.key(seed), options)
-    found = pipeline.active_voxels(solution.x, options)[0]
+    condition = look(pipeline, test)[0]
+    solution = pipeline.solve_structure(condition, jax.random.key(seed), options)
+    found = pipeline.active_voxels(solution.x, condition, options)[0]
     one, other = (occupancy(c, grid.resolution) for c in (found, grid.coords))
     iou = float((one & other).sum() / (one | other).sum())
     return {"structure_iou": iou, "velocities": float(solution.evaluations[0])}

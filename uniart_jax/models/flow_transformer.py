@@ -20,6 +20,7 @@ from flax import nnx
 from uniart_jax.config import ModelConfig
 from uniart_jax.models.flow_trunk import FlowTrunk, required
 from uniart_jax.models.image_encoder import pixel_width
+from uniart_jax.models.occupancy_refiner import OccupancyRefiner
 from uniart_jax.nn.blocks import (
     LayerNorm,
     layer_norm,
@@ -67,6 +68,8 @@ class StructureFlow(FlowTrunk):
         self.input_layer = linear(channels, c.model_channels, rngs, dtype=dtype)
         self.out_layer = linear(c.model_channels, channels, rngs, init=zeros)
         self.pos_emb = nnx.Param(self._computed_positions()) if c.position_table else None
+        if c.refine_channels:
+            self.refiner = OccupancyRefiner(c.refine_channels, config, rngs)
 
     def position_embedding(self) -> jax.Array:
         """[tokens, D]; where it is a table of the weights, it is frozen (TRELLIS's buffer)."""
@@ -105,6 +108,21 @@ class StructureFlow(FlowTrunk):
             cell = self.cell_in(jnp.concatenate([out, seen], -1)) + parts
             out = out + self.cell_out(jax.nn.gelu(self.cell_hidden(jax.nn.gelu(cell))))
         return self.to_velocity(out, x, t)
+
+    def refine(
+        self,
+        logits: jax.Array,
+        pixels: jax.Array | None,
+        cameras: jax.Array | None,
+        layout: PartTable | None = None,
+    ) -> jax.Array:
+        """Logits [B, R, R, R] that the structure VAE decodes of a sample, sharpened (``refine_channels``).
+
+        Args:
+          pixels, cameras: [B, N, S, S, C], [B, N, 7] of N pictures, as for the latent flow. layout: [B, ...].
+        """
+        pixels = required(pixels, "refine_channels", "pixels")
+        return self.refiner(logits, pixels, required(cameras, "refine_channels", "cameras"), layout)
 
     def _see_cells(self, layout: PartTable | None, draws: int) -> Any:
         """[B, r, r, r, layout_channels] of the latent's cells; None without ``layout_channels``."""

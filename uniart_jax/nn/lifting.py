@@ -53,15 +53,24 @@ def read_map(features: jax.Array, places: jax.Array) -> jax.Array:
     return total
 
 
-def hidden_depth(places: jax.Array, depth: jax.Array, valid: jax.Array, side: int) -> jax.Array:
+def hidden_depth(
+    places: jax.Array,
+    depth: jax.Array,
+    valid: jax.Array,
+    side: int,
+    hides: jax.Array | None = None,
+) -> jax.Array:
     """How far behind the foremost point in the same cell of a ``side`` x ``side`` map each point lies [P], in depth's units; 0 at the front.
 
     Args:
-      places [P, 2], depth [P]: of ``project``, one camera. valid: [P], the points that can hide others.
+      places [P, 2], depth [P]: of ``project``, one camera. valid: [P]; 0 for the others.
+      hides: [P], the points that can hide others; None: the valid ones. A point before all of them is
+        negative, -inf where none of them is in its cell.
     """
     cell = jnp.clip(((places + 1) * (side / 2)).astype(jnp.int32), 0, side - 1)
     index = cell[:, 1] * side + cell[:, 0]
-    front = jnp.full(side * side, jnp.inf).at[index].min(jnp.where(valid, depth, jnp.inf))
+    hides = valid if hides is None else hides
+    front = jnp.full(side * side, jnp.inf).at[index].min(jnp.where(hides, depth, jnp.inf))
     return jnp.where(valid, depth - front[index], 0)
 
 

@@ -310,7 +310,9 @@ def add_drawer(
     tray_lo = np.array([start, max(bay_lo[1] + gap, lo[1]), max(bay_lo[2] + gap, lo[2])])
     tray_hi = np.array([start + length, min(bay_hi[1] - gap, hi[1]), min(bay_hi[2] - gap, hi[2])])
     tray_hi[2] = tray_lo[2] + (tray_hi[2] - tray_lo[2]) * options.get("fill", 0.75)
-    extra = Shape().add(shapes.tray(tray_lo, tray_hi, wall, open_front=True), style.inside)
+    extra = None  # a bay lower than its clearances takes a front alone
+    if tray_lo[2] < tray_hi[2]:
+        extra = Shape().add(shapes.tray(tray_lo, tray_hi, wall, open_front=True), style.inside)
     joint = slide((-1, 0, 0), travel * length)
     edge = "+z"
     return _front(

@@ -23,7 +23,12 @@ from uniart_jax.models.uniart_vae import (
     voxel_boxes,
     voxel_codes,
 )
-from uniart_jax.samplers import Condition, make_conditioner, make_latent_sampler
+from uniart_jax.samplers import (
+    Condition,
+    make_conditioner,
+    make_latent_sampler,
+    make_structure_sampler,
+)
 from uniart_jax.training.layout_loss import make_layout_loss  # noqa: F401  the stage's
 from uniart_jax.training.losses import (
     articulation_losses,
@@ -104,11 +109,8 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
         camera = jnp.abs(out["camera"] - batch["camera"]).mean()
         # boxes and joints learn early and, weighted like occupancy, keep it from being learnt at all; Dice does too
         loss = OCCUPANCY_WEIGHT * entropy + CAMERA_WEIGHT * camera + sum(terms.values())
-        predicted = out["occupancy"] > 0
-        truth = occupancy > 0.5
-        axes = (1, 2, 3)
-        iou = (predicted & truth).sum(axes) / jnp.maximum((predicted | truth).sum(axes), 1)
-        return loss, {"entropy": entropy, "camera": camera, "iou": iou.mean(), **terms}
+        iou = occupancy_iou(out["occupancy"], occupancy)
+        return loss, {"entropy": entropy, "camera": camera, "iou": iou, **terms}
 
     return loss_fn
 
@@ -126,10 +128,8 @@ def make_structure_vae_loss(network: Network, config: Config) -> LossFn:
         )
         kl = kl_loss(mean, logvar, jnp.ones(mean.shape[:2]))
         loss = entropy + overlap + config.loss.structure_kl * kl
-        predicted, truth = out["logits"] > 0, occupancy > 0.5
-        axes = (1, 2, 3)
-        iou = (predicted & truth).sum(axes) / jnp.maximum((predicted | truth).sum(axes), 1)
-        return loss, {"entropy": entropy, "dice": overlap, "kl": kl, "iou": iou.mean()}
+        iou = occupancy_iou(out["logits"], occupancy)
+        return loss, {"entropy": entropy, "dice": overlap, "kl": kl, "iou": iou}
 
     return loss_fn
 
@@ -280,11 +280,28 @@ def of_pictures(loss_fn: LossFn, condition: Callable[..., Condition]) -> GivenLo
     return seeing
 
 
-def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> LossFn:
-    """Rectified flow of the dense structure latent; ``draws_per_image`` noise draws share one image's condition."""
-    flow, weights = config.model.structure_flow, config.loss
+def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> Any:
+    """Rectified flow of the dense structure latent; ``draws_per_image`` noise draws share one image's condition.
 
-    def loss_fn(params, batch, key):
+    With ``loss.refined``, a share of it is the refiner's loss on what the flow samples in one step; the function then takes the structure VAE's
+    parameters after the key, and batches hold ``occupancy`` [B, R, R, R].
+    """
+    flow, weights = config.model.structure_flow, config.loss
+    share = weights.refined
+    if not 0 <= share <= 1 or (share and not flow.refine_channels):
+        raise ValueError(f"config: loss.refined is {share}; give 0 to 1, and model.structure_flow.refine_channels where it is above 0")  # fmt: skip
+    refine = make_refiner_loss(network, config, mean, std) if share else None
+
+    def loss_fn(params, batch, key, vae=None):
+        if refine is None:
+            return velocity_loss(params, batch, key)
+        loss, metrics = refine(params, batch, jax.random.fold_in(key, 1), vae)
+        if share == 1:
+            return loss, metrics
+        other, more = velocity_loss(params, batch, key)
+        return share * loss + (1 - share) * other, metrics | more
+
+    def velocity_loss(params, batch, key):
         x0 = jnp.repeat(normalize(batch["structure"], mean, std), weights.draws_per_image, axis=0)
         t, noise, seen = draw(batch, x0, key, config)
         x = interpolate(x0, noise, t)
@@ -293,6 +310,36 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
         return summarize_flow(error, v, x, x0, t, None, flow.prediction)
 
     return loss_fn
+
+
+def make_refiner_loss(network: Network, config: Config, mean: Any, std: Any) -> GivenLossFn:
+    """Cross-entropy and Dice of the refiner's logits on what the structure flow samples in one step and the structure VAE decodes; only the refiner
+    is differentiated. Takes the structure VAE's parameters after the key."""
+    model, options = config.model, dataclasses.replace(config.sample_structure, steps=1)
+    sample, vae = make_structure_sampler(model, options), build("structure_vae", model)
+
+    def loss_fn(params, batch, key, vae_params):
+        seen = Condition(*(batch.get(name) for name in Condition._fields))
+        frozen = jax.lax.stop_gradient(params)
+        latent = sample(frozen, (mean, std), seen, key).x
+        logits = jax.lax.stop_gradient(vae.apply(vae_params, latent, method="decode"))
+        given = (seen.pixels, seen.cameras, seen.layout)
+        refined = network.apply(params, logits, *given, method="refine")
+        occupancy = batch["occupancy"].astype(jnp.float32)
+        entropy = binary_cross_entropy(refined, occupancy).mean()
+        overlap = dice_loss(refined, occupancy)
+        metrics = {"entropy": entropy, "dice": overlap, "iou": occupancy_iou(refined, occupancy)}
+        metrics["iou_before"] = occupancy_iou(logits, occupancy)
+        return entropy + overlap, metrics
+
+    return loss_fn
+
+
+def occupancy_iou(logits: jax.Array, occupancy: jax.Array) -> jax.Array:
+    """Mean intersection over union of logits [B, R, R, R] above 0 and occupancy 0 or 1."""
+    predicted, truth, axes = logits > 0, occupancy > 0.5, (1, 2, 3)
+    union = jnp.maximum((predicted | truth).sum(axes), 1)
+    return ((predicted & truth).sum(axes) / union).mean()
 
 
 def make_latent_flow_loss(

@@ -1,0 +1,126 @@
+"""The refiner at toy size: it begins with the logits it is given, and reads its own item's picture, layout and logits."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from toy import MODEL, finite, flow_table, flow_views, init
+
+from uniart_jax.config import Config, LossConfig
+from uniart_jax.models.network import build
+from uniart_jax.training.objectives import make_structure_flow_loss
+
+SIDE = MODEL.grid.resolution
+
+
+def refining(**changes):
+    flow = dataclasses.replace(
+        MODEL.structure_flow, refine_channels=4, layout_channels=6, **changes
+    )
+    return dataclasses.replace(MODEL, structure_flow=flow)
+
+
+def arguments(seed=0):
+    logits = np.random.default_rng(seed).normal(-1, 3, (2, SIDE, SIDE, SIDE))
+    return jnp.asarray(logits, jnp.float32), *flow_views(), flow_table()
+
+
+@pytest.fixture(scope="module")
+def refine():
+    network = build("structure_flow", refining())
+    return jax.jit(lambda params, *given: network.apply(params, *given, method="refine"))
+
+
+@pytest.fixture(scope="module")
+def params():
+    return init(build("structure_flow", refining()))
+
+
+def test_a_fresh_refiner_leaves_the_logits_as_they_are(refine):
+    logits, *given = arguments()
+    fresh = build("structure_flow", refining()).init(jax.random.key(0))
+    np.testing.assert_array_equal(refine(fresh, logits, *given), logits)
+
+
+def test_it_reads_logits_pictures_and_layout_of_its_own_item_alone(refine, params):
+    logits, pixels, cameras, table = arguments()
+    whole = np.asarray(refine(params, logits, pixels, cameras, table))
+    assert whole.shape == logits.shape and finite(whole) and (whole != logits).any()
+    changed = {
+        "logits": (logits.at[0, 3, 3, 3].add(3), pixels, cameras, table),
+        "pixels": (logits, pixels.at[0, 0].add(1), cameras, table),
+        "cameras": (logits, pixels, cameras.at[0, 0, 0].add(0.5), table),
+        "layout": (logits, pixels, cameras, table._replace(boxes=table.boxes.at[0, 0].add(0.1))),
+    }
+    for name, given in changed.items():
+        moved = np.abs(np.asarray(refine(params, *given)) - whole)
+        assert moved[0].max() > 1e-3 and not moved[1].any(), name
+
+
+def test_rows_beyond_a_layouts_parts_and_views_without_a_camera_do_not_matter(refine, params):
+    logits, pixels, cameras, table = arguments()
+    whole = refine(params, logits, pixels, cameras, table)
+    padded = table._replace(boxes=table.boxes.at[1, 3:].set(7.0), codes=table.codes.at[1, 3:].set(7.0))  # fmt: skip
+    np.testing.assert_array_equal(refine(params, logits, pixels, cameras, padded), whole)
+    blind = cameras.at[:, 1].set(0)
+    one, other = (refine(params, logits, p, blind, table) for p in (pixels, pixels.at[:, 1].set(9)))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_what_is_likely_hides_what_lies_behind(refine, params):
+    """A wall of certain voxels, which are no candidates, before the others changes what those read."""
+    logits, pixels, cameras, table = arguments()
+    logits = logits.at[:].set(-2 + 0.01 * logits)
+    front = logits.at[:, 0].set(9.0)  # the camera looks from -x
+    farther = np.s_[:, 4:]  # beyond the convolutions' reach of the wall
+    open_, shut = (np.asarray(refine(params, a, pixels, cameras, table)) for a in (logits, front))
+    assert np.abs(open_[farther] - shut[farther]).max() > 1e-4
+
+
+def test_it_needs_the_pictures_and_their_camera(params):
+    logits, _, cameras, table = arguments()
+    network = build("structure_flow", refining())
+    with pytest.raises(ValueError, match=r"pixels \(refine_channels > 0\)"):
+        network.apply(params, logits, None, cameras, table, method="refine")
+    encoder = dataclasses.replace(MODEL.image_encoder, architecture="dinov2")
+    with pytest.raises(ValueError, match="refine_channels needs the camera"):
+        build("structure_flow", dataclasses.replace(refining(), image_encoder=encoder)).abstract()
+
+
+def test_its_loss_trains_the_refiner_alone_and_falls():
+    model = refining()
+    config = Config(model=model, loss=LossConfig(refined=1.0))
+    network, vae = build("structure_flow", model), build("structure_vae", model)
+    rng = np.random.default_rng(0)
+    pixels, cameras = flow_views()
+    occupancy = np.zeros((2, SIDE, SIDE, SIDE), bool)
+    occupancy[0, 2:6, 2:6, 2:6] = occupancy[1, 1:7, 3:5, 3:5] = True
+    batch = {
+        "tokens": jnp.asarray(rng.normal(size=(2, 9, 16)), jnp.float32),
+        "volume": jnp.asarray(rng.normal(size=(2, 4, 4, 4, 5)), jnp.float32),
+        "pixels": pixels, "cameras": cameras, "layout": flow_table(), "occupancy": occupancy,
+    }  # fmt: skip
+    zero = np.zeros(3, np.float32)
+    loss_fn = make_structure_flow_loss(network, config, zero, zero + 1)
+    vae_params = init(vae)
+    step = jax.jit(jax.value_and_grad(lambda p: loss_fn(p, batch, jax.random.key(0), vae_params), has_aux=True))  # fmt: skip
+    params = network.init(jax.random.key(0))
+    (first, metrics), gradient = step(params)
+    assert metrics["iou"] == metrics["iou_before"]
+    moved = {name for name, part in gradient.items() if any(np.any(g) for g in jax.tree.leaves(part))}  # fmt: skip
+    assert moved == {"refiner"}
+    for _ in range(60):
+        (last, metrics), gradient = step(params)
+        params = jax.tree.map(lambda p, g: p - 0.05 * g, params, gradient)
+    assert last < 0.7 * first and metrics["iou"] > metrics["iou_before"]
+
+
+@pytest.mark.parametrize(("share", "channels"), [(1.5, 4), (0.5, 0)])
+def test_a_share_that_cannot_be_is_refused(share, channels):
+    flow = dataclasses.replace(MODEL.structure_flow, refine_channels=channels)
+    model = dataclasses.replace(MODEL, structure_flow=flow)
+    config = Config(model=model, loss=LossConfig(refined=share))
+    with pytest.raises(ValueError, match=r"loss\.refined"):
+        make_structure_flow_loss(build("structure_flow", model), config, 0, 1)
