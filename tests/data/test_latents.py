@@ -105,7 +105,9 @@ def test_a_refiners_batches_hold_the_occupancy(cache):
     batch = next(iter(latents.latent_batches(cache, DATA, model, 4, stage="structure_flow")))
     side = MODEL.grid.resolution
     assert batch["occupancy"].shape == (4, side, side, side)
-    items = {item["structure"].astype(np.float32).tobytes(): item for item in latents.LatentSource(cache)}  # fmt: skip
+    source = latents.LatentSource(cache)
+    stored = [source[i] for i in range(len(source))]
+    items = {item["structure"].astype(np.float32).tobytes(): item for item in stored}
     for structure, found in zip(batch["structure"], batch["occupancy"], strict=True):
         coords = items[structure.tobytes()]["coords"]
         assert set(map(tuple, np.argwhere(found))) == set(map(tuple, coords.astype(int)))
