@@ -12,7 +12,7 @@ from typing import Annotated
 
 import tyro
 
-from uniart_jax.export.formats import Format
+from uniart_jax.export.formats import Format, Origin
 
 Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
 Overwrite = Annotated[
@@ -36,6 +36,14 @@ Mass = Annotated[float | None, tyro.conf.arg(help="kg of the whole object, inste
 CollisionBudget = Annotated[
     int, tyro.conf.arg(help="Convex collision shapes of the whole object at most; 16 a part.")
 ]
+
+Stand = Annotated[
+    Origin,
+    tyro.conf.arg(
+        help="Where 0 lies: on the floor below the middle of the object at rest, or in its middle."
+    ),
+]
+Actuators = Annotated[bool, tyro.conf.arg(help="Give the MJCF a position actuator a joint.")]
 
 
 def guarded(command: Callable[[], int | None]) -> int:

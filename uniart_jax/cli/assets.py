@@ -10,6 +10,7 @@ import tyro
 from rich.console import Console
 
 from uniart_jax.cli.arguments import (
+    Actuators,
     CollisionBudget,
     Density,
     Formats,
@@ -17,6 +18,7 @@ from uniart_jax.cli.arguments import (
     Out,
     Overwrite,
     Size,
+    Stand,
     check_out,
     tried,
     validation_lines,
@@ -35,6 +37,8 @@ def export(
     density: Density = None,
     mass: Mass = None,
     collision_budget: CollisionBudget = COLLISION_BUDGET,
+    origin: Stand = "floor",
+    actuators: Actuators = False,
     refine: bool = False,
     check: bool = True,
     allow_outside: bool = False,
@@ -69,6 +73,8 @@ def export(
             density=density,
             mass=mass,
             collision_budget=collision_budget,
+            origin=origin,
+            actuators=actuators,
             overwrite=overwrite,
             mend=mend if refine else None,
             check=(lambda folder: tried(folder, found)) if check else None,

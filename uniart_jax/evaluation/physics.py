@@ -26,6 +26,7 @@ from uniart_jax.evaluation.kept import claim, keep
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.frames import joint_name, moves
+from uniart_jax.export.naming import named
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import enable_compilation_cache, load
 from uniart_jax.processes import each
@@ -179,7 +180,7 @@ def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
 def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
     moving: list[str] = []
     try:
-        obj = trial.make()
+        obj = named(trial.make())
         moving = [joint_name(part) for part in obj.parts if moves(part)]
         start = time.perf_counter()
         save_asset(
