@@ -1,4 +1,5 @@
-"""Parts that have no name of their own are called after their joints, from the top left of the front."""
+"""Parts that have no name of their own are called after their joints, from the top left of the
+front."""
 
 from __future__ import annotations
 
@@ -28,10 +29,12 @@ def dial(y: float, z: float, sections: int = 24) -> trimesh.Trimesh:
 def cooker(names=None, labels=None) -> ArticulatedObject:
     """Two dials above, a door right of a drawer, a screw, a fixed foot; listed out of order."""
     about = [1, 0, 0]
+    slide = Joint([0, 0, 0], [-1, 0, 0], (0, 0), (0, 0.3))
+    hinge = Joint([-0.3, -0.38, 0], [0, 0, 1], (-1.5, 0))
     parts = [
         (block([-0.3, -0.4, -0.5], [0.3, 0.4, 0.5]), Joint.fixed()),
-        (block([-0.33, 0.02, -0.3], [-0.3, 0.38, 0.2]), Joint([0, 0, 0], [-1, 0, 0], (0, 0), (0, 0.3))),
-        (block([-0.33, -0.38, -0.3], [-0.3, -0.02, 0.22]), Joint([-0.3, -0.38, 0], [0, 0, 1], (-1.5, 0))),
+        (block([-0.33, 0.02, -0.3], [-0.3, 0.38, 0.2]), slide),
+        (block([-0.33, -0.38, -0.3], [-0.3, -0.02, 0.22]), hinge),
         (dial(-0.2, 0.4), Joint([-0.3, -0.2, 0.4], about, (0, 4))),
         (dial(0.2, 0.4), Joint([-0.3, 0.2, 0.4], about, (-np.pi, np.pi))),
         (dial(0.2, -0.4), Joint([-0.3, 0.2, -0.4], about, (0, 4), (0, 0.03))),

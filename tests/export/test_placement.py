@@ -114,7 +114,7 @@ def test_centre_and_as_it_is():
 
 
 def test_bodies_go_with_their_parts():
-    """A shape's corners, the centre of mass and the inertia's main axes stay where they are in the part."""
+    """Shapes, the centre of mass and the inertia's main axes stay where they are in the part."""
     turn = trimesh.transformations.rotation_matrix(0.7, [1, 2, 3], [0.3, 0.1, 0.2])
     turn[:3, 3] += [0.5, 0, 1]
     hull = trimesh.creation.icosphere(1, 0.1).apply_translation([0.2, 0, 0])

@@ -94,20 +94,24 @@ def check_out(
 
 def tried(folder: Path, found: list[dict]) -> dict:
     """What the physics engines say of an asset, also put into ``found``."""
-    from uniart_jax.simulation.validate import validate, verdicts
+    from uniart_jax.simulation.summary import verdicts
+    from uniart_jax.simulation.validate import validate
 
     found.append(verdicts(validate(folder)))
     return found[0]
 
 
 def validation_lines(verdicts: dict[str, dict]) -> Iterator[str]:
-    """What a person wants to know of a report's ``validation``: a line an engine, and one for each check that failed."""
+    """What a person wants to know of a report's ``validation``: a line an engine, one for each check that failed, and the sum of it."""
+    from uniart_jax.simulation.summary import summary
+
     for where, checks in verdicts.items():
         failed = {name: check for name, check in checks.items() if not check["passed"]}
         yield f"{where}: {len(checks) - len(failed)} of {len(checks)} checks passed"
         for name, check in failed.items():
             why = check.get("reason") or f"{check['value']:.3g}, limit {check['limit']:.3g}"
             yield f"  {name}: {why}"
+    yield summary(verdicts)
 
 
 def shard_numbers(text: str) -> tuple[int, int]:

@@ -33,8 +33,9 @@ from uniart_jax.processes import each
 from uniart_jax.progress import track
 from uniart_jax.simulation.primitives import REACH
 from uniart_jax.simulation.refine import mend
+from uniart_jax.simulation.summary import is_plausible, is_sound, stands, verdicts
 from uniart_jax.simulation.sweep import DEPTH
-from uniart_jax.simulation.validate import is_sound, validate
+from uniart_jax.simulation.validate import validate
 
 FORMATS = ("urdf", "mjcf")
 console = Console(stderr=True, highlight=False)
@@ -174,7 +175,7 @@ def _died(out: Path, trial: Trial) -> tuple[str, dict]:
 
 def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
     """What an object counts as that could not even be tried; ``moving``: its joints, as far as they are known."""
-    return {"name": name, "moving": list(moving), "sound": False, "failed": [why], "engines": {}, "yourdfpy": False, "watertight": False, "joints": {}, "seconds": {}}  # fmt: skip
+    return {"name": name, "moving": list(moving), "sound": False, "stands": False, "plausible": False, "failed": [why], "engines": {}, "yourdfpy": False, "watertight": False, "joints": {}, "seconds": {}}  # fmt: skip
 
 
 def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
@@ -200,7 +201,7 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
     ran = found["engines"]
     failed = [
         f"{where} {name} ({check.get('reason', check['value'])})"
-        for where, checks in [*ran.items(), ("geometry", found["geometry"])]
+        for where, checks in verdicts(found).items()
         for name, check in checks.items()
         if not check["passed"]
     ]
@@ -208,6 +209,8 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
         "name": trial.name,
         "moving": moving,
         "sound": is_sound(found),
+        "stands": stands(verdicts(found)),
+        "plausible": is_plausible(verdicts(found)),
         "failed": failed,
         "engines": {e: {name: c["passed"] for name, c in checks.items()} for e, checks in ran.items()},
         "yourdfpy": _opens(folder / "object.urdf"),
@@ -254,6 +257,9 @@ def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
         ]
         row[f"joints {engine}"] = len(works)
         row[f"70 % {engine}"] = float(np.mean(works)) if works else 0.0
+    for title, what in {"loads and stands": "stands", "plausible": "plausible"}.items():
+        if all(what in r for r in results):  # kept figures may be older
+            row[title] = float(np.mean([r[what] for r in results]))
     row["sound"] = float(np.mean([r["sound"] for r in results]))
     for step in ("export", "validate"):
         taken = [r["seconds"][step] for r in results if r["seconds"]]

@@ -1,7 +1,7 @@
 """What parts are called where nobody gave them a name: by what their joints do.
 
-`base`, `hinge_1`, `slider_2`, `knob_1`, `screw_1`, `fixed_1`, each kind counted from the top left of
-the front, row by row, as one reads.
+`base`, `hinge_1`, `slider_1`, `knob_1`, `screw_1`, `fixed_1`, each kind counted from the top left
+of the front, row by row, as one reads.
 """
 
 from __future__ import annotations
