@@ -19,8 +19,9 @@ import numpy as np
 
 from uniart_jax import procedural
 from uniart_jax.export.asset import save_asset
-from uniart_jax.export.budget import shape_count, volume_error
+from uniart_jax.export.budget import shape_count
 from uniart_jax.export.placement import place
+from uniart_jax.export.volume_error import volume_error
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.simulation.refine import mend
 
