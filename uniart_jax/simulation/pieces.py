@@ -20,6 +20,8 @@ from uniart_jax.objects.object import ArticulatedObject, moved_mesh
 
 POINTS = 40_000  # of the whole object
 LEAST, MOST = 60, 20_000  # of one piece, or part
+CELL = 0.005  # pieces that pass through one cell of this size touch
+MANY = 5_000  # pieces; of more, each part is looked at as one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -119,21 +121,26 @@ class Cluster:
 def clusters(stance: Stance, gap: float) -> list[Cluster]:
     """Pieces of all parts at rest in groups with no more than about ``gap`` between neighbours, the
     one with the root's largest piece first."""
-    owner, pieces = [], []
-    for k, part in enumerate(stance.obj.parts):
-        found = pieces_of(part.mesh)
-        pieces += found
-        owner += [k] * len(found)
+    every = [pieces_of(part.mesh) for part in stance.obj.parts]
+    if sum(len(found) for found in every) > MANY:
+        every = [[stance.mesh([k])] for k in range(len(every))]
+    pieces = [piece for found in every for piece in found]
+    owner = [k for k, found in enumerate(every) for _ in found]
     areas = np.array([float(p.area) for p in pieces])
     counts = (POINTS * areas / max(float(areas.sum()), 1e-12)).astype(int).clip(LEAST, MOST)
     samples = [spread(p, int(n)) for p, n in zip(pieces, counts, strict=True)]
     number = np.repeat(np.arange(len(pieces)), [len(s) for s in samples])
     spacing = float(np.sqrt(areas / counts).max())
-    pairs = cKDTree(np.concatenate(samples)).query_pairs(gap + spacing, output_type="ndarray")
-    linked = number[pairs]
-    linked = linked[linked[:, 0] != linked[:, 1]]
-    graph = coo_matrix((np.ones(len(linked)), linked.T), shape=[len(pieces)] * 2)
-    _, label = connected_components(graph, directed=False)
+    points = np.concatenate(samples)
+    _, first, cell = np.unique(
+        np.floor(points / CELL).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    near = cKDTree(points[first]).query_pairs(gap + spacing, output_type="ndarray")
+    links = np.concatenate(
+        [np.stack([number, len(pieces) + np.asarray(cell).reshape(-1)], 1), len(pieces) + near]
+    )  # pieces with their cells, cells with their neighbours
+    graph = coo_matrix((np.ones(len(links)), links.T), shape=[len(pieces) + len(first)] * 2)
+    label = connected_components(graph, directed=False)[1][: len(pieces)]
     root = max((i for i, k in enumerate(owner) if k == 0), key=lambda i: areas[i])
     labels = [label[root], *sorted(set(label) - {label[root]})]
     found = []
