@@ -24,7 +24,9 @@ METRICS = {
         "sound",
         "higher",
         0.0,
-        "Share of assets that pass every check, in every physics engine that ran and without, as the asset's own files say; one that was not validated counts as 0 where another of the method was.",
+        "Share of assets that pass every check, in every physics engine that ran and without, "
+        "as the asset's own files say; one that was not validated counts as 0 where another of "
+        "the method was.",
     ),
     "joints_work": Metric(
         "joints work",

@@ -175,7 +175,10 @@ def _died(out: Path, trial: Trial) -> tuple[str, dict]:
 
 def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
     """What an object counts as that could not even be tried; ``moving``: its joints, as far as they are known."""
-    return {"name": name, "moving": list(moving), "sound": False, "stands": False, "plausible": False, "failed": [why], "engines": {}, "yourdfpy": False, "watertight": False, "joints": {}, "seconds": {}}  # fmt: skip
+    no = ("sound", "stands", "plausible", "yourdfpy", "watertight")
+    nothing = {key: {} for key in ("engines", "joints", "seconds")}
+    told = {"name": name, "moving": list(moving), "failed": [why]}
+    return told | dict.fromkeys(no, False) | nothing
 
 
 def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:

@@ -2,7 +2,8 @@
 
 Bodies are nested as the parts are; every body's frame stands at its joint's origin with the object frame's axes, as in the URDF. A screw
 is a hinge and a slide of one body, held together by ``<equality>``. Geoms of group 2 are seen, those of group 3 collide.
-A site stands at every handle; keyframes ``closed`` and ``open`` are the rest state and that with all joints open.
+A site stands at every handle; keyframes ``closed`` and ``open`` are the rest state and that with all
+joints open.
 (MuJoCo's XML reference: mujoco.readthedocs.io/en/stable/XMLreference.html.)
 """
 

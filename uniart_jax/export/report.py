@@ -1,4 +1,7 @@
-"""``report.json``: what an asset holds, for people and scripts. Metres, kilograms, radians, in the frame of the files."""
+"""``report.json``: what an asset holds, for people and scripts.
+
+Metres, kilograms, radians, in the frame of the files.
+"""
 
 from __future__ import annotations
 

@@ -32,8 +32,8 @@ class Joint:
       travel: (t0, t1) travel along ``direction`` at the same two ends, object units; proportional to ``angle`` if both are non-zero.
       dead_zone: travel below which there is none, object units; it scales with the object.
 
-    Spans below .1 degree and ``dead_zone`` become 0. A rotation span of 2 pi or more without travel is continuous
-    and stored as (-pi, pi). A joint without any span is fixed and stored with origin 0 and direction z.
+    Spans below .1 degree and ``dead_zone`` become 0. A rotation span of 2 pi or more without
+    travel is continuous and stored as (-pi, pi). A joint without any span is fixed and stored with origin 0 and direction z.
 
     Raises:
       ValueError: zero or non-finite axis, limits that do not bracket 0, spans that are not proportional.

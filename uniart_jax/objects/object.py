@@ -206,7 +206,8 @@ class ArticulatedObject:
     def rest(self) -> np.ndarray:
         """[K] the rest state.
 
-        Per joint: the limit nearest 0 if 0 is within the codes' dead zone of it (1 degree, .005 of the longest side), else the end at which the object's bounding volume
+        Per joint: the limit nearest 0 if 0 is within the codes' dead zone of it (1 degree, .005 of
+        the longest side), else the end at which the object's bounding volume
         (all other joints at 0) is smaller, the lower end on ties; continuous joints: 0.
         """
         q = np.zeros(len(self.parts))

@@ -47,7 +47,8 @@ def validate(
       allow_outside: also read what the asset names outside its folder.
 
     Returns:
-      JSON values: ``engines`` {engine: {check: {"passed", "value", "limit", "reason" where it failed}}}, ``geometry`` {check: the same}, ``plausibility`` {check: the same} (empty where our reader does not take the asset),
+      JSON values: ``engines`` {engine: {check: {"passed", "value", "limit", "reason" where it failed}}},
+      ``geometry`` and ``plausibility`` {check: the same} (the latter empty where our reader does not take the asset),
       ``not_run`` {engine: why}, ``joints`` {engine: {joint: numbers}}, ``motions`` {engine: [curves]}, ``asset`` and ``version``.
 
     Raises:
