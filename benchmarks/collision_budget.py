@@ -19,7 +19,9 @@ import numpy as np
 
 from uniart_jax import procedural
 from uniart_jax.export.asset import save_asset
-from uniart_jax.export.budget import shape_count, volume_error
+from uniart_jax.export.budget import shape_count
+from uniart_jax.export.placement import place
+from uniart_jax.export.volume_error import volume_error
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.simulation.refine import mend
 
@@ -45,7 +47,7 @@ def drop(
     stops and closes; [3] the drawer's size.
 
     Args:
-      asset: folder with ``object.xml``. obj: what it was written of, at rest.
+      asset: folder with ``object.xml``. obj: as it is written there (``export.placement``).
     """
     spec = mujoco.MjSpec.from_file(str(asset / "object.xml"))
     part = obj.parts[k]
@@ -166,11 +168,11 @@ def figures(obj: ArticulatedObject, budget: int | None, generated: bool, copies:
         ]
         weights = [b.mass for b in bodies]
         files = [p for p in (asset / "meshes").rglob("*") if p.is_file()] + [asset / "object.xml"]
-        closed = [k for k in drawers(obj) if written.limits[k][0] == 0]
+        placed = place(written).obj
         balls = []
-        for k in () if generated else closed:
-            radius = ball_radius(obj, k)
-            balls.append(holds(*drop(asset, obj, k, radius), radius))
+        for k in () if generated else drawers(placed):
+            radius = ball_radius(placed, k)
+            balls.append(holds(*drop(asset, placed, k, radius), radius))
         return {
             "shapes": shape_count(bodies),
             "MB": sum(p.stat().st_size for p in files) / 1e6,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import sys
 
@@ -49,13 +50,28 @@ def run(monkeypatch, capsys):
 def test_validate_tells_sound_from_not(run, assets, tmp_path):
     code, out, _ = run("validate", assets / "sound", "--out", tmp_path / "a", "--engines", "mujoco")
     assert code == 0 and "mujoco" in out and "sweep" not in out
+    assert out.splitlines()[-1] == "loads and stands: yes; plausible: yes"
     assert {p.name for p in (tmp_path / "a").iterdir()} == {"validation.json", "validation.png"}
     code, out, _ = run(
         "validate", assets / "inward", "--out", tmp_path / "b", "--engines", "mujoco"
     )
     assert code == 1 and "sweep" in out and "lid_joint" in out
+    assert "loads and stands: no (" in out and "plausible: no (plausible)" in out
     found = json.loads((tmp_path / "b" / "validation.json").read_text())
     assert not found["engines"]["mujoco"]["sweep"]["passed"]
+
+
+def test_an_object_that_stands_and_is_wrong_is_not_praised(run, tmp_path):
+    """Two blocks float beside the chest, touching each other: no engine minds."""
+    block = trimesh.creation.box([0.1] * 3).apply_translation([0, 0.7, 0])
+    above = block.copy().apply_translation([0, 0, 0.1])
+    parts = (*chest().parts, Part("one", block, 0), Part("two", above, 0))
+    dataclasses.replace(chest(), parts=parts).save(tmp_path / "a", formats=("mjcf",), motion=False)
+    code, out, err = run("validate", tmp_path / "a", "--out", tmp_path / "v", "--engines", "mujoco")
+    assert code == 1 and "loads and stands: yes; plausible: no (free)" in out
+    assert "sound" not in out + err
+    found = json.loads((tmp_path / "v" / "validation.json").read_text())
+    assert not found["plausibility"]["free"]["passed"]
 
 
 def test_validate_of_what_is_no_asset_is_one_line(run, assets, tmp_path):

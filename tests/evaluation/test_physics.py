@@ -31,6 +31,7 @@ def test_a_folder_of_assets_with_a_bad_one(tmp_path):
     row = found["rows"]["assets"]
     assert row["objects"] == 2 and row["sound"] == 0.5 and row["loads mujoco"] == 0.5
     assert row["joints mujoco"] == 1 and row["70 % mujoco"] == 1.0
+    assert row["loads and stands"] == row["plausible"] == 0.5
     bad = next(r for r in found["objects"]["assets"] if "bad" in r["name"])
     assert not bad["sound"] and bad["failed"]
     assert json.loads((out / "metrics.json").read_text())["rows"] == found["rows"]
@@ -62,3 +63,6 @@ def test_figures_of_a_row():
     assert row["loads mujoco"] == 0.5 and row["stands mujoco"] == 0.5 and row["sound"] == 0.5
     assert row["joints mujoco"] == 4 and row["70 % mujoco"] == 0.25 and row["export s"] == 2.0
     assert markdown({"truth": row}).count("\n") == 2
+    assert "plausible" not in row  # figures kept from before do not know
+    known = [good | {"stands": True, "plausible": s} for s in (True, False)]
+    assert summarize_trials(known)["plausible"] == 0.5

@@ -12,6 +12,14 @@ def cabinet():
 
 
 @pytest.fixture(scope="session")
+def stood(cabinet):
+    """The cabinet as its files have it: closed, on the floor."""
+    from uniart_jax.export.placement import place
+
+    return place(cabinet).obj
+
+
+@pytest.fixture(scope="session")
 def asset(cabinet, tmp_path_factory):
     """The cabinet's asset folder. Tests only read it."""
     from uniart_jax.export.asset import save_asset

@@ -78,28 +78,28 @@ def test_folder_is_complete(asset):
     assert [p for p in asset.parent.iterdir() if p != asset] == []
 
 
-def test_meshes_are_watertight_on_disk(cabinet, asset):
-    for stem, part in zip(asset_module.file_stems(cabinet), cabinet.parts, strict=True):
+def test_meshes_are_watertight_on_disk(stood, asset):
+    for stem, part in zip(asset_module.file_stems(stood), stood.parts, strict=True):
         mesh = trimesh.load_mesh(asset / "meshes" / f"{stem}.obj", process=False)
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
         assert mesh.is_watertight
-        np.testing.assert_allclose(mesh.bounds, part.mesh.bounds * cabinet.scale, atol=1e-6)
+        np.testing.assert_allclose(mesh.bounds, part.mesh.bounds * stood.scale, atol=1e-6)
 
 
-def test_load_object_reads_the_same_object(cabinet, asset):
+def test_load_object_reads_the_same_object(stood, asset):
     loaded = load_object(asset)
     assert all("knob" in line for line in loaded.provenance)  # the screw's two joints are one again
-    assert {p.name for p in loaded.parts} == {p.name for p in cabinet.parts}
-    for part in cabinet.parts:
+    assert {p.name for p in loaded.parts} == {p.name for p in stood.parts}
+    for part in stood.parts:
         twin = loaded.parts[loaded.index(part.name)]
         assert twin.joint.type == part.joint.type
         assert twin.mesh.visual.kind == "texture"
-        np.testing.assert_allclose(twin.mesh.bounds, part.mesh.bounds * cabinet.scale, atol=1e-6)
+        np.testing.assert_allclose(twin.mesh.bounds, part.mesh.bounds * stood.scale, atol=1e-6)
     for seed in Q_SEEDS:
-        q = random_q(cabinet, seed)
-        meant = moved_points(cabinet, q)
-        units = [1 if j.rotates else cabinet.scale for j in cabinet.joints]
-        state = {p.name: v * u for p, v, u in zip(cabinet.parts, q, units, strict=True)}
+        q = random_q(stood, seed)
+        meant = moved_points(stood, q)
+        units = [1 if j.rotates else stood.scale for j in stood.joints]
+        state = {p.name: v * u for p, v, u in zip(stood.parts, q, units, strict=True)}
         for part, matrix in zip(loaded.parts, loaded.forward_kinematics(state), strict=True):
             seen = trimesh.transform_points(part.mesh.vertices, matrix)
             expected = meant[part.name]
@@ -109,17 +109,17 @@ def test_load_object_reads_the_same_object(cabinet, asset):
 
 
 @pytest.mark.parametrize("seed", Q_SEEDS)
-def test_yourdfpy_moves_the_parts_as_we_do(cabinet, asset, seed):
+def test_yourdfpy_moves_the_parts_as_we_do(stood, asset, seed):
     robot = yourdfpy.URDF.load(
         str(asset / "object.urdf"), build_collision_scene_graph=True, load_collision_meshes=True
     )
     assert set(robot.actuated_joint_names) == {
-        joint_name(p) for p in cabinet.parts if p.joint.type != "fixed"
+        joint_name(p) for p in stood.parts if p.joint.type != "fixed"
     }
-    q = random_q(cabinet, seed)
-    states = metric_states(cabinet, q)
+    q = random_q(stood, seed)
+    states = metric_states(stood, q)
     robot.update_cfg({name: states[name] for name in robot.actuated_joint_names})
-    meant = moved_points(cabinet, q)
+    meant = moved_points(stood, q)
     seen = {}
     for node in robot.scene.graph.nodes_geometry:
         matrix, geometry = robot.scene.graph[node]
@@ -131,36 +131,36 @@ def test_yourdfpy_moves_the_parts_as_we_do(cabinet, asset, seed):
 
 
 @pytest.mark.parametrize("seed", Q_SEEDS)
-def test_mujoco_moves_the_parts_as_we_do(cabinet, asset, seed):
+def test_mujoco_moves_the_parts_as_we_do(stood, asset, seed):
     model = mujoco.MjModel.from_xml_path(str(asset / "object.urdf"))
-    q = random_q(cabinet, seed)
-    states = metric_states(cabinet, q)
+    q = random_q(stood, seed)
+    states = metric_states(stood, q)
     names = {model.joint(j).name for j in range(model.njnt)}
     assert names == {n for n in states if n != "foot_joint"}  # the fixed one is no joint
     data = mujoco.MjData(model)
     for name in names:
         data.qpos[model.joint(name).qposadr[0]] = states[name]
     mujoco.mj_kinematics(model, data)
-    for part, matrix in zip(cabinet.parts, cabinet.forward_kinematics(q), strict=True):
+    for part, matrix in zip(stood.parts, stood.forward_kinematics(q), strict=True):
         body = data.body(part.name)
         frame = body.xmat.reshape(3, 3)
         np.testing.assert_allclose(frame, matrix[:3, :3], atol=1e-6)
         if part.joint.type != "fixed":  # a fixed part's frame is its parent's
-            origin = trimesh.transform_points([part.joint.origin], matrix)[0] * cabinet.scale
+            origin = trimesh.transform_points([part.joint.origin], matrix)[0] * stood.scale
             np.testing.assert_allclose(body.xpos, origin, atol=1e-6)
 
 
-def test_mujoco_reads_masses_limits_and_collision(cabinet, asset):
+def test_mujoco_reads_masses_limits_and_collision(stood, asset):
     model = mujoco.MjModel.from_xml_path(str(asset / "object.urdf"))
     report = json.loads((asset / "report.json").read_text())
     for entry in report["parts"]:
         assert model.body(entry["name"]).mass[0] == pytest.approx(entry["mass"], rel=1e-6)
-    assert model.joint("drawer_joint").range == pytest.approx([0, 0.4 * cabinet.scale])
-    assert model.joint("door_joint").range == pytest.approx([-0.4, 1.6])
+    assert model.joint("drawer_joint").range == pytest.approx([0, 0.4 * stood.scale])
+    assert model.joint("door_joint").range == pytest.approx([0, 2.0])
     assert model.ngeom == 10  # five walls of the body, one hull for each other part
 
 
-def test_an_open_cabinet_can_be_simulated(cabinet, asset):
+def test_a_cabinet_can_be_simulated(stood, asset):
     """Gravity for half a second moves nothing far: no contact throws the parts apart."""
     model = mujoco.MjModel.from_xml_path(str(asset / "object.urdf"))
     data = mujoco.MjData(model)
@@ -170,9 +170,13 @@ def test_an_open_cabinet_can_be_simulated(cabinet, asset):
     assert np.abs(data.qvel).max() < 10
 
 
-def test_report(cabinet, asset):
+def test_report(cabinet, stood, asset):
     report = json.loads((asset / "report.json").read_text())
-    assert set(report) == {"category", "parts", "rest", "notes", "scale", "seed", "checkpoint", "version"}  # fmt: skip
+    assert set(report) == {
+        *("category", "parts", "rest", "shown", "notes", "scale", "seed", "checkpoint"),
+        *("version", "origin"),
+    }
+    assert report["origin"] == "floor"
     assert report["category"] == cabinet.category
     assert report["seed"] == 7 and report["checkpoint"] == "x"
     assert report["version"] == uniart_jax.__version__
@@ -186,6 +190,7 @@ def test_report(cabinet, asset):
         "direction",
         "angle",
         "travel",
+        "as_read",
         "mass",
         "watertight",
         "shapes",
@@ -199,15 +204,46 @@ def test_report(cabinet, asset):
     assert all(1 <= p["shapes"] <= 16 and 0 <= p["volume_error"] < 0.1 for p in parts.values())
     assert parts["knob"]["parent"] == "door" and parts["knob"]["type"] == "screw"
     assert parts["drawer"]["travel"] == pytest.approx([0, 0.4 * cabinet.scale])
-    assert parts["door"]["angle"] == pytest.approx([-0.4, 1.6])
-    assert parts["door"]["origin"] == pytest.approx(cabinet.parts[1].joint.origin * cabinet.scale)
-    rest = cabinet.rest() * [1 if j.rotates else cabinet.scale for j in cabinet.joints]
-    expected = {
-        joint_name(p): pytest.approx(q)
-        for p, q in zip(cabinet.parts, rest, strict=True)
-        if p.joint.type != "fixed"
-    }
-    assert report["rest"] == expected
+    assert parts["door"]["angle"] == pytest.approx([0, 2.0])
+    assert parts["door"]["origin"] == pytest.approx(stood.parts[1].joint.origin * stood.scale)
+    assert parts["door"]["as_read"]["angle"] == pytest.approx([-0.4, 1.6])
+    for part in cabinet.parts[1:]:
+        read = parts[part.name]["as_read"]
+        assert read["name"] == part.name
+        assert read["origin"] == pytest.approx(part.joint.origin * cabinet.scale)
+        assert read["direction"] == pytest.approx(part.joint.direction)
+        assert read["travel"] == pytest.approx(np.array(part.joint.travel) * cabinet.scale)
+    moving = {joint_name(p) for p in cabinet.parts if p.joint.type != "fixed"}
+    assert report["rest"] == dict.fromkeys(moving, 0.0)
+    assert report["shown"] == dict.fromkeys(moving, 0.0) | {"door_joint": pytest.approx(0.4)}
+
+
+def test_what_was_read_is_found_again(stood, cabinet, asset):
+    """The written object at ``shown`` is the one that was given, but for where it stands."""
+    report, loaded = json.loads((asset / "report.json").read_text()), load_object(asset)
+    state = {p["name"]: report["shown"].get(f"{p['name']}_joint", 0.0) for p in report["parts"]}
+    shift = (cabinet.parts[0].mesh.bounds - stood.parts[0].mesh.bounds)[0] * cabinet.scale
+    for part, matrix in zip(loaded.parts, loaded.forward_kinematics(state), strict=True):
+        seen = trimesh.transform_points(part.mesh.vertices, matrix) + shift
+        meant = cabinet.parts[cabinet.index(part.name)].mesh.bounds * cabinet.scale
+        np.testing.assert_allclose([seen.min(0), seen.max(0)], meant, atol=1e-6)
+
+
+def test_handles_tell_which_way_they_open(stood, asset):
+    """Each point, a little later, lies where ``opening`` points."""
+    report = json.loads((asset / "report.json").read_text())
+    for k, entry in enumerate(report["parts"]):
+        held = entry["handle"]
+        if held is None:
+            continue
+        assert held["opens"] == 1
+        q = np.zeros(len(stood.parts))
+        q[k] = 1e-5
+        carrier = stood.index(held["part"])
+        point = np.array(held["point"]) / stood.scale
+        there = trimesh.transform_points([point], stood.forward_kinematics(q)[carrier])[0]
+        way = (there - point) / np.linalg.norm(there - point)
+        np.testing.assert_allclose(way, held["opening"], atol=1e-3)
 
 
 def test_the_texture_is_the_only_one(asset):

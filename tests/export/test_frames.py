@@ -11,8 +11,8 @@ from uniart_jax.export.frames import (
     check_lengths,
     joint_name,
     linked_pairs,
+    metric,
     metric_travel,
-    rest_coordinates,
     rigid_groups,
     travel_name,
 )
@@ -67,8 +67,8 @@ def test_rest_is_metric(chain):
     slide = Part("slide", BOX, 0, Joint([0, 0, 0], [0, 0, 1], (0, 0), (-0.5, 0)))
     obj = ArticulatedObject((Part("base", BOX), slide), scale=3.0)
     shown = obj.shown_at([0, -0.25])
-    np.testing.assert_allclose(rest_coordinates(shown), 3.0 * shown.rest())
-    assert rest_coordinates(shown)[1] == pytest.approx(0.75)
+    np.testing.assert_allclose(metric(shown, shown.rest()), 3.0 * shown.rest())
+    assert metric(shown, shown.rest())[1] == pytest.approx(0.75)
 
 
 def test_a_list_of_another_length_is_refused(chain):

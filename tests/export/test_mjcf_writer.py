@@ -16,7 +16,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
 
+from uniart_jax import procedural
+from uniart_jax.export.dynamics import joint_dynamics
+from uniart_jax.export.handles import handles
+from uniart_jax.export.mass import part_inertials
 from uniart_jax.export.mjcf import write_mjcf
+from uniart_jax.export.placement import place
 from uniart_jax.objects.kinematics import Joint, line_distance
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.names import clean
@@ -219,15 +224,17 @@ def test_the_screw_travels_as_it_turns(cabinet_files, model):
     assert travelled == pytest.approx(turned * knob.joint.pitch * obj.scale, abs=2e-4)
 
 
-def test_the_keyframe_is_the_rest_state(tmp_path):
+@pytest.mark.parametrize("name", ["closed", "open"])
+def test_keyframes_are_rest_and_open(tmp_path, name):
     """Of an object that is shown half open: no coordinate is 0 at rest."""
     obj = make_cabinet()
     obj = obj.shown_at(obj.open(0.5))
+    state = obj.rest() if name == "closed" else obj.open()
     written(obj, tmp_path / "open")
     model = compiled(tmp_path / "open" / "object.xml")
     data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key("rest").id)
-    for part, q in zip(obj.parts, obj.rest(), strict=True):
+    mujoco.mj_resetDataKeyframe(model, data, model.key(name).id)
+    for part, q in zip(obj.parts, state, strict=True):
         joint = part.joint
         if part.parent < 0 or joint.type == "fixed":
             continue
@@ -259,7 +266,7 @@ def test_it_works_moved_included_and_attached(cabinet_files, tmp_path):
     ball.add_freejoint()
     ball.add_geom(size=[0.1, 0, 0])
     both = spec.compile()
-    assert both.nq == alone.nq + 7 and both.key(0).name == "a_rest"
+    assert both.nq == alone.nq + 7 and both.key(0).name == "a_closed"
     np.testing.assert_array_equal(both.joint("a_door_joint").range, [-0.4, 1.6])
 
 
@@ -370,3 +377,51 @@ def test_any_tree_and_names(tmp_path_factory, names, data):
         assert largest_error(obj, model, seed=1) <= 1e-6
     if all(n == clean(n) and n not in ("", "world") for n in names):
         assert_same_object(load_object(folder / "x"), obj)
+
+
+def test_a_site_stands_at_every_handle(cabinet_files, model):
+    obj, _, _ = cabinet_files
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    held = [(part, h) for part, h in zip(obj.parts, handles(obj), strict=True) if h is not None]
+    assert model.nsite == len(held) == 4
+    for part, handle in held:
+        site = model.site(f"{part.name}_handle")
+        assert model.body(int(site.bodyid[0])).name == obj.parts[handle.part].name
+        np.testing.assert_allclose(
+            data.site(f"{part.name}_handle").xpos, handle.point * obj.scale, atol=1e-9
+        )
+
+
+def test_actuators_open_and_close(tmp_path):
+    """Told to go to ``open``, then to ``closed``, every joint comes within 5 % of its range."""
+    obj = place(procedural.generate("oven", 900_001)).obj
+    given = write_files(obj, tmp_path / "oven")
+    inertials = part_inertials([p.mesh for p in obj.parts], obj.scale, None, None)
+    bodies = [
+        dataclasses.replace(b, mass=i[0], center=i[1], inertia=i[2], dynamics=d, shapes=())
+        for b, i, d in zip(given.bodies, inertials, joint_dynamics(obj, inertials), strict=True)
+    ]
+    files = given.visual_files, bodies, [[] for _ in bodies], given.texture
+    path = given.folder / "object.xml"
+    write_mjcf(obj, path, *files)
+    assert compiled(path).nu == 0
+    write_mjcf(obj, path, *files, actuators=True)
+    model = compiled(path)
+    moving = [p for p in obj.parts if p.parent >= 0 and p.joint.type != "fixed"]
+    assert model.nu == len(moving) > 2
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("closed").id)
+    for name in ("open", "closed"):
+        key = model.key(name)
+        data.ctrl[:] = key.ctrl
+        for _ in range(1500):
+            mujoco.mj_step(model, data)
+        for part in moving:
+            joint = model.joint(f"{part.name}_joint")
+            goal = key.qpos[joint.qposadr[0]]
+            span = part.joint.limits[1] - part.joint.limits[0]
+            span *= 1.0 if part.joint.rotates else obj.scale
+            assert data.joint(joint.name).qpos[0] == pytest.approx(goal, abs=0.05 * span), part.name
+            if name == "open":
+                assert goal > 0

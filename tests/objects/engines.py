@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-from uniart_jax.objects.kinematics import ANGLE_DEAD_ZONE
+from uniart_jax.objects.kinematics import LEAST_ANGLE
 from uniart_jax.objects.object import ArticulatedObject, Part
 
 
@@ -242,7 +242,7 @@ def _held_rightly(obj: ArticulatedObject, engine: Engine, name: str) -> bool:
     if _said(obj, name, "held", "its axis is zero"):
         return True
     part = next(p for p in obj.parts if p in carried)
-    dead = ANGLE_DEAD_ZONE if engine.turns[name] else part.joint.dead_zone
+    dead = LEAST_ANGLE if engine.turns[name] else part.joint.dead_zone
     return bool(np.diff(engine.limits[name])[0] <= dead)
 
 

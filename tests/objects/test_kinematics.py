@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import subprocess
 import sys
 
@@ -16,6 +15,7 @@ from hypothesis import strategies as st
 from uniart_jax.objects.kinematics import (
     TRAVEL_DEAD_ZONE,
     Joint,
+    codable,
     forward_kinematics,
     line_distance,
     rotation,
@@ -153,16 +153,17 @@ def test_the_type_is_read_off_the_spans():
     assert kind(angle=(0, 6.4)) == "continuous"
     assert kind(travel=(0, 0.3)) == "prismatic"
     assert kind(angle=(0, 12), travel=(0, -0.3)) == "screw"
-    assert kind(angle=(0, 0.01), travel=(0, 0.3)) == "prismatic"
-    assert kind(angle=(0, 0.01), travel=(0, -0.3)) == "prismatic"
-    assert kind(angle=(0, 1), travel=(0, 0.004)) == "revolute"
-    assert kind(travel=(0, 0.004)) == "fixed"
-    assert Joint(np.zeros(3), [1, 0, 0], travel=(0, 0.004), dead_zone=1e-3).type == "prismatic"
+    assert kind(angle=(0, 0.001), travel=(0, 0.3)) == "prismatic"
+    assert kind(angle=(0, 0.001), travel=(0, -0.3)) == "prismatic"
+    assert kind(angle=(0, 1), travel=(0, 0.9e-4)) == "revolute"
+    assert kind(travel=(0, 0.9e-4)) == "fixed" and kind(travel=(0, 1e-4)) == "prismatic"
+    assert kind(angle=(0, np.deg2rad(0.1))) == "revolute"
+    assert Joint(np.zeros(3), [1, 0, 0], travel=(0, 0.004), dead_zone=1e-2).type == "fixed"
     assert Joint(np.zeros(3), [1, 0, 0], angle=(-1, 9)).limits == (-np.pi, np.pi)
 
 
 def test_a_left_handed_screw_whose_turn_is_dropped_keeps_its_motion():
-    joint = Joint(np.zeros(3), [1, 0, 0], angle=(0, 0.01), travel=(0, -0.3))
+    joint = codable(Joint(np.zeros(3), [1, 0, 0], angle=(0, 0.01), travel=(0, -0.3)))
     assert joint.travel == (-0.3, 0.0)
     np.testing.assert_allclose(joint.motion(-0.3)[:3, 3], [-0.3, 0, 0])
 
@@ -225,13 +226,19 @@ def test_objects_import_without_jax():
     subprocess.run([sys.executable, "-c", "\n".join(lines)], check=True)
 
 
-def test_dead_zone_is_half_a_percent_of_a_normalised_object():
+def test_codes_know_no_motion_below_half_a_percent_or_a_degree():
     assert TRAVEL_DEAD_ZONE == 0.005
-    for scale, travel in itertools.product((0.1, 10), (0.0049, 0.0051)):
-        joint = Joint(np.zeros(3), [1, 0, 0], travel=(0, 1.0)).transformed(
-            np.diag([scale] * 3 + [1])
-        )
-        small = Joint(
-            joint.origin, joint.direction, travel=(0, travel * scale), dead_zone=joint.dead_zone
-        )
-        assert small.travels == (travel > TRAVEL_DEAD_ZONE)
+    for travel in (0.0049, 0.005, 0.0051):
+        small = Joint(np.zeros(3), [1, 0, 0], travel=(0, travel))
+        assert small.travels and codable(small).travels == (travel >= TRAVEL_DEAD_ZONE)
+    for degrees in (0.9, 1.0, 1.1):
+        small = Joint(np.zeros(3), [1, 0, 0], angle=(0, np.deg2rad(degrees)), travel=(0, 0.1))
+        assert small.type == "screw" and codable(small).rotates == (degrees >= 1)
+        assert codable(small).travel == (0, 0.1)
+
+
+@pytest.mark.parametrize("scale", [0.1, 10])
+def test_the_least_travel_scales_with_the_object(scale):
+    given = Joint(np.zeros(3), [1, 0, 0], travel=(0, 1.2e-4))
+    joint = given.transformed(np.diag([*[scale] * 3, 1]))
+    assert joint.travel == pytest.approx((0, 1.2e-4 * scale))

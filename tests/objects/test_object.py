@@ -183,3 +183,15 @@ def test_open_is_the_end_away_from_rest():
 
 def test_boxes_are_the_parts_own():
     np.testing.assert_allclose(cabinet().boxes[1], [-0.525, 0, 0, 0.05, 1, 0.8])
+
+
+@pytest.mark.parametrize("size", [1.0, 7.0])
+@pytest.mark.parametrize(("back", "at_lower"), [(0.003, True), (0.02, False)])
+def test_rest_is_the_limit_that_is_all_but_reached(size, back, at_lower):
+    """A bolt that stands out, and would make the object smaller by going in."""
+    block = trimesh.creation.box(bounds=[[-0.5, -0.2, -0.2], [0.5, 0.2, 0.2]])
+    bolt = trimesh.creation.box(bounds=[[-0.1, -0.1, 0.1], [0.1, 0.1, 0.4]])
+    joint = Joint(np.zeros(3), [0, 0, -1], travel=(-back, 0.2))
+    obj = ArticulatedObject((Part("block", block), Part("bolt", bolt, 0, joint)))
+    obj = obj.transformed(np.diag([size, size, size, 1]))
+    assert obj.rest()[1] == pytest.approx(size * (-back if at_lower else 0.2))

@@ -107,8 +107,7 @@ def _motion(node: dict, obj: ArticulatedObject, part) -> tuple[float, float] | N
 def _compare_joint(node, part, limits, obj, seen, where) -> None:
     joint, (lo, hi) = part.joint, limits
     if joint.type == "fixed":
-        small = math.radians(1) if node["joint"] == "hinge" else joint.dead_zone
-        small = max(small, 0.006 * float(np.ptp(obj.bounds, axis=0).max()))
+        small = math.radians(0.1) if node["joint"] == "hinge" else joint.dead_zone
         assert hi - lo <= small or part.parent < 0, where
         seen["fixed, or less than the dead zone"] += 1
         return

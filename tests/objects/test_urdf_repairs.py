@@ -25,7 +25,7 @@ from uniart_jax.objects.robot_object import lost_pieces
         (limit(0, 90), "revolute", (0, np.pi / 2), "degrees"),
         (limit(0.5, 1), "revolute", (0, 0.5), "shown at 0.5"),
         (limit(-2, -0.5), "revolute", (-1.5, 0), "shown at -0.5"),
-        (limit(0, 0.01), "fixed", (0, 0), "less than the dead zone"),
+        (limit(0, 0.001), "fixed", (0, 0), "less than .1 degree or 0.1 mm"),
         (limit(0, 1) + '<mimic joint="nobody"/>', "revolute", (0, 1), "cannot drive it"),
     ],
 )

@@ -7,6 +7,7 @@ from collision_budget import ball_radius, drop, holds
 
 from uniart_jax import procedural
 from uniart_jax.export.asset import save_asset
+from uniart_jax.export.placement import place
 
 DRAWERS = [("storage_furniture", 1_000_000), ("table", 1_000_004), ("oven", 1_000_002)]
 
@@ -25,6 +26,7 @@ def first_drawer(family: str, seed: int):
 def test_a_drawer_holds_a_ball_while_it_moves(family, seed, tmp_path):
     obj, k = first_drawer(family, seed)
     asset = save_asset(obj, tmp_path / "asset", formats=("mjcf",), motion=False)
+    obj = place(obj).obj
     radius = ball_radius(obj, k)
     assert holds(*drop(asset, obj, k, radius), radius)
 
@@ -32,5 +34,6 @@ def test_a_drawer_holds_a_ball_while_it_moves(family, seed, tmp_path):
 def test_a_filled_drawer_holds_none(tmp_path):
     obj, k = first_drawer(*DRAWERS[1])
     asset = save_asset(obj, tmp_path / "asset", formats=("mjcf",), motion=False, collision_budget=1)
+    obj = place(obj).obj
     radius = ball_radius(obj, k)
     assert not holds(*drop(asset, obj, k, radius), radius)

@@ -14,8 +14,9 @@ from uniart_jax.simulation.planning import plan_asset
 from uniart_jax.simulation.primitives import FORCE, compound, drive
 from uniart_jax.simulation.reading import Description, descriptions
 from uniart_jax.simulation.stand import leave_alone
+from uniart_jax.simulation.summary import is_sound
 from uniart_jax.simulation.sweep import opens_beside, sweep
-from uniart_jax.simulation.validate import is_sound, validate
+from uniart_jax.simulation.validate import validate
 from uniart_jax.simulation.worker import load
 
 pytest.importorskip("mujoco", reason="pip install 'uniart_jax[mujoco]'")

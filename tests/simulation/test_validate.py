@@ -27,7 +27,8 @@ from planted_assets import (
 )
 
 from uniart_jax.simulation import validate as module
-from uniart_jax.simulation.validate import is_sound, validate
+from uniart_jax.simulation.summary import is_sound, verdicts
+from uniart_jax.simulation.validate import validate
 
 pytest.importorskip("mujoco", reason="pip install 'uniart_jax[mujoco]'")
 BOTH = [
@@ -38,7 +39,7 @@ BOTH = [
 
 def failed(result: dict) -> dict[str, str]:
     """check -> reason of all that failed."""
-    every = [*result["engines"].values(), result["geometry"]]
+    every = verdicts(result).values()
     return {
         n: c.get("reason", "") for checks in every for n, c in checks.items() if not c["passed"]
     }
@@ -54,8 +55,8 @@ def test_a_sound_asset_passes(tmp_path, engine, make, checks):
     result = validate(make(tmp_path / "a"), engines=[engine])
     assert is_sound(result), failed(result)
     assert checks <= set(result["engines"][engine])
-    for verdict in [*result["engines"][engine].values(), *result["geometry"].values()]:
-        assert set(verdict) == {"passed", "value", "limit"}
+    for group in verdicts(result).values():
+        assert all(set(verdict) == {"passed", "value", "limit"} for verdict in group.values())
 
 
 @pytest.mark.parametrize("engine", BOTH)

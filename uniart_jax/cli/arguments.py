@@ -12,7 +12,7 @@ from typing import Annotated
 
 import tyro
 
-from uniart_jax.export.formats import Format
+from uniart_jax.export.formats import Format, Origin
 
 Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
 Overwrite = Annotated[
@@ -36,6 +36,14 @@ Mass = Annotated[float | None, tyro.conf.arg(help="kg of the whole object, inste
 CollisionBudget = Annotated[
     int, tyro.conf.arg(help="Convex collision shapes of the whole object at most; 16 a part.")
 ]
+
+Stand = Annotated[
+    Origin,
+    tyro.conf.arg(
+        help="Where 0 lies: on the floor below the middle of the object at rest, or in its middle."
+    ),
+]
+Actuators = Annotated[bool, tyro.conf.arg(help="Give the MJCF a position actuator a joint.")]
 
 
 def guarded(command: Callable[[], int | None]) -> int:
@@ -86,20 +94,24 @@ def check_out(
 
 def tried(folder: Path, found: list[dict]) -> dict:
     """What the physics engines say of an asset, also put into ``found``."""
-    from uniart_jax.simulation.validate import validate, verdicts
+    from uniart_jax.simulation.summary import verdicts
+    from uniart_jax.simulation.validate import validate
 
     found.append(verdicts(validate(folder)))
     return found[0]
 
 
 def validation_lines(verdicts: dict[str, dict]) -> Iterator[str]:
-    """What a person wants to know of a report's ``validation``: a line an engine, and one for each check that failed."""
+    """What a person wants to know of a report's ``validation``: a line an engine, one for each check that failed, and the sum of it."""
+    from uniart_jax.simulation.summary import summary
+
     for where, checks in verdicts.items():
         failed = {name: check for name, check in checks.items() if not check["passed"]}
         yield f"{where}: {len(checks) - len(failed)} of {len(checks)} checks passed"
         for name, check in failed.items():
             why = check.get("reason") or f"{check['value']:.3g}, limit {check['limit']:.3g}"
             yield f"  {name}: {why}"
+    yield summary(verdicts)
 
 
 def shard_numbers(text: str) -> tuple[int, int]:

@@ -10,6 +10,7 @@ import tyro
 from rich.console import Console
 
 from uniart_jax.cli.arguments import (
+    Actuators,
     CollisionBudget,
     Density,
     Formats,
@@ -17,6 +18,7 @@ from uniart_jax.cli.arguments import (
     Out,
     Overwrite,
     Size,
+    Stand,
     check_out,
     tried,
     validation_lines,
@@ -35,6 +37,8 @@ def export(
     density: Density = None,
     mass: Mass = None,
     collision_budget: CollisionBudget = COLLISION_BUDGET,
+    origin: Stand = "floor",
+    actuators: Actuators = False,
     refine: bool = False,
     check: bool = True,
     allow_outside: bool = False,
@@ -69,6 +73,8 @@ def export(
             density=density,
             mass=mass,
             collision_budget=collision_budget,
+            origin=origin,
+            actuators=actuators,
             overwrite=overwrite,
             mend=mend if refine else None,
             check=(lambda folder: tried(folder, found)) if check else None,
@@ -114,6 +120,7 @@ def validate(
     check_out(out, overwrite, (asset,), VALIDATION_MARKS)
     from uniart_jax.export.folder import complete_folder
     from uniart_jax.simulation import validate as simulation
+    from uniart_jax.simulation.summary import is_sound, verdicts
 
     console = Console(stderr=True, highlight=False)
     with (
@@ -129,7 +136,7 @@ def validate(
             obj.save(folder / "refined", motion=False, mend=mend)
             notes = json.loads((folder / "refined" / "report.json").read_text("utf-8"))["notes"]
             after = simulation.validate(folder / "refined", out=folder / "refined", engines=engines)
-    for line in validation_lines(simulation.verdicts(found)):
+    for line in validation_lines(verdicts(found)):
         print(line)
     for engine, why in found["not_run"].items():
         print(f"{engine}: not run ({why})")
@@ -137,12 +144,11 @@ def validate(
         for line in [n for n in notes if n.startswith("refine:")]:
             print(line)
         print("refined:")
-        for line in validation_lines(simulation.verdicts(after)):
+        for line in validation_lines(verdicts(after)):
             print(line)
         found = after
-    sound = simulation.is_sound(found)
-    console.print(f"{asset}: {'sound' if sound else 'not sound'} -> {out}", markup=False)
-    return 0 if sound else 1
+    console.print(f"{asset} -> {out}", markup=False)
+    return 0 if is_sound(found) else 1
 
 
 VALIDATION_MARKS = ("validation.json",)

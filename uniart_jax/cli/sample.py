@@ -12,6 +12,7 @@ import tyro
 from rich.console import Console
 
 from uniart_jax.cli.arguments import (
+    Actuators,
     CollisionBudget,
     Density,
     Formats,
@@ -19,6 +20,7 @@ from uniart_jax.cli.arguments import (
     Out,
     Overwrite,
     Size,
+    Stand,
     check_out,
     tried,
     validation_lines,
@@ -54,6 +56,8 @@ def sample(
     density: Density = None,
     mass: Mass = None,
     collision_budget: CollisionBudget = COLLISION_BUDGET,
+    origin: Stand = "floor",
+    actuators: Actuators = False,
     refine: bool = True,
     check: bool = True,
     overwrite: Overwrite = False,
@@ -162,6 +166,8 @@ def sample(
                         density=density,
                         mass=mass,
                         collision_budget=collision_budget,
+                        origin=origin,
+                        actuators=actuators,
                         image=views[0][1],
                         picture=one.picture if texture == "both" else None,
                         seed=seed + i,

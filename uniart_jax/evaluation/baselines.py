@@ -193,8 +193,9 @@ def _truth(index: int, unseen: bool, model: ModelConfig) -> tuple[str, Articulat
 
 
 def _write(obj: ArticulatedObject, folder: Path) -> None:
-    """In the grid's units, as large as the truth, whatever size a record's object has."""
-    save_asset(dataclasses.replace(obj, scale=1.0), folder, formats=(), motion=False)
+    """In the grid's units and place, as large as the truth, whatever size a record's object has."""
+    obj = dataclasses.replace(obj, scale=1.0)
+    save_asset(obj, folder, formats=(), motion=False, origin=None)
 
 
 def _failure_file(folder: Path, method: str, name: str) -> Path:

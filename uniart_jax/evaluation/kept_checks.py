@@ -17,13 +17,16 @@ from uniart_jax.objects.json_text import parse_json
 from uniart_jax.simulation.primitives import REACH
 from uniart_jax.simulation.sweep import DEPTH
 
+BESIDE = ("geometry", "plausibility")  # checks that no engine ran
 MAX_BYTES = 64 * 2**20
 METRICS = {
     "sound": Metric(
         "sound",
         "higher",
         0.0,
-        "Share of assets that pass every check in every physics engine that ran, as the asset's own files say; one that was not validated counts as 0 where another of the method was.",
+        "Share of assets that pass every check, in every physics engine that ran and without, "
+        "as the asset's own files say; one that was not validated counts as 0 where another of "
+        "the method was.",
     ),
     "joints_work": Metric(
         "joints work",
@@ -39,11 +42,12 @@ def read_checks(asset: Path, *, allow_outside: bool = False) -> Figures:
     folder = asset if asset.is_dir() else asset.parent
     validation = _read(folder / "validation.json", folder, allow_outside)
     if "engines" in validation:
-        checks = {**_dict(validation["engines"]), "geometry": validation.get("geometry")}
+        beside = {name: validation.get(name) for name in BESIDE}
+        checks = {**_dict(validation["engines"]), **beside}
     else:
         checks = _dict(_read(folder / "report.json", folder, allow_outside).get("validation"))
     passed = [_dict(c).get("passed") is True for where in checks.values() for c in _dict(where).values()]  # fmt: skip
-    ran = any(_dict(where) for engine, where in checks.items() if engine != "geometry")
+    ran = any(_dict(where) for engine, where in checks.items() if engine not in BESIDE)
     refused = any(_dict(_dict(c).get("loads")).get("passed") is False for c in checks.values())
     works = [
         _works(_dict(joint))

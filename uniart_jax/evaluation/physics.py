@@ -26,14 +26,16 @@ from uniart_jax.evaluation.kept import claim, keep
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.frames import joint_name, moves
+from uniart_jax.export.naming import named
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import enable_compilation_cache, load
 from uniart_jax.processes import each
 from uniart_jax.progress import track
 from uniart_jax.simulation.primitives import REACH
 from uniart_jax.simulation.refine import mend
+from uniart_jax.simulation.summary import is_plausible, is_sound, stands, verdicts
 from uniart_jax.simulation.sweep import DEPTH
-from uniart_jax.simulation.validate import is_sound, validate
+from uniart_jax.simulation.validate import validate
 
 FORMATS = ("urdf", "mjcf")
 console = Console(stderr=True, highlight=False)
@@ -173,13 +175,16 @@ def _died(out: Path, trial: Trial) -> tuple[str, dict]:
 
 def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
     """What an object counts as that could not even be tried; ``moving``: its joints, as far as they are known."""
-    return {"name": name, "moving": list(moving), "sound": False, "failed": [why], "engines": {}, "yourdfpy": False, "watertight": False, "joints": {}, "seconds": {}}  # fmt: skip
+    no = ("sound", "stands", "plausible", "yourdfpy", "watertight")
+    nothing = {key: {} for key in ("engines", "joints", "seconds")}
+    told = {"name": name, "moving": list(moving), "failed": [why]}
+    return told | dict.fromkeys(no, False) | nothing
 
 
 def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
     moving: list[str] = []
     try:
-        obj = trial.make()
+        obj = named(trial.make())
         moving = [joint_name(part) for part in obj.parts if moves(part)]
         start = time.perf_counter()
         save_asset(
@@ -199,7 +204,7 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
     ran = found["engines"]
     failed = [
         f"{where} {name} ({check.get('reason', check['value'])})"
-        for where, checks in [*ran.items(), ("geometry", found["geometry"])]
+        for where, checks in verdicts(found).items()
         for name, check in checks.items()
         if not check["passed"]
     ]
@@ -207,6 +212,8 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
         "name": trial.name,
         "moving": moving,
         "sound": is_sound(found),
+        "stands": stands(verdicts(found)),
+        "plausible": is_plausible(verdicts(found)),
         "failed": failed,
         "engines": {e: {name: c["passed"] for name, c in checks.items()} for e, checks in ran.items()},
         "yourdfpy": _opens(folder / "object.urdf"),
@@ -253,6 +260,9 @@ def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
         ]
         row[f"joints {engine}"] = len(works)
         row[f"70 % {engine}"] = float(np.mean(works)) if works else 0.0
+    for title, what in {"loads and stands": "stands", "plausible": "plausible"}.items():
+        if all(what in r for r in results):  # kept figures may be older
+            row[title] = float(np.mean([r[what] for r in results]))
     row["sound"] = float(np.mean([r["sound"] for r in results]))
     for step in ("export", "validate"):
         taken = [r["seconds"][step] for r in results if r["seconds"]]

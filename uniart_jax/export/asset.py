@@ -6,6 +6,7 @@ object.glb    view.html           print/<part>.stl           preview.png   motio
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -16,16 +17,24 @@ import trimesh
 from PIL import Image
 
 from uniart_jax.export.atlas import Atlas, make_atlas
-from uniart_jax.export.bodies import make_bodies
+from uniart_jax.export.bodies import make_bodies, with_joints
 from uniart_jax.export.budget import check_budget, within_budget
 from uniart_jax.export.folder import check_target, complete_folder
-from uniart_jax.export.formats import COLLISION_BUDGET, FORMATS, Format, default_formats
+from uniart_jax.export.formats import (
+    COLLISION_BUDGET,
+    FORMATS,
+    Format,
+    Origin,
+    default_formats,
+)
 from uniart_jax.export.frames import hulls
 from uniart_jax.export.glb import write_glb
 from uniart_jax.export.mjcf import write_mjcf
+from uniart_jax.export.naming import named
 from uniart_jax.export.page import write_page
 from uniart_jax.export.physics import Body
 from uniart_jax.export.picture_colors import Picture
+from uniart_jax.export.placement import check_origin, moved_bodies, moved_surfaces, place
 from uniart_jax.export.preview import (
     choose_view,
     read_image,
@@ -33,7 +42,7 @@ from uniart_jax.export.preview import (
     write_motion,
     write_preview,
 )
-from uniart_jax.export.report import make_report, write_report
+from uniart_jax.export.report import AsRead, make_report, write_report
 from uniart_jax.export.size import resized
 from uniart_jax.export.stl import write_stl
 from uniart_jax.export.urdf import write_urdf
@@ -62,6 +71,8 @@ def save_asset(
     density: float | None = None,
     mass: float | None = None,
     collision_budget: int | None = COLLISION_BUDGET,
+    origin: Origin | None = "floor",
+    actuators: bool = False,
     image: str | Path | np.ndarray | Image.Image | None = None,
     picture: Picture | None = None,
     seed: int | None = None,
@@ -72,7 +83,11 @@ def save_asset(
     mend: Mend | None = None,
     check: Check | None = None,
 ) -> Path:
-    """Write an object as a folder that simulators load as it is. Metres, kilograms, radians, object frame at the shown state.
+    """Write an object as a folder that simulators load as it is. Metres, kilograms, radians.
+
+    It is written closed: joint zero is the rest state, and coordinates grow as joints open
+    (``export.placement``). Parts without a name of their own are called after their joints
+    (``export.naming``).
 
     Args:
       obj: any articulated object; ``scale`` turns it into metres.
@@ -84,6 +99,9 @@ def save_asset(
       density: kg / m^3 of every part (default 500, light wood). mass: kg of the whole object instead.
       collision_budget: convex shapes of the whole object at most, 16 a part (``export.budget``);
         None: as many as follow the surface.
+      origin: "floor": 0 lies on the floor below the middle of the object at rest; "centre": in its
+        middle; None: where the object has it.
+      actuators: MJCF gets a position actuator a joint.
       image: the picture that the object was made from, shown beside it in ``preview.png``.
       picture: the same with its camera, of the shown state: the texture takes its colours (``export.picture_colors``).
       seed, checkpoint: what made the object, for the report. details: further entries of it, plain JSON values.
@@ -99,7 +117,7 @@ def save_asset(
 
     Raises:
       ValueError: ``check_target`` refuses the folder, it cannot be made, ``image`` cannot be read, an unknown format or one whose
-        package is absent, or a size, density or mass that cannot be.
+        package is absent, or a size, density, mass or origin that cannot be.
     """
     chosen = default_formats() if formats is None else tuple(formats)
     if unknown := [f for f in chosen if f not in FORMATS]:
@@ -107,9 +125,11 @@ def save_asset(
     inputs = [image] if isinstance(image, str | Path) else []
     if collision_budget is not None:
         check_budget(collision_budget)
+    check_origin(origin)
     check_target(folder, overwrite, inputs)
     beside = None if image is None else read_image(image)
-    obj = obj if size is None else resized(obj, size)
+    given = obj.parts
+    obj = named(obj if size is None else resized(obj, size))
     with complete_folder(folder, overwrite) as target:
         atlas = make_atlas(obj, picture=picture)
         bodies = make_bodies(obj, atlas.unclosed, density=density, mass=mass)
@@ -117,21 +137,27 @@ def save_asset(
             obj, bodies = mend(obj, bodies, atlas.unclosed, collision_budget)
         elif collision_budget is not None:
             bodies = within_budget(obj, bodies, atlas.unclosed, collision_budget)
-        notes = _write_simulation(obj, atlas, bodies, target, chosen)
-        textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
+        placed = place(obj, origin)
+        bodies = with_joints(moved_bodies(bodies, placed.moved, obj.scale), placed.obj)
+        stood = dataclasses.replace(atlas, surfaces=moved_surfaces(atlas.surfaces, placed.moved))
+        notes = _write_simulation(placed.obj, stood, bodies, target, chosen, actuators)
+        textured = [surface.textured(atlas.texture) for surface in stood.surfaces]
         if "glb" in chosen or "page" in chosen:
-            glb = write_glb(obj, textured, target / "object.glb")
+            glb = write_glb(placed.obj, textured, target / "object.glb")
             if "page" in chosen:
-                write_page(obj, glb, bodies, target / "view.html")
+                write_page(placed.obj, glb, bodies, target / "view.html")
             if "glb" not in chosen:
                 glb.unlink()
+        textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
         shown = with_meshes(obj, textured).normalized()
         view = choose_view(shown, beside)
         write_preview(shown, target / "preview.png", beside, view)
         if motion:
             write_motion(shown, target / "motion.gif", view)
         closed = [surface.mesh.is_watertight for surface in atlas.surfaces]
-        report = make_report(obj, bodies, closed, seed, checkpoint, notes) | dict(details or {})
+        read = AsRead(obj, tuple(part.name for part in given), placed.shown)
+        report = make_report(placed.obj, bodies, closed, seed, checkpoint, notes, read)
+        report |= {"origin": origin} | dict(details or {})
         write_report(report, target / "report.json")
         if check is not None:
             write_report(report | {"validation": check(target)}, target / "report.json")
@@ -144,6 +170,7 @@ def _write_simulation(
     bodies: Sequence[Body],
     folder: Path,
     formats: Sequence[Format],
+    actuators: bool,
 ) -> tuple[str, ...]:
     """Meshes and what simulators (and printers) read of them; what a format could not say, a line each."""
     meshes = folder / "meshes"
@@ -164,7 +191,8 @@ def _write_simulation(
     notes = [f"open surfaces were given a thickness: {', '.join(named)}"] if named else []
     texture = f"meshes/{TEXTURE_FILE}"
     if "mjcf" in formats:
-        notes += write_mjcf(obj, folder / "object.xml", visual, bodies, hull_files, texture)
+        xml = folder / "object.xml"
+        notes += write_mjcf(obj, xml, visual, bodies, hull_files, texture, actuators=actuators)
     if "usd" in formats:
         notes += write_usd(obj, folder / "object.usda", atlas.surfaces, bodies, texture)
     if "stl" in formats:

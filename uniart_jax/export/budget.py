@@ -14,7 +14,6 @@ import heapq
 import itertools
 from collections.abc import Sequence
 
-import igl
 import numpy as np
 import trimesh
 from manifold3d import Manifold
@@ -25,6 +24,7 @@ from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.physics import Body, Box, Shape
 from uniart_jax.export.separation import as_solid
+from uniart_jax.export.volume_error import corners_of, half_spaces, volume_error
 from uniart_jax.objects.object import ArticulatedObject
 
 PART_MOST = 16  # convex shapes a part
@@ -38,7 +38,6 @@ BARRED = 10.0  # volumes of the object that a place of another part costs
 FREE = 0.004  # of the hull of the part: joined although the budget does not ask for it
 AS_GOOD = 0.004  # likewise: by how much a single box or hull may be worse than what it replaces
 BOX_LIKE = 0.01  # likewise: by how much a box, which is the quicker shape, may be worse than a hull
-POINTS = 8192  # at which an error is measured
 OWN = 6  # places along each side of a shape that stand for its matter
 SPAN = 0.03  # of the part: how much shorter it may become by what is left out
 MISSING = 1.5  # how much worse matter that is left out is than matter that is added
@@ -93,44 +92,6 @@ def shape_count(bodies: Sequence[Body]) -> int:
     return sum(len(body.shapes) for body in bodies)
 
 
-def volume_error(mesh: trimesh.Trimesh, shapes: Sequence[Shape]) -> float:
-    """What shapes hold too much and too little of a solid, as a share of the volume of the solid's
-    convex hull.
-
-    Measured at 8,192 points of a Halton sequence in the box of both. 0 for a solid without a
-    volume.
-    """
-    solids = [_half_spaces(as_solid(shape)) for shape in shapes]
-    corners = np.concatenate([mesh.bounds, *(_bounds(as_solid(s)) for s in shapes)])
-    lo, hi = corners.min(0), corners.max(0)
-    points = lo + _halton(POINTS) * (hi - lo)
-    vertices = np.ascontiguousarray(mesh.vertices, np.float64)
-    faces = np.ascontiguousarray(mesh.faces, np.int64)
-    hull = Manifold.hull_points(vertices).volume()
-    if hull <= 0:
-        return 0.0
-    winding = igl.fast_winding_number(vertices, faces, np.ascontiguousarray(points))
-    full = np.abs(np.asarray(winding).ravel()) > 0.5
-    held = np.zeros(len(points), bool)
-    for normals, offsets in solids:
-        held |= (points @ normals.T <= offsets).all(1)
-    return float((full != held).mean() * np.prod(hi - lo) / hull)
-
-
-def _halton(count: int) -> np.ndarray:
-    """[count, 3] in [0, 1)."""
-    index = np.arange(1, count + 1)
-    columns = []
-    for base in (2, 3, 5):
-        left, share, value = index.copy(), 1.0 / base, np.zeros(count)
-        while left.any():
-            value += share * (left % base)
-            left //= base
-            share /= base
-        columns.append(value)
-    return np.stack(columns, 1)
-
-
 def _simplest(part: _Merger, mesh: trimesh.Trimesh, size: float) -> tuple[tuple[Shape, ...], float]:
     """The shapes of a part, or one box or hull where that is as good by its measured error; and the
     error."""
@@ -179,8 +140,8 @@ class _Merger:
     def coarsen(self, most: int) -> None:
         """Join pieces until there are ``most``."""
         self.pieces = [as_solid(shape) for shape in self.given]
-        self.bounds = np.array([_bounds(s) for s in self.pieces])
-        self.spaces = [_half_spaces(s) for s in self.pieces]
+        self.bounds = np.array([corners_of(s) for s in self.pieces])
+        self.spaces = [half_spaces(s) for s in self.pieces]
         self.matter = [_matter(shape) for shape in self.given]
         self.unique = [self._unique(i) for i in range(len(self.pieces))]
         self.reach = float(np.ptp(self.bounds.reshape(-1, 3), axis=0).max())
@@ -211,8 +172,8 @@ class _Merger:
         points = np.concatenate([self.matter[a][0], self.matter[b][0]])
         shares = np.concatenate([self.matter[a][1], self.matter[b][1]])
         self.pieces.append(joined)
-        self.bounds = np.concatenate([self.bounds, _bounds(joined)[None]])
-        self.spaces.append(_half_spaces(joined))
+        self.bounds = np.concatenate([self.bounds, corners_of(joined)[None]])
+        self.spaces.append(half_spaces(joined))
         self.matter.append((points, shares))
         self.unique.append(0.0)
         self.pieces[a] = self.pieces[b] = None
@@ -285,11 +246,11 @@ class _Merger:
 
     def inside(self, solid: Manifold) -> int:
         """How many places of other parts a convex solid holds."""
-        lo, hi = _bounds(solid)
+        lo, hi = corners_of(solid)
         near = self.barred[((self.barred > lo) & (self.barred < hi)).all(1)]
         if not len(near):
             return 0
-        normals, offsets = _half_spaces(solid)
+        normals, offsets = half_spaces(solid)
         return int((near @ normals.T < offsets).all(1).sum())
 
     def box(self, hull: Manifold) -> Manifold:
@@ -336,7 +297,7 @@ def _matter(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     steps = (np.arange(OWN) + 0.5) / OWN - 0.5
     points = np.array(list(itertools.product(steps, repeat=3))) * extent @ frame.T + center
     if not isinstance(shape, Box):
-        normals, offsets = _half_spaces(solid)
+        normals, offsets = half_spaces(solid)
         inside = (points @ normals.T <= offsets).all(1)
         points = points[inside] if inside.any() else triangles(solid)[0].mean(0)[None]
     return points, np.full(len(points), solid.volume() / len(points))
@@ -369,7 +330,7 @@ def _barred(
 ) -> np.ndarray:
     """[n, 3] places, in the frame of part k, that other parts hold at rest, as shown or on any
     joint's way, and its shapes do not."""
-    lo, hi = np.array([_bounds(as_solid(s)) for s in shapes]).transpose(1, 0, 2)
+    lo, hi = np.array([corners_of(as_solid(s)) for s in shapes]).transpose(1, 0, 2)
     lo, hi = lo.min(0), hi.max(0)
     found = []
     for state in _states(obj):
@@ -387,7 +348,7 @@ def _barred(
     )
     points = points[np.sort(first)]
     for shape in shapes:
-        normals, offsets = _half_spaces(as_solid(shape))
+        normals, offsets = half_spaces(as_solid(shape))
         points = points[~(points @ normals.T <= offsets).all(1)]
     return points
 
@@ -418,29 +379,12 @@ def _places(shapes: Sequence[Shape], size: float) -> np.ndarray:
         ]
         points = np.array(list(itertools.product(*axes))) @ frame.T + center
         if not isinstance(shape, Box):
-            normals, offsets = _half_spaces(solid)
+            normals, offsets = half_spaces(solid)
             points = points[(points @ normals.T <= offsets - INSET * size).all(1)]
             points = points if len(points) else vertices.mean(0)[None]
         found.append(points)
     points = np.concatenate(found)
     return points[:: max(1, len(points) // SAMPLES)]
-
-
-def _half_spaces(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
-    """([n, 3] unit normals, [n] offsets) of a convex solid: a point p is inside where normals @ p
-    <= offsets."""
-    vertices, faces = triangles(solid)
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.linalg.norm(normals, axis=1)
-    kept = length > 1e-12 * max(length.max(initial=0.0), 1e-300)
-    normals = normals[kept] / length[kept, None]
-    return normals, (normals * corners[kept, 0]).sum(1)
-
-
-def _bounds(solid: Manifold) -> np.ndarray:
-    """[2, 3]"""
-    return np.reshape(solid.bounding_box(), (2, 3))
 
 
 def _metric(mesh: trimesh.Trimesh, scale: float) -> trimesh.Trimesh:

@@ -6,8 +6,10 @@ import importlib.util
 from typing import Literal, get_args
 
 Format = Literal["urdf", "mjcf", "glb", "page", "usd", "stl"]
+Origin = Literal["floor", "centre"]
 COLLISION_BUDGET = 64  # convex collision shapes of an object, unless another number is asked for
 FORMATS: tuple[Format, ...] = get_args(Format)
+ORIGINS: tuple[Origin, ...] = get_args(Origin)
 
 
 def default_formats() -> tuple[Format, ...]:

@@ -47,9 +47,15 @@ def metric_travel(part: Part, scale: float) -> tuple[float, float]:
     return lo, hi
 
 
-def rest_coordinates(obj: ArticulatedObject) -> np.ndarray:
-    """[K] ``obj.rest()`` in radians and metres."""
-    return obj.rest() * [1.0 if p.joint.rotates else obj.scale for p in obj.parts]
+def metric_limits(part: Part, scale: float) -> tuple[float, float]:
+    """Ends of the joint's coordinate, radians or metres."""
+    unit = 1.0 if part.joint.rotates else scale
+    return part.joint.limits[0] * unit, part.joint.limits[1] * unit
+
+
+def metric(obj: ArticulatedObject, q: np.ndarray) -> np.ndarray:
+    """[K] coordinates ``q`` (object units) in radians and metres."""
+    return q * [1.0 if p.joint.rotates else obj.scale for p in obj.parts]
 
 
 def rigid_groups(obj: ArticulatedObject) -> list[int]:

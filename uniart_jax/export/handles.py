@@ -34,6 +34,17 @@ class Handle:
     opens: int
 
 
+def opening(obj: ArticulatedObject, k: int, handle: Handle) -> np.ndarray:
+    """[3] the direction (unit, object frame at the shown state) in which the handle of part k sets
+    out when it opens; of a point on the axis of a hinge, the axis."""
+    joint = obj.parts[k].joint
+    way = joint.direction * joint.pitch
+    if joint.rotates:
+        way = way + np.cross(joint.direction, handle.point - joint.origin)
+    length = float(np.linalg.norm(way))
+    return handle.opens * (way / length if length > 1e-9 else joint.direction)
+
+
 def handles(obj: ArticulatedObject) -> tuple[Handle | None, ...]:
     """[K] of every part that moves; None for the root and fixed parts.
 

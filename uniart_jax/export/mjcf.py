@@ -2,6 +2,8 @@
 
 Bodies are nested as the parts are; every body's frame stands at its joint's origin with the object frame's axes, as in the URDF. A screw
 is a hinge and a slide of one body, held together by ``<equality>``. Geoms of group 2 are seen, those of group 3 collide.
+A site stands at every handle; keyframes ``closed`` and ``open`` are the rest state and that with all
+joints open.
 (MuJoCo's XML reference: mujoco.readthedocs.io/en/stable/XMLreference.html.)
 """
 
@@ -21,11 +23,13 @@ from uniart_jax.export.frames import (
     hulls,
     joint_name,
     linked_pairs,
+    metric,
+    metric_limits,
     metric_travel,
     moves,
-    rest_coordinates,
     travel_name,
 )
+from uniart_jax.export.handles import handles
 from uniart_jax.export.physics import Body, Box, Dynamics
 from uniart_jax.objects.names import Numbered
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -38,6 +42,9 @@ HELD = {
     "solreffriction": "0.004 1",
     "solimpfriction": "0.999 0.9999 0.001 0.5 2",
 }  # dry friction that does not creep
+SITE_SIZE = 0.01  # of the object's longest side: radius of a handle's site
+OFF = 0.02  # of the range: how far off a motor may stop for what resists it
+LAG = 0.05  # s that a motor needs to come near, at the least
 STIFF = {"solref": "0.008 1", "solimp": "0.999 0.9999 0.001"}  # of the constraint in a screw
 
 
@@ -48,6 +55,8 @@ def write_mjcf(
     bodies: Sequence[Body],
     hull_files: Sequence[Sequence[str]],
     texture: str,
+    *,
+    actuators: bool = False,
 ) -> tuple[str, ...]:
     """Write ``obj`` as MJCF in metres and radians at its shown state, its root fixed to the world.
 
@@ -58,6 +67,7 @@ def write_mjcf(
       bodies: [K] mass, collision shapes and dynamics.
       hull_files: [K] OBJ of each part's hulls in the order of its shapes (boxes need none), metres, object frame.
       texture: image of all visual meshes.
+      actuators: add a position actuator a joint, called as the joint.
 
     Returns:
       What MJCF cannot say, a line each.
@@ -74,7 +84,7 @@ def write_mjcf(
             )
     try:
         writer = _Writer(obj, bodies)
-        root = writer.document(visual_files, hull_files, texture)
+        root = writer.document(visual_files, hull_files, texture, actuators)
     except ValueError as error:
         raise ValueError(
             one_line(f"write_mjcf: a name or file name cannot stand in XML: {error}")
@@ -90,8 +100,13 @@ class _Writer:
         self.obj, self.bodies = obj, bodies
         self.frames = body_frames(obj)
         self.notes: list[str] = []
-        self.rest = rest_coordinates(obj)
-        self.key: list[float] = []  # coordinates at rest, in MuJoCo's order
+        self.states = {"closed": metric(obj, obj.rest()), "open": metric(obj, obj.open())}
+        self.joined: list[int] = []  # moving parts in MuJoCo's order
+        self.sites: dict[int, list[int]] = {}  # part -> moving parts whose handles lie on it
+        self.handles = handles(obj)
+        for k, handle in enumerate(self.handles):
+            if handle is not None:
+                self.sites.setdefault(handle.part, []).append(k)
         self.names = self._names()
         self.mesh_names = Numbered()
         self.children: list[list[int]] = [[] for _ in obj.parts]
@@ -112,10 +127,17 @@ class _Writer:
         return names
 
     def document(
-        self, visual_files: Sequence[str], hull_files: Sequence[Sequence[str]], texture: str
+        self,
+        visual_files: Sequence[str],
+        hull_files: Sequence[Sequence[str]],
+        texture: str,
+        actuators: bool,
     ) -> etree._Element:
         root = etree.Element("mujoco", model=self.obj.name or "object")
         etree.SubElement(root, "compiler", angle="radian")
+        driven = actuators and any(moves(p) for p in self.obj.parts)
+        if driven:  # the motors' own damping is stiff
+            etree.SubElement(root, "option", integrator="implicitfast")
         self.asset = etree.SubElement(root, "asset")
         etree.SubElement(self.asset, "texture", name="texture", type="2d", file=texture)
         etree.SubElement(
@@ -131,8 +153,13 @@ class _Writer:
             elements[k] = self._body(above, k, visual_files[k], hull_files[k])
             waiting += self.children[k][::-1]
         self._couplings(root)
+        if driven:
+            self._actuators(root)
         keyframe = etree.SubElement(root, "keyframe")
-        etree.SubElement(keyframe, "key", name="rest", qpos=_vector(self.key))
+        for name, state in self.states.items():
+            key = etree.SubElement(keyframe, "key", name=name, qpos=_vector(self._qpos(state)))
+            if driven:
+                key.set("ctrl", _vector([state[k] for k in self.joined]))
         if any(moves(p) for p in self.obj.parts):
             self.notes.append("MJCF: it has no velocity limits of joints; they were left out")
         return root
@@ -152,7 +179,8 @@ class _Writer:
             fullinertia=_vector(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
         )
         if moves(part) and body.dynamics is not None:
-            self._joints(element, part, body.dynamics, float(self.rest[k]))
+            self._joints(element, part, body.dynamics)
+            self.joined.append(k)
         at = _vector(-frame)
         if _drawable(part, self.obj.scale):
             seen = {"contype": "0", "conaffinity": "0", "group": "2", "material": MATERIAL}
@@ -179,7 +207,53 @@ class _Writer:
                 )
             else:
                 self._mesh_geom(element, next(files), at, name, group)
+        for moving in self.sites.get(k, ()):
+            self._site(element, moving, frame)
         return element
+
+    def _site(self, element: etree._Element, k: int, frame: np.ndarray) -> None:
+        """Where a hand holds moving part k."""
+        handle = self.handles[k]
+        assert handle is not None  # it moves
+        radius = SITE_SIZE * float(np.ptp(self.obj.bounds, axis=0).max()) * self.obj.scale
+        etree.SubElement(
+            element,
+            "site",
+            name=f"{self.obj.parts[k].name}_handle",
+            pos=_vector(handle.point * self.obj.scale - frame),
+            size=_number(radius),
+            group="4",  # not shown unless asked for
+        )
+
+    def _qpos(self, state: np.ndarray) -> list[float]:
+        """A state [K], metres and radians, in MuJoCo's order; a screw has two coordinates."""
+        found = []
+        for k in self.joined:
+            joint = self.obj.parts[k].joint
+            found.append(state[k])
+            if joint.type == "screw":
+                found.append(state[k] * joint.pitch * self.obj.scale)
+        return found
+
+    def _actuators(self, root: etree._Element) -> None:
+        """A position actuator a joint, strong enough to stop within 2 % of the range in spite of
+        friction and gravity, and damped so that it comes there without swinging."""
+        actuator = etree.SubElement(root, "actuator")
+        for k in self.joined:
+            part, dynamics = self.obj.parts[k], self.bodies[k].dynamics
+            assert dynamics is not None  # checked: it moves
+            ends = metric_limits(part, self.obj.scale)
+            stiffness = dynamics.effort / 5 / (OFF * (ends[1] - ends[0]))
+            etree.SubElement(
+                actuator,
+                "position",
+                name=joint_name(part),
+                joint=joint_name(part),
+                kp=_number(stiffness),
+                kv=_number(stiffness * LAG),
+                ctrlrange=_vector(ends),
+                forcerange=_vector([-dynamics.effort, dynamics.effort]),
+            )
 
     def _mesh_geom(
         self, element: etree._Element, file: str, at: str, name: str, options: dict[str, str]
@@ -189,7 +263,7 @@ class _Writer:
         etree.SubElement(self.asset, "mesh", name=mesh, file=file, inertia="shell")
         etree.SubElement(element, "geom", name=name, type="mesh", mesh=mesh, pos=at, **options)
 
-    def _joints(self, element: etree._Element, part: Part, dynamics: Dynamics, rest: float) -> None:
+    def _joints(self, element: etree._Element, part: Part, dynamics: Dynamics) -> None:
         joint, axis = part.joint, _vector(part.joint.direction)
         resistance = {
             "damping": _number(dynamics.damping),
@@ -209,13 +283,10 @@ class _Writer:
             )
             if joint.type != "continuous":
                 hinge.set("range", _vector(joint.angle))
-            self.key.append(rest)
             if joint.type == "screw":
                 self._slide(element, travel_name(part), axis, travel, {})
-                self.key.append(rest * joint.pitch * self.obj.scale)
         else:
             self._slide(element, joint_name(part), axis, travel, resistance)
-            self.key.append(rest)
 
     def _slide(
         self,

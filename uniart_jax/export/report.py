@@ -1,16 +1,37 @@
-"""``report.json``: what an asset holds, for people and scripts. Metres, kilograms, radians, object frame at the shown state."""
+"""``report.json``: what an asset holds, for people and scripts.
+
+Metres, kilograms, radians, in the frame of the files.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 import uniart_jax
-from uniart_jax.export.frames import joint_name
-from uniart_jax.export.handles import Handle, handles
+from uniart_jax.export.frames import joint_name, metric, moves
+from uniart_jax.export.handles import Handle, handles, opening
 from uniart_jax.export.physics import Body
-from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+
+@dataclasses.dataclass(frozen=True)
+class AsRead:
+    """What an object was before it was placed for its files.
+
+    Attributes:
+      obj: with the names that are written, at its shown state.
+      names: [K] that its parts had.
+      shown: [K] the state that was shown, in written coordinates, object units.
+    """
+
+    obj: ArticulatedObject
+    names: tuple[str, ...]
+    shown: np.ndarray
 
 
 def make_report(
@@ -20,48 +41,51 @@ def make_report(
     seed: int | None = None,
     checkpoint: str = "",
     notes: Sequence[str] = (),
+    read: AsRead | None = None,
 ) -> dict:
     """The report (docs/architecture.md, "What a user types") as plain JSON values.
 
     Args:
-      obj: the object, in object units.
+      obj: the object as it is written, in object units.
       bodies, watertight: [K] of the exported parts.
       seed, checkpoint: what made the object; None and "" if it was not sampled.
       notes: what a written format cannot say, a line each; the object's own provenance stands before them.
+      read: what was read, or sampled; default: the same as ``obj``.
 
     ``handle`` of a moving part: the ``point`` to hold, on ``part``; ``opens``: whether its
-    coordinate grows (1) or falls (-1) on the way; ``start_force`` newtons there start it. ``rest``
-    maps every moving joint, by its name in the URDF, to its coordinate at rest. ``validation`` is
-    absent until a physics engine has run.
+    coordinate grows (1) or falls (-1) on the way; ``opening``: the direction in which the point
+    sets out; ``start_force`` newtons there start it. ``rest`` maps every moving joint, by its name
+    in the URDF, to its coordinate at rest, ``shown`` to that of the state that was read.
+    ``as_read`` is the part's name and joint in the object's own frame at that state.
+    ``validation`` is absent until a physics engine has run.
     """
+    if read is None:
+        read = AsRead(obj, tuple(part.name for part in obj.parts), np.zeros(len(obj.parts)))
     parts = []
     held = handles(obj)
-    for part, body, closed, handle in zip(obj.parts, bodies, watertight, held, strict=True):
-        joint = None if part.parent < 0 else part.joint
+    for k, (part, body, closed, handle) in enumerate(
+        zip(obj.parts, bodies, watertight, held, strict=True)
+    ):
+        source = read.obj.parts[k]
         parts.append(
             {
                 "name": part.name,
-                "parent": None if joint is None else obj.parts[part.parent].name,
-                "type": None if joint is None else joint.type,
-                "origin": None if joint is None else [float(x * obj.scale) for x in joint.origin],
-                "direction": None if joint is None else [float(x) for x in joint.direction],
-                "angle": None if joint is None else list(joint.angle),
-                "travel": None if joint is None else [t * obj.scale for t in joint.travel],
+                "parent": None if part.parent < 0 else obj.parts[part.parent].name,
+                "type": None if part.parent < 0 else part.joint.type,
+                **_joint(part, obj.scale),
+                "as_read": {"name": read.names[k], **_joint(source, read.obj.scale)},
                 "mass": float(body.mass),
                 "watertight": bool(closed),
                 "shapes": len(body.shapes),
                 "volume_error": body.volume_error,
-                "handle": None if handle is None else _handle(obj, handle, body),
+                "handle": None if handle is None else _handle(obj, k, handle, body),
             }
         )
-    rest = {}
-    for part, q in zip(obj.parts, obj.rest(), strict=True):
-        if part.parent >= 0 and part.joint.type != "fixed":
-            rest[joint_name(part)] = float(q if part.joint.rotates else q * obj.scale)
     return {
         "category": obj.category,
         "parts": parts,
-        "rest": rest,
+        "rest": _state(obj, obj.rest()),
+        "shown": _state(obj, read.shown),
         "notes": [*obj.provenance, *notes],
         "scale": float(obj.scale),
         "seed": seed,
@@ -70,12 +94,32 @@ def make_report(
     }
 
 
-def _handle(obj: ArticulatedObject, handle: Handle, body: Body) -> dict:
+def _joint(part: Part, scale: float) -> dict:
+    """Axis and spans of a part's joint, metres and radians; null for the root."""
+    if part.parent < 0:
+        return dict.fromkeys(("origin", "direction", "angle", "travel"))
+    joint = part.joint
+    return {
+        "origin": [float(x * scale) for x in joint.origin],
+        "direction": [float(x) for x in joint.direction],
+        "angle": list(joint.angle),
+        "travel": [t * scale for t in joint.travel],
+    }
+
+
+def _state(obj: ArticulatedObject, q: np.ndarray) -> dict[str, float]:
+    """Moving joint -> its coordinate in ``q`` [K] (object units), radians or metres."""
+    values = zip(obj.parts, metric(obj, q), strict=True)
+    return {joint_name(part): float(value) for part, value in values if moves(part)}
+
+
+def _handle(obj: ArticulatedObject, k: int, handle: Handle, body: Body) -> dict:
     """Where a hand holds a moving part, how it opens it and what that takes."""
     found = {
         "part": obj.parts[handle.part].name,
         "point": [float(x * obj.scale) for x in handle.point],
         "opens": handle.opens,
+        "opening": [float(x) for x in opening(obj, k, handle)],
     }
     dynamics = body.dynamics
     if dynamics is None or dynamics.start is None:

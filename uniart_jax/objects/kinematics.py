@@ -14,8 +14,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-ANGLE_DEAD_ZONE = float(np.deg2rad(1.0))
-TRAVEL_DEAD_ZONE = 0.005
+LEAST_ANGLE = float(np.deg2rad(0.1))  # what turns by less does not turn
+LEAST_TRAVEL = 1e-4  # likewise, metres
+ANGLE_DEAD_ZONE = float(np.deg2rad(1.0))  # what codes tell apart from nothing: ``codable``
+TRAVEL_DEAD_ZONE = 0.005  # likewise, of the object's longest side
 JOINT_TYPES = ("fixed", "revolute", "continuous", "prismatic", "screw")
 
 
@@ -28,11 +30,10 @@ class Joint:
       direction: [3] axis direction; normalised when the joint is made.
       angle: (a0, a1) rotation at the lower and upper end of q, radians.
       travel: (t0, t1) travel along ``direction`` at the same two ends, object units; proportional to ``angle`` if both are non-zero.
-      dead_zone: travel below which there is none, object units; .005 in a normalised object, and it scales with the object, so
-        that a small object in metres keeps its joints.
+      dead_zone: travel below which there is none, object units; it scales with the object.
 
-    Spans below the dead zones (1 degree, ``dead_zone``) become 0. A rotation span of 2 pi or more without travel is continuous
-    and stored as (-pi, pi). A joint without any span is fixed and stored with origin 0 and direction z.
+    Spans below .1 degree and ``dead_zone`` become 0. A rotation span of 2 pi or more without
+    travel is continuous and stored as (-pi, pi). A joint without any span is fixed and stored with origin 0 and direction z.
 
     Raises:
       ValueError: zero or non-finite axis, limits that do not bracket 0, spans that are not proportional.
@@ -42,7 +43,7 @@ class Joint:
     direction: np.ndarray
     angle: tuple[float, float] = (0.0, 0.0)
     travel: tuple[float, float] = (0.0, 0.0)
-    dead_zone: float = TRAVEL_DEAD_ZONE
+    dead_zone: float = LEAST_TRAVEL
 
     def __post_init__(self):
         origin = np.array(self.origin, dtype=np.float64).reshape(3)
@@ -51,7 +52,7 @@ class Joint:
         t0, t1 = (float(t) for t in self.travel)
         if not np.all(np.isfinite([*origin, *direction, a0, a1, t0, t1])):
             raise ValueError("joint: origin, direction and limits must be finite numbers")
-        if abs(a1 - a0) < ANGLE_DEAD_ZONE:
+        if abs(a1 - a0) < LEAST_ANGLE * (1 - 1e-9):
             a0 = a1 = 0.0
         if abs(t1 - t0) < self.dead_zone * (1 - 1e-9):
             t0 = t1 = 0.0
@@ -149,6 +150,15 @@ class Joint:
         angle = (self.angle[0] - a, self.angle[1] - a) if self.rotates else (0.0, 0.0)
         travel = (self.travel[0] - t, self.travel[1] - t) if self.travels else (0.0, 0.0)
         return Joint(self.origin, self.direction, angle, travel, self.dead_zone)
+
+
+def codable(joint: Joint) -> Joint:
+    """A normalised object's joint as codes can tell it: no rotation below 1 degree, and no travel
+    below .005."""
+    angle, travel = joint.angle, joint.travel
+    if angle[1] - angle[0] < ANGLE_DEAD_ZONE * (1 - 1e-9):
+        angle = (0.0, 0.0)
+    return Joint(joint.origin, joint.direction, angle, travel, TRAVEL_DEAD_ZONE)
 
 
 def rotation(direction: np.ndarray, angle: float) -> np.ndarray:

@@ -19,6 +19,7 @@ from uniart_jax.objects.kinematics import (
     ANGLE_DEAD_ZONE,
     TRAVEL_DEAD_ZONE,
     Joint,
+    codable,
     forward_kinematics,
     topological_order,
 )
@@ -180,7 +181,11 @@ class ArticulatedObject:
         return dataclasses.replace(self, parts=tuple(parts))
 
     def normalized(self) -> ArticulatedObject:
-        """Centred at 0 with the shown state's longest side 1; ``scale`` takes up the factor."""
+        """Centred at 0 with the shown state's longest side 1; ``scale`` takes up the factor.
+
+        Motions that networks cannot tell from none (``kinematics.codable``: 1 degree, .005) are
+        held, each a line of ``provenance``: to keep them, save the object as it is.
+        """
         lo, hi = self.bounds
         side = float((hi - lo).max())
         if side <= 0:
@@ -189,25 +194,30 @@ class ArticulatedObject:
         matrix[:3, :3] /= side
         matrix[:3, 3] = -(lo + hi) / (2 * side)
         moved = self.transformed(matrix)
-        parts = tuple(
-            dataclasses.replace(p, joint=dataclasses.replace(p.joint, dead_zone=TRAVEL_DEAD_ZONE))
-            for p in moved.parts
+        parts = tuple(dataclasses.replace(p, joint=codable(p.joint)) for p in moved.parts)
+        held = tuple(
+            f"joint of '{p.name}': a motion of less than 1 degree, or .005 of the object, was held"
+            for p, q in zip(moved.parts, parts, strict=True)
+            if (p.joint.rotates, p.joint.travels) != (q.joint.rotates, q.joint.travels)
         )
-        return dataclasses.replace(moved, parts=parts, scale=self.scale * side)
+        notes = self.provenance + held
+        return dataclasses.replace(moved, parts=parts, scale=self.scale * side, provenance=notes)
 
     def rest(self) -> np.ndarray:
         """[K] the rest state.
 
-        Per joint: the limit nearest 0 if 0 is within the dead zone of it, else the end at which the object's bounding volume
+        Per joint: the limit nearest 0 if 0 is within the codes' dead zone of it (1 degree, .005 of
+        the longest side), else the end at which the object's bounding volume
         (all other joints at 0) is smaller, the lower end on ties; continuous joints: 0.
         """
         q = np.zeros(len(self.parts))
+        near = TRAVEL_DEAD_ZONE * float(np.ptp(self.bounds, axis=0).max())
         for k, part in enumerate(self.parts):
             joint = part.joint
             if part.parent < 0 or joint.type in ("fixed", "continuous"):
                 continue
             lo, hi = joint.limits
-            dead = ANGLE_DEAD_ZONE if joint.rotates else joint.dead_zone
+            dead = ANGLE_DEAD_ZONE if joint.rotates else near
             if min(-lo, hi) <= dead:
                 q[k] = lo if -lo <= hi else hi
                 continue

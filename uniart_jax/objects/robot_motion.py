@@ -104,7 +104,8 @@ def lowered(
     joint = Joint(motion.origin, direction, tuple(angle), tuple(travel), dead_zone)
     if joint.type == "fixed" and motion.hi > motion.lo:
         notes.append(
-            f"joint {_quoted(motion.names)}: it moves by less than the dead zone; read as fixed"
+            f"joint {_quoted(motion.names)}: it moves by less than .1 degree or "
+            f"{1000 * dead_zone:.2g} mm; read as fixed"
         )
     return joint
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from uniart_jax.objects.double_faces import single_sided
-from uniart_jax.objects.kinematics import TRAVEL_DEAD_ZONE
+from uniart_jax.objects.kinematics import LEAST_TRAVEL, TRAVEL_DEAD_ZONE
 from uniart_jax.objects.names import MAX_NAME, Numbered, clean, printable
 from uniart_jax.objects.object import ArticulatedObject, Part, moved_mesh
 from uniart_jax.objects.robot import MAX_PARTS, Robot
@@ -49,10 +49,11 @@ def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject
     side = float((corners[:, 1].max(0) - corners[:, 0].min(0)).max())
     if not side > 0:
         raise ValueError("the object has no extent")
+    least = min(LEAST_TRAVEL, TRAVEL_DEAD_ZONE * side)  # the latter of objects below 2 cm
     parts, index = [], {n: i for i, n in enumerate(tree.names)}
     for link in tree.names:
         parent = tree.parents[link]
-        joint = lowered(link, tree.chains[link], moved[link], TRAVEL_DEAD_ZONE * side, robot.notes)
+        joint = lowered(link, tree.chains[link], moved[link], least, robot.notes)
         above = -1 if parent is None else index[parent]
         parts.append(Part(link, moved[link], above, joint, robot.links[link].label))
     parts, name, category = _named(parts, robot.name or name, robot.category, robot.notes)

@@ -15,6 +15,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.render import Camera, fit
 from uniart_jax.simulation.engine import Plan
 from uniart_jax.simulation.primitives import REACH
+from uniart_jax.simulation.summary import summary, verdicts
 from uniart_jax.simulation.sweep import DEPTH
 
 FRAMES = 5  # of a sweep
@@ -40,7 +41,7 @@ def write_figure(result: dict, obj: ArticulatedObject | None, plan: Plan | None,
     heights = [2.2 * rows, 0.35 * _lines(result) / 2 + 0.3]
     upper, lower = figure.subfigures(2, 1, height_ratios=heights)
     left, right = upper.subfigures(1, 2, width_ratios=[FRAMES, 5.2])
-    figure.suptitle(f"{result['asset']}: {_summary(result)}", fontsize=13, y=0.995)
+    figure.suptitle(f"{result['asset']}: {summary(verdicts(result))}", fontsize=13, y=0.995)
     if obj is not None and plan is not None and joints:
         _frames(left, obj, plan, joints, _order(result))
         _curves(right, result, [j.name for j in joints], len(plan.joints))
@@ -49,13 +50,7 @@ def write_figure(result: dict, obj: ArticulatedObject | None, plan: Plan | None,
 
 
 def _lines(result: dict) -> int:
-    return max(len(c) for c in [*result["engines"].values(), result["geometry"]]) + 2
-
-
-def _summary(result: dict) -> str:
-    every = [c for cs in [*result["engines"].values(), result["geometry"]] for c in cs.values()]
-    bad = sum(not c["passed"] for c in every)
-    return "sound" if not bad else f"{bad} of {len(every)} checks failed"
+    return max(len(checks) for checks in verdicts(result).values()) + 2
 
 
 def _order(result: dict) -> dict[str, list[str]]:
@@ -132,8 +127,8 @@ def _curves(figure, result: dict, joints: list[str], count: int) -> None:
 
 
 def _verdicts(figure, result: dict) -> None:
-    """A column an engine and one for the geometry."""
-    columns = result["engines"] | {"geometry": result["geometry"]}
+    """A column an engine, one for the geometry, one for plausibility."""
+    columns = verdicts(result)
     axes: list[Axes] = list(figure.subplots(1, len(columns), squeeze=False)[0])
     figure.subplots_adjust(0.02, 0.02, 0.99, 0.98)
     lines = _lines(result)

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from uniart_jax.objects.kinematics import ANGLE_DEAD_ZONE, TRAVEL_DEAD_ZONE
 from uniart_jax.simulation.engine import Engine, Pair, PlannedJoint
 from uniart_jax.simulation.primitives import REACH, Motion, compound, drive
 from uniart_jax.simulation.stand import BEYOND, GROWTH, MOVED, leave_alone, speed_limit
@@ -52,18 +53,20 @@ def measure(engine: Engine) -> dict:
         sweeps = [sweep(engine, joint, at_rest) for joint in plan.joints]
         checks["sweep"] = _swept(sweeps)
         by_name = {j.name: j for j in plan.joints}
+        large = [j for j in plan.joints if _drivable(j, plan.size)]
         motions = {
             s.joint: drive(engine, [by_name[n] for n in (*s.after, s.joint)], at_rest)
             for s in sweeps
+            if by_name[s.joint] in large
         }
-        sliders = [j.name for j in plan.joints if j.kind == "prismatic"]
-        hinges = [j.name for j in plan.joints if j.kind != "prismatic"]
+        sliders = [j.name for j in large if j.kind == "prismatic"]
+        hinges = [j.name for j in large if j.kind != "prismatic"]
         groups = {"hinge_opening": hinges, "slider_pulling": sliders}
         for name, members in groups.items():
             if members:
                 checks[name] = _driven([motions[m] for m in members])
         pair = compound(
-            plan.joints,
+            large,
             {s.joint: s.after for s in sweeps},
             functools.partial(opens_beside, engine, at_rest=at_rest),
         )
@@ -86,7 +89,7 @@ def measure(engine: Engine) -> dict:
         )
         for joint, way in zip(plan.joints, sweeps, strict=True):
             moved = alone.moved[joint.name]
-            joints[joint.name] = _numbers(joint, way, motions[joint.name], moved)
+            joints[joint.name] = _numbers(joint, way, motions.get(joint.name), moved)
         curves = [_curves(m) for m in every]
     else:
         curves = []
@@ -106,8 +109,17 @@ def _damped(shares: dict[str, float]) -> dict:
     return check(max(shares.values()), 1, not wild, why)
 
 
-def _numbers(joint: PlannedJoint, way: JointSweep, motion: Motion, moved: float) -> dict:
-    """What is told of one joint."""
+def _drivable(joint: PlannedJoint, size: float) -> bool:
+    """Whether a joint's way is long enough to be told from the softness of engines' limits when a
+    hand pushes; others are posed only. Of what turns and travels one way is long."""
+    if joint.kind == "screw":
+        return True
+    least = TRAVEL_DEAD_ZONE * size if joint.kind == "prismatic" else ANGLE_DEAD_ZONE
+    return joint.span >= least * (1 - 1e-9)
+
+
+def _numbers(joint: PlannedJoint, way: JointSweep, motion: Motion | None, moved: float) -> dict:
+    """What is told of one joint; of one that no hand moved, how far it is free."""
     return {
         "kind": joint.kind,
         "part": joint.part,
@@ -118,8 +130,9 @@ def _numbers(joint: PlannedJoint, way: JointSweep, motion: Motion, moved: float)
         "sweep": number(way.depth.max()),
         "free": number(way.free),
         "after": list(way.after),
-        "reached": number(motion.reached[-1]),
-        "collision": number(motion.depth),
+        "driven": motion is not None,
+        "reached": number(way.free if motion is None else motion.reached[-1]),
+        "collision": number(way.depth.max() if motion is None else motion.depth),
         "values": [number(v) for v in way.values],
         "depth": [number(d) for d in way.depth],
     }

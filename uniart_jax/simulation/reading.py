@@ -19,6 +19,7 @@ from uniart_jax.simulation import soundness
 from uniart_jax.simulation.engine import Plan
 from uniart_jax.simulation.measure import check
 from uniart_jax.simulation.planning import plan_asset
+from uniart_jax.simulation.plausibility import plausibility
 from uniart_jax.simulation.staging import stage_mjcf, stage_urdf
 
 NO_MJCF = "PyBullet reads URDF; its MJCF reader leaves out meshes, inertia and limits"
@@ -100,6 +101,10 @@ class Description:
                 checks["collision"] = solid
             checks["gaps"] = soundness.gaps(self.obj)
         return checks
+
+    def plausibility(self) -> dict[str, dict]:
+        """Whether a person would take it for an object; empty where it cannot be read."""
+        return {} if self.obj is None else plausibility(self.obj)
 
 
 def descriptions(asset: str | Path, allow_outside: bool) -> dict[str, Description]:

@@ -24,6 +24,7 @@ from uniart_jax.objects.robot_object import one_line
 from uniart_jax.simulation.figure import write_figure
 from uniart_jax.simulation.measure import check
 from uniart_jax.simulation.reading import NO_MJCF, Description, descriptions
+from uniart_jax.simulation.summary import PLAUSIBILITY
 
 ENGINES = ("mujoco", "pybullet")
 SECONDS = 120.0  # that an engine may take
@@ -46,7 +47,8 @@ def validate(
       allow_outside: also read what the asset names outside its folder.
 
     Returns:
-      JSON values: ``engines`` {engine: {check: {"passed", "value", "limit", "reason" where it failed}}}, ``geometry`` {check: the same},
+      JSON values: ``engines`` {engine: {check: {"passed", "value", "limit", "reason" where it failed}}},
+      ``geometry`` and ``plausibility`` {check: the same} (the latter empty where our reader does not take the asset),
       ``not_run`` {engine: why}, ``joints`` {engine: {joint: numbers}}, ``motions`` {engine: [curves]}, ``asset`` and ``version``.
 
     Raises:
@@ -70,7 +72,7 @@ def validate(
                     results[name] = {"checks": {"loads": check(1, 0, False, why)}}
                 else:
                     jobs[name] = running.enter_context(_Job(name, path, given[name]))
-            geometry = main.geometry()
+            geometry, looks = main.geometry(), main.plausibility()
             results |= {name: job.result() for name, job in jobs.items()}
     ran = [name for name in chosen if name in results]
     found = {
@@ -78,6 +80,7 @@ def validate(
         "version": uniart_jax.__version__,
         "engines": {name: results[name]["checks"] for name in ran},
         "geometry": geometry,
+        PLAUSIBILITY: looks,
         "not_run": not_run,
         "joints": {name: results[name].get("joints", {}) for name in ran},
         "motions": {name: results[name].get("motions", []) for name in ran},
@@ -85,19 +88,6 @@ def validate(
     if out is not None:
         _write(found, main, Path(out))
     return found
-
-
-def is_sound(result: dict) -> bool:
-    """Whether every check of ``validate`` passed, in at least one engine."""
-    ran = list(result["engines"].values())
-    return bool(ran) and all(
-        c["passed"] for checks in [*ran, result["geometry"]] for c in checks.values()
-    )
-
-
-def verdicts(result: dict) -> dict[str, dict]:
-    """{engine, or "geometry": {check: verdict}}: what a report keeps of ``validate``."""
-    return {**result["engines"], "geometry": result["geometry"]}
 
 
 def _chosen(engines: Sequence[str] | None) -> list[str]:

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 import networkx as nx
 import numpy as np
 
-from uniart_jax.objects.kinematics import ANGLE_DEAD_ZONE, TRAVEL_DEAD_ZONE, Joint
+from uniart_jax.objects.kinematics import ANGLE_DEAD_ZONE, TRAVEL_DEAD_ZONE, Joint, codable
 
 if TYPE_CHECKING:  # training reads codes on machines without trimesh
     from uniart_jax.objects.object import ArticulatedObject
@@ -113,9 +113,11 @@ def encode_joint(joint: Joint, box_center: np.ndarray) -> np.ndarray:
     """[9] float64 canonical code of a joint, equations (1) to (4).
 
     Args:
-      joint: in the object frame at the shown state.
+      joint: in the object frame at the shown state; motions below the dead zones (``codable``)
+        are none.
       box_center: [3] centre of the child part's own box; anchors the axis of pure travel, whose place is arbitrary.
     """
+    joint = codable(joint)
     if joint.type == "fixed":
         return np.zeros(CODE_SIZE)
     rho = np.array(joint.angle) / np.pi
@@ -130,7 +132,8 @@ def encode_joint(joint: Joint, box_center: np.ndarray) -> np.ndarray:
 def decode_joint(code: np.ndarray, part_center: np.ndarray) -> Joint:
     """The joint that a code stands for; inverse of ``encode_joint`` and safe on anything a network may emit.
 
-    tau is not clamped, and the dead zones of ``Joint`` apply to the decoded spans. Limits that do not bracket 0 are widened to
+    tau is not clamped, and the codes' dead zones (1 degree, .005) apply to the decoded spans.
+    Limits that do not bracket 0 are widened to
     it; an axis shorter than .5 and a code that is not finite give the fixed joint.
 
     Args:

@@ -1,0 +1,71 @@
+"""How well convex shapes stand for a solid: what they hold too much and too little."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import igl
+import numpy as np
+import trimesh
+from manifold3d import Manifold
+
+from uniart_jax.export.convex_split import triangles
+from uniart_jax.export.physics import Shape
+from uniart_jax.export.separation import as_solid
+
+POINTS = 8192  # at which an error is measured
+
+
+def volume_error(mesh: trimesh.Trimesh, shapes: Sequence[Shape]) -> float:
+    """What shapes hold too much and too little of a solid, as a share of the volume of the solid's
+    convex hull.
+
+    Measured at 8,192 points of a Halton sequence in the box of both. 0 for a solid without a
+    volume.
+    """
+    solids = [half_spaces(as_solid(shape)) for shape in shapes]
+    corners = np.concatenate([mesh.bounds, *(corners_of(as_solid(s)) for s in shapes)])
+    lo, hi = corners.min(0), corners.max(0)
+    points = lo + _halton(POINTS) * (hi - lo)
+    vertices = np.ascontiguousarray(mesh.vertices, np.float64)
+    faces = np.ascontiguousarray(mesh.faces, np.int64)
+    hull = Manifold.hull_points(vertices).volume()
+    if hull <= 0:
+        return 0.0
+    winding = igl.fast_winding_number(vertices, faces, np.ascontiguousarray(points))
+    full = np.abs(np.asarray(winding).ravel()) > 0.5
+    held = np.zeros(len(points), bool)
+    for normals, offsets in solids:
+        held |= (points @ normals.T <= offsets).all(1)
+    return float((full != held).mean() * np.prod(hi - lo) / hull)
+
+
+def _halton(count: int) -> np.ndarray:
+    """[count, 3] in [0, 1)."""
+    index = np.arange(1, count + 1)
+    columns = []
+    for base in (2, 3, 5):
+        left, share, value = index.copy(), 1.0 / base, np.zeros(count)
+        while left.any():
+            value += share * (left % base)
+            left //= base
+            share /= base
+        columns.append(value)
+    return np.stack(columns, 1)
+
+
+def half_spaces(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
+    """([n, 3] unit normals, [n] offsets) of a convex solid: a point p is inside where normals @ p
+    <= offsets."""
+    vertices, faces = triangles(solid)
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    kept = length > 1e-12 * max(length.max(initial=0.0), 1e-300)
+    normals = normals[kept] / length[kept, None]
+    return normals, (normals * corners[kept, 0]).sum(1)
+
+
+def corners_of(solid: Manifold) -> np.ndarray:
+    """[2, 3] of the box of a solid."""
+    return np.reshape(solid.bounding_box(), (2, 3))
