@@ -81,10 +81,12 @@ def test_what_is_likely_hides_what_lies_behind(refine, params):
 
 
 def test_it_needs_the_pictures_and_their_camera(params):
-    logits, _, cameras, table = arguments()
+    logits, pixels, cameras, table = arguments()
     network = build("structure_flow", refining())
     with pytest.raises(ValueError, match=r"pixels \(refine_channels > 0\)"):
         network.apply(params, logits, None, cameras, table, method="refine")
+    with pytest.raises(ValueError, match="part table"):
+        network.apply(params, logits, pixels, cameras, None, method="refine")
     encoder = dataclasses.replace(MODEL.image_encoder, architecture="dinov2")
     with pytest.raises(ValueError, match="refine_channels needs the camera"):
         build("structure_flow", dataclasses.replace(refining(), image_encoder=encoder)).abstract()

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from uniart_jax.export.frames import moves
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.objects.names import Numbered
+from uniart_jax.objects.names import Numbered, clean
 from uniart_jax.objects.object import ArticulatedObject, moved_mesh
 
 BASE = "base"
@@ -54,8 +54,8 @@ def named(obj: ArticulatedObject) -> ArticulatedObject:
         part = obj.parts[k]
         if names[k] is not None:
             continue
-        if part.label.strip():
-            names[k] = taken(part.label)
+        if clean(part.label):
+            names[k] = taken(clean(part.label))
         elif part.parent < 0:
             names[k] = taken(BASE)
         else:

@@ -2,7 +2,8 @@
 
 An object is given at the state that its image shows, anywhere; people who put hundreds of assets
 into a scene want all of them alike. So files have the origin below the middle, joint zero at rest,
-and axes whose positive sense opens.
+and axes whose positive sense opens. What is rest is told by the limits alone
+(``ArticulatedObject.rest``): a joint shown at one of its limits counts as closed there.
 """
 
 from __future__ import annotations

@@ -116,12 +116,18 @@ class StructureFlow(FlowTrunk):
         cameras: jax.Array | None,
         layout: PartTable | None = None,
     ) -> jax.Array:
-        """Logits [B, R, R, R] that the structure VAE decodes of a sample, sharpened (``refine_channels``).
+        """Logits [B, R, R, R] that the structure VAE decodes of a sample, sharpened.
 
         Args:
-          pixels, cameras: [B, N, S, S, C], [B, N, 7] of N pictures, as for the latent flow. layout: [B, ...].
+          pixels, cameras: [B, N, S, S, C], [B, N, 7] of N pictures, as for the latent flow.
+          layout: [B, ...], where the flow sees layouts.
+
+        Raises:
+          ValueError: one of them is None.
         """
         pixels = required(pixels, "refine_channels", "pixels")
+        if self.config.layout_channels:
+            layout = required(layout, "layout_channels", "layout", "the part table of a")
         return self.refiner(logits, pixels, required(cameras, "refine_channels", "cameras"), layout)
 
     def _see_cells(self, layout: PartTable | None, draws: int) -> Any:

@@ -4,7 +4,8 @@
     of a candidate  the logits around it, its place, what the picture shows where the camera sees it and
                     how far it lies behind what is likely there (``nn.lifting``), what it sees of the layout
                     (``models.layout_features``)
-    MLP             -> features of candidates, zeros elsewhere -> a 3^3 convolution of blocks -> added to the logits
+    MLP             -> added, at candidates, to what every voxel has of the logits around it
+                    -> a 3^3 convolution of blocks -> added to all logits
 
 Convolutions are of ``BLOCK``^3 voxels folded into channels, as in the structure VAE: a CPU never convolves at full
 resolution.

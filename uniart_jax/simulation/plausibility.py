@@ -9,7 +9,7 @@ from __future__ import annotations
 import igl
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
+from scipy.spatial import QhullError, cKDTree
 
 from uniart_jax.export.naming import is_round
 from uniart_jax.objects.object import ArticulatedObject
@@ -90,7 +90,9 @@ def crumbs(stance: Stance) -> dict:
     volumes = np.array([_volume(part.mesh) for part in stance.obj.parts])
     bad = [
         f"'{part.name}' is a crumb, {share:.2%} of the object"
-        for part, share in zip(stance.obj.parts[1:], (volumes / volumes.sum())[1:], strict=True)
+        for part, share in zip(
+            stance.obj.parts[1:], (volumes / max(float(volumes.sum()), 1e-12))[1:], strict=True
+        )
         if share < CRUMB and not _looks_made(part.mesh)
     ]
     return check(len(bad), 0, not bad, _listed(bad))
@@ -203,7 +205,10 @@ def _off(line: np.ndarray, mesh: trimesh.Trimesh, full: bool) -> float:
     """Least distance of points from a surface, or from its convex hull, inside which it is 0."""
     if not full:
         return float(_distances(mesh, line).min())
-    hull = mesh.convex_hull
+    try:
+        hull = mesh.convex_hull
+    except QhullError:  # flat
+        return float(_distances(mesh, line).min())
     distances = np.where(_inside(hull, line) > 0.5, 0.0, _distances(hull, line))
     return float(distances.min())
 

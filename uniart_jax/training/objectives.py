@@ -315,7 +315,8 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
 def make_refiner_loss(network: Network, config: Config, mean: Any, std: Any) -> GivenLossFn:
     """Cross-entropy and Dice of the refiner's logits on what the structure flow samples in one step and the structure VAE decodes; only the refiner
     is differentiated. Takes the structure VAE's parameters after the key."""
-    model, options = config.model, dataclasses.replace(config.sample_structure, steps=1)
+    model, once = config.model, {"steps": 1, "solver": "euler", "adaptive": False}
+    options = dataclasses.replace(config.sample_structure, **once)
     sample, vae = make_structure_sampler(model, options), build("structure_vae", model)
 
     def loss_fn(params, batch, key, vae_params):

@@ -156,9 +156,9 @@ def decode_joint(code: np.ndarray, part_center: np.ndarray) -> Joint:
     limits = np.array([min(code[7], 0.0), max(code[8], 0.0)])
     angle = limits * (np.cos(phi) * np.pi)
     travel = limits * (np.sin(phi) / KAPPA)
-    if abs(angle[1] - angle[0]) < ANGLE_DEAD_ZONE:
+    if abs(angle[1] - angle[0]) < ANGLE_DEAD_ZONE * (1 - 1e-6):  # what ``codable`` keeps, rounded
         angle = np.zeros(2)
-    if abs(travel[1] - travel[0]) < TRAVEL_DEAD_ZONE:
+    if abs(travel[1] - travel[0]) < TRAVEL_DEAD_ZONE * (1 - 1e-6):
         travel = np.zeros(2)
     q = angle if angle.any() else travel
     if q[0] > q[1]:  # tau outside (-1, 1], or a screw whose rotation fell into the dead zone
