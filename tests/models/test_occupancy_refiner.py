@@ -73,10 +73,10 @@ def test_rows_beyond_a_layouts_parts_and_views_without_a_camera_do_not_matter(re
 def test_what_is_likely_hides_what_lies_behind(refine, params):
     """A wall of certain voxels, which are no candidates, before the others changes what those read."""
     logits, pixels, cameras, table = arguments()
-    logits = logits.at[:].set(-2 + 0.01 * logits)
-    front = logits.at[:, 0].set(9.0)  # the camera looks from -x
-    farther = np.s_[:, 4:]  # beyond the convolutions' reach of the wall
-    open_, shut = (np.asarray(refine(params, a, pixels, cameras, table)) for a in (logits, front))
+    logits = -2 + 0.01 * logits
+    walls = (logits.at[:, 0].set(value) for value in (-9.0, 9.0))  # none, and one: as certain
+    farther = np.s_[:, 6:]  # beyond the convolutions' reach of x = 0, where the camera stands
+    open_, shut = (np.asarray(refine(params, a, pixels, cameras, table)) for a in walls)
     assert np.abs(open_[farther] - shut[farther]).max() > 1e-4
 
 
