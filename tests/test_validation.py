@@ -67,6 +67,9 @@ def test_every_stage_shows_what_it_makes(config, tmp_path, monkeypatch, name):
         "LatentSource": lambda folder: items,
         "load_conditioner": lambda *_: lambda images: images,
         "make_structure_sampler": lambda *_: lambda *given: Solution(jnp.zeros((3, 1)), None, None),
+        "make_structure_decoder": lambda _: (
+            lambda vae, flow, latent, seen: network.apply(vae, latent, method="decode")
+        ),
         "make_latent_sampler": lambda *_: lambda *given: Solution(jnp.zeros((1, 1)), None, None),
     }.items():
         monkeypatch.setattr(validation, attribute, fake)
