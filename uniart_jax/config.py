@@ -271,8 +271,8 @@ class LossConfig:
     time_std: float = 1.0
     noise_share: float = 0.0  # share of draws taken uniformly from t in (.9, 1)
     condition_drop: float = 0.1
-    # structure flow: share of the loss that is the refiner's (cross-entropy, Dice) on what the flow samples in
-    # one step; 1: the flow's own is left out (``freeze`` its layers)
+    # structure flow: share of the loss that is the refiner's, on what the flow samples in one step; 1:
+    # the flow's own is left out (``freeze`` its layers)
     refined: float = 0.0
     draws_per_image: int = 1  # structure flow: noise draws that share one image's condition
 

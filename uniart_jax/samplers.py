@@ -77,8 +77,8 @@ def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callabl
 
 
 def make_structure_decoder(model: ModelConfig) -> Callable[..., jax.Array]:
-    """Jitted (structure VAE's params, structure flow's, latents [B, s, s, s, C], condition) -> occupancy logits [B, R, R, R], refined where the
-    flow has a refiner."""
+    """Jitted (structure VAE's params, structure flow's, latents [B, s, s, s, C], condition) ->
+    occupancy logits [B, R, R, R], refined where the flow has a refiner."""
     vae, flow = build("structure_vae", model), build("structure_flow", model)
 
     @jax.jit

@@ -1,16 +1,15 @@
-"""Occupancy at full resolution: what a structure latent leaves blurred, decided from the picture and the layout.
+"""Occupancy at full resolution: what a structure latent leaves blurred, by picture and layout.
 
     candidates      the least certain of the voxels, one in ``SHARE``, by the structure VAE's logits
-    of a candidate  the logits around it, its place, what the picture shows where the camera sees it and
-                    how far it lies behind what is likely there (``nn.lifting``), what it sees of the layout
-                    (``models.layout_features``)
+    of a candidate  the logits around it, its place, what the picture shows where the camera sees it
+                    and how far it lies behind what is likely there (``nn.lifting``), what it sees
+                    of the layout (``models.layout_features``)
     MLP             -> added, at candidates, to what every voxel has of the logits around it
                     -> a 3^3 convolution of blocks -> added to all logits
 
-Convolutions are of ``BLOCK``^3 voxels folded into channels, as in the structure VAE: a CPU never convolves at full
-resolution.
-
-The last layer begins at zero, so that the refiner begins with the logits that it is given. TRELLIS decodes the latent alone.
+Convolutions are of ``BLOCK``^3 voxels folded into channels, as in the structure VAE: a CPU never
+convolves at full resolution. The last layer begins at zero, so that the refiner begins with the
+logits that it is given. TRELLIS decodes the latent alone.
 """
 
 from __future__ import annotations
@@ -101,7 +100,8 @@ class OccupancyRefiner(nnx.Module):
 
 
 def _spread(rows: jax.Array, index: jax.Array, side: int) -> jax.Array:
-    """Rows [B, Q, C] at their places ``index`` [B, Q], ascending, of a grid [B, side, side, side, C]; 0 elsewhere."""
+    """Rows [B, Q, C] at their places ``index`` [B, Q], ascending, of a grid [B, side, side, side, C];
+    0 elsewhere."""
 
     def of_item(rows, index):
         empty = jnp.zeros((side**3, rows.shape[-1]), rows.dtype)

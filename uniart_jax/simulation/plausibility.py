@@ -88,11 +88,10 @@ def crumbs(stance: Stance) -> dict:
     ``value``: how many are.
     """
     volumes = np.array([_volume(part.mesh) for part in stance.obj.parts])
+    shares = volumes / max(float(volumes.sum()), 1e-12)
     bad = [
         f"'{part.name}' is a crumb, {share:.2%} of the object"
-        for part, share in zip(
-            stance.obj.parts[1:], (volumes / max(float(volumes.sum()), 1e-12))[1:], strict=True
-        )
+        for part, share in zip(stance.obj.parts[1:], shares[1:], strict=True)
         if share < CRUMB and not _looks_made(part.mesh)
     ]
     return check(len(bad), 0, not bad, _listed(bad))

@@ -281,10 +281,11 @@ def of_pictures(loss_fn: LossFn, condition: Callable[..., Condition]) -> GivenLo
 
 
 def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> Any:
-    """Rectified flow of the dense structure latent; ``draws_per_image`` noise draws share one image's condition.
+    """Rectified flow of the dense structure latent; ``draws_per_image`` noise draws share one
+    image's condition.
 
-    With ``loss.refined``, a share of it is the refiner's loss on what the flow samples in one step; the function then takes the structure VAE's
-    parameters after the key, and batches hold ``occupancy`` [B, R, R, R].
+    With ``loss.refined``, a share of it is ``make_refiner_loss``; the function then takes the
+    structure VAE's parameters after the key, and batches hold ``occupancy`` [B, R, R, R].
     """
     flow, weights = config.model.structure_flow, config.loss
     share = weights.refined
@@ -313,8 +314,9 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
 
 
 def make_refiner_loss(network: Network, config: Config, mean: Any, std: Any) -> GivenLossFn:
-    """Cross-entropy and Dice of the refiner's logits on what the structure flow samples in one step and the structure VAE decodes; only the refiner
-    is differentiated. Takes the structure VAE's parameters after the key."""
+    """Cross-entropy and Dice of the refiner's logits on what the structure flow samples in one step
+    and the structure VAE decodes; only the refiner is differentiated. Takes the structure VAE's
+    parameters after the key."""
     model, once = config.model, {"steps": 1, "solver": "euler", "adaptive": False}
     options = dataclasses.replace(config.sample_structure, **once)
     sample, vae = make_structure_sampler(model, options), build("structure_vae", model)
