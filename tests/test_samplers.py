@@ -19,11 +19,14 @@ from uniart_jax.models.network import build
 from uniart_jax.samplers import (
     Condition,
     flow_inputs,
+    found_table,
     join_views,
     make_latent_sampler,
     make_structure_sampler,
     pad_coords,
 )
+from uniart_jax.voxels.joint_code import canonical
+from uniart_jax.voxels.layout import read_layout
 
 FLOW = FlowConfig(
     model_channels=24,
@@ -187,3 +190,32 @@ def test_several_views_are_one_condition(views):
     for left_out in everything:
         others = [v for v in everything if v != left_out]
         assert np.abs(a - sampled(others)).max() > 0.01
+
+
+def test_found_layouts_are_the_parts_that_exist_the_surest_first():
+    generator = np.random.default_rng(1)
+    lower = generator.uniform(-0.5, 0, (2, 5, 3))
+    parts = {
+        "corners": np.concatenate([lower, lower + generator.uniform(0.1, 0.5, (2, 5, 3))], -1),
+        "codes": generator.normal(size=(2, 5, 9)),
+        "exists": np.array([[-2.0, 1.0, 3.0, -1.0, 2.0], [-5.0, -4.0, -9.0, -1.0, -6.0]]),
+        "colors": generator.random((2, 5, 3)),
+    }
+    parts["codes"][0, 4, 1:4] = 0.1  # no axis: fixed
+    parents = np.full((2, 5, 5), -3.0)
+    parents[0, 2, 2] = parents[0, 1, 2] = parents[0, 4, 1] = 3  # the root, its child, a grandchild
+    parents[0, 4, 3] = 9  # a row that does not exist is no parent
+    table = found_table(parts, parents, 4)
+    assert table.counts.tolist() == [3, 1]  # one part there is always
+    for b, rows in enumerate(([2, 4, 1], [3])):
+        layout = read_layout({name: v[b] for name, v in (parts | {"parents": parents, "camera": parents[:, 0]}).items()})  # fmt: skip
+        at = np.argsort(rows)  # rows of ``layout`` are in the order of the queries
+        np.testing.assert_allclose(table.boxes[b, : len(rows)][at], layout.boxes, atol=1e-6)
+        np.testing.assert_allclose(table.colors[b, : len(rows)][at], layout.colors, atol=1e-6)
+        assert not any(np.asarray(values)[b, len(rows) :].any() for values in table[:-1])
+    assert table.parents[0].tolist() == [0, 2, 0, 0]
+    codes = np.asarray(table.codes[0])
+    assert not codes[1].any()
+    np.testing.assert_allclose(codes[0], canonical(parts["codes"][0, 2]), atol=1e-5)
+    few = found_table(parts, parents, 2)
+    assert few.counts.tolist() == [2, 1] and few.parents[0].tolist()[0] == 0

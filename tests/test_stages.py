@@ -18,6 +18,7 @@ from uniart_jax.config import (
     NETWORKS,
     Config,
     LatentSampleConfig,
+    LayoutConfig,
     LossConfig,
     StructureSampleConfig,
 )
@@ -302,6 +303,25 @@ def test_a_flow_leaves_the_other_ones_statistics(trained, tmp_path):
     stages.run(dataclasses.replace(config, latent_flow=longer), ["latent_flow"], tmp_path / "work")
     statistics = load_file(tmp_path / "work/export/latent_stats.safetensors")
     assert (statistics["structure.mean"] == 7).all()
+
+
+def test_a_layout_network_is_taken_where_the_model_has_one(trained, tmp_path):
+    config, _ = trained
+    (tmp_path / "source").mkdir()
+    (tmp_path / "source/layout.safetensors").touch()
+    model = dataclasses.replace(config.model, layout=LayoutConfig(queries=4))
+    for one, wanted in ((config, []), (dataclasses.replace(config, model=model), ["layout"])):
+        arguments = (tmp_path / "source", ["structure_flow"], tmp_path / "work")
+        assert adoption.taken(one, *arguments) == wanted
+
+
+@pytest.mark.parametrize(("share", "message"), [(1.5, "give 0 to 1"), (0.5, "layout_channels")])
+def test_layouts_are_found_only_for_flows_that_see_them(trained, tmp_path, share, message):
+    config, workdir = trained
+    loss = dataclasses.replace(config.loss, found=share)
+    with pytest.raises(ValueError, match=rf"loss\.found.*{message}"):
+        stages.run(dataclasses.replace(config, loss=loss), ["latent_flow"], tmp_path / "w", init=workdir)  # fmt: skip
+    assert not (tmp_path / "w").exists()
 
 
 def test_a_decoder_learns_on_what_a_flow_samples_while_the_encoder_stays(trained, tmp_path):

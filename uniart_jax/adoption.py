@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.console import Console
 
-from uniart_jax.config import NETWORKS, Config, ModelConfig
+from uniart_jax.config import NETWORKS, STAGES, Config, ModelConfig
 from uniart_jax.encoding import ENCODED
 from uniart_jax.models.network import build
 from uniart_jax.training import distributed
@@ -54,7 +54,7 @@ def taken(config: Config, source: Path, stages: Sequence[str], workdir: Path) ->
     """
     return [
         name
-        for name in NETWORKS
+        for name in (STAGES if config.model.layout.queries else NETWORKS)
         if name not in stages
         and not exported(workdir, name)
         and has_export(source, f"{name}.safetensors")

@@ -18,6 +18,9 @@ from uniart_jax.flow.solvers import Solution, Velocity, solve
 from uniart_jax.models.flow_trunk import T_MIN
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
+from uniart_jax.voxels.joint_code import FIXED_AXIS, canonical
+from uniart_jax.voxels.layout import SMALLEST_SIDE
+from uniart_jax.voxels.part_table import PartTable
 
 WIDTH_STEP = 4096  # voxels beyond the largest bucket are padded to multiples of this
 
@@ -50,6 +53,58 @@ def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
         return Condition(seen["tokens"], seen.get("volume"), *close)
 
     return run
+
+
+def make_layout_finder(model: ModelConfig) -> Callable[..., PartTable]:
+    """Jitted (layout network's params, images [B, S, S, 3] in [0, 1]) -> part tables [B, K, ...] of
+    the parts that it finds in them, the surest first.
+
+    ``layouts.LayoutPredictor`` and ``voxels.layout.read_layout`` do the same with more care (two
+    looks, a tree, exact joints) on the host; this is what a training step can afford.
+    """
+    network = build("layout", model)
+
+    @jax.jit
+    def run(params, images):
+        out = network.apply(params, images)
+        return found_table(out["parts"][-1], out["parents"], model.grid.max_parts)
+
+    return run
+
+
+def found_table(parts: dict[str, jax.Array], parents: jax.Array, most: int) -> PartTable:
+    """Outputs of a layout network as part tables: of each item the at most ``most`` rows that
+    exist, but one at least, the surest first.
+
+    Args:
+      parts: corners [B, Q, 6], codes [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3].
+      parents: [B, Q, Q] logits child -> parent, the diagonal the root's. Each row takes its
+        likeliest parent; that they form a tree is not enforced.
+    """
+    order = jnp.argsort(-parts["exists"], axis=-1)[:, :most]
+    counts = jnp.clip((parts["exists"] > 0).sum(-1), 1, order.shape[1])
+    there = jnp.arange(most) < counts[:, None]
+
+    def take(rows):
+        rows = jnp.take_along_axis(rows, order[..., None], 1)
+        rows = jnp.pad(rows, ((0, 0), (0, most - rows.shape[1]), (0, 0)))
+        return jnp.where(there[..., None], rows, 0)
+
+    lower, upper = jnp.split(take(parts["corners"]), 2, -1)
+    size = jnp.maximum(upper - lower, SMALLEST_SIDE)
+    boxes = jnp.where(there[..., None], jnp.concatenate([(lower + upper) / 2, size], -1), 0)
+    codes = take(canonical(parts["codes"], jnp))
+    moves = jnp.linalg.norm(codes[..., 1:4], axis=-1, keepdims=True) > FIXED_AXIS
+    scores = jnp.take_along_axis(take(parents), order[:, None], 2)
+    scores = jnp.pad(scores, ((0, 0), (0, 0), (0, most - scores.shape[2])))
+    likeliest = jnp.where(there[:, None], scores, -jnp.inf).argmax(-1)
+    return PartTable(
+        boxes,
+        jnp.where(moves, codes, 0),
+        jnp.where(there, likeliest, 0).astype(jnp.int32),
+        jnp.clip(take(parts["colors"]), 0, 1),
+        counts.astype(jnp.int32),
+    )
 
 
 def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., Solution]:

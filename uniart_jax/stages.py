@@ -48,7 +48,7 @@ from uniart_jax.layouts import check_backbone, first_layout_weights
 from uniart_jax.locks import alone
 from uniart_jax.models.network import Network, build
 from uniart_jax.procedural import WORLDS
-from uniart_jax.samplers import make_conditioner
+from uniart_jax.samplers import make_conditioner, make_layout_finder
 from uniart_jax.training import distributed, objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
@@ -108,6 +108,7 @@ def run(
     source = checkpoint_folder(init) if init else None
     taken: list[str] = []
     check_freeze(config, stages)
+    check_found(config, stages)
     if source is not None:  # before anything is written
         for name in stages:
             first_weights(source, name, config.model)
@@ -188,6 +189,20 @@ def check_features(config: Config, stages: Sequence[str]) -> None:
     for folder, split in ((data.records, data.split), (data.validation, data.validation_split)):
         if folder:
             open_records(folder, config.model.grid, split, features)
+
+
+def check_found(config: Config, stages: Sequence[str]) -> None:
+    """Whether layouts can be found for the flows that are to be shown them (``loss.found``);
+    ValueError if not."""
+    if not 0 <= config.loss.found <= 1:
+        raise ValueError(f"config: loss.found is {config.loss.found}; give 0 to 1")
+    flows = [name for name in stages if name.endswith("_flow")] if config.loss.found else []
+    for name in flows:
+        if not (config.model.layout.queries and getattr(config.model, name).layout_channels):
+            raise ValueError(
+                f"config: loss.found shows the {name} layouts that are found; give "
+                f"model.layout.queries and model.{name}.layout_channels above 0, or loss.found 0"
+            )
 
 
 def check_freeze(config: Config, stages: Sequence[str]) -> None:
@@ -452,12 +467,16 @@ def make_step(
         given = jax.device_put(frozen, replicated(mesh))
     loss_fn = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
     if name.endswith("_flow"):
-        loss_fn = objectives.of_pictures(loss_fn, make_conditioner(config.model))
+        find = make_layout_finder(config.model) if config.loss.found > 0 else None
+        condition = make_conditioner(config.model)
+        loss_fn = objectives.of_pictures(loss_fn, condition, find, config.loss.found)
         frozen = ["image_encoder"]
         if name == "latent_flow" and config.loss.decoded > 0:
             frozen.append("uniart_vae")
         if name == "structure_flow" and config.loss.refined > 0:
             frozen.append("structure_vae")
+        if find is not None:
+            frozen.append("layout")
         given = tuple(load_network(workdir, n, build(n, config.model).abstract()) for n in frozen)
         given = jax.device_put(given, replicated(mesh))
     return make_train_step(

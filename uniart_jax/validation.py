@@ -33,6 +33,7 @@ from uniart_jax.pipeline import (
     pad_coords,
     voxel_grid,
 )
+from uniart_jax.samplers import make_layout_finder
 from uniart_jax.training.export import load_network
 from uniart_jax.training.layout_metrics import layout_readings
 from uniart_jax.training.metrics import part_readings, summarize_readings
@@ -214,26 +215,37 @@ def _structure_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -
     parameters = load_network(workdir, "structure_vae", abstract)
     decode = make_structure_decoder(config.model)
     threshold = config.sample_structure.threshold
+    finder = load_layout_finder(config, workdir) if config.loss.found else None
 
     def evaluate(state, step):
         condition_of = load_conditioner(config, workdir)  # beside the step's own for now alone
-        overlaps, pictures = [], []
+
+        def occupied(condition, key):
+            latent = sampler(state.ema, statistics["structure"], condition, key).x
+            return np.asarray(decode(parameters, state.ema, latent, condition)) > threshold
+
+        overlaps, by_found, pictures = [], [], []
         number = min(OBJECTS, len(source)) // IMAGE_BATCH * IMAGE_BATCH or len(source)
         chosen = spread(len(source), number)
         for start in range(0, number, IMAGE_BATCH):
             items = [source[i] for i in chosen[start : start + IMAGE_BATCH]]
             condition = _condition(items, condition_of, config)
             key = jax.random.key(start)
-            latent = sampler(state.ema, statistics["structure"], condition, key).x
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
             for row, item in zip(truth, items, strict=True):
                 row[tuple(item["coords"].astype(int).T)] = True
-            found = np.asarray(decode(parameters, state.ema, latent, condition)) > threshold
+            found = occupied(condition, key)
             overlaps += list(iou(found, truth))
+            if finder is not None:
+                condition = condition._replace(layout=finder(_first_pictures(items)))
+                by_found += list(iou(occupied(condition, key), truth))
             for b, item in enumerate(items[: PICTURES - len(pictures)]):
                 both, image = (filled(truth[b]), filled(found[b])), item["images"][0] / 255
                 pictures.append(beside(*both, truth.shape[1], image))
-        return {"iou": float(np.mean(overlaps))}, {"occupancy": np.concatenate(pictures)}
+        figures = {"iou": float(np.mean(overlaps))}
+        if by_found:  # what sampling has: layouts that the network finds
+            figures["iou_found"] = float(np.mean(by_found))
+        return figures, {"occupancy": np.concatenate(pictures)}
 
     return evaluate
 
@@ -296,12 +308,23 @@ def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Con
     return functools.partial(make_conditioner(config.model), parameters)
 
 
+def load_layout_finder(config: Config, workdir: Path) -> Callable[[jax.Array], PartTable]:
+    """``samplers.make_layout_finder`` with the layout network of WORKDIR."""
+    abstract = build("layout", config.model).abstract()
+    parameters = jax.device_put(load_network(workdir, "layout", abstract))
+    return functools.partial(make_layout_finder(config.model), parameters)
+
+
+def _first_pictures(items: list[dict[str, Any]]) -> jax.Array:
+    """[B, S, S, 3] in [0, 1] of items of ``data.latents``."""
+    return jnp.asarray(np.stack([item["images"][0] for item in items]).astype(np.float32) / 255)
+
+
 def _condition(
     items: list[dict[str, Any]], condition_of: Callable[..., Condition], config: Config
 ) -> Condition:
     """What flows see of the first picture of each item, and of its true layout."""
-    images = np.stack([item["images"][0] for item in items]).astype(np.float32) / 255
-    condition, model = condition_of(jnp.asarray(images)), config.model
+    condition, model = condition_of(_first_pictures(items)), config.model
     if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
         return condition
     return condition._replace(layout=item_tables(items, model))

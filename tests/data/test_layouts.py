@@ -48,6 +48,21 @@ def test_a_block_is_a_function_of_its_number(data):
     assert ((first["colors"] >= 0) & (first["colors"] <= 1)).all()
 
 
+def test_an_object_that_cannot_be_made_is_left_out_and_named(data, monkeypatch, caplog):
+    whole, draw = layouts.make_block(1, SETTINGS), layouts.shown_object
+
+    def faulty(seed, families, rng):
+        if seed == 4:
+            raise ValueError("box: expected lo < hi")
+        return draw(seed, families, rng)
+
+    monkeypatch.setattr(layouts, "shown_object", faulty)
+    block = layouts.make_block(1, SETTINGS)
+    for name in layouts.COLUMNS:  # the others are what they were
+        np.testing.assert_array_equal(block[name], whole[name][[0, 2]])
+    assert "procedural object 4 is left out: box: expected lo < hi" in caplog.text
+
+
 def test_a_damaged_block_is_made_again(data):
     layouts.claim_folder(data.layouts, SETTINGS)
     whole = layouts.load_block(data.layouts, 0, SETTINGS)

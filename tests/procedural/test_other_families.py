@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from uniart_jax import procedural
 from uniart_jax.procedural import (
     FAMILIES,
     HELD_OUT_SEED,
@@ -101,3 +102,11 @@ def test_parts_stay_closed_when_a_reader_merges_vertices(family):
         for part in generate(family, seed).parts:
             merged = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=True)
             assert merged.is_watertight, f"{family}-{seed} {part.name}"
+
+
+@pytest.mark.parametrize(
+    "seed", [27246, 32128]
+)  # a thick sash in a small bay; a bay within its walls
+def test_narrow_rooms_make_objects_too(seed):
+    obj = procedural.draw(seed, procedural.SEEN_FAMILIES)
+    assert len(obj.parts) > 1

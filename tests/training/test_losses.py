@@ -166,6 +166,33 @@ def test_a_loss_of_pictures_is_that_of_what_the_encoder_sees_in_them():
     assert given[0] == 7 * found
 
 
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_a_share_of_the_items_is_shown_the_layout_found_in_its_picture(share):
+    items = 64
+    own, found = (
+        PartTable(*(jnp.full((items, *s), value) for s in ((2, 6), (2, 9), (2,), (2, 3), ())))
+        for value in (1.0, 2.0)
+    )
+
+    def find(params, images):
+        assert params == "layout's" and images.shape == (items, 3)
+        return found
+
+    def loss(params, batch, key, vae):
+        assert vae == "vae's"  # the layout network is not for the loss
+        return jnp.zeros(()), {"layout": batch["layout"]}
+
+    condition = lambda encoder, images: Condition(images)  # noqa: E731
+    seeing = of_pictures(loss, condition, find, share)
+    frozen, batch = ("encoder's", "vae's", "layout's"), {"image": jnp.ones((items, 3)), "layout": own}  # fmt: skip
+    table = seeing(None, batch, jax.random.key(3), frozen)[1]["layout"]
+    chosen = np.asarray(table.counts) == 2
+    assert {0.0: 0, 0.5: 32, 1.0: items}[share] == pytest.approx(chosen.sum(), abs=items * share * (1 - share))  # fmt: skip
+    for values in table:  # all of a table or nothing
+        rows = np.asarray(values).reshape(items, -1)
+        np.testing.assert_array_equal(rows, np.where(chosen, 2.0, 1.0)[:, None] + 0 * rows)
+
+
 def test_the_latent_flow_weighs_parts_and_readouts_as_told():
     """A network that always answers 0: what its loss is can be said beforehand."""
 

@@ -122,7 +122,11 @@ def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
     for index in range(number * BLOCK, (number + 1) * BLOCK):
         seed = training_seed(index, settings.start_seed)
         rng = np.random.default_rng([seed, 2])
-        found = shown_object(seed, settings.families, rng)
+        try:
+            found = shown_object(seed, settings.families, rng)
+        except ValueError as error:  # one faulty object in many thousands must not end a training
+            logger.warning("data: procedural object %d is left out: %s", seed, error)
+            continue
         if found is None or len(found[0].parts) > settings.max_parts:
             continue
         obj, (boxes, codes, parents) = found

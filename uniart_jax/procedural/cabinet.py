@@ -113,6 +113,8 @@ class Case:
         if cell.kind == "blank":
             return []
         lo, hi = self.bay(cell)
+        if (hi - lo).min() <= 0:  # lower than its walls: nothing is left to cut
+            return []
         height, shelf, outside = hi[2] - lo[2], max(0.8 * self.wall, 0.016), self.front - 0.1
         count = 0
         if cell.kind in ("open", "door", "double") and not cell.trays:

@@ -169,9 +169,10 @@ def _sash(
 ) -> None:
     """A hinged sash over the bay between (y, z) corners; its handle at the free edge."""
     size = (hi - lo).min()
-    if look.inset:
-        air = 0.25 * unit + look.thick**2 / size
-        lo, hi = np.array([0.0, *(lo + air)]), np.array([look.thick, *(hi - air)])
+    if look.inset:  # a thick sash needs more air to swing, and a small bay has none
+        thick = min(look.thick, 0.4 * size)
+        air = 0.25 * unit + thick**2 / size
+        lo, hi = np.array([0.0, *(lo + air)]), np.array([thick, *(hi - air)])
     else:
         lap = np.full(2, look.lap)
         lo = np.array([-look.thick - 0.0015, *(lo - lap)])

@@ -42,6 +42,7 @@ from uniart_jax.training.losses import (
     kl_loss,
     masked_mean,
 )
+from uniart_jax.voxels.part_table import PartTable
 
 DECODED_VOXELS = 1024  # of an item that the decoded loss looks at
 COLOR_WEIGHT, SIGN_SLOPE = 3.0, 3.0
@@ -262,22 +263,45 @@ def normalize(latent: jax.Array, mean: Any, std: Any) -> jax.Array:
     return (latent - jnp.asarray(mean)) / jnp.asarray(std)
 
 
-def of_pictures(loss_fn: LossFn, condition: Callable[..., Condition]) -> GivenLossFn:
-    """A flow's loss of batches with ``image`` [B, H, W, 3] in place of what an image encoder sees in them: (params, batch, key, frozen) -> as ``loss_fn``.
+def of_pictures(
+    loss_fn: LossFn,
+    condition: Callable[..., Condition],
+    find: Callable[..., PartTable] | None = None,
+    share: float = 0.0,
+) -> GivenLossFn:
+    """A flow's loss of batches with ``image`` [B, H, W, 3] in place of what an image encoder sees in
+    them: (params, batch, key, frozen) -> as ``loss_fn``.
 
-    ``frozen``: parameters of the image encoder, and of what else ``loss_fn`` is given after its key.
+    ``frozen``: parameters of the image encoder, of what else ``loss_fn`` is given after its key and,
+    with ``find``, of the layout network. Nothing is differentiated by them.
 
     Args:
-      condition: (encoder's parameters, images) -> what the flow sees (``samplers.make_conditioner``); nothing is differentiated by it.
+      condition: (encoder's parameters, images) -> what the flow sees (``samplers.make_conditioner``).
+      find: (layout network's parameters, images) -> part tables (``samplers.make_layout_finder``),
+        shown in place of the batch's own to a ``share`` of the items.
     """
 
     def seeing(params, batch, key, frozen):
         encoder, *more = frozen
         rest = dict(batch)
-        seen = condition(encoder, rest.pop("image"))
+        image = rest.pop("image")
+        seen = condition(encoder, image)
+        if find is not None:
+            found = find(more.pop(), image)
+            chosen = jax.random.bernoulli(jax.random.fold_in(key, 2), share, found.counts.shape)
+            rest["layout"] = choose(chosen, found, rest["layout"])
         return loss_fn(params, {**seen._asdict(), **rest}, key, *more)
 
     return seeing
+
+
+def choose(chosen: jax.Array, one: PartTable, other: PartTable) -> PartTable:
+    """Part tables [B, ...] of ``one`` where ``chosen`` [B], else of ``other``."""
+
+    def of_field(a, b):
+        return jnp.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), a, b)
+
+    return PartTable(*(of_field(a, b) for a, b in zip(one, other, strict=True)))
 
 
 def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> Any:
