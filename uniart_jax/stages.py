@@ -196,13 +196,15 @@ def check_found(config: Config, stages: Sequence[str]) -> None:
     ValueError if not."""
     if not 0 <= config.loss.found <= 1:
         raise ValueError(f"config: loss.found is {config.loss.found}; give 0 to 1")
-    flows = [name for name in stages if name.endswith("_flow")] if config.loss.found else []
-    for name in flows:
+    shown = [name for name in stages if name.endswith("_flow") or name == "uniart_vae"]
+    for name in shown if config.loss.found else ():
         if not (config.model.layout.queries and getattr(config.model, name).layout_channels):
             raise ValueError(
                 f"config: loss.found shows the {name} layouts that are found; give "
                 f"model.layout.queries and model.{name}.layout_channels above 0, or loss.found 0"
             )
+    if config.loss.found and "uniart_vae" in stages and not config.loss.sampled:
+        raise ValueError("config: loss.found shows the uniart_vae layouts of what flows sample; give loss.sampled above 0 too")  # fmt: skip
 
 
 def check_freeze(config: Config, stages: Sequence[str]) -> None:
@@ -434,6 +436,20 @@ def latent_sampler_of(config: Config, workdir: Path, source: Path | None) -> tup
     )
 
 
+def layout_network_of(config: Config, workdir: Path, source: Path | None) -> Any:
+    """Parameters of the layout network of WORKDIR, or else of checkpoint ``source``.
+
+    Raises:
+      FileNotFoundError: neither has it.
+    """
+    held = [f for f in (workdir / "export", source) if f and has_export(f, "layout.safetensors")]
+    if not held:
+        raise FileNotFoundError(
+            "loss.found: needs a trained layout network; give a checkpoint that has one as --init"
+        )
+    return load_network(held[0], "layout", build("layout", config.model).abstract())
+
+
 def make_put(name: str, mesh: jax.sharding.Mesh) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Host batch -> what the stage's loss reads, on the devices."""
     wanted = {"structure_vae": ("occupancy",)}.get(name)
@@ -464,6 +480,8 @@ def make_step(
         extra.append(latent_metric(workdir / "latents", config.data.records, config.loss.readout_share, config.data.split))  # fmt: skip
     if name == "uniart_vae" and config.loss.sampled > 0:
         frozen, extra = latent_sampler_of(config, workdir, source)
+        if config.loss.found > 0:
+            frozen = (*frozen, layout_network_of(config, workdir, source))
         given = jax.device_put(frozen, replicated(mesh))
     loss_fn = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
     if name.endswith("_flow"):

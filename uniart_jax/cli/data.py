@@ -17,7 +17,8 @@ from uniart_jax.cli.arguments import Out, Overwrite, check_out, shard_numbers
 
 def prepare(
     source: Annotated[
-        Literal["procedural", "partnet-mobility", "urdf", "layouts"], tyro.conf.Positional
+        Literal["procedural", "partnet-mobility", "urdf", "layouts", "found"],
+        tyro.conf.Positional,
     ],
     root: Annotated[Path | None, tyro.conf.Positional] = None,
     /,
@@ -46,12 +47,14 @@ def prepare(
     processes: int | None = None,
     runner: Literal["local", "beam"] = "local",
     beam_options: str = "",
+    checkpoint: str = "nano",
 ) -> None:
     """Make training records. Can be killed and run again: finished shards are kept.
 
     Args:
         source: "layouts": pictures and part tables of procedural objects, for --stage layout, without voxels; of the options --count, --world, --image-size and --processes. "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF, MJCF and object.json under ROOT.
-        root: Folder of assets.
+            "found": records of the folder ROOT once more, on the voxels that a checkpoint finds in their first --views pictures, for a decoder that learns from them (--loss.sampled, --loss.found).
+        root: Folder of assets, or of records.
         count: Objects (default: procedural 1000, else all).
         start_seed: procedural: seed of the first object; seeds from 1,000,000 on are held out and never trained on.
         families: procedural: which families, in turn, in place of a world's.
@@ -75,6 +78,7 @@ def prepare(
         processes: Worker processes (default: one a core).
         runner: "beam": by Apache Beam (pip install 'uniart_jax[beam]').
         beam_options: Options of the Beam pipeline, as one string.
+        checkpoint: found: the model that finds the voxels.
     """
     from uniart_jax.data import prepare as records
     from uniart_jax.data.folder import Settings
@@ -90,6 +94,13 @@ def prepare(
         raise ValueError(
             "prepare: --world is of procedural objects and layouts, and instead of --families"
         )
+    if source == "found":
+        from uniart_jax.data.found import prepare_found
+
+        if root is None:
+            raise ValueError("prepare: give the folder of records: uniart prepare found RECORDS --out OUT")  # fmt: skip
+        prepare_found(root, Path(out), checkpoint, views)
+        return
     drawn = WORLDS[world] if families is None else families
     workers = processes or max(2, os.cpu_count() or 1)  # one would be this process itself
     if source == "layouts":
