@@ -56,7 +56,7 @@ def test_the_readme_is_short():
 
 
 def test_the_headers_of_configs_are_short():
-    for path in sorted((ROOT / "configs").glob("*.py")):
+    for path in sorted((ROOT / "configs").rglob("*.py")):
         header = path.read_text().split('"""')[1].splitlines()
         assert len(header) <= 12 and max(map(len, header)) <= 100, path.name
 
