@@ -1,8 +1,9 @@
-"""Everything at 64^3 voxels, trained from scratch on procedural objects on one accelerator: between nano and the paper's size.
+"""64^3 voxels, trained from scratch on procedural objects: between nano and the paper's size.
 
 Command: python train.py --config configs/small.py
-Hardware: one accelerator of 24 GB or more (bfloat16). Not trained by us yet: neither its time nor its result is known. On two CPU cores one step of its
-latent flow (4 objects) takes about half a minute (``benchmarks/training_step.py``), so do not.
+Hardware: one accelerator of 24 GB or more (bfloat16). On two CPU cores one step of its latent flow
+    (4 objects) takes about half a minute (benchmarks/training_step.py), so do not.
+Time and result: not known; it has not been trained yet.
 """
 
 import dataclasses

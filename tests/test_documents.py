@@ -1,4 +1,4 @@
-"""What the README and the benchmarks show runs as it stands there."""
+"""What README, docs and benchmarks show runs as it stands there; their links lead somewhere."""
 
 import importlib.util
 import re
@@ -9,12 +9,68 @@ import pytest
 
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
+from uniart_jax.training.export import read_config
 
 ROOT = Path(__file__).parent.parent
 
 
-def test_the_readmes_research_example(monkeypatch):
-    section = (ROOT / "README.md").read_text().split("## Research")[1].split("\n## ")[0]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", FENCED.sub("", page.read_text()), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_relative_links_lead_somewhere(page):
+    for link in re.findall(r"\]\(([^)\s]+)\)", FENCED.sub("", page.read_text())):
+        if "://" in link:
+            continue
+        name, _, anchor = link.partition("#")
+        target = page.parent / name if name else page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_pages_named_in_code_exist():
+    sources = [
+        path
+        for folder in ("uniart_jax", "configs", "tests", "benchmarks", "tools", "examples")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+    ]
+    named = {name for path in sources for name in re.findall(r"docs/\w+\.md", path.read_text())}
+    assert "docs/architecture.md" in named
+    assert not {name for name in named if not (ROOT / name).is_file()}
+
+
+def test_the_index_lists_every_page():
+    listed = set(re.findall(r"\]\((\w+\.md)\)", (ROOT / "docs" / "index.md").read_text()))
+    assert listed | {"index.md"} == {page.name for page in (ROOT / "docs").glob("*.md")}
+
+
+def test_the_readme_is_short():
+    assert len((ROOT / "README.md").read_text().split()) <= 900
+
+
+def test_the_headers_of_configs_are_short():
+    for path in sorted((ROOT / "configs").rglob("*.py")):
+        header = path.read_text().split('"""')[1].splitlines()
+        assert len(header) <= 12 and max(map(len, header)) <= 100, path.name
+
+
+def test_the_shipped_model_is_that_of_its_config():
+    shipped = read_config(ROOT / "uniart_jax" / "pretrained" / "nano")
+    config = load_config(ROOT / "configs" / "nano.py")
+    for part in ("model", "sample_structure", "sample_latent"):
+        assert getattr(shipped, part) == getattr(config, part), part
+
+
+def test_the_research_example(monkeypatch):
+    section = (ROOT / "docs" / "architecture.md").read_text().split("## Research")[1]
+    section = section.split("\n## ")[0]
     (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
     monkeypatch.chdir(ROOT)
     names: dict = {}

@@ -1,14 +1,13 @@
 """Table 1: image to object on test objects of the trained categories.
 
-Command: uniart experiment main                                 nano size
-         uniart experiment main --size paper                    needs what configs/paper.py needs
-What varies: nothing; one model. Beside it, of the same networks, what comes back of the true voxels through the UniArt VAE alone (vae) and what the
-      latent flow makes of the image on the true active voxels (given_structure): where quality is lost. Retrieval and other baselines on the same
-      objects: uniart evaluate baselines.
-Expected (the paper, RS / AS): PSNR 28.52 / 23.77, Chamfer distance .0095 / .0376, OpenShape .1457 / .1176 (OpenShape: uniart evaluate PRED REF --openshape).
+Command: uniart experiment main [--size paper]; paper size needs what configs/paper.py needs.
+What varies: nothing; one model, judged at three stations (docs/experiments.md).
+Expected (the paper, RS / AS): PSNR 28.52 / 23.77, Chamfer distance .0095 / .0376, OpenShape
+    .1457 / .1176 (OpenShape: uniart evaluate PRED REF --openshape).
 Nano: the shipped model as it is; nothing is trained.
-Hardware and time, nano: one CPU core; sampling alone: 28 objects at three stations took 10 minutes.
-Hardware and time, paper: that of configs/paper.py; unknown, never run by us. Other experiments of that size judge these networks again.
+Time, nano: one CPU core; sampling alone: 28 objects at three stations took 10 minutes.
+Time, paper: that of configs/paper.py; unknown, never run by us. Other experiments of that size
+    judge these networks again.
 """
 
 from pathlib import Path

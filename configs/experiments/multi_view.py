@@ -1,14 +1,13 @@
 """Supplement, multi-view conditioning: one, two or three images of the object at once.
 
-Command: uniart experiment multi_view                           nano size
-         uniart experiment multi_view --size paper              needs what configs/paper.py needs (its records have three views: prepare --views 3)
-What varies: how many views are shown; the first is the same in all arms, the others are drawn as it was.
-Expected (the paper, RS / AS, one -> "two or three" views): PSNR 28.52 / 23.77 -> 29.35 / 24.41, Chamfer distance .0095 / .0376 -> .0089 / .0334: a little better.
-      The paper trains a variant for it. Here nothing is trained for it: image tokens stand side by side, volumes are averaged (docs/paper.md), so the
-      networks see a condition that they were not trained on.
-Nano: the shipped model as it is.
-Hardware and time, nano: one CPU core; sampling alone, about 8 s an object and arm.
-Hardware and time, paper: sampling alone once main's networks are trained (it trains them otherwise); unknown, never run by us.
+Command: uniart experiment multi_view [--size paper]; paper size needs what configs/paper.py needs.
+What varies: how many views are shown; the first is the same in all arms, others drawn alike.
+Expected (the paper, RS / AS, one -> "two or three" views): PSNR 28.52 / 23.77 -> 29.35 / 24.41,
+    Chamfer distance .0095 / .0376 -> .0089 / .0334: a little better. The paper trains a variant for
+    it; here nothing is trained for it (docs/experiments.md).
+Nano: the shipped model as it is. Time: one CPU core; sampling alone, about 8 s an object and arm.
+Time, paper: sampling alone once main's networks are trained (it trains them otherwise); unknown,
+    never run by us.
 """
 
 from pathlib import Path

@@ -1,16 +1,12 @@
-"""Open set, the autoencoder's side: what lets a UniArt VAE pass on the joints of families that it has never seen? Not in the paper.
+"""Open set, the autoencoder: what lets a UniArt VAE pass on joints of unseen families?
 
-Command: uniart experiment open_set_vae
-What varies: channels of a voxel's latent, 16 (the shipped model's) or 48 (wide); and whether, while training, half of the parts get a joint and a parent drawn anew
-      (``data.new_joints``): the paper's "synthetic articulation parameter sampling", without its "within physically valid ranges", since the mesh is not asked; voxels, boxes and all else stay. Each arm is judged twice, on unseen
-      families and (``_seen``) on those that it was trained on.
-Expected: of unseen families the shipped UniArt VAE gives hardly a moving part back right (``open_set``, unseen_vae), though every joint is written into
-      the voxels that it reads: it has learned seven families' joints. A voxel says 21 numbers of joint and boxes beside its surface, more than 16
-      channels would seem to carry, unless most of them follow from the rest. So joints drawn anew should help where there is room for them, and cost where there is none.
-Nano: the UniArt VAE of configs/nano.py from scratch, 1,200 steps of 4 objects with 1,024 voxels drawn of each, on 2,000 objects of the seven seen families. The
-      rate is 1e-3, not nano's 2e-3: at that one a training of wide_new_joints lost the joints' type and limits (docs/experiments.md).
-Paper size: none; the paper has no such table.
-Hardware and time, nano: one CPU core; 1,200 steps at .35 s and twice 28 objects at 4 s, four arms: 45 minutes.
+Command: uniart experiment open_set_vae; not in the paper, so there is no paper size.
+What varies: channels of a voxel's latent, 16 (as shipped) or 48 (wide); and whether, while
+    training, half of the parts get a joint and a parent drawn anew (data.new_joints).
+Expected: joints drawn anew help where there is room for them, and cost where there is none
+    (docs/experiments.md says why).
+Nano: the UniArt VAE of configs/nano.py from scratch, 1,200 steps of 4 objects.
+Time: one CPU core; 1,200 steps at .35 s and twice 28 objects at 4 s, four arms: 45 minutes.
 """
 
 import dataclasses

@@ -1,18 +1,13 @@
 """Table 2, 3D prior: training that begins with weights that know 3D shapes, or from scratch.
 
-Command: uniart experiment shape_prior                          nano size
-         uniart experiment shape_prior --size paper             needs what configs/paper.py needs
-What varies: what the networks begin with. Paper size: TRELLIS's weights, or drawn at random (DINOv2, frozen, in both).
-Expected (the paper, RS / AS): PSNR 28.52 / 23.77 with, 13.24 / 11.76 without; Chamfer distance .0095 / .0376 with, .0572 / .0763 without.
-Nano: the structure flow alone, which knows nothing of parts and joints, as TRELLIS does not. Its prior is the shipped model's, made on 22,000 objects
-      of seven families; it is trained on 300 objects of ten families that the shipped model has
-      never seen, and judged on others of six of them: a large prior of other things, a small set of
-      the things wanted, as in the paper. prior_alone is the shipped model without that training.
-What the twin does not test: 'scratch' is not without the prior: only its structure flow begins at random. The image encoder that it reads and the structure VAE whose
-      latent it makes are the shipped model's in both arms, trained on the seven families, and so is the threshold on occupancy (-1.5), chosen for the
-      shipped flow. So it tests a prior in the flow alone, not in all networks. Nor does it say anything about articulation.
-Hardware and time, nano: one CPU core; 300 steps of 16 objects and 300 objects to encode, two arms, three seeds: 38 minutes beside other work.
-Hardware and time, paper: one training of configs/paper.py beside that of main; unknown, never run by us.
+Command: uniart experiment shape_prior [--size paper]; paper size needs what configs/paper.py needs.
+What varies: what the networks begin with. Paper size: TRELLIS's weights, or drawn at random
+    (DINOv2, frozen, in both). Nano: the structure flow alone (docs/experiments.md).
+Expected (the paper, RS / AS): PSNR 28.52 / 23.77 with, 13.24 / 11.76 without; Chamfer distance
+    .0095 / .0376 with, .0572 / .0763 without.
+Time, nano: one CPU core; 300 steps of 16 objects and 300 objects to encode, two arms, three seeds:
+    38 minutes beside other work.
+Time, paper: one training of configs/paper.py beside that of main; unknown, never run by us.
 """
 
 import dataclasses

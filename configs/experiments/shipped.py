@@ -1,11 +1,12 @@
-"""Not in the paper: the shipped model beside the weights that were shipped before it, on the same objects with the same noise.
+"""Not in the paper: the shipped model beside weights shipped before, same objects, same noise.
 
-Command: mkdir -p runs; git archive 02ff56e uniart_jax/pretrained | tar x -C runs  (in a clone with its history: the weights before)
-         uniart experiment shipped
-What varies: the weights and with them the latent flow's pixel_channels; UniArt VAE and structure VAE are the same in both.
-Expected: now better. given: the true active voxels and the image, so what the structure loses is left out.
-Nano: nothing is trained. There is no paper size.
-Hardware and time, nano: one CPU core; sampling alone, about 6 s an object and arm: 80 minutes for six arms of 128 objects, beside other work.
+Command: mkdir -p runs; git archive 02ff56e uniart_jax/pretrained | tar x -C runs
+         uniart experiment shipped      (in a clone with its history: the weights before)
+What varies: the weights and with them the latent flow's pixel_channels; UniArt VAE and structure
+    VAE are the same in both. given: the true active voxels and the image.
+Expected: now better. Nothing is trained; there is no paper size.
+Time: one CPU core; sampling alone, about 6 s an object and arm: 80 minutes for six arms of 128
+    objects, beside other work.
 """
 
 from pathlib import Path

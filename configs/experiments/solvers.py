@@ -1,13 +1,14 @@
 """Supplement, adaptive Euler and Heun: quality against cost of the solvers of both flows.
 
-Command: uniart experiment solvers                              nano size
-         uniart experiment solvers --size paper                 needs what configs/paper.py needs
-What varies: how both flows are solved, Euler or Heun, in fixed steps or adaptive at two tolerances; the noise is the same in all arms. Cost: network calls
-      of both flows together (at guidance 1; above, each is a pass of twice the batch).
-Expected: the supplement offers adaptive solvers without figures. Of a flow that was trained to be near its mean in few steps, no gain over few fixed ones.
-Nano: the shipped model as it is; euler_4 is its own setting.
-Hardware and time, nano: one CPU core; sampling alone, about 8 s an object and arm.
-Hardware and time, paper: sampling alone once main's networks are trained (it trains them otherwise); unknown, never run by us.
+Command: uniart experiment solvers [--size paper]; paper size needs what configs/paper.py needs.
+What varies: how both flows are solved, Euler or Heun, in fixed steps or adaptive at two tolerances;
+    the noise is the same in all arms. Cost: network calls of both flows together (at guidance 1;
+    above, each is a pass of twice the batch).
+Expected: the supplement offers adaptive solvers without figures. Of a flow that was trained to be
+    near its mean in few steps, no gain over few fixed ones.
+Nano: the shipped model. Time: one CPU core; sampling alone, about 8 s an object and arm.
+Time, paper: sampling alone once main's networks are trained (it trains them otherwise); unknown,
+    never run by us.
 """
 
 from pathlib import Path

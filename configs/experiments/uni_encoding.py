@@ -1,16 +1,15 @@
-"""Table 2, uni-encoding: geometry and articulation aligned by part-wise attention, or stacked and put through one layer ("vanilla aggregation").
+"""Table 2, uni-encoding: part-wise attention, or stacking and one layer ("vanilla aggregation").
 
-Command: uniart experiment uni_encoding                         nano size
-         uniart experiment uni_encoding --size paper            needs what configs/paper.py needs
-What varies: model.uniart_vae.aggregation, uniart or concat, and with it the number of parameters (in the table). Both arms
-      have one latent for geometry and articulation: the paper has no arm with two, and its text calls only the stacking "without uni-encoding".
-Expected (the paper, RS / AS): PSNR 28.52 / 23.77 with, 23.75 / 21.37 without; Chamfer distance .0095 / .0376 with, .0149 / .0462 without.
-Nano: beyond Table 3's twin (aggregation.py) a latent flow is trained on each arm's latents, and what it samples from an image, on the true active voxels,
-      is judged. 2,000 objects; UniArt VAE 450 steps, latent flow 1,500, of 4 objects each; image encoder and structure VAE are the shipped model's.
-      Parts are whole, and the attention is pooling with learned weights: see aggregation.py, "What is not tested".
-Hardware and time, nano: one CPU core; 450 and 1,500 steps, and 2,000 objects to encode, two arms, three seeds: 40 minutes a
-      training beside other work.
-Hardware and time, paper: none beside those of main and aggregation, which are judged again; unknown, never run by us.
+Command: uniart experiment uni_encoding [--size paper]; paper size needs what configs/paper.py
+    needs.
+What varies: model.uniart_vae.aggregation, uniart or concat, and with it the number of parameters.
+Expected (the paper, RS / AS): PSNR 28.52 / 23.77 with, 23.75 / 21.37 without; Chamfer distance
+    .0095 / .0376 with, .0149 / .0462 without.
+Nano: a UniArt VAE and a latent flow for each arm (docs/experiments.md).
+Time, nano: one CPU core; 450 and 1,500 steps, and 2,000 objects to encode, two arms, three seeds:
+    40 minutes a training beside other work.
+Time, paper: none beside those of main and aggregation, which are judged again; unknown, never run
+    by us.
 """
 
 import dataclasses

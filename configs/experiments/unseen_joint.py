@@ -1,15 +1,13 @@
-"""Open-set articulation, taken at its word: a joint type that is never trained on. Not in the paper, whose unseen categories move as its seen ones do.
+"""Open-set articulation, taken at its word: a joint type that is never trained on.
 
-Command: uniart experiment unseen_joint
-What varies: whether records with sliding parts (prismatic joints) are among the training records. Leaving them out leaves 940 of 2,000 objects, and few tables and
-      dishwashers, which nearly all have drawers; as_few leaves out as many of each family, drawn without regard to their joints, so that
-      without_prismatic minus as_few is the joint type alone.
-Expected: that the joint code carries over, if articulation is a continuum of screws rather than a list of types: type 1 of the code is then beyond everything
-      that was seen (0, or between for the few screws), and the decoder has to go there.
-Nano: the UniArt VAE of configs/nano.py for 450 steps of 4 objects with 1,024 voxels drawn of each, judged on its reconstruction of held-out objects that have a sliding part. Columns are means over
-      all moving parts of such objects, not over the sliding ones alone.
-Paper size: none; the paper has no such table.
-Hardware and time, nano: one CPU core; 450 steps at .46 s on an idle one and 28 objects at 6 s, three arms, three seeds: an hour beside other work.
+Command: uniart experiment unseen_joint; not in the paper, so there is no paper size.
+What varies: whether sliding parts (prismatic joints) are among the training records.
+Expected: that the joint code carries over, if articulation is a continuum of screws rather than a
+    list of types (docs/experiments.md).
+Nano: the UniArt VAE of configs/nano.py for 450 steps of 4 objects, judged on its reconstruction of
+    held-out objects that have a sliding part.
+Time: one CPU core; 450 steps at .46 s on an idle one and 28 objects at 6 s, three arms, three
+    seeds: an hour beside other work.
 """
 
 import dataclasses

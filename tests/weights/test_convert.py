@@ -259,13 +259,13 @@ def test_dinov2_joins_a_converted_checkpoint(converted, tmp_path, capsys, monkey
         narrow, crop_margin=1.2
     )  # as its flows know it
     load_network(folder, "image_encoder", build("image_encoder", model).abstract())
-    samples_as_the_readme_says(folder, tmp_path, capsys, monkeypatch)
+    samples_as_the_docs_say(folder, tmp_path, capsys, monkeypatch)
 
 
-def samples_as_the_readme_says(folder, tmp_path, capsys, monkeypatch):
+def samples_as_the_docs_say(folder, tmp_path, capsys, monkeypatch):
     """TRELLIS's own path on the converted weights; an object is refused, as the heads are new."""
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    section = readme.split("## TRELLIS's and DINOv2's weights")[1].split("\n## ")[0]
+    page = (Path(__file__).parents[2] / "docs" / "weights.md").read_text()
+    section = page.split("## TRELLIS's and DINOv2's weights")[1].split("\n## ")[0]
     (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
     rgba = np.zeros((40, 50, 4), np.uint8)
     rgba[10:30, 15:40] = (200, 120, 40, 255)

@@ -16,7 +16,7 @@ voxels by cube (a flow's token), and blurred along borders; but a voxel also lie
    Crumbs, apart from the rest of their part, join what is around them.
 
 The constants were chosen on 28 procedural objects of validation seeds, through the UniArt VAE and on a flow's output. What they give on others: the rows
-"vae" and "latent_flow" of the README's table.
+"vae" and "latent_flow" of ``uniart evaluate procedural`` (docs/model_card.md).
 """
 
 from __future__ import annotations
