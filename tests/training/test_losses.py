@@ -16,6 +16,7 @@ from uniart_jax.training.objectives import (
     alignment_loss,
     draw,
     make_latent_flow_loss,
+    matching_rows,
     of_pictures,
     part_weights,
 )
@@ -164,6 +165,20 @@ def test_a_loss_of_pictures_is_that_of_what_the_encoder_sees_in_them():
     assert found == 2 * 5 * 3 and metrics["fields"] == {"x", *Condition._fields}
     given = of_pictures(loss, condition)(2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0, 7))  # fmt: skip
     assert given[0] == 7 * found
+
+
+def test_true_parts_are_matched_to_the_rows_found_of_them():
+    generator = np.random.default_rng(2)
+    boxes = np.zeros((2, 4, 6), np.float32)
+    boxes[..., :3] = generator.uniform(-0.4, 0.4, (2, 4, 3))
+    boxes[..., 3:] = generator.uniform(0.05, 0.5, (2, 4, 3))
+    order, counts = [2, 0, 3, 1], np.array([4, 2], np.int32)
+    rows = boxes[:, order] + generator.normal(0, 0.003, (2, 4, 6))
+    rows[0, 1, :3] += 0.3  # the row of part 0 lies too far off
+    rows[1] = boxes[1]  # its rows 2 and 3 do not exist, nor do its parts
+    found = PartTable(rows, None, None, None, np.array([4, 1], np.int32))
+    batch = {"boxes": boxes, "part_counts": counts}
+    assert matching_rows(found, batch).tolist() == [[-1, 3, 0, 2], [0, -1, -1, -1]]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
