@@ -143,6 +143,11 @@ def config() -> Config:
             steps=1, guidance=1.0, rescale_t=3.0, threshold=-1.0
         ),
         sample_latent=LatentSampleConfig(
-            steps=1, guidance=1.0, rescale_t=3.0, sdf_offset=0.3, sdf_blur=0.5
+            steps=1,
+            guidance=1.0,
+            rescale_t=3.0,
+            sdf_offset=0.3,
+            sdf_blur=0.5,
+            sdf_blur_along=2.0,
         ),
     )

@@ -372,10 +372,12 @@ class StructureSampleConfig(SampleConfig):
 
 @dataclasses.dataclass(frozen=True)
 class LatentSampleConfig(SampleConfig):
-    """Sampled distances are thickened and smoothed by ``sdf_offset`` and ``sdf_blur``, in sub-cells (``voxels.grid.faired``), for the same reason."""
+    """Sampled distances are thickened by ``sdf_offset`` and smoothed by ``sdf_blur``, along surfaces
+    by ``sdf_blur_along``, in sub-cells (``voxels.grid.smoothed``), for the same reason."""
 
     sdf_offset: float = 0.0
     sdf_blur: float = 0.0
+    sdf_blur_along: float = 0.0
 
 
 @dataclasses.dataclass(frozen=True)

@@ -54,7 +54,7 @@ from uniart_jax.training.export import (
 )
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
-from uniart_jax.voxels.grid import PartGrid, VoxelGrid, faired
+from uniart_jax.voxels.grid import PartGrid, VoxelGrid, smoothed
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.layout import THRESHOLD, Layout, read_layout
 from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table
@@ -430,10 +430,10 @@ class Pipeline:
         options: LatentSampleConfig | None = None,
         layout: Layout | None = None,
     ) -> VoxelGrid:
-        """One item of ``decode``, thickened and smoothed as ``sample_latent`` says (``voxels.grid.faired``)."""
+        """One item of ``decode``, thickened and smoothed as ``sample_latent`` says (``voxels.grid.smoothed``)."""
         options = options or self.config.sample_latent
         grid = self.decode([coords], [latent], [layout])[0]
-        return faired(grid, options.sdf_offset, options.sdf_blur)
+        return smoothed(grid, options.sdf_offset, options.sdf_blur, options.sdf_blur_along)
 
     @functools.cached_property
     def _encode_images(self):

@@ -38,7 +38,7 @@ from uniart_jax.training.export import load_network
 from uniart_jax.training.layout_metrics import layout_readings
 from uniart_jax.training.metrics import part_readings, summarize_readings
 from uniart_jax.training.state import TrainState
-from uniart_jax.voxels.grid import faired
+from uniart_jax.voxels.grid import smoothed
 from uniart_jax.voxels.part_table import ROWS, PartTable, part_table
 
 Evaluation = Callable[[TrainState, int], tuple[dict[str, float], dict[str, np.ndarray]]]
@@ -288,7 +288,7 @@ def _latent_flow(config: Config, workdir: Path, statistics: dict[str, Any]) -> E
                 record.parents,
             )
             grid = voxel_grid(out, 0, coords[0, :count], config.model.grid)
-            smooth = faired(grid, options.sdf_offset, options.sdf_blur)
+            smooth = smoothed(grid, options.sdf_offset, options.sdf_blur, options.sdf_blur_along)
             truth, guess = record.sdf < 0, smooth.sdf < 0
             inside.append((truth & guess).sum() / max((truth | guess).sum(), 1))
             if len(pictures) < PICTURES:

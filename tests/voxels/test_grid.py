@@ -4,8 +4,8 @@ from uniart_jax.voxels.grid import (
     SDF_CLIP,
     PartGrid,
     VoxelGrid,
-    faired,
     occupancy,
+    smoothed,
     subcell_centers,
     subcell_offsets,
 )
@@ -57,15 +57,38 @@ def test_fairing_averages_active_sub_cells_only_and_thickens():
     number = len(coords)
     rest = (np.zeros((number, 8, 3)), np.zeros((number, 8, 6)), np.zeros((number, 9)))
     flat = VoxelGrid(4, 2, coords, np.full((number, 8), 0.7, np.float32), *rest, np.zeros((number, 6)))  # fmt: skip
-    assert faired(flat, 0.0, 0.0) is flat
+    assert smoothed(flat, 0.0, 0.0) is flat
     # holes beside active voxels weigh nothing: a constant stays one
-    np.testing.assert_allclose(faired(flat, 0.2, 1.0).sdf, 0.5, atol=1e-5)
+    np.testing.assert_allclose(smoothed(flat, 0.2, 1.0).sdf, 0.5, atol=1e-5)
     unknown = flat.sdf.copy()
     unknown[1, 3] = np.nan  # stays the only one, and weighs nothing
-    found = faired(VoxelGrid(4, 2, coords, unknown, *rest, np.zeros((number, 6))), 0.2, 1.0).sdf
+    found = smoothed(VoxelGrid(4, 2, coords, unknown, *rest, np.zeros((number, 6))), 0.2, 1.0).sdf
     assert np.isnan(found[1, 3]) and np.isnan(found).sum() == 1
     np.testing.assert_allclose(found[np.isfinite(found)], 0.5, atol=1e-5)
     noise = rng.normal(0, 0.5, flat.sdf.shape).astype(np.float32)
     rough = VoxelGrid(4, 2, coords, flat.sdf + noise, *rest, np.zeros((number, 6)))
-    assert faired(rough, 0.0, 1.0).sdf.std() < 0.5 * rough.sdf.std()
-    assert np.abs(faired(rough, 9.0, 0.0).sdf).max() <= SDF_CLIP
+    assert smoothed(rough, 0.0, 1.0).sdf.std() < 0.5 * rough.sdf.std()
+    assert np.abs(smoothed(rough, 9.0, 0.0).sdf).max() <= SDF_CLIP
+
+
+def test_smoothing_along_a_panel_makes_it_flat_and_leaves_it_thin():
+    """A panel of four sub-cells with ridges, in a net of voxels with a gap."""
+    coords = np.array(
+        [(x, y, z) for x in (1, 2) for y in range(6) for z in range(6) if (y, z) != (3, 3)]
+    )
+    centres = subcell_centers(coords, 6, 4)
+    ridges = 0.9 * np.sign(np.sin(centres[..., 1] * 70))
+    panel = np.clip(np.abs(centres[..., 0] * 24 + 4) - 1.8, -SDF_CLIP, SDF_CLIP)
+    cells = panel.shape
+    rest = (np.zeros((*cells, 3)), np.zeros((*cells, 6)), np.zeros((len(coords), 9)))
+    grid = VoxelGrid(6, 4, coords, panel + ridges, *rest, np.zeros((len(coords), 6)))
+    wrong = lambda found: ((found.sdf < 0) != (panel < 0)).mean()  # noqa: E731
+    assert wrong(grid) > 0.05
+    along = smoothed(grid, 0.0, 0.0, 2.0)
+    assert wrong(along) < 0.2 * wrong(grid)
+    assert wrong(along) < 0.5 * wrong(smoothed(grid, 0.0, 2.0))
+    near = np.abs(panel) < 1.4
+    assert np.abs(along.sdf - panel)[near].mean() < 0.35
+    np.testing.assert_allclose(
+        smoothed(grid, 0.2, 1.0, 1.0).sdf, smoothed(grid, 0.2, 1.0).sdf, atol=1e-5
+    )

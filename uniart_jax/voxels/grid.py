@@ -17,6 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 SDF_CLIP = 3.0  # sub-cells
+FACING = 2.0  # sub-cells, deviation of the Gaussian before it is asked which way a surface faces
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,21 +114,45 @@ def connected(dense: np.ndarray) -> np.ndarray:
     return labels
 
 
-def faired(grid: VoxelGrid, offset: float, blur: float) -> VoxelGrid:
-    """The grid with distances averaged over active sub-cells by a Gaussian of deviation ``blur`` and lowered by ``offset``, both in sub-cells.
+def smoothed(grid: VoxelGrid, offset: float, blur: float, along: float = 0.0) -> VoxelGrid:
+    """The grid with distances averaged over active sub-cells by a Gaussian and lowered by ``offset``.
 
     Distances that are not finite stay so, and do not count.
+
+    Args:
+      blur: deviation of the Gaussian in sub-cells, in every direction; with ``along``, in that of the
+        axis which the surface faces.
+      along: deviation in the other two directions, so that flat panels become flat and stay as thick
+        as they are. 0: as ``blur``.
     """
-    if not offset and not blur:
+    if not (offset or blur or along):
         return grid
     sdf = np.asarray(grid.sdf, np.float32)
-    if blur:
-        r = grid.subdivisions
-        at = tuple(subcell_indices(grid.coords, r).reshape(-1, 3).T)
-        dense = np.zeros((2, *(grid.resolution * r,) * 3), np.float32)
+    if blur or along:
+        at = tuple(subcell_indices(grid.coords, grid.subdivisions).reshape(-1, 3).T)
+        dense = np.zeros((2, *(grid.resolution * grid.subdivisions,) * 3), np.float32)
         known = np.isfinite(sdf).ravel()
         dense[0][at], dense[1][at] = np.where(known, sdf.ravel(), 0), known
-        total, weight = (ndimage.gaussian_filter(d, blur, mode="constant")[at] for d in dense)
+        if along:
+            axis, total, weight = _facing(*dense)[at], np.empty(sdf.size), np.empty(sdf.size)
+            for facing in range(3):
+                deviation = [blur if k == facing else along for k in range(3)]
+                mine = axis == facing
+                for out, values in zip((total, weight), dense, strict=True):
+                    out[mine] = _gaussian(values, deviation)[at][mine]
+        else:
+            total, weight = (_gaussian(values, blur)[at] for values in dense)
         mean = np.where(known, total, np.nan) / np.where(known, weight, 1)
-        sdf = mean.reshape(sdf.shape)
+        sdf = mean.reshape(sdf.shape).astype(np.float32)
     return dataclasses.replace(grid, sdf=np.clip(sdf - offset, -SDF_CLIP, SDF_CLIP))
+
+
+def _gaussian(values: np.ndarray, deviation: float | list[float]) -> np.ndarray:
+    return ndimage.gaussian_filter(values, deviation, mode="constant")
+
+
+def _facing(sdf: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """[n, n, n] the axis along which distances change most, seen from ``FACING`` sub-cells; what is
+    not known is outside."""
+    coarse = _gaussian(np.where(known > 0, sdf, SDF_CLIP), FACING)
+    return np.stack([np.abs(ndimage.sobel(coarse, axis)) for axis in range(3)]).argmax(0)
