@@ -1,10 +1,15 @@
-"""Chains of URDF joints through links without a mesh, lowered to one joint each."""
+"""Chains of URDF joints through links without a mesh."""
 
 from __future__ import annotations
+
+import dataclasses
 
 import numpy as np
 import pytest
 from urdf_texts import joint, limit, link, notes
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.several_joints import one_joint
 
 
 def test_links_without_a_mesh_are_collapsed(load):
@@ -91,17 +96,50 @@ def test_a_prismatic_joint_may_drive_the_turn(load):
     np.testing.assert_allclose(cap.motion(20)[:3, 3], [0, 0, 0.4], atol=1e-12)
 
 
-def test_independent_turn_and_travel_become_one_proportional_screw(load):
+def test_an_independent_turn_and_travel_are_two_joints_until_they_are_lowered(load):
     obj = load(
         *two_joints(
             joint("revolute", "mid", f'<axis xyz="0 0 1"/>{limit(-1, 3)}'),
-            joint("prismatic", "cap", f'<axis xyz="0 0 1"/>{limit(0, 0.2)}', "mid"),
+            joint("prismatic", "cap", f'<axis xyz="0 0 -1"/>{limit(-0.2, 0)}', "mid"),
         )
     )
-    cap = obj.parts[1].joint
+    turn, slide = obj.parts[1].chain
+    np.testing.assert_allclose([turn.angle, turn.travel], [(-1, 3), (0, 0)])
+    np.testing.assert_allclose([slide.angle, slide.travel], [(0, 0), (-0.2, 0)])
+    assert notes(obj, "all are kept, and its state is that of 'mid_joint'")
+    lowered = obj.single_jointed()
+    (cap,) = lowered.parts[1].chain
     np.testing.assert_allclose(cap.angle, (0, 4))
     np.testing.assert_allclose(cap.travel, (0, 0.2))
-    assert notes(obj, "proportional screw")
+    assert notes(lowered, "proportional screw") and not notes(obj, "proportional screw")
+
+
+def test_a_turn_of_more_than_once_beside_a_travel_is_a_screw_when_read(load):
+    """A joint that only turns holds no such range."""
+    obj = load(
+        *two_joints(
+            joint("prismatic", "mid", f'<axis xyz="0 0 1"/>{limit(0, 0.2)}'),
+            joint("revolute", "cap", f'<axis xyz="0 0 1"/>{limit(0, 6.5)}', "mid"),
+        )
+    )
+    (cap,) = obj.parts[1].chain
+    np.testing.assert_allclose([cap.angle, cap.travel], [(0, 6.5), (0, 0.2)])
+    assert notes(obj, "turn more than once")
+
+
+def test_lowering_joins_what_a_code_can_hold_and_nothing_else():
+    up, aside = np.array([0.0, 0, 1]), np.array([1.0, 0, 0])
+    turn = Joint(aside, up, (0.0, 2.0))
+    slide = Joint(np.zeros(3), -up, travel=(0.0, 0.5))
+    for outer, main, inner in (((), turn, (slide,)), ((slide,), turn, ()), ((turn,), slide, ())):
+        screw = one_joint(outer, main, inner)
+        np.testing.assert_allclose([screw.angle, screw.travel], [(-2, 0), (-0.5, 0)])
+        np.testing.assert_allclose(screw.origin, aside)
+    across = dataclasses.replace(slide, direction=aside)
+    endless = Joint(aside, up, (-np.pi, np.pi))
+    for main, other in ((turn, across), (slide, endless), (turn, turn), (slide, slide)):
+        assert one_joint((other,), main, ()) is main
+    assert one_joint((), turn, (slide, slide)) is turn
 
 
 @pytest.mark.parametrize(
@@ -124,11 +162,54 @@ def test_independent_turn_and_travel_become_one_proportional_screw(load):
         ),
     ],
 )
-def test_what_is_no_screw_is_lowered_to_the_larger_motion(load, first, second, kind):
+def test_the_larger_of_two_motions_is_the_part_s_and_left_by_lowering(load, first, second, kind):
     (a, inner), (b, more) = (s[1:].split('" ', 1) for s in (first, second))
     obj = load(*two_joints(joint(a, "mid", inner), joint(b, "cap", more, "mid")))
-    assert obj.parts[1].joint.type == kind
-    assert notes(obj, "dropped beside")
+    cap = obj.parts[1]
+    assert cap.joint.type == kind and [j.type for j in cap.chain] == [a, b]
+    assert len(cap.chain) == 2 and notes(obj, "all are kept")
+    lowered = obj.normalized()
+    assert [j.type for j in lowered.parts[1].chain] == [kind]
+    assert notes(lowered, "of its 2 joints the one with the largest motion was left")
+
+
+def test_a_joint_beside_another_that_does_not_move_is_read_as_fixed(load):
+    obj = load(
+        *two_joints(
+            joint("revolute", "mid", f'<axis xyz="0 0 1"/>{limit(0, 1)}'),
+            joint("prismatic", "cap", f'<axis xyz="1 0 0"/>{limit(0, 1e-5)}', "mid"),
+        )
+    )
+    assert [j.type for j in obj.parts[1].chain] == ["revolute"]
+    assert notes(obj, "joint 'cap_joint': it moves by less than")
+
+
+def test_rails_that_something_turns_between_do_not_add_up(load):
+    obj = load(
+        link("base"), link("rail", ""), link("swivel", ""), link("tray"),
+        joint("prismatic", "rail", f'<axis xyz="1 0 0"/>{limit(0, 0.3)}'),
+        joint("revolute", "swivel", f'<axis xyz="0 0 1"/>{limit(0, 1)}', "rail"),
+        joint("prismatic", "tray", f'<axis xyz="1 0 0"/>{limit(0, 0.2)}', "swivel"),
+    )  # fmt: skip
+    assert [j.type for j in obj.parts[1].chain] == ["prismatic", "revolute", "prismatic"]
+
+
+def test_further_joints_go_where_their_part_goes(load):
+    """Shown with its hinge opened, an object's outer joint stays and its inner one has turned."""
+    obj = load(
+        link("base"), link("a", ""), link("b", ""), link("cap"),
+        joint("prismatic", "a", f'<axis xyz="1 0 0"/>{limit(0, 0.1)}'),
+        joint("revolute", "b", f'<origin xyz="0 1 0"/><axis xyz="0 0 1"/>{limit(0, 2)}', "a"),
+        joint("revolute", "cap", f'<origin xyz="1 0 0"/><axis xyz="1 0 0"/>{limit(0, 0.2)}', "b"),
+    )  # fmt: skip
+    cap = obj.parts[1]
+    assert cap.joint.angle == (0, 2) and len(cap.outer) == len(cap.inner) == 1
+    opened = obj.shown_at([0, np.pi / 2]).parts[1]
+    np.testing.assert_allclose(opened.outer[0].direction, [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(opened.inner[0].direction, [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(opened.inner[0].origin[0], 0, atol=1e-12)
+    moved = obj.transformed(np.diag([2.0, 2, 2, 1])).parts[1]
+    np.testing.assert_allclose(moved.outer[0].travel, (0, 0.2))
 
 
 def test_telescopic_rails_add_up(load):

@@ -168,7 +168,7 @@ def entry_of(row: Mapping[str, str], settings: Settings) -> Entry:
 
 
 def load_entry(entry: Entry, settings: Settings) -> ArticulatedObject:
-    """The object, in metres or normalised.
+    """The object, in metres or normalised, with one joint a part: what codes hold.
 
     Raises:
       ValueError, FileNotFoundError: it cannot be made; one line.
@@ -179,7 +179,8 @@ def load_entry(entry: Entry, settings: Settings) -> ArticulatedObject:
         return procedural.generate(entry.category, entry.seed)
     from uniart_jax.objects.load import load_object
 
-    obj = load_object(Path(settings.root) / entry.path, allow_outside=settings.allow_outside)
+    path = Path(settings.root) / entry.path
+    obj = load_object(path, allow_outside=settings.allow_outside).single_jointed()
     if settings.front == FRONTS[0]:
         return obj
     turn = np.eye(4)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import trimesh
 
 from uniart_jax.export.collision import collision_shapes
-from uniart_jax.export.dynamics import joint_dynamics
+from uniart_jax.export.dynamics import further_dynamics, joint_dynamics
 from uniart_jax.export.mass import part_inertials
 from uniart_jax.export.physics import Body
 from uniart_jax.export.voxel_boxes import as_cells, is_rough
@@ -43,11 +43,14 @@ def make_bodies(
     else:
         metric = [trimesh.Trimesh(m.vertices * obj.scale, m.faces, process=False) for m in meshes]
         shapes = collision_shapes(metric, size)
-    parts = zip(inertials, shapes, joint_dynamics(obj, inertials), strict=True)
-    return tuple(Body(*inertial, shapes, dynamics) for inertial, shapes, dynamics in parts)
+    bodies = [Body(*i, s, None) for i, s in zip(inertials, shapes, strict=True)]
+    return with_joints(bodies, obj)
 
 
 def with_joints(bodies: Sequence[Body], obj: ArticulatedObject) -> tuple[Body, ...]:
     """The bodies of an object whose joints were changed."""
-    dynamics = joint_dynamics(obj, [(b.mass, b.center, b.inertia) for b in bodies])
-    return tuple(dataclasses.replace(b, dynamics=d) for b, d in zip(bodies, dynamics, strict=True))
+    inertials = [(b.mass, b.center, b.inertia) for b in bodies]
+    found = zip(
+        bodies, joint_dynamics(obj, inertials), further_dynamics(obj, inertials), strict=True
+    )
+    return tuple(dataclasses.replace(b, dynamics=d, further=more) for b, d, more in found)

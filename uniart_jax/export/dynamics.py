@@ -100,6 +100,24 @@ def joint_dynamics(
     return tuple(found)
 
 
+def further_dynamics(
+    obj: ArticulatedObject, inertials: list[Inertial]
+) -> tuple[tuple[Dynamics, ...], ...]:
+    """[K] of the joints in every part's ``outer`` and ``inner``: each as ``joint_dynamics`` makes
+    it where it is the part's only one."""
+    found: list[tuple[Dynamics, ...]] = []
+    for k, part in enumerate(obj.parts):
+        own = []
+        for joint in (*part.outer, *part.inner):
+            parts = list(obj.parts)
+            parts[k] = dataclasses.replace(part, joint=joint, outer=(), inner=())
+            alone = joint_dynamics(dataclasses.replace(obj, parts=tuple(parts)), inertials)[k]
+            assert alone is not None  # it moves
+            own.append(alone)
+        found.append(tuple(own))
+    return tuple(found)
+
+
 @dataclasses.dataclass(frozen=True)
 class _Load:
     """What gravity does to a joint: ``forces`` [n] (N m or N) push coordinates ``states`` [n] (rad

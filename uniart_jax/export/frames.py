@@ -1,15 +1,16 @@
 """Where bodies stand, what their joints are called and which of them never touch: the same in every format.
 
-A body's frame stands at its joint's origin with the object frame's axes. Metres and radians, object frame at the shown state.
+A body's frame stands at the origin of its joint, the last where it has several, with the object frame's axes. Metres and radians, object frame at the shown state.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
-from uniart_jax.export.physics import Body, Hull
+from uniart_jax.export.physics import Body, Dynamics, Hull
 from uniart_jax.objects.object import ArticulatedObject, Part
 
 
@@ -23,8 +24,42 @@ def travel_name(part: Part) -> str:
     return f"{part.name}_travel"
 
 
+@dataclasses.dataclass(frozen=True)
+class ChainJoint:
+    """One of the joints between a part and its parent.
+
+    Attributes:
+      name: of the joint.
+      part: the part with this joint and no other.
+      dynamics: of the joint.
+      first: whether the part's own coordinate is this joint's.
+    """
+
+    name: str
+    part: Part
+    dynamics: Dynamics
+    first: bool
+
+
+def joint_chain(part: Part, body: Body) -> list[ChainJoint]:
+    """The joints of a part that moves, from its parent down; those beside ``part.joint`` are called
+    ``<part>_joint_2`` and so on."""
+    assert body.dynamics is not None  # ``check_bodies``
+    before, number = len(part.outer), 1
+    dynamics = [*body.further[:before], body.dynamics, *body.further[before:]]
+    found = []
+    for place, (joint, resistance) in enumerate(zip(part.chain, dynamics, strict=True)):
+        name = joint_name(part)
+        if place != before:
+            number += 1
+            name = f"{name}_{number}"
+        alone = dataclasses.replace(part, joint=joint, outer=(), inner=())
+        found.append(ChainJoint(name, alone, resistance, place == before))
+    return found
+
+
 def body_frames(obj: ArticulatedObject) -> list[np.ndarray]:
-    """[K] of [3], origin of every body's frame: a point of its axis; a fixed part shares its parent's frame, the root's is 0."""
+    """[K] of [3], origin of every body's frame: a point of its (last) axis; a fixed part shares its parent's frame, the root's is 0."""
     frames: list[np.ndarray] = []
     for part in obj.parts:
         if part.parent < 0:
@@ -32,7 +67,7 @@ def body_frames(obj: ArticulatedObject) -> list[np.ndarray]:
         elif part.joint.type == "fixed":
             frames.append(frames[part.parent])
         else:
-            frames.append(part.joint.origin * obj.scale)
+            frames.append(part.chain[-1].origin * obj.scale)
     return frames
 
 
@@ -98,13 +133,18 @@ def check_bodies(writer: str, obj: ArticulatedObject, bodies: Sequence[Body]) ->
     """One body for every part, with the dynamics of every joint that moves.
 
     Raises:
-      ValueError: another number of bodies, or a moving part without dynamics.
+      ValueError: another number of bodies, or a joint that moves without dynamics.
     """
     check_lengths(writer, obj, bodies=bodies)
     for part, body in zip(obj.parts, bodies, strict=True):
         if moves(part) and body.dynamics is None:
             raise ValueError(
                 f"{writer}: the body of part '{part.name}' has no dynamics, but its joint moves"
+            )
+        if len(body.further) != len(part.chain) - 1:
+            raise ValueError(
+                f"{writer}: the body of part '{part.name}' has the dynamics of {len(body.further)} "
+                f"further joints, but there are {len(part.chain) - 1}"
             )
 
 

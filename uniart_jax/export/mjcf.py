@@ -1,7 +1,7 @@
 """Writing MJCF, MuJoCo's own format. Reading is ``load.load_object``.
 
 Bodies are nested as the parts are; every body's frame stands at its joint's origin with the object frame's axes, as in the URDF. A screw
-is a hinge and a slide of one body, held together by ``<equality>``. Geoms of group 2 are seen, those of group 3 collide.
+is a hinge and a slide of one body, held together by ``<equality>``; several joints of a part are joints of one body. Geoms of group 2 are seen, those of group 3 collide.
 A site stands at every handle; keyframes ``closed`` and ``open`` are the rest state and that with all
 joints open.
 (MuJoCo's XML reference: mujoco.readthedocs.io/en/stable/XMLreference.html.)
@@ -17,10 +17,12 @@ from lxml import etree
 from trimesh.transformations import quaternion_from_matrix
 
 from uniart_jax.export.frames import (
+    ChainJoint,
     body_frames,
     check_bodies,
     check_lengths,
     hulls,
+    joint_chain,
     joint_name,
     linked_pairs,
     metric,
@@ -30,7 +32,7 @@ from uniart_jax.export.frames import (
     travel_name,
 )
 from uniart_jax.export.handles import handles
-from uniart_jax.export.physics import Body, Box, Dynamics
+from uniart_jax.export.physics import Body, Box
 from uniart_jax.objects.names import Numbered
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.robot_object import one_line
@@ -67,7 +69,7 @@ def write_mjcf(
       bodies: [K] mass, collision shapes and dynamics.
       hull_files: [K] OBJ of each part's hulls in the order of its shapes (boxes need none), metres, object frame.
       texture: image of all visual meshes.
-      actuators: add a position actuator a joint, called as the joint.
+      actuators: add a position actuator a part that moves, called as its joint.
 
     Returns:
       What MJCF cannot say, a line each.
@@ -102,6 +104,7 @@ class _Writer:
         self.notes: list[str] = []
         self.states = {"closed": metric(obj, obj.rest()), "open": metric(obj, obj.open())}
         self.joined: list[int] = []  # moving parts in MuJoCo's order
+        self.screws: list[tuple[str, str, ChainJoint]] = []  # (name, name of the slide, joint)
         self.sites: dict[int, list[int]] = {}  # part -> moving parts whose handles lie on it
         self.handles = handles(obj)
         for k, handle in enumerate(self.handles):
@@ -179,7 +182,15 @@ class _Writer:
             fullinertia=_vector(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
         )
         if moves(part) and body.dynamics is not None:
-            self._joints(element, part, body.dynamics)
+            for link in joint_chain(part, body):
+                at = link.part.joint.origin * self.obj.scale - frame
+                place = {"pos": _vector(at)} if np.any(np.abs(at) > 0) else {}
+                travel = travel_name(part) if link.first else f"{link.name}_travel"
+                self._joints(element, link, travel, place)
+                if link.part.joint.type == "screw":
+                    self.screws.append(
+                        (f"{part.name}_screw" if link.first else f"{link.name}_screw", travel, link)
+                    )
             self.joined.append(k)
         at = _vector(-frame)
         if _drawable(part, self.obj.scale):
@@ -226,13 +237,15 @@ class _Writer:
         )
 
     def _qpos(self, state: np.ndarray) -> list[float]:
-        """A state [K], metres and radians, in MuJoCo's order; a screw has two coordinates."""
+        """A state [K], metres and radians, in MuJoCo's order; a screw has two coordinates, and a
+        part's further joints are at 0."""
         found = []
         for k in self.joined:
-            joint = self.obj.parts[k].joint
-            found.append(state[k])
-            if joint.type == "screw":
-                found.append(state[k] * joint.pitch * self.obj.scale)
+            for link in joint_chain(self.obj.parts[k], self.bodies[k]):
+                value, joint = state[k] * link.first, link.part.joint
+                found.append(value)
+                if joint.type == "screw":
+                    found.append(value * joint.pitch * self.obj.scale)
         return found
 
     def _actuators(self, root: etree._Element) -> None:
@@ -263,9 +276,12 @@ class _Writer:
         etree.SubElement(self.asset, "mesh", name=mesh, file=file, inertia="shell")
         etree.SubElement(element, "geom", name=name, type="mesh", mesh=mesh, pos=at, **options)
 
-    def _joints(self, element: etree._Element, part: Part, dynamics: Dynamics) -> None:
-        joint, axis = part.joint, _vector(part.joint.direction)
-        resistance = {
+    def _joints(
+        self, element: etree._Element, link: ChainJoint, travel_joint: str, place: dict[str, str]
+    ) -> None:
+        """One joint of a body, at ``place`` (``pos``); of a screw also its slide, ``travel_joint``."""
+        joint, dynamics, axis = link.part.joint, link.dynamics, _vector(link.part.joint.direction)
+        resistance = place | {
             "damping": _number(dynamics.damping),
             "frictionloss": _number(dynamics.friction),
             **HELD,
@@ -276,17 +292,17 @@ class _Writer:
         if dynamics.effort > 0:
             limit = _vector([-dynamics.effort, dynamics.effort])
             resistance["actuatorfrcrange"] = limit
-        travel = metric_travel(part, self.obj.scale)
+        travel = metric_travel(link.part, self.obj.scale)
         if joint.rotates:
             hinge = etree.SubElement(
-                element, "joint", name=joint_name(part), type="hinge", axis=axis, **resistance
+                element, "joint", name=link.name, type="hinge", axis=axis, **resistance
             )
             if joint.type != "continuous":
                 hinge.set("range", _vector(joint.angle))
             if joint.type == "screw":
-                self._slide(element, travel_name(part), axis, travel, {})
+                self._slide(element, travel_joint, axis, travel, place)
         else:
-            self._slide(element, joint_name(part), axis, travel, resistance)
+            self._slide(element, link.name, axis, travel, resistance)
 
     def _slide(
         self,
@@ -313,14 +329,12 @@ class _Writer:
             contact = etree.SubElement(root, "contact")
             for a, b in pairs:
                 etree.SubElement(contact, "exclude", body1=self.names[a], body2=self.names[b])
-        screws = [p for p in self.obj.parts if moves(p) and p.joint.type == "screw"]
-        if not screws:
+        if not self.screws:
             return
         tendons = etree.SubElement(root, "tendon")
         equality = etree.SubElement(root, "equality")
-        for part in screws:
-            name, pitch = f"{part.name}_screw", part.joint.pitch * self.obj.scale
-            slide, hinge = travel_name(part), joint_name(part)
+        for name, slide, link in self.screws:
+            pitch, hinge = link.part.joint.pitch * self.obj.scale, link.name
             polynomial = _vector([0, pitch, 0, 0, 0])
             etree.SubElement(
                 equality, "joint", name=name, joint1=slide, joint2=hinge, polycoef=polynomial

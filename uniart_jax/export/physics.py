@@ -84,6 +84,7 @@ class Body:
       inertia: [3, 3] tensor about ``center``, kg m^2, object frame's axes.
       shapes: convex pieces that together stand for the part in collisions; at least one.
       dynamics: of the joint to its parent; None for the root and fixed parts.
+      further: of the part's further joints, ``Part.outer`` and then ``Part.inner``.
       volume_error: what the shapes hold too much and too little, as a share of the part's convex
         hull (``export.budget``); None if nobody measured it.
     """
@@ -94,3 +95,4 @@ class Body:
     shapes: tuple[Shape, ...]
     dynamics: Dynamics | None
     volume_error: float | None = None
+    further: tuple[Dynamics, ...] = ()

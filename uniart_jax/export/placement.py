@@ -27,7 +27,8 @@ class Placement:
     """An object as it is written, and how it came to be there.
 
     Attributes:
-      obj: at rest, object units; limits are (0, span), of continuous joints (-pi, pi).
+      obj: at rest, object units; limits are (0, span), of continuous joints (-pi, pi). Further
+        joints of a part (``Part.outer``, ``inner``) stand as they were shown.
       moved: [K, 4, 4] from every part's place as given to its place as written, object units.
       shown: [K] the state that was shown, in the coordinates that are written.
     """
@@ -51,10 +52,7 @@ def place(obj: ArticulatedObject, origin: Origin | None = "floor") -> Placement:
     rest = obj.rest()
     closed = obj.shown_at(rest)
     turned = [p.parent >= 0 and _opens_down(p.joint) for p in closed.parts]
-    parts = [
-        dataclasses.replace(p, joint=reversed_joint(p.joint)) if turn else p
-        for p, turn in zip(closed.parts, turned, strict=True)
-    ]
+    parts = [part.with_joints(_opening) for part in closed.parts]
     shift = np.eye(4)
     shift[:3, 3] = _shift(closed.bounds, origin)
     placed = dataclasses.replace(closed, parts=tuple(parts)).transformed(shift)
@@ -72,6 +70,11 @@ def reversed_joint(joint: Joint) -> Joint:
     """The same motions with the coordinate's sign turned: about the opposite direction."""
     angle, travel = ((-ends[1], -ends[0]) for ends in (joint.angle, joint.travel))
     return dataclasses.replace(joint, direction=-joint.direction, angle=angle, travel=travel)
+
+
+def _opening(joint: Joint) -> Joint:
+    """A joint at rest whose coordinate grows as it opens."""
+    return reversed_joint(joint) if _opens_down(joint) else joint
 
 
 def _opens_down(joint: Joint) -> bool:

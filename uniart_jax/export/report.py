@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import uniart_jax
-from uniart_jax.export.frames import joint_name, metric, moves
+from uniart_jax.export.frames import joint_chain, joint_name, metric, moves
 from uniart_jax.export.handles import Handle, handles, opening
 from uniart_jax.export.physics import Body
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -73,6 +73,15 @@ def make_report(
                 "parent": None if part.parent < 0 else obj.parts[part.parent].name,
                 "type": None if part.parent < 0 else part.joint.type,
                 **_joint(part, obj.scale),
+                "further_joints": [
+                    {
+                        "name": link.name,
+                        "type": link.part.joint.type,
+                        **_joint(link.part, obj.scale),
+                    }
+                    for link in (joint_chain(part, body) if moves(part) else ())
+                    if not link.first
+                ],
                 "as_read": {"name": read.names[k], **_joint(source, read.obj.scale)},
                 "mass": float(body.mass),
                 "watertight": bool(closed),

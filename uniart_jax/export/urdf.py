@@ -1,6 +1,7 @@
 """Writing URDF. Reading is ``objects.load.load_object``.
 
-Every link's frame stands at its joint's origin with the object frame's axes. A screw, which URDF cannot say, becomes a
+Every link's frame stands at its joint's origin with the object frame's axes. Of several joints of one part each but the last moves a
+link without a mesh, ``<part>_carrier``, that weighs a hundredth of the part. A screw, which URDF cannot say, becomes a
 revolute joint, a link without a mesh, and a prismatic joint that mimics the first; ``load_object`` reads it back as one.
 """
 
@@ -21,8 +22,10 @@ from uniart_jax.export.frames import (
     check_bodies,
     check_lengths,
     hulls,
+    joint_chain,
     joint_name,
     metric_travel,
+    moves,
     travel_name,
 )
 from uniart_jax.export.physics import GRAVITY, Body, Box, Dynamics
@@ -30,7 +33,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.robot_object import one_line
 
-CARRIER_SHARE = 0.01  # of a screwed part's mass: what the link between its two joints weighs
+CARRIER_SHARE = 0.01  # of a part's mass: what a link between two of its joints weighs
 
 
 def write_urdf(
@@ -90,10 +93,9 @@ def write_urdf(
             _collisions(link, part, body, frames[k], hull_files[k])
         for k, part in enumerate(obj.parts):
             if part.parent >= 0:
-                origin = frames[k] - frames[part.parent]
                 below = [i for i in range(len(obj.parts)) if k in _upwards(obj, i)]
                 weight = GRAVITY * sum(float(bodies[i].mass) for i in below)
-                _joint(robot, obj, part, bodies[k], origin, taken, weight)
+                _joints(robot, obj, part, bodies[k], frames[part.parent], taken, weight)
     except ValueError as error:
         raise ValueError(
             one_line(f"write_urdf: a name or file name cannot stand in XML: {error}")
@@ -139,39 +141,59 @@ def _geometry(link, tag: str, name: str, xyz: np.ndarray, rpy: np.ndarray | None
     return etree.SubElement(shape, "geometry")
 
 
-def _joint(
+def _joints(
     robot,
     obj: ArticulatedObject,
     part: Part,
     body: Body,
-    origin: np.ndarray,
+    above: np.ndarray,
     taken: set[str],
     weight: float,
 ) -> None:
-    """``weight``: of all that the joint carries, newtons."""
-    joint, name, parent = part.joint, joint_name(part), obj.parts[part.parent].name
-    travel, dynamics = metric_travel(part, obj.scale), body.dynamics
-    if joint.type != "screw":
-        limits = {"revolute": joint.angle, "prismatic": travel}.get(joint.type)
-        _element(robot, name, joint.type, parent, part.name, origin, joint, limits, dynamics)
+    """The joints between a part and its parent, whose frame is ``above``; ``weight``: of all that
+    they carry, newtons."""
+    parent, scale = obj.parts[part.parent].name, obj.scale
+    if not moves(part):
+        _element(robot, joint_name(part), "fixed", parent, part.name, np.zeros(3), part.joint, None, None)  # fmt: skip
         return
-    assert dynamics is not None  # checked: it moves
-    carrier = f"{part.name}_turn"
-    while carrier in taken:
-        carrier += "_"
-    taken.add(carrier)
-    link = etree.SubElement(robot, "link", name=carrier)
+    links = joint_chain(part, body)
+    for number, link in enumerate(links, start=1):
+        joint, dynamics = link.part.joint, link.dynamics
+        here, child = joint.origin * scale, part.name
+        if number < len(links):
+            child = _carrier(robot, f"{part.name}_carrier", here, body, taken)
+        travel = metric_travel(link.part, scale)
+        origin = here - above
+        if joint.type != "screw":
+            limits = {"revolute": joint.angle, "prismatic": travel}.get(joint.type)
+            _element(robot, link.name, joint.type, parent, child, origin, joint, limits, dynamics)
+        else:
+            turned = _carrier(robot, f"{part.name}_turn", here, body, taken)
+            _element(
+                robot, link.name, "revolute", parent, turned, origin, joint, joint.angle, dynamics
+            )
+            # Where mimic is not obeyed the part would slide down by itself: what slides holds its own weight.
+            pitch, held = joint.pitch * scale, HOLD * weight
+            slide = Dynamics(0.0, held, 5 * held + dynamics.effort, dynamics.velocity * abs(pitch))
+            name = travel_name(part) if link.first else f"{link.name}_travel"
+            element = _element(
+                robot, name, "prismatic", turned, child, np.zeros(3), joint, travel, slide
+            )
+            etree.SubElement(
+                element, "mimic", joint=link.name, multiplier=_number(pitch), offset="0"
+            )
+        parent, above = child, here
+
+
+def _carrier(robot, name: str, frame: np.ndarray, body: Body, taken: set[str]) -> str:
+    """A new link without a mesh between two joints of a part; its name."""
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    link = etree.SubElement(robot, "link", name=name)
     inertia = CARRIER_SHARE * np.asarray(body.inertia)
-    _inertial(link, CARRIER_SHARE * body.mass, np.asarray(body.center) - joint.origin * obj.scale, inertia)  # fmt: skip
-    _element(robot, name, "revolute", parent, carrier, origin, joint, joint.angle, dynamics)
-    # Where mimic is not obeyed the part would slide down by itself: what slides holds its own weight.
-    pitch = joint.pitch * obj.scale
-    held = HOLD * weight
-    slide = Dynamics(0.0, held, 5 * held + dynamics.effort, dynamics.velocity * abs(pitch))
-    element = _element(
-        robot, travel_name(part), "prismatic", carrier, part.name, np.zeros(3), joint, travel, slide
-    )
-    etree.SubElement(element, "mimic", joint=name, multiplier=_number(pitch), offset="0")
+    _inertial(link, CARRIER_SHARE * body.mass, np.asarray(body.center) - frame, inertia)
+    return name
 
 
 def _element(

@@ -22,12 +22,15 @@ import numpy as np
 
 from uniart_jax.export.atlas import Surface
 from uniart_jax.export.frames import (
+    ChainJoint,
     body_frames,
     check_bodies,
     check_lengths,
+    joint_chain,
     joint_name,
     linked_pairs,
     metric_travel,
+    moves,
     rigid_groups,
     travel_name,
 )
@@ -174,43 +177,60 @@ class _Writer:
         return joint
 
     def _connect(self, k: int, part: Part) -> None:
+        """The joints between a part and its parent; between two of them stands a body without a shape."""
         from pxr import UsdPhysics
 
-        above, below, joint = self.parts[part.parent], self.parts[k], part.joint
-        at = self.frames[k] - self.frames[part.parent]
-        name, dynamics = joint_name(part), self.bodies[k].dynamics
-        travel = metric_travel(part, self.obj.scale)
-        if joint.type == "fixed" or dynamics is None:
-            fixed = self._joint(UsdPhysics.FixedJoint, name, above, below)
-            place_joint(fixed, at, None)
+        above, frame = self.parts[part.parent], self.frames[part.parent]
+        if not moves(part):
+            fixed = self._joint(UsdPhysics.FixedJoint, joint_name(part), above, self.parts[k])
+            place_joint(fixed, self.frames[k] - frame, None)
             return
+        links = joint_chain(part, self.bodies[k])
+        for number, link in enumerate(links, start=1):
+            here = link.part.joint.origin * self.obj.scale
+            last = number == len(links)
+            below = self.parts[k] if last else self._carrier(f"{part.name}_carrier", here)
+            self._move(link, above, below, here - frame, here)
+            above, frame = below, here
+
+    def _carrier(self, name: str, frame: np.ndarray):
+        """A body without a shape."""
+        carrier = self._define(name, frame)
+        set_mass(carrier, CARRIER_MASS, np.zeros(3), CARRIER_MASS * CARRIER_GYRATION**2 * np.eye(3))
+        return carrier
+
+    def _move(self, link: ChainJoint, above, below, at: np.ndarray, frame: np.ndarray) -> None:
+        """One joint between two prims: ``at`` [3] in the first, at the second's own ``frame`` [3]."""
+        from pxr import UsdPhysics
+
+        joint, travel = link.part.joint, metric_travel(link.part, self.obj.scale)
         if not joint.rotates:
-            slide = self._joint(UsdPhysics.PrismaticJoint, name, above, below)
+            slide = self._joint(UsdPhysics.PrismaticJoint, link.name, above, below)
             place_joint(slide, at, joint.direction)
             set_limits(slide, travel)
-            set_dynamics(slide, dynamics, "linear")
+            set_dynamics(slide, link.dynamics, "linear")
             return
         carrier = None
         if joint.type == "screw":
-            carrier = self._define(f"{part.name}_turn", self.frames[k])
-            moment = CARRIER_MASS * CARRIER_GYRATION**2
-            set_mass(carrier, CARRIER_MASS, np.zeros(3), moment * np.eye(3))
-        turn = self._joint(UsdPhysics.RevoluteJoint, name, above, carrier or below)
+            carrier = self._carrier(f"{link.part.name}_turn", frame)
+        turn = self._joint(UsdPhysics.RevoluteJoint, link.name, above, carrier or below)
         place_joint(turn, at, joint.direction)
         if joint.type != "continuous":
             set_limits(turn, np.rad2deg(joint.angle))
-        set_dynamics(turn, dynamics, "angular")
+        set_dynamics(turn, link.dynamics, "angular")
         if carrier:
-            slide = self._joint(UsdPhysics.PrismaticJoint, travel_name(part), carrier, below)
+            name = travel_name(link.part) if link.first else f"{link.name}_travel"
+            slide = self._joint(UsdPhysics.PrismaticJoint, name, carrier, below)
             place_joint(slide, np.zeros(3), joint.direction)
             set_limits(slide, travel)
-            self._couple(part, turn, slide)
+            self._couple(joint.pitch, (link.name, turn), (name, slide))
 
-    def _couple(self, part: Part, turn, slide) -> None:
-        """Say how a screw's slide follows its turn; UsdPhysics has no schema for it."""
+    def _couple(self, pitch: float, turned: tuple, slid: tuple) -> None:
+        """Say how a screw's slide follows its turn (name, joint each); UsdPhysics has no schema for it."""
         from pxr import Sdf
 
-        pitch = float(part.joint.pitch * self.obj.scale)
+        (hinge, turn), (travel, slide) = turned, slid
+        pitch = float(pitch * self.obj.scale)
         prim = slide.GetPrim()
         prim.CreateRelationship("uniart:screw:joint", custom=True).SetTargets([turn.GetPath()])
         ratio = prim.CreateAttribute(
@@ -218,7 +238,7 @@ class _Writer:
         )
         ratio.Set(pitch)
         self.notes.append(
-            f"USD: UsdPhysics has no screws: '{travel_name(part)}' does not follow '{joint_name(part)}' by itself; drive it by {pitch:.6g} m / rad (uniart:screw:metersPerRadian)"
+            f"USD: UsdPhysics has no screws: '{travel}' does not follow '{hinge}' by itself; drive it by {pitch:.6g} m / rad (uniart:screw:metersPerRadian)"
         )
 
     def _filter_pairs(self) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +23,7 @@ from uniart_jax.objects.kinematics import (
     forward_kinematics,
     topological_order,
 )
+from uniart_jax.objects.several_joints import lowering, one_joint
 
 State = Sequence[float] | np.ndarray | dict[str, float]  # [K] coordinates, or part name -> q
 
@@ -55,6 +56,10 @@ class Part:
       parent: index of the parent part, -1 for the root.
       joint: how it moves relative to its parent; ``Joint.fixed()`` for the root.
       label: for people and baselines only; no network ever sees it.
+      outer, inner: further joints, each with a coordinate of its own that states do not hold (it is
+        0, as shown): those between the parent and ``joint``, and those between ``joint`` and the
+        part, each from the parent down. Files keep them; codes hold one joint a part
+        (``several_joints.one_joint``).
     """
 
     name: str
@@ -62,6 +67,24 @@ class Part:
     parent: int = -1
     joint: Joint = dataclasses.field(default_factory=Joint.fixed)
     label: str = ""
+    outer: tuple[Joint, ...] = ()
+    inner: tuple[Joint, ...] = ()
+
+    @property
+    def chain(self) -> tuple[Joint, ...]:
+        """All joints between the parent and the part, from the parent down."""
+        return (*self.outer, self.joint, *self.inner)
+
+    def with_joints(
+        self, change: Callable[[Joint], Joint], inner: Callable[[Joint], Joint] | None = None
+    ) -> Part:
+        """The part with every joint changed; those of ``inner`` by their own function if given."""
+        return dataclasses.replace(
+            self,
+            joint=change(self.joint),
+            outer=tuple(map(change, self.outer)),
+            inner=tuple(map(inner or change, self.inner)),
+        )
 
     @property
     def box(self) -> np.ndarray:
@@ -163,8 +186,8 @@ class ArticulatedObject:
         """The object moved by a similarity [4, 4], mirrors included. ``scale`` is left as it is."""
         parts = []
         for part in self.parts:
-            mesh = moved_mesh(part.mesh, matrix)
-            parts.append(dataclasses.replace(part, mesh=mesh, joint=part.joint.transformed(matrix)))
+            part = part.with_joints(lambda joint: joint.transformed(matrix))
+            parts.append(dataclasses.replace(part, mesh=moved_mesh(part.mesh, matrix)))
         return dataclasses.replace(self, parts=tuple(parts))
 
     def shown_at(self, q: State) -> ArticulatedObject:
@@ -173,18 +196,22 @@ class ArticulatedObject:
         moved = self.forward_kinematics(q)
         parts = []
         for k, part in enumerate(self.parts):
-            mesh = moved_mesh(part.mesh, moved[k])
-            joint = part.joint
+            shown = dataclasses.replace(part, mesh=moved_mesh(part.mesh, moved[k]))
             if part.parent >= 0:
-                joint = joint.shown_at(q[k]).transformed(moved[part.parent])
-            parts.append(dataclasses.replace(part, mesh=mesh, joint=joint))
+                above, own = moved[part.parent], moved[k]
+                shown = dataclasses.replace(shown, joint=part.joint.shown_at(q[k])).with_joints(
+                    lambda joint, by=above: joint.transformed(by),
+                    lambda joint, by=own: joint.transformed(by),
+                )
+            parts.append(shown)
         return dataclasses.replace(self, parts=tuple(parts))
 
     def normalized(self) -> ArticulatedObject:
         """Centred at 0 with the shown state's longest side 1; ``scale`` takes up the factor.
 
         Motions that networks cannot tell from none (``kinematics.codable``: 1 degree, .005) are
-        held, each a line of ``provenance``: to keep them, save the object as it is.
+        held, and of several joints of a part one is left (``several_joints.one_joint``), each a
+        line of ``provenance``: to keep them, save the object as it is.
         """
         lo, hi = self.bounds
         side = float((hi - lo).max())
@@ -194,14 +221,30 @@ class ArticulatedObject:
         matrix[:3, :3] /= side
         matrix[:3, 3] = -(lo + hi) / (2 * side)
         moved = self.transformed(matrix)
-        parts = tuple(dataclasses.replace(p, joint=codable(p.joint)) for p in moved.parts)
+        single = moved.single_jointed()
+        parts = tuple(dataclasses.replace(p, joint=codable(p.joint)) for p in single.parts)
         held = tuple(
             f"joint of '{p.name}': a motion of less than 1 degree, or .005 of the object, was held"
-            for p, q in zip(moved.parts, parts, strict=True)
+            for p, q in zip(single.parts, parts, strict=True)
             if (p.joint.rotates, p.joint.travels) != (q.joint.rotates, q.joint.travels)
         )
-        notes = self.provenance + held
+        notes = single.provenance + held
         return dataclasses.replace(moved, parts=parts, scale=self.scale * side, provenance=notes)
+
+    def single_jointed(self) -> ArticulatedObject:
+        """The object with one joint a part, as codes have it (``several_joints.one_joint``); what
+        was lowered is a line of ``provenance``."""
+        left = [one_joint(p.outer, p.joint, p.inner) for p in self.parts]
+        lines = tuple(
+            lowering(p.name, p.chain, joint)
+            for p, joint in zip(self.parts, left, strict=True)
+            if len(p.chain) > 1
+        )
+        parts = tuple(
+            dataclasses.replace(p, joint=joint, outer=(), inner=())
+            for p, joint in zip(self.parts, left, strict=True)
+        )
+        return dataclasses.replace(self, parts=parts, provenance=self.provenance + lines)
 
     def rest(self) -> np.ndarray:
         """[K] the rest state.

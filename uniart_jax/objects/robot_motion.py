@@ -1,8 +1,8 @@
-"""What a robot's joints do: sane limits, and several joints on one edge of the tree lowered to one screw.
+"""What a robot's joints do: sane limits, and the joints on one edge of the tree, each a screw.
 
-An edge is a chain of joints through links without a mesh. It has one rotation and one travel, driven by one coordinate:
-joints coupled by ``<mimic>`` add up, so a revolute and a prismatic joint along one line are a screw (that is how ``write_urdf``
-writes them); an independent turn and travel become one proportional screw if both are bounded; else the larger motion is kept.
+An edge is a chain of joints through links without a mesh. Joints coupled by ``<mimic>`` add up, so a revolute and a prismatic joint
+along one line are a screw (that is how ``write_urdf`` writes them). Those that are independent stay so: the one with the largest
+motion is the part's ``joint``, the others are its ``outer`` and ``inner`` ones.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import trimesh
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.robot import MOVING, RawJoint, Robot
+from uniart_jax.objects.several_joints import PARALLEL, proportional
 
 DEGREES_FROM = 2 * np.pi * 1.05
 
@@ -53,19 +54,28 @@ class Motion:
         return ends * self.angle, ends * self.travel
 
 
-def lowered(
+@dataclasses.dataclass(frozen=True)
+class Joints:
+    """All joints between a part and its parent: ``Part.outer``, ``joint`` and ``inner``."""
+
+    joint: Joint
+    outer: tuple[Joint, ...] = ()
+    inner: tuple[Joint, ...] = ()
+
+
+def joints_of(
     name: str,
     chain: list[Edge | RawJoint],
     mesh: trimesh.Trimesh,
     dead_zone: float,
     notes: list[str],
-) -> Joint:
-    """The joints between a link and its parent as one screw.
+) -> Joints:
+    """The joints between a link and its parent, each motion that is independent a joint.
 
     Args:
       name: the link.
       chain: its joints, from the parent down.
-      mesh: the link's own mesh in the world at the shown state; it tells which of two motions is the larger.
+      mesh: the link's own mesh in the world at the shown state; it tells which motion is the largest.
       dead_zone: travel below which there is none.
       notes: takes up one line for everything that is not as written.
 
@@ -78,11 +88,24 @@ def lowered(
                 f"joint '{entry.name}' is {entry.type}: one rotation and one travel about a line are all a joint can do"
             )
     edges = [e for e in chain if isinstance(e, Edge)]
-    if not edges:
-        return Joint.fixed()
-    motion = _one_motion(name, edges, mesh, notes)
-    if motion is None:
-        return Joint.fixed()
+    motions = _motions(name, edges, mesh, notes) if edges else []
+    made = [(_joint(motion, mesh, dead_zone, notes), motion) for motion in motions]
+    made = [(joint, motion) for joint, motion in made if joint.type != "fixed"]
+    if not made:
+        return Joints(Joint.fixed())
+    first = max(range(len(made)), key=lambda i: _reach(made[i][1], mesh))
+    joints = tuple(joint for joint, _ in made)
+    if len(made) > 1:
+        names = [n for _, motion in made for n in motion.names]
+        notes.append(
+            f"joints {_quoted(names)} of link '{name}' move it independently; all are kept, and its "
+            f"state is that of {_quoted(made[first][1].names)}"
+        )
+    return Joints(joints[first], joints[:first], joints[first + 1 :])
+
+
+def _joint(motion: Motion, mesh: trimesh.Trimesh, dead_zone: float, notes: list[str]) -> Joint:
+    """A motion as a joint, with an end where it has none."""
     if not motion.bounded:
         if motion.angle and motion.travel:  # a screw without an end turns and travels for ever
             motion = dataclasses.replace(motion, travel=0.0)
@@ -110,9 +133,9 @@ def lowered(
     return joint
 
 
-def _one_motion(
-    name: str, edges: list[Edge], mesh: trimesh.Trimesh, notes: list[str]
-) -> Motion | None:
+def _motions(name: str, edges: list[Edge], mesh: trimesh.Trimesh, notes: list[str]) -> list[Motion]:
+    """What an edge can do, from the parent down; joints that one coordinate drives are one motion,
+    none if mimics undo each other."""
     groups: dict[str, list[Edge]] = {}
     inside = {e.raw.name for e in edges}
     for edge in edges:
@@ -125,21 +148,16 @@ def _one_motion(
         groups.setdefault(edge.driver, []).append(edge)
     motions = [_coupled(group, mesh, notes) for group in groups.values()]
     motions = _without_held(_added([m for m in motions if m.angle or m.travel]), notes)
-    if not motions:  # mimics that undo each other
-        return None
-    if len(motions) == 1:
-        motion = motions[0]
-        if len(edges) > 1 and len(motion.names) == len(edges):
-            kind = "screw" if motion.angle and motion.travel else "joint"
-            notes.append(f"joints {_quoted(motion.names)} of link '{name}' are one {kind}")
-        return motion
+    if len(motions) == 1 and len(edges) > 1 and len(motions[0].names) == len(edges):
+        kind = "screw" if motions[0].angle and motions[0].travel else "joint"
+        notes.append(f"joints {_quoted(motions[0].names)} of link '{name}' are one {kind}")
     screw = _screw(motions)
-    if screw is not None:
-        notes.append(
-            f"joints {_quoted(screw.names)} of link '{name}' turn and travel independently; lowered to one proportional screw"
-        )
-        return screw
-    return _largest(motions, mesh, notes)
+    if screw is None:
+        return motions
+    notes.append(
+        f"joints {_quoted(screw.names)} of link '{name}' turn more than once and travel independently; lowered to one proportional screw"
+    )
+    return [screw]
 
 
 def _without_held(motions: list[Motion], notes: list[str]) -> list[Motion]:
@@ -199,7 +217,7 @@ def _quoted(names: list[str]) -> str:
 
 
 def _parallel(a: np.ndarray, b: np.ndarray) -> bool:
-    return float(np.linalg.norm(np.cross(a, b))) < 1e-4
+    return float(np.linalg.norm(np.cross(a, b))) < PARALLEL
 
 
 def _same_line(p: np.ndarray, d: np.ndarray, origin: np.ndarray, axis: np.ndarray) -> bool:
@@ -208,61 +226,49 @@ def _same_line(p: np.ndarray, d: np.ndarray, origin: np.ndarray, axis: np.ndarra
 
 
 def _added(motions: list[Motion]) -> list[Motion]:
-    """Independent travels along one direction, or turns about one line, added up: a drawer on telescopic rails."""
+    """Independent travels along one direction, or turns about one line, one after the other, added
+    up: a drawer on telescopic rails."""
     kept: list[Motion] = []
     for motion in motions:
-        for i, other in enumerate(kept):
-            pure = bool(motion.angle) == bool(other.angle) and bool(motion.travel) == bool(
-                other.travel
-            )
-            if (
-                not pure
-                or (motion.angle and motion.travel)
-                or not _parallel(motion.direction, other.direction)
-            ):
-                continue
-            if motion.angle and not _same_line(
-                motion.origin, motion.direction, other.origin, other.direction
-            ):
-                continue
-            sign = np.sign(motion.direction @ other.direction)
-            rate = (motion.angle or motion.travel) / (other.angle or other.travel) * sign
-            ends = sorted((motion.lo * rate, motion.hi * rate))
-            kept[i] = dataclasses.replace(
-                other,
-                names=other.names + motion.names,
-                lo=other.lo + ends[0],
-                hi=other.hi + ends[1],
-            )
-            break
-        else:
+        if not kept or not _alike(motion, kept[-1]):
             kept.append(motion)
+            continue
+        other = kept[-1]
+        sign = np.sign(motion.direction @ other.direction)
+        rate = (motion.angle or motion.travel) / (other.angle or other.travel) * sign
+        ends = sorted((motion.lo * rate, motion.hi * rate))
+        kept[-1] = dataclasses.replace(
+            other, names=other.names + motion.names, lo=other.lo + ends[0], hi=other.hi + ends[1]
+        )
     return kept
 
 
-def _screw(motions: list[Motion]) -> Motion | None:
-    """One proportional screw from an independent turn and travel, both bounded, along parallel axes; else None.
+def _alike(a: Motion, b: Motion) -> bool:
+    """Whether both are turns about one line, or travels along one direction."""
+    if a.angle and b.angle and not (a.travel or b.travel):
+        return _same_line(a.origin, a.direction, b.origin, b.direction)
+    return bool(
+        a.travel and b.travel and not (a.angle or b.angle) and _parallel(a.direction, b.direction)
+    )
 
-    The travel keeps its ends; the turn is spread over them in proportion, lower end to lower end.
-    """
+
+def _screw(motions: list[Motion]) -> Motion | None:
+    """One proportional screw from an independent turn of more than a full turn, which a ``Joint``
+    holds in a screw alone, and a travel, both bounded, along parallel axes; else None."""
     if len(motions) != 2 or not all(m.bounded for m in motions):
         return None
     turn, slide = sorted(motions, key=lambda m: m.angle == 0)
-    if (
-        turn.travel
-        or slide.angle
-        or not turn.angle
-        or not slide.travel
-        or not _parallel(turn.direction, slide.direction)
-    ):
+    if turn.travel or slide.angle or not turn.angle or not slide.travel:
         return None
-    span = float(np.ptp(slide.spans()[1]))  # _without_held: not 0
-    sign = float(np.sign(turn.direction @ slide.direction))
-    ends = np.sort(slide.spans()[1] * sign)  # travel along the turn's direction
-    pitch = float(np.ptp(turn.spans()[0])) / span
-    return Motion(
-        turn.names + slide.names, turn.origin, turn.direction, pitch, 1.0, ends[0], ends[1]
-    )
+    angle, travel = turn.spans()[0], slide.spans()[1]
+    if np.ptp(angle) < 2 * np.pi:
+        return None
+    found = proportional(turn.direction, tuple(angle), slide.direction, tuple(travel))
+    if found is None:
+        return None
+    lo, hi = found[1]
+    rate = float(np.ptp(found[0])) / (hi - lo)
+    return Motion(turn.names + slide.names, turn.origin, turn.direction, rate, 1.0, lo, hi)
 
 
 def _reach(motion: Motion, mesh: trimesh.Trimesh) -> float:

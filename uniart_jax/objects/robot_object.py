@@ -14,7 +14,7 @@ from uniart_jax.objects.names import MAX_NAME, Numbered, clean, printable
 from uniart_jax.objects.object import ArticulatedObject, Part, moved_mesh
 from uniart_jax.objects.robot import MAX_PARTS, Robot
 from uniart_jax.objects.robot_mesh import AssetFiles, link_mesh
-from uniart_jax.objects.robot_motion import lowered
+from uniart_jax.objects.robot_motion import joints_of
 from uniart_jax.objects.robot_tree import Tree
 
 _HEAD = re.compile(r"^(?:(?:link|mesh) '.*?'(?:: | (?=is missing|lies ))|texture ')")
@@ -53,9 +53,9 @@ def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject
     parts, index = [], {n: i for i, n in enumerate(tree.names)}
     for link in tree.names:
         parent = tree.parents[link]
-        joint = lowered(link, tree.chains[link], moved[link], least, robot.notes)
-        above = -1 if parent is None else index[parent]
-        parts.append(Part(link, moved[link], above, joint, robot.links[link].label))
+        made = joints_of(link, tree.chains[link], moved[link], least, robot.notes)
+        above, label = -1 if parent is None else index[parent], robot.links[link].label
+        parts.append(Part(link, moved[link], above, made.joint, label, made.outer, made.inner))
     parts, name, category = _named(parts, robot.name or name, robot.category, robot.notes)
     notes = tuple(dict.fromkeys(one_line(n) for n in [*robot.notes, *files.notes]))
     return ArticulatedObject(tuple(parts), name=name, category=category, provenance=notes)

@@ -64,7 +64,9 @@ def at_rest(obj: ArticulatedObject) -> Stance:
     lo, hi = rest.bounds
     matrix = np.diag([*[1 / max(float((hi - lo).max()), 1e-12)] * 3, 1.0])
     parts = [
-        dataclasses.replace(p, mesh=moved_mesh(p.mesh, matrix), joint=p.joint.transformed(matrix))
+        dataclasses.replace(
+            p.with_joints(lambda joint: joint.transformed(matrix)), mesh=moved_mesh(p.mesh, matrix)
+        )
         for p in rest.parts
     ]
     small = dataclasses.replace(rest, parts=tuple(parts))

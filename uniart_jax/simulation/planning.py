@@ -7,6 +7,7 @@ import re
 import numpy as np
 from trimesh import transform_points
 
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.names import clean
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot import MOVING, RawJoint, Robot
@@ -94,7 +95,7 @@ class _Planner:
         travels = joint.type == "prismatic"
         if part is None:
             return None
-        shown = self.obj.parts[part].joint
+        shown = self._shown(joint, part)
         lo, hi = _limits(joint)
         kind = joint.type
         if not np.isfinite(hi - lo):
@@ -104,7 +105,7 @@ class _Planner:
                 kind, lo, hi = "continuous", 0.0, TURN
         if not hi - lo > 0 or shown.type == "fixed":
             return None
-        rest = 0.0 if kind == "continuous" else self._rest(part, lo, hi)
+        rest = 0.0 if kind == "continuous" else self._rest(part, shown, lo, hi)
         if kind == "continuous":
             goal = QUARTER
         else:
@@ -113,8 +114,8 @@ class _Planner:
                 kind = "screw"
         moved = self._below([joint.child, *(self.joints[f.name].child for f in followers)])
         link = self.link_of[part]
-        hand, point = self._hand(part, travels, goal > rest)
-        reach = self._reach(part, travels, point)
+        hand, point = self._hand(part, shown, travels, goal > rest)
+        reach = self._reach(part, shown, travels, point)
         for follower in (
             followers
         ):  # a hand turns the knob that lifts a burner: the longer way is the easier one
@@ -122,8 +123,9 @@ class _Planner:
             other = self._part(raw, [])
             if other is not None and self.link_of[other] not in self._below([joint.child]):
                 turns = raw.type == "prismatic"
-                held, at = self._hand(other, turns, (goal - rest) * follower.rate > 0)
-                way = abs(follower.rate) * self._reach(other, turns, at)
+                about = self.obj.parts[other].joint
+                held, at = self._hand(other, about, turns, (goal - rest) * follower.rate > 0)
+                way = abs(follower.rate) * self._reach(other, about, turns, at)
                 if way > reach:
                     reach, hand, point = way, held, at
         return PlannedJoint(
@@ -152,9 +154,25 @@ class _Planner:
                 above = self.above.get(above.parent)
         return None
 
-    def _rest(self, part: int, lo: float, hi: float) -> float:
+    def _shown(self, raw: RawJoint, part: int) -> Joint:
+        """What became of a joint: of several that a part has, the one at its place in the chain."""
+        chain = self.obj.parts[part].chain
+        written, link = [], self.link_of[part]
+        while (above := self.above.get(link)) is not None:
+            if above.type in MOVING and not above.mimic and np.ptp(_limits(above)) > 0:
+                written.append(above.name)
+            link = above.parent
+            if link in self.part_of:
+                break
+        if len(written) != len(chain) or raw.name not in written:
+            return self.obj.parts[part].joint
+        return chain[::-1][written.index(raw.name)]
+
+    def _rest(self, part: int, joint: Joint, lo: float, hi: float) -> float:
         """The part's rest state as a coordinate: the object counts from the shown state, maybe in other units, but has the same ends."""
-        first, last = self.obj.parts[part].joint.limits
+        if joint is not self.obj.parts[part].joint:
+            return float(np.clip(0.0, lo, hi))  # as it is shown
+        first, last = joint.limits
         share = (self.rest[part] - first) / (last - first)
         return float(np.clip(lo + share * (hi - lo), lo, hi))
 
@@ -167,7 +185,9 @@ class _Planner:
             grown = bool(more)
         return found
 
-    def _hand(self, part: int, travels: bool, forward: bool) -> tuple[str, np.ndarray]:
+    def _hand(
+        self, part: int, joint: Joint, travels: bool, forward: bool
+    ) -> tuple[str, np.ndarray]:
         """(link, world point at rest) to hold: a handle that is fixed to the part, else its front or what is farthest from the axis."""
         link = self.link_of[part]
         handles = [
@@ -180,27 +200,28 @@ class _Planner:
         if handles:
             points = self.vertices[handles[0]]
             return self.link_of[handles[0]], (points.min(0) + points.max(0)) / 2
-        _, direction = self._axis(part)
+        _, direction = self._axis(part, joint)
         points = self.vertices[part]
         if travels:
             direction = direction if forward else -direction
             middle = (points.min(0) + points.max(0)) / 2
             return link, middle + direction * float((points @ direction).max() - middle @ direction)
-        return link, points[int(np.argmax(self._radii(part, points)))]
+        return link, points[int(np.argmax(self._radii(part, joint, points)))]
 
-    def _axis(self, part: int) -> tuple[np.ndarray, np.ndarray]:
-        """World (point, direction) of a part's joint at rest."""
-        joint, frame = self.obj.parts[part].joint, self.frames[self.obj.parts[part].parent]
+    def _axis(self, part: int, joint: Joint) -> tuple[np.ndarray, np.ndarray]:
+        """World (point, direction) of one of a part's joints at rest."""
+        inner = any(joint is other for other in self.obj.parts[part].inner)
+        frame = self.frames[part if inner else self.obj.parts[part].parent]
         return frame[:3, :3] @ joint.origin + frame[:3, 3], frame[:3, :3] @ joint.direction
 
-    def _radii(self, part: int, points: np.ndarray) -> np.ndarray:
-        origin, direction = self._axis(part)
+    def _radii(self, part: int, joint: Joint, points: np.ndarray) -> np.ndarray:
+        origin, direction = self._axis(part, joint)
         across = points - origin
         return np.linalg.norm(across - (across @ direction)[:, None] * direction, axis=-1)
 
-    def _reach(self, part: int, travels: bool, point: np.ndarray) -> float:
+    def _reach(self, part: int, joint: Joint, travels: bool, point: np.ndarray) -> float:
         """How far a point of a part goes for a unit of its joint."""
-        return 1.0 if travels else float(self._radii(part, point[None])[0])
+        return 1.0 if travels else float(self._radii(part, joint, point[None])[0])
 
 
 def _limits(joint: RawJoint) -> tuple[float, float]:

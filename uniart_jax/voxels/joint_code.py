@@ -29,6 +29,7 @@ import networkx as nx
 import numpy as np
 
 from uniart_jax.objects.kinematics import ANGLE_DEAD_ZONE, TRAVEL_DEAD_ZONE, Joint, codable
+from uniart_jax.objects.several_joints import one_joint
 
 if TYPE_CHECKING:  # training reads codes on machines without trimesh
     from uniart_jax.objects.object import ArticulatedObject
@@ -210,7 +211,8 @@ def box_corners(boxes: np.ndarray) -> np.ndarray:
 
 
 def encode_object(obj: ArticulatedObject) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Own boxes, joint codes and parents of all parts.
+    """Own boxes, joint codes and parents of all parts; a code holds one joint a part
+    (``several_joints.one_joint``).
 
     Returns:
       boxes [K, 6] float64, codes [K, 9] float64 (root: 0), parents [K] int32 (the root is its own parent, so that
@@ -232,7 +234,7 @@ def encode_object(obj: ArticulatedObject) -> tuple[np.ndarray, np.ndarray, np.nd
     codes = np.zeros((len(boxes), CODE_SIZE))
     for k, part in enumerate(obj.parts):
         if part.parent >= 0:
-            codes[k] = encode_joint(part.joint, boxes[k, :3])
+            codes[k] = encode_joint(one_joint(part.outer, part.joint, part.inner), boxes[k, :3])
     parents = np.array([k if p < 0 else p for k, p in enumerate(obj.parents)], np.int32)
     return boxes, codes, parents
 
