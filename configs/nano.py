@@ -1,7 +1,7 @@
 """A model small enough for a laptop: procedural objects at 32^3 voxels with 4^3 sub-cells.
 
 Command: python train.py --config configs/nano.py
-Hardware and time: two CPU cores, about seven hours with the making of records; or one
+Hardware and time: two CPU cores, about six hours with the making of records; or one
     accelerator. The shipped weights were made in several steps, each of which went on from the
     weights before (--init); this config holds the steps of the first three together and has not
     been run in one piece.

@@ -215,7 +215,7 @@ def test_found_layouts_are_the_parts_that_exist_the_surest_first():
         assert not any(np.asarray(values)[b, len(rows) :].any() for values in table[:-1])
     assert table.parents[0].tolist() == [0, 2, 0, 0]
     codes = np.asarray(table.codes[0])
-    assert not codes[1].any()
-    np.testing.assert_allclose(codes[0], canonical(parts["codes"][0, 2]), atol=1e-5)
+    assert not codes[0].any() and not codes[1].any()  # the root, and what has no axis
+    np.testing.assert_allclose(codes[2], canonical(parts["codes"][0, 1]), atol=1e-5)
     few = found_table(parts, parents, 2)
     assert few.counts.tolist() == [2, 1] and few.parents[0].tolist()[0] == 0

@@ -324,18 +324,20 @@ def test_layouts_are_found_only_for_flows_that_see_them(trained, tmp_path, share
     assert not (tmp_path / "w").exists()
 
 
-def test_layouts_found_of_voxels_need_a_layout_network_and_sampled_latents(trained, tmp_path):
+def test_a_layout_network_must_be_there_before_anything_is_written(trained, tmp_path):
     config, workdir = trained
-    with pytest.raises(FileNotFoundError, match="as --init"):
-        stages.layout_network_of(config, tmp_path, workdir / "export")
     model = dataclasses.replace(
         config.model,
         layout=LayoutConfig(queries=4),
-        uniart_vae=dataclasses.replace(config.model.uniart_vae, layout_channels=4),
+        latent_flow=dataclasses.replace(config.model.latent_flow, layout_channels=4),
     )
     loss = dataclasses.replace(config.loss, found=0.5)
-    with pytest.raises(ValueError, match=r"loss\.sampled above 0"):
-        stages.check_found(dataclasses.replace(config, model=model, loss=loss), ["uniart_vae"])
+    changed = dataclasses.replace(config, model=model, loss=loss)
+    with pytest.raises(FileNotFoundError, match="--stage layout"):
+        stages.run(changed, ["latent_flow"], tmp_path / "w", init=workdir)
+    assert not (tmp_path / "w").exists()
+    stages.check_found(changed, ["latent_flow"], tmp_path, ["layout"])
+    stages.check_found(changed, ["uniart_vae"], tmp_path, [])  # sees nothing sampled
 
 
 def test_a_decoder_learns_on_what_a_flow_samples_while_the_encoder_stays(trained, tmp_path):

@@ -94,13 +94,14 @@ def found_table(parts: dict[str, jax.Array], parents: jax.Array, most: int) -> P
     size = jnp.maximum(upper - lower, SMALLEST_SIDE)
     boxes = jnp.where(there[..., None], jnp.concatenate([(lower + upper) / 2, size], -1), 0)
     codes = take(canonical(parts["codes"], jnp))
-    moves = jnp.linalg.norm(codes[..., 1:4], axis=-1, keepdims=True) > FIXED_AXIS
     scores = jnp.take_along_axis(take(parents), order[:, None], 2)
     scores = jnp.pad(scores, ((0, 0), (0, 0), (0, most - scores.shape[2])))
     likeliest = jnp.where(there[:, None], scores, -jnp.inf).argmax(-1)
+    moves = jnp.linalg.norm(codes[..., 1:4], axis=-1) > FIXED_AXIS
+    moves &= likeliest != jnp.arange(most)  # a root is fixed
     return PartTable(
         boxes,
-        jnp.where(moves, codes, 0),
+        jnp.where(moves[..., None], codes, 0),
         jnp.where(there, likeliest, 0).astype(jnp.int32),
         jnp.clip(take(parts["colors"]), 0, 1),
         counts.astype(jnp.int32),

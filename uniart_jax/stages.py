@@ -108,11 +108,11 @@ def run(
     source = checkpoint_folder(init) if init else None
     taken: list[str] = []
     check_freeze(config, stages)
-    check_found(config, stages)
     if source is not None:  # before anything is written
         for name in stages:
             first_weights(source, name, config.model)
         taken = adoptable(config, source, stages, workdir)
+    check_found(config, stages, workdir, taken)
     with alone(workdir) if distributed.is_first() else contextlib.nullcontext():
         _run(config, stages, workdir, source, taken)
 
@@ -191,20 +191,31 @@ def check_features(config: Config, stages: Sequence[str]) -> None:
             open_records(folder, config.model.grid, split, features)
 
 
-def check_found(config: Config, stages: Sequence[str]) -> None:
-    """Whether layouts can be found for the flows that are to be shown them (``loss.found``);
-    ValueError if not."""
-    if not 0 <= config.loss.found <= 1:
-        raise ValueError(f"config: loss.found is {config.loss.found}; give 0 to 1")
-    shown = [name for name in stages if name.endswith("_flow") or name == "uniart_vae"]
-    for name in shown if config.loss.found else ():
-        if not (config.model.layout.queries and getattr(config.model, name).layout_channels):
+def check_found(config: Config, stages: Sequence[str], workdir: Path, taken: Sequence[str]) -> None:
+    """Whether layouts can be found for the networks that are to be shown them (``loss.found``).
+
+    Args:
+      taken: networks that WORKDIR will take from another checkpoint.
+
+    Raises:
+      ValueError: one of them sees no layouts. FileNotFoundError: no layout network is there.
+    """
+    share, model = config.loss.found, config.model
+    if not 0 <= share <= 1:
+        raise ValueError(f"config: loss.found is {share}; give 0 to 1")
+    shown = [name for name in stages if name.endswith("_flow")]
+    shown += ["uniart_vae"] if "uniart_vae" in stages and config.loss.sampled else []
+    for name in shown if share else ():
+        if not (model.layout.queries and getattr(model, name).layout_channels):
             raise ValueError(
                 f"config: loss.found shows the {name} layouts that are found; give "
                 f"model.layout.queries and model.{name}.layout_channels above 0, or loss.found 0"
             )
-    if config.loss.found and "uniart_vae" in stages and not config.loss.sampled:
-        raise ValueError("config: loss.found shows the uniart_vae layouts of what flows sample; give loss.sampled above 0 too")  # fmt: skip
+        if not exported(workdir, "layout") and "layout" not in taken:
+            raise FileNotFoundError(
+                f"{workdir}/export/layout.safetensors: loss.found needs it and it is not there; "
+                "train it first: --stage layout, or give a checkpoint that has it as --init"
+            )
 
 
 def check_freeze(config: Config, stages: Sequence[str]) -> None:
@@ -395,6 +406,9 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
     encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
     latents = digest(config, workdir, Path(config.data.records), config.data.split)
     key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
+    if config.loss.found:
+        layout = (workdir / "export" / "layout.safetensors").read_bytes()
+        key += f" {hashlib.sha256(layout).hexdigest()}"
     if units is not None:
         both = read_statistics(units, folder.name.removesuffix("_flow"))
         key += f" {hashlib.sha256(b''.join(v.tobytes() for v in both)).hexdigest()}"
@@ -402,7 +416,7 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
     trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
     if trained and note.is_file() and note.read_text() != key:
         raise ValueError(
-            f"{folder} was trained on other inputs (records, voxel_buckets, an earlier network, --init or the version changed since); "
+            f"{folder} was trained on other inputs (records, voxel_buckets, an earlier network or, with loss.found, the layout network, --init or the version changed since); "
             "remove that folder to train this flow on the new ones"
         )
     note.parent.mkdir(parents=True, exist_ok=True)
@@ -436,20 +450,6 @@ def latent_sampler_of(config: Config, workdir: Path, source: Path | None) -> tup
     )
 
 
-def layout_network_of(config: Config, workdir: Path, source: Path | None) -> Any:
-    """Parameters of the layout network of WORKDIR, or else of checkpoint ``source``.
-
-    Raises:
-      FileNotFoundError: neither has it.
-    """
-    held = [f for f in (workdir / "export", source) if f and has_export(f, "layout.safetensors")]
-    if not held:
-        raise FileNotFoundError(
-            "loss.found: needs a trained layout network; give a checkpoint that has one as --init"
-        )
-    return load_network(held[0], "layout", build("layout", config.model).abstract())
-
-
 def make_put(name: str, mesh: jax.sharding.Mesh) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Host batch -> what the stage's loss reads, on the devices."""
     wanted = {"structure_vae": ("occupancy",)}.get(name)
@@ -481,7 +481,8 @@ def make_step(
     if name == "uniart_vae" and config.loss.sampled > 0:
         frozen, extra = latent_sampler_of(config, workdir, source)
         if config.loss.found > 0:
-            frozen = (*frozen, layout_network_of(config, workdir, source))
+            abstract = build("layout", config.model).abstract()
+            frozen = (*frozen, load_network(workdir, "layout", abstract))
         given = jax.device_put(frozen, replicated(mesh))
     loss_fn = getattr(objectives, f"make_{name}_loss")(network, config, *extra)
     if name.endswith("_flow"):

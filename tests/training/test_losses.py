@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from uniart_jax.config import Config, FlowConfig, LossConfig
 from uniart_jax.samplers import Condition
 from uniart_jax.training import losses
+from uniart_jax.training.found_layouts import matching_rows
 from uniart_jax.training.objectives import (
     alignment_loss,
     draw,
     make_latent_flow_loss,
-    matching_rows,
     of_pictures,
     part_weights,
 )

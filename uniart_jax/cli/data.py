@@ -98,7 +98,20 @@ def prepare(
         from uniart_jax.data.found import prepare_found
 
         if root is None:
-            raise ValueError("prepare: give the folder of records: uniart prepare found RECORDS --out OUT")  # fmt: skip
+            raise ValueError(
+                "prepare: give the folder of records: uniart prepare found RECORDS --out OUT"
+            )
+        if (
+            count
+            or start_seed
+            or families
+            or split != "none"
+            or shard != "0/1"
+            or runner != "local"
+        ):
+            raise ValueError(
+                "prepare: found takes --checkpoint and --views, and all of its records"
+            )
         prepare_found(root, Path(out), checkpoint, views)
         return
     drawn = WORLDS[world] if families is None else families

@@ -109,6 +109,8 @@ def prepare_found(root: Path, out: Path, checkpoint: str, views: int = 1) -> Non
       FileNotFoundError, ValueError: no such records or checkpoint, another grid, or ``out`` holds
         records of other settings.
     """
+    if views < 1:
+        raise ValueError(f"prepare: --views must be at least 1, got {views}")
     source, rows, pipeline = RecordSource(root), record_rows(root), load(checkpoint)
     grid, first = pipeline.config.model.grid, source[0]
     if (first.resolution, first.subdivisions) != (grid.resolution, grid.subdivisions):
@@ -125,10 +127,11 @@ def prepare_found(root: Path, out: Path, checkpoint: str, views: int = 1) -> Non
     starts = range(0, len(source), SHARD)
     for number, start in enumerate(track(starts, "found records", len(starts), unit="shards")):
         shard, listed = out / f"records-{number:05d}.arrayrecord", out / f"rows/{number:05d}.csv"
-        if shard.is_file() and listed.is_file():
+        places = range(start, min(start + SHARD, len(source)))
+        if shard.is_file() and _made_of(listed) == [rows[index]["id"] for index in places]:
             continue
         made, lines = [], []
-        for index in range(start, min(start + SHARD, len(source))):
+        for index in places:
             record = source[index]
             for view in range(min(views, len(record.images))):
                 made.append(found_record(record, view, pipeline))
@@ -139,6 +142,15 @@ def prepare_found(root: Path, out: Path, checkpoint: str, views: int = 1) -> Non
     tables = [path.read_text().splitlines() for path in sorted((out / "rows").glob("*.csv"))]
     lines = tables[0][:1] + [line for table in tables for line in table[1:]]
     write_text(out / "manifest.csv", "\n".join(lines) + "\n")
+
+
+def _made_of(listed: Path) -> list[str]:
+    """The records that a finished shard was made of; [] where it is not finished."""
+    if not listed.is_file():
+        return []
+    with listed.open(newline="") as file:
+        names = (row["id"].rpartition("-view")[0] for row in csv.DictReader(file))
+        return list(dict.fromkeys(names))
 
 
 def _csv(rows: list[dict[str, Any]]) -> str:

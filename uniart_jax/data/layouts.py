@@ -118,7 +118,7 @@ def take_picture(
 
 def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
     """Block ``number``: arrays of ``COLUMNS``, n <= ``BLOCK`` objects; tables are zero beyond each object's parts."""
-    rows = []
+    rows, fault = [], None
     for index in range(number * BLOCK, (number + 1) * BLOCK):
         seed = training_seed(index, settings.start_seed)
         rng = np.random.default_rng([seed, 2])
@@ -126,6 +126,7 @@ def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
             found = shown_object(seed, settings.families, rng)
         except ValueError as error:  # one faulty object in many thousands must not end a training
             logger.warning("data: procedural object %d is left out: %s", seed, error)
+            fault = error
             continue
         if found is None or len(found[0].parts) > settings.max_parts:
             continue
@@ -147,6 +148,8 @@ def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
                 "part_counts": np.int32(len(boxes)),
             }
         )
+    if not rows:
+        raise ValueError(f"layouts: block {number} has no object") from fault
     return {name: np.stack([row[name] for row in rows]) for name in COLUMNS}
 
 

@@ -50,6 +50,7 @@ def at_rest(obj: ArticulatedObject) -> ArticulatedObject:
 
 def resting(obj: ArticulatedObject) -> ArticulatedObject:
     """``at_rest`` in the object's own frame, in metres: what SINGAPO's code is given."""
+    obj = obj.single_jointed()  # what lies between two ends of one joint may be an end of another
     obj = obj.shown_at(obj.rest())
     if obj.scale != 1:
         metres = obj.transformed(np.diag([*[obj.scale] * 3, 1.0]))

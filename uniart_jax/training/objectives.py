@@ -30,8 +30,8 @@ from uniart_jax.samplers import (
     make_layout_finder,
     make_structure_sampler,
 )
+from uniart_jax.training.found_layouts import choose, show_found
 from uniart_jax.training.layout_loss import make_layout_loss as make_layout_loss  # the stage's
-from uniart_jax.training.layout_loss import match, to_corners
 from uniart_jax.training.losses import (
     articulation_losses,
     balanced_voxels,
@@ -50,8 +50,6 @@ DECODED_VOXELS = 1024  # of an item that the decoded loss looks at
 COLOR_WEIGHT, SIGN_SLOPE = 3.0, 3.0
 OCCUPANCY_WEIGHT = 10.0  # of the image encoder's occupancy against boxes and joints
 CAMERA_WEIGHT = 3.0
-SAME_PART = 0.25  # object units between the corners of a true part and the row that was found of it
-NOBODYS_ROW = 10.0  # cost of a row that does not exist
 
 LossFn = Callable[[Any, dict[str, Any], jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
 GivenLossFn = Callable[
@@ -151,16 +149,15 @@ def make_uniart_vae_loss(
     """
     weights, max_parts = config.loss, config.model.grid.max_parts
     sample = make_sampled_latents(config, mean, std) if weights.sampled > 0 else None
-    find = make_layout_finder(config.model) if weights.found > 0 else None
+    shown = sample is not None and weights.found > 0
+    find = make_layout_finder(config.model) if shown else None
 
     def loss_fn(params, batch, key, frozen=None):
         draw_key, noise_key = jax.random.split(key)
         if find is not None:
             *frozen, finder = frozen
             found = find(finder, batch["image"])
-            chosen = jax.random.bernoulli(jax.random.fold_in(key, 2), weights.found, found.counts.shape)  # fmt: skip
-            rows = jnp.where(chosen[:, None], matching_rows(found, batch), batch["layout_rows"])
-            batch = batch | {"layout": choose(chosen, found, batch["layout"]), "layout_rows": rows}
+            batch = show_found(batch, found, weights.found, jax.random.fold_in(key, 2))
         valid = valid_tokens(batch["counts"], batch["coords"].shape[1])[..., 0].astype(jnp.float32)
         voxels, mask = None, valid
         if weights.voxels_per_object:
@@ -209,20 +206,6 @@ def make_uniart_vae_loss(
         return loss, metrics
 
     return loss_fn
-
-
-def matching_rows(found: PartTable, batch: dict[str, jax.Array]) -> jax.Array:
-    """[B, K] the row of a found layout that each true part of a batch of voxels is, -1 where none is:
-    one to one by their corners (``layout_loss.match``), at most ``SAME_PART`` apart."""
-    corners, true = to_corners(found.boxes), to_corners(batch["boxes"])
-    apart = jnp.abs(corners[:, :, None] - true[:, None])  # [B, row, part, 6]
-    there = jnp.arange(corners.shape[1]) < found.counts[:, None]
-    cost = jnp.where(there[..., None], apart.mean(-1), NOBODYS_ROW)
-    row = match(cost, batch["part_counts"])
-    far = jnp.where(there[..., None], apart.max(-1), NOBODYS_ROW)
-    far = jnp.take_along_axis(far, row[:, None], 1)[:, 0]
-    known = jnp.arange(true.shape[1]) < batch["part_counts"][:, None]
-    return jnp.where(known & (far < SAME_PART), row, -1)
 
 
 def make_sampled_latents(config: Config, mean: Any, std: Any) -> Callable[..., jax.Array]:
@@ -318,15 +301,6 @@ def of_pictures(
         return loss_fn(params, {**seen._asdict(), **rest}, key, *more)
 
     return seeing
-
-
-def choose(chosen: jax.Array, one: PartTable, other: PartTable) -> PartTable:
-    """Part tables [B, ...] of ``one`` where ``chosen`` [B], else of ``other``."""
-
-    def of_field(a, b):
-        return jnp.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), a, b)
-
-    return PartTable(*(of_field(a, b) for a, b in zip(one, other, strict=True)))
 
 
 def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> Any:

@@ -152,7 +152,6 @@ def _gaussian(values: np.ndarray, deviation: float | list[float]) -> np.ndarray:
 
 
 def _facing(sdf: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """[n, n, n] the axis along which distances change most, seen from ``FACING`` sub-cells; what is
-    not known is outside."""
-    coarse = _gaussian(np.where(known > 0, sdf, SDF_CLIP), FACING)
+    """[n, n, n] the axis along which known distances change most, seen from ``FACING`` sub-cells."""
+    coarse = _gaussian(sdf, FACING) / np.maximum(_gaussian(known, FACING), 1e-3)
     return np.stack([np.abs(ndimage.sobel(coarse, axis)) for axis in range(3)]).argmax(0)

@@ -1,0 +1,83 @@
+"""A decoder's loss on layouts that the layout network finds, at toy size."""
+
+import dataclasses
+import sys
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "models"))
+from toy import MODEL, flow_table, init, voxel_batch
+
+from uniart_jax.config import Config, LayoutConfig, LossConfig
+from uniart_jax.models.network import build
+from uniart_jax.nn.grids import flow_plan
+from uniart_jax.samplers import make_layout_finder
+from uniart_jax.training.found_layouts import show_found
+from uniart_jax.training.objectives import make_uniart_vae_loss
+
+LAYOUT = LayoutConfig(
+    queries=4, backbone="convolutions", map_channels=8, width=16, layers=1, heads=2,
+    sketch_width=8, head_width=8,
+)  # fmt: skip
+MODEL = dataclasses.replace(
+    MODEL,
+    layout=LAYOUT,
+    uniart_vae=dataclasses.replace(MODEL.uniart_vae, layout_channels=6),
+    latent_flow=dataclasses.replace(MODEL.latent_flow, layout_channels=6),
+)
+FROZEN = tuple(init(build(name, MODEL)) for name in ("image_encoder", "latent_flow", "layout"))
+
+
+def make_batch(seed=0):
+    batch = voxel_batch(MODEL)
+    table = flow_table(seed)
+    rows = table._replace(**{n: getattr(table, n)[:, :4] for n in ("boxes", "codes", "parents", "colors")})  # fmt: skip
+    batch |= {"layout": rows, "layout_rows": np.tile(np.arange(4, dtype=np.int32), (2, 1))}
+    batch["part_counts"] = np.array([4, 4], np.int32)
+    batch["image"] = np.random.default_rng(0).random((2, 32, 32, 3)).astype(np.float32)
+    batch["plans"]["flow"] = flow_plan(batch["coords"], batch["counts"], MODEL.latent_flow, MODEL.grid)  # fmt: skip
+    return batch
+
+
+@pytest.fixture(scope="module")
+def loss_of():
+    network, zero = build("uniart_vae", MODEL), np.zeros(4, np.float32)
+    params, made = init(network), {}
+
+    def run(share, batch):
+        if share not in made:
+            config = Config(model=MODEL, loss=LossConfig(sampled=1.0, found=share))
+            loss_fn = make_uniart_vae_loss(network, config, zero, zero + 1)
+            made[share] = jax.jit(jax.value_and_grad(lambda *a: loss_fn(*a)[0]))
+        frozen = FROZEN if share else FROZEN[:2]
+        return made[share](params, batch, jax.random.key(0), frozen)
+
+    return run
+
+
+def test_a_decoder_sees_the_layout_found_in_place_of_its_own(loss_of):
+    batch, other = make_batch(), make_batch(1)
+    own, found = loss_of(0.0, batch)[0], loss_of(1.0, batch)[0]
+    assert np.isfinite(own) and np.isfinite(found) and own != found
+    assert loss_of(0.0, other)[0] != own  # its own layout is another
+    assert loss_of(1.0, other)[0] == found  # which is not looked at
+    dark = batch | {"image": 0.3 * batch["image"]}
+    assert loss_of(1.0, dark)[0] != found
+    gradient = loss_of(1.0, batch)[1]
+    assert any(np.any(g) for g in jax.tree.leaves(gradient["layout"]))
+
+
+def test_what_is_shown_is_what_the_network_finds():
+    batch = make_batch()
+    found = make_layout_finder(MODEL)(FROZEN[2], jnp.asarray(batch["image"]))
+    shown = show_found(batch, found, 1.0, jax.random.key(0))
+    np.testing.assert_array_equal(shown["layout"].boxes, found.boxes)
+    batch["boxes"] = np.asarray(found.boxes)  # the truth: each part is the row of its number
+    batch["part_counts"] = np.asarray(found.counts)
+    rows = show_found(batch, found, 1.0, jax.random.key(0))["layout_rows"]
+    for row, count in zip(np.asarray(rows), batch["part_counts"], strict=True):
+        assert row[:count].tolist() == list(range(count)) and (row[count:] == -1).all()
