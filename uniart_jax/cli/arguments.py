@@ -111,7 +111,8 @@ def validation_lines(verdicts: dict[str, dict]) -> Iterator[str]:
 
 
 def gate_lines(gate: dict) -> Iterator[str]:
-    """What a person wants to know of ``validate.gate``'s ``gate``: each rule that failed, and the verdict."""
+    """What a person wants to know of ``validate.gate``'s ``gate``: each rule that failed, and the
+    verdict."""
     yield from _group_lines(gate["name"], gate["checks"])
     moves = "moving parts" if gate["articulated"] else "no moving part"
     yield f"gate {gate['name']}: {'passed' if gate['passed'] else 'failed'} ({moves})"

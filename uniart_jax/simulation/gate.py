@@ -1,8 +1,10 @@
-"""A published pass or fail for assets made from pictures, so that ours stand beside other people's: AffordCraft's.
+"""A published pass or fail for assets made from pictures: AffordCraft's.
 
-An asset is put on a floor with nothing that holds it, left alone for 360 steps of 1/120 s, and looked at: does it come to rest on
-the floor, without parts in one another, able to move as it says? The rule is AffordCraft's (github.com/AffordCraft/AffordCraft,
-MIT: ``affordcraft/physics.py``, ``affordcraft/contracts.py``, ``scripts/physics_worker.py``), which runs it in Isaac Sim; here it runs in MuJoCo. docs/simulation.md tells what differs.
+An asset is put on a floor with nothing that holds it, left alone for 360 steps of 1/120 s, and
+looked at: does it come to rest on the floor, without parts in one another, able to move as it says?
+The rule is AffordCraft's (github.com/AffordCraft/AffordCraft, MIT: ``affordcraft/physics.py``,
+``affordcraft/contracts.py``, ``scripts/physics_worker.py``), which runs it in Isaac Sim; here it
+runs in MuJoCo. docs/simulation.md tells what differs.
 
 Metres, kilograms, seconds.
 """
@@ -42,10 +44,12 @@ def judge(path: Path, plan: Plan | None) -> dict:
 
     Args:
       path: a self-contained description (``staging``): the files that it names lie beside it.
-      plan: which joints move by the description, and how far; None where our reader does not take it.
+      plan: which joints move by the description, and how far; None where our reader does not take
+        it.
 
     Returns:
-      JSON values: ``checks`` {rule: verdict (``measure.check``)}, ``articulated``: whether a part of it can move.
+      JSON values: ``checks`` {rule: verdict (``measure.check``)}, ``articulated``: whether a part
+      of it can move.
 
     Raises:
       ValueError: MuJoCo refuses it.
@@ -170,7 +174,8 @@ def _shapes(model: mujoco.MjModel) -> dict:
 
 
 def _inertia(model: mujoco.MjModel) -> dict:
-    """Every body has a mass and an inertia that a solid can have: positive, none above the sum of the others."""
+    """Every body has a mass and an inertia that a solid can have: moments above 0, none above the
+    sum of the others."""
     bad = []
     for b in range(1, model.nbody):
         moments, mass = model.body_inertia[b], float(model.body_mass[b])

@@ -101,18 +101,20 @@ def gate(
     """Put an asset through a published gate, in MuJoCo.
 
     Args:
-      asset: a folder with ``object.urdf`` (and ``object.xml``, which is then taken), a URDF or an MJCF.
+      asset: a folder with ``object.urdf`` (and ``object.xml``, which is then taken), a URDF or an
+        MJCF.
       name: of the gate; "affordcraft" (``simulation.gate``).
       out: a folder that takes ``validation.json``; made if it is not there.
       allow_outside: also read what the asset names outside its folder.
 
     Returns:
-      JSON values: ``gate`` {"name", "passed", "articulated": whether a part of it can move, "checks": {rule: {"passed", "value",
-      "limit", "reason" where it failed}}}, ``asset`` and ``version``.
+      JSON values: ``gate`` {"name", "passed", "articulated": whether a part of it can move,
+      "checks": {rule: {"passed", "value", "limit", "reason" where it failed}}}, ``asset`` and
+      ``version``.
 
     Raises:
-      FileNotFoundError: there is no such asset. ValueError: no such gate, MuJoCo is not installed, it cannot be read or names files
-        outside its folder, or ``out`` cannot be written.
+      FileNotFoundError: there is no such asset. ValueError: no such gate, MuJoCo is not installed,
+        it cannot be read or names files outside its folder, or ``out`` cannot be written.
     """
     if name not in GATES:
         raise ValueError(f"validate: no gate is called '{name}'; choose of {', '.join(GATES)}")
