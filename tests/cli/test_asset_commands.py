@@ -74,6 +74,29 @@ def test_an_object_that_stands_and_is_wrong_is_not_praised(run, tmp_path):
     assert not found["plausibility"]["free"]["passed"]
 
 
+def test_the_gate_has_a_verdict_and_an_exit_code_of_its_own(run, assets, tmp_path):
+    gate = ("--gate", "affordcraft")
+    code, out, _ = run("validate", assets / "sound", "--out", tmp_path / "a", *gate)
+    assert code == 0
+    assert out.splitlines()[-1] == "gate affordcraft: passed (moving parts)"
+    assert {p.name for p in (tmp_path / "a").iterdir()} == {"validation.json"}
+    found = json.loads((tmp_path / "a" / "validation.json").read_text())
+    assert found["gate"]["passed"] and "engines" not in found
+    held = tmp_path / "held.xml"
+    text = '<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody></mujoco>'
+    held.write_text(text)
+    code, out, _ = run("validate", held, "--out", tmp_path / "b", *gate)
+    assert code == 1 and "anchor: joint 'j' holds" in out
+    assert out.splitlines()[-1] == "gate affordcraft: failed (moving parts)"
+    for more in (("--refine",), ("--engines", "pybullet")):
+        code, _, err = run("validate", held, "--out", tmp_path / "c", *gate, *more)
+        assert code == 2 and "leave out --refine and --engines" in err
+        assert len(err.strip().splitlines()) == 1 and not (tmp_path / "c").exists()
+    held.write_text("no XML")
+    code, _, err = run("validate", held, "--out", tmp_path / "c", *gate)
+    assert code == 2 and len(err.strip().splitlines()) == 1 and "held.xml" in err
+
+
 def test_validate_of_what_is_no_asset_is_one_line(run, assets, tmp_path):
     (tmp_path / "no.urdf").write_text("<robot")
     for bad in (tmp_path / "absent", tmp_path / "no.urdf"):

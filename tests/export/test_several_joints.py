@@ -11,6 +11,7 @@ import pytest
 
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.bodies import make_bodies
+from uniart_jax.export.placement import place
 from uniart_jax.export.urdf import write_urdf
 from uniart_jax.objects.load import load_object
 from uniart_jax.simulation.planning import plan_asset
@@ -139,12 +140,13 @@ def test_pybullet_has_every_joint(tap):
         assert span == pytest.approx(float(np.ptp(theirs.joint(JOINTS[name]).range)))
 
 
-def test_what_was_written_reads_back_with_every_joint(tap):
+def test_what_was_written_reads_back_with_every_joint_and_in_its_place(tap):
     obj, folder, _ = tap
     for file in ("object.urdf", "object.xml"):
         back = load_object(folder / file)
-        for part in obj.parts:
+        for part in place(obj, None).obj.parts:
             again = back.parts[back.index(part.name)]
+            np.testing.assert_allclose(again.box, part.box, atol=1e-6)
             assert [j.type for j in again.chain] == [j.type for j in part.chain]
             for one, other in zip(again.chain, part.chain, strict=True):
                 assert np.ptp(one.limits) == pytest.approx(np.ptp(other.limits))

@@ -106,12 +106,24 @@ def validation_lines(verdicts: dict[str, dict]) -> Iterator[str]:
     from uniart_jax.simulation.summary import summary
 
     for where, checks in verdicts.items():
-        failed = {name: check for name, check in checks.items() if not check["passed"]}
-        yield f"{where}: {len(checks) - len(failed)} of {len(checks)} checks passed"
-        for name, check in failed.items():
-            why = check.get("reason") or f"{check['value']:.3g}, limit {check['limit']:.3g}"
-            yield f"  {name}: {why}"
+        yield from _group_lines(where, checks)
     yield summary(verdicts)
+
+
+def gate_lines(gate: dict) -> Iterator[str]:
+    """What a person wants to know of ``validate.gate``'s ``gate``: each rule that failed, and the
+    verdict."""
+    yield from _group_lines(gate["name"], gate["checks"])
+    moves = "moving parts" if gate["articulated"] else "no moving part"
+    yield f"gate {gate['name']}: {'passed' if gate['passed'] else 'failed'} ({moves})"
+
+
+def _group_lines(where: str, checks: dict[str, dict]) -> Iterator[str]:
+    failed = {name: check for name, check in checks.items() if not check["passed"]}
+    yield f"{where}: {len(checks) - len(failed)} of {len(checks)} checks passed"
+    for name, check in failed.items():
+        why = check.get("reason") or f"{check['value']:.3g}, limit {check['limit']:.3g}"
+        yield f"  {name}: {why}"
 
 
 def shard_numbers(text: str) -> tuple[int, int]:

@@ -20,6 +20,7 @@ from uniart_jax.cli.arguments import (
     Size,
     Stand,
     check_out,
+    gate_lines,
     tried,
     validation_lines,
 )
@@ -103,6 +104,7 @@ def validate(
     ] = None,
     engines: tuple[Literal["mujoco", "pybullet"], ...] | None = None,
     refine: bool = False,
+    gate: Literal["affordcraft"] | None = None,
     allow_outside: bool = False,
     overwrite: Overwrite = False,
 ) -> int:
@@ -112,8 +114,13 @@ def validate(
         asset: A URDF, an MJCF, or a folder with object.urdf (ours or anybody's).
         engines: Default: MuJoCo and, where it is installed, PyBullet (pip install 'uniart_jax[pybullet]').
         refine: Also write the object with joints drawn in or shifted where they run into it, to OUT/refined, and judge that.
+        gate: Judge it by this published rule instead, in MuJoCo (docs/simulation.md).
         allow_outside: Let the asset name files outside its own folder.
     """
+    if gate is not None and (refine or engines not in (None, ("mujoco",))):
+        raise ValueError(
+            "validate: --gate judges a file as it is, in MuJoCo: leave out --refine and --engines"
+        )
     if out is None:  # ours to replace
         name = asset.resolve().parent.name if asset.stem == "object" else asset.resolve().stem
         out, overwrite = Path("out") / "validation" / (name or "asset"), True
@@ -123,6 +130,13 @@ def validate(
     from uniart_jax.simulation.summary import is_sound, verdicts
 
     console = Console(stderr=True, highlight=False)
+    if gate is not None:
+        with complete_folder(out, overwrite, VALIDATION_MARKS) as folder:
+            judged = simulation.gate(asset, name=gate, out=folder, allow_outside=allow_outside)
+        for line in gate_lines(judged["gate"]):
+            print(line)
+        console.print(f"{asset} -> {out}", markup=False)
+        return 0 if judged["gate"]["passed"] else 1
     with (
         complete_folder(out, overwrite, VALIDATION_MARKS) as folder,
         console.status("loading, sweeping, driving"),

@@ -279,7 +279,7 @@ class _Writer:
     def _joints(
         self, element: etree._Element, link: ChainJoint, travel_joint: str, place: dict[str, str]
     ) -> None:
-        """One joint of a body, at ``place`` (``pos``); of a screw also its slide, ``travel_joint``."""
+        """One joint of a body, at ``place`` (``pos``); of a screw its slide too, ``travel_joint``."""
         joint, dynamics, axis = link.part.joint, link.dynamics, _vector(link.part.joint.direction)
         resistance = place | {
             "damping": _number(dynamics.damping),

@@ -177,7 +177,7 @@ class _Writer:
         return joint
 
     def _connect(self, k: int, part: Part) -> None:
-        """The joints between a part and its parent; between two of them stands a body without a shape."""
+        """The joints between a part and its parent, bodies without a shape between them."""
         from pxr import UsdPhysics
 
         above, frame = self.parts[part.parent], self.frames[part.parent]
@@ -200,7 +200,7 @@ class _Writer:
         return carrier
 
     def _move(self, link: ChainJoint, above, below, at: np.ndarray, frame: np.ndarray) -> None:
-        """One joint between two prims: ``at`` [3] in the first, at the second's own ``frame`` [3]."""
+        """One joint between two prims: ``at`` [3] in the first, at the second's ``frame`` [3]."""
         from pxr import UsdPhysics
 
         joint, travel = link.part.joint, metric_travel(link.part, self.obj.scale)
@@ -226,7 +226,8 @@ class _Writer:
             self._couple(joint.pitch, (link.name, turn), (name, slide))
 
     def _couple(self, pitch: float, turned: tuple, slid: tuple) -> None:
-        """Say how a screw's slide follows its turn (name, joint each); UsdPhysics has no schema for it."""
+        """Say how a screw's slide follows its turn (name, joint each); UsdPhysics has no schema
+        for it."""
         from pxr import Sdf
 
         (hinge, turn), (travel, slide) = turned, slid

@@ -75,7 +75,7 @@ def joints_of(
     Args:
       name: the link.
       chain: its joints, from the parent down.
-      mesh: the link's own mesh in the world at the shown state; it tells which motion is the largest.
+      mesh: the link's own mesh in the world at the shown state; it tells which motion is largest.
       dead_zone: travel below which there is none.
       notes: takes up one line for everything that is not as written.
 

@@ -1,4 +1,4 @@
-"""Several joints between a part and its parent, where only one can be: in codes, and so in networks.
+"""Several joints between a part and its parent, where only one can be: in codes.
 
 Files keep every joint (``Part.outer``, ``Part.inner``). A turn and a travel along one line that are
 both bounded become one screw that makes both in proportion; of all else the largest motion is left.

@@ -35,7 +35,7 @@ class MujocoEngine:
         spec = mujoco.MjSpec.from_string(path.read_text("utf-8"), assets=assets)
         spec.compiler.fusestatic = False
         self.model = spec.compile()
-        _name_joints(spec, self.model)
+        name_joints(spec, self.model)
         for joint in list(spec.joints):
             if joint.type == mujoco.mjtJoint.mjJNT_FREE:  # the object is held where it is
                 spec.delete(joint)
@@ -170,7 +170,7 @@ def _place(data: mujoco.MjData, body: int, local: np.ndarray) -> np.ndarray:
     return data.xpos[body] + data.xmat[body].reshape(3, 3) @ local
 
 
-def _name_joints(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+def name_joints(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     """Give joints without a name the one that ``objects.mjcf`` gives them, and bodies too."""
     bodies = list(spec.bodies)
     taken = {b.name for b in bodies}

@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import uniart_jax
@@ -27,6 +27,7 @@ from uniart_jax.simulation.reading import NO_MJCF, Description, descriptions
 from uniart_jax.simulation.summary import PLAUSIBILITY
 
 ENGINES = ("mujoco", "pybullet")
+GATES = ("affordcraft",)
 SECONDS = 120.0  # that an engine may take
 INSTALL = {"mujoco": "pip install mujoco", "pybullet": "pip install pybullet"}
 
@@ -86,7 +87,55 @@ def validate(
         "motions": {name: results[name].get("motions", []) for name in ran},
     }
     if out is not None:
-        _write(found, main, Path(out))
+        _write(found, Path(out), lambda path: write_figure(found, main.obj, main.plan, path))
+    return found
+
+
+def gate(
+    asset: str | Path,
+    *,
+    name: str = "affordcraft",
+    out: Path | None = None,
+    allow_outside: bool = False,
+) -> dict:
+    """Put an asset through a published gate, in MuJoCo.
+
+    Args:
+      asset: a folder with ``object.urdf`` (and ``object.xml``, which is then taken), a URDF or an
+        MJCF.
+      name: of the gate; "affordcraft" (``simulation.gate``).
+      out: a folder that takes ``validation.json``; made if it is not there.
+      allow_outside: also read what the asset names outside its folder.
+
+    Returns:
+      JSON values: ``gate`` {"name", "passed", "articulated": whether a part of it can move,
+      "checks": {rule: {"passed", "value", "limit", "reason" where it failed}}}, ``asset`` and
+      ``version``.
+
+    Raises:
+      FileNotFoundError: there is no such asset. ValueError: no such gate, MuJoCo is not installed,
+        it cannot be read or names files outside its folder, or ``out`` cannot be written.
+    """
+    if name not in GATES:
+        raise ValueError(f"validate: no gate is called '{name}'; choose of {', '.join(GATES)}")
+    _chosen(("mujoco",))
+    given = descriptions(asset, allow_outside)["mujoco"]
+    with tempfile.TemporaryDirectory(prefix="uniart-gate-") as temporary:
+        path, why = given.stage("mujoco", Path(temporary) / "mujoco")
+        given.read()
+        result = _failed(why)
+        if path is not None:
+            with _Job("mujoco", path, given, gate=True) as job:
+                result = job.result()
+    passed = all(verdict["passed"] for verdict in result["checks"].values())
+    verdict = {"name": name, "passed": passed, "articulated": result.get("articulated", False)}
+    found = {
+        "asset": given.path.name,
+        "version": uniart_jax.__version__,
+        "gate": verdict | {"checks": result["checks"]},
+    }
+    if out is not None:
+        _write(found, Path(out))
     return found
 
 
@@ -109,7 +158,7 @@ def _chosen(engines: Sequence[str] | None) -> list[str]:
 class _Job:
     """One engine's process; leaving it ends the process."""
 
-    def __init__(self, engine: str, path: Path, description: Description):
+    def __init__(self, engine: str, path: Path, description: Description, *, gate: bool = False):
         self.engine, self.started = engine, time.monotonic()
         plan = description.plan
         job = {
@@ -117,6 +166,7 @@ class _Job:
             "path": str(path),
             "plan": None if plan is None else dataclasses.asdict(plan),
             "seconds": SECONDS,
+            "gate": gate,
         }
         folder = path.parent.parent
         job_file, self.result_file = folder / f"{engine}.job", folder / f"{engine}.result"
@@ -171,15 +221,16 @@ def _why(code: int, said: Path) -> str:
     return one_line(lines[-1] if lines else f"exit code {code}")
 
 
-def _write(found: dict, main: Description, out: Path) -> None:
-    """``validation.png`` and ``validation.json``, each complete or absent."""
+def _write(found: dict, out: Path, picture: Callable[[Path], None] | None = None) -> None:
+    """``validation.json``, and ``validation.png`` by ``picture``, each complete or absent."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".validation-", dir=out) as folder:
             text = json.dumps(found, indent=2, allow_nan=False) + "\n"
             (Path(folder) / "validation.json").write_text(text, "utf-8")
-            write_figure(found, main.obj, main.plan, Path(folder) / "validation.png")
-            for name in ("validation.png", "validation.json"):
+            if picture is not None:
+                picture(Path(folder) / "validation.png")
+            for name in sorted(os.listdir(folder), reverse=True):
                 os.replace(Path(folder) / name, out / name)
     except OSError as error:
         raise ValueError(f"{out}: cannot write there ({error.strerror})") from None

@@ -1,6 +1,7 @@
 """One engine's process: ``python -m uniart_jax.simulation.worker JOB RESULT``.
 
-JOB is JSON: {"engine", "path" of the staged description, "plan" or null, "seconds"}. A file that breaks an engine breaks this process only.
+JOB is JSON: {"engine", "path" of the staged description, "plan" or null, "seconds", "gate": whether it is to be judged by
+``gate.judge`` instead}. A file that breaks an engine breaks this process only.
 It ends when its input does, a pipe that whoever started it holds open.
 """
 
@@ -41,13 +42,19 @@ def main(job_file: str, result_file: str) -> None:
     _bound(job["seconds"])
     plan = make_plan(job["plan"]) if job["plan"] else None
     try:
-        engine = load(job["engine"], Path(job["path"]), plan)
+        if job["gate"]:
+            from uniart_jax.simulation.gate import judge
+
+            result = judge(Path(job["path"]), plan)
+        else:
+            engine = load(job["engine"], Path(job["path"]), plan)
     except Exception as error:  # whatever an engine raises on a file that it does not take
         result = {"refused": f"{error}" or type(error).__name__}
     else:
-        from uniart_jax.simulation.measure import measure
+        if not job["gate"]:
+            from uniart_jax.simulation.measure import measure
 
-        result = measure(engine) if plan else {}
+            result = measure(engine) if plan else {}
     partial = Path(f"{result_file}.new")
     partial.write_text(json.dumps(result, allow_nan=False), "utf-8")
     os.replace(partial, result_file)
