@@ -17,6 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 SDF_CLIP = 3.0  # sub-cells
+FLATTENED = 0.75  # sub-cells by which smoothing along a surface moves it at most: knobs stay
 FACING = 2.0  # sub-cells, deviation of the Gaussian before it is asked which way a surface faces
 
 
@@ -123,7 +124,7 @@ def smoothed(grid: VoxelGrid, offset: float, blur: float, along: float = 0.0) ->
       blur: deviation of the Gaussian in sub-cells, in every direction; with ``along``, in that of the
         axis which the surface faces.
       along: deviation in the other two directions, so that flat panels become flat and stay as thick
-        as they are. 0: as ``blur``.
+        as they are; it moves no distance by more than ``FLATTENED``. 0: as ``blur``.
     """
     if not (offset or blur or along):
         return grid
@@ -133,18 +134,23 @@ def smoothed(grid: VoxelGrid, offset: float, blur: float, along: float = 0.0) ->
         dense = np.zeros((2, *(grid.resolution * grid.subdivisions,) * 3), np.float32)
         known = np.isfinite(sdf).ravel()
         dense[0][at], dense[1][at] = np.where(known, sdf.ravel(), 0), known
+        mean = _average(dense, at, blur)
         if along:
-            axis, total, weight = _facing(*dense)[at], np.empty(sdf.size), np.empty(sdf.size)
+            axis = _facing(*dense)[at]
             for facing in range(3):
-                deviation = [blur if k == facing else along for k in range(3)]
-                mine = axis == facing
-                for out, values in zip((total, weight), dense, strict=True):
-                    out[mine] = _gaussian(values, deviation)[at][mine]
-        else:
-            total, weight = (_gaussian(values, blur)[at] for values in dense)
-        mean = np.where(known, total, np.nan) / np.where(known, weight, 1)
-        sdf = mean.reshape(sdf.shape).astype(np.float32)
+                flat = _average(dense, at, [blur if k == facing else along for k in range(3)])
+                moved = np.clip(flat - mean, -FLATTENED, FLATTENED)
+                mean = np.where(axis == facing, mean + moved, mean)
+        sdf = np.where(known, mean, np.nan).reshape(sdf.shape).astype(np.float32)
     return dataclasses.replace(grid, sdf=np.clip(sdf - offset, -SDF_CLIP, SDF_CLIP))
+
+
+def _average(
+    dense: np.ndarray, at: tuple[np.ndarray, ...], deviation: float | list[float]
+) -> np.ndarray:
+    """Weighted means of values and weights [2, n, n, n] at cells, 0 where nothing has weight."""
+    total, weight = (_gaussian(values, deviation)[at] for values in dense)
+    return total / np.where(weight > 0, weight, 1)
 
 
 def _gaussian(values: np.ndarray, deviation: float | list[float]) -> np.ndarray:
