@@ -102,6 +102,21 @@ def test_a_folder_holds_each_picture_with_the_voxels_found_in_it(ball, tmp_path,
     assert len(RecordSource(tmp_path / "out")) == 6
     with pytest.raises(ValueError, match="other settings"):
         found.prepare_found(tmp_path / "in", tmp_path / "out", "nano", 1)
+    with pytest.raises(ValueError, match="--views must be at least 1"):
+        found.prepare_found(tmp_path / "in", tmp_path / "out", "nano", 0)
+    # the folder of records grows: what is finished is left, a shard that was not full is made again
+    more = [dataclasses.replace(ball, meta={**ball.meta, "id": f"ball-{k}"}) for k in range(5)]
+    write_folder(tmp_path / "in", more)
+    made, make = [], found.found_record
+
+    def count(record, view, pipeline):
+        made.append(record.meta["id"])
+        return make(record, view, pipeline)
+
+    monkeypatch.setattr(found, "found_record", count)
+    found.prepare_found(tmp_path / "in", tmp_path / "out", "nano", 2)
+    assert made == [f"ball-{k}" for k in (2, 2, 3, 3, 4, 4)]
+    assert len(RecordSource(tmp_path / "out")) == len(record_rows(tmp_path / "out")) == 10
 
 
 def test_records_of_another_grid_are_refused(tmp_path, monkeypatch):

@@ -92,3 +92,15 @@ def test_smoothing_along_a_panel_makes_it_flat_and_leaves_it_thin():
     np.testing.assert_allclose(
         smoothed(grid, 0.2, 1.0, 1.0).sdf, smoothed(grid, 0.2, 1.0).sdf, atol=1e-5
     )
+
+
+def test_smoothing_along_surfaces_leaves_a_knob():
+    coords = np.array(list(np.ndindex(6, 6, 6)))
+    centres = subcell_centers(coords, 6, 4)
+    knob = np.clip(np.linalg.norm(centres, axis=-1) * 24 - 2, -SDF_CLIP, SDF_CLIP)
+    cells = knob.shape
+    rest = (np.zeros((*cells, 3)), np.zeros((*cells, 6)), np.zeros((len(coords), 9)))
+    grid = VoxelGrid(6, 4, coords, knob, *rest, np.zeros((len(coords), 6)))
+    found = smoothed(grid, 0.0, 0.0, 3.0)
+    assert np.abs(found.sdf - knob).max() < 0.76
+    assert (found.sdf < 0).any()
