@@ -274,8 +274,8 @@ class LossConfig:
     # structure flow: share of the loss that is the refiner's, on what the flow samples in one step; 1:
     # the flow's own is left out (``freeze`` its layers)
     refined: float = 0.0
-    # flows, and a UniArt VAE with ``sampled``: share of the items that are shown the layout which the
-    # frozen layout network finds in their picture, mistakes and all, in place of their own
+    # flows, and a UniArt VAE with ``sampled``: share of the items that are shown the layout which
+    # the frozen layout network finds in their picture, mistakes and all, in place of their own
     found: float = 0.0
     draws_per_image: int = 1  # structure flow: noise draws that share one image's condition
 
@@ -372,8 +372,8 @@ class StructureSampleConfig(SampleConfig):
 
 @dataclasses.dataclass(frozen=True)
 class LatentSampleConfig(SampleConfig):
-    """Sampled distances are thickened by ``sdf_offset`` and smoothed by ``sdf_blur``, along surfaces
-    by ``sdf_blur_along``, in sub-cells (``voxels.grid.smoothed``), for the same reason."""
+    """Sampled distances are thickened by ``sdf_offset`` and smoothed by ``sdf_blur``, along
+    surfaces by ``sdf_blur_along``, in sub-cells (``voxels.grid.smoothed``), for the same reason."""
 
     sdf_offset: float = 0.0
     sdf_blur: float = 0.0

@@ -1,8 +1,8 @@
 """Records on the voxels that a model finds in a picture, in place of the true ones.
 
 What flows sample lies on voxels that the structure flow found: too many of them, some missing. A
-decoder that has seen true voxels alone draws a surface through each. Of such records it learns which
-of them hold no surface (``loss.sampled`` 1, ``loss.found`` 1).
+decoder that has seen true voxels alone draws a surface through each. Of such records it can learn
+which of them hold no surface (``loss.sampled`` 1, ``loss.found`` 1).
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ def found_record(record: Record, view: int, pipeline: Pipeline) -> Record:
 
 
 def prepare_found(root: Path, out: Path, checkpoint: str, views: int = 1) -> None:
-    """``found_record`` of the first ``views`` pictures of each record of a folder. Can be killed and
-    run again: finished shards are kept.
+    """``found_record`` of the first ``views`` pictures of each record of a folder. Can be killed
+    and run again: finished shards are kept.
 
     Raises:
       FileNotFoundError, ValueError: no such records or checkpoint, another grid, or ``out`` holds
@@ -115,8 +115,9 @@ def prepare_found(root: Path, out: Path, checkpoint: str, views: int = 1) -> Non
     grid, first = pipeline.config.model.grid, source[0]
     if (first.resolution, first.subdivisions) != (grid.resolution, grid.subdivisions):
         raise ValueError(
-            f"{root}: its records have {first.resolution} voxels of {first.subdivisions} sub-cells a "
-            f"side, checkpoint '{checkpoint}' {grid.resolution} of {grid.subdivisions}; give another"
+            f"{root}: its records have {first.resolution} voxels of {first.subdivisions} sub-cells "
+            f"a side, checkpoint '{checkpoint}' {grid.resolution} of {grid.subdivisions}; "
+            "give another"
         )
     settings = read_metadata(root) | {"views": 1, "found_by": checkpoint, "found_views": views}
     note = out / "metadata.json"

@@ -1,5 +1,5 @@
-"""Layouts that the layout network finds, in place of a batch's own: flows and decoders learn from its
-mistakes (``loss.found``)."""
+"""Layouts that the layout network finds, in place of a batch's own: flows and decoders learn from
+its mistakes (``loss.found``)."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ NOBODYS_ROW = 10.0  # cost of a row that does not exist
 def show_found(
     batch: dict[str, Any], found: PartTable, share: float, key: jax.Array
 ) -> dict[str, Any]:
-    """A batch of voxels whose ``layout``, and ``layout_rows`` with it, is the one found in a ``share``
-    of the items."""
+    """A batch of voxels whose ``layout``, and ``layout_rows`` with it, is the one found in a
+    ``share`` of the items."""
     chosen = jax.random.bernoulli(key, share, found.counts.shape)
     rows = jnp.where(chosen[:, None], matching_rows(found, batch), batch["layout_rows"])
     return batch | {"layout": choose(chosen, found, batch["layout"]), "layout_rows": rows}
@@ -35,8 +35,8 @@ def choose(chosen: jax.Array, one: PartTable, other: PartTable) -> PartTable:
 
 
 def matching_rows(found: PartTable, batch: dict[str, jax.Array]) -> jax.Array:
-    """[B, K] the row of a found layout that each true part of a batch of voxels is, -1 where none is:
-    one to one by their corners (``layout_loss.match``), at most ``SAME_PART`` apart."""
+    """[B, K] the row of a found layout that each true part of a batch of voxels is, -1 where none
+    is: one to one by their corners (``layout_loss.match``), at most ``SAME_PART`` apart."""
     corners, true = to_corners(found.boxes), to_corners(batch["boxes"])
     apart = jnp.abs(corners[:, :, None] - true[:, None])  # [B, row, part, 6]
     there = jnp.arange(corners.shape[1]) < found.counts[:, None]

@@ -277,14 +277,15 @@ def of_pictures(
     find: Callable[..., PartTable] | None = None,
     share: float = 0.0,
 ) -> GivenLossFn:
-    """A flow's loss of batches with ``image`` [B, H, W, 3] in place of what an image encoder sees in
-    them: (params, batch, key, frozen) -> as ``loss_fn``.
+    """A flow's loss of batches with ``image`` [B, H, W, 3] in place of what an image encoder sees
+    in them: (params, batch, key, frozen) -> as ``loss_fn``.
 
-    ``frozen``: parameters of the image encoder, of what else ``loss_fn`` is given after its key and,
-    with ``find``, of the layout network. Nothing is differentiated by them.
+    ``frozen``: parameters of the image encoder, of what else ``loss_fn`` is given after its key
+    and, with ``find``, of the layout network. Nothing is differentiated by them.
 
     Args:
-      condition: (encoder's parameters, images) -> what the flow sees (``samplers.make_conditioner``).
+      condition: (encoder's parameters, images) -> what the flow sees
+        (``samplers.make_conditioner``).
       find: (layout network's parameters, images) -> part tables (``samplers.make_layout_finder``),
         shown in place of the batch's own to a ``share`` of the items.
     """

@@ -116,15 +116,16 @@ def connected(dense: np.ndarray) -> np.ndarray:
 
 
 def smoothed(grid: VoxelGrid, offset: float, blur: float, along: float = 0.0) -> VoxelGrid:
-    """The grid with distances averaged over active sub-cells by a Gaussian and lowered by ``offset``.
+    """The grid with distances averaged over active sub-cells by a Gaussian and lowered by
+    ``offset``.
 
     Distances that are not finite stay so, and do not count.
 
     Args:
-      blur: deviation of the Gaussian in sub-cells, in every direction; with ``along``, in that of the
-        axis which the surface faces.
-      along: deviation in the other two directions, so that flat panels become flat and stay as thick
-        as they are; it moves no distance by more than ``FLATTENED``. 0: as ``blur``.
+      blur: deviation of the Gaussian in sub-cells, in every direction; with ``along``, in that of
+        the axis which the surface faces.
+      along: deviation in the other two directions, so that flat panels become flat and stay as
+        thick as they are; it moves no distance by more than ``FLATTENED``. 0: as ``blur``.
     """
     if not (offset or blur or along):
         return grid
@@ -158,6 +159,7 @@ def _gaussian(values: np.ndarray, deviation: float | list[float]) -> np.ndarray:
 
 
 def _facing(sdf: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """[n, n, n] the axis along which known distances change most, seen from ``FACING`` sub-cells."""
+    """[n, n, n] the axis along which known distances change most, seen from ``FACING``
+    sub-cells."""
     coarse = _gaussian(sdf, FACING) / np.maximum(_gaussian(known, FACING), 1e-3)
     return np.stack([np.abs(ndimage.sobel(coarse, axis)) for axis in range(3)]).argmax(0)
