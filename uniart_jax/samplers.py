@@ -19,8 +19,7 @@ from uniart_jax.models.flow_trunk import T_MIN
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 from uniart_jax.voxels.joint_code import FIXED_AXIS, canonical
-from uniart_jax.voxels.layout import SMALLEST_SIDE
-from uniart_jax.voxels.part_table import PartTable
+from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
 
 WIDTH_STEP = 4096  # voxels beyond the largest bucket are padded to multiples of this
 

@@ -95,7 +95,7 @@ def prepare(
             "prepare: --world is of procedural objects and layouts, and instead of --families"
         )
     if source == "found":
-        from uniart_jax.data.found import prepare_found
+        from uniart_jax.found import prepare_found
 
         if root is None:
             raise ValueError(

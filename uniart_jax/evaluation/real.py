@@ -27,7 +27,8 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.processes import each
 from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
-from uniart_jax.voxels.layout import SMALLEST_SIDE, Layout
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.part_table import SMALLEST_SIDE
 
 
 @dataclasses.dataclass(frozen=True)

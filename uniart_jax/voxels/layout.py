@@ -24,10 +24,10 @@ from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE, decode_part, encode_joint
+from uniart_jax.voxels.part_table import SMALLEST_SIDE
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
-SMALLEST_SIDE = 0.004  # of a box that a mesh is made of
 THRESHOLD = 0.3  # of a part's probability (docs/evaluation.md, layouts)
 ROOT = -1  # name of the virtual root
 

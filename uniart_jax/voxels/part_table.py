@@ -22,6 +22,7 @@ class PartTable(NamedTuple):
     counts: Any
 
 
+SMALLEST_SIDE = 0.004  # object units, of a box that a mesh is made of
 ROWS = ("boxes", "codes", "parents", "colors")
 EMPTY = {
     "boxes": np.zeros((0, 6)),

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from hand_records import make_record, write_folder
 
-from uniart_jax.data import found
+from uniart_jax import found
 from uniart_jax.data.batches import open_records
 from uniart_jax.data.folder import write_text
 from uniart_jax.data.records import RecordSource, decode_sdf, from_object, record_rows
