@@ -190,6 +190,7 @@ def test_report(cabinet, stood, asset):
         "direction",
         "angle",
         "travel",
+        "further_joints",
         "as_read",
         "mass",
         "watertight",
