@@ -430,7 +430,8 @@ class Pipeline:
         options: LatentSampleConfig | None = None,
         layout: Layout | None = None,
     ) -> VoxelGrid:
-        """One item of ``decode``, thickened and smoothed as ``sample_latent`` says (``voxels.grid.smoothed``)."""
+        """One item of ``decode``, thickened and smoothed as ``sample_latent`` says
+        (``voxels.grid.smoothed``)."""
         options = options or self.config.sample_latent
         grid = self.decode([coords], [latent], [layout])[0]
         return smoothed(grid, options.sdf_offset, options.sdf_blur, options.sdf_blur_along)

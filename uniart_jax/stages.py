@@ -416,7 +416,8 @@ def claim_inputs(folder: Path, config: Config, workdir: Path, units: Path | None
     trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
     if trained and note.is_file() and note.read_text() != key:
         raise ValueError(
-            f"{folder} was trained on other inputs (records, voxel_buckets, an earlier network or, with loss.found, the layout network, --init or the version changed since); "
+            f"{folder} was trained on other inputs (records, voxel_buckets, an earlier network, the "
+            "layout network where loss.found shows its layouts, --init or the version changed since); "
             "remove that folder to train this flow on the new ones"
         )
     note.parent.mkdir(parents=True, exist_ok=True)

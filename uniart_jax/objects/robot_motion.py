@@ -155,7 +155,8 @@ def _motions(name: str, edges: list[Edge], mesh: trimesh.Trimesh, notes: list[st
     if screw is None:
         return motions
     notes.append(
-        f"joints {_quoted(screw.names)} of link '{name}' turn more than once and travel independently; lowered to one proportional screw"
+        f"joints {_quoted(screw.names)} of link '{name}' turn more than once and travel independently; "
+        "lowered to one proportional screw"
     )
     return [screw]
 
