@@ -64,9 +64,11 @@ class LayoutConfig:
 
     ``backbone``: 'efficientnet_lite0' begins with ImageNet weights (extra ``lite0``), 'convolutions' from scratch.
     ``queries``: at most so many parts; objects that are trained on have no more. ``heads``: of attention.
+    ``image_size``: pixels a side of the crops it sees, a multiple of 32; its weights fit every size.
     """
 
     queries: int = 0
+    image_size: int = 128
     backbone: Literal["efficientnet_lite0", "convolutions"] = "efficientnet_lite0"
     map_channels: int = 96
     width: int = 128

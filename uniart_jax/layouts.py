@@ -67,7 +67,7 @@ class LayoutPredictor:
 
     def __init__(self, model: ModelConfig, params: Any, mirrored: bool = True):
         self.mirrored = mirrored
-        self.image_size = model.image_encoder.image_size
+        self.image_size = model.layout.image_size
         self.crop_margin = model.image_encoder.crop_margin
         self._params = jax.device_put(params)
         network = build("layout", model)

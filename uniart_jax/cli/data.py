@@ -32,7 +32,7 @@ def prepare(
     subdivisions: int = 4,
     max_parts: int = 16,
     views: int = 2,
-    image_size: int = 128,
+    image_size: int | None = None,
     states: int = 1,
     part_scale: float = 0.0,
     orbit_views: int = 0,
@@ -63,7 +63,7 @@ def prepare(
         subdivisions: Sub-cells a voxel side.
         max_parts: Objects with more parts are left out.
         views: Rendered images a record, from random front views.
-        image_size: Pixels a side.
+        image_size: Pixels a side of each picture (default: 128; layouts: 192).
         states: Shown states an object.
         part_scale: Stretch parts at random, by about this share, in every state but the first (.1 is plausible).
         orbit_views: Pictures from all around a record, for `uniart features` (TRELLIS: 150).
@@ -119,7 +119,9 @@ def prepare(
     if source == "layouts":
         from uniart_jax.data.layouts import LayoutSettings, prepare_layouts
 
-        made = LayoutSettings(image_size=image_size, families=drawn)
+        made = LayoutSettings(families=drawn)
+        if image_size is not None:
+            made = dataclasses.replace(made, image_size=image_size)
         prepare_layouts(out, count or 1000, made, workers)
         return
     run = None
@@ -136,7 +138,7 @@ def prepare(
         subdivisions=subdivisions,
         max_parts=max_parts,
         views=views,
-        image_size=image_size,
+        image_size=128 if image_size is None else image_size,
         states=states,
         part_scale=part_scale,
         shard_size=shard_size,

@@ -44,7 +44,9 @@ from uniart_jax.voxels.joint_code import encode_object
 BLOCK = 256  # objects a file
 WINDOW = 4  # blocks that batches are drawn from at a time
 STATES = 20  # shown states tried before an object is left out
-VERSION = 2  # of what ``make_block`` draws; 2: fronts as real objects have them
+VERSION = 3  # of what ``make_block`` draws; 3: pictures larger than the crop, as a user's are
+# sides of a rendering over its crop's, and samples a pixel: sharp and hard, or soft
+SHOTS = ((2.0, 1), (1.25, 4))
 COLUMNS = ("images", "cameras", "boxes", "codes", "parents", "colors", "part_counts")
 
 logger = logging.getLogger(__name__)
@@ -55,7 +57,7 @@ _LOCK = threading.Lock()
 class LayoutSettings:
     """What a folder of blocks was made with."""
 
-    image_size: int = 128
+    image_size: int = 192
     views: int = 2
     max_parts: int = procedural.MAX_PARTS
     start_seed: int = 0
@@ -108,10 +110,12 @@ def part_colors(obj: ArticulatedObject) -> np.ndarray:
 
 
 def take_picture(
-    obj: ArticulatedObject, camera: Camera, size: int
+    obj: ArticulatedObject, camera: Camera, size: int, shot: tuple[float, int] = SHOTS[1]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """[S, S, 3] uint8 crop over black and its camera code [7], as ``data.prepare`` renders."""
-    picture = np.round(render(obj, camera, size=size, samples=4) * 255).astype(np.uint8)
+    """[S, S, 3] uint8 crop over black of a rendering of one of ``SHOTS``, and its camera code [7]."""
+    scale, samples = shot
+    picture = render(obj, camera, size=round(scale * size), samples=samples)
+    picture = np.round(picture * 255).astype(np.uint8)
     row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
     return crop(picture, size), camera_codes(np.array(row), picture[None])[0]
 
@@ -132,7 +136,9 @@ def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
             continue
         obj, (boxes, codes, parents) = found
         pictures = [
-            take_picture(obj, sample_camera(rng), settings.image_size)
+            take_picture(
+                obj, sample_camera(rng), settings.image_size, SHOTS[rng.integers(len(SHOTS))]
+            )
             for _ in range(settings.views)
         ]
         images, cameras = (np.stack(column) for column in zip(*pictures, strict=True))
@@ -234,7 +240,7 @@ def settings_of(data: DataConfig, model: ModelConfig, validation: bool = False) 
     """The settings that a config asks for."""
     start = data.validation_seed if validation else 0
     families = procedural.WORLDS[data.world]
-    return LayoutSettings(model.image_encoder.image_size, start_seed=start, families=families)
+    return LayoutSettings(model.layout.image_size, start_seed=start, families=families)
 
 
 def layout_batches(

@@ -30,6 +30,8 @@ from uniart_jax.nn.lifting import project, sample_map
 from uniart_jax.nn.precision import compute_dtype
 
 STRIDES = (4, 8, 16)
+SKETCH_SIDE = 8  # cells of the coarsest map that the sketch reads, whatever the picture's size
+TOKENS_SIDE = 16  # of the table of the tokens' places, resampled to the picture's tokens
 BANDS = 8  # of the sine embedding of a box
 POINTER = 64  # width of the parent pointer's queries and keys
 GUESS = 64  # width of a query's offset from the sketch
@@ -162,26 +164,25 @@ class LayoutNetwork(nnx.Module):
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.layout, compute_dtype(config)
-        side = config.image_encoder.image_size
-        if c.queries < 1 or side % 32:
+        if c.queries < 1 or c.image_size < 32 or c.image_size % 32:
             raise ValueError(
-                f"layout: needs queries >= 1 and an image_size that 32 divides, got {c.queries}, {side}"
+                "layout: needs queries >= 1 and an image_size that 32 divides, got "
+                f"{c.queries}, {c.image_size}"
             )
         self.config, width = c, c.width
         self.backbone = make_backbone(c, rngs, dtype)
         channels = self.backbone.CHANNELS
         self.map_norms = nnx.List([GroupNorm(n, groups=8) for n in channels])
         self.to_map = nnx.List([linear(n, c.map_channels, rngs, dtype=dtype) for n in channels])
-        cells = (side // STRIDES[-1]) ** 2
         self.squeeze = linear(channels[-1], GUESS, rngs, dtype=dtype)
-        self.sketch1 = CellLinear(cells, GUESS, c.sketch_width, rngs)
+        self.sketch1 = CellLinear(SKETCH_SIDE**2, GUESS, c.sketch_width, rngs)
         self.sketch2 = linear(c.sketch_width, c.sketch_width, rngs, dtype=dtype)
         self.to_camera = linear(c.sketch_width, CAMERA_CODE, rngs, init=zeros)
         self.map_sketch = linear(c.sketch_width, c.map_channels, rngs, dtype=dtype)
         self.to_tokens = linear(c.map_channels, width, rngs, dtype=dtype)
         self.tokens_norm = LayerNorm(width)
         draw = lambda shape, std: nnx.Param(std * jax.random.normal(rngs.params(), shape))  # noqa: E731
-        self.tokens_place = draw(((side // STRIDES[0] // 2) ** 2, width), 0.02)
+        self.tokens_place = draw((TOKENS_SIDE**2, width), 0.02)
         self.queries = draw((c.queries, width), 0.5)
         self.guess = linear(c.sketch_width, c.queries * GUESS, rngs, dtype=dtype)
         self.guess_out = linear(GUESS, width, rngs, dtype=dtype)
@@ -221,6 +222,7 @@ class LayoutNetwork(nnx.Module):
         if camera is not None and known is not None:
             used = jnp.where(known[:, None], camera, used)
         tokens = self.tokens_norm(self.to_tokens(self._every_second(features, phase)))
+        tokens_place = self._places(features.shape[1] // 2)
         items, count = image.shape[0], self.config.queries
         offset = self.guess_out(self.guess(sketch).reshape(items, count, GUESS))
         x = self.queries[...].astype(offset.dtype) + offset
@@ -230,7 +232,7 @@ class LayoutNetwork(nnx.Module):
             corners = jax.lax.stop_gradient(parts[-1]["corners"])
             read = self.read_boxes(features, corners, used)
             place = self.place_out(jax.nn.gelu(self.place_in(sine_embedding(2 * corners))))
-            x = layer(x, place, tokens, self.tokens_place[...], read)
+            x = layer(x, place, tokens, tokens_place, read)
             parts.append(heads(self.norm(x), corners))
         y = self.norm(x)
         pointer = jnp.einsum("bqd,bkd->bqk", self.parent_q(y), self.parent_k(y)) / POINTER**0.5
@@ -247,8 +249,7 @@ class LayoutNetwork(nnx.Module):
         """The map [B, S/4, S/4, C] and the sketch [B, D] of images."""
         maps = self.backbone(image * 2 - 1)
         maps = [jax.nn.gelu(norm(m)) for norm, m in zip(self.map_norms, maps, strict=True)]
-        h = self.squeeze(maps[-1]).reshape(image.shape[0], -1, GUESS)
-        h = jax.nn.gelu(self.sketch1(h))
+        h = jax.nn.gelu(self.sketch1(resize(self.squeeze(maps[-1]), SKETCH_SIDE)))
         h = h + jax.nn.gelu(self.sketch2(h))
         down = self.to_map[2](maps[2]) + self.map_sketch(h)[:, None, None]
         down = self.to_map[1](maps[1]) + twice(down)
@@ -264,6 +265,11 @@ class LayoutNetwork(nnx.Module):
         rows = [read, places.astype(read.dtype), depth[..., None].astype(read.dtype)]
         return jnp.concatenate(rows, -1).reshape(*corners.shape[:2], -1)
 
+    def _places(self, side: int) -> jax.Array:
+        """[side^2, D] the embedding of the tokens' places, resampled to so many tokens a side."""
+        table = self.tokens_place[...].reshape(1, TOKENS_SIDE, TOKENS_SIDE, -1)
+        return resize(table, side).reshape(side * side, -1)
+
     def _every_second(self, features: jax.Array, phase: jax.Array | None) -> jax.Array:
         """[B, S, S, C] -> [B, (S / 2)^2, C]: one cell of each four."""
         items, side, _, channels = features.shape
@@ -274,6 +280,14 @@ class LayoutNetwork(nnx.Module):
             rows = jax.lax.dynamic_index_in_dim(cells, phase[0], 2, keepdims=False)
             chosen = jax.lax.dynamic_index_in_dim(rows, phase[1], 3, keepdims=False)
         return chosen.reshape(items, -1, channels)
+
+
+def resize(x: jax.Array, side: int) -> jax.Array:
+    """[B, S, S, C] -> [B, side, side, C], bilinear, smoothed where it shrinks."""
+    if x.shape[1] == side:
+        return x
+    shape = (x.shape[0], side, side, x.shape[-1])
+    return jax.image.resize(x.astype(jnp.float32), shape, "bilinear").astype(x.dtype)
 
 
 def twice(x: jax.Array) -> jax.Array:
