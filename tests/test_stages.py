@@ -309,7 +309,7 @@ def test_a_layout_network_is_taken_where_the_model_has_one(trained, tmp_path):
     config, _ = trained
     (tmp_path / "source").mkdir()
     (tmp_path / "source/layout.safetensors").touch()
-    model = dataclasses.replace(config.model, layout=LayoutConfig(queries=4))
+    model = dataclasses.replace(config.model, layout=LayoutConfig(queries=4, image_size=32))
     for one, wanted in ((config, []), (dataclasses.replace(config, model=model), ["layout"])):
         arguments = (tmp_path / "source", ["structure_flow"], tmp_path / "work")
         assert adoption.taken(one, *arguments) == wanted
@@ -328,7 +328,7 @@ def test_a_layout_network_must_be_there_before_anything_is_written(trained, tmp_
     config, workdir = trained
     model = dataclasses.replace(
         config.model,
-        layout=LayoutConfig(queries=4),
+        layout=LayoutConfig(queries=4, image_size=32),
         latent_flow=dataclasses.replace(config.model.latent_flow, layout_channels=4),
     )
     loss = dataclasses.replace(config.loss, found=0.5)

@@ -65,6 +65,7 @@ class LayoutConfig:
     ``backbone``: 'efficientnet_lite0' begins with ImageNet weights (extra ``lite0``), 'convolutions' from scratch.
     ``queries``: at most so many parts; objects that are trained on have no more. ``heads``: of attention.
     ``image_size``: pixels a side of the crops it sees, a multiple of 32; its weights fit every size.
+    ``repeats``: how often the last layer is run once more, with the same weights.
     """
 
     queries: int = 0
@@ -73,6 +74,7 @@ class LayoutConfig:
     map_channels: int = 96
     width: int = 128
     layers: int = 2
+    repeats: int = 0
     heads: int = 4
     sketch_width: int = 512
     head_width: int = 128

@@ -90,7 +90,7 @@ def found_record(record: Record, view: int, pipeline: Pipeline) -> Record:
     image = record.images[view]
     pixels = pipeline.prepare(image)
     condition = pipeline.encode_images(pixels[None])
-    condition = pipeline.following(condition, [pipeline.find_layout(pixels)])
+    condition = pipeline.following(condition, [pipeline.find_layout(image)])
     (coords,) = pipeline.sample_structure(condition, jax.random.key(0))
     made = on_voxels(record, coords) if len(coords) else record
     return dataclasses.replace(

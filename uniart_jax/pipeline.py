@@ -140,7 +140,7 @@ class Pipeline:
         progress("looking at the image")
         shown = [self._cut_out(view) for view in views]
         pixels = np.stack([self._crop(view) for view in shown])
-        found = self.find_layout(pixels[0]) if layout is True else layout or None
+        found = self.find_layout(shown[0]) if layout is True else layout or None
         condition = self.following(join_views(self.encode_images(pixels)), [found])
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
@@ -188,13 +188,15 @@ class Pipeline:
         """
         if not self.config.model.layout.queries:
             raise ValueError("layout: this checkpoint has no layout network; train one with --stage layout")  # fmt: skip
-        return self._read_layout(self.prepare(image), threshold)
+        return self._read_layout(self._cut_out(image), threshold)
 
-    def find_layout(self, pixels: np.ndarray) -> Layout | None:
-        """The layout of a prepared image [S, S, 3]; None where the checkpoint has no layout network."""
+    def find_layout(self, image: str | Path | np.ndarray) -> Layout | None:
+        """``layout`` of an image; None where the checkpoint has no layout network."""
         if not self.config.model.layout.queries or self.folder is None:
             return None
-        return self._read_layout(pixels) if has_export(self.folder, "layout.safetensors") else None
+        if not has_export(self.folder, "layout.safetensors"):
+            return None
+        return self._read_layout(self._cut_out(image))
 
     def following(self, condition: Condition, layouts: Sequence[Layout | None]) -> Condition:
         """The condition of B images with their layouts for flows that see them (``FlowConfig.layout_channels``); None: flows are to do without."""
@@ -212,9 +214,10 @@ class Pipeline:
         rows = [EMPTY if item is None else item.rows(most) for item in layouts]
         return part_table(rows, most)
 
-    def _read_layout(self, pixels: np.ndarray, threshold: float = THRESHOLD) -> Layout:
-        picture = np.round(pixels * 255).astype(np.uint8)
-        return read_layout(self._layout_predictor([picture])[0], threshold)
+    def _read_layout(self, cut_out: np.ndarray, threshold: float = THRESHOLD) -> Layout:
+        predictor = self._layout_predictor
+        picture = crop(cut_out, predictor.image_size, predictor.crop_margin)
+        return read_layout(predictor([picture])[0], threshold)
 
     @functools.cached_property
     def _layout_predictor(self) -> LayoutPredictor:

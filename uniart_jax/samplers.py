@@ -56,7 +56,7 @@ def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
 
 def make_layout_finder(model: ModelConfig) -> Callable[..., PartTable]:
     """Jitted (layout network's params, images [B, S, S, 3] in [0, 1]) -> part tables [B, K, ...] of
-    the parts that it finds in them, the surest first.
+    the parts that it finds in them, the surest first. Images of any size: they are resampled.
 
     ``layouts.LayoutPredictor`` and ``voxels.layout.read_layout`` do the same with more care (two
     looks, a tree, exact joints) on the host; this is what a training step can afford.
@@ -65,7 +65,9 @@ def make_layout_finder(model: ModelConfig) -> Callable[..., PartTable]:
 
     @jax.jit
     def run(params, images):
-        out = network.apply(params, images)
+        side = model.layout.image_size
+        shape = (len(images), side, side, 3)
+        out = network.apply(params, jax.image.resize(images, shape, "bilinear"))
         return found_table(out["parts"][-1], out["parents"], model.grid.max_parts)
 
     return run

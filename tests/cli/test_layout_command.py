@@ -22,9 +22,9 @@ def checkpoint(tmp_path_factory):
     """A tiny layout network with random weights."""
     small = LayoutConfig(
         queries=6, backbone="convolutions", map_channels=16, width=16, layers=1, heads=2,
-        sketch_width=16, head_width=16,
+        sketch_width=16, head_width=16, image_size=32,
     )  # fmt: skip
-    model = ModelConfig(image_encoder=ImageEncoderConfig(image_size=32), layout=small)
+    model = ModelConfig(layout=small)
     folder = tmp_path_factory.mktemp("checkpoint")
     write_config(folder, Config(model=model))
     export_network(folder, "layout", build("layout", model).init(jax.random.key(0)))

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from uniart_jax import procedural
-from uniart_jax.config import DataConfig, GridConfig, ImageEncoderConfig, ModelConfig
+from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layouts
 from uniart_jax.data.mirror import mirror_boxes
 from uniart_jax.voxels.joint_code import gauge_variants
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
-MODEL = ModelConfig(grid=GridConfig(32, 4, 16), image_encoder=ImageEncoderConfig(image_size=32))
+MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))
 
 
 @pytest.fixture(scope="module")

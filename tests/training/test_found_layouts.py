@@ -21,7 +21,7 @@ from uniart_jax.training.objectives import make_uniart_vae_loss
 
 LAYOUT = LayoutConfig(
     queries=4, backbone="convolutions", map_channels=8, width=16, layers=1, heads=2,
-    sketch_width=8, head_width=8,
+    sketch_width=8, head_width=8, image_size=32,
 )  # fmt: skip
 MODEL = dataclasses.replace(
     MODEL,

@@ -125,9 +125,8 @@ def test_a_prediction_without_error_costs_next_to_nothing(setting):
 
 def test_muon_moves_hidden_matrices_and_a_small_network_learns():
     model = ModelConfig(
-        image_encoder=ModelConfig().image_encoder.__class__(image_size=32),
         layout=LayoutConfig(
-            queries=Q, backbone="convolutions", map_channels=32, width=32, layers=1, heads=2,
+            queries=Q, image_size=32, backbone="convolutions", map_channels=32, width=32, layers=1, heads=2,
             sketch_width=32, head_width=32,
         ),
     )  # fmt: skip

@@ -15,6 +15,7 @@ import scipy.ndimage
 from PIL import Image, ImageOps, UnidentifiedImageError
 
 MARGIN = 1.1
+PICTURE_SIDE = 256  # pixels, of renderings that stand for a user's picture: larger than what networks see
 MAX_PIXELS = 100_000_000
 MIN_SIDE = 8
 MAX_CANVAS = 8  # a crop of more than this many times its result's side is shrunk first

@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from uniart_jax.data.folder import write_text
-from uniart_jax.data.images import crop
+from uniart_jax.data.images import PICTURE_SIDE, crop
 from uniart_jax.evaluation.parts import FOUND, PartScores, compare_parts, match_parts, summarize
 from uniart_jax.evaluation.procedural import HeldOut, held_out
 from uniart_jax.evaluation.real import RealObject, real_objects
@@ -123,6 +123,7 @@ def evaluate_layout(
     if pred is None and predictor is None:
         predictor = load_layout_predictor(checkpoint)
     size = getattr(predictor, "image_size", 128)
+    side = max(PICTURE_SIDE, size)
     margin = getattr(predictor, "crop_margin", 1.1)
     out.mkdir(parents=True, exist_ok=True)
     settings: dict[str, Any] = {"unseen": unseen, "checkpoint": str(pred or checkpoint)}
@@ -130,13 +131,13 @@ def evaluate_layout(
     if root is None:
         count = COUNT if count is None else count
         with process_pool(processes) as submit:
-            make = functools.partial(held_out, unseen=unseen, image_size=size)
+            make = functools.partial(held_out, unseen=unseen, image_size=side)
             made = in_order(submit, make, range(count), 2 * processes)
             tests = list(track(made, "held-out objects", count))
         shown = list(range(min(SHOWN, count)))
     else:
         tests, refused = real_objects(
-            root, cache or out / "objects", image_size=size, count=count,
+            root, cache or out / "objects", image_size=side, count=count,
             allow_outside=allow_outside, processes=processes,
         )  # fmt: skip
         settings |= {"root": Path(root).name, "refused": refused}

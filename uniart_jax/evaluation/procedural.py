@@ -31,6 +31,7 @@ from rich.table import Table
 
 from uniart_jax import procedural
 from uniart_jax.config import ModelConfig
+from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.evaluation.geometry import object_chamfer
 from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.parts import PartScores, compare_parts, summarize
@@ -89,7 +90,7 @@ def held_out(
     unseen: bool = False,
     resolution: int = 32,
     subdivisions: int = 4,
-    image_size: int = 128,
+    image_size: int = PICTURE_SIDE,
 ) -> HeldOut:
     """Test object ``index``, deterministic; a shown state that cannot be encoded (two equal boxes) is drawn again."""
     families = procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
@@ -116,7 +117,7 @@ def held_out_for(model: ModelConfig, index: int, unseen: bool = False) -> HeldOu
         unseen=unseen,
         resolution=model.grid.resolution,
         subdivisions=model.grid.subdivisions,
-        image_size=model.image_encoder.image_size,
+        image_size=max(PICTURE_SIDE, model.image_encoder.image_size),
     )
 
 
@@ -229,7 +230,7 @@ def predict(
     """What the networks say at every station, the IoU of the sampled structure with the true one, the image as they see it, and its layout."""
     coords = test.grid.coords
     pixels = pipeline.prepare(test.image)
-    layout = pipeline.find_layout(pixels)
+    layout = pipeline.find_layout(test.image)
     condition = pipeline.following(pipeline.encode_images(pixels[None]), [layout])
     keys = jax.random.split(jax.random.key(seed))
     found = pipeline.sample_structure(condition, keys[0])[0]

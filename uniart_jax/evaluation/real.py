@@ -21,6 +21,7 @@ import numpy as np
 from PIL import Image
 
 from uniart_jax.data.folder import Settings, temporary_path, write_text
+from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.data.layouts import encodable_state, part_colors
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.objects.object import ArticulatedObject
@@ -51,7 +52,7 @@ def real_objects(
     root: Path,
     cache: Path,
     *,
-    image_size: int = 128,
+    image_size: int = PICTURE_SIDE,
     count: int | None = None,
     allow_outside: bool = False,
     processes: int = 1,

@@ -254,7 +254,7 @@ def look(pipeline: Pipeline, test: Test) -> tuple[Condition, Layout | None]:
     """The condition that the images of an object make, and the layout of the first, which flows that see layouts are given."""
     pixels = [pipeline.prepare(image) for image in test.images]
     condition = join_views(pipeline.encode_images(np.stack(pixels)))
-    layout = pipeline.find_layout(pixels[0])
+    layout = pipeline.find_layout(test.images[0])
     return pipeline.following(condition, [layout]), layout
 
 

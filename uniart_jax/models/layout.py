@@ -212,7 +212,7 @@ class LayoutNetwork(nnx.Module):
           phase: [2] 0 or 1, which cells of the map are the tokens; None: the last of each four.
 
         Returns:
-          camera [B, 7]; parts: a list over the first guess and each layer of corners [B, Q, 6] (lower, upper), codes
+          camera [B, 7]; parts: a list over the first guess and each run of a layer of corners [B, Q, 6] (lower, upper), codes
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits child -> parent, the diagonal
           the root's, of the last layer; tokens [B, Q, D], one a part; map [B, S/4, S/4, C].
         """
@@ -228,7 +228,8 @@ class LayoutNetwork(nnx.Module):
         x = self.queries[...].astype(offset.dtype) + offset
         first = self.anchors[...] + self.first_box(x).astype(jnp.float32)
         parts = [self.heads[0](self.norm(x), first)]
-        for layer, heads in zip(self.layers, list(self.heads)[1:], strict=True):
+        runs = list(zip(self.layers, list(self.heads)[1:], strict=True))
+        for layer, heads in runs + runs[-1:] * self.config.repeats:
             corners = jax.lax.stop_gradient(parts[-1]["corners"])
             read = self.read_boxes(features, corners, used)
             place = self.place_out(jax.nn.gelu(self.place_in(sine_embedding(2 * corners))))
