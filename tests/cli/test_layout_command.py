@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from uniart_jax.cli.layout import layout
-from uniart_jax.config import Config, ImageEncoderConfig, LayoutConfig, ModelConfig
+from uniart_jax.config import Config, LayoutConfig, ModelConfig
 from uniart_jax.layouts import joined, load_layout_predictor, mirror_parts
 from uniart_jax.models.network import build
 from uniart_jax.training.export import export_network, write_config

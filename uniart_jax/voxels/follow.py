@@ -44,12 +44,13 @@ def row_of_subcells(grid: VoxelGrid, layout: Layout) -> np.ndarray:
 
 
 def assemble_layout(
-    grid: VoxelGrid, layout: Layout, *, scale: float = 1.0, name: str = ""
+    grid: VoxelGrid, layout: Layout, *, scale: float = 1.0, name: str = "", flat: bool = True
 ) -> ArticulatedObject:
     """The object that the voxels show, with the layout's parts, tree and joints.
 
     Args:
       grid: attributes on active voxels as a network gives them. layout: of the same shown state and frame.
+      flat: nearly flat faces are made flat (``flat_faces``).
 
     Returns:
       Parts 'base', 'link_1', ..., parents first; every mesh is closed. A row that no voxel shows is left out, its children
@@ -74,7 +75,7 @@ def assemble_layout(
     boxes = np.asarray(layout.boxes, np.float32)
     pure = (owner == owner[:, :1]).all(1)
     told = dataclasses.replace(grid, own_box=boxes[owner])
-    meshes = mesh_parts(told, Segmentation(boxes, owner, pure))
+    meshes = mesh_parts(told, Segmentation(boxes, owner, pure), flat)
     order = topological_order(list(layout.parents))
     position = {old: new for new, old in enumerate(order)}
     parts = tuple(
