@@ -29,7 +29,9 @@ RIPPLE = 13  # sub-cells a side, of the neighbourhood whose median says what pla
 PLANES = 4  # at most, of each side
 GAP = 2  # sub-cells: gaps in a plane of twice so many are closed
 KEPT = 0.5  # share of a part's cells below which it is left as it was
-THICKNESS = 2  # sub-cells of what closes them
+HOLE = 100  # columns; an enclosed hole in a plane of no more is closed
+DENT = 10  # sub-cells; a gap that is no deeper is filled to its ground
+THICKNESS = 2  # sub-cells of what closes deeper ones
 
 
 def with_flat_faces(field: DenseField, boxes: np.ndarray) -> DenseField:
@@ -119,9 +121,10 @@ def _flatten(views, part: int) -> None:
         if on.sum() < least or many.max() < SHARP * near.sum():
             return
         plane = float(np.median(height[on]))
-        gaps = _closed(on) & ~on & (first > plane)
-        _end_at(views, part, on, plane)
-        _fill(views, part, gaps, plane)
+        gaps = (_closed(on) | _without_small_holes(on)) & ~on & (first > plane)
+        dents = gaps & (first < np.minimum(plane + DENT, len(sdf)))
+        _end_at(views, part, on | dents, plane)
+        _fill(views, part, gaps & ~dents, plane)
         left &= ~on
 
 
@@ -129,6 +132,14 @@ def _closed(columns: np.ndarray) -> np.ndarray:
     """[U, V] with gaps of twice ``GAP`` closed."""
     wide = np.ones((2 * GAP + 1,) * 2)
     return ndimage.binary_closing(np.pad(columns, GAP), wide)[GAP:-GAP, GAP:-GAP]
+
+
+def _without_small_holes(columns: np.ndarray) -> np.ndarray:
+    """[U, V] with what is enclosed by them filled, up to ``HOLE`` columns."""
+    holes, _ = ndimage.label(ndimage.binary_fill_holes(columns) & ~columns)
+    small = np.bincount(holes.ravel()) <= HOLE
+    small[0] = False
+    return columns | small[holes]
 
 
 def _end_at(views, part: int, columns: np.ndarray, plane: float) -> None:
