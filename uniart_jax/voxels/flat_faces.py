@@ -59,7 +59,9 @@ def with_flat_faces(field: DenseField, boxes: np.ndarray) -> DenseField:
                 _reach_face(turned, part, float(face), np.delete(size, axis) * cells)
         for axis in range(3):
             for side in (1, -1):
-                _flatten(tuple(np.moveaxis(v, axis, 0)[::side] for v in views), part)
+                turned = tuple(np.moveaxis(v, axis, 0)[::side] for v in views)
+                _flatten(turned, part)
+                _flatten(tuple(v[len(v) // 2 :] for v in turned), part)  # seen from within
         solid = ((views[0] < 0) & (views[1] == part)).sum()
         if solid < KEPT * ((before[0] < 0) & (before[1] == part)).sum():
             for view, old in zip(views, before, strict=True):
@@ -104,7 +106,7 @@ def _flatten(views, part: int) -> None:
     sdf, owner, _ = views
     mine = (sdf < 0) & (owner == part)
     first, height = heights(sdf, mine)
-    there = first < len(sdf)
+    there = (first > 0) & (first < len(sdf))
     sides = [min(RIPPLE, side // 4 | 1) for side in height.shape]  # less of what is small
     around = ndimage.median_filter(height, sides, mode="nearest")
     least = max(PLANE_COLUMNS, PLANE_SHARE * there.sum())
