@@ -17,6 +17,7 @@ from uniart_jax.config import (
     GridConfig,
     ImageEncoderConfig,
     LatentSampleConfig,
+    LayoutConfig,
     ModelConfig,
     SampleConfig,
     StructureSampleConfig,
@@ -206,6 +207,31 @@ def test_a_checkpoint_folder_round_trip_and_its_errors(pipeline, tmp_path):
         load(tmp_path)
     with pytest.raises(FileNotFoundError, match="neither a folder nor a shipped model"):
         load("absent")
+
+
+def test_the_layout_network_is_shown_a_crop_of_its_own_size(pipeline, tmp_path, monkeypatch):
+    layout = LayoutConfig(
+        queries=3, image_size=96, backbone="convolutions", map_channels=8, width=8, layers=1,
+        heads=2, sketch_width=8, head_width=8,
+    )  # fmt: skip
+    model = dataclasses.replace(pipeline.config.model, layout=layout)
+    mine = Pipeline(
+        dataclasses.replace(pipeline.config, model=model), pipeline.parameters,
+        pipeline.statistics, tmp_path,
+    )  # fmt: skip
+    write_config(tmp_path, mine.config)
+    network = build("layout", model)
+    export_network(tmp_path, "layout", network.init(jax.random.key(0)))
+    shown, look = [], mine._layout_predictor._look
+    monkeypatch.setattr(
+        mine._layout_predictor, "_look", lambda images: shown.extend(images) or look(images)
+    )
+    image = np.full((300, 200, 4), 255, np.uint8)
+    image[:20, :, 3] = 0
+    found = mine.find_layout(image)
+    assert [picture.shape for picture in shown] == [(96, 96, 3)] * 2  # as it is, and mirrored
+    assert found.to_json() == mine.layout(image).to_json()
+    assert shown[0].shape != mine.prepare(image).shape
 
 
 @pytest.mark.parametrize("pixels", [np.zeros((9, 9), np.uint8), np.zeros((9, 9, 3), np.float32)])

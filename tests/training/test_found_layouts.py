@@ -71,6 +71,13 @@ def test_a_decoder_sees_the_layout_found_in_place_of_its_own(loss_of):
     assert any(np.any(g) for g in jax.tree.leaves(gradient["layout"]))
 
 
+def test_pictures_of_another_size_are_resampled():
+    find, plain = make_layout_finder(MODEL), jnp.full((2, 32, 32, 3), 0.3)
+    small = find(FROZEN[2], plain)
+    large = find(FROZEN[2], jnp.full((2, 48, 48, 3), 0.3))
+    np.testing.assert_allclose(small.boxes, large.boxes, atol=1e-5)
+
+
 def test_what_is_shown_is_what_the_network_finds():
     batch = make_batch()
     found = make_layout_finder(MODEL)(FROZEN[2], jnp.asarray(batch["image"]))
