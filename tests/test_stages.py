@@ -12,7 +12,7 @@ import pytest
 from safetensors.numpy import load_file
 
 import uniart_jax
-from uniart_jax import adoption, encoding, procedural, stages
+from uniart_jax import adoption, encoding, procedural, stage_checks, stages
 from uniart_jax.cli import load_config
 from uniart_jax.config import (
     NETWORKS,
@@ -336,8 +336,8 @@ def test_a_layout_network_must_be_there_before_anything_is_written(trained, tmp_
     with pytest.raises(FileNotFoundError, match="--stage layout"):
         stages.run(changed, ["latent_flow"], tmp_path / "w", init=workdir)
     assert not (tmp_path / "w").exists()
-    stages.check_found(changed, ["latent_flow"], tmp_path, ["layout"])
-    stages.check_found(changed, ["uniart_vae"], tmp_path, [])  # sees nothing sampled
+    stage_checks.check_found(changed, ["latent_flow"], tmp_path, ["layout"])
+    stage_checks.check_found(changed, ["uniart_vae"], tmp_path, [])  # sees nothing sampled
 
 
 def test_a_decoder_learns_on_what_a_flow_samples_while_the_encoder_stays(trained, tmp_path):

@@ -17,7 +17,6 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import hashlib
-import os
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -36,19 +35,25 @@ from uniart_jax.adoption import (
     same_ground,
     untrained,
 )
-from uniart_jax.config import STAGES, Config, DataConfig, GridConfig
+from uniart_jax.config import STAGES, Config
 from uniart_jax.data import latents as latent_store
-from uniart_jax.data.batches import open_records, voxel_batches
-from uniart_jax.data.folder import read_manifest, read_metadata, write_text
+from uniart_jax.data.batches import voxel_batches
+from uniart_jax.data.folder import write_text
 from uniart_jax.data.image_table import image_batches, load_image_table
 from uniart_jax.data.layouts import layout_batches
-from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
-from uniart_jax.layouts import check_backbone, first_layout_weights
+from uniart_jax.layouts import first_layout_weights
 from uniart_jax.locks import alone
 from uniart_jax.models.network import Network, build
-from uniart_jax.procedural import WORLDS
 from uniart_jax.samplers import make_conditioner, make_layout_finder
+from uniart_jax.stage_checks import (
+    check_features,
+    check_found,
+    check_freeze,
+    check_settings,
+    ensure_records,
+    overlapping,
+)
 from uniart_jax.training import distributed, objectives
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import (
@@ -69,13 +74,11 @@ from uniart_jax.training.state import (
     abstract_state,
     begin_with,
     create_state,
-    frozen_mask,
     make_optimizer,
 )
 from uniart_jax.training.step import make_train_step
 from uniart_jax.validation import make_evaluation
 
-COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
 RUNTIME = ("kernel", "compute_dtype", "scan_blocks", "remat")  # how a model is run, not what it is
 console = Console(stderr=True, highlight=False)
 
@@ -155,78 +158,6 @@ def trainable(config: Config, stages: Sequence[str]) -> list[str]:
     return left
 
 
-def overlapping(data: DataConfig) -> bool:
-    """Whether validation records are among the training records: one folder, and splits that meet."""
-    if not data.validation or Path(data.records).resolve() != Path(data.validation).resolve():
-        return False
-    trained, shown = ({*filter(None, s.split(","))} for s in (data.split, data.validation_split))
-    return not (trained and shown) or bool(trained & shown)
-
-
-def check_settings(config: Config, stages: Sequence[str]) -> None:
-    """ValueError where a number of a stage or the voxel buckets cannot be."""
-    if "layout" in stages:
-        check_backbone(config.model)
-    for name in stages:
-        for field in COUNTS:
-            if (value := getattr(getattr(config, name), field)) < 1:
-                raise ValueError(f"config: {name}.{field} is {value}; give 1 or more")
-        if (value := getattr(config, name).skip_not_finite) < 0:
-            raise ValueError(f"config: {name}.skip_not_finite is {value}; give 0 or more")
-    if min(config.data.voxel_buckets, default=0) < 1:
-        raise ValueError(f"config: data.voxel_buckets is {config.data.voxel_buckets}; give one number of voxels or more, each above 0")  # fmt: skip
-
-
-def check_features(config: Config, stages: Sequence[str]) -> None:
-    """Whether the records have the columns that the UniArt VAE reads.
-
-    Raises:
-      ValueError, FileNotFoundError: they have not, or there are no records; what to run is said.
-    """
-    data, features = config.data, config.model.uniart_vae.feature_channels
-    if not features or set(stages) <= {"image_encoder", "layout", "structure_vae"}:
-        return
-    for folder, split in ((data.records, data.split), (data.validation, data.validation_split)):
-        if folder:
-            open_records(folder, config.model.grid, split, features)
-
-
-def check_found(config: Config, stages: Sequence[str], workdir: Path, taken: Sequence[str]) -> None:
-    """Whether layouts can be found for the networks that are to be shown them (``loss.found``).
-
-    Args:
-      taken: networks that WORKDIR will take from another checkpoint.
-
-    Raises:
-      ValueError: one of them sees no layouts. FileNotFoundError: no layout network is there.
-    """
-    share, model = config.loss.found, config.model
-    if not 0 <= share <= 1:
-        raise ValueError(f"config: loss.found is {share}; give 0 to 1")
-    shown = [name for name in stages if name.endswith("_flow")]
-    shown += ["uniart_vae"] if "uniart_vae" in stages and config.loss.sampled else []
-    for name in shown if share else ():
-        if not (model.layout.queries and getattr(model, name).layout_channels):
-            raise ValueError(
-                f"config: loss.found shows the {name} layouts that are found; give "
-                f"model.layout.queries and model.{name}.layout_channels above 0, or loss.found 0"
-            )
-        if not exported(workdir, "layout") and "layout" not in taken:
-            raise FileNotFoundError(
-                f"{workdir}/export/layout.safetensors: loss.found needs it and it is not there; "
-                "train it first: --stage layout, or give a checkpoint that has it as --init"
-            )
-
-
-def check_freeze(config: Config, stages: Sequence[str]) -> None:
-    """Whether every stage's ``freeze`` names parameters of its network; ValueError if not."""
-    for name in stages:
-        try:
-            frozen_mask(build(name, config.model).abstract(), getattr(config, name).freeze)
-        except ValueError as error:
-            raise ValueError(f"{name}.{error}") from None
-
-
 def claim(config: Config, workdir: Path) -> None:
     """Make WORKDIR this config's, or check that it is: one folder holds one model."""
     if (workdir / "config.json").is_file():
@@ -245,58 +176,6 @@ def claim(config: Config, workdir: Path) -> None:
     write_config(
         workdir / "export", dataclasses.replace(config, untrained=untrained(workdir / "export"))
     )
-
-
-def ensure_records(config: Config) -> None:
-    """Prepare the training and validation records that the config describes, where they are not there yet.
-
-    Raises:
-      ValueError: a folder holds records of other settings; all that differ are named.
-    """
-    data, grid = config.data, config.model.grid
-    if not data.procedural:
-        return
-    options: dict[str, Any] = {
-        "grid": GridConfig(grid.resolution, grid.subdivisions),
-        "image_size": config.model.image_encoder.image_size,
-        "views": data.views,
-        "processes": os.cpu_count() or 1,
-    }
-    families = WORLDS[data.world]
-    for folder, count, seed in (
-        (data.records, data.procedural, 0),
-        (data.validation, data.validation_count, data.validation_seed),
-    ):
-        if not folder:
-            continue
-        if prepared_objects(Path(folder)) >= count:
-            asked = {
-                "start_seed": seed,
-                "resolution": grid.resolution,
-                "subdivisions": grid.subdivisions,
-                "image_size": options["image_size"],
-                "views": data.views,
-            }
-            found = read_metadata(folder)
-            names = {tuple(drawn): world for world, drawn in WORLDS.items()}
-            found["world"] = names.get(tuple(found.get("families", ())), "other families")
-            asked["world"] = data.world
-            if differ := [key for key in asked if found.get(key) != asked[key]]:
-                listed = ", ".join(f"{k} {found.get(k)} instead of {asked[k]}" for k in differ)
-                raise ValueError(
-                    f"{folder}: holds records of other settings ({listed}); "
-                    "give another --data.records or --data.validation, or the config these settings"
-                )
-        else:
-            console.print(f"preparing {count} procedural objects in {folder}")
-            prepare_procedural(Path(folder), count, start_seed=seed, families=families, **options)
-
-
-def prepared_objects(folder: Path) -> int:
-    """How many objects the manifest of a complete prepared folder names; 0 without one."""
-    if not (folder / "manifest.csv").is_file():
-        return 0
-    return len({row["object"] for row in read_manifest(folder)})
 
 
 def train_network(name: str, config: Config, workdir: Path, source: Path | None = None) -> None:

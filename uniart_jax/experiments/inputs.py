@@ -21,7 +21,7 @@ from uniart_jax.experiments.design import Arm, Records
 from uniart_jax.experiments.judge import NEEDS, test_names, test_object
 from uniart_jax.locks import in_turn
 from uniart_jax.procedural import SEEN_FAMILIES
-from uniart_jax.stages import prepared_objects
+from uniart_jax.stage_checks import prepared_objects
 from uniart_jax.training.export import checkpoint_folder, has_export
 
 MAX_PARTS = 64
