@@ -103,3 +103,15 @@ def test_a_part_of_crumbs_alone_is_still_a_part():
     obj = make(BASE, ("link_1", trimesh.util.concatenate(crumbs), 0, Joint.fixed()))
     way = with_parts_joined(obj).parts[1].mesh.vertices[0] - obj.parts[1].mesh.vertices[0]
     np.testing.assert_allclose(way, [0.04, 0, 0], atol=0.01)  # to the nearest vertex of the base
+
+
+def test_parts_of_large_triangles_that_touch_stay():
+    """Nearest corners lie .057 apart, the faces touch."""
+    base, lid = trimesh.creation.box([0.8, 0.8, 0.2]), trimesh.creation.box([0.3, 0.3, 0.1])
+    lid.apply_translation([0.21, 0.21, 0.15])
+    obj = make(("base", base, -1), ("link_1", lid, 0))
+    assert with_parts_joined(obj) is obj
+    lid.apply_translation([0, 0, 0.05])
+    moved = with_parts_joined(make(("base", base, -1), ("link_1", lid, 0)))
+    assert "hung in the air, 0.06" in moved.provenance[0]
+    assert abs(moved.parts[1].mesh.bounds[0, 2] - 0.1) < 0.02

@@ -18,6 +18,7 @@ NEAR = (
 )  # of the longest side: a part that is this far from all others is moved until it touches
 TOUCHING = 0.005  # of the longest side, that lie between two parts once they were moved together
 VOLUME = 0.01  # of the object's
+SPACING, MOST = 0.01, 20_000  # of the longest side, of places on a part's surface, and so many
 CRUMB = 0.1  # of a part's vertices: a piece of it that has fewer holds nothing, and may be gone when surfaces are simplified
 
 
@@ -53,19 +54,17 @@ def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:
 
     A part goes with all that hangs on it, its joint too, along the shortest way. ``provenance`` tells each.
 
-    Args:
-      obj: vertices lie dense, as for ``without_debris``.
     """
     size = float(np.ptp(obj.bounds, axis=0).max())
     for k in range(1, len(obj.parts)):
         poses = obj.forward_kinematics(obj.rest())
-        vertices = [
-            _without_crumbs(part.mesh) @ pose[:3, :3].T + pose[:3, 3]
+        points = [
+            _points(part.mesh, SPACING * size) @ pose[:3, :3].T + pose[:3, 3]
             for part, pose in zip(obj.parts, poses, strict=True)
         ]
         below = subtrees(obj.parents)[k]
-        others = np.concatenate([v for i, v in enumerate(vertices) if i not in below])
-        mine = np.concatenate([vertices[i] for i in sorted(below)])
+        others = np.concatenate([v for i, v in enumerate(points) if i not in below])
+        mine = np.concatenate([points[i] for i in sorted(below)])
         distances, nearest = cKDTree(others).query(mine, distance_upper_bound=NEAR[1] * size)
         first = int(distances.argmin())
         gap = float(distances[first])
@@ -82,11 +81,16 @@ def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:
     return obj
 
 
-def _without_crumbs(mesh: trimesh.Trimesh) -> np.ndarray:
-    """[n, 3] vertices of the mesh's larger pieces."""
+def _points(mesh: trimesh.Trimesh, spacing: float) -> np.ndarray:
+    """[n, 3] vertices of the mesh's larger pieces, and places on these about ``spacing`` apart: the
+    triangles of flat faces are large."""
     piece = trimesh.graph.connected_component_labels(mesh.edges, node_count=len(mesh.vertices))
     size = np.bincount(piece)
-    return mesh.vertices[size[piece] >= min(CRUMB * len(mesh.vertices), size.max())]
+    large = size[piece] >= min(CRUMB * len(mesh.vertices), size.max())
+    weight = mesh.area_faces * large[mesh.faces[:, 0]]
+    count = min(int(weight.sum() / spacing**2) + 1, MOST)
+    places, _ = trimesh.sample.sample_surface(mesh, count, face_weight=weight, seed=0)
+    return np.concatenate([mesh.vertices[large], places])
 
 
 def _moved(part: Part, way: np.ndarray) -> Part:
