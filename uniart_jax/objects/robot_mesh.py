@@ -24,6 +24,7 @@ from uniart_jax.objects.object import moved_mesh
 from uniart_jax.objects.robot import Geometry, Link
 
 FORMATS = (".obj", ".stl", ".ply", ".dae", ".glb", ".gltf", ".off")
+GLTF = (".glb", ".gltf")
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp")
 MAX_MESH_BYTES = 256 * 2**20
 MAX_FACES = 5_000_000
@@ -136,13 +137,14 @@ class AssetFiles:
         resolver = _Resolver(path, self)
         try:
             with np.errstate(all="ignore"):
-                scene = trimesh.load_scene(io.BytesIO(data), file_type=kind[1:], resolver=resolver)
+                scene = trimesh.load_scene(  # unprocessed: trimesh drops NaN without a word
+                    io.BytesIO(data), file_type=kind[1:], resolver=resolver, process=False
+                )
         except Exception as error:  # every loader has its own ways to fail on a broken file
             raise ValueError(
                 f"it cannot be read as {kind[1:].upper()}: {type(error).__name__}: {error}"
             ) from None
-        meshes = []
-        faces = 0
+        meshes, faces, sound = [], 0, {}
         for node in scene.graph.nodes_geometry:
             matrix, name = scene.graph[node]
             mesh = scene.geometry[name]
@@ -151,9 +153,11 @@ class AssetFiles:
             faces += len(mesh.faces)
             if faces > MAX_FACES:
                 raise RefusedError(f"it has more than {MAX_FACES:,} faces")
+            if name not in sound:
+                sound[name] = self._sound(mesh, path)
+            mesh = sound[name]
             if not np.allclose(matrix, np.eye(4)):
                 mesh = mesh.copy().apply_transform(matrix)
-            mesh = self._sound(mesh, path)
             if len(mesh.faces) and _has_area(mesh):
                 meshes.append(mesh)
             elif len(mesh.faces):
@@ -170,12 +174,23 @@ class AssetFiles:
         finite = np.isfinite(mesh.vertices).all(1)
         good[good] &= finite[faces[good]].all(1)
         if not good.all():
-            mesh = mesh.copy()
-            mesh.update_faces(good)
-            mesh.remove_unreferenced_vertices()
             self.note(
                 f"mesh '{path.name}': {np.sum(~good)} faces with non-finite or absent vertices were left out"
             )
+        elif not finite.all():
+            self.note(
+                f"mesh '{path.name}': {np.sum(~finite)} non-finite vertices that no face has were ignored"
+            )
+        if not (good.all() and finite.all()):
+            mesh = mesh.copy()
+            mesh.update_faces(good)
+            mesh.remove_unreferenced_vertices()
+        if path.suffix.lower() not in GLTF:  # whose vertices are as they are meant
+            try:
+                mesh.process()
+            except Exception as error:  # colours or normals that are not one a vertex
+                why = f"{type(error).__name__}: {error}"
+                raise ValueError(f"its vertices cannot be merged: {why}") from None
         if isinstance(mesh.visual, TextureVisuals) and _is_blank(mesh.visual.material):
             mesh.visual = ColorVisuals(mesh)
         elif isinstance(mesh.visual, TextureVisuals):
@@ -274,10 +289,7 @@ def _checked(material, kind: str) -> tuple[PBRMaterial | SimpleMaterial, str]:
     if not isinstance(material, PBRMaterial):
         return SimpleMaterial(image=image, diffuse=getattr(material, "diffuse", None)), fault
     factor = material.baseColorFactor
-    if factor is not None and kind in (
-        ".glb",
-        ".gltf",
-    ):  # glTF's factors are linear, its textures are not
+    if factor is not None and kind in GLTF:  # glTF's factors are linear, its textures are not
         factor = np.array(factor)
         factor[:3] = np.round(linear_to_srgb(factor[:3] / 255.0) * 255)
     return PBRMaterial(baseColorTexture=image, baseColorFactor=factor), fault
