@@ -294,6 +294,18 @@ def test_meshes_that_cannot_be_seen_are_left_out(load, refuse, tmp_path):
         assert notes(load(link("base", BOX + mesh(name))), words)
 
 
+def test_blanks_are_a_name_too(load):
+    """Of links and joints; what is shown is a name that can be seen."""
+    slide = joint("prismatic", "  ", limit(0, 1) + '<mimic joint=" "/>', parent=" ", name="  ")
+    obj = load(
+        link("base"), link(" "), link("  "), joint("revolute", " ", limit(0, 1), name=" "), slide
+    )
+    assert [(p.name, p.parent, p.joint.type) for p in obj.parts] == [
+        ("base", -1, "fixed"), ("part", 0, "revolute"), ("part_2", 1, "prismatic")
+    ]  # fmt: skip
+    assert notes(obj, "names that were too long or held what cannot be printed")
+
+
 def test_names_are_fit_for_files(load):
     """Of controls, lone surrogates, any length and any number."""
     long = "x" * 200

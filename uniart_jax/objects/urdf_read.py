@@ -79,10 +79,16 @@ def _robot_element(data: bytes, notes: list[str]) -> etree._Element:
 
 
 def _name(element: etree._Element, kind: str) -> str:
-    name = (element.get("name") or "").strip()
+    name = _given(element, "name")
     if not name:
         raise ValueError(f"a <{kind}> in line {element.sourceline} has no name")
     return name
+
+
+def _given(element, attribute: str) -> str:
+    """A name without blanks around it; one of blanks alone is a name too. "" if there is none."""
+    text = element.get(attribute) or ""
+    return text.strip() or text
 
 
 def _add_world(robot: Robot) -> None:
@@ -218,7 +224,7 @@ def _joint(element, notes: list[str]) -> RawJoint:
     ends = {}
     for tag in ("parent", "child"):
         end = element.find(tag)
-        link = "" if end is None else (end.get("link") or "").strip()
+        link = "" if end is None else _given(end, "link")
         if not link:
             raise ValueError(f"{where}: it names no {tag} link")
         ends[tag] = link
@@ -237,7 +243,7 @@ def _joint(element, notes: list[str]) -> RawJoint:
     if source is not None and source.get("joint"):
         multiplier = float(_numbers(source, "multiplier", 1, (1,), where)[0])
         offset = float(_numbers(source, "offset", 1, (0,), where)[0])
-        mimic = (source.get("joint").strip(), multiplier, offset)
+        mimic = (_given(source, "joint"), multiplier, offset)
     axis = np.array([1.0, 0.0, 0.0])  # URDF's default
     if element.find("axis") is not None and kind in MOVING:
         axis = _axis(element.find("axis"), where, notes)
