@@ -20,6 +20,7 @@ from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial, empty_material
 
 from uniart_jax.objects.appearance import linear_to_srgb, merge_meshes
+from uniart_jax.objects.image_formats import check_format, image_formats, without_ghostscript
 from uniart_jax.objects.object import moved_mesh
 from uniart_jax.objects.robot import Geometry, Link
 
@@ -82,11 +83,8 @@ class AssetFiles:
             raise RefusedError(
                 f"'{uri}' lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
             )
-        hint = (
-            ""
-            if self.allow_outside or not package
-            else " (allow_outside=True, --allow-outside, looks above the folder too)"
-        )
+        hint = " (allow_outside=True, --allow-outside, looks above the folder too)"
+        hint = hint if package and not self.allow_outside else ""
         raise FileNotFoundError(f"'{uri}' is missing{hint}")
 
     def _candidates(self, name: str, package: bool) -> list[Path]:
@@ -125,6 +123,7 @@ class AssetFiles:
         if self.faces > MAX_FACES:
             raise RefusedError(f"the asset has more than {MAX_FACES:,} faces")
 
+    @without_ghostscript()  # trimesh opens, copies and converts textures of any format
     def _load(self, path: Path) -> list[trimesh.Trimesh]:
         kind = path.suffix.lower()
         if kind not in FORMATS:
@@ -134,11 +133,13 @@ class AssetFiles:
         data = path.read_bytes()
         if kind == ".dae" and (b"<!DOCTYPE" in data.replace(b"\0", b"")):
             raise ValueError("it declares a document type (DTD, entities), which is refused")
-        resolver = _Resolver(path, self)
         try:
             with np.errstate(all="ignore"):
-                scene = trimesh.load_scene(  # unprocessed: trimesh drops NaN without a word
-                    io.BytesIO(data), file_type=kind[1:], resolver=resolver, process=False
+                scene = trimesh.load_scene(
+                    io.BytesIO(data),
+                    file_type=kind[1:],
+                    resolver=_Resolver(path, self),
+                    process=False,  # which would drop NaN without a word
                 )
         except Exception as error:  # every loader has its own ways to fail on a broken file
             raise ValueError(
@@ -173,15 +174,10 @@ class AssetFiles:
         good = np.all((faces >= 0) & (faces < len(mesh.vertices)), axis=1)
         finite = np.isfinite(mesh.vertices).all(1)
         good[good] &= finite[faces[good]].all(1)
-        if not good.all():
-            self.note(
-                f"mesh '{path.name}': {np.sum(~good)} faces with non-finite or absent vertices were left out"
-            )
-        elif not finite.all():
-            self.note(
-                f"mesh '{path.name}': {np.sum(~finite)} non-finite vertices that no face has were ignored"
-            )
         if not (good.all() and finite.all()):
+            lost = f"{np.sum(~good)} faces with non-finite or absent vertices were left out"
+            unused = f"{np.sum(~finite)} non-finite vertices that no face has were ignored"
+            self.note(f"mesh '{path.name}': {unused if good.all() else lost}")
             mesh = mesh.copy()
             mesh.update_faces(good)
             mesh.remove_unreferenced_vertices()
@@ -209,7 +205,7 @@ class AssetFiles:
     def texture(self, uri: str) -> Image.Image | None:
         """The image that a description names as a texture; None and a note if it cannot be had."""
         try:
-            image = Image.open(self.find(uri))
+            image = Image.open(self.find(uri), formats=image_formats())
             _decode(image)
             return image.convert("RGB")
         except IMAGE_ERRORS as error:
@@ -255,7 +251,7 @@ class _Resolver(FilePathResolver):
             raise FileNotFoundError(name) from None
         if name.strip().lower().endswith(IMAGES):
             try:
-                Image.open(io.BytesIO(data))
+                Image.open(io.BytesIO(data), formats=image_formats())
             except IMAGE_ERRORS:  # trimesh would drop it without a word
                 self.files.note(
                     f"mesh '{Path(self.clean).name}': its file '{name.strip()}' is not an image that can be read"
@@ -271,6 +267,7 @@ def _has_area(mesh: trimesh.Trimesh) -> bool:
 
 
 def _decode(image: Image.Image) -> None:
+    check_format(image)
     if image.width * image.height > MAX_PIXELS:
         raise ValueError(f"an image of {image.width} x {image.height} pixels is too large")
     image.load()
