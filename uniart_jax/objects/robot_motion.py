@@ -276,8 +276,8 @@ def _screw(motions: list[Motion]) -> Motion | None:
     found = proportional(turn.direction, tuple(angle), slide.direction, tuple(travel))
     if found is None:
         return None
-    lo, hi = found[1]
-    rate = float(np.ptp(found[0])) / (hi - lo)
+    (a0, a1), ends = found
+    rate, (lo, hi) = (a1 - a0) / (ends[1] - ends[0]), sorted(ends)
     return Motion(turn.names + slide.names, turn.origin, turn.direction, rate, 1.0, lo, hi)
 
 
