@@ -101,6 +101,13 @@ def test_flat_shapes_get_a_thickness(load, shape, size, words):
     assert not words or notes(obj, words)
 
 
+def test_planes_are_ignored(load):
+    ground = SHAPES.format('<plane normal="0 0 1"/>')
+    obj = load(link("base", BOX + ground + ground.replace("visual", "collision")))
+    assert len(notes(obj, "'base': a <plane> in a <")) == len(obj.provenance) == 2
+    np.testing.assert_allclose(obj.bounds, [[-0.5] * 3, [0.5] * 3])
+
+
 @pytest.mark.parametrize(
     "shape",
     [
@@ -178,6 +185,12 @@ def test_harmless_faults_of_the_xml_are_passed_over(load):
     assert notes(obj, "XML") and notes(obj, "'unused'")
     late = load(f'<!-- made by hand -->\n<?xml version="1.0"?>{robot(link("a"))}')
     assert len(late.parts) == 1 and notes(late, "only at the start of the document: ignored")
+    short = load(
+        f'<?xml version="1" ?>{robot(link("a"), link("b"), joint("fixed", "b", parent="a"))}'
+    )
+    assert [p.name for p in short.parts] == ["a", "b"] and notes(
+        short, "expecting version: ignored"
+    )
 
 
 def test_missing_meshes(load, refuse):

@@ -163,6 +163,9 @@ def _geometries(element, tag: str, link: str, materials, notes: list[str]) -> li
         if shape is None:
             notes.append(f"link '{link}': a <{tag}> without geometry was left out")
             continue
+        if shape.tag == "plane":  # Bullet's
+            notes.append(f"link '{link}': a <plane> in a <{tag}> was ignored: it has no end")
+            continue
         made = _visible(_geometry(child, shape, link, materials, notes), link, notes)
         found += [] if made is None else [made]
     return found
