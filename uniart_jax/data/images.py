@@ -17,9 +17,7 @@ from PIL import Image, ImageOps, UnidentifiedImageError
 from uniart_jax.objects.image_formats import image_formats
 
 MARGIN = 1.1
-PICTURE_SIDE = (
-    256  # pixels, of renderings that stand for a user's picture: larger than what networks see
-)
+PICTURE_SIDE = 256  # pixels, of renderings that stand for a user's picture; networks see fewer
 MAX_PIXELS = 100_000_000
 MIN_SIDE = 8
 MAX_CANVAS = 8  # a crop of more than this many times its result's side is shrunk first
