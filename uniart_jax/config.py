@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import reprlib
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat"]
@@ -423,7 +424,7 @@ def from_json(cls: type, text: str) -> Any:
     """
     try:
         data = json.loads(text)
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, RecursionError) as error:  # the latter: nested without end
         raise ValueError(f"config: not valid JSON ({error})") from None
     strange: list[str] = []
     config = _build(cls, data, "", strange)
@@ -449,11 +450,11 @@ def _build(cls: type, data: Any, path: str, strange: list[str]) -> Any:
         elif get_origin(hint) is Literal:
             values[name] = value
             if value not in get_args(hint):
-                strange.append(f"{path}{name}={value!r}")
+                strange.append(f"{path}{name}={reprlib.repr(value)}")
         elif isinstance(value, bool) != (hint is bool) or not isinstance(
             value, (hint, int) if hint is float else hint
         ):
-            strange.append(f"{path}{name}={value!r}")
+            strange.append(f"{path}{name}={reprlib.repr(value)}")
         else:
             values[name] = value
     return cls(**values)

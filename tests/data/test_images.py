@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import EpsImagePlugin, Image, PngImagePlugin
 
 from uniart_jax.data.images import crop, foreground, read_image, remove_plain_background
 
@@ -29,6 +29,30 @@ def test_unreadable_files_give_one_line(tmp_path, name, content, message):
     assert "\n" not in str(error.value)
 
 
+EPS = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 32 32\n%%EndComments\n%%EOF\n"
+
+
+@pytest.mark.parametrize("name", ["a.eps", "a.png"])
+def test_postscript_is_never_run(tmp_path, monkeypatch, name):
+    def run(*_, **__):
+        raise AssertionError("Ghostscript was asked")
+
+    monkeypatch.setattr(EpsImagePlugin, "Ghostscript", run)
+    (tmp_path / name).write_bytes(EPS)
+    assert Image.open(tmp_path / name).format == "EPS"  # Pillow would take it
+    with pytest.raises(ValueError, match=rf"{name}': not an image that can be read"):
+        read_image(tmp_path / name)
+
+
+def test_a_text_beside_a_picture_that_inflates_without_end_names_the_file(tmp_path):
+    texts = PngImagePlugin.PngInfo()
+    texts.add_text("comment", "x" * (4 * 2**20), zip=True)
+    Image.new("RGB", (32, 32)).save(tmp_path / "bomb.png", pnginfo=texts)
+    with pytest.raises(ValueError, match=r"^image '.*bomb\.png': ") as caught:
+        read_image(tmp_path / "bomb.png")
+    assert "\n" not in str(caught.value)
+
+
 def test_missing_and_folder(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such file"):
         read_image(tmp_path / "absent.png")
@@ -51,6 +75,12 @@ def test_one_pixel_and_huge(tmp_path):
     Image.new("1", (20_000, 6_000)).save(tmp_path / "huge.png")
     with pytest.raises(ValueError, match="megapixels"):
         read_image(tmp_path / "huge.png")
+
+
+@pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP", "TIFF", "BMP", "GIF", "PPM", "TGA"])
+def test_common_formats_are_read_whatever_the_file_is_called(tmp_path, kind):
+    Image.new("RGB", (32, 16), (250, 0, 0)).save(tmp_path / "a.image", kind)
+    assert read_image(tmp_path / "a.image")[8, 8, 0] > 230
 
 
 @pytest.mark.parametrize("mode", ["L", "LA", "P", "RGB", "RGBA", "CMYK", "1", "I;16"])

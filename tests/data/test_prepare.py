@@ -184,6 +184,15 @@ def test_other_settings_are_refused(tmp_path, fake):
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.parametrize("text", ["", "[]", "[" * 200_000])
+def test_damaged_metadata_is_one_line(tmp_path, text):
+    (tmp_path / "metadata.json").write_text(text)
+    with pytest.raises(
+        ValueError, match=r"metadata\.json: damaged \(.*; prepare the records again"
+    ):
+        folder.read_metadata(tmp_path)
+
+
 real = pytest.mark.skipif(not hasattr(procedural, "generate"), reason="no generators yet")
 
 

@@ -10,10 +10,11 @@ import zipfile
 
 import numpy as np
 import pytest
-from hand_records import make_record
+from hand_records import make_record, write_folder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from uniart_jax.cli import guarded, inspect
 from uniart_jax.data import records, shards
 from uniart_jax.data.columns import FEATURES
 from uniart_jax.voxels.grid import SDF_CLIP
@@ -86,6 +87,45 @@ def test_errors_name_what_differs(record):
     assert "codes has shape" in line(repack(record, codes=record.codes[:-1]))
     assert "coords lie outside" in line(repack(record, coords=record.coords + 8))
     assert "parents names a part" in line(repack(record, parents=record.parents - 1))
+
+
+@pytest.mark.parametrize(
+    ("key", "place", "value", "words"),
+    [
+        ("codes", (1, 3), np.nan, "codes hold numbers that are not finite"),
+        ("boxes", (2, 0), np.inf, "boxes hold numbers that are not finite"),
+        ("cameras", (0, 3), np.nan, "cameras hold numbers that are not finite"),
+        ("parents", slice(1, 3), [2, 1], "parents are no tree (kinematic tree: it holds a cycle)"),
+        ("parents", slice(0, 3), [1, 2, 0], "parents are no tree (kinematic tree: expected one"),
+        ("parents", slice(0, 3), [0, 1, 0], "expected one root, found 2"),
+        ("coords", 7, "first", "coords hold a voxel twice"),
+    ],
+)
+def test_values_that_cannot_be_are_refused_by_name(tmp_path, capsys, key, place, value, words):
+    """When they are read, whoever reads them: with the file, the item and the record's id."""
+    record = make_record(1)
+    array = getattr(record, key).copy()
+    array[place] = array[0] if isinstance(value, str) else value
+    bad = repack(record, **{key: array})
+    assert words in line(bad) and "(id 'hand-1')" in line(bad)
+    write_folder(tmp_path, [make_record(0), record])
+    path = tmp_path / "records-00000.arrayrecord"
+    records.write_shard(path, [records.to_bytes(make_record(0)), bad])
+    source = records.RecordSource(tmp_path)
+    assert same(source[0], make_record(0))
+    with pytest.raises(ValueError) as caught:
+        source[1]
+    assert str(caught.value).startswith(f"{path}, item 1: record: ") and words in str(caught.value)
+    assert guarded(lambda: inspect(tmp_path, index=1, out=tmp_path / "out")) == 2
+    told = capsys.readouterr().err
+    assert "hand-1" in told and told.count("\n") == 1 and not (tmp_path / "out").exists()
+
+
+def test_voxels_may_stand_in_any_order(record):
+    turned = {
+        k: getattr(record, k)[::-1] for k in ("coords", "sdf", "color", "owner", "voxel_part")
+    }
+    assert np.array_equal(records.from_bytes(repack(record, **turned)).coords, turned["coords"])
 
 
 def test_pickles_are_refused():

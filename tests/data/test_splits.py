@@ -54,7 +54,9 @@ def test_official_lists(tmp_path):
     assert splits.rule_digest("closed", path) != splits.rule_digest("closed", None) == "closed"
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"train": []}', '{"train": [1], "test": []}'])
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"train": []}', '{"train": [1], "test": []}', "[" * 200_000]
+)
 def test_other_files_are_refused(tmp_path, text):
     path = tmp_path / "list.json"
     path.write_text(text)

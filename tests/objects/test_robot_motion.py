@@ -133,13 +133,47 @@ def test_lowering_joins_what_a_code_can_hold_and_nothing_else():
     slide = Joint(np.zeros(3), -up, travel=(0.0, 0.5))
     for outer, main, inner in (((), turn, (slide,)), ((slide,), turn, ()), ((turn,), slide, ())):
         screw = one_joint(outer, main, inner)
-        np.testing.assert_allclose([screw.angle, screw.travel], [(-2, 0), (-0.5, 0)])
+        np.testing.assert_allclose([screw.angle, screw.travel], [(0, 2), (0, -0.5)])
         np.testing.assert_allclose(screw.origin, aside)
     across = dataclasses.replace(slide, direction=aside)
     endless = Joint(aside, up, (-np.pi, np.pi))
     for main, other in ((turn, across), (slide, endless), (turn, turn), (slide, slide)):
         assert one_joint((other,), main, ()) is main
     assert one_joint((), turn, (slide, slide)) is turn
+
+
+RANGES = [((0, 2), (0, 0.5)), ((0, 2), (-0.5, 0)), ((-2, 0), (0, 0.5)), ((-2, 0), (-0.5, 0)), ((-0.5, 2), (-0.4, 0.1))]  # fmt: skip
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(("angle", "travel"), RANGES)
+def test_a_lowered_joint_turns_and_travels_the_way_both_open(angle, travel, way):
+    """Its far end is where both joints are at their far ends, whichever way their axes point."""
+    axis = np.array([0.0, 0, 1])
+    turn, slide = Joint(np.zeros(3), axis, angle), Joint(np.zeros(3), way * axis, travel=travel)
+    screw = one_joint((turn,), slide, ())
+    far = [q for q in screw.limits if abs(q) == max(np.abs(screw.limits))]
+    most = [max(ends, key=abs) for ends in (angle, travel)]
+    moved = screw.motion(far[0])
+    assert moved[2, 3] == pytest.approx(way * most[1])
+    turned = screw.direction[2] * far[0]
+    assert np.sign(turned) == np.sign(most[0])
+    assert np.ptp(screw.angle) == pytest.approx(np.ptp(angle))
+
+
+@pytest.mark.parametrize(("angle", "travel"), [((0, 6.5), (-0.2, 0)), ((-6.5, 0), (0, 0.2))])
+def test_a_screw_that_is_read_of_two_joints_is_of_the_right_hand(load, angle, travel):
+    obj = load(
+        *two_joints(
+            joint("prismatic", "mid", f'<axis xyz="0 0 1"/>{limit(*travel)}'),
+            joint("revolute", "cap", f'<axis xyz="0 0 1"/>{limit(*angle)}', "mid"),
+        )
+    )
+    (cap,) = obj.parts[1].chain
+    q = max(cap.limits, key=abs)
+    moved = cap.motion(q)
+    assert moved[2, 3] == pytest.approx(max(travel, key=abs))
+    assert cap.direction[2] * q == pytest.approx(max(angle, key=abs))
 
 
 @pytest.mark.parametrize(

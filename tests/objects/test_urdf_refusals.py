@@ -206,8 +206,8 @@ def test_what_is_no_urdf(tmp_path, text, words, encoding):
         ([link("base"), link("a"), joint("floating", "a")], "'a_joint' is floating"),
         ([link("base"), link("a"), joint("spherical", "a")], "'a_joint' is spherical"),
         (
-            [link("base"), link("a"), joint("revolute", "a", limit(0, float("inf")))],
-            "'a_joint': upper='inf'",
+            [link("base"), link("a"), joint("revolute", "a", limit(0, float("nan")))],
+            "'a_joint': upper='nan'",
         ),
         (
             [link("base"), link("a"), joint("revolute", "a", '<axis xyz="0 1"/>')],
@@ -217,8 +217,15 @@ def test_what_is_no_urdf(tmp_path, text, words, encoding):
             [link("base"), link("a"), joint("revolute", "a", '<origin xyz="a b c"/>')],
             "3 finite numbers",
         ),
-        ([link("base", BOX.replace("1 1 1", "1 0 1"))], "sizes of its box must be positive"),
+        ([link("base", BOX.replace("1 1 1", "1 -1 1"))], "sizes of its box must be positive"),
         ([link("base", BOX.replace("1 1 1", "1 1"))], "link 'base': size='1 1'"),
+        ([link("base", BOX.replace("1 1 1", "0 0 0"))], "no link has a mesh"),
+        (
+            [link("base"), link("a"), joint("fixed", "a", '<origin rpy="0 0 0 0 0"/>')],
+            "'a_joint': rpy='0 0 0 0 0' should be 3",
+        ),
+        ([link("base"), joint("fixed", "base", parent="map")], "no link 'map'"),
+        ([link("base"), joint("fixed", "world")], "no link 'world'"),
         ([link("base", mesh(""))], "names no file"),
         ([link("base", BOX.replace("box", "torus"))], "unknown geometry <torus>"),
         ([link("")], "has no name"),

@@ -22,6 +22,9 @@ from uniart_jax.objects.robot_object import lost_pieces
         (limit(1, -1), "revolute", (-1, 1), "swapped"),
         ("", "continuous", (-np.pi, np.pi), "without limits"),
         ('<limit effort="1" velocity="1"/>', "continuous", (-np.pi, np.pi), "without limits"),
+        (limit(-1e16, 1e16), "continuous", (-np.pi, np.pi), "are none; read as continuous"),
+        (limit(0, float("inf")), "continuous", (-np.pi, np.pi), "are none; read as continuous"),
+        (limit(3.4e38, -3.4e38), "continuous", (-np.pi, np.pi), "swapped"),
         (limit(0, 90), "revolute", (0, np.pi / 2), "degrees"),
         (limit(0.5, 1), "revolute", (0, 0.5), "shown at 0.5"),
         (limit(-2, -0.5), "revolute", (-1.5, 0), "shown at -0.5"),
@@ -34,7 +37,8 @@ def test_joints_are_repaired(load, inner, kind, limits, words):
     assert obj.parts[1].joint.type == kind
     np.testing.assert_allclose(obj.parts[1].joint.limits, limits, atol=1e-9)
     found = notes(obj, words)
-    assert len(found) == 1 and "'door_joint'" in found[0] and len(obj.provenance) == 1
+    assert len(found) == 1 and "'door_joint'" in found[0]
+    assert len(obj.provenance) == (2 if "e+38" in found[0] else 1)
 
 
 def test_a_joint_clamped_to_its_limit_is_shown_there(load):
@@ -53,6 +57,103 @@ def test_a_prismatic_joint_without_limits_gets_its_parts_length(load):
     obj = load(link("base"), link("drawer"), joint("prismatic", "drawer"))
     np.testing.assert_allclose(obj.parts[1].joint.travel, (-0.5, 0.5))
     assert notes(obj, "prismatic without limits")
+
+
+@pytest.mark.parametrize(
+    ("limits", "travel", "words"),
+    [
+        ((-1e16, 1e16), (-0.5, 0.5), "half its part's length either way"),
+        ((1e16, 1e16), (-0.5, 0.5), "half its part's length either way"),
+        ((0, 1e16), (0, 1), "without an upper limit; its part's length"),
+        ((-0.25, float("inf")), (-0.25, 0.75), "without an upper limit; its part's length"),
+        ((-4, 1e9), (-4, 0), "without an upper limit; its part's length"),
+        ((-float("inf"), 0.25), (-0.75, 0.25), "without a lower limit; its part's length"),
+    ],
+)
+def test_a_prismatic_joint_whose_limits_are_none_gets_its_parts_length(load, limits, travel, words):
+    obj = load(link("base"), link("drawer"), joint("prismatic", "drawer", limit(*limits)))
+    np.testing.assert_allclose(obj.parts[1].joint.travel, travel)
+    assert notes(obj, "are none; read as unlimited") and notes(obj, words)
+
+
+def test_limits_of_an_mjcf_that_are_none(load_mjcf):
+    hinge = '<body><joint name="h" range="-1e12 1e12" limited="true"/><geom size=".1"/></body>'
+    text = f'<worldbody><geom size="1"/>{hinge}</worldbody>'
+    obj = load_mjcf(f'<mujoco><compiler angle="radian"/>{text}</mujoco>')
+    assert obj.parts[1].joint.type == "continuous" and notes(obj, "'h': limits (-1e+12, 1e+12)")
+
+
+SHAPES = "<visual><geometry>{}</geometry></visual>"
+
+
+@pytest.mark.parametrize(
+    ("shape", "size", "words"),
+    [
+        ('<box size="1 0 2"/>', (1, 1e-4, 2), "'flat': a box without thickness"),
+        ('<cylinder radius="1" length="0"/>', (2, 2, 1e-4), "'flat': a cylinder without thickness"),
+        ('<capsule radius="1" length="0"/>', (2, 2, 2), ""),
+    ],
+)
+def test_flat_shapes_get_a_thickness(load, shape, size, words):
+    obj = load(link("base"), link("flat", SHAPES.format(shape)), joint("fixed", "flat"))
+    np.testing.assert_allclose(obj.parts[1].box[3:], size, atol=2e-2, rtol=0)
+    assert obj.parts[1].box[3:].min() > 0 and len(obj.provenance) == (1 if words else 0)
+    assert not words or notes(obj, words)
+
+
+def test_planes_are_ignored(load):
+    ground = SHAPES.format('<plane normal="0 0 1"/>')
+    obj = load(link("base", BOX + ground + ground.replace("visual", "collision")))
+    assert len(notes(obj, "'base': a <plane> in a <")) == len(obj.provenance) == 2
+    np.testing.assert_allclose(obj.bounds, [[-0.5] * 3, [0.5] * 3])
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        '<sphere radius="0"/>',
+        '<box size="0 0 2"/>',
+        "<box/>",
+        '<cylinder radius="0" length="1"/>',
+        '<mesh filename="gone.obj" scale="0 0 0"/>',
+    ],
+)
+def test_shapes_of_size_0_are_ignored(load, shape):
+    obj = load(link("base"), link("dot", BOX + SHAPES.format(shape)), joint("fixed", "dot"))
+    assert len(obj.parts) == 2 and notes(obj, "link 'dot': a") and len(obj.provenance) == 1
+    assert "size or scale 0 was ignored" in obj.provenance[0] and not lost_pieces(obj.provenance)
+    frame = load(link("base"), link("dot", SHAPES.format(shape)), joint("fixed", "dot"))
+    assert [p.name for p in frame.parts] == ["base"]
+
+
+def test_of_four_numbers_the_first_three_count(load, tmp_path):
+    trimesh.creation.box().export(tmp_path / "a.stl")
+    scaled = mesh("a.stl").replace("a.stl", 'a.stl" scale="1 2 3 9')
+    obj = load(
+        link("base", scaled),
+        link("door"),
+        joint(
+            "revolute",
+            "door",
+            f'<origin xyz="4 5 6 9" rpy="0 0 1.5707963 9"/><axis xyz="1 0 0 9"/>{limit(0, 1)}',
+        ),
+    )
+    np.testing.assert_allclose(obj.parts[0].box[3:], (1, 2, 3))
+    np.testing.assert_allclose(obj.parts[1].box[:3], (4, 5, 6))
+    np.testing.assert_allclose(obj.parts[1].joint.direction, (0, 1, 0), atol=1e-6)
+    told = notes(obj, "has four numbers; the first three count")
+    assert len(told) == len(obj.provenance) == 4 and "link 'base': scale=" in "".join(told)
+
+
+def test_the_link_world_need_not_be_written(load):
+    obj = load(
+        link("base"),
+        link("door"),
+        joint("fixed", "base", '<origin xyz="0 0 2"/>', parent="world"),
+        joint("revolute", "door", limit(0, 1)),
+    )
+    assert [p.name for p in obj.parts] == ["base", "door"] and obj.parts[0].box[2] == 2
+    assert notes(obj, "link 'world': joints name it as a parent and it is absent; added")
 
 
 def test_cyclic_mimics_are_independent(load):
@@ -82,6 +183,14 @@ def test_harmless_faults_of_the_xml_are_passed_over(load):
     obj = load(f'<?xml version="0.0"?>{robot("<gz:plugin/>", link("a b"), link("unused", ""))}')
     assert obj.parts[0].name == "a b"
     assert notes(obj, "XML") and notes(obj, "'unused'")
+    late = load(f'<!-- made by hand -->\n<?xml version="1.0"?>{robot(link("a"))}')
+    assert len(late.parts) == 1 and notes(late, "only at the start of the document: ignored")
+    short = load(
+        f'<?xml version="1" ?>{robot(link("a"), link("b"), joint("fixed", "b", parent="a"))}'
+    )
+    assert [p.name for p in short.parts] == ["a", "b"] and notes(
+        short, "expecting version: ignored"
+    )
 
 
 def test_missing_meshes(load, refuse):
@@ -127,6 +236,27 @@ def test_faces_at_nowhere_are_left_out(load, tmp_path, old, new):
     obj = load(link("base", mesh("a.glb")))
     np.testing.assert_allclose(obj.bounds, body.bounds, atol=1e-6)
     assert notes(obj, "non-finite or absent vertices")
+
+
+@pytest.mark.parametrize("kind", ["obj", "stl", "ply", "off", "glb"])
+def test_nan_vertices_are_told_in_every_format(load, tmp_path, kind):
+    body = trimesh.creation.box()
+    body.vertices[0] = np.nan
+    lost = int((body.faces == 0).any(1).sum())
+    body.export(tmp_path / f"a.{kind}")
+    obj = load(link("base", mesh(f"a.{kind}")))
+    assert len(obj.parts[0].mesh.faces) == 12 - lost
+    assert notes(obj, f"'a.{kind}': {lost} faces with non-finite or absent vertices were left out")
+    assert lost_pieces(obj.provenance)
+
+
+def test_nan_vertices_that_no_face_has_are_told_and_are_no_loss(load, tmp_path):
+    body = trimesh.creation.box()
+    points = np.vstack([body.vertices, np.full((2, 3), np.nan)])
+    trimesh.Trimesh(points, body.faces, process=False).export(tmp_path / "a.ply")
+    obj = load(link("base", mesh("a.ply")))
+    assert len(obj.parts[0].mesh.faces) == 12 and not lost_pieces(obj.provenance)
+    assert notes(obj, "'a.ply': 2 non-finite vertices that no face has were ignored")
 
 
 def test_textures_that_are_absent_or_broken_leave_the_urdf_colour(load, tmp_path):
@@ -175,6 +305,18 @@ def test_meshes_that_cannot_be_seen_are_left_out(load, refuse, tmp_path):
         words = f"mesh '{name}': it holds no faces that have an area"
         assert words in refuse(link("base", mesh(name)))
         assert notes(load(link("base", BOX + mesh(name))), words)
+
+
+def test_blanks_are_a_name_too(load):
+    """Of links and joints; what is shown is a name that can be seen."""
+    slide = joint("prismatic", "  ", limit(0, 1) + '<mimic joint=" "/>', parent=" ", name="  ")
+    obj = load(
+        link("base"), link(" "), link("  "), joint("revolute", " ", limit(0, 1), name=" "), slide
+    )
+    assert [(p.name, p.parent, p.joint.type) for p in obj.parts] == [
+        ("base", -1, "fixed"), ("part", 0, "revolute"), ("part_2", 1, "prismatic")
+    ]  # fmt: skip
+    assert notes(obj, "names that were too long or held what cannot be printed")
 
 
 def test_names_are_fit_for_files(load):

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from safetensors.numpy import load_file
+from safetensors.numpy import load_file, save_file
 
 from uniart_jax.config import Config, GridConfig, ModelConfig
 from uniart_jax.training import export
@@ -48,8 +48,6 @@ def test_every_difference_is_listed_in_one_line(tmp_path):
 
 
 def test_values_that_are_not_finite_are_neither_written_nor_read(tmp_path):
-    from safetensors.numpy import save_file
-
     bad = {"a": {"x": np.array([1.0, np.nan])}, "b": np.array([1e6]), "c": np.ones(1)}
     with pytest.raises(ValueError, match=r"not finite as float16: a\.x, b"):
         export.export_network(tmp_path, "net", bad)
@@ -100,6 +98,39 @@ def test_configs_come_back_and_bad_ones_are_told(tmp_path):
     path.write_text("{")
     with pytest.raises(ValueError, match=r"config\.json: config: not valid JSON"):
         export.read_config(tmp_path)
+
+
+def test_weights_that_are_no_real_numbers_are_told(tmp_path):
+    """In a line, with every name, though their shapes fit."""
+    save_file({"a": np.ones(2, np.int32), "b": np.ones(1, bool)}, tmp_path / "net.safetensors")
+    with pytest.raises(ValueError, match=r"not real numbers: a \(int32\), b \(bool\);") as caught:
+        export.load_network(tmp_path, "net", {"a": np.ones(2), "b": np.ones(1)})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["[" * 200_000, '{"model": ' * 200_000, '{"seed": ' + "[" * 500 + "]" * 500 + "}"]
+)
+def test_a_config_that_nests_without_end_is_one_short_line(tmp_path, text):
+    (tmp_path / "config.json").write_text(text)
+    with pytest.raises(ValueError, match=r"config\.json: config: ") as caught:
+        export.read_config(tmp_path)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ("mean", "std", "words"),
+    [
+        (np.zeros(3), np.array([1.0, 0, 2]), r"vae\.std is not above 0 in 1 of 3 channels"),
+        (np.zeros(2), np.array([1.0, -1]), r"vae\.std is not above 0 in 1 of 2 channels"),
+        (np.zeros(2), np.ones(2, np.int32), r"not real numbers: vae\.std \(int32\)"),
+        (np.zeros(2), np.ones(3), r"shapes \(2,\) and \(3,\)"),
+    ],
+)
+def test_statistics_that_no_latent_has_are_told(tmp_path, mean, std, words):
+    save_file({"vae.mean": mean, "vae.std": std}, tmp_path / export.STATISTICS)
+    with pytest.raises(ValueError, match=rf"latent_stats\.safetensors: .*{words}"):
+        export.read_statistics(tmp_path, "vae")
 
 
 def test_statistics_of_several_latents_share_a_file(tmp_path):

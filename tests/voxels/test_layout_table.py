@@ -91,3 +91,10 @@ def test_bad_tables_are_refused_in_one_line(change, words):
     with pytest.raises(ValueError, match=words) as caught:
         Layout.from_json(json.dumps(data))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["{", "[" * 200_000])
+def test_what_is_no_json_is_one_line(text):
+    with pytest.raises(ValueError, match=r"^layout: not valid JSON") as caught:
+        Layout.from_json(text)
+    assert "\n" not in str(caught.value)

@@ -97,7 +97,7 @@ def read_metadata(folder: str | Path) -> dict:
         if not isinstance(metadata, dict):
             raise ValueError("not an object")
         return metadata
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: damaged ({error}); prepare the records again") from None
 
 

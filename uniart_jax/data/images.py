@@ -14,8 +14,10 @@ import numpy as np
 import scipy.ndimage
 from PIL import Image, ImageOps, UnidentifiedImageError
 
+from uniart_jax.objects.image_formats import image_formats
+
 MARGIN = 1.1
-PICTURE_SIDE = 256  # pixels, of renderings that stand for a user's picture: larger than what networks see
+PICTURE_SIDE = 256  # pixels, of renderings that stand for a user's picture; networks see fewer
 MAX_PIXELS = 100_000_000
 MIN_SIDE = 8
 MAX_CANVAS = 8  # a crop of more than this many times its result's side is shrunk first
@@ -24,14 +26,15 @@ _PLAIN_SHARE = 0.9
 
 
 def read_image(path: str | Path) -> np.ndarray:
-    """Read any common image file.
+    """Read an image file of a common format (``objects.image_formats``).
 
     Returns:
       [H, W, 4] uint8 straight-alpha sRGB, upright; alpha is 255 everywhere if the file has none.
 
     Raises:
       FileNotFoundError: there is no such file.
-      ValueError: empty, not an image, truncated, more than 100 megapixels or a side below 8 pixels.
+      ValueError: empty, not an image, truncated, more than 100 megapixels, a side below 8 pixels or
+        texts beside the picture that fill the memory; one line that names the file.
     """
     path = Path(path)
     if not path.exists():
@@ -41,30 +44,33 @@ def read_image(path: str | Path) -> np.ndarray:
     if path.stat().st_size == 0:
         raise ValueError(f"image '{path}': the file is empty")
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-            with Image.open(path) as image:
-                width, height = image.size
-                if width * height > MAX_PIXELS:
-                    raise ValueError(
-                        f"image '{path}': {width * height / 1e6:.0f} megapixels; scale it below {MAX_PIXELS // 10**6}"
-                    )
-                if min(width, height) < MIN_SIDE:
-                    raise ValueError(
-                        f"image '{path}': {width}x{height} pixels is too small; {MIN_SIDE} a side at least"
-                    )
-                image.load()
-                return _to_rgba(ImageOps.exif_transpose(image))
+        return _decoded(path)
     except UnidentifiedImageError:
-        raise ValueError(
-            f"image '{path}': not an image that can be read (PNG, JPEG, WebP, ...)"
-        ) from None
+        why = "not an image that can be read (PNG, JPEG, WebP, ...)"
     except Image.DecompressionBombError:
-        raise ValueError(
-            f"image '{path}': too many pixels; scale it below {MAX_PIXELS // 10**6} megapixels"
-        ) from None
+        why = f"too many pixels; scale it below {MAX_PIXELS // 10**6} megapixels"
+    except ValueError as error:  # ours, and Pillow's of texts that inflate without end
+        why = " ".join(str(error).split())
     except (OSError, SyntaxError, EOFError, MemoryError) as error:
-        raise ValueError(f"image '{path}': truncated or damaged ({error})") from None
+        why = f"truncated or damaged ({error})"
+    raise ValueError(f"image '{path}': {why}")
+
+
+def _decoded(path: Path) -> np.ndarray:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        with Image.open(path, formats=image_formats()) as image:
+            width, height = image.size
+            if width * height > MAX_PIXELS:
+                raise ValueError(
+                    f"{width * height / 1e6:.0f} megapixels; scale it below {MAX_PIXELS // 10**6}"
+                )
+            if min(width, height) < MIN_SIDE:
+                raise ValueError(
+                    f"{width}x{height} pixels is too small; {MIN_SIDE} a side at least"
+                )
+            image.load()
+            return _to_rgba(ImageOps.exif_transpose(image))
 
 
 def _to_rgba(image: Image.Image) -> np.ndarray:

@@ -26,6 +26,7 @@ from uniart_jax.data.columns import FEATURES, open_column, read_feature
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays
 from uniart_jax.data.shards import write_shard as write_shard  # where those who write records look
 from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
+from uniart_jax.objects.kinematics import topological_order
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.grid import SDF_CLIP, PartGrid
 
@@ -185,8 +186,8 @@ def from_bytes(data: bytes) -> Record:
     """A record from its bytes.
 
     Raises:
-      ValueError: damaged bytes, another schema version, missing or extra fields, wrong types or shapes; one line that names
-        what differs.
+      ValueError: damaged bytes, another schema version, missing or extra fields, wrong types or shapes, values that are not
+        finite, parents that are no tree, a voxel twice; one line that names what differs, and the record's id.
     """
     arrays, meta = unpack_arrays(data)
     version = meta.get("schema_version")
@@ -221,16 +222,38 @@ def from_bytes(data: bytes) -> Record:
         sizes.update(
             {axis: n for axis, n in zip(shape, array.shape, strict=True) if axis not in sizes}
         )
-    if not problems:
-        parts = len(arrays["boxes"])
-        for key in ("owner", "voxel_part", "parents"):
-            if arrays[key].size and not 0 <= arrays[key].min() <= arrays[key].max() < parts:
-                problems.append(f"{key} names a part outside 0..{parts - 1}")
-        if arrays["coords"].size and arrays["coords"].max() >= meta["resolution"]:
-            problems.append(f"coords lie outside the grid of {meta['resolution']}")
+    problems = problems or _wrong_values(arrays, meta["resolution"])
     if problems:
-        raise ValueError("record: " + ", ".join(problems))
+        known = f" (id '{meta['id']}')" if isinstance(meta.get("id"), str) else ""
+        raise ValueError("record: " + ", ".join(problems) + known)
     return Record(**arrays, meta=meta)
+
+
+def _wrong_values(arrays: dict[str, np.ndarray], resolution: int) -> list[str]:
+    """What is wrong with arrays of the right types and shapes."""
+    parts, coords = len(arrays["boxes"]), arrays["coords"]
+    problems = [
+        f"{key} names a part outside 0..{parts - 1}"
+        for key in ("owner", "voxel_part", "parents")
+        if arrays[key].size and not 0 <= arrays[key].min() <= arrays[key].max() < parts
+    ]
+    if coords.size and coords.max() >= resolution:
+        problems.append(f"coords lie outside the grid of {resolution}")
+    problems += [
+        f"{key} hold numbers that are not finite"
+        for key in ("boxes", "codes", "cameras")
+        if not np.isfinite(arrays[key]).all()
+    ]
+    place = coords.astype(np.int32) @ np.array([1 << 16, 1 << 8, 1], np.int32)
+    if not (np.diff(place) > 0).all() and len(np.unique(place)) != len(place):  # mostly sorted
+        problems.append("coords hold a voxel twice")
+    if not problems:
+        above = [-1 if p == k else int(p) for k, p in enumerate(arrays["parents"])]
+        try:
+            topological_order(above)
+        except ValueError as error:
+            problems.append(f"parents are no tree ({error})")
+    return problems
 
 
 def shard_paths(folder: str | Path) -> list[Path]:
@@ -293,7 +316,11 @@ class RecordSource:
 
     def __getitem__(self, index: int) -> Record:
         place = int(self.places[index])
-        record = from_bytes(self._shards[place])
+        data = self._shards[place]
+        try:
+            record = from_bytes(data)
+        except ValueError as error:
+            raise ValueError(f"{self._shards.where(place)}: {error}") from None
         name, voxels = record.meta.get("id"), len(record.coords)
         features = {key: read_feature(key, items[place], name, voxels) for key, items in self._columns.items()}  # fmt: skip
         return dataclasses.replace(record, **features) if features else record

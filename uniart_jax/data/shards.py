@@ -142,12 +142,15 @@ class Shards(ArrayRecordDataSource):
         try:
             return super().__getitem__(record_key)
         except RuntimeError as error:
-            place = record_key.__index__()
-            for path in self.paths:
-                if place < (count := len(ArrayRecordDataSource(path))):
-                    raise _damaged(f"{path}, item {place}", error) from None
-                place -= count
-            raise
+            raise _damaged(self.where(record_key.__index__()), error) from None
+
+    def where(self, place: int) -> str:
+        """The file that holds an item, and its number there, for errors."""
+        for path in self.paths:
+            if place < (count := len(ArrayRecordDataSource(path))):
+                return f"{path}, item {place}"
+            place -= count
+        return f"item {place} beyond {len(self.paths)} files"
 
 
 def open_shards(paths: Sequence[str | Path]) -> Shards:

@@ -90,7 +90,7 @@ def read_list(path: str | Path) -> tuple[dict[str, str], list[str]]:
         raise ValueError(f"split list '{path}': larger than {LIST_BYTES >> 20} MiB")
     try:
         halves: Any = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"split list '{path}': not JSON ({error})") from None
     names: dict[str, list[str]] = {}
     for half in ("train", "test"):

@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from uniart_jax.diagram import picture
+from uniart_jax.objects.image_formats import image_formats
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.render import Camera, Scene, build_scene, fit, render
 
@@ -198,7 +199,7 @@ def read_image(image: str | Path | np.ndarray | Image.Image) -> Image.Image:
             image = (np.clip(image, 0, 1) * 255 + 0.5).astype(np.uint8)
         return Image.fromarray(image)
     try:
-        with Image.open(image) as opened:
+        with Image.open(image, formats=image_formats()) as opened:
             opened.load()
             return opened
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:

@@ -16,6 +16,7 @@ from pathlib import Path
 from lxml import etree
 from PIL import Image
 
+from uniart_jax.objects.image_formats import image_formats
 from uniart_jax.objects.robot_mesh import (
     IMAGE_ERRORS,
     MAX_MESH_BYTES,
@@ -281,7 +282,7 @@ def _pixels(element: etree._Element) -> int:
 def _checked_image(data: bytes, where: str) -> int:
     """The number of an image's pixels."""
     try:
-        image = Image.open(io.BytesIO(data))
+        image = Image.open(io.BytesIO(data), formats=image_formats())
     except IMAGE_ERRORS as error:
         raise ValueError(f"{where}: not an image that can be read ({error})") from None
     if image.width * image.height > MAX_PIXELS:

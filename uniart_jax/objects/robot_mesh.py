@@ -20,10 +20,12 @@ from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial, empty_material
 
 from uniart_jax.objects.appearance import linear_to_srgb, merge_meshes
+from uniart_jax.objects.image_formats import check_format, image_formats, without_ghostscript
 from uniart_jax.objects.object import moved_mesh
 from uniart_jax.objects.robot import Geometry, Link
 
 FORMATS = (".obj", ".stl", ".ply", ".dae", ".glb", ".gltf", ".off")
+GLTF = (".glb", ".gltf")
 IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".webp")
 MAX_MESH_BYTES = 256 * 2**20
 MAX_FACES = 5_000_000
@@ -81,11 +83,8 @@ class AssetFiles:
             raise RefusedError(
                 f"'{uri}' lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
             )
-        hint = (
-            ""
-            if self.allow_outside or not package
-            else " (allow_outside=True, --allow-outside, looks above the folder too)"
-        )
+        hint = " (allow_outside=True, --allow-outside, looks above the folder too)"
+        hint = hint if package and not self.allow_outside else ""
         raise FileNotFoundError(f"'{uri}' is missing{hint}")
 
     def _candidates(self, name: str, package: bool) -> list[Path]:
@@ -124,6 +123,7 @@ class AssetFiles:
         if self.faces > MAX_FACES:
             raise RefusedError(f"the asset has more than {MAX_FACES:,} faces")
 
+    @without_ghostscript()  # trimesh opens, copies and converts textures of any format
     def _load(self, path: Path) -> list[trimesh.Trimesh]:
         kind = path.suffix.lower()
         if kind not in FORMATS:
@@ -133,16 +133,19 @@ class AssetFiles:
         data = path.read_bytes()
         if kind == ".dae" and (b"<!DOCTYPE" in data.replace(b"\0", b"")):
             raise ValueError("it declares a document type (DTD, entities), which is refused")
-        resolver = _Resolver(path, self)
         try:
             with np.errstate(all="ignore"):
-                scene = trimesh.load_scene(io.BytesIO(data), file_type=kind[1:], resolver=resolver)
+                scene = trimesh.load_scene(
+                    io.BytesIO(data),
+                    file_type=kind[1:],
+                    resolver=_Resolver(path, self),
+                    process=False,  # which would drop NaN without a word
+                )
         except Exception as error:  # every loader has its own ways to fail on a broken file
             raise ValueError(
                 f"it cannot be read as {kind[1:].upper()}: {type(error).__name__}: {error}"
             ) from None
-        meshes = []
-        faces = 0
+        meshes, faces, sound = [], 0, {}
         for node in scene.graph.nodes_geometry:
             matrix, name = scene.graph[node]
             mesh = scene.geometry[name]
@@ -151,9 +154,11 @@ class AssetFiles:
             faces += len(mesh.faces)
             if faces > MAX_FACES:
                 raise RefusedError(f"it has more than {MAX_FACES:,} faces")
+            if name not in sound:
+                sound[name] = self._sound(mesh, path)
+            mesh = sound[name]
             if not np.allclose(matrix, np.eye(4)):
                 mesh = mesh.copy().apply_transform(matrix)
-            mesh = self._sound(mesh, path)
             if len(mesh.faces) and _has_area(mesh):
                 meshes.append(mesh)
             elif len(mesh.faces):
@@ -169,13 +174,19 @@ class AssetFiles:
         good = np.all((faces >= 0) & (faces < len(mesh.vertices)), axis=1)
         finite = np.isfinite(mesh.vertices).all(1)
         good[good] &= finite[faces[good]].all(1)
-        if not good.all():
+        if not (good.all() and finite.all()):
+            lost = f"{np.sum(~good)} faces with non-finite or absent vertices were left out"
+            unused = f"{np.sum(~finite)} non-finite vertices that no face has were ignored"
+            self.note(f"mesh '{path.name}': {unused if good.all() else lost}")
             mesh = mesh.copy()
             mesh.update_faces(good)
             mesh.remove_unreferenced_vertices()
-            self.note(
-                f"mesh '{path.name}': {np.sum(~good)} faces with non-finite or absent vertices were left out"
-            )
+        if path.suffix.lower() not in GLTF:  # whose vertices are as they are meant
+            try:
+                mesh.process()
+            except Exception as error:  # colours or normals that are not one a vertex
+                why = f"{type(error).__name__}: {error}"
+                raise ValueError(f"its vertices cannot be merged: {why}") from None
         if isinstance(mesh.visual, TextureVisuals) and _is_blank(mesh.visual.material):
             mesh.visual = ColorVisuals(mesh)
         elif isinstance(mesh.visual, TextureVisuals):
@@ -194,7 +205,7 @@ class AssetFiles:
     def texture(self, uri: str) -> Image.Image | None:
         """The image that a description names as a texture; None and a note if it cannot be had."""
         try:
-            image = Image.open(self.find(uri))
+            image = Image.open(self.find(uri), formats=image_formats())
             _decode(image)
             return image.convert("RGB")
         except IMAGE_ERRORS as error:
@@ -240,7 +251,7 @@ class _Resolver(FilePathResolver):
             raise FileNotFoundError(name) from None
         if name.strip().lower().endswith(IMAGES):
             try:
-                Image.open(io.BytesIO(data))
+                Image.open(io.BytesIO(data), formats=image_formats())
             except IMAGE_ERRORS:  # trimesh would drop it without a word
                 self.files.note(
                     f"mesh '{Path(self.clean).name}': its file '{name.strip()}' is not an image that can be read"
@@ -256,6 +267,7 @@ def _has_area(mesh: trimesh.Trimesh) -> bool:
 
 
 def _decode(image: Image.Image) -> None:
+    check_format(image)
     if image.width * image.height > MAX_PIXELS:
         raise ValueError(f"an image of {image.width} x {image.height} pixels is too large")
     image.load()
@@ -274,10 +286,7 @@ def _checked(material, kind: str) -> tuple[PBRMaterial | SimpleMaterial, str]:
     if not isinstance(material, PBRMaterial):
         return SimpleMaterial(image=image, diffuse=getattr(material, "diffuse", None)), fault
     factor = material.baseColorFactor
-    if factor is not None and kind in (
-        ".glb",
-        ".gltf",
-    ):  # glTF's factors are linear, its textures are not
+    if factor is not None and kind in GLTF:  # glTF's factors are linear, its textures are not
         factor = np.array(factor)
         factor[:3] = np.round(linear_to_srgb(factor[:3] / 255.0) * 255)
     return PBRMaterial(baseColorTexture=image, baseColorFactor=factor), fault

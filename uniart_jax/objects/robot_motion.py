@@ -17,6 +17,7 @@ from uniart_jax.objects.robot import MOVING, RawJoint, Robot
 from uniart_jax.objects.several_joints import PARALLEL, proportional
 
 DEGREES_FROM = 2 * np.pi * 1.05
+UNLIMITED_FROM = 1e6  # radians, metres: files write 1e16 or the largest float for "no limit"
 
 
 @dataclasses.dataclass
@@ -115,11 +116,10 @@ def _joint(motion: Motion, mesh: trimesh.Trimesh, dead_zone: float, notes: list[
         if motion.angle:
             motion = dataclasses.replace(motion, lo=-np.pi, hi=np.pi, angle=1.0)
         else:
-            along = np.ptp(mesh.vertices @ motion.direction) / 2
-            motion = dataclasses.replace(motion, lo=-along, hi=along, travel=1.0)
-            notes.append(
-                f"joint {_quoted(motion.names)}: prismatic without limits; half its part's length either way"
-            )
+            along = float(np.ptp(mesh.vertices @ motion.direction) / abs(motion.travel))
+            lo, hi, how = _ended(motion.lo, motion.hi, along)
+            motion = dataclasses.replace(motion, lo=lo, hi=hi)
+            notes.append(f"joint {_quoted(motion.names)}: prismatic without {how}")
     angle, travel = motion.spans()
     direction = motion.direction
     if (angle if motion.angle else travel)[1] < 0 or (angle if motion.angle else travel)[0] > 0:
@@ -131,6 +131,15 @@ def _joint(motion: Motion, mesh: trimesh.Trimesh, dead_zone: float, notes: list[
             f"{1000 * dead_zone:.2g} mm; read as fixed"
         )
     return joint
+
+
+def _ended(lo: float, hi: float, along: float) -> tuple[float, float, str]:
+    """Both ends of a travel that lacks one or two, from its part's length; and how, for people."""
+    if np.isfinite(lo):
+        return lo, max(lo + along, 0.0), "an upper limit; its part's length from the lower one"
+    if np.isfinite(hi):
+        return min(hi - along, 0.0), hi, "a lower limit; its part's length from the upper one"
+    return -along / 2, along / 2, "limits; half its part's length either way"
 
 
 def _motions(name: str, edges: list[Edge], mesh: trimesh.Trimesh, notes: list[str]) -> list[Motion]:
@@ -267,8 +276,8 @@ def _screw(motions: list[Motion]) -> Motion | None:
     found = proportional(turn.direction, tuple(angle), slide.direction, tuple(travel))
     if found is None:
         return None
-    lo, hi = found[1]
-    rate = float(np.ptp(found[0])) / (hi - lo)
+    (a0, a1), ends = found
+    rate, (lo, hi) = (a1 - a0) / (ends[1] - ends[0]), sorted(ends)
     return Motion(turn.names + slide.names, turn.origin, turn.direction, rate, 1.0, lo, hi)
 
 
@@ -349,6 +358,8 @@ def _limits(joint: RawJoint, by_name: dict[str, RawJoint], robot: Robot) -> tupl
             f"joint '{joint.name}': lower limit {lo:.4g} is above upper {hi:.4g}; swapped"
         )
         lo, hi = hi, lo
+    if max(abs(lo), abs(hi)) >= UNLIMITED_FROM:
+        return _unlimited(joint, lo, hi, robot.notes)
     if (
         joint.type == "revolute"
         and not robot.radians
@@ -360,6 +371,21 @@ def _limits(joint: RawJoint, by_name: dict[str, RawJoint], robot: Robot) -> tupl
         )
         lo, hi = np.deg2rad(lo), np.deg2rad(hi)
     return lo, hi
+
+
+def _unlimited(joint: RawJoint, lo: float, hi: float, notes: list[str]) -> tuple[float, float]:
+    """Limits of which one or both are so far away that they mean none: infinite there."""
+    turns = joint.type == "revolute"
+    notes.append(
+        f"joint '{joint.name}': limits ({lo:.4g}, {hi:.4g}) are none; read as "
+        + ("continuous" if turns else "unlimited")
+    )
+    if turns:
+        return -np.inf, np.inf
+    return (
+        -np.inf if abs(lo) >= UNLIMITED_FROM else lo,
+        np.inf if abs(hi) >= UNLIMITED_FROM else hi,
+    )
 
 
 def _turns_a_screw(joint: RawJoint, by_name: dict[str, RawJoint]) -> bool:

@@ -39,19 +39,25 @@ def one_joint(outer: Sequence[Joint], joint: Joint, inner: Sequence[Joint]) -> J
 def proportional(
     turn: np.ndarray, angle: Ends, slide: np.ndarray, travel: Ends
 ) -> tuple[Ends, Ends] | None:
-    """A turn spread over a travel in proportion, lower end to lower end; the travel keeps its ends.
+    """A turn spread over a travel in proportion; the travel keeps its ends.
+
+    Both open together: where the middles of the two ranges lie on opposite sides of 0, what turns
+    one way travels the other, and the screw is left-handed.
 
     Args:
       turn, slide: [3] unit directions.
       angle, travel: their ends, radians and any length; neither without a span.
 
     Returns:
-      (angle, travel) at both ends, about and along ``turn``; None if the two are not parallel.
+      (angle, travel) at both ends, the lower angle first, about and along ``turn``; None if the two
+      are not parallel.
     """
     if np.linalg.norm(np.cross(turn, slide)) >= PARALLEL:
         return None
     lo, hi = sorted(float(t * np.sign(turn @ slide)) for t in travel)
     rate = abs(angle[1] - angle[0]) / (hi - lo)
+    if (angle[0] + angle[1]) * (lo + hi) < 0:
+        return (-hi * rate, -lo * rate), (hi, lo)
     return (lo * rate, hi * rate), (lo, hi)
 
 

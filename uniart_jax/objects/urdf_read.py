@@ -6,12 +6,14 @@ Parsed with lxml, not with yourdfpy: real files lack ``effort``, hold zero axes 
 
 from __future__ import annotations
 
+import dataclasses
 import re
 
 import numpy as np
 from lxml import etree
 from trimesh.transformations import euler_matrix
 
+from uniart_jax.objects.kinematics import LEAST_TRAVEL
 from uniart_jax.objects.names import Numbered
 from uniart_jax.objects.robot import (
     MAX_NUMBER,
@@ -49,7 +51,7 @@ def read_robot(data: bytes) -> Robot:
         )
         repeated.setdefault(name, []).append(link)
         robot.links.setdefault(name, link)
-    robot.joints = [_joint(e) for e in root.findall("joint")]
+    robot.joints = [_joint(e, notes) for e in root.findall("joint")]
     fresh = Numbered()
     for joint in robot.joints:
         name, joint.name = joint.name, fresh(joint.name)
@@ -57,6 +59,7 @@ def read_robot(data: bytes) -> Robot:
             notes.append(f"joint '{name}': the name is taken; renamed '{joint.name}'")
     if not robot.links:
         raise ValueError("it holds no <link>")
+    _add_world(robot)
     for name, links in repeated.items():
         if len(links) > 1:
             _rename(robot, name, links)
@@ -76,14 +79,30 @@ def _robot_element(data: bytes, notes: list[str]) -> etree._Element:
 
 
 def _name(element: etree._Element, kind: str) -> str:
-    name = (element.get("name") or "").strip()
+    name = _given(element, "name")
     if not name:
         raise ValueError(f"a <{kind}> in line {element.sourceline} has no name")
     return name
 
 
-def _numbers(element, attribute: str, count: int, default, where: str) -> np.ndarray:
-    """``count`` numbers of an attribute; ``default`` if the element or the attribute is absent."""
+def _given(element, attribute: str) -> str:
+    """A name without blanks around it; one of blanks alone is a name too. "" if there is none."""
+    text = element.get(attribute) or ""
+    return text.strip() or text
+
+
+def _add_world(robot: Robot) -> None:
+    """The link ``world``, which some programs take for given where joints name it as a parent."""
+    if "world" not in robot.links and any(j.parent == "world" for j in robot.joints):
+        robot.links["world"] = Link("world", [], [])
+        robot.notes.append("link 'world': joints name it as a parent and it is absent; added")
+
+
+def _numbers(
+    element, attribute: str, count: int, default, where: str, most: float = MAX_NUMBER
+) -> np.ndarray:
+    """``count`` numbers of an attribute, none above ``most``; ``default`` if the element or the
+    attribute is absent."""
     text = None if element is None else element.get(attribute)
     if text is None or not text.strip():
         return np.array(default, dtype=np.float64)
@@ -91,18 +110,28 @@ def _numbers(element, attribute: str, count: int, default, where: str) -> np.nda
         values = np.array([float(t) for t in re.split(r"[\s,]+", text.strip())])
     except ValueError:
         values = np.zeros(0)
-    if len(values) != count or not np.all(np.abs(values) <= MAX_NUMBER):
+    if len(values) != count or not np.all(np.abs(values) <= most):
         raise ValueError(
             f"{where}: {attribute}='{text.strip()[:60]}' should be {count} finite number{'s' * (count > 1)}"
         )
     return values
 
 
-def _pose(element, where: str) -> np.ndarray:
+def _vector(element, attribute: str, default, where: str, notes: list[str]) -> np.ndarray:
+    """[3] of an attribute. Of four numbers the first three count, as in Bullet."""
+    text = "" if element is None else (element.get(attribute) or "").strip()
+    four = len(re.split(r"[\s,]+", text)) == 4
+    values = _numbers(element, attribute, 4 if four else 3, default, where)
+    if four:
+        notes.append(f"{where}: {attribute}='{text[:60]}' has four numbers; the first three count")
+    return values[:3]
+
+
+def _pose(element, where: str, notes: list[str]) -> np.ndarray:
     """[4, 4] of an ``<origin xyz rpy>``; the identity if it is absent."""
-    rpy = _numbers(element, "rpy", 3, (0, 0, 0), where)
+    rpy = _vector(element, "rpy", (0, 0, 0), where, notes)
     matrix = euler_matrix(*rpy, axes="sxyz") if rpy.any() else np.eye(4)
-    matrix[:3, 3] = _numbers(element, "xyz", 3, (0, 0, 0), where)
+    matrix[:3, 3] = _vector(element, "xyz", (0, 0, 0), where, notes)
     return matrix
 
 
@@ -133,13 +162,33 @@ def _geometries(element, tag: str, link: str, materials, notes: list[str]) -> li
         shape = next(iter(child.findall("geometry/*")), None)
         if shape is None:
             notes.append(f"link '{link}': a <{tag}> without geometry was left out")
-        else:
-            found.append(_geometry(child, shape, link, materials))
+            continue
+        if shape.tag == "plane":  # Bullet's
+            notes.append(f"link '{link}': a <plane> in a <{tag}> was ignored: it has no end")
+            continue
+        made = _visible(_geometry(child, shape, link, materials, notes), link, notes)
+        found += [] if made is None else [made]
     return found
 
 
-def _geometry(element, shape, link: str, materials) -> Geometry:
-    where, origin = f"link '{link}'", _pose(element.find("origin"), f"link '{link}'")
+def _visible(shape: Geometry, link: str, notes: list[str]) -> Geometry | None:
+    """A shape with an extent: what is flat is made ``LEAST_TRAVEL`` thick; None for a line or a
+    point, of which nothing can be seen."""
+    kind, zero = shape.kind, shape.size == 0
+    if not zero.any():
+        return shape
+    if kind == "capsule" and not zero[0]:  # two half balls
+        return dataclasses.replace(shape, kind="sphere", size=shape.size[:1])
+    if (kind == "box" and zero.sum() == 1) or (kind == "cylinder" and not zero[0]):
+        notes.append(f"link '{link}': a {kind} without thickness; made {LEAST_TRAVEL:g} m thick")
+        return dataclasses.replace(shape, size=np.where(zero, LEAST_TRAVEL, shape.size))
+    notes.append(f"link '{link}': a {kind} of size or scale 0 was ignored")
+    return None
+
+
+def _geometry(element, shape, link: str, materials, notes: list[str]) -> Geometry:
+    where = f"link '{link}'"
+    origin = _pose(element.find("origin"), where, notes)
     color, texture = None, ""
     material = element.find("material")
     if material is not None:
@@ -151,10 +200,10 @@ def _geometry(element, shape, link: str, materials) -> Geometry:
         filename = (shape.get("filename") or "").strip()
         if not filename:
             raise ValueError(f"{where}: a <mesh> names no file")
-        count = 1 if len((shape.get("scale") or "").split()) == 1 else 3
-        size = np.broadcast_to(_numbers(shape, "scale", count, (1, 1, 1), where), 3)
-        if np.any(size == 0):
-            raise ValueError(f"{where}: the scale of mesh '{filename}' is zero")
+        if len((shape.get("scale") or "").split()) == 1:
+            size = np.broadcast_to(_numbers(shape, "scale", 1, (1,), where), 3)
+        else:
+            size = _vector(shape, "scale", (1, 1, 1), where, notes)
     elif shape.tag == "box":
         size = _numbers(shape, "size", 3, (0, 0, 0), where)
     elif shape.tag == "sphere":
@@ -165,20 +214,20 @@ def _geometry(element, shape, link: str, materials) -> Geometry:
         )
     else:
         raise ValueError(f"{where}: unknown geometry <{shape.tag}>")
-    if shape.tag != "mesh" and np.any(size <= 0):
+    if shape.tag != "mesh" and np.any(size < 0):
         raise ValueError(
             f"{where}: the sizes of its {shape.tag} must be positive, got {size.tolist()}"
         )
     return Geometry(shape.tag, size, origin, filename, color, texture)
 
 
-def _joint(element) -> RawJoint:
+def _joint(element, notes: list[str]) -> RawJoint:
     name = _name(element, "joint")
     where = f"joint '{name}'"
     ends = {}
     for tag in ("parent", "child"):
         end = element.find(tag)
-        link = "" if end is None else (end.get("link") or "").strip()
+        link = "" if end is None else _given(end, "link")
         if not link:
             raise ValueError(f"{where}: it names no {tag} link")
         ends[tag] = link
@@ -188,33 +237,35 @@ def _joint(element) -> RawJoint:
     limits = None
     limit = element.find("limit")
     if limit is not None and (limit.get("lower") or limit.get("upper")):
-        lower, upper = (float(_numbers(limit, a, 1, (0,), where)[0]) for a in ("lower", "upper"))
+        lower, upper = (
+            float(_numbers(limit, a, 1, (0,), where, most=np.inf)[0]) for a in ("lower", "upper")
+        )
         limits = (lower, upper)
     mimic = None
     source = element.find("mimic")
     if source is not None and source.get("joint"):
         multiplier = float(_numbers(source, "multiplier", 1, (1,), where)[0])
         offset = float(_numbers(source, "offset", 1, (0,), where)[0])
-        mimic = (source.get("joint").strip(), multiplier, offset)
+        mimic = (_given(source, "joint"), multiplier, offset)
     axis = np.array([1.0, 0.0, 0.0])  # URDF's default
     if element.find("axis") is not None and kind in MOVING:
-        axis = _axis(element.find("axis"), where)
+        axis = _axis(element.find("axis"), where, notes)
     return RawJoint(
         name,
         kind,
         ends["parent"],
         ends["child"],
-        _pose(element.find("origin"), where),
+        _pose(element.find("origin"), where, notes),
         axis,
         limits,
         mimic,
     )
 
 
-def _axis(element, where: str) -> np.ndarray:
+def _axis(element, where: str, notes: list[str]) -> np.ndarray:
     """[3] as written; one that cannot be read (PartNet-Mobility has 'None None None') is zero, as if none was known."""
     try:
-        return _numbers(element, "xyz", 3, (1, 0, 0), where)
+        return _vector(element, "xyz", (1, 0, 0), where, notes)
     except ValueError:
         if set((element.get("xyz") or "").lower().replace(",", " ").split()) <= {
             "none",

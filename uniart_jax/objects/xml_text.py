@@ -5,8 +5,15 @@ from __future__ import annotations
 from lxml import etree
 
 MAX_BYTES = 16 * 2**20
-# Errors of libxml2 that leave the tree as written: an unknown version number, an undeclared name space.
-_HARMLESS = {"ERR_UNKNOWN_VERSION", "NS_ERR_UNDEFINED_NAMESPACE", "WAR_UNKNOWN_VERSION"}
+# Errors of libxml2 that leave the tree as written: an unknown version number, an undeclared name
+# space, a declaration (<?xml ...?>) that is not the first thing in the file.
+_HARMLESS = {
+    "ERR_RESERVED_XML_NAME",
+    "ERR_UNKNOWN_VERSION",
+    "ERR_VERSION_MISSING",  # as that of version="1"
+    "NS_ERR_UNDEFINED_NAMESPACE",
+    "WAR_UNKNOWN_VERSION",
+}
 
 
 def parse_xml(data: bytes, notes: list[str]) -> etree._Element:

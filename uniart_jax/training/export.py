@@ -106,7 +106,8 @@ def load_network(folder: str | Path, name: str, abstract: Any) -> Any:
 
     Raises:
       FileNotFoundError: no such file.
-      ValueError: truncated, of another config or not finite; every difference is listed.
+      ValueError: truncated, of another config, not finite or not real numbers; every difference is
+        listed.
     """
     path = find_export(folder, f"{name}.safetensors")
     tensors = _read(path)
@@ -115,6 +116,8 @@ def load_network(folder: str | Path, name: str, abstract: Any) -> Any:
         {name: list(leaf.shape) for name, leaf in expected.items()},
         {name: list(leaf.shape) for name, leaf in tensors.items()},
     )
+    if bad := _not_real(tensors):
+        problems.append(f"not real numbers: {', '.join(bad)}")
     if bad := _not_finite(tensors):
         problems.append(f"not finite: {', '.join(bad)}")
     if problems:
@@ -176,16 +179,25 @@ def read_statistics(folder: str | Path, name: str) -> tuple[np.ndarray, np.ndarr
 
     Raises:
       FileNotFoundError: no such file.
-      ValueError: truncated, not finite, or without this latent.
+      ValueError: truncated, without this latent, or of values that no latent has: not finite, not
+        real numbers, a standard deviation that is not above 0.
     """
     path = find_export(folder, STATISTICS)
     tensors = _read(path)
     keys = (f"{name}.mean", f"{name}.std")
     if missing := [key for key in keys if key not in tensors]:
         raise ValueError(f"{path}: missing: {', '.join(missing)}; train the stage that makes them")
-    if bad := _not_finite({key: tensors[key] for key in keys}):
+    found = {key: tensors[key] for key in keys}
+    if bad := _not_real(found):
+        raise ValueError(f"{path}: not real numbers: {', '.join(bad)}")
+    if bad := _not_finite(found):
         raise ValueError(f"{path}: not finite: {', '.join(bad)}")
-    return tensors[keys[0]], tensors[keys[1]]
+    mean, std = found.values()
+    if mean.ndim != 1 or mean.shape != std.shape:
+        raise ValueError(f"{path}: {name} has shapes {mean.shape} and {std.shape}, expected [C] both")  # fmt: skip
+    if not (std > 0).all():
+        raise ValueError(f"{path}: {keys[1]} is not above 0 in {np.sum(std <= 0)} of {std.size} channels; train the stage that makes it again")  # fmt: skip
+    return mean, std
 
 
 def find_export(folder: str | Path, filename: str) -> Path:
@@ -231,6 +243,11 @@ def differences(expected: dict[str, Any], found: dict[str, Any]) -> list[str]:
 
 def _not_finite(tensors: dict[str, np.ndarray]) -> list[str]:
     return [name for name, value in sorted(tensors.items()) if not np.isfinite(value).all()]
+
+
+def _not_real(tensors: dict[str, np.ndarray]) -> list[str]:
+    """Names of what holds no real numbers, with their type (bfloat16 is none of numpy's kinds)."""
+    return [f"{name} ({v.dtype})" for name, v in sorted(tensors.items()) if v.dtype.kind in "biuc"]
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:

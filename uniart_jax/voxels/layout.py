@@ -128,7 +128,7 @@ class Layout:
         """
         try:
             data = json.loads(text)
-        except json.JSONDecodeError as error:
+        except (json.JSONDecodeError, RecursionError) as error:
             raise ValueError(f"layout: not valid JSON ({error})") from None
         if not isinstance(data, dict) or data.get("schema") != SCHEMA:
             raise ValueError(f'layout: give an object with "schema": {SCHEMA}')

@@ -1,0 +1,74 @@
+"""``report.json`` agrees with the files beside it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from uniart_jax.export.asset import save_asset
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.load import load_object
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+
+def edge_counts(path) -> np.ndarray:
+    """How many faces each edge of an OBJ has, as its indices of positions say, and then as the
+    positions themselves do."""
+    rows = [line.split() for line in path.read_text().splitlines()]
+    points = np.array([row[1:4] for row in rows if row[:1] == ["v"]], float)
+    faces = np.array([[c.split("/")[0] for c in r[1:4]] for r in rows if r[:1] == ["f"]], int) - 1
+    same = np.unique(points, axis=0, return_inverse=True)[1].reshape(-1)
+    found = []
+    for corners in (faces, same[faces]):
+        edges = np.sort(corners[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        found.append(np.unique(edges, axis=0, return_counts=True)[1])
+    return np.concatenate(found)
+
+
+def shapes() -> dict[str, trimesh.Trimesh]:
+    """Closed; two closed boxes that share an edge; a surface with a hole; faces without shared
+    vertices; of 2 cm, far away."""
+    box = trimesh.creation.box
+    beside = box().apply_translation([1, 1, 0])
+    bowl = box(extents=[1, 1, 1])
+    bowl.update_faces(bowl.triangles_center[:, 2] < 0.49)
+    soup = trimesh.Trimesh(box().triangles.reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False)  # fmt: skip
+    small = trimesh.creation.icosphere(2, 1e-2).apply_translation([9, 9, 9])
+    return {
+        "box": box(),
+        "joined": trimesh.util.concatenate([box(), beside]),
+        "bowl": bowl,
+        "soup": soup,
+        "small": small,
+    }
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3])
+def test_watertight_is_what_the_edges_of_the_written_file_say(tmp_path, scale):
+    parts = [Part(name, mesh.apply_translation([3 * k, 0, 0]), min(k, 1) - 1) for k, (name, mesh) in enumerate(shapes().items())]  # fmt: skip
+    out = save_asset(ArticulatedObject(tuple(parts), scale), tmp_path / "a", formats=(), motion=False)  # fmt: skip
+    told = {p["name"]: p["watertight"] for p in json.loads((out / "report.json").read_text())["parts"]}  # fmt: skip
+    counted = {name: bool((edge_counts(out / f"meshes/{name}.obj") == 2).all()) for name in told}
+    assert told == counted
+    assert told["box"] and told["soup"] and not told["joined"]
+
+
+def test_a_part_whose_name_is_a_blank_is_written_and_read(tmp_path):
+    box = trimesh.creation.box()
+    hinge = Joint(np.array([0.5, 0.5, 0]), np.array([0, 0, 1.0]), (0, 1))
+    door = Part(" ", box.copy().apply_translation([2, 0, 0]), 0, hinge)
+    out = save_asset(
+        ArticulatedObject((Part("body of it", box), door)),
+        tmp_path / "a",
+        formats=("mjcf",),
+        motion=False,
+    )
+    rows = json.loads((out / "report.json").read_text())["parts"]
+    assert [row["as_read"]["name"] for row in rows] == ["body of it", " "]
+    for file in ("object.urdf", "object.xml"):
+        read = load_object(out / file)
+        assert [p.name for p in read.parts] == ["body of it", "hinge_1"]
+        assert read.parts[1].joint.type == "revolute"
