@@ -3,13 +3,16 @@
 import runpy
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import numpy as np
 import pytest
+from PIL import Image
 from safetensors.numpy import load_file
 
 from uniart_jax.cli import load_config
+from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.models.network import build
 from uniart_jax.training.export import export_network, write_config
 
@@ -33,3 +36,38 @@ def test_weights_are_averaged_by_the_share_of_the_second(tmp_path, monkeypatch, 
     monkeypatch.setattr(sys, "argv", [*command[:1], "nothing", *command[2:]])
     with pytest.raises(SystemExit, match="2"):
         runpy.run_path(str(ROOT / "tools/average_weights.py"), run_name="__main__")
+
+
+def test_the_gallery_shows_input_rest_and_open_and_counts_failures(tmp_path, monkeypatch, capsys):
+    """A pipeline that gives the truth, and finds nothing in every other picture."""
+    tool = runpy.run_path(str(ROOT / "tools/gallery.py"), run_name="tool")
+    config = load_config(ROOT / "configs/debug.py")
+    asked = []
+
+    class Truth:
+        def __init__(self):
+            self.config = config
+
+        def sample(self, image, *, seed, name):
+            asked.append((image.shape, seed, name))
+            if seed % 2:
+                raise ValueError("the model found no object in the image")
+            obj = held_out_for(config.model, seed).obj
+            return SimpleNamespace(obj=obj, picture=None)
+
+    space = tool["main"].__globals__
+    monkeypatch.setitem(space, "load", lambda checkpoint: Truth())
+    monkeypatch.setitem(space, "enable_compilation_cache", lambda: None)
+    monkeypatch.setattr(sys, "argv", ["x", str(tmp_path), "--count", "2"])
+    tool["main"]()
+    said = capsys.readouterr().out
+    assert "0000-storage_furniture: stands" in said and "no object in the image" in said
+    assert "of 2: load and stand 1" in said
+    assert asked[0] == ((256, 256, 4), 0, "0000-storage_furniture")
+    with Image.open(tmp_path / "gallery.jpg") as sheet:
+        assert sheet.width == 3 * 3 * 176
+        row = np.asarray(sheet)[:176, : 3 * 176].astype(int)
+    for tile in np.split(row, 3, axis=1):  # each shows something
+        assert np.ptp(tile[20:-20, 20:-20].mean(-1)) > 60
+    tool["main"]()  # what is there is kept
+    assert len(asked) == 3

@@ -1,0 +1,96 @@
+"""What a checkpoint makes of the first held-out pictures, one after the other, none left out.
+
+    python tools/gallery.py OUT [--count 24] [--checkpoint nano] [--unseen]
+
+OUT gets an asset folder an object, made and checked as ``sample.py`` does, and ``gallery.jpg``: input,
+rest and open of each. Prints of each whether it loads and stands and whether it is plausible
+(``uniart validate``), and the shares. Assets that are there are kept. About 30 s an object on one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from PIL import Image, ImageDraw
+
+from uniart_jax.evaluation.procedural import held_out_for
+from uniart_jax.export.preview import BACKGROUND, INK, TILE
+from uniart_jax.pipeline import Pipeline, enable_compilation_cache, load
+from uniart_jax.simulation.refine import mend
+from uniart_jax.simulation.summary import is_plausible, stands, verdicts
+from uniart_jax.simulation.validate import validate
+
+SIDE = 176  # pixels of a tile in the gallery
+COLUMNS = 3  # objects a row
+SHOWN = 3  # tiles of a preview: input, rest, open
+
+
+def make_asset(pipeline: Pipeline, index: int, unseen: bool, folder: Path) -> dict:
+    """The asset that a pipeline makes of a held-out object's picture; its report."""
+    if not (folder / "report.json").is_file():
+        test = held_out_for(pipeline.config.model, index, unseen)
+        made = pipeline.sample(test.image, seed=index, name=folder.name)
+        made.obj.save(
+            folder,
+            image=test.image,
+            picture=made.picture,
+            seed=index,
+            mend=mend,
+            check=lambda path: verdicts(validate(path)),
+            motion=False,
+            overwrite=True,
+        )
+    return json.loads((folder / "report.json").read_text())
+
+
+def tiles(preview: Path, line: str) -> Image.Image:
+    """Input, rest and open of an asset's ``preview.png`` with a line below."""
+    with Image.open(preview) as sheet:
+        height, gap = sheet.height, 8
+        shown = sheet.convert("RGB").crop((0, height - TILE - gap, SHOWN * (TILE + gap), height))
+    shown = shown.resize((SHOWN * SIDE, SIDE), Image.Resampling.LANCZOS)
+    out = Image.new("RGB", (shown.width, SIDE + 20), BACKGROUND)
+    out.paste(shown)
+    ImageDraw.Draw(out).text((6, SIDE + 3), line, fill=INK)
+    return out
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--count", type=int, default=24)
+    parser.add_argument("--checkpoint", default="nano")
+    parser.add_argument("--unseen", action="store_true", help="families never trained on")
+    given = parser.parse_args()
+    given.out.mkdir(parents=True, exist_ok=True)
+    enable_compilation_cache()
+    pipeline, rows, found = load(given.checkpoint), [], []
+    for index in range(given.count):
+        test = held_out_for(pipeline.config.model, index, given.unseen)
+        name = f"{index:04d}-{test.family}"
+        try:
+            report = make_asset(pipeline, index, given.unseen, given.out / name)
+        except ValueError as error:  # counts as a failure
+            print(f"{name}: {error}", flush=True)
+            found.append((False, False))
+            continue
+        good = stands(report["validation"]), is_plausible(report["validation"])
+        line = f"{name}: {'stands' if good[0] else 'fails'}, {'' if good[1] else 'not '}plausible"
+        found.append(good)
+        rows.append(tiles(given.out / name / "preview.png", line))
+        print(line, flush=True)
+    share = [sum(row[k] for row in found) for k in (0, 1)]
+    both = sum(all(row) for row in found)
+    print(f"of {len(found)}: load and stand {share[0]}, plausible {share[1]}, both {both}")
+    if rows:
+        width, height = rows[0].size
+        sheet = Image.new("RGB", (COLUMNS * width, -(-len(rows) // COLUMNS) * height), BACKGROUND)
+        for k, row in enumerate(rows):
+            sheet.paste(row, (k % COLUMNS * width, k // COLUMNS * height))
+        sheet.save(given.out / "gallery.jpg", quality=82)
+
+
+if __name__ == "__main__":
+    main()
