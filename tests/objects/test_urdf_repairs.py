@@ -250,6 +250,13 @@ def test_nan_vertices_are_told_in_every_format(load, tmp_path, kind):
     assert lost_pieces(obj.provenance)
 
 
+def test_a_mesh_of_nan_alone_says_so(refuse, tmp_path):
+    body = trimesh.creation.box()
+    trimesh.Trimesh(body.vertices * np.nan, body.faces, process=False).export(tmp_path / "a.ply")
+    line = refuse(link("base", mesh("a.ply")))
+    assert "no faces that have an area (12 faces with non-finite or absent vertices" in line
+
+
 def test_nan_vertices_that_no_face_has_are_told_and_are_no_loss(load, tmp_path):
     body = trimesh.creation.box()
     points = np.vstack([body.vertices, np.full((2, 3), np.nan)])

@@ -164,7 +164,9 @@ class AssetFiles:
             elif len(mesh.faces):
                 self.note(f"mesh '{path.name}': {len(mesh.faces)} faces without area were left out")
         if not meshes:
-            raise ValueError("it holds no faces that have an area")
+            told = [n for n in self.notes if n.startswith(f"mesh '{path.name}': ")]
+            why = "".join(f" ({n.partition(': ')[2]})" for n in told)
+            raise ValueError(f"it holds no faces that have an area{why}")
         unit = _unit(scene) if kind == ".dae" else 1.0
         return [m.copy().apply_scale(unit) for m in meshes] if unit != 1 else meshes
 
