@@ -48,6 +48,20 @@ def test_a_block_is_a_function_of_its_number(data):
     assert ((first["colors"] >= 0) & (first["colors"] <= 1)).all()
 
 
+def test_pictures_are_rendered_larger_than_they_are_shown(data, monkeypatch):
+    """As a user's are: some sharp and hard, some soft; never at the crop's own size."""
+    asked, render = [], layouts.render
+
+    def noted(obj, camera, size, samples):
+        asked.append((size, samples))
+        return render(obj, camera, size=size, samples=samples)
+
+    monkeypatch.setattr(layouts, "render", noted)
+    for number in range(3):
+        assert layouts.make_block(number, SETTINGS)["images"].shape[2:] == (32, 32, 3)
+    assert set(asked) == {(64, 1), (40, 4)}
+
+
 def test_an_object_that_cannot_be_made_is_left_out_and_named(data, monkeypatch, caplog):
     whole, draw = layouts.make_block(1, SETTINGS), layouts.shown_object
 

@@ -5,7 +5,13 @@ import json
 import numpy as np
 
 from uniart_jax import procedural
-from uniart_jax.evaluation.procedural import evaluate_representation, held_out, score
+from uniart_jax.config import ImageEncoderConfig, ModelConfig
+from uniart_jax.evaluation.procedural import (
+    evaluate_representation,
+    held_out,
+    held_out_for,
+    score,
+)
 from uniart_jax.voxels.assemble import assemble
 
 
@@ -15,6 +21,13 @@ def test_held_out_objects_are_drawn_alike_and_never_trained_on():
     assert np.array_equal(one.image, again.image)
     assert np.array_equal(one.grid.coords, again.grid.coords)
     assert held_out(0, unseen=True).family in procedural.UNSEEN_FAMILIES
+
+
+def test_their_pictures_are_larger_than_what_networks_see():
+    assert held_out(3).image.shape == (256, 256, 4)
+    large = ModelConfig(image_encoder=ImageEncoderConfig(image_size=288))
+    assert held_out_for(ModelConfig(), 3).image.shape == (256, 256, 4)
+    assert held_out_for(large, 3).image.shape == (288, 288, 4)
 
 
 def test_an_object_against_itself_and_against_another():

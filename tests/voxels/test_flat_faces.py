@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from uniart_jax.voxels import flat_faces
 from uniart_jax.voxels.flat_faces import heights, with_flat_faces
 from uniart_jax.voxels.isosurface import DenseField, part_mesh
 
@@ -99,6 +100,17 @@ def test_no_part_takes_from_another(door):
         others = (field.sdf < 0) & (field.owner == 1 - k)
         assert not (flat.owner[others] == k).any()
     assert (flat.sdf[field.sdf > 2.9] > 0).mean() > 0.99
+
+
+def test_a_part_that_would_nearly_vanish_is_left_as_it_was(door, monkeypatch):
+    def erase(views, part):
+        views[0][:] = 3
+
+    monkeypatch.setattr(flat_faces, "_flatten", erase)
+    monkeypatch.setattr(flat_faces, "_reach_face", lambda *_: None)
+    kept = with_flat_faces(door, box_of(LOWER, UPPER)[None])
+    np.testing.assert_array_equal(kept.sdf, door.sdf)
+    np.testing.assert_array_equal(kept.owner, door.owner)
 
 
 def test_a_part_elsewhere_than_its_box_is_left_alone(door):
