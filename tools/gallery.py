@@ -15,12 +15,15 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw
 
+from uniart_jax.evaluation.baselines import object_name, split_families
+from uniart_jax.evaluation.kept import claim
 from uniart_jax.evaluation.procedural import held_out_for
-from uniart_jax.export.preview import BACKGROUND, INK, TILE
+from uniart_jax.export.preview import BACKGROUND, GAP, INK, TILE
 from uniart_jax.pipeline import Pipeline, enable_compilation_cache, load
 from uniart_jax.simulation.refine import mend
 from uniart_jax.simulation.summary import is_plausible, stands, verdicts
 from uniart_jax.simulation.validate import validate
+from uniart_jax.training.export import checkpoint_digest
 
 SIDE = 176  # pixels of a tile in the gallery
 COLUMNS = 3  # objects a row
@@ -48,8 +51,8 @@ def make_asset(pipeline: Pipeline, index: int, unseen: bool, folder: Path) -> di
 def tiles(preview: Path, line: str) -> Image.Image:
     """Input, rest and open of an asset's ``preview.png`` with a line below."""
     with Image.open(preview) as sheet:
-        height, gap = sheet.height, 8
-        shown = sheet.convert("RGB").crop((0, height - TILE - gap, SHOWN * (TILE + gap), height))
+        box = (0, sheet.height - TILE - GAP, SHOWN * (TILE + GAP), sheet.height)
+        shown = sheet.convert("RGB").crop(box)
     shown = shown.resize((SHOWN * SIDE, SIDE), Image.Resampling.LANCZOS)
     out = Image.new("RGB", (shown.width, SIDE + 20), BACKGROUND)
     out.paste(shown)
@@ -64,12 +67,13 @@ def main() -> None:
     parser.add_argument("--checkpoint", default="nano")
     parser.add_argument("--unseen", action="store_true", help="families never trained on")
     given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
     enable_compilation_cache()
+    which = f"{given.checkpoint} {checkpoint_digest(given.checkpoint)}"
+    settings = {"checkpoint": which, "unseen": given.unseen}
+    claim(given.out, settings, "another checkpoint or split")
     pipeline, rows, found = load(given.checkpoint), [], []
     for index in range(given.count):
-        test = held_out_for(pipeline.config.model, index, given.unseen)
-        name = f"{index:04d}-{test.family}"
+        name = object_name(index, split_families(given.unseen))
         try:
             report = make_asset(pipeline, index, given.unseen, given.out / name)
         except ValueError as error:  # counts as a failure

@@ -140,7 +140,7 @@ class Pipeline:
         progress("looking at the image")
         shown = [self._cut_out(view) for view in views]
         pixels = np.stack([self._crop(view) for view in shown])
-        found = self.find_layout(shown[0]) if layout is True else layout or None
+        found = self._find_layout(shown[0]) if layout is True else layout or None
         condition = self.following(join_views(self.encode_images(pixels)), [found])
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
@@ -192,11 +192,14 @@ class Pipeline:
 
     def find_layout(self, image: str | Path | np.ndarray) -> Layout | None:
         """``layout`` of an image; None where the checkpoint has no layout network."""
+        return self._find_layout(self._cut_out(image))
+
+    def _find_layout(self, cut_out: np.ndarray) -> Layout | None:
         if not self.config.model.layout.queries or self.folder is None:
             return None
         if not has_export(self.folder, "layout.safetensors"):
             return None
-        return self._read_layout(self._cut_out(image))
+        return self._read_layout(cut_out)
 
     def following(self, condition: Condition, layouts: Sequence[Layout | None]) -> Condition:
         """The condition of B images with their layouts for flows that see them (``FlowConfig.layout_channels``); None: flows are to do without."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from uniart_jax.voxels import flat_faces
 from uniart_jax.voxels.flat_faces import heights, with_flat_faces
@@ -73,6 +74,36 @@ def test_small_holes_are_closed_and_large_ones_stay():
         assert (flat.source[filled] >= 0).all() and (flat.owner[filled] == 0).all()
 
 
+def test_handles_and_knobs_stay():
+    """On a drawer 40 deep, of which a tenth is more than they stand out; on planes as on the box."""
+    handle = block((17.3, 24, 30), (21.3, 40, 33))
+    knob = block((17.8, 14, 14), (21.3, 20, 20))
+    drawer = np.min([block((20.3, 8.2, 8.2), (60.3, 56.4, 56.4)), handle, knob], 0)
+    field = field_of(drawer)
+    flat = with_flat_faces(field, box_of((17.3, 8.2, 8.2), (60.3, 56.4, 56.4))[None])
+    standing = (field.sdf < 0) & (AT[0] < 20)
+    assert standing.sum() > 150
+    np.testing.assert_array_equal(flat.sdf[standing] < 0, True)
+    assert ((flat.sdf < 0) & (AT[0] < 20)).sum() == standing.sum()
+
+
+def test_thin_wavy_panels_stay_closed():
+    for thickness, amplitude in ((1.2, 1.5), (2.2, 2.0)):
+        front = 30.3 + amplitude * np.sin(AT[2] * (2 * np.pi / 12))
+        panel = field_of(block((front, 8.2, 8.2), (front + thickness, 56.4, 56.4)))
+        box = box_of((30.3 - amplitude, 8.2, 8.2), (30.3 + amplitude + thickness, 56.4, 56.4))
+        flat = with_flat_faces(panel, box[None])
+        assert (flat.sdf < 0).any(0)[14:51, 14:51].all()
+
+
+def test_what_goes_on_beyond_the_box_is_not_cut_in_two():
+    front = np.where(AT[1] < 30, 10.3, 22.3)
+    field = field_of(block((front, 8.2, 8.2), (50.3, 56.4, 56.4)))
+    for begin in (19.3, 22.3):
+        flat = with_flat_faces(field, box_of((begin, 8.2, 8.2), (50.3, 56.4, 56.4))[None])
+        assert ndimage.label(flat.sdf < 0)[1] == 1
+
+
 def test_round_things_stay_round():
     centre, radius = 32.3, 22.0
     disc = np.maximum(
@@ -107,7 +138,7 @@ def test_a_part_that_would_nearly_vanish_is_left_as_it_was(door, monkeypatch):
         views[0][:] = 3
 
     monkeypatch.setattr(flat_faces, "_flatten", erase)
-    monkeypatch.setattr(flat_faces, "_reach_face", lambda *_: None)
+    monkeypatch.setattr(flat_faces, "_straighten", lambda *_: None)
     kept = with_flat_faces(door, box_of(LOWER, UPPER)[None])
     np.testing.assert_array_equal(kept.sdf, door.sdf)
     np.testing.assert_array_equal(kept.owner, door.owner)

@@ -21,6 +21,7 @@ from typing import Any
 
 from uniart_jax import procedural
 from uniart_jax.config import ModelConfig
+from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.evaluation.compare import compare
 from uniart_jax.evaluation.controls import CONTROLS
 from uniart_jax.evaluation.kept import claim, keep
@@ -94,8 +95,9 @@ def baseline_methods(
             "checkpoint": f"{checkpoint} {checkpoint_digest(checkpoint)}",
             "records": str(records or ""),
             "unseen": unseen,
+            "picture": PICTURE_SIDE,
         },
-        "another checkpoint, split or records",
+        "another checkpoint, split, records or size of pictures",
     )
     model = make_assets(checkpoint, folder, records, count, unseen, processes)
     draw = functools.partial(_truth, unseen=unseen, model=model)

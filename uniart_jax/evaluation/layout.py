@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from uniart_jax.data.folder import write_text
-from uniart_jax.data.images import PICTURE_SIDE, crop
+from uniart_jax.data.images import MARGIN, PICTURE_SIDE, crop
 from uniart_jax.evaluation.parts import FOUND, PartScores, compare_parts, match_parts, summarize
 from uniart_jax.evaluation.procedural import HeldOut, held_out
 from uniart_jax.evaluation.real import RealObject, real_objects
@@ -122,9 +122,9 @@ def evaluate_layout(
     """
     if pred is None and predictor is None:
         predictor = load_layout_predictor(checkpoint)
-    size = getattr(predictor, "image_size", 128)
+    size = getattr(predictor, "image_size", PICTURE_SIDE)
     side = max(PICTURE_SIDE, size)
-    margin = getattr(predictor, "crop_margin", 1.1)
+    margin = getattr(predictor, "crop_margin", MARGIN)
     out.mkdir(parents=True, exist_ok=True)
     settings: dict[str, Any] = {"unseen": unseen, "checkpoint": str(pred or checkpoint)}
     tests: list[HeldOut] | list[RealObject]

@@ -21,6 +21,7 @@ from rich.console import Console
 
 from uniart_jax import procedural
 from uniart_jax.data.folder import Settings
+from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.kept import claim, keep
 from uniart_jax.evaluation.procedural import held_out_for
@@ -93,7 +94,7 @@ def evaluate_physics(
     """
     if root is not None and checkpoint is not None:
         raise ValueError("evaluate physics: give a folder of assets or --checkpoint, not both")
-    settings = {"root": str(root or ""), "checkpoint": checkpoint or "", "unseen": unseen, "engines": list(engines or ()), "allow_outside": allow_outside}  # fmt: skip
+    settings = {"root": str(root or ""), "checkpoint": checkpoint or "", "unseen": unseen, "engines": list(engines or ()), "allow_outside": allow_outside, "picture": PICTURE_SIDE}  # fmt: skip
     claim(out, settings, "other objects or engines")
     if checkpoint is not None:
         count = count or 64

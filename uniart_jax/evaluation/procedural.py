@@ -105,7 +105,6 @@ def held_out(
         except ValueError:
             if attempt == ATTEMPTS - 1:
                 raise
-    # as data.prepare draws them
     picture = render(obj, sample_camera(rng), size=image_size, samples=4)
     return HeldOut(family, seed, obj, grid, np.round(picture * 255).astype(np.uint8))
 

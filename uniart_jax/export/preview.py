@@ -19,6 +19,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.render import Camera, Scene, build_scene, fit, render
 
 TILE = 320  # pixels a side
+GAP, CAPTION = 8, 26  # pixels between tiles, and above them
 BACKGROUND = (244, 244, 246)
 INK = (70, 72, 80)
 _tile = functools.partial(picture, background=BACKGROUND)
@@ -84,15 +85,14 @@ def write_preview(
     tiles.append(("rest", _tile(staged, camera, TILE, rest)))
     tiles.append(("open", _tile(staged, camera, TILE, opened)))
     tiles.append(("parts and axes", _tile(staged, camera, TILE, opened, parts=True, axes=True)))
-    gap, caption = 8, 26
-    width = len(tiles) * (TILE + gap) + gap
-    sheet = Image.new("RGB", (width, TILE + caption + 2 * gap), BACKGROUND)
+    width = len(tiles) * (TILE + GAP) + GAP
+    sheet = Image.new("RGB", (width, TILE + CAPTION + 2 * GAP), BACKGROUND)
     draw = ImageDraw.Draw(sheet)
     font = ImageFont.load_default(size=15)
     for i, (title, tile) in enumerate(tiles):
-        left = gap + i * (TILE + gap)
-        sheet.paste(tile, (left, gap + caption - 4))
-        draw.text((left + TILE / 2, gap + 8), title, fill=INK, font=font, anchor="mm")
+        left = GAP + i * (TILE + GAP)
+        sheet.paste(tile, (left, GAP + CAPTION - 4))
+        draw.text((left + TILE / 2, GAP + 8), title, fill=INK, font=font, anchor="mm")
     sheet.save(path, compress_level=6)
     return path
 

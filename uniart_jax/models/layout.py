@@ -9,7 +9,7 @@
                        present box read off the map where the camera sees them
                     -> box, joint code, colour, existence; parent by a pointer
 
-Every layer has heads of its own, corrects the box of the layer before (no gradient goes through that) and gives the rest
+Every layer has heads of its own (a repeated run those of its layer), corrects the box of the layer before (no gradient goes through that) and gives the rest
 anew. The joint code's moment is predicted about the box's centre and moved to the origin, so that a pivot follows its box.
 """
 
@@ -164,10 +164,10 @@ class LayoutNetwork(nnx.Module):
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.layout, compute_dtype(config)
-        if c.queries < 1 or c.image_size < 32 or c.image_size % 32:
+        if c.queries < 1 or c.image_size < 32 or c.image_size % 32 or c.repeats < 0:
             raise ValueError(
-                "layout: needs queries >= 1 and an image_size that 32 divides, got "
-                f"{c.queries}, {c.image_size}"
+                "layout: needs queries >= 1, an image_size that 32 divides and repeats >= 0, got "
+                f"{c.queries}, {c.image_size}, {c.repeats}"
             )
         self.config, width = c, c.width
         self.backbone = make_backbone(c, rngs, dtype)

@@ -1,13 +1,14 @@
 """Which image files of strangers are read: a list of formats that Pillow decodes itself.
 
 Pillow knows forty formats. Some hand the file to another program (EPS: to Ghostscript, which runs
-the PostScript in it), and none of those left out is one that pictures or textures come in.
+the PostScript in it), and those left out are ones that pictures and textures rarely come in.
 """
 
 from __future__ import annotations
 
 import contextlib
 import functools
+import threading
 from collections.abc import Iterator
 
 from PIL import EpsImagePlugin, Image
@@ -16,6 +17,7 @@ FORMATS = (
     "PNG", "JPEG", "MPO", "WEBP", "AVIF", "JPEG2000", "TIFF", "BMP", "DIB", "GIF", "PPM", "TGA", "ICO",
     "DDS",
 )  # fmt: skip
+_LOCK = threading.RLock()
 
 
 @functools.cache
@@ -33,10 +35,12 @@ def check_format(image: Image.Image) -> None:
 
 @contextlib.contextmanager
 def without_ghostscript() -> Iterator[None]:
-    """While a library opens images by itself: Pillow finds no Ghostscript."""
-    before = EpsImagePlugin.gs_binary
-    EpsImagePlugin.gs_binary = False
-    try:
-        yield
-    finally:
-        EpsImagePlugin.gs_binary = before
+    """While a library opens images by itself: Pillow finds no Ghostscript. One thread at a time, for
+    Pillow keeps its path in a global."""
+    with _LOCK:
+        before = EpsImagePlugin.gs_binary
+        EpsImagePlugin.gs_binary = False
+        try:
+            yield
+        finally:
+            EpsImagePlugin.gs_binary = before

@@ -1,12 +1,16 @@
-"""Faces that a network draws nearly flat are made flat: of furniture nearly all are, and ripples of a voxel's period are noise.
+"""Faces that a network draws nearly flat are made flat: nearly all faces of furniture are flat, and
+ripples of a voxel's period are noise.
 
-Each part is looked at along every axis, from both sides, as a height map over the columns of sub-cells. Two kinds of planes:
+Each part is looked at along every axis, from both sides, as a height map over the columns of
+sub-cells. Two kinds of planes:
 
 * near a face of the part's box, where the part comes near it along most of the face: its columns
   there end at one depth, so that edges become straight;
 * depths at which many columns end: these columns end there exactly, and small gaps are closed.
 
-Round things keep their shape: their columns end at many depths, and few reach a face of the box.
+What stands out from a plane by more than ``STANDS`` is a handle or a knob and stays. Round things
+keep their shape: their columns end at many depths, and few reach a face of the box. Slots and slats
+narrower than ``2 GAP`` sub-cells are closed: what networks draw has holes of that size.
 """
 
 from __future__ import annotations
@@ -18,20 +22,26 @@ from scipy import ndimage
 
 from uniart_jax.voxels.isosurface import ZERO, DenseField
 
-REACH = 5.0  # sub-cells from a box's face within which columns end at one depth ...
+# lengths in sub-cells
+AROUND = 4  # a part's box, that is looked at
+REACH = 5.0  # from a box's face, within which columns end at one depth ...
 REACH_SHARE = 0.1  # ... and of the part's size along that axis
 COVERED = 0.75  # share of the face's longer side along which the part has to come near it
-FLAT = 1.5  # sub-cells from a plane within which columns are of it
+EDGE = 5  # a face no wider is a panel's edge: what stands out from it is no handle
+FLAT = 1.5  # from a plane, within which columns belong to it
+STANDS = 2.0  # ahead of a plane, from which on it is no ripple
 SHARP = 0.6  # share of these within a third of ``FLAT``; of round and tilted faces at most a half
 PLANE_SHARE = 0.08  # of a part's columns, and
 PLANE_COLUMNS = 48  # so many, that make a plane
-RIPPLE = 13  # sub-cells a side, of the neighbourhood whose median says what plane a column is of
+RIPPLE = 13  # side of the neighbourhood whose median says what plane a column belongs to
 PLANES = 4  # at most, of each side
-GAP = 2  # sub-cells: gaps in a plane of twice so many are closed
-KEPT = 0.5  # share of a part's cells below which it is left as it was
+GAP = 2  # gaps in a plane of twice this width are closed
 HOLE = 100  # columns; an enclosed hole in a plane of no more is closed
-DENT = 10  # sub-cells; a gap that is no deeper is filled to its ground
-THICKNESS = 2  # sub-cells of what closes deeper ones
+DENT = 10  # a gap that is no deeper is filled to its ground
+THICKNESS = 2  # of what closes deeper ones
+KEPT = 0.5  # share of a part's cells below which it is left as it was
+
+Views = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # sdf, owner, source, first owner
 
 
 def with_flat_faces(field: DenseField, boxes: np.ndarray) -> DenseField:
@@ -41,33 +51,41 @@ def with_flat_faces(field: DenseField, boxes: np.ndarray) -> DenseField:
       boxes: [K, 6] centre and size of each part, object units.
 
     Returns:
-      A new field. No cell that is solid in another part is taken from it.
+      A new field. No cell that is solid in another part of ``field`` becomes a part's.
     """
     sdf, owner, source = field.sdf.copy(), field.owner.copy(), field.source.copy()
+    taken = np.where(field.sdf < 0, field.owner, -1)
     cells = sdf.shape[0] - 2
     for part, (centre, size) in enumerate(zip(boxes[:, :3], boxes[:, 3:], strict=True)):
         lower, upper = ((c + 0.5) * cells + 0.5 for c in (centre - size / 2, centre + size / 2))
-        low = np.clip(np.floor(lower - 1).astype(int), 0, cells)
-        high = np.clip(np.ceil(upper + 1).astype(int), 1, cells + 1)
+        low = np.clip(np.floor(lower - AROUND).astype(int), 0, cells)
+        high = np.clip(np.ceil(upper + AROUND).astype(int), 1, cells + 1)
         window = tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
-        views = (sdf[window], owner[window], source[window])
+        views = (sdf[window], owner[window], source[window], taken[window])
         before = tuple(view.copy() for view in views)
         for axis in np.argsort(-size):
             for side in (1, -1):
                 face = lower[axis] - low[axis] if side > 0 else high[axis] - upper[axis]
-                turned = tuple(np.moveaxis(v, axis, 0)[::side] for v in views)
-                _reach_face(turned, part, float(face), np.delete(size, axis) * cells)
+                _straighten(_seen(views, axis, side), part, face, np.delete(size, axis) * cells)
         for axis in range(3):
             for side in (1, -1):
-                turned = tuple(np.moveaxis(v, axis, 0)[::side] for v in views)
-                _flatten(turned, part)
-                _flatten(tuple(v[len(v) // 2 :] for v in turned), part)  # seen from within
-        solid = ((views[0] < 0) & (views[1] == part)).sum()
-        if solid < KEPT * ((before[0] < 0) & (before[1] == part)).sum():
+                seen = _seen(views, axis, side)
+                _flatten(seen, part)
+                _flatten(tuple(v[len(v) // 2 :] for v in seen), part)  # from within
+        if _solid(views, part).sum() < KEPT * _solid(before, part).sum():
             for view, old in zip(views, before, strict=True):
                 view[...] = old
     sdf[np.abs(sdf) < ZERO] = -ZERO
     return dataclasses.replace(field, sdf=sdf, owner=owner, source=source)
+
+
+def _seen(views: Views, axis: int, side: int) -> Views:
+    """The same cells with ``axis`` first, from its lower end (``side`` 1) or its upper one (-1)."""
+    return tuple(np.moveaxis(view, axis, 0)[::side] for view in views)
+
+
+def _solid(views: Views, part: int) -> np.ndarray:
+    return (views[0] < 0) & (views[1] == part)
 
 
 def heights(sdf: np.ndarray, solid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -80,37 +98,41 @@ def heights(sdf: np.ndarray, solid: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return first, first - np.clip(step, 0, 1)
 
 
-def _reach_face(views, part: int, face: float, sides: np.ndarray) -> None:
-    """In place: where the part comes near the box's face along most of it, its columns end at one depth, the median's."""
-    sdf, owner, _ = views
-    mine = (sdf < 0) & (owner == part)
-    first, height = heights(sdf, mine)
-    depth = len(sdf) - 2 * face  # about the part's size along this axis, sub-cells
+def _straighten(views: Views, part: int, face: float, sides: np.ndarray) -> None:
+    """In place: where the part comes near the box's face along most of it, its columns end at one
+    depth, the median's.
+
+    Args:
+      face: of the box, along the first axis. sides: [2] of the face, sub-cells.
+    """
+    sdf = views[0]
+    first, height = heights(sdf, _solid(views, part))
+    there = (first > 0) & (first < len(sdf))
+    depth = len(sdf) - 2 * face  # about the part's size along this axis
     reach = min(REACH, REACH_SHARE * depth)
-    near = (first < len(sdf)) & (height <= face + reach)
+    near = there & (height <= face + reach)
     if not near.any():
         return
-    rows, columns = (np.flatnonzero(near.any(k)) for k in (1, 0))
-    along = rows if sides[0] >= sides[1] else columns
-    if along[-1] - along[0] + 1 < COVERED * max(sides):
+    spans = [int(np.ptp(np.flatnonzero(near.any(k)))) + 1 for k in (1, 0)]
+    if spans[int(sides.argmax())] < COVERED * sides.max():
         return
     plane = float(np.median(height[near]))
-    near = (first < len(sdf)) & (height <= plane + reach)
+    near = there & (height <= plane + reach)
     # teeth between columns that come near enough are no detail
-    near |= _closed(near) & (first < len(sdf)) & (height <= plane + 2 * reach)
+    near |= _closed(near) & there & (height <= plane + 2 * reach)
+    if min(spans) > EDGE:
+        near &= height >= plane - STANDS
     _end_at(views, part, near, plane)
 
 
-def _flatten(views, part: int) -> None:
+def _flatten(views: Views, part: int) -> None:
     """In place: columns that end at nearly the same depth as many others end there exactly."""
-    sdf, owner, _ = views
-    mine = (sdf < 0) & (owner == part)
-    first, height = heights(sdf, mine)
-    there = (first > 0) & (first < len(sdf))
+    sdf = views[0]
+    first, height = heights(sdf, _solid(views, part))
+    left = (first > 0) & (first < len(sdf))
     sides = [min(RIPPLE, side // 4 | 1) for side in height.shape]  # less of what is small
     around = ndimage.median_filter(height, sides, mode="nearest")
-    least = max(PLANE_COLUMNS, PLANE_SHARE * there.sum())
-    left = there.copy()
+    least = max(PLANE_COLUMNS, PLANE_SHARE * left.sum())
     for _ in range(PLANES):
         if left.sum() < least:
             return
@@ -119,15 +141,15 @@ def _flatten(views, part: int) -> None:
         many = np.searchsorted(depths, depths + 0.5) - np.searchsorted(depths, depths - 0.5)
         middle = depths[many.argmax()]
         near = left & (np.abs(around - middle) <= FLAT)
-        on = near & (np.abs(height - middle) <= 2 * FLAT)
-        if on.sum() < least or many.max() < SHARP * near.sum():
+        if near.sum() < least or many.max() < SHARP * near.sum():
             return
-        plane = float(np.median(height[on]))
+        plane = float(np.median(height[near]))
+        on = near & (height >= plane - STANDS) & (height <= plane + 2 * FLAT)
         gaps = (_closed(on) | _without_small_holes(on)) & ~on & (first > plane)
         dents = gaps & (first < np.minimum(plane + DENT, len(sdf)))
         _end_at(views, part, on | dents, plane)
         _fill(views, part, gaps & ~dents, plane)
-        left &= ~on
+        left &= ~near
 
 
 def _closed(columns: np.ndarray) -> np.ndarray:
@@ -144,46 +166,48 @@ def _without_small_holes(columns: np.ndarray) -> np.ndarray:
     return columns | small[holes]
 
 
-def _end_at(views, part: int, columns: np.ndarray, plane: float) -> None:
+def _end_at(views: Views, part: int, columns: np.ndarray, plane: float) -> None:
     """In place: the part's columns [U, V] end at ``plane``, cells along the first axis."""
-    sdf, owner, source = views
+    sdf, owner, source, taken = views
     u, v = np.nonzero(columns)
     column = sdf[:, u, v], owner[:, u, v], source[:, u, v]
     mine = (column[0] < 0) & (column[1] == part)
     first = mine.argmax(0)
     index = np.arange(len(sdf))[:, None]
-    free = (column[0] > 0) | (column[1] == part)
+    free = ((column[0] > 0) | mine) & np.isin(taken[:, u, v], (-1, part))
     # only what is free all the way from the plane to the part
     blocked = (~free & (index >= plane) & (index < first)).any(0)
-    inside = (index >= plane) & (index < np.maximum(first, np.ceil(plane) + 1)) & ~blocked
-    inside &= free & (mine | (index < first))
-    before = (index < plane) & (index >= np.minimum(first, np.floor(plane))) & free & ~blocked
+    # what is thinner than it is cut by is moved, not lost
+    start = int(np.ceil(plane))
+    lost = (first < plane) & ~mine[start : start + THICKNESS].any(0)
+    end = np.where(lost, start + THICKNESS, np.maximum(first, start + 1))
+    inside = (index >= plane) & (index < end) & free & (mine | (index < first) | lost) & ~blocked
+    cut = (index < plane) & (index >= np.minimum(first, np.floor(plane))) & free & ~blocked
+    cut &= mine | np.isin(column[1], (-1, part))
     own = np.take_along_axis(column[2], first[None], 0)
     filled = inside & ~mine
-    new = np.where(inside | before, plane - index, column[0])
-    sdf[:, u, v] = new
-    owner[:, u, v] = np.where(filled, part, column[1])
+    outside = np.maximum(plane - index, 2 * ZERO)
+    sdf[:, u, v] = np.where(inside, plane - index, np.where(cut, outside, column[0]))
+    owner[:, u, v] = np.where(filled | cut, part, column[1])
     source[:, u, v] = np.where(filled & (column[2] < 0), own, column[2])
 
 
-def _fill(views, part: int, columns: np.ndarray, plane: float) -> None:
-    """In place: free cells of columns [U, V] from ``plane`` to ``THICKNESS`` behind it are the part's, coloured as what is nearest."""
-    sdf, owner, source = views
-    if not columns.any():
-        return
+def _fill(views: Views, part: int, columns: np.ndarray, plane: float) -> None:
+    """In place: free cells of columns [U, V] from ``plane`` to ``THICKNESS`` behind it are the
+    part's, coloured as what is nearest."""
+    sdf, owner, source, taken = views
     start = int(np.ceil(plane))
     for depth in range(start, min(start + THICKNESS, len(sdf))):
-        cells = columns & (sdf[depth] > 0)
-        if not cells.any():
-            continue
-        mine = (sdf[depth] < 0) & (owner[depth] == part)
-        if not mine.any():
+        mine = (sdf[depth] < 0) & (owner[depth] == part) & (source[depth] >= 0)
+        cells = columns & (sdf[depth] > 0) & np.isin(taken[depth], (-1, part))
+        if not (mine.any() and cells.any()):
             continue
         nearest = ndimage.distance_transform_edt(~mine, return_distances=False, return_indices=True)
         source[depth][cells] = source[depth][tuple(nearest)][cells]
-        sdf[depth][cells] = plane - depth - 0.5 if depth > start else plane - depth
+        sdf[depth][cells] = plane - depth - 0.5 * (depth > start)
         owner[depth][cells] = part
-    ahead = int(np.ceil(plane)) - 1
-    if ahead >= 0:
-        cells = columns & (sdf[ahead] > 0)
-        sdf[ahead][cells] = np.minimum(sdf[ahead][cells], max(plane - ahead, ZERO))
+    if start > 0:
+        cells = columns & (sdf[start - 1] > 0) & np.isin(owner[start - 1], (-1, part))
+        nearer = max(plane - start + 1, 2 * ZERO)
+        sdf[start - 1][cells] = np.minimum(sdf[start - 1][cells], nearer)
+        owner[start - 1][cells] = part

@@ -18,7 +18,7 @@ NEAR = (
 )  # of the longest side: a part that is this far from all others is moved until it touches
 TOUCHING = 0.005  # of the longest side, that lie between two parts once they were moved together
 VOLUME = 0.01  # of the object's
-SPACING, MOST = 0.01, 20_000  # of the longest side, of places on a part's surface, and so many
+SPACING = 0.01  # of the longest side, between places on a part's surface
 CRUMB = 0.1  # of a part's vertices: a piece of it that has fewer holds nothing, and may be gone when surfaces are simplified
 
 
@@ -53,15 +53,12 @@ def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:
     """The object with parts that hang in the air at rest, less than .1 of it away, moved until they touch.
 
     A part goes with all that hangs on it, its joint too, along the shortest way. ``provenance`` tells each.
-
     """
     size = float(np.ptp(obj.bounds, axis=0).max())
+    own = [_points(part.mesh, SPACING * size) for part in obj.parts]
     for k in range(1, len(obj.parts)):
         poses = obj.forward_kinematics(obj.rest())
-        points = [
-            _points(part.mesh, SPACING * size) @ pose[:3, :3].T + pose[:3, 3]
-            for part, pose in zip(obj.parts, poses, strict=True)
-        ]
+        points = [p @ pose[:3, :3].T + pose[:3, 3] for p, pose in zip(own, poses, strict=True)]
         below = subtrees(obj.parents)[k]
         others = np.concatenate([v for i, v in enumerate(points) if i not in below])
         mine = np.concatenate([points[i] for i in sorted(below)])
@@ -72,6 +69,7 @@ def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:
             continue
         way = (others[nearest[first]] - mine[first]) * (1 - TOUCHING * size / gap)
         way = poses[obj.parts[k].parent][:3, :3].T @ way  # as it is when the object is as shown
+        own = [p + way if i in below else p for i, p in enumerate(own)]
         line = f"'{obj.parts[k].name}' hung in the air, {gap / size:.3f} of the object's size from all else: moved until it touches"
         obj = dataclasses.replace(
             obj,
@@ -88,7 +86,7 @@ def _points(mesh: trimesh.Trimesh, spacing: float) -> np.ndarray:
     size = np.bincount(piece)
     large = size[piece] >= min(CRUMB * len(mesh.vertices), size.max())
     weight = mesh.area_faces * large[mesh.faces[:, 0]]
-    count = min(int(weight.sum() / spacing**2) + 1, MOST)
+    count = int(weight.sum() / spacing**2) + 1
     places, _ = trimesh.sample.sample_surface(mesh, count, face_weight=weight, seed=0)
     return np.concatenate([mesh.vertices[large], places])
 
