@@ -324,6 +324,7 @@ class DataConfig:
     )
     layouts: str = "data-cache/layouts"  # blocks of pictures and part tables (``data.layouts``)
     reuse: int = 3  # of those: how often training shows each object
+    first_block: int = 0  # of those: where training begins; later ones see what earlier did not
     # flows that see a layout: share of the side by which pictures are bent at most, so that the layout says where things are
     image_warp: float = 0.0
     layout_errors: float = 0.0  # and the strength of the errors in it (``data.layout_errors``)

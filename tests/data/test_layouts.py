@@ -105,15 +105,33 @@ def test_a_config_chooses_its_world_and_a_folder_keeps_to_it(tmp_path):
 def test_prepare_takes_a_world(tmp_path, monkeypatch):
     from uniart_jax.cli.data import prepare
 
-    asked = []
-    monkeypatch.setattr(layouts, "prepare_layouts", lambda *args: asked.append(args[2]))
+    asked, firsts = [], []
+    monkeypatch.setattr(
+        layouts, "prepare_layouts", lambda *args: asked.append(args[2]) or firsts.append(args[4])
+    )
     prepare("layouts", out=tmp_path, world="wide")
-    prepare("layouts", out=tmp_path)
+    prepare("layouts", out=tmp_path, first_block=7)
     assert [s.families for s in asked] == [procedural.WORLDS[w] for w in ("wide", "seven")]
+    assert firsts == [0, 7]
+    with pytest.raises(ValueError, match="--first-block"):
+        prepare("procedural", out=tmp_path, first_block=7)
     with pytest.raises(ValueError, match="--world"):
         prepare("procedural", out=tmp_path, world="wide", families=("oven",))
     with pytest.raises(ValueError, match="--world"):
         prepare("urdf", tmp_path, out=tmp_path, world="wide")
+
+
+def test_a_training_begins_at_its_first_block(data):
+    """What it shows in a window is those blocks' objects, each ``reuse`` times; none is of others."""
+    later = dataclasses.replace(data, first_block=4, mirror=False)
+    batches = itertools.islice(layouts.layout_batches(later, MODEL, 4), 3)  # 12: a whole window
+    shown = np.concatenate([batch["boxes"] for batch in batches])
+    settings = layouts.settings_of(data, MODEL)
+    held = np.concatenate([layouts.load_block(data.layouts, n, settings)["boxes"] for n in (4, 5)])
+    places = [np.flatnonzero((held == boxes).all((1, 2))).tolist() for boxes in shown]
+    assert sorted(places) == sorted([[k] for k in range(6)] * 2)
+    with pytest.raises(ValueError, match=r"data\.first_block is -1"):
+        layouts.layout_batches(dataclasses.replace(data, first_block=-1), MODEL, 4)
 
 
 def test_batches_resume_and_are_shared(data):

@@ -26,6 +26,7 @@ def prepare(
     out: Out,
     count: int | None = None,
     start_seed: int = 0,
+    first_block: int = 0,
     families: tuple[str, ...] | None = None,
     world: Literal["seven", "wide"] = "seven",
     resolution: int = 32,
@@ -57,6 +58,7 @@ def prepare(
         root: Folder of assets, or of records.
         count: Objects (default: procedural 1000, else all).
         start_seed: procedural: seed of the first object; seeds from 1,000,000 on are held out and never trained on.
+        first_block: layouts: number of the first block of 256 objects (--data.first-block of a training).
         families: procedural: which families, in turn, in place of a world's.
         world: procedural, layouts: "seven": the paper's seven seen categories. "wide": half of the objects are of those, half of the other families that are trained on (docs/data.md).
         resolution: Voxels a side.
@@ -85,6 +87,8 @@ def prepare(
     from uniart_jax.procedural import WORLDS
 
     part = shard_numbers(shard)
+    if first_block < 0 or (first_block and source != "layouts"):
+        raise ValueError(f"prepare: --first-block is of layouts, 0 or more; got {first_block}")
     for name, value in (("count", count), ("processes", processes)):
         if value is not None and value < 1:
             raise ValueError(f"prepare: --{name} must be at least 1, got {value}")
@@ -122,7 +126,7 @@ def prepare(
         made = LayoutSettings(families=drawn)
         if image_size is not None:
             made = dataclasses.replace(made, image_size=image_size)
-        prepare_layouts(out, count or 1000, made, workers)
+        prepare_layouts(out, count or 1000, made, workers, first_block)
         return
     run = None
     if runner == "beam":

@@ -4,7 +4,7 @@ Objects are made in *blocks* of ``BLOCK``, one file a block in ``DataConfig.layo
 number and the settings, so whoever needs one that is not there makes it, several programs can share a folder, and training
 resumes at any batch. ``uniart prepare layouts`` makes them ahead.
 
-Batches go through windows of ``WINDOW`` blocks; in a window each object is shown ``DataConfig.reuse`` times, in random
+Batches go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on; in a window each object is shown ``DataConfig.reuse`` times, in random
 order, in one of its views, mirrored with probability 1/2:
 
     image [B, S, S, 3] f4 in [0, 1] over black · camera [B, 7] f4 (``data.cameras``) · boxes [B, K, 6] f4 (centre, size)
@@ -220,11 +220,13 @@ def _differing(path: Path, settings: LayoutSettings) -> str:
 
 
 def prepare_layouts(
-    folder: str | Path, count: int, settings: LayoutSettings, processes: int = 1
+    folder: str | Path, count: int, settings: LayoutSettings, processes: int = 1, first: int = 0
 ) -> None:
-    """Make the first blocks, ``count`` objects or a few more; those that are there are kept."""
+    """Make the blocks from ``first`` on, ``count`` objects or a few more; those that are there are
+    kept."""
     claim_folder(folder, settings)
-    numbers = [n for n in range(-(-count // BLOCK)) if not block_path(folder, n).is_file()]
+    numbers = range(first, first - (-count // BLOCK))
+    numbers = [n for n in numbers if not block_path(folder, n).is_file()]
     with process_pool(processes) as submit:
         work = functools.partial(_write, folder=folder, settings=settings)
         made = in_order(submit, work, numbers, 2 * processes)
@@ -255,15 +257,18 @@ def layout_batches(
     """Endless batches (see the module's docstring) from ``data.layouts``; missing blocks are made on the way.
 
     Raises:
-      ValueError: the folder holds other settings, or the batch cannot be shared or does not divide into windows.
+      ValueError: the folder holds other settings, the first block is below 0, or the batch cannot
+        be shared or does not divide into windows.
     """
+    if data.first_block < 0:
+        raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
     settings = settings_of(data, model)
     claim_folder(data.layouts, settings)
     order = LayoutOrder(batch_size, data.reuse)
     rows = local_rows(batch_size, process_index, process_count, accumulate)
     load = functools.partial(
         _load, folder=data.layouts, settings=settings, mirror=data.mirror, seed=data.seed,
-        reuse=data.reuse, rows=rows,
+        reuse=data.reuse, first_block=data.first_block, rows=rows,
     )  # fmt: skip
     return Batches(order, load, data.workers)
 
@@ -283,16 +288,16 @@ class LayoutOrder:
         return Draw(number, places, 0)
 
 
-def load_window(folder: str, window: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
-    """All blocks of a window, joined; kept, and read by one thread at a time."""
+def load_window(folder: str, first: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
+    """The blocks of a window, from block ``first`` on, joined; kept, and read by one thread at a
+    time."""
     with _LOCK:
-        return _window(folder, window, settings)
+        return _window(folder, first, settings)
 
 
 @functools.lru_cache(maxsize=3)
-def _window(folder: str, window: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
-    numbers = range(window * WINDOW, (window + 1) * WINDOW)
-    blocks = [load_block(folder, number, settings) for number in numbers]
+def _window(folder: str, first: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
+    blocks = [load_block(folder, number, settings) for number in range(first, first + WINDOW)]
     return {name: np.concatenate([block[name] for block in blocks]) for name in COLUMNS}
 
 
@@ -303,7 +308,7 @@ def _shuffled(window: int, length: int, seed: int) -> np.ndarray:
 
 def _load(
     draw: Draw, *, folder: str, settings: LayoutSettings, mirror: bool, seed: int, reuse: int,
-    rows: np.ndarray,
+    first_block: int, rows: np.ndarray,
 ) -> Batch:  # fmt: skip
     rng = draw.generator(seed)
     views, flips = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
@@ -311,7 +316,7 @@ def _load(
     items = []
     for row in rows:
         window, place = divmod(int(draw.records[row]), length)
-        table = load_window(folder, window, settings)
+        table = load_window(folder, first_block + window * WINDOW, settings)
         item = _shuffled(window, length, seed)[place] % len(table["images"])
         items.append(_item(table, int(item), views[row], bool(flips[row] and mirror)))
     return {name: np.stack([item[name] for item in items]) for name in items[0]}
