@@ -68,7 +68,7 @@ def test_a_row_that_no_voxel_shows_is_left_out_and_said(oven):
 
 def test_rows_are_the_owners_on_true_voxels(oven):
     obj, grid = oven
-    rows = row_of_subcells(grid.gather(), Layout.of_object(obj))
+    rows = row_of_subcells(grid.gather(), Layout.of_object(obj).boxes)
     solid = grid.sdf < 0
     assert (rows == grid.owner)[solid].mean() > 0.99
 

@@ -22,17 +22,18 @@ from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.loose_parts import with_parts_joined
 from uniart_jax.voxels.segment import Segmentation, outside
+from uniart_jax.voxels.stand_ins import needed, stand_in
 
 SAID = 0.25
 SIZE = 0.02
 FEWEST = 4  # solid sub-cells that a part is made of; with fewer its row is left out
 
 
-def row_of_subcells(grid: VoxelGrid, layout: Layout) -> np.ndarray:
-    """[V, r^3] int16 row of the layout that each sub-cell joins."""
+def row_of_subcells(grid: VoxelGrid, boxes: np.ndarray) -> np.ndarray:
+    """[V, r^3] int16 row of a layout's ``boxes`` [K, 6] that each sub-cell joins."""
     places = subcell_centers(grid.coords, grid.resolution, grid.subdivisions).astype(np.float32)
     said = box_corners(np.asarray(grid.own_box, np.float32))
-    rows = box_corners(layout.boxes).astype(np.float32)
+    rows = box_corners(boxes).astype(np.float32)
     best = np.full(places.shape[:2], np.inf, np.float32)
     owner = np.zeros(places.shape[:2], np.int16)
     for k, row in enumerate(rows):  # one at a time: the sub-cells are hundreds of thousands
@@ -53,8 +54,9 @@ def assemble_layout(
       flat: nearly flat faces are made flat (``flat_faces``).
 
     Returns:
-      Parts 'base', 'link_1', ..., parents first; every mesh is closed. A row that no voxel shows is left out, its children
-      hang on its parent, and ``provenance`` says so.
+      Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels hardly
+      show is made of its box (``stand_ins``); another that no voxel shows is left out, its children
+      hang on its parent. ``provenance`` tells of both.
 
     Raises:
       ValueError: the grid holds no voxels.
@@ -62,20 +64,32 @@ def assemble_layout(
     if len(grid.coords) == 0:
         raise ValueError("assemble: the voxel grid is empty; nothing was generated")
     grid = _finite(grid)
-    owner = row_of_subcells(grid, layout)
+    owner = row_of_subcells(grid, layout.boxes)
     solid = np.bincount(owner[np.asarray(grid.sdf) < 0], minlength=len(layout))
-    left_out = [k for k in range(len(layout)) if solid[k] < FEWEST and layout.parents[k] >= 0]
+    cells = grid.resolution * grid.subdivisions
+    boxed = needed(layout, solid, cells)
+    left_out = [
+        k
+        for k in range(len(layout))
+        if solid[k] < FEWEST and layout.parents[k] >= 0 and k not in boxed
+    ]
     notes = tuple(
-        f"part {k} of the layout (confidence {layout.confidence[k]:.2f}) left out: no voxels show it"
-        for k in left_out
+        f"part {k} of the layout (confidence {layout.confidence[k]:.2f}) {what}: no voxels show it"
+        for rows, what in ((left_out, "left out"), (boxed, "made of its box"))
+        for k in rows
     )
-    if left_out:
-        layout = _without(layout, left_out)
-        owner = row_of_subcells(grid, layout)
-    boxes = np.asarray(layout.boxes, np.float32)
+    kept = [k for k in range(len(layout)) if k not in left_out]
+    boxed = [kept.index(k) for k in boxed]
+    layout = _without(layout, left_out)
+    shown = [k for k in range(len(layout)) if k not in boxed]
+    boxes = np.asarray(layout.boxes[shown], np.float32)
+    owner = row_of_subcells(grid, layout.boxes[shown])
     pure = (owner == owner[:, :1]).all(1)
     told = dataclasses.replace(grid, own_box=boxes[owner])
-    meshes = mesh_parts(told, Segmentation(boxes, owner, pure), flat)
+    found = mesh_parts(told, Segmentation(boxes, owner, pure), flat)
+    meshes = dict(zip(shown, found, strict=True))
+    for k in boxed:
+        meshes[k] = stand_in(layout.boxes[k], layout.joints[k], layout.colors[k], 1 / cells)
     order = topological_order(list(layout.parents))
     position = {old: new for new, old in enumerate(order)}
     parts = tuple(

@@ -1,0 +1,74 @@
+"""Small parts that a layout holds and voxels hardly show: a knob narrower than a voxel is made of its
+row alone, a block or a disc of its box in the row's colour."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.isosurface import srgb_bytes
+from uniart_jax.voxels.joint_code import box_corners
+from uniart_jax.voxels.layout import Layout
+
+SMALL = 0.15  # object units; larger parts have voxels, or are not there
+SHOWN = 0.1  # share of its box that a part's solid sub-cells fill at least where voxels show it
+SURE = 0.5  # least confidence of a row that is believed without voxels
+NEAR = 0.05  # object units, from its parent's box
+AXIS = 0.95  # least cosine between a disc's axis and a side of its box
+ROUND = 0.6  # least ratio of a disc's other two sides
+MIDDLE = 0.25  # of these, that a disc's axis passes beside its middle at most
+SECTIONS = 32  # of a disc's rim
+
+
+def needed(layout: Layout, solid: np.ndarray, cells: int) -> list[int]:
+    """Rows of a layout that stand-ins are made of.
+
+    Args:
+      solid: [K] solid sub-cells of each row. cells: sub-cells along the grid's side.
+    """
+    corners = box_corners(layout.boxes)
+    gaps = np.maximum(corners[:, None, :3] - corners[:, 3:], corners[:, :3] - corners[:, None, 3:])
+    size = layout.boxes[:, 3:]
+    volume = np.prod(np.maximum(size * cells, 1), -1)
+    return [
+        k
+        for k, parent in enumerate(layout.parents)
+        if parent >= 0
+        and size[k].max() <= SMALL
+        and layout.confidence[k] >= SURE
+        and solid[k] < SHOWN * volume[k]
+        and gaps[k, parent].max() <= NEAR
+    ]
+
+
+def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) -> trimesh.Trimesh:
+    """A closed mesh that fills a box: a disc where the part turns about its middle, else a block.
+
+    Args:
+      box: [6] centre and size, object units. color: [3] linear RGB. thinnest: least side.
+    """
+    centre, size = np.asarray(box[:3], np.float64), np.maximum(box[3:], thinnest)
+    axis = _round_about(centre, size, joint)
+    if axis is None:
+        mesh = trimesh.creation.box(size)
+    else:
+        mesh = trimesh.creation.cylinder(0.5, 1.0, sections=SECTIONS)  # along z
+        turned = np.eye(4)[[(axis + 1) % 3, (axis + 2) % 3, axis, 3]].T  # z goes to the axis
+        mesh.apply_transform(np.diag([*size, 1.0]) @ turned)
+    mesh.apply_translation(centre)
+    rgb = srgb_bytes(np.clip(np.asarray(color, np.float32), 0, 1))
+    colors = np.tile(np.append(rgb, 255).astype(np.uint8), (len(mesh.vertices), 1))
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colors, process=False)
+
+
+def _round_about(centre: np.ndarray, size: np.ndarray, joint: Joint) -> int | None:
+    """The side of a box that a part's axis runs along through its middle; None where it is no disc."""
+    if not joint.rotates:
+        return None
+    axis = int(np.abs(joint.direction).argmax())
+    others = np.delete(size, axis)
+    beside = np.delete(centre - joint.origin, axis)
+    straight = abs(joint.direction[axis]) >= AXIS
+    central = np.abs(beside).max() <= MIDDLE * others.max()
+    return axis if straight and central and others.min() >= ROUND * others.max() else None
