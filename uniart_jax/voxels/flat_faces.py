@@ -39,6 +39,7 @@ GAP = 2  # gaps in a plane of twice this width are closed
 HOLE = 100  # columns; an enclosed hole in a plane of no more is closed
 DENT = 10  # a gap that is no deeper is filled to its ground
 THICKNESS = 2  # of what closes deeper ones
+NOBODYS = -2  # cells that no part may take
 KEPT = 0.5  # share of a part's cells below which it is left as it was
 
 Views = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # sdf, owner, source, first owner
@@ -54,7 +55,9 @@ def with_flat_faces(field: DenseField, boxes: np.ndarray) -> DenseField:
       A new field. No cell that is solid in another part of ``field`` becomes a part's.
     """
     sdf, owner, source = field.sdf.copy(), field.owner.copy(), field.source.copy()
-    taken = np.where(field.sdf < 0, field.owner, -1)
+    taken = np.full(sdf.shape, NOBODYS, owner.dtype)  # the layer around stays outside
+    inner = (slice(1, -1),) * 3
+    taken[inner] = np.where(field.sdf < 0, field.owner, -1)[inner]
     cells = sdf.shape[0] - 2
     for part, (centre, size) in enumerate(zip(boxes[:, :3], boxes[:, 3:], strict=True)):
         lower, upper = ((c + 0.5) * cells + 0.5 for c in (centre - size / 2, centre + size / 2))
