@@ -144,22 +144,18 @@ def test_a_part_that_would_nearly_vanish_is_left_as_it_was(door, monkeypatch):
     np.testing.assert_array_equal(kept.owner, door.owner)
 
 
-def test_the_layer_around_the_grid_stays_outside():
-    """Or meshes would be open there: ripples at the very border, of blocks on all sides."""
-    rng = np.random.default_rng(0)
-    for axis in range(3):
-        lower, upper = [4.0] * 3, [60.0] * 3
-        lower[axis], upper[axis] = 1 + rng.random(AT[0].shape), 64.5 - rng.random(AT[0].shape)
-        field = field_of(block(lower, upper))
-        for depth in (0, -1):
-            np.moveaxis(field.sdf, axis, 0)[depth] = 0.02  # next to nothing outside
-        lower[axis], upper[axis] = 0.5, 64.5
-        flat = with_flat_faces(field, box_of(lower, upper)[None])
-        for k in range(3):
-            assert (np.moveaxis(flat.sdf, k, 0)[[0, -1]] > 0).all()
-        window = tuple(slice(s.min(), s.max() + 1) for s in np.nonzero(flat.sdf < 0))
-        colors = np.zeros((flat.sdf.size, 3), np.uint8)
-        assert part_mesh(flat, 0, window, colors).is_watertight
+def test_the_layer_around_the_grid_stays_outside(monkeypatch):
+    """Or meshes would be open there: whatever plane a pass believes in."""
+
+    def to_the_end(views, part):
+        solid = (views[0] < 0) & (views[1] == part)
+        flat_faces._end_at(views, part, solid.any(0), 0.0)
+
+    monkeypatch.setattr(flat_faces, "_flatten", to_the_end)
+    field = field_of(block((4.3,) * 3, (60.4,) * 3))
+    flat = with_flat_faces(field, box_of((0.5,) * 3, (64.5,) * 3)[None])
+    for k in range(3):
+        assert (np.moveaxis(flat.sdf, k, 0)[[0, -1]] > 0).all()
 
 
 def test_a_part_elsewhere_than_its_box_is_left_alone(door):
