@@ -121,18 +121,18 @@ def speed(asset: Path, copies: int) -> float:
 def sampled(count: int) -> list[ArticulatedObject]:
     """What the shipped model makes of images of validation objects."""
     import uniart_jax as ua
+    from uniart_jax.data.images import PICTURE_SIDE
     from uniart_jax.objects.states import sample_state
     from uniart_jax.pipeline import enable_compilation_cache
     from uniart_jax.render import render, sample_camera
 
     enable_compilation_cache()
     pipeline = ua.load("nano")
-    size = pipeline.config.model.image_encoder.image_size
     objects = []
     for index, (family, seed) in enumerate(_drawn(count)):
         rng = np.random.default_rng([seed, 1])
         shown = sample_state(procedural.generate(family, seed), rng)
-        picture = render(shown, sample_camera(rng), size=size, samples=4)
+        picture = render(shown, sample_camera(rng), size=PICTURE_SIDE, samples=4)
         objects.append(pipeline(np.round(picture * 255).astype(np.uint8), seed=index))
     return objects
 

@@ -64,8 +64,8 @@ class Pipe:
     def encode_images(self, images):
         return images
 
-    def find_layout(self, pixels):
-        return pixels.mean()
+    def find_layout(self, image):
+        return image.mean()
 
     def following(self, condition, layouts):
         assert layouts == [condition[0].mean()]

@@ -103,7 +103,9 @@ def test_configs_come_back_and_bad_ones_are_told(tmp_path):
 def test_weights_that_are_no_real_numbers_are_told(tmp_path):
     """In a line, with every name, though their shapes fit."""
     save_file({"a": np.ones(2, np.int32), "b": np.ones(1, bool)}, tmp_path / "net.safetensors")
-    with pytest.raises(ValueError, match=r"not real numbers: a \(int32\), b \(bool\);") as caught:
+    with pytest.raises(
+        ValueError, match=r"not floating-point numbers: a \(int32\), b \(bool\);"
+    ) as caught:
         export.load_network(tmp_path, "net", {"a": np.ones(2), "b": np.ones(1)})
     assert "\n" not in str(caught.value)
 
@@ -123,7 +125,7 @@ def test_a_config_that_nests_without_end_is_one_short_line(tmp_path, text):
     [
         (np.zeros(3), np.array([1.0, 0, 2]), r"vae\.std is not above 0 in 1 of 3 channels"),
         (np.zeros(2), np.array([1.0, -1]), r"vae\.std is not above 0 in 1 of 2 channels"),
-        (np.zeros(2), np.ones(2, np.int32), r"not real numbers: vae\.std \(int32\)"),
+        (np.zeros(2), np.ones(2, np.int32), r"not floating-point numbers: vae\.std \(int32\)"),
         (np.zeros(2), np.ones(3), r"shapes \(2,\) and \(3,\)"),
     ],
 )

@@ -213,7 +213,9 @@ def _differing(path: Path, settings: LayoutSettings) -> str:
     """Names of the settings in which a folder's file differs."""
     try:
         found = json.loads(path.read_text())
-    except ValueError:
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict):
         return f"{path.name} cannot be read"
     asked = json.loads(json.dumps(dataclasses.asdict(settings)))
     return ", ".join(k for k in sorted({*found, *asked}) if found.get(k) != asked.get(k))

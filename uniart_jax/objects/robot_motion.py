@@ -376,9 +376,11 @@ def _limits(joint: RawJoint, by_name: dict[str, RawJoint], robot: Robot) -> tupl
 def _unlimited(joint: RawJoint, lo: float, hi: float, notes: list[str]) -> tuple[float, float]:
     """Limits of which one or both are so far away that they mean none: infinite there."""
     turns = joint.type == "revolute"
+    far = [f"{end:.4g}" for end in (lo, hi) if abs(end) >= UNLIMITED_FROM]
+    read = "continuous" if turns else "unlimited" if len(far) == 2 else "unlimited on that side"
     notes.append(
-        f"joint '{joint.name}': limits ({lo:.4g}, {hi:.4g}) are none; read as "
-        + ("continuous" if turns else "unlimited")
+        f"joint '{joint.name}': limits ({lo:.4g}, {hi:.4g}): {', '.join(far)} means none; "
+        f"read as {read}"
     )
     if turns:
         return -np.inf, np.inf

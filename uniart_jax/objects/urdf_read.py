@@ -13,7 +13,6 @@ import numpy as np
 from lxml import etree
 from trimesh.transformations import euler_matrix
 
-from uniart_jax.objects.kinematics import LEAST_TRAVEL
 from uniart_jax.objects.names import Numbered
 from uniart_jax.objects.robot import (
     MAX_NUMBER,
@@ -26,6 +25,8 @@ from uniart_jax.objects.robot import (
     Robot,
 )
 from uniart_jax.objects.xml_text import parse_xml
+
+THINNEST = 1e-4  # metres, of shapes that a file gives no thickness
 
 
 def read_robot(data: bytes) -> Robot:
@@ -172,16 +173,17 @@ def _geometries(element, tag: str, link: str, materials, notes: list[str]) -> li
 
 
 def _visible(shape: Geometry, link: str, notes: list[str]) -> Geometry | None:
-    """A shape with an extent: what is flat is made ``LEAST_TRAVEL`` thick; None for a line or a
+    """A shape with an extent: what is flat is made ``THINNEST`` thick; None for a line or a
     point, of which nothing can be seen."""
     kind, zero = shape.kind, shape.size == 0
     if not zero.any():
         return shape
     if kind == "capsule" and not zero[0]:  # two half balls
+        notes.append(f"link '{link}': a capsule without length; read as a sphere")
         return dataclasses.replace(shape, kind="sphere", size=shape.size[:1])
     if (kind == "box" and zero.sum() == 1) or (kind == "cylinder" and not zero[0]):
-        notes.append(f"link '{link}': a {kind} without thickness; made {LEAST_TRAVEL:g} m thick")
-        return dataclasses.replace(shape, size=np.where(zero, LEAST_TRAVEL, shape.size))
+        notes.append(f"link '{link}': a {kind} without thickness; made {THINNEST:g} m thick")
+        return dataclasses.replace(shape, size=np.where(zero, THINNEST, shape.size))
     notes.append(f"link '{link}': a {kind} of size or scale 0 was ignored")
     return None
 

@@ -106,7 +106,7 @@ def load_network(folder: str | Path, name: str, abstract: Any) -> Any:
 
     Raises:
       FileNotFoundError: no such file.
-      ValueError: truncated, of another config, not finite or not real numbers; every difference is
+      ValueError: truncated, of another config, not finite or not floating-point numbers; every difference is
         listed.
     """
     path = find_export(folder, f"{name}.safetensors")
@@ -116,8 +116,8 @@ def load_network(folder: str | Path, name: str, abstract: Any) -> Any:
         {name: list(leaf.shape) for name, leaf in expected.items()},
         {name: list(leaf.shape) for name, leaf in tensors.items()},
     )
-    if bad := _not_real(tensors):
-        problems.append(f"not real numbers: {', '.join(bad)}")
+    if bad := _not_floating(tensors):
+        problems.append(f"not floating-point numbers: {', '.join(bad)}")
     if bad := _not_finite(tensors):
         problems.append(f"not finite: {', '.join(bad)}")
     if problems:
@@ -180,7 +180,7 @@ def read_statistics(folder: str | Path, name: str) -> tuple[np.ndarray, np.ndarr
     Raises:
       FileNotFoundError: no such file.
       ValueError: truncated, without this latent, or of values that no latent has: not finite, not
-        real numbers, a standard deviation that is not above 0.
+        floating-point numbers, a standard deviation that is not above 0.
     """
     path = find_export(folder, STATISTICS)
     tensors = _read(path)
@@ -188,8 +188,8 @@ def read_statistics(folder: str | Path, name: str) -> tuple[np.ndarray, np.ndarr
     if missing := [key for key in keys if key not in tensors]:
         raise ValueError(f"{path}: missing: {', '.join(missing)}; train the stage that makes them")
     found = {key: tensors[key] for key in keys}
-    if bad := _not_real(found):
-        raise ValueError(f"{path}: not real numbers: {', '.join(bad)}")
+    if bad := _not_floating(found):
+        raise ValueError(f"{path}: not floating-point numbers: {', '.join(bad)}")
     if bad := _not_finite(found):
         raise ValueError(f"{path}: not finite: {', '.join(bad)}")
     mean, std = found.values()
@@ -245,8 +245,8 @@ def _not_finite(tensors: dict[str, np.ndarray]) -> list[str]:
     return [name for name, value in sorted(tensors.items()) if not np.isfinite(value).all()]
 
 
-def _not_real(tensors: dict[str, np.ndarray]) -> list[str]:
-    """Names of what holds no real numbers, with their type (bfloat16 is none of numpy's kinds)."""
+def _not_floating(tensors: dict[str, np.ndarray]) -> list[str]:
+    """Names of what holds no floating-point numbers, with their type (bfloat16 is none of numpy's kinds)."""
     return [f"{name} ({v.dtype})" for name, v in sorted(tensors.items()) if v.dtype.kind in "biuc"]
 
 
