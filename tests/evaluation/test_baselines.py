@@ -36,7 +36,7 @@ class Networks:
 
     def __call__(self, image, *, seed, name):
         self.asked.append(seed)
-        assert np.array_equal(image, held_out(seed, image_size=32).image)
+        assert np.array_equal(image, held_out(seed).image)
         if seed in self.empty:
             raise ValueError(f"{name}: the model found no object in the image")
         obj = procedural.generate("microwave", seed)
@@ -71,7 +71,7 @@ def folder(networks, tmp_path_factory) -> Path:
     return folder
 
 
-def test_what_every_method_is_made_of(networks, folder):
+def test_what_every_method_is_made_of(networks, folder, monkeypatch):
     methods, references = baseline_methods("toy", folder, count=COUNT)
     assert networks.asked == [0, 1, 2]  # each once, the failure too
     assert list(references) == NAMES
@@ -79,7 +79,7 @@ def test_what_every_method_is_made_of(networks, folder):
     assert list(methods["model"]) == [NAMES[0], NAMES[2]]
     assert "found no object" in (folder / "objects" / "model" / f"{NAMES[1]}.json").read_text()
     for k, name in enumerate(NAMES):
-        assert np.allclose(references[name].boxes, at_rest(held_out(k, image_size=32).obj).boxes)
+        assert np.allclose(references[name].boxes, at_rest(held_out(k).obj).boxes)
         assert references[name].category == procedural.SEEN_FAMILIES[k]
         truth = at_rest(references[name])
         retrieved = methods["retrieval_true_boxes"][name]
@@ -93,8 +93,13 @@ def test_what_every_method_is_made_of(networks, folder):
         made, retrieved = at_rest(load_object(path)), methods["retrieval_predicted_boxes"][name]
         assert np.allclose(retrieved.boxes, made.boxes, atol=1e-6)
         assert [p.parent for p in retrieved.parts] == [p.parent for p in made.parts]
-    with pytest.raises(ValueError, match="another checkpoint, split or records; choose another"):
+    with pytest.raises(
+        ValueError, match="another checkpoint, split, records or size of pictures; choose another"
+    ):
         baseline_methods("toy", folder, count=COUNT, unseen=True)
+    with monkeypatch.context() as patched, pytest.raises(ValueError, match="size of pictures"):
+        patched.setattr(baselines, "PICTURE_SIDE", 128)
+        baseline_methods("toy", folder, count=COUNT)
 
 
 def same_meshes(a: ArticulatedObject, b: ArticulatedObject) -> bool:
@@ -137,7 +142,7 @@ def test_the_nearest_image_is_asked_where_there_are_records(patch, tmp_path, mon
     monkeypatch.setattr(baselines, "make_retrieval", make)
     records = Path("records")
     methods, references = baseline_methods("toy", tmp_path, count=1, records=records)
-    assert asked == [(32, 32, 3)] and list(methods["nearest_image"]) == list(references)
+    assert asked == [(256, 256, 3)] and list(methods["nearest_image"]) == list(references)
     found = load_object(methods["nearest_image"][NAMES[0]])
     assert len(found.parts) == len(procedural.generate("laptop", 5).parts)
     monkeypatch.setattr(baselines, "make_retrieval", None)  # no index where nothing is missing
