@@ -47,6 +47,7 @@ def test_a_part_that_turns_about_its_middle_is_a_disc_and_others_are_blocks():
         turning = Joint(box[:3], direction, angle=(-1.0, 1.0))
         disc = stand_in(box, turning, np.array([1.0, 0, 0]), 1 / 128)
         assert disc.is_watertight and len(disc.vertices) > 40
+        assert len(np.unique(disc.vertices[:, axis].round(9))) == 2  # its two flat sides
         np.testing.assert_allclose(np.ptp(disc.bounds, 0), box[3:], rtol=0.01)
         np.testing.assert_allclose(disc.bounds.mean(0), box[:3], atol=1e-6)
         round_share = np.pi / 4
