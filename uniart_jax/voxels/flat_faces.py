@@ -16,6 +16,7 @@ narrower than ``2 GAP`` sub-cells are closed: what networks draw has holes of th
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -42,7 +43,7 @@ THICKNESS = 2  # of what closes deeper ones
 NOBODYS = -2  # cells that no part may take
 KEPT = 0.5  # share of a part's cells below which it is left as it was
 
-Views = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # sdf, owner, source, first owner
+Views = tuple[np.ndarray, ...]  # distance, owner, source, and whose a cell was at first
 
 
 def with_flat_faces(field: DenseField, boxes: np.ndarray) -> DenseField:
@@ -163,7 +164,8 @@ def _closed(columns: np.ndarray) -> np.ndarray:
 
 def _without_small_holes(columns: np.ndarray) -> np.ndarray:
     """[U, V] with what is enclosed by them filled, up to ``HOLE`` columns."""
-    holes, _ = ndimage.label(ndimage.binary_fill_holes(columns) & ~columns)
+    found: Any = ndimage.label(ndimage.binary_fill_holes(columns) & ~columns)
+    holes = found[0]
     small = np.bincount(holes.ravel()) <= HOLE
     small[0] = False
     return columns | small[holes]
@@ -205,7 +207,9 @@ def _fill(views: Views, part: int, columns: np.ndarray, plane: float) -> None:
         cells = columns & (sdf[depth] > 0) & np.isin(taken[depth], (-1, part))
         if not (mine.any() and cells.any()):
             continue
-        nearest = ndimage.distance_transform_edt(~mine, return_distances=False, return_indices=True)
+        nearest: Any = ndimage.distance_transform_edt(
+            ~mine, return_distances=False, return_indices=True
+        )
         source[depth][cells] = source[depth][tuple(nearest)][cells]
         sdf[depth][cells] = plane - depth - 0.5 * (depth > start)
         owner[depth][cells] = part
