@@ -2,9 +2,10 @@
 
     python tools/gallery.py OUT [--count 24] [--checkpoint nano] [--unseen]
 
-OUT gets an asset folder an object, made and checked as ``sample.py`` does, and ``gallery.jpg``: input,
-rest and open of each. Prints of each whether it loads and stands and whether it is plausible
-(``uniart validate``), and the shares. Assets that are there are kept. About 30 s an object on one core.
+OUT gets an asset folder an object, made and checked as ``sample.py`` does, and ``gallery.jpg``:
+input, rest and open of each. Prints of each whether it loads and stands and whether it is plausible
+(``uniart validate``), and the shares. Assets that are there are kept. About 30 s an object on one
+core.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""What is checked and made ready before a training's first step: settings, records, frozen names, layouts."""
+"""What is checked and made ready before a training's first step: settings, records, frozen names,
+layouts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The layout network: one set of weights for every picture size, and a last layer that can be run again."""
+"""The layout network: one set of weights for every picture size, and a last layer that is run again."""
 
 import dataclasses
 

@@ -4,8 +4,8 @@ Objects are made in *blocks* of ``BLOCK``, one file a block in ``DataConfig.layo
 number and the settings, so whoever needs one that is not there makes it, several programs can share a folder, and training
 resumes at any batch. ``uniart prepare layouts`` makes them ahead.
 
-Batches go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on; in a window each object is shown ``DataConfig.reuse`` times, in random
-order, in one of its views, mirrored with probability 1/2:
+Batches go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on; in a window
+each object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored with probability 1/2:
 
     image [B, S, S, 3] f4 in [0, 1] over black · camera [B, 7] f4 (``data.cameras``) · boxes [B, K, 6] f4 (centre, size)
     codes [B, K, 9] f4 · parents [B, K] i4 (root: its own) · colors [B, K, 3] f4 linear RGB · part_counts [B] i4
@@ -45,8 +45,8 @@ BLOCK = 256  # objects a file
 WINDOW = 4  # blocks that batches are drawn from at a time
 STATES = 20  # shown states tried before an object is left out
 VERSION = 3  # of what ``make_block`` draws; 3: pictures larger than the crop, as a user's are
-# sides of a rendering over its crop's, and samples a pixel: sharp and hard, or soft
-SHOTS = ((2.0, 1), (1.25, 4))
+# a rendering's side over its crop's, and samples a pixel: sharp with hard shadows, or soft
+RENDERINGS = ((2.0, 1), (1.25, 4))
 COLUMNS = ("images", "cameras", "boxes", "codes", "parents", "colors", "part_counts")
 
 logger = logging.getLogger(__name__)
@@ -110,10 +110,10 @@ def part_colors(obj: ArticulatedObject) -> np.ndarray:
 
 
 def take_picture(
-    obj: ArticulatedObject, camera: Camera, size: int, shot: tuple[float, int] = SHOTS[1]
+    obj: ArticulatedObject, camera: Camera, size: int, rendering: tuple[float, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """[S, S, 3] uint8 crop over black of a rendering of one of ``SHOTS``, and its camera code [7]."""
-    scale, samples = shot
+    """[S, S, 3] uint8 crop over black of one of ``RENDERINGS``, and its camera code [7]."""
+    scale, samples = rendering
     picture = render(obj, camera, size=round(scale * size), samples=samples)
     picture = np.round(picture * 255).astype(np.uint8)
     row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
@@ -137,7 +137,10 @@ def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
         obj, (boxes, codes, parents) = found
         pictures = [
             take_picture(
-                obj, sample_camera(rng), settings.image_size, SHOTS[rng.integers(len(SHOTS))]
+                obj,
+                sample_camera(rng),
+                settings.image_size,
+                RENDERINGS[rng.integers(len(RENDERINGS))],
             )
             for _ in range(settings.views)
         ]

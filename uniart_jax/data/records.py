@@ -186,8 +186,9 @@ def from_bytes(data: bytes) -> Record:
     """A record from its bytes.
 
     Raises:
-      ValueError: damaged bytes, another schema version, missing or extra fields, wrong types or shapes, values that are not
-        finite, parents that are no tree, a voxel twice; one line that names what differs, and the record's id.
+      ValueError: damaged bytes, another schema version, missing or extra fields, wrong types or
+        shapes, values that are not finite, parents that are no tree, a voxel twice; one line that
+        names what differs, and the record's id.
     """
     arrays, meta = unpack_arrays(data)
     version = meta.get("schema_version")

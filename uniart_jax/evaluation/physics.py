@@ -94,7 +94,14 @@ def evaluate_physics(
     """
     if root is not None and checkpoint is not None:
         raise ValueError("evaluate physics: give a folder of assets or --checkpoint, not both")
-    settings = {"root": str(root or ""), "checkpoint": checkpoint or "", "unseen": unseen, "engines": list(engines or ()), "allow_outside": allow_outside, "picture": PICTURE_SIDE}  # fmt: skip
+    settings = {
+        "root": str(root or ""),
+        "checkpoint": checkpoint or "",
+        "unseen": unseen,
+        "engines": list(engines or ()),
+        "allow_outside": allow_outside,
+        "picture": PICTURE_SIDE,
+    }
     claim(out, settings, "other objects or engines")
     if checkpoint is not None:
         count = count or 64

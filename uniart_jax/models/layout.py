@@ -9,8 +9,8 @@
                        present box read off the map where the camera sees them
                     -> box, joint code, colour, existence; parent by a pointer
 
-Every layer has heads of its own (a repeated run those of its layer), corrects the box of the layer before (no gradient goes through that) and gives the rest
-anew. The joint code's moment is predicted about the box's centre and moved to the origin, so that a pivot follows its box.
+Every layer has heads of its own (a repeated run those of its layer), corrects the box of the layer
+before (no gradient goes through that) and gives the rest anew. The joint code's moment is predicted about the box's centre and moved to the origin, so that a pivot follows its box.
 """
 
 from __future__ import annotations
@@ -212,7 +212,8 @@ class LayoutNetwork(nnx.Module):
           phase: [2] 0 or 1, which cells of the map are the tokens; None: the last of each four.
 
         Returns:
-          camera [B, 7]; parts: a list over the first guess and each run of a layer of corners [B, Q, 6] (lower, upper), codes
+          camera [B, 7]; parts: a list over the first guess and each run of a layer of
+          corners [B, Q, 6] (lower, upper), codes
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits child -> parent, the diagonal
           the root's, of the last layer; tokens [B, Q, D], one a part; map [B, S/4, S/4, C].
         """

@@ -54,9 +54,9 @@ def assemble_layout(
       flat: nearly flat faces are made flat (``flat_faces``).
 
     Returns:
-      Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels hardly
-      show is made of its box (``stand_ins``); another that no voxel shows is left out, its children
-      hang on its parent. ``provenance`` tells of both.
+      Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels
+      hardly show is made of its box (``stand_ins``); another that no voxel shows is left out, its
+      children hang on its parent. ``provenance`` tells of both.
 
     Raises:
       ValueError: the grid holds no voxels.
@@ -83,7 +83,8 @@ def assemble_layout(
     layout = _without(layout, left_out)
     shown = [k for k in range(len(layout)) if k not in boxed]
     boxes = np.asarray(layout.boxes[shown], np.float32)
-    owner = row_of_subcells(grid, layout.boxes[shown])
+    if len(shown) < len(solid):  # what the others had joins these
+        owner = row_of_subcells(grid, layout.boxes[shown])
     pure = (owner == owner[:, :1]).all(1)
     told = dataclasses.replace(grid, own_box=boxes[owner])
     found = mesh_parts(told, Segmentation(boxes, owner, pure), flat)

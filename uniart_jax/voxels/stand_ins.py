@@ -1,5 +1,5 @@
-"""Small parts that a layout holds and voxels hardly show: a knob narrower than a voxel is made of its
-row alone, a block or a disc of its box in the row's colour."""
+"""Small parts that a layout holds and voxels hardly show: a knob narrower than a voxel is made of
+its row alone, a block or a disc of its box in the row's colour."""
 
 from __future__ import annotations
 
