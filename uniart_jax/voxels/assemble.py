@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import trimesh
@@ -10,9 +11,15 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint, topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.flat_faces import with_flat_faces
 from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid, subcell_centers
-from uniart_jax.voxels.isosurface import FACE_BUDGET, dense_field, part_mesh, simplify, srgb_bytes
+from uniart_jax.voxels.isosurface import (
+    FACE_BUDGET,
+    DenseField,
+    dense_field,
+    part_mesh,
+    simplify,
+    srgb_bytes,
+)
 from uniart_jax.voxels.joint_code import LARGEST, box_corners, canonical, decode_part, decode_tree
 from uniart_jax.voxels.loose_parts import with_parts_joined, without_debris
 from uniart_jax.voxels.segment import Segmentation, outside, segment
@@ -114,13 +121,16 @@ def joint_voters(grid: VoxelGrid, parts: Segmentation) -> list[np.ndarray]:
     return voters
 
 
-def mesh_parts(grid: VoxelGrid, parts: Segmentation, flat: bool = False) -> list[trimesh.Trimesh]:
-    """[K] closed meshes with sRGB vertex colours, object units; ``flat``: ``with_flat_faces``."""
+def mesh_parts(
+    grid: VoxelGrid,
+    parts: Segmentation,
+    reshape: Callable[[DenseField], DenseField] = lambda field: field,
+) -> list[trimesh.Trimesh]:
+    """[K] closed meshes with sRGB vertex colours, object units; ``reshape``: what is done to the
+    field before."""
     grid = dataclasses.replace(grid, sdf=_within_boxes(grid, parts))
     sdf, owner = _every_part_has_a_cell(grid, parts)
-    field = dense_field(dataclasses.replace(grid, sdf=sdf), owner)
-    if flat:
-        field = with_flat_faces(field, parts.boxes)
+    field = reshape(dense_field(dataclasses.replace(grid, sdf=sdf), owner))
     cells = np.where(field.sdf < 0, field.owner + 1, 0)
     windows = ndimage.find_objects(cells, max_label=len(parts.boxes))
     colors = srgb_bytes(grid.color).reshape(-1, 3)

@@ -17,7 +17,10 @@ import numpy as np
 from uniart_jax.objects.kinematics import topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.assemble import _finite, mesh_parts
+from uniart_jax.voxels.clearance import with_meshes, with_room_to_move
+from uniart_jax.voxels.flat_faces import with_flat_faces
 from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
+from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.loose_parts import with_parts_joined
@@ -45,13 +48,14 @@ def row_of_subcells(grid: VoxelGrid, boxes: np.ndarray) -> np.ndarray:
 
 
 def assemble_layout(
-    grid: VoxelGrid, layout: Layout, *, scale: float = 1.0, name: str = "", flat: bool = True
+    grid: VoxelGrid, layout: Layout, *, scale: float = 1.0, name: str = "", flat: bool = True, room: bool = True
 ) -> ArticulatedObject:
     """The object that the voxels show, with the layout's parts, tree and joints.
 
     Args:
       grid: attributes on active voxels as a network gives them. layout: of the same shown state and frame.
       flat: nearly flat faces are made flat (``flat_faces``).
+      room: what stands in the way of moving parts is taken off (``clearance``).
 
     Returns:
       Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels
@@ -87,10 +91,23 @@ def assemble_layout(
         owner = row_of_subcells(grid, layout.boxes[shown])
     pure = (owner == owner[:, :1]).all(1)
     told = dataclasses.replace(grid, own_box=boxes[owner])
-    found = mesh_parts(told, Segmentation(boxes, owner, pure), flat)
-    meshes = dict(zip(shown, found, strict=True))
-    for k in boxed:
-        meshes[k] = stand_in(layout.boxes[k], layout.joints[k], layout.colors[k], 1 / cells)
+    meshes = {
+        k: stand_in(layout.boxes[k], layout.joints[k], layout.colors[k], 1 / cells) for k in boxed
+    }
+    rows = [*shown, *boxed]  # of the field's owners
+
+    def reshape(field: DenseField) -> DenseField:
+        if flat:
+            field = with_flat_faces(field, boxes)
+        if not room:
+            return field
+        field = with_meshes(field, [meshes[k] for k in boxed], len(shown))
+        place = {row: new for new, row in enumerate(rows)} | {-1: -1}
+        joints, parents = zip(*((layout.joints[k], place[layout.parents[k]]) for k in rows))
+        return with_room_to_move(field, joints, parents)
+
+    found = mesh_parts(told, Segmentation(boxes, owner, pure), reshape)
+    meshes |= dict(zip(shown, found, strict=True))
     order = topological_order(list(layout.parents))
     position = {old: new for new, old in enumerate(order)}
     parts = tuple(
