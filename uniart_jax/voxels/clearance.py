@@ -1,10 +1,12 @@
-"""Room to move: what a part sweeps on its joint's way is taken from the parts that stand still.
+"""Room to move: parts are given the way that their joints say they go.
 
 A network draws a body and its door apart, but each a little off: the frame reaches into the door's
 way, and the opening of a drawer is narrower than the drawer. The joint says where the part goes, so
-the cells that it passes cannot be the body's. Only what bars its way is taken; where that is too
-much of a part, the joint is more likely wrong, and both stay as they are (limits are then drawn in
-by ``simulation.refine``).
+cells on its way cannot be the body's. They are taken off the body, but for its outer walls: only
+the side to which a part opens is cut through. What these walls still bar is taken off the moving
+part, as a drum's corners are. Where either is too much of a part, the joint is more likely wrong,
+and the part stays as it is (``simulation.refine`` then draws limits in). What stands in the way and
+moves on a joint of its own is left: it can be opened first.
 """
 
 from __future__ import annotations
@@ -24,38 +26,45 @@ from uniart_jax.voxels.isosurface import DenseField
 STEP = 1.0  # sub-cells that the farthest cell of a part goes between two states
 STATES = (9, 97)  # of a joint's way, least and most
 MARGIN = 0.25  # sub-cells around a moving part that stay free
-BODY_LOSES = 0.3  # share of its cells that a part which stands still may lose to one that moves
-OTHER_LOSES = 0.1  # likewise, where it moves on a joint of its own: it could be opened first
+LOST = (0.3, 0.5)  # share of its cells that what stands still, and what moves, may lose
+WALL = 2  # sub-cells, thickness of what counts as an outer wall
+KNOB = 0.15  # object units; what is smaller, and its dish, may lie in any wall
+OPENS = 0.05  # object units that a part's middle goes at least, where it opens to a side
 PIECE = 0.1  # share of a part's cells: what is cut off and smaller is left out
-ROOM = 2  # cells around a part in its window
 
 
 def with_room_to_move(
     field: DenseField, joints: Sequence[Joint], parents: Sequence[int]
 ) -> DenseField:
-    """A field in which moving parts pass the others.
+    """A field in which moving parts pass those that carry them.
 
     Args:
       field: of the shown state, owners are parts. joints, parents: of each part (-1: the root).
 
     Returns:
-      A new field with fewer solid cells; moving parts lose none to what stands still.
+      A new field with fewer solid cells.
     """
     sdf, owner, source = field.sdf.copy(), field.owner, field.source.copy()
-    below = _subtrees(parents)
+    below, size = _subtrees(parents), sdf.shape[0] - 2
     movers = [k for k, parent in enumerate(parents) if parent >= 0 and joints[k].type != "fixed"]
     for k in movers:
-        solid = sdf < 0
-        mine = np.isin(owner, sorted(below[k]))
-        if not (solid & mine).any():
+        # what moves on other joints can be opened first
+        others = {i for m in movers if k not in below[m] for i in below[m]}
+        still = [i for i in range(len(parents)) if i not in below[k] and i not in others]
+        moving = np.isin(owner, sorted(below[k]))
+        resting = np.isin(owner, still)
+        if not ((sdf < 0) & moving).any():
             continue
-        barred = _swept(sdf, owner, mine, joints[k])
-        for part in np.unique(owner[tuple(barred.cells.T)]):
-            which = owner[tuple(barred.cells.T)] == part
-            most = OTHER_LOSES if _moves(part, movers, below) else BODY_LOSES
-            total = int((solid & (owner == part)).sum())
-            if which.sum() <= most * total:
-                _take(sdf, owner, source, int(part), barred.cells[which], barred.depth[which])
+        cells = np.argwhere((sdf < 0) & moving)
+        motions = _motions(joints[k], cells, size)
+        back = [np.linalg.inv(motion) for motion in motions]
+        barring = np.argwhere((sdf < 0) & resting & _passed(cells, motions, sdf.shape))
+        depth = _depth(sdf, barring, moving, back)
+        if np.ptp(cells, axis=0).max() > KNOB * size:
+            walls = _walls((sdf < 0) & resting, _opens_to(joints[k], cells, size))
+            depth[walls[tuple(barring.T)]] = 0
+        _take(sdf, owner, source, barring, depth, LOST[0])
+        _take(sdf, owner, source, cells, _depth(sdf, cells, resting, motions), LOST[1])
     return dataclasses.replace(field, sdf=sdf, source=source)
 
 
@@ -72,8 +81,7 @@ def with_meshes(field: DenseField, meshes: Sequence[trimesh.Trimesh], first: int
         high = np.clip(np.ceil(high).astype(int), 1, size)
         window = tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
         cells = np.indices(high - low + 1).reshape(3, -1).T + low
-        places = (cells - 0.5) / size - 0.5
-        depth = _within(mesh, places) * size
+        depth = _within(mesh, _places(cells, size)) * size
         depth[depth.argmax()] = max(depth.max(), 0.5)
         inside = (depth > 0).reshape(high - low + 1)
         sdf[window][inside] = -np.minimum(depth[depth > 0], 1)
@@ -87,6 +95,11 @@ def _within(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
     return (planes - points @ mesh.face_normals.T).min(1)
 
 
+def _places(cells: np.ndarray, size: int) -> np.ndarray:
+    """Centres of a field's cells, object units; the layer around the grid is one cell wide."""
+    return (cells - 0.5) / size - 0.5
+
+
 def _subtrees(parents: Sequence[int]) -> list[set[int]]:
     """[K] each part and all that hang on it; parents in any order."""
     below = [{k} for k in range(len(parents))]
@@ -98,87 +111,127 @@ def _subtrees(parents: Sequence[int]) -> list[set[int]]:
     return below
 
 
-@dataclasses.dataclass(frozen=True)
-class _Barred:
-    """Solid cells [n, 3] of other parts that a moving part passes, and how deep they get into it
-    [n], sub-cells."""
-
-    cells: np.ndarray
-    depth: np.ndarray
-
-
-def _moves(part: int, movers: list[int], below: list[set[int]]) -> bool:
-    return any(part in below[k] for k in movers)
-
-
-def _swept(sdf: np.ndarray, owner: np.ndarray, mine: np.ndarray, joint: Joint) -> _Barred:
-    """What stands in the way of the cells ``mine`` of moving parts."""
-    solid = sdf < 0
-    window = ndimage.find_objects((mine & solid).astype(np.int8))[0]
-    low = np.array([s.start - ROOM for s in window])
-    window = tuple(slice(max(s.start - ROOM, 0), s.stop + ROOM) for s in window)
-    low = np.maximum(low, 0)
-    inside = np.where(mine, sdf, np.maximum(np.abs(sdf), 0.5))[window]
-    cells = np.argwhere(solid & ~mine & (owner >= 0))
-    size = sdf.shape[0] - 2
-    places = (cells - 0.5) / size - 0.5  # centres; the layer around is one cell wide
-    high = low + np.array(inside.shape) - 1
-    corners = np.array([[(a, b)[i >> j & 1] for j, (a, b) in enumerate(zip(low, high, strict=True))]
-                        for i in range(8)])  # fmt: skip
-    corners = (corners - 0.5) / size - 0.5
-    depth = np.full(len(cells), -np.inf)
-    for q in _states(joint, corners, size):
-        motion = joint.motion(q)
-        there = corners @ motion[:3, :3].T + motion[:3, 3]
-        near = np.flatnonzero(((places >= there.min(0)) & (places <= there.max(0))).all(1))
-        back = (places[near] - motion[:3, 3]) @ motion[:3, :3]
-        at = (back + 0.5) * size + 0.5 - low
-        found = ndimage.map_coordinates(inside, at.T, order=1, mode="constant", cval=1.0)
-        depth[near] = np.maximum(depth[near], MARGIN - found)
-    hit = depth > 0
-    return _Barred(cells[hit], depth[hit])
-
-
-def _states(joint: Joint, corners: np.ndarray, size: int) -> np.ndarray:
-    """Coordinates over the joint's range, dense enough that no cell is passed over."""
+def _motions(joint: Joint, cells: np.ndarray, size: int) -> list[np.ndarray]:
+    """[4, 4] over the joint's range, dense enough that no cell of ``cells`` is passed over."""
     lo, hi = joint.limits
-    path = abs(hi - lo)
+    path = hi - lo
     if joint.rotates:
-        arm = np.linalg.norm(np.cross(corners - joint.origin, joint.direction), axis=1).max()
-        path *= float(np.hypot(arm, joint.pitch))
+        away = np.cross(_places(cells, size) - joint.origin, joint.direction)
+        path *= float(np.hypot(np.linalg.norm(away, axis=1).max(), joint.pitch))
     count = int(np.clip(np.ceil(path * size / STEP), *STATES))
-    return np.linspace(lo, hi, count)
+    return [joint.motion(q) for q in np.linspace(lo, hi, count)]
+
+
+def _passed(
+    cells: np.ndarray, motions: Sequence[np.ndarray], shape: tuple[int, ...]
+) -> np.ndarray:
+    """[n, n, n] bool, all that ``cells`` [m, 3] may touch at any of the motions."""
+    passed, size = np.zeros(shape, bool), shape[0] - 2
+    places = _places(cells, size)
+    for motion in motions:
+        at = _cells(places, motion, size)
+        at = np.rint(at[((at > 0) & (at < size + 1)).all(1)]).astype(np.int32)
+        passed[tuple(at.T)] = True
+    return ndimage.binary_dilation(passed, np.ones((3, 3, 3)))
+
+
+def _cells(places: np.ndarray, motion: np.ndarray, size: int) -> np.ndarray:
+    """Where places lie after a motion, in cells of a field."""
+    return (places @ motion[:3, :3].T + (motion[:3, 3] + 0.5)) * size + 0.5
+
+
+def _depth(
+    sdf: np.ndarray, cells: np.ndarray, theirs: np.ndarray, motions: Sequence[np.ndarray]
+) -> np.ndarray:
+    """[n] how deep ``cells`` [n, 3] get, sub-cells, into the solid of the cells ``theirs`` at any
+    of the motions; 0 where they do not."""
+    size, solid = sdf.shape[0] - 2, theirs & (sdf < 0)
+    depth, places = np.zeros(len(cells)), _places(cells, size)
+    if not solid.any():
+        return depth
+    window = ndimage.find_objects(solid.astype(np.int8))[0]
+    window = tuple(slice(s.start - 1, s.stop + 1) for s in window)  # the layer around is free
+    low = np.array([s.start for s in window])
+    inside = np.where(theirs, sdf, np.maximum(np.abs(sdf), 0.5))[window]
+    near = ndimage.binary_dilation(solid[window], np.ones((3, 3, 3)))
+    for motion in motions:
+        at = _cells(places, motion, size) - low
+        cell = np.rint(at).astype(np.int32)
+        x, y, z = cell.T
+        a, b, c = near.shape
+        some = (x >= 0) & (x < a) & (y >= 0) & (y < b) & (z >= 0) & (z < c)
+        some = np.flatnonzero(some)
+        some = some[near[tuple(cell[some].T)]]
+        found = ndimage.map_coordinates(inside, at[some].T, order=1, mode="nearest")
+        depth[some] = np.maximum(depth[some], MARGIN - found)
+    return depth
+
+
+def _opens_to(joint: Joint, cells: np.ndarray, size: int) -> tuple[int, int] | None:
+    """(axis, side) to which a part of ``cells`` [n, 3] opens; None where its middle hardly moves."""
+    middle = _places(cells, size).mean(0)
+    ends = [(joint.motion(q) @ np.append(middle, 1))[:3] for q in joint.limits]
+    way = ends[int(abs(joint.limits[1]) > abs(joint.limits[0]))] - middle
+    axis = int(np.abs(way).argmax())
+    return (axis, int(np.sign(way[axis]))) if abs(way[axis]) > OPENS else None
+
+
+def _walls(solid: np.ndarray, but: tuple[int, int] | None) -> np.ndarray:
+    """Cells less than ``WALL`` behind where ``solid`` is first met from outside, along each axis
+    from each side; those that are met from the side ``but`` are none."""
+    found, front = np.zeros_like(solid), np.zeros_like(solid)
+    for axis in range(3):
+        for side in (1, -1):
+            seen = np.moveaxis(solid, axis, 0)[::-side]
+            first = seen.argmax(0)
+            index = np.arange(len(seen))[:, None, None]
+            wall = seen & (index < first + WALL)
+            into = front if but == (axis, side) else found
+            np.moveaxis(into, axis, 0)[::-side][wall] = True
+    return found & ~front
 
 
 def _take(
     sdf: np.ndarray,
     owner: np.ndarray,
     source: np.ndarray,
-    part: int,
     cells: np.ndarray,
     depth: np.ndarray,
+    most: float,
 ) -> None:
-    """In place: a part without some cells, and without small pieces that hung on them."""
-    own = owner == part
-    before: Any = connected(own & (sdf < 0))
-    at = tuple(cells.T)
-    sdf[at] = depth
+    """In place: parts without those of ``cells`` [n, 3] that are above 0 deep in others [n]; not
+    where a part would lose more than a share of ``most``."""
+    cells, depth = cells[depth > 0], depth[depth > 0]
+    whose = owner[tuple(cells.T)]
+    for part in np.unique(whose):
+        own = owner == part
+        if (whose == part).sum() <= most * ((sdf < 0) & own).sum():
+            at = tuple(cells[whose == part].T)
+            before = connected(own & (sdf < 0))
+            sdf[at] = depth[whose == part]
+            _drop_pieces(sdf, own, before)
+            _name_source(source, own, at)
+
+
+def _drop_pieces(sdf: np.ndarray, own: np.ndarray, before: np.ndarray) -> None:
+    """In place: a part without small pieces that hung on others of it, as labelled ``before``."""
     after: Any = connected(own & (sdf < 0))
-    count = np.bincount(after.ravel())
-    whole = np.bincount(before.ravel())
-    # what a piece was part of: the label of any of its cells
-    first = np.zeros(len(count), np.int64)
-    first[after.ravel()] = before.ravel()
-    cut_off = (count < whole[first]) & (count < PIECE * whole[1:].sum())
+    count, whole = np.bincount(after.ravel()), np.bincount(before.ravel())
+    of = np.zeros(len(count), np.int64)  # the piece that each was of
+    of[after.ravel()] = before.ravel()
     largest = np.zeros(len(whole), np.int64)
-    np.maximum.at(largest, first, count)
-    cut_off &= count < largest[first]
-    cut_off[0] = False
-    loose = cut_off[after]
-    sdf[loose] = np.maximum(-sdf[loose], 0.5)
-    unknown = np.zeros(sdf.shape, bool)
-    unknown[at] = source[at] < 0
+    np.maximum.at(largest, of, count)
+    loose = (count < largest[of]) & (count < PIECE * whole[1:].sum())
+    loose[0] = False
+    gone = loose[after]
+    sdf[gone] = np.maximum(-sdf[gone], 0.5)
+
+
+def _name_source(source: np.ndarray, own: np.ndarray, at: tuple[np.ndarray, ...]) -> None:
+    """In place: what was taken of a part's unknown inside has the colour of what is nearest."""
     known = own & (source >= 0)
+    unknown = np.zeros(source.shape, bool)
+    unknown[at] = source[at] < 0
     if unknown.any() and known.any():
         nearest: Any = ndimage.distance_transform_edt(
             ~known, return_distances=False, return_indices=True

@@ -16,7 +16,7 @@ SHOWN = 0.1  # share of its box that a part's solid sub-cells fill at least wher
 SURE = 0.5  # least confidence of a row that is believed without voxels
 NEAR = 0.05  # object units, from its parent's box
 AXIS = 0.95  # least cosine between a disc's axis and a side of its box
-ROUND = 0.6  # least ratio of a disc's other two sides
+ROUND = 0.4  # least ratio of a disc's other two sides
 MIDDLE = 0.25  # of these, that a disc's axis passes beside its middle at most
 SECTIONS = 32  # of a disc's rim
 
@@ -37,8 +37,11 @@ def needed(layout: Layout, solid: np.ndarray, cells: int) -> list[int]:
         if parent >= 0
         and size[k].max() <= SMALL
         and layout.confidence[k] >= SURE
-        and solid[k] < SHOWN * volume[k]
         and gaps[k, parent].max() <= NEAR
+        and (
+            solid[k] < SHOWN * volume[k]
+            or _round_about(layout.boxes[k, :3], size[k], layout.joints[k]) is not None
+        )
     ]
 
 
@@ -48,11 +51,14 @@ def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) 
     Args:
       box: [6] centre and size, object units. color: [3] linear RGB. thinnest: least side.
     """
-    centre, size = np.asarray(box[:3], np.float64), np.maximum(box[3:], thinnest)
+    centre, size = np.array(box[:3], np.float64), np.maximum(box[3:], thinnest)
     axis = _round_about(centre, size, joint)
     if axis is None:
         mesh = trimesh.creation.box(size)
     else:
+        others = np.delete(np.arange(3), axis)
+        size[others] = size[others].mean()
+        centre[others] = _on_axis(centre, joint)[others]
         mesh = trimesh.creation.cylinder(0.5, 1.0, sections=SECTIONS)  # along z
         turned = np.eye(4)[[(axis + 1) % 3, (axis + 2) % 3, axis, 3]].T  # z goes to the axis
         mesh.apply_transform(np.diag([*size, 1.0]) @ turned)
@@ -62,13 +68,18 @@ def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) 
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colors, process=False)
 
 
+def _on_axis(point: np.ndarray, joint: Joint) -> np.ndarray:
+    """The place on a joint's axis that is nearest to a point."""
+    return joint.origin + ((point - joint.origin) @ joint.direction) * joint.direction
+
+
 def _round_about(centre: np.ndarray, size: np.ndarray, joint: Joint) -> int | None:
     """The side of a box that a part's axis runs along through its middle; None where it is no disc."""
     if not joint.rotates:
         return None
     axis = int(np.abs(joint.direction).argmax())
     others = np.delete(size, axis)
-    beside = np.delete(centre - joint.origin, axis)
+    beside = np.delete(centre - _on_axis(centre, joint), axis)
     straight = abs(joint.direction[axis]) >= AXIS
     central = np.abs(beside).max() <= MIDDLE * others.max()
     return axis if straight and central and others.min() >= ROUND * others.max() else None
