@@ -16,12 +16,15 @@ narrower than ``2 GAP`` sub-cells are closed: what networks draw has holes of th
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.turned import Turn, panel, resampled, turn_of
 
 # lengths in sub-cells
 AROUND = 4  # a part's box, that is looked at
@@ -41,16 +44,21 @@ HOLE = 100  # columns; an enclosed hole in a plane of no more is closed
 DENT = 10  # a gap that is no deeper is filled to its ground
 THICKNESS = 2  # of what closes deeper ones
 NOBODYS = -2  # cells that no part may take
+PANEL = 40  # cells around what is drawn of a panel, in which it is completed
 KEPT = 0.5  # share of a part's cells below which it is left as it was
 
 Views = tuple[np.ndarray, ...]  # distance, owner, source, and whose a cell was at first
 
 
-def with_flat_faces(field: DenseField, boxes: np.ndarray) -> DenseField:
+def with_flat_faces(
+    field: DenseField, boxes: np.ndarray, joints: Sequence[Joint] = (), carries: Sequence[int] = ()
+) -> DenseField:
     """A field whose parts' nearly flat faces are flat.
 
     Args:
-      boxes: [K, 6] centre and size of each part, object units.
+      boxes: [K, 6] centre and size of each part, object units. joints: [K]; what turns on one and
+        is shown turned is made flat as it lies straight (``turned``). carries: parts that others
+        hang on.
 
     Returns:
       A new field. No cell that is solid in another part of ``field`` becomes a part's.
@@ -61,26 +69,87 @@ def with_flat_faces(field: DenseField, boxes: np.ndarray) -> DenseField:
     taken[inner] = np.where(field.sdf < 0, field.owner, -1)[inner]
     cells = sdf.shape[0] - 2
     for part, (centre, size) in enumerate(zip(boxes[:, :3], boxes[:, 3:], strict=True)):
+        if len(joints):
+            solid = np.argwhere((sdf < 0) & (owner == part))
+            box = np.concatenate([centre, size])
+            turn = turn_of(solid, box, joints[part], cells, part not in carries)
+            if turn is not None:
+                _turned((sdf, owner, source, taken), part, turn)
+                continue
         lower, upper = ((c + 0.5) * cells + 0.5 for c in (centre - size / 2, centre + size / 2))
         low = np.clip(np.floor(lower - AROUND).astype(int), 0, cells)
         high = np.clip(np.ceil(upper + AROUND).astype(int), 1, cells + 1)
         window = tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
         views = (sdf[window], owner[window], source[window], taken[window])
-        before = tuple(view.copy() for view in views)
-        for axis in np.argsort(-size):
-            for side in (1, -1):
-                face = lower[axis] - low[axis] if side > 0 else high[axis] - upper[axis]
-                _straighten(_seen(views, axis, side), part, face, np.delete(size, axis) * cells)
-        for axis in range(3):
-            for side in (1, -1):
-                seen = _seen(views, axis, side)
-                _flatten(seen, part)
-                _flatten(tuple(v[len(v) // 2 :] for v in seen), part)  # from within
-        if _solid(views, part).sum() < KEPT * _solid(before, part).sum():
-            for view, old in zip(views, before, strict=True):
-                view[...] = old
+        _flat_part(views, part, lower - low, upper - low)
     sdf[np.abs(sdf) < ZERO] = -ZERO
     return dataclasses.replace(field, sdf=sdf, owner=owner, source=source)
+
+
+def _flat_part(views: Views, part: int, lower: np.ndarray, upper: np.ndarray) -> None:
+    """In place: one part's faces; ``lower``, ``upper`` [3]: its box in the views' cells."""
+    before = tuple(view.copy() for view in views)
+    sides = upper - lower
+    for axis in np.argsort(-sides):
+        for side in (1, -1):
+            face = lower[axis] if side > 0 else len(np.moveaxis(views[0], axis, 0)) - 1 - upper[axis]
+            _straighten(_seen(views, axis, side), part, face, np.delete(sides, axis))
+    for axis in range(3):
+        for side in (1, -1):
+            seen = _seen(views, axis, side)
+            _flatten(seen, part)
+            _flatten(tuple(v[len(v) // 2 :] for v in seen), part)  # from within
+    if _solid(views, part).sum() < KEPT * _solid(before, part).sum():
+        for view, old in zip(views, before, strict=True):
+            view[...] = old
+
+
+def _turned(views: Views, part: int, turn: Turn) -> None:
+    """In place: a part that is shown turned, made flat as it lies straight."""
+    sdf, owner, source, taken = views
+    mine = owner == part
+    window = ndimage.find_objects((mine & (sdf < 0)).astype(np.int8))[0]
+    window = tuple(slice(s.start - 1, s.stop + 1) for s in window)  # the layer around is free
+    phi = np.where(mine, sdf, np.maximum(np.abs(sdf), 0.5))[window]
+    colored = np.where(mine, source, -1)[window]
+    low = np.array([s.start for s in window])
+    phi, colored, low = resampled(phi, colored, low, turn.straight, PANEL)
+    if turn.opened:
+        phi = panel(phi, low, turn, sdf.shape[0] - 2)
+        colored = _spread(colored, phi)
+    own = np.zeros(phi.shape, owner.dtype)
+    solid = np.argwhere(phi < 0)
+    free = np.full(phi.shape, -1, owner.dtype)
+    _flat_part((phi, own, colored, free), 0, solid.min(0) - 0.5, solid.max(0) + 0.5)
+    phi, colored, low = resampled(phi, colored, low, turn.back)
+    # what lies beyond the grid is left out
+    first = np.clip(low, 1, None)
+    last = np.minimum(low + phi.shape, np.array(sdf.shape) - 1)
+    if (last <= first).any():
+        return
+    into = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+    from_ = tuple(slice(a, b) for a, b in zip(first - low, last - low, strict=True))
+    phi, colored = phi[from_], colored[from_]
+    was = mine & (sdf < 0)
+    if (phi < 0).sum() < KEPT * was.sum():
+        return
+    sdf[was] = np.maximum(-sdf[was], 0.5)
+    here, whose = sdf[into], owner[into]
+    free = (here > 0) & np.isin(taken[into], (-1, part))
+    new = free & ((phi < 0) | (np.isin(whose, (-1, part)) & (phi < 1)))
+    here[new], whose[new] = phi[new], part
+    source[into][new & (phi < 0)] = colored[new & (phi < 0)]
+
+
+def _spread(source: np.ndarray, phi: np.ndarray) -> np.ndarray:
+    """Sources in which solid cells that have none have that of the nearest."""
+    missing, known = (phi < 0) & (source < 0), source >= 0
+    if not (missing.any() and known.any()):
+        return source
+    nearest: Any = ndimage.distance_transform_edt(
+        ~known, return_distances=False, return_indices=True
+    )
+    return np.where(missing, source[tuple(nearest)], source)
 
 
 def _seen(views: Views, axis: int, side: int) -> Views:

@@ -23,7 +23,7 @@ from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.loose_parts import with_parts_joined
+from uniart_jax.voxels.loose_parts import with_parts_joined, without_floating_pieces
 from uniart_jax.voxels.segment import Segmentation, outside
 from uniart_jax.voxels.stand_ins import needed, stand_in
 
@@ -98,10 +98,12 @@ def assemble_layout(
 
     def reshape(field: DenseField) -> DenseField:
         if flat:
-            field = with_flat_faces(field, boxes)
+            carries = [rows.index(up) for up in set(layout.parents) - {-1} if up in rows]
+            field = with_flat_faces(field, boxes, [layout.joints[k] for k in shown], carries)
+        field = with_meshes(field, [meshes[k] for k in boxed], len(shown))
+        field = without_floating_pieces(field, len(rows))
         if not room:
             return field
-        field = with_meshes(field, [meshes[k] for k in boxed], len(shown))
         place = {row: new for new, row in enumerate(rows)} | {-1: -1}
         joints, parents = zip(*((layout.joints[k], place[layout.parents[k]]) for k in rows))
         return with_room_to_move(field, joints, parents)

@@ -6,10 +6,13 @@ import dataclasses
 
 import numpy as np
 import trimesh
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from uniart_jax.objects.kinematics import subtrees
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.voxels.grid import connected
+from uniart_jax.voxels.isosurface import DenseField
 
 DISTANCE = 0.02  # of the longest side: a part of next to no volume that is farther from all others is a speck
 NEAR = (
@@ -47,6 +50,27 @@ def without_debris(obj: ArticulatedObject) -> ArticulatedObject:
         name = f"link_{position[k]}" if part.parent >= 0 else part.name
         parts.append(dataclasses.replace(part, name=name, parent=position[part.parent]))
     return dataclasses.replace(obj, parts=tuple(parts))
+
+
+def without_floating_pieces(field: DenseField, parts: int) -> DenseField:
+    """A field without pieces that touch nothing, but for the largest piece of each part.
+
+    Pieces touch where no more than two cells lie between them. ``parts``: owners 0, 1, ….
+    """
+    solid = field.sdf < 0
+    wide = ndimage.binary_dilation(solid, np.ones((3, 3, 3)))
+    together = connected(wide) * solid
+    main = np.bincount(together[solid]).argmax() if solid.any() else 0
+    sdf = field.sdf.copy()
+    for part in range(parts):
+        mine = solid & (field.owner == part)
+        pieces = connected(mine)
+        if pieces.max() < 2:
+            continue
+        largest = np.bincount(pieces[mine]).argmax()
+        loose = mine & (together != main) & (pieces != largest)
+        sdf[loose] = np.maximum(-sdf[loose], 0.5)
+    return dataclasses.replace(field, sdf=sdf)
 
 
 def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:

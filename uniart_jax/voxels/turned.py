@@ -1,0 +1,170 @@
+"""Parts that a picture shows turned, as an open door: their cells as they lie straight, and back.
+
+A plate that stands open lies aslant on the lattice. No face of it can be told from a ripple there,
+and a network that draws it guesses where its edges are. Turned about its own hinge until it lies
+straight, its faces can be made flat (``flat_faces``), and what its box and its hinge say of it can
+be filled (``panel``). Distances are interpolated linearly, so flat faces stay flat on the way back.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.isosurface import ZERO
+
+STRAIGHT = np.deg2rad(2.5)  # what is turned by less lies straight
+OPEN = np.deg2rad(8.0)  # what is turned by more is drawn badly: ``panel``
+AGREES = np.deg2rad(10.0)  # between voxels and joint; else voxels are not believed
+AIMS = np.deg2rad(20.0)  # between an end of the joint's range and where the part lies straight
+ALONG = 0.95  # least cosine between the hinge and an axis of the lattice
+PLATE = 3.0  # times as long as thick, across the hinge: its direction can be told
+THICK = (3.0, 8.0)  # sub-cells, of a panel, least and most
+THIN = 0.35  # of its width, that a panel is thick at most
+WIDE = 0.1  # object units, that a panel is wide and high at least
+STANDS = 0.06  # object units, that a handle may stand out from a panel
+ROOM = 4  # cells around a part
+
+
+@dataclasses.dataclass(frozen=True)
+class Turn:
+    """How a part is turned, in cells of a field.
+
+    Attributes:
+      straight, back: [4, 4], to where it lies along the lattice, and to how it is shown.
+      axis, along: of the lattice: the hinge, and across it the one that the part then lies along.
+      hinge, end: its place there, and that of the part's far edge. span: (low, high) along ``axis``.
+      opened: whether it is turned by more than ``OPEN``.
+    """
+
+    straight: np.ndarray
+    back: np.ndarray
+    axis: int
+    along: int
+    hinge: float
+    end: float
+    span: tuple[float, float]
+    opened: bool
+
+
+def turn_of(
+    cells: np.ndarray, box: np.ndarray, joint: Joint, size: int, corrected: bool
+) -> Turn | None:
+    """How a part is turned; None where it lies straight, or no hinge says how.
+
+    Args:
+      cells: [n, 3] solid cells. box: [6] of its row. size: of the grid, cells. corrected: it is
+        turned back by what its joint says, so that it is straight at rest, not by what voxels say.
+    """
+    axis = int(np.abs(joint.direction).argmax())
+    if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG or len(cells) < 3:
+        return None
+    across = [(axis + 1) % 3, (axis + 2) % 3]
+    shown = (box[:3] - joint.origin)[across]  # from the hinge to the part
+    spread, directions = np.linalg.eigh(np.cov(cells[:, across].T))
+    said = -_wrapped(np.arctan2(shown[1], shown[0]))
+    drawn = -_wrapped(np.arctan2(directions[1, 1], directions[0, 1]))
+    plain = spread[1] > PLATE**2 * spread[0]
+    # at both ends of its range a part lies straight, or at one of them
+    ends = [_wrapped(q * np.sign(joint.direction[axis])) for q in joint.limits]
+    angle = min(ends, key=lambda end: abs(_wrapped((drawn if plain else said) - end)))
+    believed = plain and abs(_wrapped(drawn - angle)) <= AGREES
+    if not believed and abs(_wrapped(said - angle)) > AIMS:
+        return None
+    straight = drawn if believed else angle
+    back = -angle if corrected else -straight
+    if max(abs(straight), abs(back)) < STRAIGHT:
+        return None
+    turned = Rotation.from_euler("z", straight).as_matrix()[:2, :2] @ shown
+    side = int(np.abs(turned).argmax())
+    place = (joint.origin + 0.5) * size + 0.5
+    width = float(np.hypot(*box[3:][across])) * size
+    hinge = float(place[across[side]])
+    low, high = ((box[axis] + sign * box[3 + axis] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
+    return Turn(
+        _about(axis, straight, place),
+        _about(axis, back, place),
+        axis,
+        across[side],
+        hinge,
+        hinge + float(np.sign(turned[side])) * width,
+        (low, high),
+        max(abs(angle), abs(straight)) > OPEN,
+    )
+
+
+def panel(phi: np.ndarray, low: np.ndarray, turn: Turn, size: int) -> np.ndarray:
+    """Distances [A, B, C] of a part that lies straight, filled to the plate between its hinge and
+    its far edge, and without what is neither that nor a handle; as they are if it is no plate.
+
+    Args:
+      low: [3] place of the window's first cell.
+    """
+    across = 3 - turn.axis - turn.along
+    cells = np.argwhere(phi < 0)
+    thick = (phi < 0).sum(across)
+    depth = float(np.clip(np.median(thick[thick > 0]), *THICK))
+    ends = sorted((turn.hinge, turn.end))
+    sides = ends[1] - ends[0], turn.span[1] - turn.span[0]
+    if depth > THIN * sides[0] or min(sides) < WIDE * size:
+        return phi
+    middle = float(np.median(cells[:, across])) + low[across]
+    ranges = {
+        turn.axis: (turn.span, 0.0),
+        turn.along: (ends, 0.0),
+        across: ((middle - depth / 2, middle + depth / 2), STANDS * size),
+    }
+    plate, room = np.full(phi.shape, -np.inf), np.full(phi.shape, -np.inf)
+    for axis, ((first, last), more) in ranges.items():
+        at = np.arange(phi.shape[axis]) + low[axis]
+        beyond = np.maximum(first - at, at - last)
+        beyond = beyond.reshape([-1 if k == axis else 1 for k in range(3)])
+        plate, room = np.maximum(plate, beyond), np.maximum(room, beyond - more)
+    filled = np.clip(np.minimum(np.maximum(phi, room), plate), -1, 1)
+    return np.where(np.abs(filled) < ZERO, -ZERO, filled).astype(np.float32)
+
+
+def _wrapped(angle: float) -> float:
+    """An angle less whole quarter turns, at most an eighth."""
+    return float(angle - np.round(angle / (np.pi / 2)) * np.pi / 2)
+
+
+def _about(axis: int, angle: float, origin: np.ndarray) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_rotvec(angle * np.eye(3)[axis]).as_matrix()
+    matrix[:3, 3] = origin - matrix[:3, :3] @ origin
+    return matrix
+
+
+def resampled(
+    phi: np.ndarray,
+    source: np.ndarray,
+    low: np.ndarray,
+    motion: np.ndarray,
+    room: int = ROOM,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A part after a motion, in a window that holds it with ``room`` cells around.
+
+    Args:
+      phi: [A, B, C] distances of the part alone. source: of its cells, -1 for none. low: [3] place
+        of the window's first cell. motion: [4, 4], in cells.
+
+    Returns:
+      phi and source in the new window, and [3] its first cell.
+    """
+    cells = np.argwhere(phi < 0) + low
+    there = cells @ motion[:3, :3].T + motion[:3, 3]
+    first = np.floor(there.min(0)).astype(int) - room
+    shape = np.ceil(there.max(0)).astype(int) + room + 1 - first
+    back = np.linalg.inv(motion)
+    places = np.indices(shape).reshape(3, -1).T + first
+    at = (places @ back[:3, :3].T + back[:3, 3] - low).T
+    moved = ndimage.map_coordinates(phi, at, order=1, mode="constant", cval=1.0).reshape(shape)
+    moved[np.abs(moved) < ZERO] = -ZERO
+    found = np.clip(np.rint(at).astype(int), 0, np.array(phi.shape)[:, None] - 1)
+    colored = source[tuple(found)].reshape(shape)
+    return moved.astype(np.float32), np.where(moved < 1, colored, -1), first
