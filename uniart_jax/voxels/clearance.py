@@ -122,9 +122,7 @@ def _motions(joint: Joint, cells: np.ndarray, size: int) -> list[np.ndarray]:
     return [joint.motion(q) for q in np.linspace(lo, hi, count)]
 
 
-def _passed(
-    cells: np.ndarray, motions: Sequence[np.ndarray], shape: tuple[int, ...]
-) -> np.ndarray:
+def _passed(cells: np.ndarray, motions: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
     """[n, n, n] bool, all that ``cells`` [m, 3] may touch at any of the motions."""
     passed, size = np.zeros(shape, bool), shape[0] - 2
     places = _places(cells, size)

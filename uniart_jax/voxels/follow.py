@@ -48,7 +48,13 @@ def row_of_subcells(grid: VoxelGrid, boxes: np.ndarray) -> np.ndarray:
 
 
 def assemble_layout(
-    grid: VoxelGrid, layout: Layout, *, scale: float = 1.0, name: str = "", flat: bool = True, room: bool = True
+    grid: VoxelGrid,
+    layout: Layout,
+    *,
+    scale: float = 1.0,
+    name: str = "",
+    flat: bool = True,
+    room: bool = True,
 ) -> ArticulatedObject:
     """The object that the voxels show, with the layout's parts, tree and joints.
 
@@ -59,8 +65,8 @@ def assemble_layout(
 
     Returns:
       Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels
-      hardly show is made of its box (``stand_ins``); another that no voxel shows is left out, its
-      children hang on its parent. ``provenance`` tells of both.
+      hardly show, or that turns about its middle, is made of its box (``stand_ins``); another that
+      no voxel shows is left out, its children hang on its parent. ``provenance`` tells of both.
 
     Raises:
       ValueError: the grid holds no voxels.
@@ -78,10 +84,15 @@ def assemble_layout(
         if solid[k] < FEWEST and layout.parents[k] >= 0 and k not in boxed
     ]
     notes = tuple(
-        f"part {k} of the layout (confidence {layout.confidence[k]:.2f}) {what}: no voxels show it"
-        for rows, what in ((left_out, "left out"), (boxed, "made of its box"))
+        f"part {k} of the layout (confidence {layout.confidence[k]:.2f}) {what}"
+        for rows, what in (
+            (left_out, "left out: no voxels show it"),
+            (boxed, "made of its box: voxels are too coarse for it"),
+        )
         for k in rows
     )
+    theirs = np.isin(owner, boxed) & (np.asarray(grid.sdf) < 0)  # in the place of their meshes
+    grid = dataclasses.replace(grid, sdf=np.where(theirs, np.float32(0.5), grid.sdf))
     kept = [k for k in range(len(layout)) if k not in left_out]
     boxed = [kept.index(k) for k in boxed]
     layout = _without(layout, left_out)
@@ -105,8 +116,8 @@ def assemble_layout(
         if not room:
             return field
         place = {row: new for new, row in enumerate(rows)} | {-1: -1}
-        joints, parents = zip(*((layout.joints[k], place[layout.parents[k]]) for k in rows))
-        return with_room_to_move(field, joints, parents)
+        joints = [layout.joints[k] for k in rows]
+        return with_room_to_move(field, joints, [place[layout.parents[k]] for k in rows])
 
     found = mesh_parts(told, Segmentation(boxes, owner, pure), reshape)
     meshes |= dict(zip(shown, found, strict=True))

@@ -1,5 +1,6 @@
-"""Small parts that a layout holds and voxels hardly show: a knob narrower than a voxel is made of
-its row alone, a block or a disc of its box in the row's colour."""
+"""Small parts that voxels are too coarse for: a knob that turns about its middle, or one that a
+layout holds and voxels hardly show, is made of its row alone, a disc or a block of its box in the
+row's colour."""
 
 from __future__ import annotations
 
