@@ -25,7 +25,7 @@ from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.loose_parts import with_parts_joined, without_floating_pieces
 from uniart_jax.voxels.segment import Segmentation, outside
-from uniart_jax.voxels.stand_ins import needed, stand_in
+from uniart_jax.voxels.stand_ins import in_front, needed, stand_in
 
 SAID = 0.25
 SIZE = 0.02
@@ -111,6 +111,8 @@ def assemble_layout(
         if flat:
             carries = [rows.index(up) for up in set(layout.parents) - {-1} if up in rows]
             field = with_flat_faces(field, boxes, [layout.joints[k] for k in shown], carries)
+        for k in boxed:
+            meshes[k] = in_front(meshes[k], layout.joints[k], field)
         field = with_meshes(field, [meshes[k] for k in boxed], len(shown))
         field = without_floating_pieces(field, len(rows))
         if not room:

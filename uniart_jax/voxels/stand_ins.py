@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.isosurface import srgb_bytes
+from uniart_jax.voxels.isosurface import DenseField, srgb_bytes
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 
@@ -19,6 +19,8 @@ NEAR = 0.05  # object units, from its parent's box
 AXIS = 0.95  # least cosine between a disc's axis and a side of its box
 ROUND = 0.4  # least ratio of a disc's other two sides
 MIDDLE = 0.25  # of these, that a disc's axis passes beside its middle at most
+BURIED = 0.5  # share of a disc's slice within other parts, from which on it is cut off
+THINNEST = 2  # sub-cells that a disc then stands out at least
 SECTIONS = 32  # of a disc's rim
 
 
@@ -67,6 +69,41 @@ def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) 
     rgb = srgb_bytes(np.clip(np.asarray(color, np.float32), 0, 1))
     colors = np.tile(np.append(rgb, 255).astype(np.uint8), (len(mesh.vertices), 1))
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colors, process=False)
+
+
+def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.Trimesh:
+    """A disc without the end that lies within other parts, so that it stands on their surface;
+    what is no disc, or hardly comes out of them, as it is.
+
+    Args:
+      mesh: of ``stand_in``.
+    """
+    low, high = np.asarray(mesh.bounds)
+    axis = _round_about((low + high) / 2, high - low, joint)
+    if axis is None:
+        return mesh
+    size = field.sdf.shape[0] - 2
+    first, last = ((end + 0.5) * size + 0.5 for end in (low, high))
+    first = np.clip(np.rint(first).astype(int), 1, size)
+    last = np.maximum(np.clip(np.rint(last).astype(int), 1, size), first + 1)
+    window = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+    solid = np.moveaxis(field.sdf[window] < 0, axis, 0)
+    share = solid.reshape(len(solid), -1).mean(1)
+    inner_first = share[: len(share) // 2].sum() >= share[(len(share) + 1) // 2 :].sum()
+    order = share if inner_first else share[::-1]
+    buried = np.flatnonzero(order >= BURIED)
+    if not len(buried) or len(order) - 1 - buried[-1] < THINNEST:
+        return mesh
+    cut = (buried[-1] + 1) / len(order) * (high - low)[axis]
+    vertices = np.array(mesh.vertices)
+    at = vertices[:, axis]
+    if inner_first:
+        at[:] = np.maximum(at, low[axis] + cut)
+    else:
+        at[:] = np.minimum(at, high[axis] - cut)
+    made = mesh.copy()
+    made.vertices = vertices
+    return made
 
 
 def _on_axis(point: np.ndarray, joint: Joint) -> np.ndarray:
