@@ -27,7 +27,7 @@ from uniart_jax.objects.object import ArticulatedObject
 
 TEXTURE_SIZE = 1024  # texels a side, about: xatlas picks the exact size
 FACE_BUDGET = 10_000  # faces of all parts together
-ROUGH_TEXTURE, ROUGH_FACES = 512, 4000  # of what a network makes
+ROUGH_TEXTURE = 512  # of what a network makes
 # Fractions of the object's longest side, tried in turn until the budget is met: from 1/8 of a sub-cell at 128^3 to 2 sub-cells.
 TOLERANCES = tuple(2.0 ** (k / 2) / 1024 for k in range(9))
 OPENED = 2  # faces that an open surface's count as, which is given a second side
@@ -99,7 +99,7 @@ def make_atlas(
     side = float((obj.bounds[1] - obj.bounds[0]).max())
     rough = is_rough(obj)
     size = size or (ROUGH_TEXTURE if rough else TEXTURE_SIZE)
-    simple = simplify(sources, side, ROUGH_FACES if rough else FACE_BUDGET)
+    simple = simplify(sources, side)
     charts = _grid_charts if _is_rough(simple) else _xatlas_charts
     geometry = [closed(vertices, faces, side) for vertices, faces in simple]
     layout, width, height = charts(geometry, side, size)
