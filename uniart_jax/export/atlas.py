@@ -91,8 +91,8 @@ def make_atlas(
 ) -> Atlas:
     """Simplify, close, unwrap and bake every part of ``obj`` into one atlas of about ``size`` texels a side.
 
-    By default 1,024 texels and 10,000 faces; 512 and 4,000 where the surface is bumpy all over
-    (``voxel_boxes.is_rough``), whose noise is no detail and would be most of the folder.
+    By default 1,024 texels, 512 where the surface is bumpy all over (``voxel_boxes.is_rough``),
+    whose noise is no detail and would be most of the folder.
     ``picture``: of the shown state, whose colours are taken where it shows the object (``export.picture_colors``).
     """
     sources = [part.mesh for part in obj.parts]
