@@ -4,9 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+import trimesh
+from solids import box_of, box_sdf, grid_of
 
 from uniart_jax import procedural
 from uniart_jax.evaluation.parts import compare_parts
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.simulation.pieces import at_rest, spread
+from uniart_jax.simulation.plausibility import _distances, _inside, plausibility
 from uniart_jax.voxels.follow import assemble_layout, row_of_subcells
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.voxelize import voxelize
@@ -80,3 +85,105 @@ def test_no_voxels_is_one_line(oven):
     empty = dataclasses.replace(told, **{name: getattr(told, name)[:0] for name in fields})
     with pytest.raises(ValueError, match="empty"):
         assemble_layout(empty, Layout.of_object(obj))
+
+
+CASE, HOLLOW = ((0, -0.35, -0.35), (0.45, 0.35, 0.35)), ((-0.1, -0.28, -0.28), (0.38, 0.28, 0.28))
+DOOR = (-0.06, -0.3, -0.3), (-0.004, 0.3, 0.3)
+LIP = (-0.1, -0.1, -0.35), (0, 0.35, 0.35)  # of the case, ahead of the door's free edge
+SWINGS = Joint((-0.06, -0.3, 0), (0, 0, 1), angle=(0, 1.5))
+
+
+def solid(*blocks, but=()):
+    """Signed distance of some blocks without others, a function of points."""
+
+    def distance(points):
+        inside = np.min([box_sdf(points, *b) for b in blocks], 0)
+        return np.max([inside, *(-box_sdf(points, *b) for b in but)], 0)
+
+    return distance
+
+
+def cabinet(door, box, joint, lip):
+    """Voxels and the layout of a case and its door; with ``lip``, its frame reaches into the way."""
+    gap = np.array(DOOR) + [[-0.006] * 3, [0.006] * 3]
+    body = solid(CASE, LIP, but=(HOLLOW, gap)) if lip else solid(CASE, but=(HOLLOW,))
+    boxes = np.array([box_of(LIP[0] if lip else CASE[0], CASE[1]), box_of(*box)])
+    boxes[0, [1, 4]] = 0, 0.7
+    grid = grid_of([body, door], boxes, resolution=16)
+    layout = Layout(boxes, (Joint.fixed(), joint), (-1, 0), np.full((2, 3), 0.5), np.ones(2))
+    return grid.gather(), layout
+
+
+def buried(made):
+    """Share of the door's surface that lies deep in the case, most anywhere on its way."""
+    rest = at_rest(made)
+    case, door = rest.mesh([0]), rest.mesh([1])
+    joint = rest.obj.parts[1].joint
+    points = spread(door, 800)
+    ways = [
+        trimesh.transform_points(points, joint.motion(q)) for q in np.linspace(*joint.limits, 25)
+    ]
+    at = np.concatenate(ways)
+    deep = (_inside(case, at) > 0.5) & (_distances(case, at) > 0.003)
+    return deep.reshape(len(ways), -1).mean(1).max()
+
+
+@pytest.mark.parametrize("flat", [True, False])
+def test_a_door_whose_way_the_frame_bars_is_given_room(flat):
+    grid, layout = cabinet(solid(DOOR), DOOR, SWINGS, lip=True)
+    barred = assemble_layout(grid, layout, flat=flat, room=False)
+    made = assemble_layout(grid, layout, flat=flat)
+    assert buried(barred) > 0.01 > 0.002 > buried(made)
+    assert all(check["passed"] for check in plausibility(made).values())
+    assert not made.provenance and not barred.provenance  # nothing had to be moved
+    assert all(part.mesh.is_watertight for part in made.parts)
+    body, door = (part.mesh for part in made.parts)
+    barred_body, barred_door = (part.mesh for part in barred.parts)
+    assert door.volume == pytest.approx(barred_door.volume, rel=0.06)
+    assert 0.9 * barred_body.volume < body.volume < barred_body.volume
+    # the case's other outer faces are where they were
+    np.testing.assert_allclose(body.bounds[1], barred_body.bounds[1], atol=0.005)
+
+
+def test_an_open_door_is_made_flat_and_has_room():
+    """Its plate is rough where it is shown, 40 degrees open."""
+    angle = np.deg2rad(40)
+    motion = SWINGS.motion(angle)
+
+    def rough(points):
+        at = trimesh.transform_points(points.reshape(-1, 3), np.linalg.inv(motion))
+        waves = 0.014 * np.sin(60 * at[:, 2]) * np.sin(50 * at[:, 1])
+        return (box_sdf(at, *DOOR) + waves).reshape(points.shape[:-1])
+
+    corners = trimesh.transform_points(trimesh.bounds.corners(DOOR), motion)
+    box = corners.min(0), corners.max(0)
+    shown = dataclasses.replace(SWINGS, angle=(-angle, 1.5 - angle))
+    grid, layout = cabinet(rough, box, shown, lip=False)
+    plain, made = (assemble_layout(grid, layout, flat=flat) for flat in (False, True))
+    rough_by = []
+    for obj in (plain, made):
+        mesh = obj.shown_at(obj.rest()).parts[1].mesh
+        points, _ = trimesh.sample.sample_surface(mesh, 2000, seed=0)
+        x = points[(np.abs(points[:, 1:]) < 0.2).all(1), 0]
+        faces = x[x < -0.035], x[x >= -0.035]
+        rough_by.append(max(np.ptp(np.quantile(face, [0.02, 0.98])) for face in faces))
+    assert rough_by[1] < 0.006 < 0.015 < rough_by[0]
+    np.testing.assert_allclose(np.ptp(mesh.bounds[:, 1:], axis=0), 0.6, atol=0.03)
+    assert buried(made) < 0.02 and made.parts[1].mesh.is_watertight
+    again = assemble_layout(grid, layout)
+    np.testing.assert_array_equal(again.parts[1].mesh.vertices, made.parts[1].mesh.vertices)
+
+
+def test_a_small_part_within_a_disc_keeps_a_mesh():
+    """A pin whose voxels all lie within a knob that is made of its box."""
+    knob, pin = (
+        ((-0.08, -0.05, -0.05), (0, 0.05, 0.05)),
+        ((-0.06, -0.02, -0.02), (-0.02, 0.02, 0.02)),
+    )
+    boxes = np.array([box_of(*CASE), box_of(*knob), box_of(*pin)])
+    around = solid(knob, but=(pin,))
+    grid = grid_of([solid(CASE), around, solid(pin)], boxes, resolution=16)
+    joints = Joint.fixed(), Joint((0, 0, 0), (1, 0, 0), angle=(-1, 1)), Joint.fixed()
+    layout = Layout(boxes, joints, (-1, 0, 1), np.full((3, 3), 0.5), np.ones(3))
+    made = assemble_layout(grid.gather(), layout)
+    assert len(made.parts) == 3 and all(part.mesh.is_watertight for part in made.parts)

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from fields import AT, N, assert_same, block, copy_of, field_of, solid_of
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.simulation.soundness import gaps
-from uniart_jax.voxels.loose_parts import with_parts_joined, without_debris
+from uniart_jax.voxels.loose_parts import (
+    with_parts_joined,
+    without_debris,
+    without_floating_pieces,
+)
 
 
 def cube(side: float, at: tuple[float, float, float]) -> trimesh.Trimesh:
@@ -115,3 +120,58 @@ def test_parts_of_large_triangles_that_touch_stay():
     moved = with_parts_joined(make(("base", base, -1), ("link_1", lid, 0)))
     assert "hung in the air, 0.06" in moved.provenance[0]
     assert abs(moved.parts[1].mesh.bounds[0, 2] - 0.1) < 0.02
+
+
+def cubes(*lowers, side=4):
+    """Distance from cubes at some places, cells."""
+    return np.min([block(np.array(low) + 0.3, np.array(low) + side + 0.3) for low in lowers], 0)
+
+
+BODY = block((20.3,) * 3, (44.3,) * 3)
+
+
+def test_pieces_in_the_air_go_and_those_that_touch_stay():
+    """Touching what does, or at most two cells beside, of whatever part."""
+    in_the_air, near, on = (4, 4, 4), (46, 20, 20), (30, 30, 44)
+    field = field_of(np.minimum(BODY, cubes(in_the_air, near)), cubes((30, 30, 50)), cubes(on))
+    before = copy_of(field)
+    after = without_floating_pieces(field, 3)
+    assert_same(field, before)
+    gone = (field.sdf < 0) & (after.sdf > 0)
+    np.testing.assert_array_equal(gone, cubes(in_the_air) < 0)
+    assert (after.sdf[gone] >= 0.5).all()
+    np.testing.assert_array_equal(after.sdf[~gone], field.sdf[~gone])
+    for name in ("owner", "source"):
+        np.testing.assert_array_equal(getattr(after, name), getattr(field, name))
+
+
+def test_a_piece_stays_where_two_cells_lie_between_and_goes_where_three_do():
+    for between, stays in ((2, True), (3, False)):
+        piece = cubes((44 + between, 30, 30))
+        after = without_floating_pieces(field_of(np.minimum(BODY, piece)), 1)
+        assert (after.sdf[piece < 0] < 0).all() == stays, between
+        assert (after.sdf[piece < 0] < 0).any() == stays
+
+
+def test_the_largest_piece_of_each_part_stays_wherever_it_is():
+    whole, half = cubes((4, 4, 4), side=6), cubes((4, 54, 4), side=5)
+    field = field_of(BODY, np.minimum(whole, half), cubes((54, 54, 54)))
+    after = without_floating_pieces(field, 3)
+    np.testing.assert_array_equal(solid_of(after, 0), BODY < 0)
+    np.testing.assert_array_equal(solid_of(after, 1), whole < 0)
+    assert solid_of(after, 2).sum() == 64
+
+
+def test_pieces_of_parts_that_are_not_asked_for_stay():
+    field = field_of(BODY, cubes((4, 4, 4), (4, 54, 4)))
+    assert_same(without_floating_pieces(field, 1), field)
+    assert solid_of(without_floating_pieces(field, 2), 1).sum() == 64
+
+
+def test_without_pieces_nothing_goes():
+    for field in (
+        field_of(BODY),
+        field_of(np.full((N + 2,) * 3, 3.0)),
+        field_of(AT[0] * 0 + 3, BODY),
+    ):
+        assert_same(without_floating_pieces(field, 3), field)

@@ -14,13 +14,20 @@ from uniart_jax.voxels.stand_ins import needed, stand_in
 from uniart_jax.voxels.voxelize import voxelize
 
 
-def layout_of(box, confidence=0.9, parent=0):
+def layout_of(box, confidence=0.9, parent=0, joint=None):
     boxes = np.array([[0, 0, 0, 0.8, 0.8, 0.8], box], np.float64)
-    joints = (Joint.fixed(), Joint.fixed())
+    joints = (Joint.fixed(), joint or Joint.fixed())
     return Layout(boxes, joints, (-1, parent), np.full((2, 3), 0.5), np.array([0.9, confidence]))
 
 
 KNOB = (-0.41, 0.2, 0.3, 0.05, 0.06, 0.06)
+
+
+def turning(at, direction=(1, 0, 0)):
+    return Joint(np.array(at), direction, angle=(-1.0, 1.0))
+
+
+IN_ITS_MIDDLE = turning((0.3, 0.205, 0.295))  # wherever along its axis
 
 
 @pytest.mark.parametrize(
@@ -33,6 +40,17 @@ KNOB = (-0.41, 0.2, 0.3, 0.05, 0.06, 0.06)
         ({"box": (-0.41, 0.2, 0.3, 0.05, 0.2, 0.06)}, 0, []),  # large
         ({"box": (-0.6, 0.2, 0.3, 0.05, 0.06, 0.06)}, 0, []),  # in the air
         ({"parent": -1}, 0, []),
+        # what turns about its middle is a disc, shown or not
+        ({"joint": IN_ITS_MIDDLE}, 60, [1]),
+        ({"joint": IN_ITS_MIDDLE}, 380, [1]),
+        ({"joint": IN_ITS_MIDDLE, "box": (-0.41, 0.2, 0.3, 0.05, 0.06, 0.03)}, 380, [1]),
+        ({"joint": IN_ITS_MIDDLE, "box": (-0.41, 0.2, 0.3, 0.05, 0.06, 0.02)}, 380, []),  # a bar
+        ({"joint": IN_ITS_MIDDLE, "confidence": 0.4}, 380, []),
+        ({"joint": IN_ITS_MIDDLE, "box": (-0.6, 0.2, 0.3, 0.05, 0.06, 0.06)}, 380, []),
+        ({"joint": IN_ITS_MIDDLE, "box": (-0.41, 0.2, 0.3, 0.05, 0.16, 0.16)}, 9999, []),
+        ({"joint": turning((-0.41, 0.22, 0.3))}, 380, []),  # beside its middle
+        ({"joint": turning((-0.41, 0.2, 0.3), (1, 0.5, 0))}, 380, []),  # aslant
+        ({"joint": Joint(np.zeros(3), (1, 0, 0), travel=(0, 0.1))}, 380, []),
     ],
 )
 def test_which_rows_need_one(changes, solid, wanted):
@@ -41,18 +59,27 @@ def test_which_rows_need_one(changes, solid, wanted):
 
 
 def test_a_part_that_turns_about_its_middle_is_a_disc_and_others_are_blocks():
+    """As wide as its box is on average, around its axis."""
     box = np.array([0.1, -0.2, 0.3, 0.04, 0.06, 0.05])
     for axis in range(3):
-        direction = np.eye(3)[axis]
-        turning = Joint(box[:3], direction, angle=(-1.0, 1.0))
-        disc = stand_in(box, turning, np.array([1.0, 0, 0]), 1 / 128)
-        assert disc.is_watertight and len(disc.vertices) > 40
-        assert len(np.unique(disc.vertices[:, axis].round(9))) == 2  # its two flat sides
-        np.testing.assert_allclose(np.ptp(disc.bounds, 0), box[3:], rtol=0.01)
-        np.testing.assert_allclose(disc.bounds.mean(0), box[:3], atol=1e-6)
-        round_share = np.pi / 4
-        assert disc.volume == pytest.approx(round_share * box[3:].prod(), rel=0.02)
-        assert (disc.visual.vertex_colors == [255, 0, 0, 255]).all()
+        direction, across = np.eye(3)[axis], np.delete(np.arange(3), axis)
+        beside = np.where(np.arange(3) == axis, 0.7, [0.004, -0.003, 0.002])
+        for toward in (direction, -direction):
+            joint = Joint(box[:3] + beside, toward, angle=(-1.0, 1.0))
+            disc = stand_in(box, joint, np.array([1.0, 0, 0]), 1 / 128)
+            assert disc.is_watertight and disc.volume > 0 and len(disc.vertices) > 40
+            assert len(np.unique(disc.vertices[:, axis].round(9))) == 2  # its two flat sides
+            width = box[3:][across].mean()
+            size = np.where(np.arange(3) == axis, box[3 + axis], width)
+            np.testing.assert_allclose(np.ptp(disc.bounds, 0), size, rtol=0.01)
+            centre = np.where(np.arange(3) == axis, box[:3], joint.origin)
+            np.testing.assert_allclose(disc.bounds.mean(0), centre, atol=1e-6)
+            # nothing of it leaves its place as it turns
+            away = np.hypot(*(disc.vertices - joint.origin)[:, across].T)
+            assert away.max() == pytest.approx(width / 2)
+            assert disc.volume == pytest.approx(np.pi / 4 * size.prod(), rel=0.02)
+            assert (disc.visual.vertex_colors == [255, 0, 0, 255]).all()
+    np.testing.assert_array_equal(box, [0.1, -0.2, 0.3, 0.04, 0.06, 0.05])
     beside = Joint(box[:3] + [0, 0.03, 0], [1.0, 0, 0], angle=(0.0, 1.0))
     slides = Joint(np.zeros(3), [1.0, 0, 0], travel=(0.0, 0.1))
     for joint in (beside, slides, Joint.fixed()):

@@ -21,7 +21,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.grid import connected
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.isosurface import ZERO, DenseField
 
 STEP = 1.0  # sub-cells that the farthest cell of a part goes between two states
 STATES = (9, 97)  # of a joint's way, least and most
@@ -71,7 +71,7 @@ def with_room_to_move(
 def with_meshes(field: DenseField, meshes: Sequence[trimesh.Trimesh], first: int) -> DenseField:
     """A field in which small convex parts hold the cells that they fill: owners from ``first`` on.
 
-    Cells of other parts that lie within them are theirs, at least one each.
+    Cells of other parts that lie within them are theirs, at least one each; but not all of a part.
     """
     sdf, owner = field.sdf.copy(), field.owner.copy()
     size = sdf.shape[0] - 2
@@ -83,8 +83,14 @@ def with_meshes(field: DenseField, meshes: Sequence[trimesh.Trimesh], first: int
         cells = np.indices(high - low + 1).reshape(3, -1).T + low
         depth = _within(mesh, _places(cells, size)) * size
         depth[depth.argmax()] = max(depth.max(), 0.5)
-        inside = (depth > 0).reshape(high - low + 1)
-        sdf[window][inside] = -np.minimum(depth[depth > 0], 1)
+        depth = depth.reshape(high - low + 1)
+        whose = np.where(sdf[window] < 0, owner[window], -1)
+        for other in np.unique(whose[(whose >= 0) & (depth > 0)]):
+            lost = (whose == other) & (depth > 0)
+            if lost.sum() == ((sdf < 0) & (owner == other)).sum():
+                depth[lost] = 0
+        inside = depth > 0
+        sdf[window][inside] = -np.minimum(depth[inside], 1)
         owner[window][inside] = part
     return dataclasses.replace(field, sdf=sdf, owner=owner)
 
@@ -206,7 +212,7 @@ def _take(
         if (whose == part).sum() <= most * ((sdf < 0) & own).sum():
             at = tuple(cells[whose == part].T)
             before = connected(own & (sdf < 0))
-            sdf[at] = depth[whose == part]
+            sdf[at] = np.maximum(depth[whose == part], 2 * ZERO)
             _drop_pieces(sdf, own, before)
             _name_source(source, own, at)
 

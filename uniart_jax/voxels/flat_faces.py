@@ -119,11 +119,13 @@ def _turned(views: Views, part: int, turn: Turn) -> None:
     colored = np.where(mine, source, -1)[window]
     low = np.array([s.start for s in window])
     phi, colored, low = resampled(phi, colored, low, turn.straight, PANEL)
-    if turn.opened:
+    if turn.opened and (phi < 0).any():
         phi = panel(phi, low, turn, sdf.shape[0] - 2)
         colored = _spread(colored, phi)
     own = np.zeros(phi.shape, owner.dtype)
     solid = np.argwhere(phi < 0)
+    if not len(solid):
+        return
     free = np.full(phi.shape, -1, owner.dtype)
     _flat_part((phi, own, colored, free), 0, solid.min(0) - 0.5, solid.max(0) + 0.5, True)
     phi, colored, low = resampled(phi, colored, low, turn.back)
@@ -134,13 +136,13 @@ def _turned(views: Views, part: int, turn: Turn) -> None:
         return
     into = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
     from_ = tuple(slice(a, b) for a, b in zip(first - low, last - low, strict=True))
-    phi, colored = phi[from_], colored[from_]
+    phi, colored = phi[from_], _spread(colored, phi)[from_]
     was = mine & (sdf < 0)
-    if (phi < 0).sum() < KEPT * was.sum():
+    free = ((sdf > 0) | was)[into] & np.isin(taken[into], (-1, part))
+    if (free & (phi < 0)).sum() < KEPT * was.sum():
         return
     sdf[was] = np.maximum(-sdf[was], 0.5)
     here, whose = sdf[into], owner[into]
-    free = (here > 0) & np.isin(taken[into], (-1, part))
     new = free & ((phi < 0) | (np.isin(whose, (-1, part)) & (phi < 1)))
     here[new], whose[new] = phi[new], part
     source[into][new & (phi < 0)] = colored[new & (phi < 0)]

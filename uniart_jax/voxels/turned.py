@@ -82,7 +82,10 @@ def turn_of(
     turned = Rotation.from_euler("z", straight).as_matrix()[:2, :2] @ shown
     side = int(np.abs(turned).argmax())
     place = (joint.origin + 0.5) * size + 0.5
-    width = float(np.hypot(*box[3:][across])) * size
+    thick = np.sqrt(12 * max(spread[0], 0)) if believed else 0
+    wide = np.hypot(*box[3:][across]) * size  # of the box, thicker by what stands across
+    width = np.sqrt(max(wide**2 - (thick * np.cos(2 * straight)) ** 2, 0))
+    width = max(float(width - thick * abs(np.sin(2 * straight))), 0.0)
     hinge = float(place[across[side]])
     low, high = ((box[axis] + sign * box[3 + axis] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
     return Turn(
