@@ -45,6 +45,7 @@ DENT = 10  # a gap that is no deeper is filled to its ground
 THICKNESS = 2  # of what closes deeper ones
 NOBODYS = -2  # cells that no part may take
 MOST = 0.6  # share of a moving part's face that a plane covers, where it is to cover it all
+NARROW = 10  # a narrower face is an edge, as wide as its ripples say
 CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners
 PANEL = 40  # cells around what is drawn of a panel, in which it is completed
 KEPT = 0.5  # share of a part's cells below which it is left as it was
@@ -84,13 +85,21 @@ def with_flat_faces(
         window = tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
         views = (sdf[window], owner[window], source[window], taken[window])
         moves = len(joints) > 0 and joints[part].type != "fixed"
-        _flat_part(views, part, lower - low, upper - low, moves)
+        box = lower - low, upper - low
+        _flat_part(views, part, *box, box if moves else None)
     sdf[np.abs(sdf) < ZERO] = -ZERO
     return dataclasses.replace(field, sdf=sdf, owner=owner, source=source)
 
 
-def _flat_part(views: Views, part: int, lower: np.ndarray, upper: np.ndarray, moves: bool) -> None:
-    """In place: one part's faces; ``lower``, ``upper`` [3]: its box in the views' cells."""
+def _flat_part(
+    views: Views,
+    part: int,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    moving: tuple[np.ndarray, np.ndarray] | None,
+) -> None:
+    """In place: one part's faces; ``lower``, ``upper`` [3]: its box in the views' cells;
+    ``moving``: the same of a moving part, whose faces are completed within it."""
     before = tuple(view.copy() for view in views)
     sides = upper - lower
     for axis in np.argsort(-sides):
@@ -102,7 +111,8 @@ def _flat_part(views: Views, part: int, lower: np.ndarray, upper: np.ndarray, mo
     for axis in range(3):
         for side in (1, -1):
             seen = _seen(views, axis, side)
-            _flatten(seen, part, _face(axis, side, lower, upper, seen[0].shape) if moves else None)
+            face = _face(axis, side, *moving, seen[0].shape) if moving else None
+            _flatten(seen, part, face)
             _flatten(tuple(v[len(v) // 2 :] for v in seen), part)  # from within
     if _solid(views, part).sum() < KEPT * _solid(before, part).sum():
         for view, old in zip(views, before, strict=True):
@@ -127,7 +137,9 @@ def _turned(views: Views, part: int, turn: Turn) -> None:
     if not len(solid):
         return
     free = np.full(phi.shape, -1, owner.dtype)
-    _flat_part((phi, own, colored, free), 0, solid.min(0) - 0.5, solid.max(0) + 0.5, True)
+    lower, upper = solid.min(0) - 0.5, solid.max(0) + 0.5
+    whole = tuple(end - low for end in turn.box(lower + low, upper + low))
+    _flat_part((phi, own, colored, free), 0, lower, upper, whole)
     phi, colored, low = resampled(phi, colored, low, turn.back)
     # what lies beyond the grid is left out
     first = np.clip(low, 1, None)
@@ -250,9 +262,9 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
 
 def _is_most(columns: np.ndarray, face: np.ndarray) -> bool:
     """Whether columns [U, V] are most of a rectangle ``face`` [U, V], and reach into a corner."""
-    if columns.sum() < MOST * face.sum():
-        return False
     u, v = (np.flatnonzero(face.any(k)) for k in (1, 0))
+    if min(len(u), len(v)) < NARROW or columns.sum() < MOST * face.sum():
+        return False
     inner = columns[np.ix_(u, v)]
     a, b = (max(1, round(CORNER * n)) for n in inner.shape)
     return any(inner[rows, some].mean() > 0.5
