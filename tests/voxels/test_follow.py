@@ -174,16 +174,25 @@ def test_an_open_door_is_made_flat_and_has_room():
     np.testing.assert_array_equal(again.parts[1].mesh.vertices, made.parts[1].mesh.vertices)
 
 
-def test_a_small_part_within_a_disc_keeps_a_mesh():
-    """A pin whose voxels all lie within a knob that is made of its box."""
-    knob, pin = (
-        ((-0.08, -0.05, -0.05), (0, 0.05, 0.05)),
-        ((-0.06, -0.02, -0.02), (-0.02, 0.02, 0.02)),
+def test_a_disc_has_the_cells_that_it_fills_but_not_all_of_a_part():
+    """A pin lies all within a knob, a lump of the case within another; a crumb hangs in the air."""
+    knob = (-0.08, -0.05, -0.05), (0, 0.05, 0.05)
+    drawn = (-0.07, -0.03, -0.03), (0, 0.03, 0.03)
+    pin = (-0.06, -0.02, -0.02), (-0.02, 0.02, 0.02)
+    second = [[x, y - 0.2, z] for x, y, z in knob]
+    lump = [[x, y - 0.2, z] for x, y, z in drawn]
+    crumb = (-0.3, 0.2, 0.2), (-0.24, 0.26, 0.26)
+    boxes = np.array(
+        [box_of((-0.3, -0.35, -0.35), CASE[1]), box_of(*knob), box_of(*pin), box_of(*second)]
     )
-    boxes = np.array([box_of(*CASE), box_of(*knob), box_of(*pin)])
-    around = solid(knob, but=(pin,))
-    grid = grid_of([solid(CASE), around, solid(pin)], boxes, resolution=16)
-    joints = Joint.fixed(), Joint((0, 0, 0), (1, 0, 0), angle=(-1, 1)), Joint.fixed()
-    layout = Layout(boxes, joints, (-1, 0, 1), np.full((3, 3), 0.5), np.ones(3))
+    parts = [solid(CASE, crumb, lump), solid(drawn, but=(pin,)), solid(pin)]
+    grid = grid_of(parts, boxes[:3], resolution=16)
+    turns = [Joint((0, y, 0), (1, 0, 0), angle=(-1, 1)) for y in (0, -0.2)]
+    joints = Joint.fixed(), turns[0], Joint.fixed(), turns[1]
+    layout = Layout(boxes, joints, (-1, 0, 1, 0), np.full((4, 3), 0.5), np.ones(4))
     made = assemble_layout(grid.gather(), layout)
-    assert len(made.parts) == 3 and all(part.mesh.is_watertight for part in made.parts)
+    assert len(made.parts) == 4 and all(part.mesh.is_watertight for part in made.parts)
+    case, *others = (part.mesh.bounds for part in made.parts)
+    np.testing.assert_allclose(case, CASE, atol=0.01)
+    for disc in (knob, second):
+        assert min(np.abs(bounds - disc).max() for bounds in others) < 0.001

@@ -148,6 +148,11 @@ def test_a_chunky_part_that_lies_aslant_of_its_hinge_is_left():
     ahead = (30.4, 14.3, 20.2), (54.4, 38.3, 40.2)
     found = turn(*door(20, *ahead))
     assert np.arctan2(found.straight[1, 0], found.straight[0, 0]) == pytest.approx(-np.deg2rad(20))
+    # and is so though its cells seem to say otherwise
+    distance, box, joint = door(20, ahead[0], (54.4, 46.3, 40.2))
+    other = Joint(joint.origin, joint.direction, angle=tuple(np.deg2rad([-26, 64])))
+    found = turn(distance, box, other)
+    assert np.arctan2(found.straight[1, 0], found.straight[0, 0]) == pytest.approx(-np.deg2rad(26))
 
 
 def test_resampling_there_and_back_keeps_the_part():
