@@ -1,8 +1,9 @@
 """Dense fields of analytic solids, made without voxels; places and lengths are in cells."""
 
 import numpy as np
+from scipy import ndimage
 
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.isosurface import DenseField, with_sources
 
 N = 64  # sub-cells a side
 AT = np.stack(np.meshgrid(*[np.arange(N + 2) + 0.0] * 3, indexing="ij"))
@@ -58,3 +59,10 @@ def copy_of(field):
 def assert_same(field, other):
     for name in ("sdf", "owner", "source"):
         np.testing.assert_array_equal(getattr(field, name), getattr(other, name))
+
+
+def surface_has_sources(field):
+    """Whether every solid cell of part 0 that borders on others has a source, once named."""
+    solid = solid_of(field, 0)
+    surface = solid & ndimage.binary_dilation(~solid, np.ones((3, 3, 3)))
+    return bool((with_sources(field, 1).source[surface] >= 0).all())

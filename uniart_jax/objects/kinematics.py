@@ -194,10 +194,12 @@ def topological_order(parents: Sequence[int]) -> list[int]:
 
 
 def subtrees(parents: Sequence[int]) -> list[set[int]]:
-    """[K] each node and all that hang on it; parents stand before their children."""
+    """[K] each node and all that hang on it; parents in any order, -1 for a root's."""
     below = [{k} for k in range(len(parents))]
-    for k in range(len(parents) - 1, 0, -1):
-        below[parents[k]] |= below[k]
+    for k, up in enumerate(parents):
+        while up >= 0:
+            below[up].add(k)
+            up = parents[up]
     return below
 
 

@@ -19,6 +19,7 @@ from uniart_jax.voxels.isosurface import (
     part_mesh,
     simplify,
     srgb_bytes,
+    with_sources,
 )
 from uniart_jax.voxels.joint_code import LARGEST, box_corners, canonical, decode_part, decode_tree
 from uniart_jax.voxels.loose_parts import with_parts_joined, without_debris
@@ -131,6 +132,7 @@ def mesh_parts(
     grid = dataclasses.replace(grid, sdf=_within_boxes(grid, parts))
     sdf, owner = _every_part_has_a_cell(grid, parts)
     field = reshape(dense_field(dataclasses.replace(grid, sdf=sdf), owner))
+    field = with_sources(field, len(parts.boxes))
     cells = np.where(field.sdf < 0, field.owner + 1, 0)
     windows = ndimage.find_objects(cells, max_label=len(parts.boxes))
     colors = srgb_bytes(grid.color).reshape(-1, 3)

@@ -19,17 +19,18 @@ import numpy as np
 import trimesh
 from scipy import ndimage
 
-from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.kinematics import Joint, subtrees
 from uniart_jax.voxels.grid import connected
 from uniart_jax.voxels.isosurface import ZERO, DenseField
 
-STEP = 1.0  # sub-cells that the farthest cell of a part goes between two states
-STATES = (9, 97)  # of a joint's way, least and most
+STEP = 1.0  # sub-cells that the farthest cell of a part goes between two states, unless these
+STATES = (9, 193)  # are more, or fewer
 MARGIN = 0.25  # sub-cells around a moving part that stay free
 LOST = (0.3, 0.5)  # share of its cells that what stands still, and what moves, may lose
 WALL = 2  # sub-cells, thickness of what counts as an outer wall
 KNOB = 0.15  # object units; what is smaller, and its dish, may lie in any wall
 OPENS = 0.05  # object units that a part's middle goes at least, where it opens to a side
+FIRST = 0.1  # of its range, which says to which
 PIECE = 0.1  # share of a part's cells: what is cut off and smaller is left out
 
 
@@ -44,8 +45,8 @@ def with_room_to_move(
     Returns:
       A new field with fewer solid cells.
     """
-    sdf, owner, source = field.sdf.copy(), field.owner, field.source.copy()
-    below, size = _subtrees(parents), sdf.shape[0] - 2
+    sdf, owner = field.sdf.copy(), field.owner
+    below, size = subtrees(parents), sdf.shape[0] - 2
     movers = [k for k, parent in enumerate(parents) if parent >= 0 and joints[k].type != "fixed"]
     for k in movers:
         # what moves on other joints can be opened first
@@ -61,17 +62,20 @@ def with_room_to_move(
         barring = np.argwhere((sdf < 0) & resting & _passed(cells, motions, sdf.shape))
         depth = _depth(sdf, barring, moving, back)
         if np.ptp(cells, axis=0).max() > KNOB * size:
-            walls = _walls((sdf < 0) & resting, _opens_to(joints[k], cells, size))
+            body = (sdf < 0) & resting
+            opens_to = _opens_to(joints[k], cells, np.argwhere(body), size) if body.any() else None
+            walls = _walls(body, opens_to)
             depth[walls[tuple(barring.T)]] = 0
-        _take(sdf, owner, source, barring, depth, LOST[0])
-        _take(sdf, owner, source, cells, _depth(sdf, cells, resting, motions), LOST[1])
-    return dataclasses.replace(field, sdf=sdf, source=source)
+        _take(sdf, owner, barring, depth, LOST[0])
+        _take(sdf, owner, cells, _depth(sdf, cells, resting, motions), LOST[1])
+    return dataclasses.replace(field, sdf=sdf)
 
 
 def with_meshes(field: DenseField, meshes: Sequence[trimesh.Trimesh], first: int) -> DenseField:
     """A field in which small convex parts hold the cells that they fill: owners from ``first`` on.
 
-    Cells of other parts that lie within them are theirs, at least one each; but not all of a part.
+    Cells of other parts that lie within them are theirs, at least one each where that is not all of
+    another part.
     """
     sdf, owner = field.sdf.copy(), field.owner.copy()
     size = sdf.shape[0] - 2
@@ -106,19 +110,8 @@ def _places(cells: np.ndarray, size: int) -> np.ndarray:
     return (cells - 0.5) / size - 0.5
 
 
-def _subtrees(parents: Sequence[int]) -> list[set[int]]:
-    """[K] each part and all that hang on it; parents in any order."""
-    below = [{k} for k in range(len(parents))]
-    for k in range(len(parents)):
-        up = parents[k]
-        while up >= 0:
-            below[up].add(k)
-            up = parents[up]
-    return below
-
-
 def _motions(joint: Joint, cells: np.ndarray, size: int) -> list[np.ndarray]:
-    """[4, 4] over the joint's range, dense enough that no cell of ``cells`` is passed over."""
+    """[4, 4] over the joint's range: ``STEP`` apart, at most ``STATES``."""
     lo, hi = joint.limits
     path = hi - lo
     if joint.rotates:
@@ -171,13 +164,22 @@ def _depth(
     return depth
 
 
-def _opens_to(joint: Joint, cells: np.ndarray, size: int) -> tuple[int, int] | None:
-    """(axis, side) to which a part of ``cells`` [n, 3] opens; None where its middle hardly moves."""
-    middle = _places(cells, size).mean(0)
-    ends = [(joint.motion(q) @ np.append(middle, 1))[:3] for q in joint.limits]
-    way = ends[int(abs(joint.limits[1]) > abs(joint.limits[0]))] - middle
+def _opens_to(
+    joint: Joint, cells: np.ndarray, body: np.ndarray, size: int
+) -> tuple[int, int] | None:
+    """(axis, side) to which a part of ``cells`` [n, 3] begins to open, from the end of its range
+    that is nearer the middle of ``body`` [m, 3]; None where it hardly moves, or turns all round."""
+    middle = np.append(_places(cells, size).mean(0), 1)
+    ends = [(joint.motion(q) @ middle)[:3] for q in joint.limits]
+    if joint.type == "continuous" or np.abs(ends[1] - ends[0]).max() <= OPENS:
+        return None
+    center = (_places(body.min(0), size) + _places(body.max(0), size)) / 2
+    far = [np.linalg.norm(end - center) for end in ends]
+    closed, opened = joint.limits if far[0] <= far[1] else joint.limits[::-1]
+    start = (joint.motion(closed) @ middle)[:3]
+    way = (joint.motion(closed + FIRST * (opened - closed)) @ middle)[:3] - start
     axis = int(np.abs(way).argmax())
-    return (axis, int(np.sign(way[axis]))) if abs(way[axis]) > OPENS else None
+    return axis, int(np.sign(way[axis]))
 
 
 def _walls(solid: np.ndarray, but: tuple[int, int] | None) -> np.ndarray:
@@ -196,12 +198,7 @@ def _walls(solid: np.ndarray, but: tuple[int, int] | None) -> np.ndarray:
 
 
 def _take(
-    sdf: np.ndarray,
-    owner: np.ndarray,
-    source: np.ndarray,
-    cells: np.ndarray,
-    depth: np.ndarray,
-    most: float,
+    sdf: np.ndarray, owner: np.ndarray, cells: np.ndarray, depth: np.ndarray, most: float
 ) -> None:
     """In place: parts without those of ``cells`` [n, 3] that are above 0 deep in others [n]; not
     where a part would lose more than a share of ``most``."""
@@ -214,7 +211,6 @@ def _take(
             before = connected(own & (sdf < 0))
             sdf[at] = np.maximum(depth[whose == part], 2 * ZERO)
             _drop_pieces(sdf, own, before)
-            _name_source(source, own, at)
 
 
 def _drop_pieces(sdf: np.ndarray, own: np.ndarray, before: np.ndarray) -> None:
@@ -229,15 +225,3 @@ def _drop_pieces(sdf: np.ndarray, own: np.ndarray, before: np.ndarray) -> None:
     loose[0] = False
     gone = loose[after]
     sdf[gone] = np.maximum(-sdf[gone], 0.5)
-
-
-def _name_source(source: np.ndarray, own: np.ndarray, at: tuple[np.ndarray, ...]) -> None:
-    """In place: what was taken of a part's unknown inside has the colour of what is nearest."""
-    known = own & (source >= 0)
-    unknown = np.zeros(source.shape, bool)
-    unknown[at] = source[at] < 0
-    if unknown.any() and known.any():
-        nearest: Any = ndimage.distance_transform_edt(
-            ~known, return_distances=False, return_indices=True
-        )
-        source[unknown] = source[tuple(nearest)][unknown]

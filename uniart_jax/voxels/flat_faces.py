@@ -76,8 +76,7 @@ def with_flat_faces(
             solid = np.argwhere((sdf < 0) & (owner == part))
             box = np.concatenate([centre, size])
             turn = turn_of(solid, box, joints[part], cells, part not in carries)
-            if turn is not None:
-                _turned((sdf, owner, source, taken), part, turn)
+            if turn is not None and _turned((sdf, owner, source, taken), part, turn):
                 continue
         lower, upper = ((c + 0.5) * cells + 0.5 for c in (centre - size / 2, centre + size / 2))
         low = np.clip(np.floor(lower - AROUND).astype(int), 0, cells)
@@ -119,8 +118,9 @@ def _flat_part(
             view[...] = old
 
 
-def _turned(views: Views, part: int, turn: Turn) -> None:
-    """In place: a part that is shown turned, made flat as it lies straight."""
+def _turned(views: Views, part: int, turn: Turn) -> bool:
+    """In place: a part that is shown turned, made flat as it lies straight; whether it was, or would
+    have lost too much of itself."""
     sdf, owner, source, taken = views
     mine = owner == part
     window = ndimage.find_objects((mine & (sdf < 0)).astype(np.int8))[0]
@@ -131,11 +131,10 @@ def _turned(views: Views, part: int, turn: Turn) -> None:
     phi, colored, low = resampled(phi, colored, low, turn.straight, PANEL)
     if turn.opened and (phi < 0).any():
         phi = panel(phi, low, turn, sdf.shape[0] - 2)
-        colored = _spread(colored, phi)
     own = np.zeros(phi.shape, owner.dtype)
     solid = np.argwhere(phi < 0)
     if not len(solid):
-        return
+        return False
     free = np.full(phi.shape, -1, owner.dtype)
     lower, upper = solid.min(0) - 0.5, solid.max(0) + 0.5
     whole = tuple(end - low for end in turn.box(lower + low, upper + low))
@@ -145,30 +144,20 @@ def _turned(views: Views, part: int, turn: Turn) -> None:
     first = np.clip(low, 1, None)
     last = np.minimum(low + phi.shape, np.array(sdf.shape) - 1)
     if (last <= first).any():
-        return
+        return False
     into = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
     from_ = tuple(slice(a, b) for a, b in zip(first - low, last - low, strict=True))
-    phi, colored = phi[from_], _spread(colored, phi)[from_]
+    phi, colored = phi[from_], colored[from_]
     was = mine & (sdf < 0)
     free = ((sdf > 0) | was)[into] & np.isin(taken[into], (-1, part))
     if (free & (phi < 0)).sum() < KEPT * was.sum():
-        return
+        return False
     sdf[was] = np.maximum(-sdf[was], 0.5)
     here, whose = sdf[into], owner[into]
     new = free & ((phi < 0) | (np.isin(whose, (-1, part)) & (phi < 1)))
     here[new], whose[new] = phi[new], part
     source[into][new & (phi < 0)] = colored[new & (phi < 0)]
-
-
-def _spread(source: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """Sources in which solid cells that have none have that of the nearest."""
-    missing, known = (phi < 0) & (source < 0), source >= 0
-    if not (missing.any() and known.any()):
-        return source
-    nearest: Any = ndimage.distance_transform_edt(
-        ~known, return_distances=False, return_indices=True
-    )
-    return np.where(missing, source[tuple(nearest)], source)
+    return True
 
 
 def _seen(views: Views, axis: int, side: int) -> Views:

@@ -109,7 +109,7 @@ def assemble_layout(
 
     def reshape(field: DenseField) -> DenseField:
         if flat:
-            carries = [rows.index(up) for up in set(layout.parents) - {-1} if up in rows]
+            carries = [rows.index(up) for up in set(layout.parents) if up >= 0]
             field = with_flat_faces(field, boxes, [layout.joints[k] for k in shown], carries)
         for k in boxed:
             meshes[k] = in_front(meshes[k], layout.joints[k], field)

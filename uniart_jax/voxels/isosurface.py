@@ -25,6 +25,7 @@ from typing import Any
 import manifold3d
 import numpy as np
 import trimesh
+from scipy import ndimage
 from skimage.measure import marching_cubes
 
 from uniart_jax.objects.appearance import linear_to_srgb
@@ -84,6 +85,26 @@ def dense_field(grid: VoxelGrid, owner: np.ndarray) -> DenseField:
     dense_owner = np.pad(dense_owner, 1, constant_values=-1)
     _fill_magnitude(dense, source < 0)
     return DenseField(dense, dense_owner, source)
+
+
+def with_sources(field: DenseField, parts: int) -> DenseField:
+    """A field in which every solid cell at a part's surface has a source: its own, or that of the
+    part's nearest cell that has one. ``parts``: owners 0, 1, …"""
+    source = field.source.copy()
+    solid = np.where(field.sdf < 0, field.owner + 1, 0)
+    for part, window in enumerate(ndimage.find_objects(solid, max_label=parts), 1):
+        if window is None:
+            continue
+        window = tuple(slice(s.start - 1, s.stop + 1) for s in window)  # the layer around
+        mine, named = solid[window] == part, source[window]
+        bare = mine & (named < 0) & ndimage.binary_dilation(~mine, np.ones((3, 3, 3)))
+        known = (field.owner[window] == part - 1) & (named >= 0)
+        if bare.any() and known.any():
+            nearest: Any = ndimage.distance_transform_edt(
+                ~known, return_distances=False, return_indices=True
+            )
+            named[bare] = named[tuple(nearest)][bare]
+    return dataclasses.replace(field, source=source)
 
 
 def part_mesh(

@@ -90,17 +90,16 @@ def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.
     solid = np.moveaxis(field.sdf[window] < 0, axis, 0)
     share = solid.reshape(len(solid), -1).mean(1)
     inner_first = share[: len(share) // 2].sum() >= share[(len(share) + 1) // 2 :].sum()
-    order = share if inner_first else share[::-1]
-    buried = np.flatnonzero(order >= BURIED)
-    if not len(buried) or len(order) - 1 - buried[-1] < THINNEST:
+    buried = np.flatnonzero((share if inner_first else share[::-1]) >= BURIED)
+    if not len(buried) or len(share) - 1 - buried[-1] < THINNEST:
         return mesh
-    cut = (buried[-1] + 1) / len(order) * (high - low)[axis]
     vertices = np.array(mesh.vertices)
-    at = vertices[:, axis]
     if inner_first:
-        at[:] = np.maximum(at, low[axis] + cut)
+        surface = (first[axis] + buried[-1] + 0.5) / size - 0.5
+        vertices[:, axis] = np.maximum(vertices[:, axis], surface)
     else:
-        at[:] = np.minimum(at, high[axis] - cut)
+        surface = (last[axis] - 1 - buried[-1] - 0.5) / size - 0.5
+        vertices[:, axis] = np.minimum(vertices[:, axis], surface)
     made = mesh.copy()
     made.vertices = vertices
     return made

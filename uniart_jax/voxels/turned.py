@@ -21,12 +21,12 @@ STRAIGHT = np.deg2rad(2.5)  # what is turned by less lies straight
 OPEN = np.deg2rad(8.0)  # what is turned by more is drawn badly: ``panel``
 AGREES = np.deg2rad(10.0)  # between voxels and joint; else voxels are not believed
 AIMS = np.deg2rad(20.0)  # between an end of the joint's range and where the part lies straight
-ALONG = 0.95  # least cosine between the hinge and an axis of the lattice
+ALONG = 0.998  # least cosine between the hinge and an axis of the lattice
 PLATE = 3.0  # times as long as thick, across the hinge: its direction can be told
 THICK = (3.0, 8.0)  # sub-cells, of a panel, least and most
 THIN = 0.35  # of its width, that a panel is thick at most
 WIDE = 0.1  # object units, that a panel is wide and high at least
-STANDS = 0.06  # object units, that a handle may stand out from a panel
+HANDLE = 0.06  # object units, that a handle may stand out from a panel
 ROOM = 4  # cells around a part
 
 
@@ -37,24 +37,22 @@ class Turn:
     Attributes:
       straight, back: [4, 4], to where it lies along the lattice, and to how it is shown.
       axis, along: of the lattice: the hinge, and across it the one that the part then lies along.
-      hinge, end: its place there, and that of the part's far edge. span: (low, high) along ``axis``.
-      opened: whether it is turned by more than ``OPEN``.
+      span, ends: (low, high) of the part along each. opened: whether it is turned by more than ``OPEN``.
     """
 
     straight: np.ndarray
     back: np.ndarray
     axis: int
     along: int
-    hinge: float
-    end: float
     span: tuple[float, float]
+    ends: tuple[float, float]
     opened: bool
 
     def box(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """[3], [3]: where it lies straight, of a part whose cells go from ``low`` to ``high``."""
         low, high = low.copy(), high.copy()
         low[self.axis], high[self.axis] = self.span
-        low[self.along], high[self.along] = sorted((self.hinge, self.end))
+        low[self.along], high[self.along] = self.ends
         return low, high
 
 
@@ -71,45 +69,49 @@ def turn_of(
     if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG or len(cells) < 3:
         return None
     across = [(axis + 1) % 3, (axis + 2) % 3]
-    shown = (box[:3] - joint.origin)[across]  # from the hinge to the part
+    origin = joint.origin + ((box[:3] - joint.origin) @ joint.direction) * joint.direction
+    shown = (box[:3] - origin)[across]  # from the hinge to the part
     spread, directions = np.linalg.eigh(np.cov(cells[:, across].T))
     said = -_wrapped(np.arctan2(shown[1], shown[0]))
     drawn = -_wrapped(np.arctan2(directions[1, 1], directions[0, 1]))
     plain = spread[1] > PLATE**2 * spread[0]
     # at both ends of its range a part lies straight, or at one of them
     ends = [_wrapped(q * np.sign(joint.direction[axis])) for q in joint.limits]
-    angle = min(ends, key=lambda end: abs(_wrapped((drawn if plain else said) - end)))
+    angle = min(ends, key=lambda end: abs(_wrapped(drawn - end)))
     believed = plain and abs(_wrapped(drawn - angle)) <= AGREES
-    if not believed and abs(_wrapped(said - angle)) > AIMS:
-        return None
+    if not believed:
+        angle = min(ends, key=lambda end: abs(_wrapped(said - end)))
+        if abs(_wrapped(said - angle)) > AIMS:
+            return None
     straight = drawn if believed else angle
     back = -angle if corrected else -straight
     if max(abs(straight), abs(back)) < STRAIGHT:
         return None
-    turned = Rotation.from_euler("z", straight).as_matrix()[:2, :2] @ shown
-    side = int(np.abs(turned).argmax())
-    place = (joint.origin + 0.5) * size + 0.5
+    to_straight = Rotation.from_euler("z", straight).as_matrix()[:2, :2]
+    turned = to_straight @ shown
+    long = to_straight @ directions[:, 1] if believed else turned
+    side = int(np.abs(long).argmax())
+    place = (origin + 0.5) * size + 0.5
     thick = np.sqrt(12 * max(spread[0], 0)) if believed else 0
     wide = np.hypot(*box[3:][across]) * size  # of the box, thicker by what stands across
     width = np.sqrt(max(wide**2 - (thick * np.cos(2 * straight)) ** 2, 0))
     width = max(float(width - thick * abs(np.sin(2 * straight))), 0.0)
-    hinge = float(place[across[side]])
+    middle = float(place[across[side]] + turned[side] * size)
     low, high = ((box[axis] + sign * box[3 + axis] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
     return Turn(
         _about(axis, straight, place),
         _about(axis, back, place),
         axis,
         across[side],
-        hinge,
-        hinge + float(np.sign(turned[side])) * width,
         (low, high),
+        (middle - width / 2, middle + width / 2),
         max(abs(angle), abs(straight)) > OPEN,
     )
 
 
 def panel(phi: np.ndarray, low: np.ndarray, turn: Turn, size: int) -> np.ndarray:
-    """Distances [A, B, C] of a part that lies straight, filled to the plate between its hinge and
-    its far edge, and without what is neither that nor a handle; as they are if it is no plate.
+    """Distances [A, B, C] of a part that lies straight, filled to the plate that its box says, and
+    without what is neither that nor a handle; as they are if it is no plate.
 
     Args:
       low: [3] place of the window's first cell.
@@ -118,15 +120,14 @@ def panel(phi: np.ndarray, low: np.ndarray, turn: Turn, size: int) -> np.ndarray
     cells = np.argwhere(phi < 0)
     thick = (phi < 0).sum(across)
     depth = float(np.clip(np.median(thick[thick > 0]), *THICK))
-    ends = sorted((turn.hinge, turn.end))
-    sides = ends[1] - ends[0], turn.span[1] - turn.span[0]
+    sides = turn.ends[1] - turn.ends[0], turn.span[1] - turn.span[0]
     if depth > THIN * sides[0] or min(sides) < WIDE * size:
         return phi
     middle = float(np.median(cells[:, across])) + low[across]
     ranges = {
         turn.axis: (turn.span, 0.0),
-        turn.along: (ends, 0.0),
-        across: ((middle - depth / 2, middle + depth / 2), STANDS * size),
+        turn.along: (turn.ends, 0.0),
+        across: ((middle - depth / 2, middle + depth / 2), HANDLE * size),
     }
     plate, room = np.full(phi.shape, -np.inf), np.full(phi.shape, -np.inf)
     for axis, ((first, last), more) in ranges.items():
