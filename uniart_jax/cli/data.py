@@ -65,7 +65,7 @@ def prepare(
         subdivisions: Sub-cells a voxel side.
         max_parts: Objects with more parts are left out.
         views: Rendered images a record, from random front views.
-        image_size: Pixels a side of each picture (default: 128; layouts: 192).
+        image_size: Pixels a side of each picture (default: 128; layouts: 256).
         states: Shown states an object.
         part_scale: Stretch parts at random, by about this share, in every state but the first (.1 is plausible).
         orbit_views: Pictures from all around a record, for `uniart features` (TRELLIS: 150).

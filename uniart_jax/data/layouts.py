@@ -57,7 +57,7 @@ _LOCK = threading.Lock()
 class LayoutSettings:
     """What a folder of blocks was made with."""
 
-    image_size: int = 192
+    image_size: int = 256
     views: int = 2
     max_parts: int = procedural.MAX_PARTS
     start_seed: int = 0
