@@ -7,6 +7,7 @@ from fields import AT, N, assert_same, block, copy_of, field_of, moved, place_of
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels import clearance
 from uniart_jax.voxels.clearance import with_meshes, with_room_to_move
 from uniart_jax.voxels.isosurface import ZERO, with_sources
 
@@ -319,3 +320,36 @@ def test_a_part_within_a_small_mesh_keeps_its_cells():
     after = with_meshes(field, [box_mesh((18.2,) * 3, (26.2,) * 3)], 2)
     np.testing.assert_array_equal(solid_of(after, 1), pin < 0)
     assert solid_of(after, 2).sum() == 8**3 - (pin < 0).sum()
+
+
+@pytest.mark.parametrize(
+    "joint, side",
+    [
+        (hinge((10.3, 12.3, 30), (0, 0, 1), 0, 1.9), (0, -1)),  # ends sideways of where it began
+        (hinge((10.3, 12.3, 30), (0, 0, 1), -0.1, 1.9), (0, -1)),
+        (hinge((10.3, 12.3, 30), (0, 0, -1), -1.9, 0), (0, -1)),
+        (hinge((10.3, 30, 12.3), (0, -1, 0), 0, 1.6), (0, -1)),  # an oven's
+        (hinge((56.3, 30, 56.3), (0, 1, 0), 0, 1.4), None),  # a lid: its own test below
+        (Joint(np.zeros(3), (-1, 0, 0), travel=(-0.02, 0.4)), (0, -1)),
+        (Joint(np.zeros(3), (1, 0, 0), travel=(-0.4, 0.02)), (0, -1)),
+        (slider((-1, 0, 0), 2), None),
+        (Joint(np.zeros(3), (1, 0, 0), angle=(-np.pi, np.pi)), None),
+    ],
+)
+def test_a_part_opens_to_the_side_to_which_it_begins_to_go(joint, side):
+    body, door = (np.argwhere(block(*corners) < 0) for corners in (CASE, DOOR))
+    if joint.direction[1] == 1:
+        lid = np.argwhere(block((14.3, 8.3, 56.3), (56.3, 56.3, 60.3)) < 0)
+        assert clearance._opens_to(joint, lid, body, N) == (2, 1)
+    else:
+        assert clearance._opens_to(joint, door, body, N) == side
+
+
+def test_a_part_that_is_shown_open_opens_to_the_same_side():
+    body = np.argwhere(block(*CASE) < 0)
+    joint = hinge((10.3, 12.3, 30), (0, 0, 1), 0, 1.9)
+    for share in (0.3, 1.0):
+        matrix = joint.motion(share * 1.9)
+        opened = np.argwhere(block(*DOOR, moved(np.linalg.inv(matrix))) < 0)
+        shown = hinge((10.3, 12.3, 30), (0, 0, 1), -share * 1.9, (1 - share) * 1.9)
+        assert clearance._opens_to(shown, opened, body, N) == (0, -1)
