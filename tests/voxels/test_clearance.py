@@ -353,3 +353,21 @@ def test_a_part_that_is_shown_open_opens_to_the_same_side():
         opened = np.argwhere(block(*DOOR, moved(np.linalg.inv(matrix))) < 0)
         shown = hinge((10.3, 12.3, 30), (0, 0, 1), -share * 1.9, (1 - share) * 1.9)
         assert clearance._opens_to(shown, opened, body, N) == (0, -1)
+
+
+def test_parts_that_do_not_fit_side_by_side_when_closed_are_made_to():
+    """Two drawers, one above the other, of which the picture shows the upper one open."""
+    body = block((50.3, 8.3, 8.3), (56.3, 56.3, 56.3))
+    lower = block((20.3, 10.3, 10.3), (48.3, 54.3, 34.3))
+    upper = np.maximum(block((4.3, 10.3, 32.3), (32.3, 54.3, 50.3)), 0.6 - lower)
+    opened = Joint(np.zeros(3), (-1, 0, 0), travel=(-16 / N, 4 / N))
+    field = field_of(body, lower, upper)
+    joints = [FIXED, slider((-1, 0, 0), 20), opened]
+
+    def shared(some):
+        return np.roll(solid_of(some, 2), 16, 0) & solid_of(some, 1)
+
+    after = with_room_to_move(field, joints, [-1, 0, 0])
+    assert shared(field).sum() > 500 and not shared(after).any()
+    np.testing.assert_array_equal(solid_of(after, 2), solid_of(field, 2))  # the smaller
+    assert taken(field, after, 1).sum() == shared(field).sum()

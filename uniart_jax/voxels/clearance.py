@@ -68,7 +68,33 @@ def with_room_to_move(
             depth[walls[tuple(barring.T)]] = 0
         _take(sdf, owner, barring, depth, LOST[0])
         _take(sdf, owner, cells, _depth(sdf, cells, resting, motions), LOST[1])
+    _apart_at_rest(sdf, owner, joints, movers, below)
     return dataclasses.replace(field, sdf=sdf)
+
+
+def _apart_at_rest(
+    sdf: np.ndarray,
+    owner: np.ndarray,
+    joints: Sequence[Joint],
+    movers: Sequence[int],
+    below: Sequence[set[int]],
+) -> None:
+    """In place: of two moving parts that hang on what stands still, the larger without what lies in
+    the other where both are closed, as drawers that are shown open and do not fit side by side."""
+    size = sdf.shape[0] - 2
+    still = ~np.isin(owner, sorted({i for k in movers for i in below[k]})) & (sdf < 0)
+    first = [k for k in movers if not any(k in below[m] for m in movers if m != k)]
+    cells = {k: np.argwhere((owner == k) & (sdf < 0)) for k in first}
+    first = sorted((k for k in first if len(cells[k])), key=lambda k: -len(cells[k]))
+    if len(first) < 2 or not still.any():
+        return
+    center = _middle(np.argwhere(still), size)
+    closed = {k: joints[k].motion(_closed(joints[k], cells[k], center, size)) for k in first}
+    for place, k in enumerate(first):
+        for other in first[place + 1 :]:
+            motion = np.linalg.inv(closed[other]) @ closed[k]
+            depth = _depth(sdf, cells[k], owner == other, [motion])
+            _take(sdf, owner, cells[k], depth, LOST[0])
 
 
 def with_meshes(field: DenseField, meshes: Sequence[trimesh.Trimesh], first: int) -> DenseField:
@@ -169,17 +195,31 @@ def _opens_to(
 ) -> tuple[int, int] | None:
     """(axis, side) to which a part of ``cells`` [n, 3] begins to open, from the end of its range
     that is nearer the middle of ``body`` [m, 3]; None where it hardly moves, or turns all round."""
-    middle = np.append(_places(cells, size).mean(0), 1)
-    ends = [(joint.motion(q) @ middle)[:3] for q in joint.limits]
+    place = np.append(_places(cells, size).mean(0), 1)
+    ends = [(joint.motion(q) @ place)[:3] for q in joint.limits]
     if joint.type == "continuous" or np.abs(ends[1] - ends[0]).max() <= OPENS:
         return None
-    center = (_places(body.min(0), size) + _places(body.max(0), size)) / 2
-    far = [np.linalg.norm(end - center) for end in ends]
-    closed, opened = joint.limits if far[0] <= far[1] else joint.limits[::-1]
-    start = (joint.motion(closed) @ middle)[:3]
-    way = (joint.motion(closed + FIRST * (opened - closed)) @ middle)[:3] - start
+    closed = _closed(joint, cells, _middle(body, size), size)
+    opened = joint.limits[int(closed == joint.limits[0])]
+    start, then = (joint.motion(q) @ place for q in (closed, closed + FIRST * (opened - closed)))
+    way = (then - start)[:3]
     axis = int(np.abs(way).argmax())
     return axis, int(np.sign(way[axis]))
+
+
+def _closed(joint: Joint, cells: np.ndarray, center: np.ndarray, size: int) -> float:
+    """The end of a joint's range at which the middle of its part's cells is nearer ``center`` [3];
+    0 for what turns all round."""
+    if joint.type == "continuous":
+        return 0.0
+    place = np.append(_places(cells, size).mean(0), 1)
+    far = [np.linalg.norm((joint.motion(q) @ place)[:3] - center) for q in joint.limits]
+    return joint.limits[int(far[1] < far[0])]
+
+
+def _middle(cells: np.ndarray, size: int) -> np.ndarray:
+    """[3] middle of the box around cells [n, 3]."""
+    return (_places(cells.min(0), size) + _places(cells.max(0), size)) / 2
 
 
 def _walls(solid: np.ndarray, but: tuple[int, int] | None) -> np.ndarray:
