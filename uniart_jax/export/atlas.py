@@ -27,13 +27,13 @@ from uniart_jax.objects.object import ArticulatedObject
 
 TEXTURE_SIZE = 1024  # texels a side, about: xatlas picks the exact size
 FACE_BUDGET = 10_000  # faces of all parts together
-ROUGH_TEXTURE = 512  # of what a network makes
+ROUGH_TEXTURE = 768  # of what a network makes
 # Fractions of the object's longest side, tried in turn until the budget is met: from 1/8 of a sub-cell at 128^3 to 2 sub-cells.
 TOLERANCES = tuple(2.0 ** (k / 2) / 1024 for k in range(9))
 OPENED = 2  # faces that an open surface's count as, which is given a second side
 TOUCH = 1e-5  # of the longest side: how far vertices in one place, of two sheets, are drawn apart
 PADDING = 3  # texels between charts
-ROUGH_EDGES = 6000  # fewer edges are no trouble, however sharp
+ROUGH_EDGES = 16_000  # fewer edges are no trouble, however sharp: those of ``FACE_BUDGET`` faces
 MANY_EDGES = 40_000  # more take it long, however smooth
 ROUGH_ANGLE = 0.6  # radians between the faces of a sharp edge
 ROUGH_SHARE = 0.35  # of edges that are sharp
@@ -91,7 +91,7 @@ def make_atlas(
 ) -> Atlas:
     """Simplify, close, unwrap and bake every part of ``obj`` into one atlas of about ``size`` texels a side.
 
-    By default 1,024 texels, 512 where the surface is bumpy all over (``voxel_boxes.is_rough``),
+    By default 1,024 texels, 768 where the surface is bumpy all over (``voxel_boxes.is_rough``),
     whose noise is no detail and would be most of the folder.
     ``picture``: of the shown state, whose colours are taken where it shows the object (``export.picture_colors``).
     """
