@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+import trimesh
 
 from uniart_jax import procedural
 from uniart_jax.evaluation.parts import compare_parts
@@ -108,3 +109,12 @@ def test_a_knob_that_voxels_lost_is_there_and_said():
     assert sum("made of its box" in line for line in made.provenance) == len(small)  # fmt: skip
     unsure = dataclasses.replace(layout, confidence=np.full(len(layout), 0.4))
     assert len(assemble_layout(told, unsure).parts) == len(obj.parts) - len(small)
+
+
+def test_a_disc_turns_within_itself_though_its_axis_is_tilted():
+    joint = Joint((0.1, 0.2, 0.31), (1.0, 0.15, -0.1), angle=(-np.pi, np.pi))
+    box = np.array([0.1, 0.2, 0.3, 0.03, 0.06, 0.06])
+    mesh = stand_in(box, joint, np.full(3, 0.5), 1 / 128)
+    turned = trimesh.transform_points(mesh.vertices, joint.motion(4 * np.pi / 32))
+    apart = np.linalg.norm(turned[:, None] - mesh.vertices, axis=-1).min(1)
+    assert apart.max() < 1e-6

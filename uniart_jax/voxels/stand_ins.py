@@ -65,6 +65,9 @@ def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) 
         mesh = trimesh.creation.cylinder(0.5, 1.0, sections=SECTIONS)  # along z
         turned = np.eye(4)[[(axis + 1) % 3, (axis + 2) % 3, axis, 3]].T  # z goes to the axis
         mesh.apply_transform(np.diag([*size, 1.0]) @ turned)
+        # along its own axis, or it would wobble about it
+        straight = joint.direction * np.sign(joint.direction[axis])
+        mesh.apply_transform(trimesh.geometry.align_vectors(np.eye(3)[axis], straight))
     mesh.apply_translation(centre)
     rgb = srgb_bytes(np.clip(np.asarray(color, np.float32), 0, 1))
     colors = np.tile(np.append(rgb, 255).astype(np.uint8), (len(mesh.vertices), 1))
