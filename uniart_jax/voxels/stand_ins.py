@@ -61,7 +61,7 @@ def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) 
     else:
         others = np.delete(np.arange(3), axis)
         size[others] = size[others].mean()
-        centre[others] = _on_axis(centre, joint)[others]
+        centre = _on_axis(centre, joint)
         mesh = trimesh.creation.cylinder(0.5, 1.0, sections=SECTIONS)  # along z
         turned = np.eye(4)[[(axis + 1) % 3, (axis + 2) % 3, axis, 3]].T  # z goes to the axis
         mesh.apply_transform(np.diag([*size, 1.0]) @ turned)
