@@ -122,7 +122,7 @@ def test_no_part_takes_from_another(door):
 
 
 def test_a_part_that_would_nearly_vanish_is_left_as_it_was(door, monkeypatch):
-    def erase(views, part):
+    def erase(views, part, face=None):
         views[0][:] = 3
 
     monkeypatch.setattr(flat_faces, "_flatten", erase)
@@ -135,7 +135,7 @@ def test_a_part_that_would_nearly_vanish_is_left_as_it_was(door, monkeypatch):
 def test_the_layer_around_the_grid_stays_outside(monkeypatch):
     """Or meshes would be open there: whatever plane a pass believes in."""
 
-    def to_the_end(views, part):
+    def to_the_end(views, part, face=None):
         solid = (views[0] < 0) & (views[1] == part)
         flat_faces._end_at(views, part, solid.any(0), 0.0)
 

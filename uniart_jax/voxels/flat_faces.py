@@ -44,6 +44,9 @@ HOLE = 100  # columns; an enclosed hole in a plane of no more is closed
 DENT = 10  # a gap that is no deeper is filled to its ground
 THICKNESS = 2  # of what closes deeper ones
 NOBODYS = -2  # cells that no part may take
+MOST = 0.6  # share of a moving part's face that a plane covers, where it is to cover it all
+NARROW = 10  # a narrower face is an edge, as wide as its ripples say
+CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners
 PANEL = 40  # cells around what is drawn of a panel, in which it is completed
 KEPT = 0.5  # share of a part's cells below which it is left as it was
 
@@ -80,13 +83,22 @@ def with_flat_faces(
         high = np.clip(np.ceil(upper + AROUND).astype(int), 1, cells + 1)
         window = tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
         views = (sdf[window], owner[window], source[window], taken[window])
-        _flat_part(views, part, lower - low, upper - low)
+        moves = len(joints) > 0 and joints[part].type != "fixed"
+        box = lower - low, upper - low
+        _flat_part(views, part, *box, box if moves else None)
     sdf[np.abs(sdf) < ZERO] = -ZERO
     return dataclasses.replace(field, sdf=sdf, owner=owner, source=source)
 
 
-def _flat_part(views: Views, part: int, lower: np.ndarray, upper: np.ndarray) -> None:
-    """In place: one part's faces; ``lower``, ``upper`` [3]: its box in the views' cells."""
+def _flat_part(
+    views: Views,
+    part: int,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    moving: tuple[np.ndarray, np.ndarray] | None,
+) -> None:
+    """In place: one part's faces; ``lower``, ``upper`` [3]: its box in the views' cells;
+    ``moving``: the same of a moving part, whose faces are completed within it."""
     before = tuple(view.copy() for view in views)
     sides = upper - lower
     for axis in np.argsort(-sides):
@@ -98,7 +110,8 @@ def _flat_part(views: Views, part: int, lower: np.ndarray, upper: np.ndarray) ->
     for axis in range(3):
         for side in (1, -1):
             seen = _seen(views, axis, side)
-            _flatten(seen, part)
+            face = _face(axis, side, *moving, seen[0].shape) if moving else None
+            _flatten(seen, part, face)
             _flatten(tuple(v[len(v) // 2 :] for v in seen), part)  # from within
     if _solid(views, part).sum() < KEPT * _solid(before, part).sum():
         for view, old in zip(views, before, strict=True):
@@ -123,7 +136,9 @@ def _turned(views: Views, part: int, turn: Turn) -> bool:
     if not len(solid):
         return False
     free = np.full(phi.shape, -1, owner.dtype)
-    _flat_part((phi, own, colored, free), 0, solid.min(0) - 0.5, solid.max(0) + 0.5)
+    lower, upper = solid.min(0) - 0.5, solid.max(0) + 0.5
+    whole = tuple(end - low for end in turn.box(lower + low, upper + low))
+    _flat_part((phi, own, colored, free), 0, lower, upper, whole)
     phi, colored, low = resampled(phi, colored, low, turn.back)
     # what lies beyond the grid is left out
     first = np.clip(low, 1, None)
@@ -191,8 +206,21 @@ def _straighten(views: Views, part: int, face: float, sides: np.ndarray) -> None
     _end_at(views, part, near, plane)
 
 
-def _flatten(views: Views, part: int) -> None:
-    """In place: columns that end at nearly the same depth as many others end there exactly."""
+def _face(
+    axis: int, side: int, lower: np.ndarray, upper: np.ndarray, shape: tuple[int, ...]
+) -> tuple[float, np.ndarray]:
+    """The face of a box that is seen along an axis from a side: its depth, and [U, V] bool."""
+    depth = lower[axis] if side > 0 else shape[0] - 1 - upper[axis]
+    ranges = zip(np.delete(lower, axis), np.delete(upper, axis), shape[1:], strict=True)
+    u, v = ((np.arange(n) > low) & (np.arange(n) < high) for low, high, n in ranges)
+    return float(depth), u[:, None] & v
+
+
+def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = None) -> None:
+    """In place: columns that end at nearly the same depth as many others end there exactly.
+
+    ``face`` (``_face``): where a plane at it covers most of it, and is not round, it covers all.
+    """
     sdf = views[0]
     first, height = heights(sdf, _solid(views, part))
     left = (first > 0) & (first < len(sdf))
@@ -211,11 +239,26 @@ def _flatten(views: Views, part: int) -> None:
             return
         plane = float(np.median(height[near]))
         on = near & (height >= plane - STANDS) & (height <= plane + 2 * FLAT)
-        gaps = (_closed(on) | _without_small_holes(on)) & ~on & (first > plane)
+        whole = _closed(on) | _without_small_holes(on)
+        if face is not None and abs(plane - face[0]) <= REACH and _is_most(on & face[1], face[1]):
+            whole |= face[1]
+        gaps = whole & ~on & (first > plane)
         dents = gaps & (first < np.minimum(plane + DENT, len(sdf)))
         _end_at(views, part, on | dents, plane)
         _fill(views, part, gaps & ~dents, plane)
         left &= ~near
+
+
+def _is_most(columns: np.ndarray, face: np.ndarray) -> bool:
+    """Whether columns [U, V] are most of a rectangle ``face`` [U, V], and reach into a corner."""
+    u, v = (np.flatnonzero(face.any(k)) for k in (1, 0))
+    if min(len(u), len(v)) < NARROW or columns.sum() < MOST * face.sum():
+        return False
+    inner = columns[np.ix_(u, v)]
+    a, b = (max(1, round(CORNER * n)) for n in inner.shape)
+    return any(inner[rows, some].mean() > 0.5
+               for rows in (slice(None, a), slice(-a, None))
+               for some in (slice(None, b), slice(-b, None)))  # fmt: skip
 
 
 def _closed(columns: np.ndarray) -> np.ndarray:

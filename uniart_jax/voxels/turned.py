@@ -48,6 +48,13 @@ class Turn:
     ends: tuple[float, float]
     opened: bool
 
+    def box(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """[3], [3]: where it lies straight, of a part whose cells go from ``low`` to ``high``."""
+        low, high = low.copy(), high.copy()
+        low[self.axis], high[self.axis] = self.span
+        low[self.along], high[self.along] = self.ends
+        return low, high
+
 
 def turn_of(
     cells: np.ndarray, box: np.ndarray, joint: Joint, size: int, corrected: bool
