@@ -290,3 +290,26 @@ def test_a_door_that_opens_beyond_the_grid_ends_at_its_border():
     for k in range(3):
         assert (np.moveaxis(flat.sdf, k, 0)[[0, -1]] > 0).all()
     assert solid_of(flat, 0).sum() > 0.5 * solid_of(field, 0).sum()
+
+
+SLIDES = Joint(np.zeros(3), (-1, 0, 0), travel=(0, 0.3))
+FRONT = (20.3, 4.3, 4.3), (24.3, 60.3, 60.3)
+
+
+def test_a_moving_part_whose_large_face_is_most_of_a_rectangle_is_all_of_it():
+    """A corner of a third of its sides is torn out of a drawer's front; a skin fills it."""
+    torn = np.maximum(block(*FRONT), -block((0, 42, 42), (64, 64, 64)))
+    flat = with_flat_faces(field_of(torn), box_of(*FRONT)[None], [SLIDES])
+    missing = (block(*FRONT) < -0.6) & (torn > 0)
+    assert missing.sum() > 600 and solid_of(flat, 0)[missing].mean() > 0.6
+    assert surface_has_sources(flat)
+    still = with_flat_faces(field_of(torn), box_of(*FRONT)[None], [Joint.fixed()])
+    assert not solid_of(still, 0)[missing].any()
+
+
+def test_round_faces_and_less_than_most_of_one_are_left():
+    disc = np.maximum(np.hypot(AT[1] - 32.3, AT[2] - 32.3) - 28, np.abs(AT[0] - 22.3) - 2)
+    half = np.maximum(block(*FRONT), -block((0, 4, 32), (64, 64, 64)))
+    for left in (disc, half):
+        flat = with_flat_faces(field_of(left), box_of(*FRONT)[None], [SLIDES])
+        assert (solid_of(flat, 0) & (left > 1.5)).sum() < 0.02 * (left < 0).sum()

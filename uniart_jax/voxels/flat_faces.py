@@ -46,7 +46,8 @@ THICKNESS = 2  # of what closes deeper ones
 NOBODYS = -2  # cells that no part may take
 MOST = 0.6  # share of a moving part's face that a plane covers, where it is to cover it all
 NARROW = 10  # a narrower face is an edge, as wide as its ripples say
-CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners
+CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners, nor do, because
+# of ``RIPPLE``, those of faces less than some 55 cells wide
 PANEL = 40  # cells around what is drawn of a panel, in which it is completed
 KEPT = 0.5  # share of a part's cells below which it is left as it was
 
