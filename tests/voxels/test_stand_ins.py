@@ -5,13 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 import trimesh
+from fields import AT, N, field_of, place_of
 
 from uniart_jax import procedural
 from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.stand_ins import needed, stand_in
+from uniart_jax.voxels.stand_ins import in_front, needed, stand_in
 from uniart_jax.voxels.voxelize import voxelize
 
 
@@ -118,3 +119,21 @@ def test_a_disc_turns_within_itself_though_its_axis_is_tilted():
     turned = trimesh.transform_points(mesh.vertices, joint.motion(4 * np.pi / 32))
     apart = np.linalg.norm(turned[:, None] - mesh.vertices, axis=-1).min(1)
     assert apart.max() < 1e-6
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_disc_stands_on_the_surface_that_it_is_set_into(side):
+    """One that reaches 6 cells into a block, and 6 out of it; a disc that is all inside stays."""
+    solid = side * (32.3 - AT[0])  # a block above, or below, the middle
+    field = field_of(solid)
+    surface = place_of((32.3, 0, 0))[0]
+    box = np.array([surface, 0, 0, 12 / N, 10 / N, 10 / N])
+    joint = Joint(box[:3], (1, 0, 0), angle=(-np.pi, np.pi))
+    cut = in_front(stand_in(box, joint, np.full(3, 0.5), 1 / N), joint, field)
+    ends = cut.bounds[:, 0] - surface
+    inner, outer = (ends[1], ends[0]) if side > 0 else (ends[0], ends[1])
+    assert abs(inner) < 1.01 / N and abs(outer) == pytest.approx(6 / N)
+    assert cut.is_watertight
+    buried = Joint(box[:3] + (side * 0.2, 0, 0), (1, 0, 0), angle=(-np.pi, np.pi))
+    inside = stand_in(box + side * np.array([0.2, 0, 0, 0, 0, 0]), buried, np.full(3, 0.5), 1 / N)
+    np.testing.assert_array_equal(in_front(inside, buried, field).vertices, inside.vertices)
