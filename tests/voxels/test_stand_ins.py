@@ -12,7 +12,7 @@ from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.stand_ins import in_front, needed, stand_in
+from uniart_jax.voxels.stand_ins import in_front, needed, side_by_side, stand_in
 from uniart_jax.voxels.voxelize import voxelize
 
 
@@ -137,3 +137,15 @@ def test_a_disc_stands_on_the_surface_that_it_is_set_into(side):
     buried = Joint(box[:3] + (side * 0.2, 0, 0), (1, 0, 0), angle=(-np.pi, np.pi))
     inside = stand_in(box + side * np.array([0.2, 0, 0, 0, 0, 0]), buried, np.full(3, 0.5), 1 / N)
     np.testing.assert_array_equal(in_front(inside, buried, field).vertices, inside.vertices)
+
+
+def test_discs_that_would_touch_are_made_smaller():
+    knobs = np.array([[0, y, 0.1, 0.04, 0.08, 0.08] for y in (0, 0.06, 0.3, 0.31)])
+    joints = [Joint((0, knob[1], 0.1), (1, 0, 0), angle=(-np.pi, np.pi)) for knob in knobs]
+    made = side_by_side(knobs, joints)
+    radii = made[:, 4:].mean(1) / 2
+    assert radii[0] == radii[1] == pytest.approx(0.027)
+    np.testing.assert_array_equal(made[2:], knobs[2:])  # too near: one thing told twice
+    np.testing.assert_array_equal(made[:, :4], knobs[:, :4])
+    behind = knobs + np.array([[0.1], [0], [0], [0]]) * np.eye(6)[0]
+    np.testing.assert_array_equal(side_by_side(behind, joints)[0], behind[0])

@@ -25,7 +25,7 @@ from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.loose_parts import with_parts_joined, without_floating_pieces
 from uniart_jax.voxels.segment import Segmentation, outside
-from uniart_jax.voxels.stand_ins import in_front, needed, stand_in
+from uniart_jax.voxels.stand_ins import in_front, needed, side_by_side, stand_in
 
 SAID = 0.25
 SIZE = 0.02
@@ -102,8 +102,10 @@ def assemble_layout(
         owner = row_of_subcells(grid, layout.boxes[shown])
     pure = (owner == owner[:, :1]).all(1)
     told = dataclasses.replace(grid, own_box=boxes[owner])
+    fitting = side_by_side(layout.boxes[boxed], [layout.joints[k] for k in boxed])
     meshes = {
-        k: stand_in(layout.boxes[k], layout.joints[k], layout.colors[k], 1 / cells) for k in boxed
+        k: stand_in(box, layout.joints[k], layout.colors[k], 1 / cells)
+        for k, box in zip(boxed, fitting, strict=True)
     }
     rows = [*shown, *boxed]  # of the field's owners
 

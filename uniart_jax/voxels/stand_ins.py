@@ -4,6 +4,8 @@ row's colour."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import trimesh
 
@@ -21,6 +23,8 @@ ROUND = 0.4  # least ratio of a disc's other two sides
 MIDDLE = 0.25  # of these, that a disc's axis passes beside its middle at most
 BURIED = 0.5  # share of a disc's slice within other parts, from which on it is cut off
 THINNEST = 2  # sub-cells that a disc then stands out at least
+ROOM = 0.9  # share of the way between two discs that they fill
+SMALLER = 0.4  # share of its size that a disc keeps at least where others are near
 SECTIONS = 32  # of a disc's rim
 
 
@@ -72,6 +76,26 @@ def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) 
     rgb = srgb_bytes(np.clip(np.asarray(color, np.float32), 0, 1))
     colors = np.tile(np.append(rgb, 255).astype(np.uint8), (len(mesh.vertices), 1))
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colors, process=False)
+
+
+def side_by_side(boxes: np.ndarray, joints: Sequence[Joint]) -> np.ndarray:
+    """[n, 6] boxes of stand-ins, of which discs that would touch are made smaller, down to
+    ``SMALLER``, so that each can turn."""
+    boxes = np.array(boxes, np.float64)
+    axes = [_round_about(b[:3], b[3:], j) for b, j in zip(boxes, joints, strict=True)]
+    centres = [_on_axis(b[:3], j) for b, j in zip(boxes, joints, strict=True)]
+    for i, axis in enumerate(axes):
+        for k in range(i):
+            if axis is None or axes[k] != axis:
+                continue
+            between, pair = np.abs(centres[i] - centres[k]), boxes[[i, k]]
+            others = np.delete(np.arange(3), axis)
+            apart = ROOM * float(np.hypot(*between[others]))
+            radii = float(pair[:, 3 + others].mean(1).sum()) / 2
+            beside = between[axis] < pair[:, 3 + axis].sum() / 2
+            if beside and SMALLER * radii <= apart < radii:
+                boxes[np.ix_([i, k], 3 + others)] *= apart / radii
+    return boxes
 
 
 def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.Trimesh:
