@@ -120,8 +120,8 @@ def _flat_part(
 
 
 def _turned(views: Views, part: int, turn: Turn) -> bool:
-    """In place: a part that is shown turned, made flat as it lies straight; whether it was, or would
-    have lost too much of itself."""
+    """In place: a part that is shown turned is made flat as it lies straight. False, and left as it
+    was, where it would lose too much."""
     sdf, owner, source, taken = views
     mine = owner == part
     window = ndimage.find_objects((mine & (sdf < 0)).astype(np.int8))[0]

@@ -37,7 +37,8 @@ class Turn:
     Attributes:
       straight, back: [4, 4], to where it lies along the lattice, and to how it is shown.
       axis, along: of the lattice: the hinge, and across it the one that the part then lies along.
-      span, ends: (low, high) of the part along each. opened: whether it is turned by more than ``OPEN``.
+      span, ends: (low, high) of the part along each.
+      opened: whether it is turned by more than ``OPEN``.
     """
 
     straight: np.ndarray
