@@ -167,7 +167,7 @@ def opened(degrees, closed=CLOSED, hinge=HINGE, wavy=False, torn=False):
         (x, y, z), (x1, y1, z1) = closed
         rough = block((x + 1.2 * ripples, y, z), (x1, y1, z1 - teeth), at)
     if torn:
-        rough = np.maximum(rough, -block((0, 32, 32), (64, 64, 64), at))
+        rough = np.maximum(rough, -block((0, 0, 32), (64, 64, 64), at))
     solid = np.argwhere(even < 0)
     return rough, box_of(solid.min(0) - 0.5, solid.max(0) + 0.5), joint, even
 
@@ -205,11 +205,11 @@ def moved_front(joint, degrees):
     return CLOSED[0][0] - at[0]
 
 
-def test_a_torn_door_is_completed_only_where_it_stands_open():
+def test_half_a_door_is_completed_only_where_it_stands_open():
     for degrees, whole in ((30, True), (5, False)):
         rough, box, joint, even = opened(degrees, torn=True)
         flat = with_flat_faces(field_of(rough), box[None], [joint])
-        assert ((even < 0) & (rough > 0)).sum() > 0.15 * (even < 0).sum()
+        assert ((even < 0) & (rough > 0)).sum() > 0.4 * (even < 0).sum()
         differs = share_that_differs(flat, 0, even, 1.0)
         assert differs < 0.02 if whole else differs > 0.1
         assert surface_has_sources(flat)
@@ -296,14 +296,18 @@ SLIDES = Joint(np.zeros(3), (-1, 0, 0), travel=(0, 0.3))
 FRONT = (20.3, 4.3, 4.3), (24.3, 60.3, 60.3)
 
 
-def test_a_moving_part_whose_large_face_is_most_of_a_rectangle_is_all_of_it():
+SMALL_FRONT = (20.3, 10.3, 20.3), (24.3, 46.3, 38.3)
+
+
+@pytest.mark.parametrize(("front", "corner"), [(FRONT, (42, 42)), (SMALL_FRONT, (34, 31))])
+def test_a_moving_part_whose_face_is_most_of_a_rectangle_is_all_of_it(front, corner):
     """A corner of a third of its sides is torn out of a drawer's front; a skin fills it."""
-    torn = np.maximum(block(*FRONT), -block((0, 42, 42), (64, 64, 64)))
-    flat = with_flat_faces(field_of(torn), box_of(*FRONT)[None], [SLIDES])
-    missing = (block(*FRONT) < -0.6) & (torn > 0)
-    assert missing.sum() > 600 and solid_of(flat, 0)[missing].mean() > 0.6
+    torn = np.maximum(block(*front), -block((0, *corner), (64, 64, 64)))
+    flat = with_flat_faces(field_of(torn), box_of(*front)[None], [SLIDES])
+    missing = (block(*front) < -0.6) & (torn > 0)
+    assert missing.sum() > 150 and solid_of(flat, 0)[missing].mean() > 0.6
     assert surface_has_sources(flat)
-    still = with_flat_faces(field_of(torn), box_of(*FRONT)[None], [Joint.fixed()])
+    still = with_flat_faces(field_of(torn), box_of(*front)[None], [Joint.fixed()])
     assert not solid_of(still, 0)[missing].any()
 
 

@@ -71,6 +71,24 @@ def test_a_row_that_no_voxel_shows_is_left_out_and_said(oven):
     assert compare_parts(made, obj).tree_right  # its child hangs on its parent
 
 
+def test_a_knob_that_is_found_twice_is_made_once():
+    obj = procedural.generate("oven", 1)
+    grid = voxelize(obj, 32, 4)
+    true = Layout.of_object(obj)
+    knob = next(k for k, part in enumerate(obj.parts) if part.name.startswith("knob"))
+    box = true.boxes[knob] + np.array([0, 0.003, 0.003, 0, 0, 0])
+    twice = Layout(
+        np.concatenate([true.boxes, box[None]]),
+        (*true.joints, dataclasses.replace(true.joints[knob], origin=box[:3])),
+        (*true.parents, true.parents[knob]),
+        np.concatenate([true.colors, true.colors[knob][None]]),
+        np.append(true.confidence, 0.6),
+    )
+    made = assemble_layout(grid.gather(), twice)
+    assert len(made.parts) == len(obj.parts)
+    assert any("a surer part is in its place" in line for line in made.provenance)
+
+
 def test_rows_are_the_owners_on_true_voxels(oven):
     obj, grid = oven
     rows = row_of_subcells(grid.gather(), Layout.of_object(obj).boxes)

@@ -12,7 +12,7 @@ from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.stand_ins import in_front, needed, side_by_side, stand_in
+from uniart_jax.voxels.stand_ins import doubles, in_front, needed, side_by_side, stand_in
 from uniart_jax.voxels.voxelize import voxelize
 
 
@@ -149,3 +149,14 @@ def test_discs_that_would_touch_are_made_smaller():
     np.testing.assert_array_equal(made[:, :4], knobs[:, :4])
     behind = knobs + np.array([[0.1], [0], [0], [0]]) * np.eye(6)[0]
     np.testing.assert_array_equal(side_by_side(behind, joints)[0], behind[0])
+
+
+def test_of_a_disc_that_is_found_twice_the_surer_one_is_kept():
+    boxes = np.array([[0, 0, 0, 1, 1, 1], *([0, y, 0.1, 0.04, 0.08, 0.08] for y in (0, 0.01, 0.1))])
+    joints = [Joint.fixed(), *(Joint(b[:3], (1, 0, 0), angle=(-1.0, 1.0)) for b in boxes[1:])]
+    confidence = np.array([1, 0.6, 0.9, 0.7])
+    layout = Layout(boxes, tuple(joints), (-1, 0, 0, 0), np.full((4, 3), 0.5), confidence)
+    assert doubles(layout, [1, 2, 3]) == [1]
+    assert doubles(layout, [1, 3]) == []
+    across = (*joints[:2], Joint(boxes[2, :3], (0, 1, 0), angle=(-1.0, 1.0)), joints[3])
+    assert doubles(dataclasses.replace(layout, joints=across), [1, 2, 3]) == []

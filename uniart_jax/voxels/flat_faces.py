@@ -46,8 +46,7 @@ THICKNESS = 2  # of what closes deeper ones
 NOBODYS = -2  # cells that no part may take
 MOST = 0.6  # share of a moving part's face that a plane covers, where it is to cover it all
 NARROW = 10  # a narrower face is an edge, as wide as its ripples say
-CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners, nor do, because
-# of ``RIPPLE``, those of faces less than some 55 cells wide
+CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners
 PANEL = 40  # cells around what is drawn of a panel, in which it is completed
 KEPT = 0.5  # share of a part's cells below which it is left as it was
 
@@ -241,8 +240,10 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
         plane = float(np.median(height[near]))
         on = near & (height >= plane - STANDS) & (height <= plane + 2 * FLAT)
         whole = _closed(on) | _without_small_holes(on)
-        if face is not None and abs(plane - face[0]) <= REACH and _is_most(on & face[1], face[1]):
-            whole |= face[1]
+        if face is not None and abs(plane - face[0]) <= REACH:
+            close = np.abs(height - plane) <= FLAT  # not their medians, which trim corners
+            if _is_most(close & face[1], face[1]):
+                whole |= face[1]
         gaps = whole & ~on & (first > plane)
         dents = gaps & (first < np.minimum(plane + DENT, len(sdf)))
         _end_at(views, part, on | dents, plane)

@@ -25,7 +25,7 @@ from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.loose_parts import with_parts_joined, without_floating_pieces
 from uniart_jax.voxels.segment import Segmentation, outside
-from uniart_jax.voxels.stand_ins import in_front, needed, side_by_side, stand_in
+from uniart_jax.voxels.stand_ins import doubles, in_front, needed, side_by_side, stand_in
 
 SAID = 0.25
 SIZE = 0.02
@@ -78,20 +78,26 @@ def assemble_layout(
     solid = np.bincount(owner[np.asarray(grid.sdf) < 0], minlength=len(layout))
     cells = grid.resolution * grid.subdivisions
     boxed = needed(layout, solid, cells)
-    left_out = [
+    twice = doubles(layout, boxed)
+    boxed = [k for k in boxed if k not in twice]
+    hidden = [
         k
         for k in range(len(layout))
-        if solid[k] < FEWEST and layout.parents[k] >= 0 and k not in boxed
+        if solid[k] < FEWEST and layout.parents[k] >= 0 and k not in boxed and k not in twice
     ]
+    left_out = hidden + twice
     notes = tuple(
         f"part {k} of the layout (confidence {layout.confidence[k]:.2f}) {what}"
         for rows, what in (
-            (left_out, "left out: no voxels show it"),
+            (hidden, "left out: no voxels show it"),
+            (twice, "left out: a surer part is in its place"),
             (boxed, "made of its box: voxels are too coarse for it"),
         )
         for k in rows
     )
-    theirs = np.isin(owner, boxed) & (np.asarray(grid.sdf) < 0)  # in the place of their meshes
+    theirs = np.isin(owner, boxed + twice) & (
+        np.asarray(grid.sdf) < 0
+    )  # in the place of their meshes
     grid = dataclasses.replace(grid, sdf=np.where(theirs, np.float32(0.5), grid.sdf))
     kept = [k for k in range(len(layout)) if k not in left_out]
     boxed = [kept.index(k) for k in boxed]

@@ -5,6 +5,7 @@ row's colour."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -78,24 +79,51 @@ def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) 
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colors, process=False)
 
 
+def doubles(layout: Layout, rows: Sequence[int]) -> list[int]:
+    """Of rows of stand-ins, discs that are found twice: so near to a surer one that both cannot be
+    made smaller (``side_by_side``)."""
+    rows = sorted(rows, key=lambda k: -layout.confidence[k])
+    kept: list[int] = []
+    for k in rows:
+        pairs = (_pair(layout.boxes[[i, k]], [layout.joints[i], layout.joints[k]]) for i in kept)
+        if not any(pair and pair.apart < SMALLER * pair.radii for pair in pairs):
+            kept.append(k)
+    return sorted(set(rows) - set(kept))
+
+
 def side_by_side(boxes: np.ndarray, joints: Sequence[Joint]) -> np.ndarray:
     """[n, 6] boxes of stand-ins, of which discs that would touch are made smaller, down to
     ``SMALLER``, so that each can turn."""
     boxes = np.array(boxes, np.float64)
-    axes = [_round_about(b[:3], b[3:], j) for b, j in zip(boxes, joints, strict=True)]
-    centres = [_on_axis(b[:3], j) for b, j in zip(boxes, joints, strict=True)]
-    for i, axis in enumerate(axes):
+    for i in range(len(boxes)):
         for k in range(i):
-            if axis is None or axes[k] != axis:
-                continue
-            between, pair = np.abs(centres[i] - centres[k]), boxes[[i, k]]
-            others = np.delete(np.arange(3), axis)
-            apart = ROOM * float(np.hypot(*between[others]))
-            radii = float(pair[:, 3 + others].mean(1).sum()) / 2
-            beside = between[axis] < pair[:, 3 + axis].sum() / 2
-            if beside and SMALLER * radii <= apart < radii:
-                boxes[np.ix_([i, k], 3 + others)] *= apart / radii
+            pair = _pair(boxes[[i, k]], [joints[i], joints[k]])
+            if pair and SMALLER * pair.radii <= pair.apart < pair.radii:
+                boxes[np.ix_([i, k], 3 + pair.others)] *= pair.apart / pair.radii
     return boxes
+
+
+class _Pair(NamedTuple):
+    """Two discs beside each other."""
+
+    others: np.ndarray  # [2] the axes across theirs
+    apart: float  # ``ROOM`` of the way between their axes
+    radii: float  # sum of both
+
+
+def _pair(boxes: np.ndarray, joints: Sequence[Joint]) -> _Pair | None:
+    """Two boxes [2, 6] as discs beside each other, about axes in one direction; None if they are
+    not."""
+    axes = {_round_about(b[:3], b[3:], j) for b, j in zip(boxes, joints, strict=True)}
+    axis = axes.pop()
+    if axes or axis is None:
+        return None
+    first, second = (_on_axis(b[:3], j) for b, j in zip(boxes, joints, strict=True))
+    between, others = np.abs(first - second), np.delete(np.arange(3), axis)
+    if between[axis] >= boxes[:, 3 + axis].sum() / 2:
+        return None
+    radii = float(boxes[:, 3 + others].mean(1).sum()) / 2
+    return _Pair(others, ROOM * float(np.hypot(*between[others])), radii)
 
 
 def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.Trimesh:
