@@ -215,6 +215,57 @@ def test_half_a_door_is_completed_only_where_it_stands_open():
         assert surface_has_sources(flat)
 
 
+def torn_door():
+    """A closed door without a corner, its back eaten away, with teeth beyond its box."""
+    rough, box, joint, even = opened(0)
+    rough = np.maximum(rough, -block((0, 36, 36), (64, 64, 64)))
+    rough = np.maximum(rough, -block((43.1, 20, 18), (64, 40, 30)))
+    teeth = block((40.3, 20.3, 52.2), (44.3, 26.3, 57.2))
+    return np.minimum(rough, teeth), box, joint, even
+
+
+def test_a_closed_door_that_is_most_of_a_plate_is_all_of_it():
+    rough, box, joint, even = torn_door()
+    assert ((rough < 0) != (even < 0)).sum() > 0.2 * (even < 0).sum()
+    flat = with_flat_faces(field_of(rough), box[None], [joint])
+    assert share_that_differs(flat, 0, even, 1.0) < 0.02
+    assert surface_has_sources(flat)
+
+
+def test_a_closed_door_keeps_its_handle_and_takes_nothing_from_others():
+    rough, box, joint, even = torn_door()
+    handle = block((37.3, 44.3, 20.3), (41.3, 47.3, 30.3))
+    box = box_of((37.3, 14.3, 12.2), (44.3, 50.3, 52.2))
+    post = block((38.3, 40.3, 40.3), (48.3, 46.3, 48.3))  # where the torn corner was
+    field = field_of(np.minimum(rough, handle), post)
+    flat = with_flat_faces(field, np.stack([box, box]), [joint, Joint.fixed()])
+    assert solid_of(flat, 0)[handle < -0.6].all()
+    assert (solid_of(flat, 1) >= solid_of(field, 1)).all()
+    assert share_that_differs(flat, 0, np.minimum(even, handle), 1.0) > 0.01  # the post's place
+
+
+def test_round_and_half_closed_doors_are_no_plates():
+    rough, box, joint, _ = opened(0)
+    half = np.maximum(rough, -block((0, 0, 32), (64, 64, 64)))
+    disc = np.maximum(np.hypot(AT[1] - 32.3, AT[2] - 32.2) - 18, np.abs(AT[0] - 42.3) - 2)
+    for left in (half, disc):
+        flat = with_flat_faces(field_of(left), box[None], [joint])
+        assert (solid_of(flat, 0) & (left > 1.5)).sum() < 0.02 * (left < 0).sum()
+
+
+@pytest.mark.parametrize(("wide", "closed"), [(8, True), (14, False)])
+def test_gaps_between_teeth_are_filled_where_they_are_narrow(wide, closed):
+    """A wall whose edge lacks cells, 12 deep."""
+    whole = block((10.3, 30.3, 4.3), (60.3, 33.3, 60.3))
+    gap = block((0, 20, 30.3), (22.3, 64, 30.3 + wide))
+    row = box_of((10.3, 10.3, 4.3), (60.3, 54.3, 60.3))
+    flat = with_flat_faces(field_of(np.maximum(whole, -gap)), row[None])
+    missing = (whole < -0.6) & (gap < -0.6)
+    assert (
+        solid_of(flat, 0)[missing].mean() > 0.9 if closed else not solid_of(flat, 0)[missing].any()
+    )
+
+
 def test_without_joints_nothing_is_turned():
     rough, box, joint, _ = opened(30, torn=True)
     field = field_of(rough)

@@ -118,7 +118,10 @@ def test_voxels_that_disagree_with_the_joint_are_not_believed():
 
 def test_what_lies_straight_is_not_turned():
     for degrees in (0, 1, 90):
-        assert turn(*door(degrees)) is None
+        still = turn(*door(degrees))
+        assert still.still and not still.opened
+        np.testing.assert_array_equal(still.straight, np.eye(4))
+        np.testing.assert_array_equal(still.back, np.eye(4))
     assert turn(*door(4)) is not None and not turn(*door(4)).opened
     # drawn aslant, straight by its joint
     distance, box, joint = door(6)

@@ -8,6 +8,9 @@ sub-cells. Two kinds of planes:
   there end at one depth, so that edges become straight;
 * depths at which many columns end: these columns end there exactly, and small gaps are closed.
 
+What turns about a hinge and is most of a plate becomes all of it (``turned.panel``), open or
+closed. Of a moving part's other faces, those that are most of a rectangle become all of it.
+
 What stands out from a plane by more than ``STANDS`` is a handle or a knob and stays. Round things
 keep their shape: their columns end at many depths, and few reach a face of the box. Slots and slats
 narrower than ``2 GAP`` sub-cells are closed: what networks draw has holes of that size.
@@ -39,6 +42,7 @@ PLANE_SHARE = 0.08  # of a part's columns, and
 PLANE_COLUMNS = 48  # so many, that make a plane
 RIPPLE = 13  # side of the neighbourhood whose median says what plane a column belongs to
 PLANES = 4  # at most, of each side
+TOOTH = 5  # gaps between teeth of twice this width are closed
 GAP = 2  # gaps in a plane of twice this width are closed
 HOLE = 100  # columns; an enclosed hole in a plane of no more is closed
 DENT = 10  # a gap that is no deeper is filled to its ground
@@ -119,8 +123,8 @@ def _flat_part(
 
 
 def _turned(views: Views, part: int, turn: Turn) -> bool:
-    """In place: a part that is shown turned is made flat as it lies straight. False, and left as it
-    was, where it would lose too much."""
+    """In place: a part that is shown turned, or is most of a plate, is made flat as it lies
+    straight. False, and left as it was, where it is neither, or would lose too much."""
     sdf, owner, source, taken = views
     mine = owner == part
     window = ndimage.find_objects((mine & (sdf < 0)).astype(np.int8))[0]
@@ -129,7 +133,10 @@ def _turned(views: Views, part: int, turn: Turn) -> bool:
     colored = np.where(mine, source, -1)[window]
     low = np.array([s.start for s in window])
     phi, colored, low = resampled(phi, colored, low, turn.straight, PANEL)
-    if turn.opened and (phi < 0).any():
+    plate = turn.opened or _is_most_of_a_plate(phi < 0, low, turn)
+    if not plate and turn.still:
+        return False
+    if plate and (phi < 0).any():
         phi = panel(phi, low, turn, sdf.shape[0] - 2)
     own = np.zeros(phi.shape, owner.dtype)
     solid = np.argwhere(phi < 0)
@@ -158,6 +165,15 @@ def _turned(views: Views, part: int, turn: Turn) -> bool:
     here[new], whose[new] = phi[new], part
     source[into][new & (phi < 0)] = colored[new & (phi < 0)]
     return True
+
+
+def _is_most_of_a_plate(solid: np.ndarray, low: np.ndarray, turn: Turn) -> bool:
+    """Whether cells [A, B, C], from place ``low`` on, are most of what box and hinge say of them."""
+    first, last = turn.box(np.zeros(3), np.array(solid.shape, np.float64))
+    across = 3 - turn.axis - turn.along
+    shown = np.moveaxis(solid, across, 0)
+    _, face = _face(across, 1, first - low, last - low, shown.shape)
+    return bool(face.any()) and _is_most(shown.any(0) & face, face)
 
 
 def _seen(views: Views, axis: int, side: int) -> Views:
@@ -200,7 +216,7 @@ def _straighten(views: Views, part: int, face: float, sides: np.ndarray) -> None
     plane = float(np.median(height[near]))
     near = there & (height <= plane + reach)
     # teeth between columns that come near enough are no detail
-    near |= _closed(near) & there & (height <= plane + 2 * reach)
+    near |= _closed(near, TOOTH) & there & (height <= plane + 3 * reach)
     if min(spans) > EDGE:
         near &= height >= plane - STANDS
     _end_at(views, part, near, plane)
@@ -263,10 +279,10 @@ def _is_most(columns: np.ndarray, face: np.ndarray) -> bool:
                for some in (slice(None, b), slice(-b, None)))  # fmt: skip
 
 
-def _closed(columns: np.ndarray) -> np.ndarray:
-    """[U, V] with gaps of twice ``GAP`` closed."""
-    wide = np.ones((2 * GAP + 1,) * 2)
-    return ndimage.binary_closing(np.pad(columns, GAP), wide)[GAP:-GAP, GAP:-GAP]
+def _closed(columns: np.ndarray, gap: int = GAP) -> np.ndarray:
+    """[U, V] with gaps of twice ``gap`` closed."""
+    wide = np.ones((2 * gap + 1,) * 2)
+    return ndimage.binary_closing(np.pad(columns, gap), wide)[gap:-gap, gap:-gap]
 
 
 def _without_small_holes(columns: np.ndarray) -> np.ndarray:

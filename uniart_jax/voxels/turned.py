@@ -4,6 +4,7 @@ A plate that stands open lies aslant on the lattice. No face of it can be told f
 and a network that draws it guesses where its edges are. Turned about its own hinge until it lies
 straight, its faces can be made flat (``flat_faces``), and what its box and its hinge say of it can
 be filled (``panel``). Distances are interpolated linearly, so flat faces stay flat on the way back.
+A closed door is not turned, and is filled where most of it is drawn.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ class Turn:
       straight, back: [4, 4], to where it lies along the lattice, and to how it is shown.
       axis, along: of the lattice: the hinge, and across it the one that the part then lies along.
       span, ends: (low, high) of the part along each.
-      opened: whether it is turned by more than ``OPEN``.
+      opened: whether it is turned by more than ``OPEN``. still: whether it lies straight as shown.
     """
 
     straight: np.ndarray
@@ -48,6 +49,7 @@ class Turn:
     span: tuple[float, float]
     ends: tuple[float, float]
     opened: bool
+    still: bool = False
 
     def box(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """[3], [3]: where it lies straight, of a part whose cells go from ``low`` to ``high``."""
@@ -60,7 +62,8 @@ class Turn:
 def turn_of(
     cells: np.ndarray, box: np.ndarray, joint: Joint, size: int, corrected: bool
 ) -> Turn | None:
-    """How a part is turned; None where it lies straight, or no hinge says how.
+    """How a part is turned about its hinge; None where it has none along the lattice, or voxels and
+    joint do not agree.
 
     Args:
       cells: [n, 3] solid cells. box: [6] of its row. size: of the grid, cells. corrected: it is
@@ -86,8 +89,9 @@ def turn_of(
             return None
     straight = drawn if believed else angle
     back = -angle if corrected else -straight
-    if max(abs(straight), abs(back)) < STRAIGHT:
-        return None
+    still = max(abs(straight), abs(back)) < STRAIGHT
+    if still:
+        straight = back = 0.0
     to_straight = Rotation.from_euler("z", straight).as_matrix()[:2, :2]
     turned = to_straight @ shown
     long = to_straight @ directions[:, 1] if believed else turned
@@ -97,6 +101,8 @@ def turn_of(
     wide = np.hypot(*box[3:][across]) * size  # of the box, thicker by what stands across
     width = np.sqrt(max(wide**2 - (thick * np.cos(2 * straight)) ** 2, 0))
     width = max(float(width - thick * abs(np.sin(2 * straight))), 0.0)
+    if still:
+        width = float(box[3 + across[side]]) * size
     middle = float(place[across[side]] + turned[side] * size)
     low, high = ((box[axis] + sign * box[3 + axis] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
     return Turn(
@@ -106,7 +112,8 @@ def turn_of(
         across[side],
         (low, high),
         (middle - width / 2, middle + width / 2),
-        max(abs(angle), abs(straight)) > OPEN,
+        max(abs(angle), abs(straight)) > OPEN and not still,
+        still,
     )
 
 
