@@ -168,10 +168,35 @@ def test_a_file_that_breaks_an_engine_is_a_failed_check(tmp_path, monkeypatch):
     broken.write_text("#!/bin/sh\nsleep 60\n")
     with monkeypatch.context() as patch:
         patch.setattr(sys, "executable", str(broken))
-        patch.setattr(module, "SECONDS", 0.2)
+        patch.setattr(module, "SECONDS", 0.02)
         assert "not done after" in failed(validate(asset, engines=["mujoco"]))["loads"]
     refused = write(tmp_path / "b", robot(link("a", DOOR), '<joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint>'))  # fmt: skip
     assert "'b'" in failed(validate(refused, engines=["mujoco"]))["reads"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of processor time")
+def test_an_engine_is_stopped_by_the_time_that_it_computes_not_by_the_clock(tmp_path, monkeypatch):
+    """One that a busy machine keeps waiting for three times the limit is judged; one that computes
+    without end is not waited for."""
+    asset, worker = slider(tmp_path / "a"), sys.executable
+    slow, endless = tmp_path / "slow", tmp_path / "endless"
+    slow.write_text(f'#!/bin/sh\nsleep 9\nexec {worker} "$@"\n')
+    endless.write_text(
+        f"#!{worker}\nfrom uniart_jax.simulation import worker\n"
+        "worker.load = lambda *_: [None for _ in iter(int, 1)]\n"
+        "import sys\nworker.main(*sys.argv[3:])\n"
+    )
+    monkeypatch.setattr(module, "SECONDS", 3.0)
+    for path in (slow, endless):
+        path.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(slow))
+    judged = validate(asset, engines=["mujoco"])
+    assert judged["engines"]["mujoco"]["loads"]["passed"] and judged["joints"]["mujoco"]
+    monkeypatch.setattr(sys, "executable", str(endless))
+    start = time.monotonic()
+    said = failed(validate(asset, engines=["mujoco"]))["loads"]
+    assert "not done after 3 s of processor time" in said
+    assert time.monotonic() - start < 10 * 3.0
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no named pipes")

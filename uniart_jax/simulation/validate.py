@@ -1,6 +1,6 @@
 """``validate``: an asset in, what every check found out.
 
-The asset is read and judged by itself here; each engine has a process of its own, with a time limit: what crashes or hangs there is a check
+The asset is read and judged by itself here; each engine has a process of its own, with a limit of processor time: what crashes or hangs there is a check
 that failed, with its reason.
 """
 
@@ -28,7 +28,8 @@ from uniart_jax.simulation.summary import PLAUSIBILITY
 
 ENGINES = ("mujoco", "pybullet")
 GATES = ("affordcraft",)
-SECONDS = 120.0  # that an engine may take
+SECONDS = 120.0  # of processor time that an engine may take, however busy the machine is
+PATIENCE = 10  # times as long by the clock ends one that waits for something, or is not limited
 INSTALL = {"mujoco": "pip install mujoco", "pybullet": "pip install pybullet"}
 
 
@@ -197,9 +198,12 @@ class _Job:
     def result(self) -> dict:
         """What ``measure.measure`` found, with the check ``loads``."""
         try:
-            code = self.process.wait(max(0.0, SECONDS - (time.monotonic() - self.started)))
+            left = PATIENCE * SECONDS - (time.monotonic() - self.started)
+            code = self.process.wait(max(0.0, left))
         except subprocess.TimeoutExpired:
-            return _failed(f"{self.engine} was not done after {SECONDS:.0f} s")
+            return _failed(f"{self.engine} was not done after {PATIENCE * SECONDS:.0f} s")
+        if code in _OUT_OF_TIME:
+            return _failed(f"{self.engine} was not done after {SECONDS:.0f} s of processor time")
         if not self.result_file.is_file():
             return _failed(f"{self.engine} ended: {_why(code, self.said)}")
         found = json.loads(self.result_file.read_text("utf-8"))
@@ -207,6 +211,10 @@ class _Job:
             return _failed(one_line(found["refused"]))
         loads = {"loads": check(0, 0, True)}
         return found | {"checks": loads | found.get("checks", {})}
+
+
+# what ends a process that used up its processor time; Windows knows no such limit
+_OUT_OF_TIME = (-signal.SIGXCPU,) if hasattr(signal, "SIGXCPU") else ()
 
 
 def _failed(reason: str) -> dict:

@@ -74,12 +74,13 @@ def _watch() -> None:
 
 
 def _bound(seconds: float) -> None:
-    """No more processor time than that, should whoever started this be gone."""
+    """No more processor time than that: SIGXCPU ends this process. Waiting for a busy processor does not count."""
     try:
         import resource
     except ImportError:  # Windows
         return
-    resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
+    whole = max(1, round(seconds))
+    resource.setrlimit(resource.RLIMIT_CPU, (whole, whole + 1))
 
 
 if __name__ == "__main__":
