@@ -146,7 +146,7 @@ def figures(obj: ArticulatedObject, budget: int | None, generated: bool, copies:
     """Of one object, written with a budget, or without."""
     kept: list = []
 
-    def watched(obj, bodies, meshes, budget=None):
+    def watched(obj, bodies, meshes, budget=None, collision="merged"):
         mended = mend if generated else _as_they_are
         obj, bodies = mended(obj, bodies, meshes, budget)
         kept[:] = bodies, meshes, obj

@@ -142,6 +142,17 @@ def test_export_sizes_weighs_and_checks(run, assets, tmp_path):
     assert not (out / "object.glb").exists()
 
 
+def test_export_takes_friction_damping_and_kinds_of_shapes(run, assets, tmp_path):
+    out = tmp_path / "out"
+    options = ("--friction", "lid_joint=1.5", "--damping", "2", "--formats", "mjcf", "--no-check")
+    code, _, _ = run("export", assets / "sound", "--out", out, "--collision", "hull", *options)
+    report = json.loads((out / "report.json").read_text())
+    usual = json.loads((assets / "sound" / "report.json").read_text())["parts"][1]["handle"]
+    assert code == 0 and report["collision"] == "hull"
+    assert report["parts"][1]["handle"]["friction"] == 1.5
+    assert report["parts"][1]["handle"]["damping"] == pytest.approx(2 * usual["damping"], rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -149,6 +160,11 @@ def test_export_sizes_weighs_and_checks(run, assets, tmp_path):
         (("--size", "-1"), "between 0.001 and 1000"),
         (("--mass", "1", "--density", "1"), "not both"),
         (("--mass", "nan"), "positive"),
+        (("--friction", "much"), "'much' is no number"),
+        (("--friction", "lid_joint=-1"), "0 or more"),
+        (("--friction", "door=1"), "there are: lid_joint"),
+        (("--damping", "1", "2"), "one factor for all joints"),
+        (("--collision-budget", "0"), "give 1 or more"),
     ],
 )
 def test_export_refuses_what_cannot_be(run, assets, tmp_path, options, said):

@@ -12,7 +12,7 @@ from typing import Annotated
 
 import tyro
 
-from uniart_jax.export.formats import Format, Origin
+from uniart_jax.export.formats import Collision, Format, Origin
 
 Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
 Overwrite = Annotated[
@@ -35,6 +35,24 @@ Mass = Annotated[float | None, tyro.conf.arg(help="kg of the whole object, inste
 
 CollisionBudget = Annotated[
     int, tyro.conf.arg(help="Convex collision shapes of the whole object at most; 16 a part.")
+]
+CollisionKind = Annotated[
+    Collision,
+    tyro.conf.arg(
+        help="Collision shapes: boxes and hulls as close to the surface as the budget allows (merged); boxes alone; a hull a part; coacd's pieces (pip install 'uniart_jax[coacd]')."
+    ),
+]
+Friction = Annotated[
+    tuple[str, ...],
+    tyro.conf.arg(
+        help="Dry friction: a factor for all joints (.5), or JOINT=VALUE for each that is meant (hinge_1_joint=2), N m or N."
+    ),
+]
+Damping = Annotated[
+    tuple[str, ...],
+    tyro.conf.arg(
+        help="Damping: a factor for all joints, or JOINT=VALUE for each that is meant, N m s / rad or N s / m."
+    ),
 ]
 
 Stand = Annotated[

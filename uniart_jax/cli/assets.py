@@ -12,8 +12,11 @@ from rich.console import Console
 from uniart_jax.cli.arguments import (
     Actuators,
     CollisionBudget,
+    CollisionKind,
+    Damping,
     Density,
     Formats,
+    Friction,
     Mass,
     Out,
     Overwrite,
@@ -37,7 +40,10 @@ def export(
     size: Size = None,
     density: Density = None,
     mass: Mass = None,
+    collision: CollisionKind = "merged",
     collision_budget: CollisionBudget = COLLISION_BUDGET,
+    friction: Friction = (),
+    damping: Damping = (),
     origin: Stand = "floor",
     actuators: Actuators = False,
     refine: bool = False,
@@ -55,10 +61,15 @@ def export(
     """
     check_out(out, overwrite, (asset,))
     from uniart_jax.export.asset import save_asset
+    from uniart_jax.export.collision_kinds import check_collision
+    from uniart_jax.export.resistance import parse_resistance
     from uniart_jax.export.size import parse_size, typical_size
     from uniart_jax.objects.load import load_object
     from uniart_jax.simulation.refine import mend
 
+    given_by = {"friction": friction, "damping": damping}
+    rubs = {option: parse_resistance(option, words) for option, words in given_by.items()}
+    check_collision(collision)
     obj = load_object(asset, allow_outside=allow_outside)
     metres = parse_size(size) if size else None
     if metres is None and not is_metric(asset, allow_outside):
@@ -73,7 +84,9 @@ def export(
             size=metres,
             density=density,
             mass=mass,
+            collision=collision,
             collision_budget=collision_budget,
+            **rubs,
             origin=origin,
             actuators=actuators,
             overwrite=overwrite,

@@ -14,8 +14,11 @@ from rich.console import Console
 from uniart_jax.cli.arguments import (
     Actuators,
     CollisionBudget,
+    CollisionKind,
+    Damping,
     Density,
     Formats,
+    Friction,
     Mass,
     Out,
     Overwrite,
@@ -55,7 +58,10 @@ def sample(
     size: Size = None,
     density: Density = None,
     mass: Mass = None,
+    collision: CollisionKind = "merged",
     collision_budget: CollisionBudget = COLLISION_BUDGET,
+    friction: Friction = (),
+    damping: Damping = (),
     origin: Stand = "floor",
     actuators: Actuators = False,
     refine: bool = True,
@@ -103,12 +109,17 @@ def sample(
         raise ValueError(f"sample: --tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
     given = _layout(layout, follow, len(images) == 1 or multi_view)
     from uniart_jax.export.budget import check_budget
+    from uniart_jax.export.collision_kinds import check_collision
     from uniart_jax.export.mass import check_weights
+    from uniart_jax.export.resistance import parse_resistance
     from uniart_jax.export.size import parse_size
 
     metres = parse_size(size) if size else None
     check_weights(density, mass)
     check_budget(collision_budget)
+    check_collision(collision)
+    given_by = {"friction": friction, "damping": damping}
+    rubs = {option: parse_resistance(option, words) for option, words in given_by.items()}
     from uniart_jax.data.images import check_visible, read_image
 
     pictures = [read_image(path) for path in images]  # all inputs are checked before any work
@@ -165,7 +176,9 @@ def sample(
                         size=metres,
                         density=density,
                         mass=mass,
+                        collision=collision,
                         collision_budget=collision_budget,
+                        **rubs,
                         origin=origin,
                         actuators=actuators,
                         image=views[0][1],

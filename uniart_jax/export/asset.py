@@ -19,10 +19,12 @@ from PIL import Image
 from uniart_jax.export.atlas import Atlas, make_atlas
 from uniart_jax.export.bodies import make_bodies, with_joints
 from uniart_jax.export.budget import check_budget, within_budget
+from uniart_jax.export.collision_kinds import check_collision
 from uniart_jax.export.folder import check_target, complete_folder
 from uniart_jax.export.formats import (
     COLLISION_BUDGET,
     FORMATS,
+    Collision,
     Format,
     Origin,
     default_formats,
@@ -43,6 +45,7 @@ from uniart_jax.export.preview import (
     write_preview,
 )
 from uniart_jax.export.report import AsRead, make_report, write_report
+from uniart_jax.export.resistance import Resistance, check_resistance, resisting
 from uniart_jax.export.size import resized
 from uniart_jax.export.stl import write_stl
 from uniart_jax.export.urdf import write_urdf
@@ -57,7 +60,7 @@ from uniart_jax.objects.object import ArticulatedObject
 
 Check = Callable[[Path], dict]
 Mend = Callable[
-    [ArticulatedObject, Sequence[Body], Sequence[trimesh.Trimesh], int | None],
+    [ArticulatedObject, Sequence[Body], Sequence[trimesh.Trimesh], int | None, Collision],
     tuple[ArticulatedObject, Sequence[Body]],
 ]
 
@@ -70,7 +73,10 @@ def save_asset(
     size: float | None = None,
     density: float | None = None,
     mass: float | None = None,
+    collision: Collision = "merged",
     collision_budget: int | None = COLLISION_BUDGET,
+    friction: Resistance | None = None,
+    damping: Resistance | None = None,
     origin: Origin | None = "floor",
     actuators: bool = False,
     image: str | Path | np.ndarray | Image.Image | None = None,
@@ -97,8 +103,12 @@ def save_asset(
       folder: where to; made with its parents. It appears complete or not at all.
       size: metres of the longest side; default as ``obj.scale`` says.
       density: kg / m^3 of every part (default 500, light wood). mass: kg of the whole object instead.
+      collision: "merged": boxes and hulls as close to the surface as the budget allows; "boxes"
+        alone; "hull": one a part; "coacd": that program's (``export.collision_kinds``).
       collision_budget: convex shapes of the whole object at most, 16 a part (``export.budget``);
         None: as many as follow the surface.
+      friction, damping: a factor for all joints, or numbers by the joint's name in the files
+        (``export.resistance``); default: what a hand can move (``export.dynamics``).
       origin: "floor": 0 lies on the floor below the middle of the object at rest; "centre": in its
         middle; None: where the object has it.
       actuators: MJCF gets a position actuator a joint.
@@ -117,7 +127,7 @@ def save_asset(
 
     Raises:
       ValueError: ``check_target`` refuses the folder, it cannot be made, ``image`` cannot be read, an unknown format or one whose
-        package is absent, or a size, density, mass or origin that cannot be.
+        package is absent, a size, density, mass or origin that cannot be, or friction or damping of a joint that is not there.
     """
     chosen = default_formats() if formats is None else tuple(formats)
     if unknown := [f for f in chosen if f not in FORMATS]:
@@ -125,20 +135,26 @@ def save_asset(
     inputs = [image] if isinstance(image, str | Path) else []
     if collision_budget is not None:
         check_budget(collision_budget)
+    check_collision(collision)
     check_origin(origin)
     check_target(folder, overwrite, inputs)
     beside = None if image is None else read_image(image)
     given = obj.parts
     obj = named(obj if size is None else resized(obj, size))
+    for option, resistance in (("friction", friction), ("damping", damping)):
+        check_resistance(option, resistance, obj)
     with complete_folder(folder, overwrite) as target:
         atlas = make_atlas(obj, picture=picture)
-        bodies = make_bodies(obj, atlas.unclosed, density=density, mass=mass)
+        weights = {"density": density, "mass": mass}
+        bodies = make_bodies(obj, atlas.unclosed, collision=collision, **weights)
         if mend is not None:
-            obj, bodies = mend(obj, bodies, atlas.unclosed, collision_budget)
+            obj, bodies = mend(obj, bodies, atlas.unclosed, collision_budget, collision)
         elif collision_budget is not None:
-            bodies = within_budget(obj, bodies, atlas.unclosed, collision_budget)
+            boxes = collision == "boxes"
+            bodies = within_budget(obj, bodies, atlas.unclosed, collision_budget, boxes=boxes)
         placed = place(obj, origin)
         bodies = with_joints(moved_bodies(bodies, placed.moved, obj.scale), placed.obj)
+        bodies = resisting(placed.obj, bodies, friction, damping)
         stood = dataclasses.replace(atlas, surfaces=moved_surfaces(atlas.surfaces, placed.moved))
         notes = _write_simulation(placed.obj, stood, bodies, target, chosen, actuators)
         textured = [surface.textured(atlas.texture) for surface in stood.surfaces]
@@ -157,7 +173,7 @@ def save_asset(
         closed = [surface.mesh.is_watertight for surface in atlas.surfaces]
         read = AsRead(obj, tuple(part.name for part in given), placed.shown)
         report = make_report(placed.obj, bodies, closed, seed, checkpoint, notes, read)
-        report |= {"origin": origin} | dict(details or {})
+        report |= {"origin": origin, "collision": collision} | dict(details or {})
         write_report(report, target / "report.json")
         if check is not None:
             write_report(report | {"validation": check(target)}, target / "report.json")

@@ -48,12 +48,15 @@ def within_budget(
     bodies: Sequence[Body],
     meshes: Sequence[trimesh.Trimesh],
     budget: int = COLLISION_BUDGET,
+    *,
+    boxes: bool = False,
 ) -> tuple[Body, ...]:
     """The bodies with at most ``budget`` shapes together and 16 each, but one a part at least.
 
     Args:
       obj: any object. bodies, meshes: [K] of its parts (``export.bodies.make_bodies``); meshes in
         object units.
+      boxes: shapes are boxes, and are joined to boxes alone.
 
     Raises:
       ValueError: a budget below 1.
@@ -64,7 +67,7 @@ def within_budget(
     parts = []
     for k, body in enumerate(bodies):
         barred = _barred(obj, k, places, body.shapes, size) if len(body.shapes) > 1 else _NOWHERE
-        parts.append(_Merger(body.shapes, barred, BARRED * size**3))
+        parts.append(_Merger(body.shapes, barred, BARRED * size**3, boxes))
     for part in parts:
         part.coarsen(min(PART_MOST, budget))
     while sum(part.count for part in parts) > max(budget, len(parts)):
@@ -100,7 +103,7 @@ def _simplest(part: _Merger, mesh: trimesh.Trimesh, size: float) -> tuple[tuple[
     if len(shapes) < 2:
         return shapes, error
     hull = Manifold.batch_hull(part.solids())
-    for one in (part.box(hull), hull):
+    for one in (part.box(hull), hull)[: 1 if part.boxes else 2]:
         if part.inside(one):
             continue
         shape = rebuilt(one, size)
@@ -119,12 +122,13 @@ class _Merger:
       shapes: metres.
       barred: [n, 3] places of other parts.
       toll: what each of them costs, m^3.
+      boxes: pairs become boxes, never hulls.
 
     ``extent``: volume of the hull of all.
     """
 
-    def __init__(self, shapes: Sequence[Shape], barred: np.ndarray, toll: float):
-        self.barred, self.toll = barred, toll
+    def __init__(self, shapes: Sequence[Shape], barred: np.ndarray, toll: float, boxes: bool):
+        self.barred, self.toll, self.boxes = barred, toll, boxes
         self.given = list(shapes)
         self.pieces: list[Manifold | None] = []
         self.kept: dict[int, Shape] = {}  # pieces that are as they were given
@@ -278,7 +282,8 @@ class _Merger:
             if hull.is_empty() or hull.volume() < max(own.volume(), other.volume()) * (1 - 1e-6):
                 continue  # manifold3d's hulls of points that are nearly coplanar
             best: tuple[float, Manifold] | None = None
-            for joined, worth in ((hull, 0.0), (self.box(hull), BOX_LIKE * self.extent)):
+            kinds = ((hull, 0.0), (self.box(hull), BOX_LIKE * self.extent))
+            for joined, worth in kinds[self.boxes :]:
                 cost = joined.volume() - both + self.toll * self.inside(joined)
                 if best is None or cost <= best[0] + min(worth, 0.25 * abs(best[0]) + 1e-15):
                     best = cost, joined

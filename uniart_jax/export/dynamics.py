@@ -95,7 +95,15 @@ def joint_dynamics(
         effort = 5 * (held.alone + largest[k]) + inertia * velocity * (ACCELERATION + 1 / TIME)
         damping = min(inertia / TIME, DRAG * lever**2)
         found.append(
-            dataclasses.replace(held, damping=damping, effort=float(effort), velocity=velocity)
+            dataclasses.replace(
+                held,
+                damping=damping,
+                effort=float(effort),
+                velocity=velocity,
+                lever=float(lever),
+                load=float(largest[k]),
+                left=load.left(held),
+            )
         )
     return tuple(found)
 
@@ -128,6 +136,11 @@ class _Load:
     rest: float
     at_rest: float
     far: float
+
+    def left(self, held: Dynamics) -> float:
+        """The most that a joint's spring leaves of it in any state."""
+        spring = held.stiffness * (self.states - held.reference)
+        return float(np.abs(self.forces + spring).max())
 
 
 def _held(

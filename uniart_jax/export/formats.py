@@ -7,8 +7,10 @@ from typing import Literal, get_args
 
 Format = Literal["urdf", "mjcf", "glb", "page", "usd", "stl"]
 Origin = Literal["floor", "centre"]
+Collision = Literal["merged", "coacd", "boxes", "hull"]
 COLLISION_BUDGET = 64  # convex collision shapes of an object, unless another number is asked for
 FORMATS: tuple[Format, ...] = get_args(Format)
+COLLISIONS: tuple[Collision, ...] = get_args(Collision)
 ORIGINS: tuple[Origin, ...] = get_args(Origin)
 
 

@@ -19,6 +19,16 @@ def joint_name(part: Part) -> str:
     return f"{part.name}_joint"
 
 
+def joint_names(part: Part) -> list[str]:
+    """Of the joints of a part that moves, from its parent down (none of one that does not): its own
+    is ``joint_name``, those beside it are counted from 2."""
+    if not moves(part):
+        return []
+    own = joint_name(part)
+    beside = [f"{own}_{number}" for number in range(2, len(part.chain) + 1)]
+    return [*beside[: len(part.outer)], own, *beside[len(part.outer) :]]
+
+
 def travel_name(part: Part) -> str:
     """The joint along which a screw slides."""
     return f"{part.name}_travel"
@@ -45,14 +55,11 @@ def joint_chain(part: Part, body: Body) -> list[ChainJoint]:
     """The joints of a part that moves, from its parent down; those beside ``part.joint`` are called
     ``<part>_joint_2`` and so on."""
     assert body.dynamics is not None  # ``check_bodies``
-    before, number = len(part.outer), 1
+    before = len(part.outer)
     dynamics = [*body.further[:before], body.dynamics, *body.further[before:]]
     found = []
-    for place, (joint, resistance) in enumerate(zip(part.chain, dynamics, strict=True)):
-        name = joint_name(part)
-        if place != before:
-            number += 1
-            name = f"{name}_{number}"
+    links = zip(joint_names(part), part.chain, dynamics, strict=True)
+    for place, (name, joint, resistance) in enumerate(links):
         alone = dataclasses.replace(part, joint=joint, outer=(), inner=())
         found.append(ChainJoint(name, alone, resistance, place == before))
     return found

@@ -56,6 +56,9 @@ class Dynamics:
       start: newtons at the handle that start the joint from rest, with the spring; None if nobody
         asked.
       falls: whether gravity moves the part, from some states, where there is no spring.
+      lever: what newtons at the handle do to the coordinate: metres where it turns, else 1.
+      load, left: the most that gravity does to the coordinate in any state, without and with the
+        spring; 0 if nobody asked.
     """
 
     damping: float
@@ -67,6 +70,9 @@ class Dynamics:
     unsprung: float | None = None
     start: float | None = None
     falls: bool = False
+    lever: float = 1.0
+    load: float = 0.0
+    left: float = 0.0
 
     @property
     def alone(self) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 import uniart_jax
 from uniart_jax.export.frames import joint_chain, joint_name, metric, moves
 from uniart_jax.export.handles import Handle, handles, opening
-from uniart_jax.export.physics import Body
+from uniart_jax.export.physics import Body, Dynamics
 from uniart_jax.objects.object import ArticulatedObject, Part
 
 
@@ -54,7 +54,7 @@ def make_report(
 
     ``handle`` of a moving part: the ``point`` to hold, on ``part``; ``opens``: whether its
     coordinate grows (1) or falls (-1) on the way; ``opening``: the direction in which the point
-    sets out; ``start_force`` newtons there start it. ``rest`` maps every moving joint, by its name
+    sets out; ``start_force`` newtons there start it, against ``friction`` and with ``damping``. ``rest`` maps every moving joint, by its name
     in the URDF, to its coordinate at rest, ``shown`` to that of the state that was read.
     ``as_read`` is the part's name and joint in the object's own frame at that state.
     ``validation`` is absent until a physics engine has run.
@@ -78,6 +78,7 @@ def make_report(
                         "name": link.name,
                         "type": link.part.joint.type,
                         **_joint(link.part, obj.scale),
+                        **_resistance(link.dynamics),
                     }
                     for link in (joint_chain(part, body) if moves(part) else ())
                     if not link.first
@@ -133,17 +134,23 @@ def _handle(obj: ArticulatedObject, k: int, handle: Handle, body: Body) -> dict:
     dynamics = body.dynamics
     if dynamics is None or dynamics.start is None:
         return found
-    holds = "friction"
+    alone = "nothing: it falls" if dynamics.falls else "friction"
+    holds = alone
     if dynamics.stiffness:
-        alone = "nothing: it falls" if dynamics.falls else "friction"
-        holds = f"a spring in MJCF and USD; {alone} in URDF"
-    elif dynamics.falls:
-        holds = "nothing: it falls"
-    return found | {
-        "start_force": float(dynamics.start),
+        spring = (
+            "a spring" if dynamics.friction >= dynamics.left else "a spring, not in every state"
+        )
+        holds = f"{spring} in MJCF and USD; {alone} in URDF"
+    started = {"start_force": float(dynamics.start)}
+    return found | started | _resistance(dynamics) | {"held_by": holds}
+
+
+def _resistance(dynamics: Dynamics) -> dict[str, float]:
+    """Friction (N m, N), also where a format has no springs, and damping (N m s / rad, N s / m)."""
+    return {
         "friction": float(dynamics.friction),
         "friction_urdf": float(dynamics.alone),
-        "held_by": holds,
+        "damping": float(dynamics.damping),
     }
 
 

@@ -17,6 +17,7 @@ import trimesh
 
 from uniart_jax.export.bodies import with_joints
 from uniart_jax.export.budget import within_budget
+from uniart_jax.export.formats import Collision
 from uniart_jax.export.physics import Body
 from uniart_jax.export.voxel_boxes import as_cells, is_rough
 from uniart_jax.objects.kinematics import Joint, forward_kinematics, subtrees
@@ -68,6 +69,7 @@ def mend(
     bodies: Sequence[Body],
     meshes: Sequence[trimesh.Trimesh],
     budget: int | None = None,
+    collision: Collision = "merged",
 ) -> tuple[ArticulatedObject, tuple[Body, ...]]:
     """``clear``, or ``carve`` where the object is rough, and ``refine``: shapes that scrape are cut back, then limits and axes mended.
 
@@ -75,19 +77,21 @@ def mend(
       bodies, meshes: [K] of its parts, and the surfaces that they were made of, object units (``export.bodies.make_bodies``).
       budget: convex shapes of the object at most (``export.budget``), joined before limits are
         looked at; None: as many as there are.
+      collision: what the shapes are. Boxes alone are not cut back by planes.
 
     ``provenance`` tells it all.
     """
-    if is_rough(obj):
+    lines: tuple[str, ...] = ()
+    if collision in ("merged", "boxes") and is_rough(obj):
         cells, lines = carve(obj, as_cells(obj, meshes))
         bodies = tuple(
             dataclasses.replace(body, shapes=shapes)
             for body, shapes in zip(bodies, cells.shapes(obj.scale), strict=True)
         )
-    else:
+    elif collision != "boxes":
         bodies, lines = clear(obj, bodies)
     if budget is not None:
-        bodies = within_budget(obj, bodies, meshes, budget)
+        bodies = within_budget(obj, bodies, meshes, budget, boxes=collision == "boxes")
     obj, _ = refine(dataclasses.replace(obj, provenance=obj.provenance + lines), bodies)
     return obj, with_joints(bodies, obj)
 
