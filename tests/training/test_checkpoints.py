@@ -2,6 +2,7 @@
 
 import asyncio
 import re
+import sys
 import threading
 
 import jax
@@ -253,3 +254,43 @@ def test_restores_from_shapes_alone(tmp_path):
         lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype, sharding=sharding), make_state(0)
     )
     assert value(restore(tmp_path, like)[0]) == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no limit of a file's size")
+@pytest.mark.parametrize("found", ["by the next save", "on leaving"])
+def test_a_full_disk_is_one_line_and_the_checkpoint_before_stays(tmp_path, capfd, caplog, found):
+    """No file may grow beyond 64 kB: what a full disk looks like to whoever writes."""
+    import resource
+
+    big = make_state(2)
+    big["params"][0]["kernel"] = jax.random.normal(jax.random.key(0), (400, 400))
+    fill(tmp_path, [1])
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, usual[1]))
+    try:
+        with (
+            pytest.raises(OSError, match="no room on the disk") as error,
+            Checkpoints(tmp_path) as c,
+        ):
+            c.save(2, big, Counter({"next": 2}))
+            if found == "by the next save":
+                c.save(3, big, Counter({"next": 3}))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert "\n" not in str(error.value) and str(tmp_path) in str(error.value)
+    assert not [record for record in caplog.records if record.exc_info]
+    assert "Traceback" not in "".join(capfd.readouterr())
+    assert [path.name for path in tmp_path.iterdir()] == ["1"]
+    state, data = restore(tmp_path)
+    assert (value(state), data) == (1, {"next": 1})
+    assert not capfd.readouterr().err  # nothing is left to warn of
+
+
+def test_other_failures_of_a_save_are_raised_as_they_are(tmp_path, monkeypatch):
+    async def broken(*_):
+        raise PermissionError("not yours")
+
+    monkeypatch.setattr(checkpoints_module._Position, "save", broken)
+    with pytest.raises(Exception) as error, Checkpoints(tmp_path) as checkpoints:
+        checkpoints.save(1, make_state(1), Counter(1), wait=True)
+    assert "no room" not in str(error.value) and "not yours" in str(error.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import signal
 import sys
 import warnings
@@ -81,6 +82,8 @@ def guarded(command: Callable[[], int | None]) -> int:
         return command() or 0
     except (ValueError, OSError, ArithmeticError, MemoryError) as error:
         message = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            message += "; make room on the disk and run the same command again"
         print(f"error: {message}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

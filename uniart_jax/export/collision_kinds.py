@@ -25,7 +25,9 @@ def check_collision(kind: Collision) -> None:
     if kind not in COLLISIONS:
         raise ValueError(f"--collision '{kind}': there are {', '.join(COLLISIONS)}")
     if kind == "coacd" and importlib.util.find_spec("coacd") is None:
-        raise ValueError("--collision coacd: coacd is not installed: pip install 'uniart_jax[coacd]'")
+        raise ValueError(
+            "--collision coacd: coacd is not installed: pip install 'uniart_jax[coacd]'"
+        )
 
 
 def boxes_alone(shapes: Sequence[tuple[Shape, ...]]) -> list[tuple[Shape, ...]]:

@@ -12,10 +12,12 @@ import base64
 import contextlib
 import errno
 import json
+import logging
 import re
 import shutil
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -28,6 +30,7 @@ from uniart_jax.training.export import differences, flat_names
 State = TypeVar("State")
 _ASIDE = "damaged-"
 _POSITION = "process_0.json"
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _ABSENT = (None, errno.ENOENT, errno.ENOTDIR, errno.EISDIR)
 
 
@@ -73,6 +76,9 @@ class Checkpoints:
 
     def __init__(self, folder: str | Path, keep: int = 2):
         self.folder = Path(folder).absolute()
+        # Orbax's threads log a failure once for each of them; it is raised, and told in a line
+        logging.getLogger("absl").addFilter(_not_of_orbax_threads)
+        self._full = False
         self._remove_cut_off()
         self._orbax = ocp.training.Checkpointer(
             self.folder,
@@ -83,7 +89,14 @@ class Checkpoints:
         return self
 
     def __exit__(self, *_: Any) -> None:
-        self._orbax.close()
+        try:
+            with self._told():
+                self._orbax.close()
+        finally:
+            if self._full and jax.process_index() == 0:
+                for _ in range(5):  # a thread of TensorStore's may still write its last file
+                    _remove(self._unfinished())
+                    time.sleep(0.2)
 
     @property
     def steps(self) -> list[int]:
@@ -93,15 +106,33 @@ class Checkpoints:
     def _remove_cut_off(self) -> None:
         """A process killed during a save leaves it under another name. Orbax would remove that in the background, where a second opening runs into the first."""
         if jax.process_index() == 0:
-            found = (
-                (p, re.match(r"(\d+)\.orbax-checkpoint-tmp", p.name)) for p in self.folder.glob("*")
-            )
-            left = {path: int(name[1]) for path, name in found if name}
+            left = self._unfinished()
             for step in sorted(set(left.values())):
                 print(f"warning: checkpoint {self.folder}/{step} was not finished, the run was killed while it was saved; taking the one before", file=sys.stderr)  # fmt: skip
-            for path in left:
-                with contextlib.suppress(FileNotFoundError):  # another process is at it too
-                    shutil.rmtree(path)
+            _remove(left)
+
+    def _unfinished(self) -> dict[Path, int]:
+        """Folders of saves that are not complete, and their steps."""
+        found = (
+            (p, re.match(r"(\d+)\.orbax-checkpoint-tmp", p.name)) for p in self.folder.glob("*")
+        )
+        return {path: int(name[1]) for path, name in found if name}
+
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        """A save that found the disk full is one line, and what it left is removed on leaving; the checkpoints before stand."""
+        try:
+            yield
+        except Exception as error:
+            if not _of_a_full_disk(error):
+                raise
+            self._full = True
+            step = max(self._unfinished().values(), default=None)
+            which = "a checkpoint" if step is None else f"checkpoint {step}"
+            raise OSError(
+                f"{self.folder}: no room on the disk for {which}; make room and run the same command "
+                "again, it goes on from the checkpoint before"
+            ) from None
 
     def save(
         self,
@@ -119,13 +150,15 @@ class Checkpoints:
             items: dict[str, Any] = {"state": flat_names(state)}
             if iterator is not None:
                 items["data"] = _Position(iterator.get_state())
-            self._orbax.save_checkpointables_async(step, items, force=True)
+            with self._told():
+                self._orbax.save_checkpointables_async(step, items, force=True)
         if wait:
             self.wait()
 
     def wait(self) -> None:
         """Until all saves are on disk."""
-        self._orbax.wait()
+        with self._told():
+            self._orbax.wait()
 
     def restore(self, like: State, iterator: CheckpointableIterator | None = None) -> State | None:
         """The newest good checkpoint, with ``iterator`` set to its place; None where there is none.
@@ -203,6 +236,16 @@ class Checkpoints:
         return None
 
 
+def _remove(folders: Iterable[Path]) -> None:
+    for path in folders:
+        with contextlib.suppress(FileNotFoundError):  # another process is at it too
+            shutil.rmtree(path)
+
+
+def _not_of_orbax_threads(record: logging.LogRecord) -> bool:
+    return not (record.exc_info and "orbax" in record.pathname)
+
+
 def _metadata(folder: Path) -> dict[str, Any]:
     found = ocp.metadata(folder, "state").metadata
     if found is None:
@@ -220,6 +263,19 @@ def _innermost(error: BaseException) -> str:
         within = grouped or within.__cause__ or within.__context__
     texts = [" ".join(str(one).split()) for one in seen]
     return next(filter(None, reversed(texts)), type(seen[-1]).__name__)[:200]
+
+
+def _of_a_full_disk(error: BaseException | None) -> bool:
+    """Whether a write failed because the disk, a quota or the largest size of a file was full."""
+    if error is None:
+        return False
+    if isinstance(error, OSError) and error.errno in _FULL:
+        return True
+    code = re.search(r"os_error_code='(\d+)'", str(error))  # of TensorStore
+    if code and int(code[1]) in _FULL:
+        return True
+    causes = (error.__cause__ or error.__context__, *getattr(error, "exceptions", ()))
+    return any(_of_a_full_disk(cause) for cause in causes)
 
 
 def _of_the_machine(error: BaseException | None) -> bool:

@@ -16,6 +16,7 @@ Beside a stage's own losses every row about training holds ``grad_norm``, ``lear
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import sys
@@ -30,10 +31,10 @@ import jax
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from tensorboardX import SummaryWriter
 
 from uniart_jax.config import StageConfig
 from uniart_jax.progress import PLAIN_INTERVAL, duration
+from uniart_jax.training.board import Board
 from uniart_jax.training.flops import matmul_peak
 from uniart_jax.training.programs import Program
 from uniart_jax.training.state import make_schedule
@@ -190,7 +191,7 @@ class Reporter:
         self.path = workdir / "metrics" / f"{name}.jsonl"
         self.path.parent.mkdir(parents=True, exist_ok=True)
         _drop_after(self.path, step)
-        self.board = SummaryWriter(str(workdir / "tensorboard" / name), purge_step=step + 1)
+        self.board = Board(workdir / "tensorboard" / name, step + 1)
         if self.console.is_terminal:
             columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())  # fmt: skip
             bar = Progress(*columns, TextColumn("{task.fields[info]}"), console=self.console)
@@ -208,7 +209,8 @@ class Reporter:
         if self._bar is not None:
             self._bar.stop()
         if self.writes:
-            self.board.close()
+            with contextlib.nullcontext() if error is None else contextlib.suppress(OSError):
+                self.board.close()  # a full disk was told already
 
     def say(self, text: str) -> None:
         """One line for a person."""
@@ -223,15 +225,19 @@ class Reporter:
         # JSON has no NaN.
         row = {key: value if math.isfinite(value) else None for key, value in values.items()}
         row = {"step": step, "kind": kind, "time": round(time.time(), 3), **row}
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(row) + "\n")
-        for key, value in values.items():
-            if math.isfinite(value):
-                self.board.add_scalar(f"{kind}/{key}", value, step)
-        for key, image in (images or {}).items():
-            self.board.add_image(f"{kind}/{key}", np.asarray(image), step, dataformats="HWC")
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(row) + "\n")
+            for key, value in values.items():
+                if math.isfinite(value):
+                    self.board.scalar(f"{kind}/{key}", value, step)
+            for key, image in (images or {}).items():
+                self.board.image(f"{kind}/{key}", np.asarray(image), step)
+            if kind != "train" or images:
+                self.board.flush()
+        except OSError as error:  # a failed write does not say which file it was
+            raise OSError(error.errno, error.strerror, str(self.path)) from None
         if kind != "train" or images:
-            self.board.flush()
             self.say(f"{self.name} {step}: " + "  ".join(f"{k} {v:.4g}" for k, v in values.items()))
 
     def progress(self, step: int, latest: Scalars) -> None:
