@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 
 import mujoco
@@ -124,7 +123,7 @@ def test_links_between_joints_weigh_next_to_nothing_and_are_possible(tap):
     assert (model.body_inertia[carriers] > 0).all()
 
 
-@pytest.mark.skipif(not importlib.util.find_spec("pybullet"), reason="pip install pybullet")
+@pytest.mark.pybullet
 def test_pybullet_has_every_joint(tap):
     import pybullet
 

@@ -216,7 +216,8 @@ def test_mass_and_resistance_arrive(tmp_path):
 
 @pytest.mark.pybullet
 def test_pybullet_reads_what_we_write(tmp_path):
-    pybullet = pytest.importorskip("pybullet", reason="pip install pybullet")
+    import pybullet
+
     obj = make_cabinet()
     bodies = make_bodies(obj, [p.mesh for p in obj.parts])
     path = save(obj, tmp_path, bodies)

@@ -33,7 +33,7 @@ from uniart_jax.simulation.validate import validate
 pytest.importorskip("mujoco", reason="pip install 'uniart_jax[mujoco]'")
 BOTH = [
     pytest.param("mujoco"),
-    pytest.param("pybullet", marks=pytest.mark.pybullet),
+    pytest.param("pybullet", marks=(pytest.mark.pybullet, pytest.mark.slow)),
 ]
 
 
@@ -129,6 +129,7 @@ def test_a_planted_fault_is_caught_by_name(tmp_path, fault):
     json.dumps(result, allow_nan=False)
 
 
+@pytest.mark.slow
 @pytest.mark.pybullet
 @pytest.mark.parametrize("fault", ["inverted axis", "blocked door", "zero mass", "limit beyond collision", "self-intersecting collision", "NaN in the file", "falls open"])  # fmt: skip
 def test_pybullet_catches_it_too(tmp_path, fault):
@@ -139,6 +140,7 @@ def test_pybullet_catches_it_too(tmp_path, fault):
         assert words in found[name]
 
 
+@pytest.mark.slow
 @pytest.mark.pybullet
 @pytest.mark.parametrize("make", [cabinet, chest, jar, FAULTS["inverted axis"][0], FAULTS["limit beyond collision"][0]])  # fmt: skip
 def test_both_engines_tell_the_same_numbers(tmp_path, make):
