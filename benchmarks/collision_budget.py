@@ -1,10 +1,10 @@
 """What a budget of collision shapes costs and gains:  python benchmarks/collision_budget.py
-[--count 20] [--sampled 0] [--budget 64] [--copies 100]
+[--count 20] [--real ROOT] [--sampled 0] [--budget 64] [--copies 100]
 
-A table over procedural objects (validation seeds, families in turn) and, with --sampled, over what
-the shipped model makes of rendered
-images: shapes an object, MB of its MJCF with meshes, error of their volume, whether drawers hold a
-  ball, MuJoCo's steps a second.
+A table over procedural objects (validation seeds, families in turn), with --real over as many URDF
+and MJCF files by others, and with --sampled over what the shipped model makes of rendered images:
+shapes an object, MB of its MJCF with meshes, error of their volume, whether drawers hold a ball,
+MuJoCo's steps of one object a second in a model of many copies.
 """
 
 from __future__ import annotations
@@ -18,10 +18,12 @@ import mujoco
 import numpy as np
 
 from uniart_jax import procedural
+from uniart_jax.data.sources import find_entries
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.budget import shape_count
 from uniart_jax.export.placement import place
 from uniart_jax.export.volume_error import volume_error
+from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.simulation.refine import mend
 
@@ -137,6 +139,18 @@ def sampled(count: int) -> list[ArticulatedObject]:
     return objects
 
 
+def read(root: Path, count: int) -> list[ArticulatedObject]:
+    """``count`` of the assets below a folder that can be read, evenly taken from all."""
+    entries = find_entries(root, "urdf")
+    objects = []
+    for entry in entries[:: max(1, len(entries) // count)]:
+        try:
+            objects.append(load_object(root / entry.path, allow_outside=True))
+        except ValueError as error:
+            print(f"left out: {error}", flush=True)
+    return objects[:count]
+
+
 def _drawn(count: int) -> list[tuple[str, int]]:
     families = procedural.SEEN_FAMILIES
     return [(families[i % len(families)], SEED + i) for i in range(count)]
@@ -212,12 +226,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--count", type=int, default=20)
+    parser.add_argument("--real", type=Path)
     parser.add_argument("--sampled", type=int, default=0)
     parser.add_argument("--budget", type=int, default=64)
     parser.add_argument("--copies", type=int, default=100)
     options = parser.parse_args()
     given = {
         "procedural": [procedural.generate(*drawn) for drawn in _drawn(options.count)],
+        "real": read(options.real, options.count) if options.real else [],
         "what nano makes": sampled(options.sampled) if options.sampled else [],
     }
     rows: dict[str, dict[str, list[dict]]] = {}
@@ -227,7 +243,7 @@ def main() -> None:
                 ("no budget", None),
                 (f"budget {options.budget}", options.budget),
             ):
-                found = figures(obj, budget, name != "procedural", options.copies)
+                found = figures(obj, budget, name == "what nano makes", options.copies)
                 rows.setdefault(name, {}).setdefault(label, []).append(found)
                 print(f"{name} {i}, {label}: {found}", flush=True)
     print(table(rows))

@@ -30,6 +30,8 @@ ENGINES = ("mujoco", "pybullet")
 GATES = ("affordcraft",)
 SECONDS = 120.0  # of processor time that an engine may take, however busy the machine is
 PATIENCE = 10  # times as long by the clock ends one that waits for something, or is not limited
+# how a process ends that used up its processor time; Windows knows no such limit
+_OUT_OF_TIME = (-signal.SIGXCPU,) if hasattr(signal, "SIGXCPU") else ()
 INSTALL = {"mujoco": "pip install mujoco", "pybullet": "pip install pybullet"}
 
 
@@ -211,10 +213,6 @@ class _Job:
             return _failed(one_line(found["refused"]))
         loads = {"loads": check(0, 0, True)}
         return found | {"checks": loads | found.get("checks", {})}
-
-
-# what ends a process that used up its processor time; Windows knows no such limit
-_OUT_OF_TIME = (-signal.SIGXCPU,) if hasattr(signal, "SIGXCPU") else ()
 
 
 def _failed(reason: str) -> dict:
