@@ -1,15 +1,28 @@
-"""Settings of the whole suite: JAX on the CPU, compiling quickly; hypothesis draws the same examples every time, without deadlines; tests that need
-PyBullet are skipped where it is not installed."""
+"""Settings of the whole suite: JAX on the CPU, compiling quickly and no program twice; hypothesis
+draws the same examples every time, without deadlines; tests that need PyBullet are skipped where it
+is not installed."""
 
+import ctypes
+import gc
 import importlib.util
 import os
-
-os.environ.setdefault("JAX_PLATFORMS", "cpu")
-# Most of the suite's time is compiling. Processes that tests start inherit this; ``make test-full`` sets it to 0.
-os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+import sys
+from importlib import metadata
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
+
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+# Most of the suite's time is compiling. Processes that tests start inherit this; ``make test-full``
+# sets it to 0.
+os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+QUICK = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
+TRIED = "0.10.2"  # jaxlib
+LARGE = 0.8e9  # bytes: a worker above gives back what it can
+# XLA ends a process that gives it an option that it does not know: only where they were tried
+if os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] == "1" and metadata.version("jaxlib") == TRIED:
+    os.environ["XLA_FLAGS"] = f"{QUICK} {os.environ.get('XLA_FLAGS', '')}"
 
 settings.register_profile(
     "suite",
@@ -27,3 +40,37 @@ def pytest_collection_modifyitems(items):
         for item in items:
             if item.get_closest_marker("pybullet"):
                 item.add_marker(skip)
+
+
+def pytest_configure(config):
+    """Compiled programs in ``.pytest_cache``, for all workers and what they start, and for the next
+    run: JAX's own cache, whose keys hold the program, the options and the version.
+
+    An entry that another process has half written cannot be unpacked, and is compiled.
+    ``--cache-clear`` empties it.
+    """
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(config.cache.mkdir("xla")))
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+
+
+def pytest_collection_finish():
+    """What is imported by now stays: the collector need not walk it again and again."""
+    gc.freeze()
+    gc.set_threshold(10_000, 10, 10)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forget_programs():
+    """A worker that has grown drops a module's programs at its end; those that come again are read
+    from the cache."""
+    yield
+    statm = Path("/proc/self/statm")  # Linux's; elsewhere a worker keeps all
+    if "jax" in sys.modules and statm.is_file():
+        resident = int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+        if resident > LARGE:
+            sys.modules["jax"].clear_caches()
+            gc.collect()
+            trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's
+            if trim is not None:  # or what was freed stays the worker's
+                trim(0)

@@ -4,6 +4,7 @@ import dataclasses
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -38,7 +39,8 @@ GUIDED = SampleConfig(steps=2, guidance=1.5, rescale_t=3.0)
 def disturbed(params):
     """Noise on all weights: layers that begin at zero, or are constant before a norm, must not hide mistakes."""
     rng = np.random.default_rng(0)
-    return jax.tree.map(lambda x: x + 0.02 * rng.normal(size=x.shape).astype(np.float32), params)
+    noise = lambda x: 0.02 * rng.normal(size=x.shape).astype(np.float32)  # noqa: E731
+    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x) + noise(x)), params)
 
 
 @pytest.fixture(scope="module")
@@ -101,8 +103,6 @@ def test_a_batch_is_its_items_also_when_guided(pipeline, condition):
 
 def test_guided_velocities_use_each_items_own_voxels(pipeline, condition):
     """Swapping the items of a batch swaps the results, with the noise swapped too."""
-    import jax.numpy as jnp
-
     network = build("latent_flow", pipeline.config.model)
     rng = np.random.default_rng(2)
     coords = [
@@ -110,14 +110,14 @@ def test_guided_velocities_use_each_items_own_voxels(pipeline, condition):
     ]
     padded, counts = pad_coords(coords, (1024,))
     x = rng.normal(size=(2, 1024, pipeline.config.model.uniart_vae.latent_channels)).astype("f4")
+    x = jnp.asarray(x)
 
-    def velocity(order, condition=condition):
-        inputs = flow_inputs(padded[order], counts[order], pipeline.config.model)
-        seen = jax.tree.map(lambda c: jnp.repeat(c[np.array(order)], 2, axis=0), condition)
-        twice = jnp.repeat(x[order], 2, axis=0)
+    @jax.jit
+    def apply(order, inputs, condition):
+        seen = jax.tree.map(lambda c: jnp.repeat(c[order], 2, axis=0), condition)
         return network.apply(
             pipeline.parameters["latent_flow"],
-            twice,
+            jnp.repeat(x[order], 2, axis=0),
             jnp.full(4, 0.5),
             seen.tokens,
             seen.volume,
@@ -125,6 +125,10 @@ def test_guided_velocities_use_each_items_own_voxels(pipeline, condition):
             layout=seen.layout,
             **inputs,
         )
+
+    def velocity(order, condition=condition):
+        inputs = flow_inputs(padded[order], counts[order], pipeline.config.model)
+        return apply(np.array(order), inputs, condition)
 
     straight, swapped = velocity([0, 1]), velocity([1, 0])
     np.testing.assert_allclose(straight[:2], swapped[2:], atol=2e-5)

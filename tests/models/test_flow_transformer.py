@@ -126,8 +126,9 @@ def test_draws_of_one_picture_may_have_voxels_of_their_own():
     voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
     seen = (tokens[:1], volume[:1], *(v[:1] for v in flow_views()))
     twice = [jnp.repeat(a, 2, axis=0) for a in seen]
+    apply = jax.jit(network.apply)
     once, each = (
-        network.apply(params, batch["latent"], t, a, b, views=tuple(views), **voxels)
+        apply(params, batch["latent"], t, a, b, views=tuple(views), **voxels)
         for a, b, *views in (seen, twice)
     )
     np.testing.assert_allclose(once, each, rtol=1e-4, atol=1e-4)
@@ -167,10 +168,9 @@ def test_reading_pixels_begins_at_nothing():
     fresh = network.init(jax.random.key(0))
     added = {name: fresh[name] for name in fresh.keys() - params.keys()}
     assert sorted(added) == ["pixel_cube", "pixel_hidden", "pixel_in", "pixel_voxel"]
-    found = network.apply(
-        {**params, **added}, batch["latent"], t, tokens, volume, views=flow_views(), **voxels
-    )
-    before = build("latent_flow", plain).apply(params, batch["latent"], t, tokens, volume, **voxels)
+    seen = (batch["latent"], t, tokens, volume)
+    found = jax.jit(network.apply)({**params, **added}, *seen, views=flow_views(), **voxels)
+    before = jax.jit(build("latent_flow", plain).apply)(params, *seen, **voxels)
     np.testing.assert_allclose(found, before, rtol=1e-5, atol=1e-5)
 
 
@@ -195,7 +195,8 @@ def test_a_flow_sees_the_layout_of_its_own_picture_and_begins_without():
         params, table = init(plain), flow_table()
         fresh = network.init(jax.random.key(0))
         params |= {key: fresh[key] for key in fresh.keys() - params.keys()}
-        before = plain.apply({k: params[k] for k in plain.abstract()}, x, t, tokens, volume, **voxels)  # fmt: skip
+        known = {k: params[k] for k in plain.abstract()}
+        before = jax.jit(plain.apply)(known, x, t, tokens, volume, **voxels)
         apply = jax.jit(network.apply)
         found = apply(params, x, t, tokens, volume, layout=table, **voxels)
         np.testing.assert_allclose(found, before, rtol=1e-5, atol=1e-5)
@@ -331,12 +332,12 @@ def test_a_position_table_is_read_and_never_learned():
     assert params["pos_emb"].shape == (8, 24)
     tokens, volume, t = flow_arguments()
     x = jnp.asarray(np.random.default_rng(1).normal(size=(2, 2, 2, 2, 3)), jnp.float32)
-    fresh = network.init(jax.random.key(0))[
-        "pos_emb"
-    ]  # the computed embedding, until weights say otherwise
+    # the computed embedding, until weights say otherwise
+    fresh = network.init(jax.random.key(0))["pos_emb"]
     rest = {name: value for name, value in params.items() if name != "pos_emb"}
-    computed = plain.apply(rest, x, t, tokens, volume)
-    same = network.apply({**params, "pos_emb": fresh}, x, t, tokens, volume)
+    computed = jax.jit(plain.apply)(rest, x, t, tokens, volume)
+    apply = jax.jit(network.apply)
+    same = apply({**params, "pos_emb": fresh}, x, t, tokens, volume)
     np.testing.assert_allclose(same, computed, rtol=1e-5, atol=1e-5)
 
     def loss(params):
@@ -345,4 +346,4 @@ def test_a_position_table_is_read_and_never_learned():
     gradient = jax.jit(jax.grad(loss))(params)
     assert not np.asarray(gradient["pos_emb"]).any()
     assert np.asarray(gradient["input_layer"]["kernel"]).any()
-    assert np.abs(network.apply(params, x, t, tokens, volume) - computed).max() > 1e-3
+    assert np.abs(apply(params, x, t, tokens, volume) - computed).max() > 1e-3

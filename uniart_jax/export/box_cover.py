@@ -134,8 +134,8 @@ def _common(normals: np.ndarray, areas: np.ndarray) -> np.ndarray:
     """The direction, either sign, that most area faces."""
     largest = np.argsort(-areas, kind="stable")[:64]
     tried = np.concatenate([np.eye(3), normals[largest]])
-    met = [areas[np.abs(normals @ t) > FLAT_COSINE].sum() for t in tried]
-    axis = tried[int(np.argmax(np.round(np.array(met) / areas.sum(), 6)))]
+    met = (np.abs(tried @ normals.T) > FLAT_COSINE) @ areas
+    axis = tried[int(np.argmax(np.round(met / areas.sum(), 6)))]
     for _ in range(2):
         along = normals @ axis
         near = np.abs(along) > NEAR_COSINE

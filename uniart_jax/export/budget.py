@@ -128,7 +128,8 @@ class _Merger:
     """
 
     def __init__(self, shapes: Sequence[Shape], barred: np.ndarray, toll: float, boxes: bool):
-        self.barred, self.toll, self.boxes = barred, toll, boxes
+        self.barred = np.ascontiguousarray(barred.T)  # [3, n], quick to compare
+        self.toll, self.boxes = toll, boxes
         self.given = list(shapes)
         self.pieces: list[Manifold | None] = []
         self.kept: dict[int, Shape] = {}  # pieces that are as they were given
@@ -250,12 +251,12 @@ class _Merger:
 
     def inside(self, solid: Manifold) -> int:
         """How many places of other parts a convex solid holds."""
-        lo, hi = corners_of(solid)
-        near = self.barred[((self.barred > lo) & (self.barred < hi)).all(1)]
-        if not len(near):
+        lo, hi = corners_of(solid)[..., None]
+        near = self.barred[:, ((self.barred > lo) & (self.barred < hi)).all(0)]
+        if not near.size:
             return 0
         normals, offsets = half_spaces(solid)
-        return int((near @ normals.T < offsets).all(1).sum())
+        return int((normals @ near < offsets[:, None]).all(0).sum())
 
     def box(self, hull: Manifold) -> Manifold:
         """The box of a convex solid along the part's own axes, or the solid's."""
