@@ -174,7 +174,7 @@ def test_report(cabinet, stood, asset):
     report = json.loads((asset / "report.json").read_text())
     assert set(report) == {
         *("category", "parts", "rest", "shown", "notes", "scale", "seed", "checkpoint"),
-        *("version", "origin"),
+        *("version", "origin", "collision"),
     }
     assert report["origin"] == "floor"
     assert report["category"] == cabinet.category
