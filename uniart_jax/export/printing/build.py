@@ -1,0 +1,253 @@
+"""An object as pieces that can be printed and put together. Millimetres, assembled, at rest.
+
+Parts that do not move against each other are one piece. Every piece keeps its clearance from all
+others at rest and from its parent along its whole range, and is held by what ``hinge``, ``axle`` and
+``slide`` give it. A joint that cannot be printed is fixed, and said to be.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from manifold3d import Manifold
+
+from uniart_jax.export.frames import moves, rigid_groups
+from uniart_jax.export.naming import is_knob
+from uniart_jax.export.printing.axle import fit_axle
+from uniart_jax.export.printing.hinge import Around, Fit, fit_hinge
+from uniart_jax.export.printing.settings import PrintSettings, UnprintableError
+from uniart_jax.export.printing.slide import fit_slide
+from uniart_jax.export.printing.solids import (
+    CRUMB,
+    box_of,
+    grown,
+    solid_of,
+    strutted,
+    union,
+    welded,
+    without_path,
+)
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject
+
+MUCH = 0.02  # of a part: more that is cut away so that another moves is told
+
+
+@dataclasses.dataclass(frozen=True)
+class Piece:
+    """One thing that comes off the printer.
+
+    Attributes:
+      name: of its file.
+      solid: assembled at rest.
+      parts: names of the object's parts that it holds; none of a pin.
+      leader: index of the part that it moves with.
+      hardware: what of it was made to hold; its walls are what they have to be.
+    """
+
+    name: str
+    solid: Manifold
+    parts: tuple[str, ...]
+    leader: int
+    hardware: Manifold
+
+
+@dataclasses.dataclass(frozen=True)
+class PrintedJoint:
+    """A moving joint as it is printed.
+
+    Attributes:
+      child, parent: indices of leading parts.
+      fit: what holds it.
+    """
+
+    child: int
+    parent: int
+    fit: Fit
+
+    @property
+    def joint(self) -> Joint:
+        """As it is printed, mm, 0 at rest."""
+        return self.fit.joint
+
+
+@dataclasses.dataclass(frozen=True)
+class Print:
+    """A whole object to be printed.
+
+    Attributes:
+      pieces: parents before children, a joint's pins behind its child.
+      joints: those that move, in the order of assembly.
+      notes: what is other than it was, a line each.
+      settings: that it was made with.
+    """
+
+    pieces: tuple[Piece, ...]
+    joints: tuple[PrintedJoint, ...]
+    notes: tuple[str, ...]
+    settings: PrintSettings
+
+
+def make_print(
+    obj: ArticulatedObject,
+    surfaces: Sequence[tuple[np.ndarray, np.ndarray]],
+    names: Sequence[str],
+    settings: PrintSettings,
+) -> Print:
+    """The object at rest (``placement.place``), made printable.
+
+    Args:
+      obj: closed, coordinates from 0 up.
+      surfaces: [K] (vertices [v, 3], faces [f, 3]) of the parts, closed, object units.
+      names: [K] of the pieces' files.
+
+    Raises:
+      ValueError: a part that bounds no volume.
+    """
+    corners = np.stack([[v.min(0), v.max(0)] for v, _ in surfaces])
+    lo, hi = corners[:, 0].min(0), corners[:, 1].max(0)
+    scale = settings.size / float((hi - lo).max())
+    sized = np.diag([scale, scale, scale, 1.0])
+    notes, solids = [], []
+    for part, (vertices, faces) in zip(obj.parts, surfaces, strict=True):
+        solid, hulls = solid_of(np.asarray(vertices) * scale, faces)
+        if solid.volume() < CRUMB:
+            raise ValueError(
+                f"print: '{part.name}' has {solid.volume():.2g} mm^3 at this size; "
+                "choose a larger --print-size"
+            )
+        if hulls:
+            notes.append(f"'{part.name}': {hulls} of its shells were no solids; hulls stand for them")
+        solids.append(solid)
+    joints = [p.joint.transformed(sized) for p in obj.parts]
+    for k, part in enumerate(obj.parts):
+        if len(part.chain) > 1:
+            notes.append(f"'{part.name}': of its {len(part.chain)} joints one is printed")
+        if moves(part) and part.joint.type == "screw":
+            notes.append(f"'{part.name}': it turns, but does not travel along its axis")
+            joints[k] = dataclasses.replace(joints[k], travel=(0.0, 0.0))
+    fixed: dict[int, str] = {}
+    while True:
+        made = _attempt(obj, solids, joints, names, fixed, settings)
+        if isinstance(made, Print):
+            said = [
+                f"'{obj.parts[k].name}' cannot be printed as a joint and is fixed: {why}"
+                for k, why in sorted(fixed.items())
+            ]
+            return dataclasses.replace(made, notes=(*notes, *said, *made.notes))
+        fixed |= made
+
+
+def _attempt(
+    obj: ArticulatedObject,
+    solids: Sequence[Manifold],
+    joints: Sequence[Joint],
+    names: Sequence[str],
+    fixed: dict[int, str],
+    settings: PrintSettings,
+) -> Print | dict[int, str]:
+    """The print, or the joints that cannot be printed and why."""
+    parts = [
+        dataclasses.replace(p, joint=Joint.fixed()) if k in fixed else p
+        for k, p in enumerate(obj.parts)
+    ]
+    rigid = dataclasses.replace(obj, parts=tuple(parts))
+    leaders, notes = rigid_groups(rigid), []
+    bodies: dict[int, Manifold] = {}
+    for k in sorted(set(leaders)):
+        own = [solids[i] for i, leader in enumerate(leaders) if leader == k]
+        bodies[k], struts, crumbs = strutted(welded(own))
+        for length in struts:
+            notes.append(f"'{parts[k].name}': a piece hung in the air; a strut of {length:.1f} mm holds it")
+        if crumbs:
+            notes.append(f"'{parts[k].name}': {crumbs} crumbs below {CRUMB:g} mm^3 were left out")
+    order = [k for k in sorted(bodies) if parts[k].parent >= 0]
+    above = {k: leaders[parts[k].parent] for k in order}
+    bodies, said = _cleared(bodies, above, joints, parts, settings)
+    notes += said
+    failed: dict[int, str] = {}
+    taken, hardware, printed, pins = Manifold(), {k: Manifold() for k in bodies}, [], {}
+    for k in order:
+        up = above[k]
+        around = Around(union(s for i, s in bodies.items() if i not in (k, up)), taken)
+        kinds = [fit_slide]
+        if joints[k].rotates:
+            kinds = [fit_axle, fit_hinge] if is_knob(obj, k) else [fit_hinge, fit_axle]
+        reasons = []
+        for kind in kinds:
+            try:
+                fit = kind(bodies[up], bodies[k], joints[k], around, settings)
+                break
+            except UnprintableError as error:
+                reasons.append(str(error))
+        else:
+            failed[k] = "; ".join(dict.fromkeys(reasons))
+            continue
+        bodies[up], bodies[k] = fit.parent, fit.child
+        for i in bodies:
+            if i not in (k, up):
+                bodies[i] = bodies[i] - fit.keep
+        taken = union([taken, fit.keep])
+        for i in (k, up):
+            hardware[i] = union([hardware[i], fit.keep])
+        pins[k] = fit.pins
+        printed.append(PrintedJoint(k, up, fit))
+        if fit.note:
+            notes.append(f"'{parts[k].name}': {fit.note}")
+    if failed:
+        return failed
+    pieces = []
+    for k, solid in bodies.items():
+        held = tuple(p.name for p, leader in zip(parts, leaders, strict=True) if leader == k)
+        apart = sorted(solid.decompose(), key=lambda s: -s.volume())
+        loose = [s for s in apart[1:] if s.volume() > CRUMB]
+        pieces.append(Piece(names[k], apart[0], held, k, hardware[k]))
+        for number, rest in enumerate(loose, 1):
+            pieces.append(Piece(f"{names[k]}_loose_{number}", rest, held, k, hardware[k]))
+        if loose:
+            notes.append(f"'{parts[k].name}' falls into {len(loose) + 1} pieces: glue them")
+        for number, pin in enumerate(pins.get(k, ()), 1):
+            pieces.append(Piece(f"{names[k]}_pin_{number}", pin, (), above[k], pin))
+    return Print(tuple(pieces), tuple(printed), tuple(notes), settings)
+
+
+def _cleared(
+    bodies: dict[int, Manifold],
+    above: dict[int, int],
+    joints: Sequence[Joint],
+    parts: Sequence,
+    settings: PrintSettings,
+) -> tuple[dict[int, Manifold], list[str]]:
+    """The solids with a gap around each at rest, and around its whole path in its parent."""
+    bodies, notes, gap = dict(bodies), [], settings.clearance
+    keys = sorted(bodies)
+    for n, i in enumerate(keys):
+        for j in keys[n + 1 :]:
+            if above.get(j) == i or bodies[i].min_gap(bodies[j], gap) >= gap:
+                continue
+            bodies[j] = _cut(bodies[j], bodies[j] - grown(bodies[i], gap), i, j, parts, notes)
+    for k, up in above.items():
+        free = without_path(bodies[up], bodies[k], joints[k], gap)
+        bodies[up] = _cut(bodies[up], free, k, up, parts, notes)
+    return bodies, notes
+
+
+def _cut(
+    before: Manifold, after: Manifold, mover: int, block: int, parts: Sequence, notes: list[str]
+) -> Manifold:
+    """``after``, and a note if much was cut away."""
+    lost = 1 - after.volume() / before.volume()
+    if lost > MUCH:
+        notes.append(
+            f"{lost:.0%} of '{parts[block].name}' were cut away so that "
+            f"'{parts[mover].name}' keeps clear of it"
+        )
+    return after
+
+
+def at_rest_bounds(made: Print) -> np.ndarray:
+    """[2, 3] box of the assembled print."""
+    boxes = np.stack([box_of(piece.solid) for piece in made.pieces])
+    return np.stack([boxes[:, 0].min(0), boxes[:, 1].max(0)])
