@@ -14,6 +14,7 @@ from typing import Annotated
 import tyro
 
 from uniart_jax.export.formats import Collision, Format, Origin
+from uniart_jax.export.printing.settings import PrintSettings
 
 Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
 Overwrite = Annotated[
@@ -63,6 +64,37 @@ Stand = Annotated[
     ),
 ]
 Actuators = Annotated[bool, tyro.conf.arg(help="Give the MJCF a position actuator a joint.")]
+Print = Annotated[
+    bool,
+    tyro.conf.arg(
+        name="print",
+        help="With --formats stl: pieces with hinges and slides that print (docs/printing.md).",
+    ),
+]
+PrintSize = Annotated[
+    float, tyro.conf.arg(help="Of --print: longest side of the assembled object, millimetres.")
+]
+Clearance = Annotated[
+    float, tyro.conf.arg(help="Of --print: gap between parts that move, millimetres.")
+]
+PrintWall = Annotated[float, tyro.conf.arg(help="Of --print: thinner walls are told, millimetres.")]
+
+
+def print_settings(
+    wanted: bool, formats: tuple[Format, ...] | None, size: float, clearance: float, wall: float
+) -> PrintSettings | None:
+    """What ``--print`` and its measures ask for; None without it.
+
+    Raises:
+      ValueError: ``--print`` without ``--formats stl``, its measures without it, or one that cannot
+        be.
+    """
+    settings = PrintSettings(size, clearance, wall)
+    if wanted and (formats is None or "stl" not in formats):
+        raise ValueError("--print needs STL files: add --formats stl")
+    if not wanted and settings != PrintSettings():
+        raise ValueError("--print-size, --clearance and --print-wall belong to --print: add it")
+    return settings if wanted else None
 
 
 def guarded(command: Callable[[], int | None]) -> int:

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from uniart_jax.cli.arguments import (
     Actuators,
+    Clearance,
     CollisionBudget,
     CollisionKind,
     Damping,
@@ -20,14 +21,19 @@ from uniart_jax.cli.arguments import (
     Mass,
     Out,
     Overwrite,
+    Print,
+    PrintSize,
+    PrintWall,
     Size,
     Stand,
     check_out,
     gate_lines,
+    print_settings,
     tried,
     validation_lines,
 )
 from uniart_jax.export.formats import COLLISION_BUDGET
+from uniart_jax.export.printing.settings import PrintSettings
 
 Asset = Annotated[Path, tyro.conf.Positional]
 
@@ -46,6 +52,10 @@ def export(
     damping: Damping = (),
     origin: Stand = "floor",
     actuators: Actuators = False,
+    printing: Print = False,
+    print_size: PrintSize = PrintSettings.size,
+    clearance: Clearance = PrintSettings.clearance,
+    print_wall: PrintWall = PrintSettings.wall,
     refine: bool = False,
     check: bool = True,
     allow_outside: bool = False,
@@ -59,6 +69,7 @@ def export(
         check: Try it in the physics engines that are installed (report.json says how it went).
         allow_outside: Let the asset name files outside its own folder.
     """
+    settings = print_settings(printing, formats, print_size, clearance, print_wall)
     check_out(out, overwrite, (asset,))
     from uniart_jax.export.asset import save_asset
     from uniart_jax.export.collision_kinds import check_collision
@@ -89,6 +100,7 @@ def export(
             **rubs,
             origin=origin,
             actuators=actuators,
+            printing=settings,
             overwrite=overwrite,
             mend=mend if refine else None,
             check=(lambda folder: tried(folder, found)) if check else None,

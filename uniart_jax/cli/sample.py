@@ -13,6 +13,7 @@ from rich.console import Console
 
 from uniart_jax.cli.arguments import (
     Actuators,
+    Clearance,
     CollisionBudget,
     CollisionKind,
     Damping,
@@ -22,14 +23,19 @@ from uniart_jax.cli.arguments import (
     Mass,
     Out,
     Overwrite,
+    Print,
+    PrintSize,
+    PrintWall,
     Size,
     Stand,
     check_out,
+    print_settings,
     tried,
     validation_lines,
 )
 from uniart_jax.config import TOLERANCES
 from uniart_jax.export.formats import COLLISION_BUDGET
+from uniart_jax.export.printing.settings import PrintSettings
 
 if TYPE_CHECKING:
     from uniart_jax.pipeline import Sample
@@ -64,6 +70,10 @@ def sample(
     damping: Damping = (),
     origin: Stand = "floor",
     actuators: Actuators = False,
+    printing: Print = False,
+    print_size: PrintSize = PrintSettings.size,
+    clearance: Clearance = PrintSettings.clearance,
+    print_wall: PrintWall = PrintSettings.wall,
     refine: bool = True,
     check: bool = True,
     overwrite: Overwrite = False,
@@ -114,6 +124,7 @@ def sample(
     from uniart_jax.export.resistance import parse_resistance
     from uniart_jax.export.size import parse_size
 
+    settings = print_settings(printing, formats, print_size, clearance, print_wall)
     metres = parse_size(size) if size else None
     check_weights(density, mass)
     check_budget(collision_budget)
@@ -181,6 +192,7 @@ def sample(
                         **rubs,
                         origin=origin,
                         actuators=actuators,
+                        printing=settings,
                         image=views[0][1],
                         picture=one.picture if texture == "both" else None,
                         seed=seed + i,

@@ -44,6 +44,8 @@ from uniart_jax.export.preview import (
     write_motion,
     write_preview,
 )
+from uniart_jax.export.printing.settings import PrintSettings
+from uniart_jax.export.printing.write import write_print
 from uniart_jax.export.report import AsRead, make_report, write_report
 from uniart_jax.export.resistance import Resistance, check_resistance, resisting
 from uniart_jax.export.size import resized
@@ -79,6 +81,7 @@ def save_asset(
     damping: Resistance | None = None,
     origin: Origin | None = "floor",
     actuators: bool = False,
+    printing: PrintSettings | None = None,
     image: str | Path | np.ndarray | Image.Image | None = None,
     picture: Picture | None = None,
     seed: int | None = None,
@@ -112,6 +115,8 @@ def save_asset(
       origin: "floor": 0 lies on the floor below the middle of the object at rest; "centre": in its
         middle; None: where the object has it.
       actuators: MJCF gets a position actuator a joint.
+      printing: with "stl", ``print`` holds pieces with hinges, shafts and slides that print and are put together
+        (``export.printing``), instead of the parts as they are.
       image: the picture that the object was made from, shown beside it in ``preview.png``.
       picture: the same with its camera, of the shown state: the texture takes its colours (``export.picture_colors``).
       seed, checkpoint: what made the object, for the report. details: further entries of it, plain JSON values.
@@ -127,11 +132,14 @@ def save_asset(
 
     Raises:
       ValueError: ``check_target`` refuses the folder, it cannot be made, ``image`` cannot be read, an unknown format or one whose
-        package is absent, a size, density, mass or origin that cannot be, or friction or damping of a joint that is not there.
+        package is absent, ``printing`` without "stl", a size, density, mass or origin that cannot
+        be, or friction or damping of a joint that is not there.
     """
     chosen = default_formats() if formats is None else tuple(formats)
     if unknown := [f for f in chosen if f not in FORMATS]:
         raise ValueError(f"save: unknown format '{unknown[0]}'; there are {', '.join(FORMATS)}")
+    if printing is not None and "stl" not in chosen:
+        raise ValueError("save: printing needs the format 'stl' (--print: add --formats stl)")
     inputs = [image] if isinstance(image, str | Path) else []
     if collision_budget is not None:
         check_budget(collision_budget)
@@ -157,6 +165,7 @@ def save_asset(
         bodies = resisting(placed.obj, bodies, friction, damping)
         stood = dataclasses.replace(atlas, surfaces=moved_surfaces(atlas.surfaces, placed.moved))
         notes = _write_simulation(placed.obj, stood, bodies, target, chosen, actuators)
+        notes += _write_stl(placed.obj, stood, target, chosen, printing)
         textured = [surface.textured(atlas.texture) for surface in stood.surfaces]
         if "glb" in chosen or "page" in chosen:
             glb = write_glb(placed.obj, textured, target / "object.glb")
@@ -188,7 +197,7 @@ def _write_simulation(
     formats: Sequence[Format],
     actuators: bool,
 ) -> tuple[str, ...]:
-    """Meshes and what simulators (and printers) read of them; what a format could not say, a line each."""
+    """Meshes and what simulators read of them; what a format could not say, a line each."""
     meshes = folder / "meshes"
     (meshes / "collision").mkdir(parents=True)
     atlas.texture.save(meshes / TEXTURE_FILE, compress_level=3)
@@ -211,9 +220,23 @@ def _write_simulation(
         notes += write_mjcf(obj, xml, visual, bodies, hull_files, texture, actuators=actuators)
     if "usd" in formats:
         notes += write_usd(obj, folder / "object.usda", atlas.surfaces, bodies, texture)
-    if "stl" in formats:
-        notes += write_stl(obj, folder / "print", atlas.surfaces, stems)
     return tuple(notes)
+
+
+def _write_stl(
+    obj: ArticulatedObject,
+    atlas: Atlas,
+    folder: Path,
+    formats: Sequence[Format],
+    printing: PrintSettings | None,
+) -> tuple[str, ...]:
+    """STL files if they are asked for, of the parts or of pieces to print; notes, a line each."""
+    if "stl" not in formats:
+        return ()
+    stems, where = file_stems(obj), folder / "print"
+    if printing is None:
+        return write_stl(obj, where, atlas.surfaces, stems)
+    return write_print(obj, where, atlas.surfaces, stems, printing)
 
 
 def file_stems(obj: ArticulatedObject) -> list[str]:

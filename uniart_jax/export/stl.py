@@ -1,4 +1,4 @@
-"""STL for printing: one closed part a file, **in millimetres**, as the paper printed its parts and put them together.
+"""STL: one closed part a file, **in millimetres**, as the parts are; ``export.printing`` makes them fit to print.
 
 STL names no unit; slicers take millimetres. Each part stands as it does at rest, alone, lying on z = 0.
 """
@@ -14,7 +14,7 @@ import trimesh
 from uniart_jax.export.atlas import Surface
 from uniart_jax.export.frames import check_lengths
 from uniart_jax.objects.names import printable
-from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.objects.object import ArticulatedObject
 
 MILLIMETRES = 1000.0  # a metre
 MIN_VOLUME = 1e-3  # mm^3: a sheet folded onto itself is closed, but no solid
@@ -46,16 +46,15 @@ def write_stl(
         vertices = trimesh.transform_points(surface.vertices, matrix)
         vertices *= obj.scale * MILLIMETRES
         vertices[:, 2] -= vertices[:, 2].min()
-        solid = _closed(vertices, surface.faces)
+        solid = closed_solid(vertices, surface.faces)
         if solid is None:
             notes.append(f"STL: part '{part.name}' is not closed and was left out")
         else:
-            data = trimesh.exchange.stl.export_stl(solid)
-            (folder / f"{stem}.stl").write_bytes(_header(part) + data[HEADER_BYTES:])
+            (folder / f"{stem}.stl").write_bytes(stl_bytes(solid, part.name))
     return tuple(notes)
 
 
-def _closed(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh | None:
+def closed_solid(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh | None:
     """The solid as it will be read, its places rounded to STL's floats; None if that is not closed."""
     places, inverse = np.unique(vertices.astype(np.float32), axis=0, return_inverse=True)
     faces = np.asarray(inverse).reshape(-1)[faces]
@@ -70,7 +69,12 @@ def _closed(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh | None:
     return solid if abs(volume) > MIN_VOLUME else None
 
 
-def _header(part: Part) -> bytes:
+def stl_bytes(solid: trimesh.Trimesh, name: str) -> bytes:
+    """A binary STL that says its unit and part."""
+    return _header(name) + trimesh.exchange.stl.export_stl(solid)[HEADER_BYTES:]
+
+
+def _header(name: str) -> bytes:
     """A binary STL's: free text, but not 'solid', by which readers tell text files."""
-    text = f"uniart_jax, unit: millimetre, part: {printable(part.name)}"
+    text = f"uniart_jax, unit: millimetre, part: {printable(name)}"
     return text.encode("ascii", "replace")[:HEADER_BYTES].ljust(HEADER_BYTES)

@@ -43,9 +43,7 @@ def fit_axle(
             place = frame @ np.diag([1.0, sense, sense, 1.0])
             here = np.linalg.inv(place)
             try:
-                made = _snap(
-                    turned(shaft, here), turned(hole, here), around.turned(here), settings
-                )
+                made = _snap(turned(shaft, here), turned(hole, here), around.turned(here), settings)
             except UnprintableError as error:
                 reasons.append(str(error))
                 continue
@@ -65,7 +63,7 @@ def _snap(
 ) -> tuple[Manifold, Manifold, Manifold, dict]:
     """(part with the shaft, part with the hole, what others keep out of, measures)."""
     gap = settings.clearance
-    for radius in np.linspace(MOST_SHAFT, LEAST_SHAFT, 4):
+    for radius in (float(r) for r in np.linspace(MOST_SHAFT, LEAST_SHAFT, 4)):
         ends = [span[-1][1] for span in _spans(shaft, radius + RIM)]
         if len(ends) == RAYS:
             break

@@ -32,6 +32,7 @@ from uniart_jax.export.printing.solids import (
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 
+SEEN = 0.1  # length of a strut that is told
 MUCH = 0.02  # of a part: more that is cut away so that another moves is told
 
 
@@ -119,7 +120,9 @@ def make_print(
                 "choose a larger --print-size"
             )
         if hulls:
-            notes.append(f"'{part.name}': {hulls} of its shells were no solids; hulls stand for them")
+            notes.append(
+                f"'{part.name}': {hulls} of its shells were no solids; hulls stand for them"
+            )
         solids.append(solid)
     joints = [p.joint.transformed(sized) for p in obj.parts]
     for k, part in enumerate(obj.parts):
@@ -159,8 +162,10 @@ def _attempt(
     for k in sorted(set(leaders)):
         own = [solids[i] for i, leader in enumerate(leaders) if leader == k]
         bodies[k], struts, crumbs = strutted(welded(own))
-        for length in struts:
-            notes.append(f"'{parts[k].name}': a piece hung in the air; a strut of {length:.1f} mm holds it")
+        for length in (x for x in struts if x > SEEN):
+            notes.append(
+                f"'{parts[k].name}': a piece hung in the air; a strut of {length:.1f} mm holds it"
+            )
         if crumbs:
             notes.append(f"'{parts[k].name}': {crumbs} crumbs below {CRUMB:g} mm^3 were left out")
     order = [k for k in sorted(bodies) if parts[k].parent >= 0]

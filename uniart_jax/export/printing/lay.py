@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from manifold3d import Manifold
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.printing.solids import box_of, turned
@@ -82,7 +82,7 @@ def _stands(feet: np.ndarray, down: np.ndarray, centre: np.ndarray) -> bool:
     frame = _to_ground(down)[:2]
     try:
         hull = ConvexHull(feet @ frame.T)
-    except Exception:  # noqa: BLE001  scipy's QhullError: a line or a point
+    except QhullError:  # a line or a point
         return False
     return bool((hull.equations[:, :2] @ (frame @ centre) + hull.equations[:, 2] <= -1e-6).all())
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Sequence
 
 import igl
@@ -12,7 +13,7 @@ from manifold3d import CrossSection, Error, JoinType, Manifold, Mesh64, OpType
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.objects.kinematics import Joint
 
-WELD = 0.02  # shells of one part that are nearer than twice this become one
+WELD = 0.05  # shells of one part that are nearer than this become one
 CRUMB = 2.0  # mm^3: less is no piece
 STRUT = 1.2  # radius of what joins pieces that do not touch
 COARSE = float(np.deg2rad(40.0))  # what a sweep begins with
@@ -174,7 +175,7 @@ def _meetings(
         return []
     count = max(1, int(np.ceil((limits[1] - limits[0]) / COARSE)))
     ends = np.linspace(*limits, count + 1)
-    spans, found = list(zip(ends[:-1], ends[1:], strict=True)), set()
+    spans, found = list(itertools.pairwise(ends)), set()
     while spans:
         lo, hi = spans.pop()
         middle, way = (lo + hi) / 2, lever * (hi - lo) / 2
@@ -196,8 +197,10 @@ def _path(ring: Manifold, states: Sequence[float], all_round: bool) -> CrossSect
         radii = np.linalg.norm(points, axis=1)
         around = CrossSection.circle(float(radii.max()) * ROUND, SEGMENTS)
         hole = outline.offset(-1e-3, JoinType.Square) ^ CrossSection.circle(0.1, 8)
-        return around if not hole.is_empty() else around - CrossSection.circle(
-            _least_radius(outline), SEGMENTS
+        return (
+            around
+            if not hole.is_empty()
+            else around - CrossSection.circle(_least_radius(outline), SEGMENTS)
         )
     return CrossSection.batch_boolean(
         [outline.rotate(float(np.rad2deg(q))) for q in states], OpType.Add

@@ -1,0 +1,209 @@
+"""The folder of a print: a closed STL a piece in millimetres, ``print.json``, and ``README.txt``."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from manifold3d import Manifold
+
+from uniart_jax.export.atlas import Surface
+from uniart_jax.export.convex_split import triangles
+from uniart_jax.export.frames import check_lengths
+from uniart_jax.export.printing.build import Piece, Print, at_rest_bounds, make_print
+from uniart_jax.export.printing.check import Held, held, touching, walls
+from uniart_jax.export.printing.lay import Lying, laid, on_plate
+from uniart_jax.export.printing.settings import PrintSettings
+from uniart_jax.export.printing.solids import box_of, turned
+from uniart_jax.export.stl import closed_solid, stl_bytes
+from uniart_jax.objects.object import ArticulatedObject
+
+JSON_FILE, TEXT_FILE = "print.json", "README.txt"
+
+
+def write_print(
+    obj: ArticulatedObject,
+    folder: Path,
+    surfaces: Sequence[Surface],
+    stems: Sequence[str],
+    settings: PrintSettings,
+) -> tuple[str, ...]:
+    """Write what is needed to print an object and to put it together.
+
+    Args:
+      obj: closed, coordinates from 0 up (``placement.place``).
+      folder: where to; made if need be.
+      surfaces: [K] of the parts, closed, object frame and units, at rest.
+      stems: [K] file names without suffix.
+      settings: size, clearance, least wall, mm.
+
+    Returns:
+      What is other than it was, and what is weak, a line each.
+
+    Raises:
+      ValueError: lists that do not fit the parts, or a part without a volume.
+    """
+    check_lengths("write_print", obj, surfaces=surfaces, stems=stems)
+    made = make_print(obj, [(s.vertices, s.faces) for s in surfaces], stems, settings)
+    lying = [laid(piece.solid) for piece in made.pieces]
+    flat = [turned(p.solid, way.matrix) for p, way in zip(made.pieces, lying, strict=True)]
+    places = on_plate([box_of(solid)[1, :2] for solid in flat])
+    folder.mkdir(parents=True, exist_ok=True)
+    matrices, unclosed = [], []
+    for piece, solid, way, corner in zip(made.pieces, flat, lying, places, strict=True):
+        shift = np.eye(4)
+        shift[:2, 3] = corner
+        matrices.append(shift @ way.matrix)
+        if not _write_piece(piece, turned(solid, shift), folder):
+            unclosed.append(f"'{piece.name}' is not closed as STL rounds it, and was left out")
+    tried = [held(made, joint) for joint in made.joints]
+    report = _report(obj, made, lying, matrices, tried)
+    report["notes"] = [*report["notes"], *unclosed]
+    (folder / JSON_FILE).write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", "utf-8")
+    (folder / TEXT_FILE).write_text(_text(obj, report), "utf-8")
+    return tuple(f"print: {line}" for line in report["notes"])
+
+
+def _write_piece(piece: Piece, solid: Manifold, folder: Path) -> bool:
+    vertices, faces = triangles(solid)
+    vertices[:, 2] = np.maximum(vertices[:, 2], 0.0)  # rounding
+    mesh = closed_solid(vertices, faces)
+    if mesh is None:
+        return False
+    (folder / f"{piece.name}.stl").write_bytes(stl_bytes(mesh, piece.name))
+    return True
+
+
+def _report(
+    obj: ArticulatedObject,
+    made: Print,
+    lying: Sequence[Lying],
+    matrices: Sequence[np.ndarray],
+    tried: Sequence[Held],
+) -> dict:
+    """``print.json``: plain values, mm."""
+    notes = list(made.notes)
+    pieces = []
+    for piece, way, matrix in zip(made.pieces, lying, matrices, strict=True):
+        found = walls(piece.solid, piece.hardware, made.settings)
+        entry = {
+            "file": f"{piece.name}.stl",
+            "parts": list(piece.parts),
+            "size": [round(float(x), 2) for x in np.ptp(box_of(turned(piece.solid, matrix)), 0)],
+            "volume": round(float(piece.solid.volume()), 1),
+            "on_plate": round(way.contact, 1),
+            "overhang": round(way.overhang, 1),
+            "thinnest_wall": None if found.thinnest is None else round(found.thinnest, 2),
+            "thin_area": round(found.thin, 1),
+            "assembled_to_plate": [[round(float(x), 6) for x in row] for row in matrix],
+        }
+        pieces.append(entry)
+        if found.where is not None:
+            entry["thin_at"] = [round(float(x), 1) for x in found.where]
+            notes.append(
+                f"'{piece.name}' has walls of {found.thinnest:.2f} mm, thinner than "
+                f"{made.settings.wall:g} mm, around {entry['thin_at']} (assembled, mm)"
+                + _larger(found.thinnest, made.settings)
+            )
+    joints = []
+    for joint, found in zip(made.joints, tried, strict=True):
+        name = obj.parts[joint.child].name
+        lo, hi = joint.joint.limits
+        joints.append(
+            {
+                "part": name,
+                "parent": obj.parts[joint.parent].name,
+                "kind": joint.fit.kind,
+                "type": joint.joint.type,
+                "range": [round(float(lo), 4), round(float(hi), 4)],
+                **joint.fit.facts,
+                "gap": round(found.gap, 3),
+                "runs_into_parent_at": list(found.meets),
+                "held_along": found.along,
+                "held_across": found.across,
+                "pins_held": found.pins,
+            }
+        )
+        notes += _weak(name, found)
+    notes += [f"'{a}' and '{b}' are only {d:.2f} mm apart at rest" for a, b, d in touching(made)]
+    return {
+        "unit": "millimetre",
+        **dataclasses.asdict(made.settings),
+        "assembled_size": [round(float(x), 2) for x in np.ptp(at_rest_bounds(made), 0)],
+        "pieces": pieces,
+        "joints": joints,
+        "assembly": _steps(obj, made),
+        "notes": notes,
+    }
+
+
+def _larger(thinnest: float | None, settings: PrintSettings) -> str:
+    if not thinnest:
+        return ""
+    size = np.ceil(settings.size * settings.wall / thinnest / 5) * 5
+    return f"; they have it at --print-size {size:.0f}" if size <= 10 * settings.size else ""
+
+
+def _weak(name: str, found: Held) -> list[str]:
+    """What of a joint is not as it should be, a line each."""
+    lines = []
+    if found.meets:
+        lines.append(f"'{name}' runs into its parent at {list(found.meets)} of its range")
+    if not found.along:
+        lines.append(f"'{name}' can be pulled out along its axis")
+    if not found.across:
+        lines.append(f"'{name}' can be lifted off its axis")
+    if not found.pins:
+        lines.append(f"a pin of '{name}' can slip out")
+    return lines
+
+
+def _steps(obj: ArticulatedObject, made: Print) -> list[str]:
+    """What to do in which order: as the URDF has the tree, parents first."""
+    root = made.pieces[0]
+    steps = [f"Begin with {root.name}.stl."]
+    names = {p.leader: p.name for p in reversed(made.pieces) if p.parts}
+    for joint in made.joints:
+        child, parent = names[joint.child], names[joint.parent]
+        step = f"Put {child}.stl to {parent}.stl: {joint.fit.text}"
+        pins = [p.name for p in made.pieces if p.name.startswith(f"{child}_pin_")]
+        steps.append(step + (f" ({', '.join(f'{p}.stl' for p in pins)})." if pins else "."))
+    loose = [p for p in made.pieces if "_loose_" in p.name]
+    return steps + [f"Glue {p.name}.stl to {names[p.leader]}.stl." for p in loose]
+
+
+def _text(obj: ArticulatedObject, report: dict) -> str:
+    """The same for people."""
+    side = report["assembled_size"]
+    lines = [
+        f"{obj.name or 'object'}: {len(report['pieces'])} pieces to print, "
+        f"{side[0]:.0f} x {side[1]:.0f} x {side[2]:.0f} mm when assembled.",
+        "",
+        "All lengths are millimetres. Every file lies flat on z = 0; loaded together, no two",
+        f"overlap. Parts that move keep {report['clearance']:g} mm apart: if your printer's parts stick,",
+        "write the print again with a larger --clearance.",
+        "",
+        "Pieces",
+    ]
+    for piece in report["pieces"]:
+        x, y, z = piece["size"]
+        wall = piece["thinnest_wall"]
+        what = f"{x:.1f} x {y:.1f} x {z:.1f}"
+        if wall is not None and piece["parts"]:
+            what += f", thinnest wall {wall:.2f}"
+        if piece["overhang"] > 1:
+            what += f", {piece['overhang']:.0f} mm^2 hang over (supports)"
+        lines.append(f"  {piece['file']}: {what}")
+    lines += ["", "Assembly"]
+    lines += [f"  {n}. {step}" for n, step in enumerate(report["assembly"], 1)]
+    if report["joints"]:
+        lines += ["", "Joints"]
+    for joint in report["joints"]:
+        lo, hi = np.rad2deg(joint["range"]) if joint["type"] != "prismatic" else joint["range"]
+        unit = "mm" if joint["type"] == "prismatic" else "degrees"
+        lines.append(f"  {joint['part']}: {joint['kind']}, {lo:.0f} to {hi:.0f} {unit}")
+    lines += ["", "To know"] + ([f"  - {n}" for n in report["notes"]] or ["  nothing"])
+    return "\n".join(lines) + "\n"
