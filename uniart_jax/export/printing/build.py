@@ -23,6 +23,7 @@ from uniart_jax.export.printing.solids import (
     CRUMB,
     box_of,
     grown,
+    one_piece,
     solid_of,
     strutted,
     union,
@@ -33,6 +34,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 
 SEEN = 0.1  # length of a strut that is told
+ENOUGH = 0.9  # of the clearance
 MUCH = 0.02  # of a part: more that is cut away so that another moves is told
 
 
@@ -177,18 +179,16 @@ def _attempt(
     for k in order:
         up = above[k]
         around = Around(union(s for i, s in bodies.items() if i not in (k, up)), taken)
-        kinds = [fit_slide]
-        if joints[k].rotates:
-            kinds = [fit_axle, fit_hinge] if is_knob(obj, k) else [fit_hinge, fit_axle]
-        reasons = []
-        for kind in kinds:
-            try:
-                fit = kind(bodies[up], bodies[k], joints[k], around, settings)
-                break
-            except UnprintableError as error:
-                reasons.append(str(error))
-        else:
-            failed[k] = "; ".join(dict.fromkeys(reasons))
+        ways = {i: (bodies[i], joints[i]) for i in order if i != k and above[i] == up}
+        fit, why = _fitted(
+            bodies[up], bodies[k], joints[k], is_knob(obj, k), around, ways, settings
+        )
+        if fit is None and parts[k].joint.type == "screw":
+            note = f"it only lies there, nothing holds it: {why}"
+            text = "set it down where it belongs"
+            fit = Fit("loose", bodies[up], bodies[k], (), Manifold(), {}, text, joints[k], note)
+        if fit is None:
+            failed[k] = why
             continue
         bodies[up], bodies[k] = fit.parent, fit.child
         for i in bodies:
@@ -203,6 +203,7 @@ def _attempt(
             notes.append(f"'{parts[k].name}': {fit.note}")
     if failed:
         return failed
+    bodies = _apart(bodies, above, parts, notes, settings)
     pieces = []
     for k, solid in bodies.items():
         held = tuple(p.name for p, leader in zip(parts, leaders, strict=True) if leader == k)
@@ -218,6 +219,41 @@ def _attempt(
     return Print(tuple(pieces), tuple(printed), tuple(notes), settings)
 
 
+def _fitted(
+    parent: Manifold,
+    child: Manifold,
+    joint: Joint,
+    knob: bool,
+    around: Around,
+    ways: dict[int, tuple[Manifold, Joint]],
+    settings: PrintSettings,
+) -> tuple[Fit | None, str]:
+    """The first kind of joint that can be printed here; or none, and why not.
+
+    Args:
+      ways: the parent's other children, whose ways are kept free.
+    """
+    kinds = [fit_slide]
+    if joint.rotates:
+        kinds = [fit_axle, fit_hinge] if knob else [fit_hinge, fit_axle]
+    reasons = []
+    for kind in kinds:
+        try:
+            fit = kind(parent, child, joint, around, settings)
+        except UnprintableError as error:
+            reasons.append(str(error))
+            continue
+        added = fit.parent - parent
+        kept = added
+        for solid, motion in ways.values():
+            kept = without_path(kept, solid, motion, settings.clearance)
+        whole = one_piece(fit.parent - (added - kept))
+        if whole is not None:
+            return dataclasses.replace(fit, parent=whole), ""
+        reasons.append("what would hold it stands in another part's way")
+    return None, "; ".join(dict.fromkeys(reasons))
+
+
 def _cleared(
     bodies: dict[int, Manifold],
     above: dict[int, int],
@@ -226,23 +262,38 @@ def _cleared(
     settings: PrintSettings,
 ) -> tuple[dict[int, Manifold], list[str]]:
     """The solids with a gap around each at rest, and around its whole path in its parent."""
-    bodies, notes, gap = dict(bodies), [], settings.clearance
-    keys = sorted(bodies)
-    for n, i in enumerate(keys):
-        for j in keys[n + 1 :]:
-            if above.get(j) == i or bodies[i].min_gap(bodies[j], gap) >= gap:
-                continue
-            bodies[j] = _cut(bodies[j], bodies[j] - grown(bodies[i], gap), i, j, parts, notes)
+    notes: list[str] = []
+    bodies = _apart(bodies, above, parts, notes, settings)
     for k, up in above.items():
-        free = without_path(bodies[up], bodies[k], joints[k], gap)
+        free = without_path(bodies[up], bodies[k], joints[k], settings.clearance)
         bodies[up] = _cut(bodies[up], free, k, up, parts, notes)
     return bodies, notes
+
+
+def _apart(
+    bodies: dict[int, Manifold],
+    above: dict[int, int],
+    parts: Sequence,
+    notes: list[str],
+    settings: PrintSettings,
+) -> dict[int, Manifold]:
+    """The solids with a gap around each at rest, parents and children left as they are."""
+    bodies, gap, keys = dict(bodies), settings.clearance, sorted(bodies)
+    for n, i in enumerate(keys):
+        for j in keys[n + 1 :]:
+            if above.get(j) == i or bodies[i].min_gap(bodies[j], gap) >= ENOUGH * gap:
+                continue
+            bodies[j] = _cut(bodies[j], bodies[j] - grown(bodies[i], gap), i, j, parts, notes)
+    return bodies
 
 
 def _cut(
     before: Manifold, after: Manifold, mover: int, block: int, parts: Sequence, notes: list[str]
 ) -> Manifold:
-    """``after``, and a note if much was cut away."""
+    """``after`` without small pieces that the cut left, and a note if much was cut away."""
+    pieces = sorted(after.decompose(), key=lambda p: -p.volume())
+    if len(pieces) > 1 and sum(p.volume() for p in pieces[1:]) < MUCH * before.volume():
+        after = pieces[0]
     lost = 1 - after.volume() / before.volume()
     if lost > MUCH:
         notes.append(

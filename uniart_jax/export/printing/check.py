@@ -9,14 +9,13 @@ import trimesh
 from manifold3d import Manifold
 
 from uniart_jax.export.convex_split import triangles
-from uniart_jax.export.printing.build import Print, PrintedJoint
+from uniart_jax.export.printing.build import ENOUGH, Print, PrintedJoint
 from uniart_jax.export.printing.settings import PrintSettings
 from uniart_jax.export.printing.solids import axis_frame, turned
 from uniart_jax.objects.kinematics import Joint
 
 STATES = 9  # along a range
 TOUCH = 1e-3  # mm^3: less is rounding
-ENOUGH = 0.9  # of the clearance
 PULL = 3.0  # clearances that a part is pulled by to see what holds it
 SAMPLES = 3000  # points of a piece whose wall is measured
 FACING = -0.8  # cosine between two sides of a wall

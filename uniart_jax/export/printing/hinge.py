@@ -193,18 +193,26 @@ def _barrel(
     base, moving = parent - free - around_child, child - free - around_parent
     if base.volume() < MOST_LOST * parent.volume() or moving.volume() < MOST_LOST * child.volume():
         raise UnprintableError("a hinge would be larger than what it holds")
-    arms = [_arm(base, z, outer) for z in (first, last)]
-    lever = _arm(moving, middle, outer)
-    reach = float(max(np.abs(box_of(arm)[:, :2]).max() for arm in arms)) * 1.5 + 1
-    swinging = moving ^ rod(reach, last[0] - gap, gap)
-    arms = [without_path(arm, swinging, joint, gap) for arm in arms]
-    base = without_path(base, lever, joint, gap)
     hole = rod(settings.pin + gap, last[0] - 1, 1)
     rings = [rod(outer, *z) for z in (first, last)]
-    whole = one_piece(union([base, *arms, *rings]) - hole - free)
+    arms = [_arm(base, z, outer) for z in (first, last)]
+    reach = float(max(np.abs(box_of(arm)[:, :2]).max() for arm in arms)) * 1.5 + 1
+    swinging = moving ^ rod(reach, last[0] - gap, gap)
+    back = dataclasses.replace(joint, angle=(-joint.angle[1], -joint.angle[0]))
+    notched = without_path(moving, union(arms), back, gap)
+    # Where the arms fit around the child's way it stays whole; else it is notched around theirs.
+    for own, swung in (
+        ([without_path(arm, swinging, joint, gap) for arm in arms], moving),
+        (arms, notched),
+    ):
+        lever = _arm(swung, middle, outer)
+        rest = without_path(base, lever, joint, gap)
+        whole = one_piece(union([rest, *own, *rings]) - hole - free)
+        swung = one_piece(union([swung, lever, rod(outer, *middle)]) - hole)
+        if whole is not None and swung is not None:
+            break
     if whole is None:
         raise UnprintableError("the knuckles would not stay with its parent")
-    swung = one_piece(union([moving, lever, rod(outer, *middle)]) - hole)
     if swung is None:
         raise UnprintableError("a knuckle would not stay with it")
     return whole, swung, make_pin(knuckle, settings), keep

@@ -14,7 +14,7 @@ from uniart_jax.export.atlas import Surface
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.frames import check_lengths
 from uniart_jax.export.printing.build import Piece, Print, at_rest_bounds, make_print
-from uniart_jax.export.printing.check import Held, held, touching, walls
+from uniart_jax.export.printing.check import Held, Walls, held, touching, walls
 from uniart_jax.export.printing.lay import Lying, laid, on_plate
 from uniart_jax.export.printing.settings import PrintSettings
 from uniart_jax.export.printing.solids import box_of, turned
@@ -22,6 +22,7 @@ from uniart_jax.export.stl import closed_solid, stl_bytes
 from uniart_jax.objects.object import ArticulatedObject
 
 JSON_FILE, TEXT_FILE = "print.json", "README.txt"
+PIN = Walls(None, 0.0, None)  # its legs are as thin as they have to be to bend
 
 
 def write_print(
@@ -69,6 +70,7 @@ def write_print(
 
 def _write_piece(piece: Piece, solid: Manifold, folder: Path) -> bool:
     vertices, faces = triangles(solid)
+    vertices = vertices.copy()
     vertices[:, 2] = np.maximum(vertices[:, 2], 0.0)  # rounding
     mesh = closed_solid(vertices, faces)
     if mesh is None:
@@ -88,7 +90,7 @@ def _report(
     notes = list(made.notes)
     pieces = []
     for piece, way, matrix in zip(made.pieces, lying, matrices, strict=True):
-        found = walls(piece.solid, piece.hardware, made.settings)
+        found = walls(piece.solid, piece.hardware, made.settings) if piece.parts else PIN
         entry = {
             "file": f"{piece.name}.stl",
             "parts": list(piece.parts),
@@ -127,7 +129,7 @@ def _report(
                 "pins_held": found.pins,
             }
         )
-        notes += _weak(name, found)
+        notes += _weak(name, joint.fit.kind, found)
     notes += [f"'{a}' and '{b}' are only {d:.2f} mm apart at rest" for a, b, d in touching(made)]
     return {
         "unit": "millimetre",
@@ -147,11 +149,13 @@ def _larger(thinnest: float | None, settings: PrintSettings) -> str:
     return f"; they have it at --print-size {size:.0f}" if size <= 10 * settings.size else ""
 
 
-def _weak(name: str, found: Held) -> list[str]:
+def _weak(name: str, kind: str, found: Held) -> list[str]:
     """What of a joint is not as it should be, a line each."""
     lines = []
     if found.meets:
         lines.append(f"'{name}' runs into its parent at {list(found.meets)} of its range")
+    if kind == "loose":  # said already
+        return lines
     if not found.along:
         lines.append(f"'{name}' can be pulled out along its axis")
     if not found.across:
@@ -192,7 +196,7 @@ def _text(obj: ArticulatedObject, report: dict) -> str:
         x, y, z = piece["size"]
         wall = piece["thinnest_wall"]
         what = f"{x:.1f} x {y:.1f} x {z:.1f}"
-        if wall is not None and piece["parts"]:
+        if wall is not None:
             what += f", thinnest wall {wall:.2f}"
         if piece["overhang"] > 1:
             what += f", {piece['overhang']:.0f} mm^2 hang over (supports)"
