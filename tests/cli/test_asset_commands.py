@@ -61,6 +61,26 @@ def test_validate_tells_sound_from_not(run, assets, tmp_path):
     assert not found["engines"]["mujoco"]["sweep"]["passed"]
 
 
+def test_export_writes_pieces_that_print(run, assets, tmp_path):
+    """With --print: the lid has pin hinges; a mistake is one line, code 2 and no folder."""
+    out = tmp_path / "out"
+    wanted = ("--out", out, "--no-check", "--print", "--print-size", "90", "--clearance", "0.25")
+    code, _, err = run("export", assets / "sound", *wanted)
+    assert code == 2 and err == "error: --print needs STL files: add --formats stl\n"
+    code, _, err = run("export", assets / "sound", "--out", out, "--clearance", "0.25")
+    assert code == 2 and "belong to --print: add it" in err and not out.exists()
+    code, _, err = run("export", assets / "sound", *wanted, "--formats", "stl")
+    assert code == 0, err
+    found = json.loads((out / "print" / "print.json").read_text("utf-8"))
+    assert found["size"] == 90 and found["clearance"] == 0.25
+    assert [j["kind"] for j in found["joints"]] == ["pin hinge"]
+    for piece in found["pieces"]:
+        mesh = trimesh.load_mesh(out / "print" / piece["file"])
+        assert mesh.is_watertight and mesh.volume > 0 and mesh.bounds[0, 2] == 0
+    assert max(found["pieces"][0]["size"]) <= 90 + 1
+    assert "Assembly" in (out / "print" / "README.txt").read_text("utf-8")
+
+
 def test_an_object_that_stands_and_is_wrong_is_not_praised(run, tmp_path):
     """Two blocks float beside the chest, touching each other: no engine minds."""
     block = trimesh.creation.box([0.1] * 3).apply_translation([0, 0.7, 0])

@@ -47,21 +47,22 @@ def fit_axle(
             except UnprintableError as error:
                 reasons.append(str(error))
                 continue
-            shaft, hole, keep = (turned(solid, place) for solid in made[:3])
+            shaft, hole, stem, keep = (turned(solid, place) for solid in made[:4])
             parent, child = (hole, shaft) if on_child else (shaft, hole)
             text = (
                 "press its shaft into the hole until the barb clicks"
                 if on_child
                 else "press it onto the shaft until the barb clicks"
             )
-            return Fit("snap shaft", parent, child, (), keep, made[3], text, joint)
+            new = Manifold() if on_child else stem
+            return Fit("snap shaft", parent, child, (), new, keep, made[4], text, joint)
     raise UnprintableError("; ".join(dict.fromkeys(reasons)))
 
 
 def _snap(
     shaft: Manifold, hole: Manifold, around: Around, settings: PrintSettings
-) -> tuple[Manifold, Manifold, Manifold, dict]:
-    """(part with the shaft, part with the hole, what others keep out of, measures)."""
+) -> tuple[Manifold, Manifold, Manifold, Manifold, dict]:
+    """(part with the shaft, part with the hole, shaft, what others keep out of, measures)."""
     gap = settings.clearance
     for radius in (float(r) for r in np.linspace(MOST_SHAFT, LEAST_SHAFT, 4)):
         ends = [span[-1][1] for span in _spans(shaft, radius + RIM)]
@@ -116,7 +117,7 @@ def _snap(
         "barb_diameter": round(2 * (radius + gap + SNAP), 3),
         "shaft_length": round(tip - face, 3),
     }
-    return made, whole, keep, facts
+    return made, whole, stem, keep, facts
 
 
 def _spans(solid: Manifold, radius: float) -> list[list[tuple[float, float]]]:

@@ -21,6 +21,7 @@ from uniart_jax.export.printing.settings import PrintSettings, UnprintableError
 from uniart_jax.export.printing.slide import fit_slide
 from uniart_jax.export.printing.solids import (
     CRUMB,
+    TRIFLE,
     box_of,
     grown,
     one_piece,
@@ -185,8 +186,8 @@ def _attempt(
         )
         if fit is None and parts[k].joint.type == "screw":
             note = f"it only lies there, nothing holds it: {why}"
-            text = "set it down where it belongs"
-            fit = Fit("loose", bodies[up], bodies[k], (), Manifold(), {}, text, joints[k], note)
+            text, none = "set it down where it belongs", Manifold()
+            fit = Fit("loose", bodies[up], bodies[k], (), none, none, {}, text, joints[k], note)
         if fit is None:
             failed[k] = why
             continue
@@ -243,11 +244,13 @@ def _fitted(
         except UnprintableError as error:
             reasons.append(str(error))
             continue
-        added = fit.parent - parent
-        kept = added
+        kept = fit.added
         for solid, motion in ways.values():
             kept = without_path(kept, solid, motion, settings.clearance)
-        whole = one_piece(fit.parent - (added - kept))
+        lost = fit.added - kept
+        if lost.volume() < TRIFLE:
+            return fit, ""
+        whole = one_piece(fit.parent - lost)
         if whole is not None:
             return dataclasses.replace(fit, parent=whole), ""
         reasons.append("what would hold it stands in another part's way")

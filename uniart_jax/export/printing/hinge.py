@@ -42,6 +42,7 @@ class Fit:
       kind: "pin hinge", "snap shaft" or "slide".
       parent, child: with what holds them together.
       pins: separate pieces.
+      added: what of the parent is new and reaches out.
       keep: what other parts must stay out of.
       facts: measures in mm, plain JSON values.
       text: what to do when it is put together.
@@ -53,6 +54,7 @@ class Fit:
     parent: Manifold
     child: Manifold
     pins: tuple[Manifold, ...]
+    added: Manifold
     keep: Manifold
     facts: dict
     text: str
@@ -107,7 +109,7 @@ def fit_hinge(
     middle = (lo + hi) / 2
     other = [(middle + sense * barrel / 2, sense) for sense in (1, -1)]
     wanted = 2 if hi - lo >= 2 * barrel + TWO else 1
-    pins, keeps, reasons = [], [], []
+    pins, added, keeps, reasons = [], [], [], []
     for top, sense in [*ends, *other]:
         if len(pins) == wanted:
             break
@@ -127,8 +129,9 @@ def fit_hinge(
         except UnprintableError as error:
             reasons.append(str(error))
             continue
-        parent, child, pin, keep = (turned(solid, place) for solid in made)
+        parent, child, pin, new, keep = (turned(solid, place) for solid in made)
         pins.append(pin)
+        added.append(new)
         keeps.append(keep)
         around = Around(around.others, union([around.taken, keep]))
     if not pins:
@@ -146,7 +149,9 @@ def fit_hinge(
         f"hold the knuckles in line and push {'a pin' if len(pins) == 1 else 'the two pins'} in "
         "from outside until the barb clicks behind the last knuckle"
     )
-    return Fit("pin hinge", parent, child, tuple(pins), union(keeps), facts, text, joint)
+    return Fit(
+        "pin hinge", parent, child, tuple(pins), union(added), union(keeps), facts, text, joint
+    )
 
 
 def make_pin(knuckle: float, settings: PrintSettings) -> Manifold:
@@ -173,8 +178,9 @@ def _barrel(
     around: Around,
     knuckle: float,
     settings: PrintSettings,
-) -> tuple[Manifold, Manifold, Manifold, Manifold]:
-    """(parent, child, pin, what others keep out of) of one hinge below z = 0."""
+) -> tuple[Manifold, Manifold, Manifold, Manifold, Manifold]:
+    """(parent, child, pin, what of the parent is new, what others keep out of) of one hinge below
+    z = 0."""
     gap, outer = settings.clearance, settings.knuckle
     first, middle = (-knuckle, 0.0), (-2 * knuckle - gap, -knuckle - gap)
     last = (-3 * knuckle - 2 * gap, -2 * knuckle - 2 * gap)
@@ -215,7 +221,7 @@ def _barrel(
         raise UnprintableError("the knuckles would not stay with its parent")
     if swung is None:
         raise UnprintableError("a knuckle would not stay with it")
-    return whole, swung, make_pin(knuckle, settings), keep
+    return whole, swung, make_pin(knuckle, settings), union([*own, *rings]) - hole - free, keep
 
 
 def _arm(body: Manifold, heights: tuple[float, float], outer: float) -> Manifold:

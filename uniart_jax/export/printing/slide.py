@@ -64,7 +64,7 @@ def fit_slide(
     text = "push it in from where it opens until its ribs click into their grooves"
     keep = grown(ribs, settings.clearance)
     outer, inner, keep = (turned(solid, place) for solid in (outer, inner, keep))
-    return Fit("slide", outer, inner, (), keep, facts, text, joint, note)
+    return Fit("slide", outer, inner, (), Manifold(), keep, facts, text, joint, note)
 
 
 def slide_frame(joint: Joint) -> np.ndarray:

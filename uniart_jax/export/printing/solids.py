@@ -139,17 +139,25 @@ def without_path(solid: Manifold, mover: Manifold, joint: Joint, by: float) -> M
     block_, moving = turned(solid, here), turned(mover, here)
     points = triangles(moving)[0]
     out = float(np.linalg.norm(points[:, :2], axis=1).max()) + 1e-6
+    lo, hi = box_of(block_)
+    near = float(np.linalg.norm(np.clip(0, lo[:2], hi[:2]))) - by
     cuts = []
     for low, high in _layers(points[:, 2]):
+        if low > hi[2] + by or high < lo[2] - by:
+            continue
         inner, outer = 0.0, 8.0
         while inner < out:
+            if outer < near:
+                inner, outer = outer, outer * 2
+                continue
             shell = rod(outer, low, high)
             if inner > 0:
                 shell -= rod(0.95 * inner, low - 1, high + 1)
             ring = moving ^ shell
-            states = _meetings(block_, ring, joint.limits, by, min(outer, out))
+            all_round = joint.type == "continuous"
+            states = _meetings(block_, ring, joint.limits, by, min(outer, out), all_round)
             if len(states):
-                path = _path(ring, states, joint.type == "continuous")
+                path = _path(ring, states, all_round)
                 path = path.offset(1.15 * by, JoinType.Square).simplify(TRIFLE)
                 cuts.append(path.extrude(high - low + 2 * by).translate((0, 0, low - by)))
             inner, outer = outer, outer * 2
@@ -168,9 +176,15 @@ def _layers(heights: np.ndarray) -> list[tuple[float, float]]:
 
 
 def _meetings(
-    solid: Manifold, ring: Manifold, limits: tuple[float, float], by: float, lever: float
+    solid: Manifold,
+    ring: Manifold,
+    limits: tuple[float, float],
+    by: float,
+    lever: float,
+    one: bool,
 ) -> list[float]:
-    """Coordinates, as dense as ``by`` asks for, at which ``ring`` comes near to the solid."""
+    """Coordinates, as dense as ``by`` asks for, at which ``ring`` comes near to the solid; with
+    ``one`` the first that is found."""
     if ring.is_empty():
         return []
     count = max(1, int(np.ceil((limits[1] - limits[0]) / COARSE)))
@@ -186,6 +200,8 @@ def _meetings(
             spans += [(lo, middle), (middle, hi)]
         else:
             found |= {lo, middle, hi}
+            if one:
+                break
     return sorted(found)
 
 

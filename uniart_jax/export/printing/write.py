@@ -137,7 +137,7 @@ def _report(
         "assembled_size": [round(float(x), 2) for x in np.ptp(at_rest_bounds(made), 0)],
         "pieces": pieces,
         "joints": joints,
-        "assembly": _steps(obj, made),
+        "assembly": _steps(made),
         "notes": notes,
     }
 
@@ -165,7 +165,7 @@ def _weak(name: str, kind: str, found: Held) -> list[str]:
     return lines
 
 
-def _steps(obj: ArticulatedObject, made: Print) -> list[str]:
+def _steps(made: Print) -> list[str]:
     """What to do in which order: as the URDF has the tree, parents first."""
     root = made.pieces[0]
     steps = [f"Begin with {root.name}.stl."]
