@@ -4,9 +4,12 @@ import json
 
 import numpy as np
 import pytest
+import trimesh
 
 from uniart_jax import procedural
 from uniart_jax.evaluation.parts import compare_parts
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.joint_code import encode_object
 from uniart_jax.voxels.layout import Layout, read_layout
 
@@ -38,6 +41,46 @@ def test_reads_the_truth_whatever_rows_hold_it(family):
     scores = compare_parts(layout.to_object(), obj)
     assert len(layout) == len(obj.parts)
     assert scores.right.all() and scores.tree_right
+
+
+BODY, KNOB = (0, 0, 0, 0.8, 0.8, 0.8), (-0.42, 0.2, 0.3, 0.05, 0.06, 0.06)
+
+
+def knob_read(angle, box=KNOB, direction=(1, 0, 0)):
+    """The joint that is read of a part on a body, whose limits a network says (radians)."""
+    parts = [Part("body", trimesh.creation.box(BODY[3:]))]
+    mesh = trimesh.creation.box(box[3:]).apply_translation(box[:3])
+    parts.append(Part("part", mesh, 0, Joint(box[:3], direction, angle=angle)))
+    return read_layout(outputs_of(ArticulatedObject(tuple(parts)))).joints[1]
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (-1, 0, 0)])
+def test_a_knob_that_could_turn_either_way_is_at_its_stop(direction):
+    """It turns clockwise for who looks at it: about the direction that leads into the body."""
+    joint = knob_read((-2.2, 1.9), direction=direction)
+    low, high = sorted(np.array(joint.angle) * joint.direction[0])
+    assert (low, high) == pytest.approx((0, 4.1), abs=1e-3)
+
+
+def test_a_knob_on_the_top_turns_clockwise_too():
+    joint = knob_read((-2.2, 2.3), (0.1, 0.1, 0.42, 0.06, 0.06, 0.05), (0, 0, 1))
+    low, high = sorted(np.array(joint.angle) * joint.direction[2])
+    assert (low, high) == pytest.approx((-4.5, 0), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("angle", "box"),
+    [
+        ((-1.0, 3.0), KNOB),  # the picture shows where it points
+        ((0.0, 4.0), KNOB),
+        ((-1.0, 1.0), KNOB),  # a lever
+        ((-1.6, 1.6), (-0.42, 0, 0, 0.05, 0.6, 0.6)),  # a door
+    ],
+)
+def test_other_turns_are_as_they_are_read(angle, box):
+    joint = knob_read(angle, box)
+    turn = sorted(np.array(joint.angle) * joint.direction[0])
+    np.testing.assert_allclose(turn, angle, atol=1e-3)
 
 
 def test_a_doubtful_pointer_still_gives_a_tree_with_one_root():

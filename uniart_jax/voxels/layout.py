@@ -30,6 +30,9 @@ SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
 THRESHOLD = 0.3  # of a part's probability (docs/evaluation.md, layouts)
 ROOT = -1  # name of the virtual root
+KNOB = 0.15  # object units; what turns far and is no larger is a knob
+FAR = np.deg2rad(144)
+UNDECIDED = 0.5  # least ratio between a knob's turns to both sides that says nothing
 
 
 @dataclasses.dataclass(frozen=True)
@@ -173,7 +176,8 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
       threshold: of the probability that a row exists; the surest row is always taken.
 
     Returns:
-      A layout whose tree is the arborescence of the highest total score.
+      A layout whose tree is the arborescence of the highest total score. A knob that could turn
+      about as far to both sides is taken to be at its stop (``_at_its_stop``).
     """
     probability = 1 / (1 + np.exp(-np.asarray(outputs["exists"], np.float64)))
     rows = np.flatnonzero(probability > threshold)
@@ -185,12 +189,35 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     joints = tuple(
         Joint.fixed()
         if parents[k] < 0
-        else decode_part(outputs["codes"][row][None], boxes[k, :3], NETWORK_TOLERANCE)
+        else _at_its_stop(
+            decode_part(outputs["codes"][row][None], boxes[k, :3], NETWORK_TOLERANCE),
+            boxes[k],
+            boxes[parents[k]],
+        )
         for k, row in enumerate(rows)
     )
     colors = np.clip(np.asarray(outputs["colors"], np.float64)[rows], 0, 1)
     camera = np.asarray(outputs["camera"], np.float64)
     return Layout(boxes, joints, parents, colors, probability[rows], camera)
+
+
+def _at_its_stop(joint: Joint, box: np.ndarray, parent: np.ndarray) -> Joint:
+    """A knob whose picture does not show where it points: of all states a network then gives the
+    mean, a turn to both sides. Most are shown at their stop, from which they turn clockwise as seen
+    from outside; other joints as they are.
+
+    Args:
+      box, parent: [6] centre and size of the part and of its parent, object units.
+    """
+    low, high = joint.angle
+    shorter, longer = sorted((-low, high))
+    if joint.type != "revolute" or box[3:].max() > KNOB or high - low < FAR:
+        return joint
+    if shorter < UNDECIDED * longer:
+        return joint
+    inwards = (parent[:3] - box[:3]) @ joint.direction > 0
+    turn = (0.0, high - low) if inwards else (low - high, 0.0)
+    return dataclasses.replace(joint, angle=turn)
 
 
 def _best_tree(scores: np.ndarray) -> tuple[int, ...]:
