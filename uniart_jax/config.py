@@ -290,7 +290,7 @@ class DataConfig:
     """Where records are and how batches are made of them.
 
     ``split``, ``validation_split``: of each folder, only the records of this split, or of several joined by commas, as its manifest says; "" = all. So one
-    folder can serve for both. ``mirror``, ``mirror_latents``: not for ``layouts``, nor for a UniArt VAE that reads features of voxels (``visual_channels``,
+    folder can serve for both. ``mirror``, ``mirror_latents``: not for a UniArt VAE that reads features of voxels (``visual_channels``,
     ``part_feature_channels``): they come from networks that see a mirrored object otherwise, so its features are not known.
     """
 

@@ -5,8 +5,8 @@ number and the settings, so whoever needs one that is not there makes it, severa
 resumes at any batch. ``uniart prepare layouts`` makes them ahead.
 
 Batches go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on; in a window
-each object is shown ``DataConfig.reuse`` times, in random order, in one of its views. Nothing is
-mirrored: a knob that points up looks the same in a mirror, but turns the other way.
+each object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored
+with probability 1/2:
 
     image [B, S, S, 3] f4 in [0, 1] over black · camera [B, 7] f4 (``data.cameras``) · boxes [B, K, 6] f4 (centre, size)
     codes [B, K, 9] f4 · parents [B, K] i4 (root: its own) · colors [B, K, 3] f4 linear RGB · part_counts [B] i4
@@ -29,8 +29,9 @@ import numpy as np
 from uniart_jax import procedural
 from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.batches import local_rows
-from uniart_jax.data.cameras import camera_codes
+from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.images import crop
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
 from uniart_jax.data.order import ENDLESS, Draw
 from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.objects.appearance import sample_color
@@ -272,8 +273,8 @@ def layout_batches(
     order = LayoutOrder(batch_size, data.reuse)
     rows = local_rows(batch_size, process_index, process_count, accumulate)
     load = functools.partial(
-        _load, folder=data.layouts, settings=settings, seed=data.seed, reuse=data.reuse,
-        first_block=data.first_block, rows=rows,
+        _load, folder=data.layouts, settings=settings, mirror=data.mirror, seed=data.seed,
+        reuse=data.reuse, first_block=data.first_block, rows=rows,
     )  # fmt: skip
     return Batches(order, load, data.workers)
 
@@ -312,29 +313,41 @@ def _shuffled(window: int, length: int, seed: int) -> np.ndarray:
 
 
 def _load(
-    draw: Draw, *, folder: str, settings: LayoutSettings, seed: int, reuse: int, first_block: int,
-    rows: np.ndarray,
+    draw: Draw, *, folder: str, settings: LayoutSettings, mirror: bool, seed: int, reuse: int,
+    first_block: int, rows: np.ndarray,
 ) -> Batch:  # fmt: skip
-    views = draw.generator(seed).random(len(draw.records))
+    rng = draw.generator(seed)
+    views, flips = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
     length = WINDOW * BLOCK * reuse
     items = []
     for row in rows:
         window, place = divmod(int(draw.records[row]), length)
         table = load_window(folder, first_block + window * WINDOW, settings)
         item = _shuffled(window, length, seed)[place] % len(table["images"])
-        items.append(_item(table, int(item), views[row]))
+        items.append(_item(table, int(item), views[row], bool(flips[row] and mirror)))
     return {name: np.stack([item[name] for item in items]) for name in items[0]}
 
 
-def _item(table: dict[str, np.ndarray], item: int, view: float) -> Batch:
+def _item(table: dict[str, np.ndarray], item: int, view: float, mirrored: bool) -> Batch:
     index = int(view * table["images"].shape[1])
-    image = table["images"][item, index].astype(np.float32) / np.float32(255)
-    shown = {"image": image, "camera": table["cameras"][item, index]}
-    return shown | {name: table[name][item] for name in COLUMNS[2:]}
+    image, camera = table["images"][item, index], table["cameras"][item, index]
+    boxes, codes = table["boxes"][item], table["codes"][item]
+    if mirrored:
+        image, camera = mirror_images(image), mirror_camera_codes(camera)
+        boxes, codes = mirror_boxes(boxes), mirror_codes(codes)
+    return {
+        "image": image.astype(np.float32) / np.float32(255),
+        "camera": camera,
+        "boxes": boxes,
+        "codes": codes,
+        "parents": table["parents"][item],
+        "colors": table["colors"][item],
+        "part_counts": table["part_counts"][item],
+    }
 
 
 def validation_layouts(data: DataConfig, model: ModelConfig, count: int) -> Batch:
-    """The first ``count`` validation objects, first view, as one batch."""
+    """The first ``count`` validation objects, first view, unmirrored, as one batch."""
     settings = settings_of(data, model, validation=True)
     folder = f"{data.layouts}-validation"
     claim_folder(folder, settings)
@@ -343,6 +356,6 @@ def validation_layouts(data: DataConfig, model: ModelConfig, count: int) -> Batc
     while len(items) < count:
         table = load_block(folder, number, settings)
         left = min(count - len(items), len(table["images"]))
-        items += [_item(table, i, 0.0) for i in range(left)]
+        items += [_item(table, i, 0.0, False) for i in range(left)]
         number += 1
     return {name: np.stack([item[name] for item in items]) for name in items[0]}
