@@ -1,8 +1,8 @@
 """An object as pieces that can be printed and put together. Millimetres, assembled, at rest.
 
 Parts that do not move against each other are one piece. Every piece keeps its clearance from all
-others at rest and from its parent along its whole range, and is held by what ``hinge``, ``axle`` and
-``slide`` give it. A joint that cannot be printed is fixed, and said to be.
+others at rest and from its parent along its whole range, and is held by what ``hinge``, ``axle``
+and ``slide`` give it. A joint that cannot be printed is fixed, and said to be.
 """
 
 from __future__ import annotations

@@ -155,8 +155,8 @@ def fit_hinge(
 
 
 def make_pin(knuckle: float, settings: PrintSettings) -> Manifold:
-    """A pin for three knuckles: a head above 0, a split barb below the last, and a flat side (-y) to
-    lie on."""
+    """A pin for three knuckles: a head above 0, a split barb below the last, and a flat side (-y)
+    to lie on."""
     gap, radius = settings.clearance, settings.pin
     low = -3 * knuckle - 2 * gap  # of the last knuckle
     tip = low - gap - BARB
@@ -225,7 +225,7 @@ def _barrel(
 
 
 def _arm(body: Manifold, heights: tuple[float, float], outer: float) -> Manifold:
-    """What joins the knuckle between two heights to the part, taken from as near as there is some."""
+    """What joins the knuckle between two heights to the part, from as near as there is some."""
     ring = rod(outer, *heights)
     long = heights[1] - heights[0]
     for reach in REACHES:

@@ -1,7 +1,7 @@
 """Slides that print: ribs on the child's flanks run in grooves of the parent, which end before it
 falls out.
 
-Frame inside this file: z is the way that opens, y the other horizontal direction where there is one.
+Frame inside this file: z is the way that opens, y the other horizontal direction, if there is one.
 """
 
 from __future__ import annotations
@@ -60,7 +60,11 @@ def fit_slide(
     ribs = union(rib for _, rib in found)
     facts = {"ribs": len(found), "bite": BITE, "travel": round(travel, 3)}
     joint = dataclasses.replace(joint, travel=(0.0, travel))
-    note = "" if travel == full else f"it opens {travel:.0f} of {full:.0f} mm, and is stopped there"
+    note = (
+        ""
+        if full - travel < 0.5
+        else f"it opens {travel:.0f} of {full:.0f} mm, and is stopped there"
+    )
     text = "push it in from where it opens until its ribs click into their grooves"
     keep = grown(ribs, settings.clearance)
     outer, inner, keep = (turned(solid, place) for solid in (outer, inner, keep))

@@ -1,4 +1,4 @@
-"""The folder of a print: a closed STL a piece in millimetres, ``print.json``, and ``README.txt``."""
+"""The folder of a print: a closed STL a piece, millimetres, ``print.json`` and ``README.txt``."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ def _text(obj: ArticulatedObject, report: dict) -> str:
         f"{side[0]:.0f} x {side[1]:.0f} x {side[2]:.0f} mm when assembled.",
         "",
         "All lengths are millimetres. Every file lies flat on z = 0; loaded together, no two",
-        f"overlap. Parts that move keep {report['clearance']:g} mm apart: if your printer's parts stick,",
+        f"overlap. Parts that move keep {report['clearance']:g} mm apart: if they stick,",
         "write the print again with a larger --clearance.",
         "",
         "Pieces",
