@@ -96,6 +96,18 @@ def test_thin_walls_are_told_in_plain_words(tmp_path):
     assert "nothing" in (tmp_path / "thick" / "README.txt").read_text("utf-8")
 
 
+def test_solids_that_touch_along_an_edge_are_written_closed(tmp_path):
+    """Places alone tell an STL's corners apart: such an edge would have four faces."""
+    one, two = box([0.0, 0.0, 0.0], [0.3, 0.3, 0.3]), box([0.3, 0.3, 0.0], [0.6, 0.6, 0.3])
+    tied = box([0.0, 0.0, -0.2], [0.6, 0.6, 0.0])
+    mesh = trimesh.boolean.union([one, two, tied], engine="manifold")
+    _, report = written(ArticulatedObject((Part("body", mesh),)), tmp_path / "edge", size=60.0)
+    (piece,) = report["pieces"]
+    file = trimesh.load_mesh(tmp_path / "edge" / piece["file"])
+    assert file.is_watertight and file.volume == pytest.approx(piece["volume"], rel=1e-3)
+    assert report["notes"] == []
+
+
 def test_a_plate_lies_on_its_broad_side(tmp_path):
     plate = ArticulatedObject((Part("plate", box([-0.02, -0.5, 0.0], [0.02, 0.5, 0.8])),))
     _, report = written(plate, tmp_path / "plate", size=100.0)

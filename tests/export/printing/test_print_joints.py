@@ -163,7 +163,7 @@ def test_a_handle_in_the_air_gets_a_strut():
     mesh.apply_translation([-0.02, 0, 0])
     parts = (*box.parts[:2], dataclasses.replace(box.parts[2], mesh=mesh))
     made = printed(dataclasses.replace(box, parts=parts))
-    assert any("'door': a piece hung in the air; a strut of 3.0 mm" in n for n in made.notes)
+    assert any("'door': 1 piece hung in the air; 1 strut of up to 3.0 mm" in n for n in made.notes)
     assert all(len(p.solid.decompose()) == 1 for p in made.pieces)
 
 

@@ -165,12 +165,16 @@ def _attempt(
     for k in sorted(set(leaders)):
         own = [solids[i] for i, leader in enumerate(leaders) if leader == k]
         bodies[k], struts, crumbs = strutted(welded(own))
-        for length in (x for x in struts if x > SEEN):
+        told = [x for x in struts if x > SEEN]
+        if told:
             notes.append(
-                f"'{parts[k].name}': a piece hung in the air; a strut of {length:.1f} mm holds it"
+                f"'{parts[k].name}': {_count(len(told), 'piece')} hung in the air; "
+                f"{_count(len(told), 'strut')} of up to {max(told):.1f} mm hold them"
             )
         if crumbs:
-            notes.append(f"'{parts[k].name}': {crumbs} crumbs below {CRUMB:g} mm^3 were left out")
+            notes.append(
+                f"'{parts[k].name}': {_count(crumbs, 'crumb')} below {CRUMB:g} mm^3 left out"
+            )
     order = [k for k in sorted(bodies) if parts[k].parent >= 0]
     above = {k: leaders[parts[k].parent] for k in order}
     bodies, said = _cleared(bodies, above, joints, parts, settings)
@@ -304,6 +308,10 @@ def _cut(
             f"'{parts[mover].name}' keeps clear of it"
         )
     return after
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def at_rest_bounds(made: Print) -> np.ndarray:
