@@ -49,6 +49,8 @@ def pytest_configure(config):
     An entry that another process has half written cannot be unpacked, and is compiled.
     ``--cache-clear`` empties it.
     """
+    if getattr(config, "cache", None) is None:  # -p no:cacheprovider
+        return
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(config.cache.mkdir("xla")))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")

@@ -160,3 +160,14 @@ def test_of_a_disc_that_is_found_twice_the_surer_one_is_kept():
     assert doubles(layout, [1, 3]) == []
     across = (*joints[:2], Joint(boxes[2, :3], (0, 1, 0), angle=(-1.0, 1.0)), joints[3])
     assert doubles(dataclasses.replace(layout, joints=across), [1, 2, 3]) == []
+
+
+def test_three_discs_in_a_row_all_find_room():
+    """The axis of one is a little beside its box's middle; it is a disc for all that."""
+    knobs = np.array([[0, y, 0.1, 0.04, 0.08, 0.08] for y in (0, 0.045, -0.046)])
+    axes = knobs[:, 1] + (0, 0, 0.008)
+    joints = [Joint((0, y, 0.1), (1, 0, 0), angle=(-np.pi, np.pi)) for y in axes]
+    made = side_by_side(knobs, joints)
+    for i, k in ((0, 1), (0, 2), (1, 2)):
+        radii = (made[i, 4:].mean() + made[k, 4:].mean()) / 2
+        assert radii <= abs(axes[i] - axes[k]) * 0.9 + 1e-9

@@ -95,7 +95,8 @@ class Checkpoints:
         finally:
             if self._full and jax.process_index() == 0:
                 for _ in range(5):  # a thread of TensorStore's may still write its last file
-                    _remove(self._unfinished())
+                    for path in self._unfinished():
+                        shutil.rmtree(path, ignore_errors=True)
                     time.sleep(0.2)
 
     @property

@@ -51,6 +51,7 @@ NOBODYS = -2  # cells that no part may take
 MOST = 0.6  # share of a moving part's face that a plane covers, where it is to cover it all
 NARROW = 10  # a narrower face is an edge, as wide as its ripples say
 CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners
+APART = 1  # cells that stay between what is completed and other parts
 PANEL = 40  # cells around what is drawn of a panel, in which it is completed
 KEPT = 0.5  # share of a part's cells below which it is left as it was
 
@@ -156,7 +157,8 @@ def _turned(views: Views, part: int, turn: Turn) -> bool:
     from_ = tuple(slice(a, b) for a, b in zip(first - low, last - low, strict=True))
     phi, colored = phi[from_], colored[from_]
     was = mine & (sdf < 0)
-    free = ((sdf > 0) | was)[into] & np.isin(taken[into], (-1, part))
+    others = ndimage.binary_dilation((sdf < 0) & ~was, iterations=APART)
+    free = (~others & (sdf > 0) | was)[into] & np.isin(taken[into], (-1, part))
     if (free & (phi < 0)).sum() < KEPT * was.sum():
         return False
     sdf[was] = np.maximum(-sdf[was], 0.5)
@@ -228,7 +230,7 @@ def _face(
     """The face of a box that is seen along an axis from a side: its depth, and [U, V] bool."""
     depth = lower[axis] if side > 0 else shape[0] - 1 - upper[axis]
     ranges = zip(np.delete(lower, axis), np.delete(upper, axis), shape[1:], strict=True)
-    u, v = ((np.arange(n) > low) & (np.arange(n) < high) for low, high, n in ranges)
+    u, v = ((np.arange(n) > a + APART) & (np.arange(n) < b - APART) for a, b, n in ranges)
     return float(depth), u[:, None] & v
 
 

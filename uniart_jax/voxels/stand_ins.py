@@ -94,13 +94,16 @@ def doubles(layout: Layout, rows: Sequence[int]) -> list[int]:
 def side_by_side(boxes: np.ndarray, joints: Sequence[Joint]) -> np.ndarray:
     """[n, 6] boxes of stand-ins, of which discs that would touch are made smaller, down to
     ``SMALLER``, so that each can turn."""
-    boxes = np.array(boxes, np.float64)
-    for i in range(len(boxes)):
+    made = np.array(boxes, np.float64)
+    for i in range(len(made)):
         for k in range(i):
             pair = _pair(boxes[[i, k]], [joints[i], joints[k]])
-            if pair and SMALLER * pair.radii <= pair.apart < pair.radii:
-                boxes[np.ix_([i, k], 3 + pair.others)] *= pair.apart / pair.radii
-    return boxes
+            if pair is None:
+                continue
+            radii = float(made[np.ix_([i, k], 3 + pair.others)].mean(1).sum()) / 2  # by now
+            if SMALLER * pair.radii <= pair.apart < radii:
+                made[np.ix_([i, k], 3 + pair.others)] *= pair.apart / radii
+    return made
 
 
 class _Pair(NamedTuple):
