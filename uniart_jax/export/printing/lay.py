@@ -14,7 +14,7 @@ from uniart_jax.export.printing.solids import box_of, turned
 
 FLAT = 0.05  # mm: what is nearer to the plate lies on it
 SPACE = 5.0  # between pieces
-TRIED = 24  # faces of the hull, the largest first
+TRIED = 24  # faces of the hull that are compared, the largest first
 STEEP = np.cos(np.deg2rad(45.0))  # faces that look down more than this hang over
 
 
@@ -35,7 +35,9 @@ class Lying:
 
 def laid(solid: Manifold) -> Lying:
     """The piece on the face that touches the plate with most of its surface, among those that it
-    stands on; of nearly equals the one with the least overhang, then the lowest."""
+    stands on; of nearly equals the one with the least overhang, then the lowest. Only the largest
+    faces of its hull are compared; if it stands on none of them, the next on which it does is
+    taken, and if there is none, the way down that has the centre of mass lowest."""
     vertices, faces = triangles(solid)
     centre = _centre(vertices, faces)
     corners = vertices[faces]
@@ -43,25 +45,39 @@ def laid(solid: Manifold) -> Lying:
     area = np.linalg.norm(across, axis=1) / 2
     normals = across / np.maximum(2 * area, 1e-12)[:, None]
     best: tuple | None = None
-    for down in _ways_down(vertices):
+    ways = _ways_down(vertices)
+    for tried, down in enumerate(ways):
+        if tried >= TRIED and best is not None:
+            break
         heights = vertices @ -down
         low = float(heights.min())
         ground = heights[faces].max(1) < low + FLAT
         if not _stands(vertices[heights < low + FLAT], down, centre):
             continue
-        contact = float(area[ground].sum())
-        hanging = ~ground & (normals @ down > STEEP)
-        overhang = float(area[hanging].sum())
+        contact, overhang = _shares(area, ground, normals, down)
         rank = (-round(contact, -1), round(overhang, 0), round(float(np.ptp(heights)), 1))
         if best is None or rank < best[0]:
             best = (rank, down, contact, overhang)
-    assert best is not None  # a solid stands on one of its hull's faces
-    _, down, contact, overhang = best
+    if best is None:
+        down = min(ways, key=lambda way: float(centre @ -way - (vertices @ -way).min()))
+        heights = vertices @ -down
+        ground = heights[faces].max(1) < float(heights.min()) + FLAT
+        contact, overhang = _shares(area, ground, normals, down)
+    else:
+        _, down, contact, overhang = best
     turn = np.eye(4)
     turn[:3, :3] = _to_ground(down)
     corner = box_of(turned(solid, turn))[0]
     turn[:3, 3] = -corner
     return Lying(turn, contact, overhang)
+
+
+def _shares(
+    area: np.ndarray, ground: np.ndarray, normals: np.ndarray, down: np.ndarray
+) -> tuple[float, float]:
+    """mm^2 on the ground, and mm^2 that hang over."""
+    hanging = ~ground & (normals @ down > STEEP)
+    return float(area[ground].sum()), float(area[hanging].sum())
 
 
 def _ways_down(vertices: np.ndarray) -> list[np.ndarray]:
@@ -74,7 +90,7 @@ def _ways_down(vertices: np.ndarray) -> list[np.ndarray]:
     ways, inverse = np.unique(keys, axis=0, return_inverse=True)
     sums = np.bincount(inverse.ravel(), area)
     order = sorted(range(len(ways)), key=lambda k: (-round(sums[k]), ways[k][2], tuple(ways[k])))
-    return [ways[k] / np.linalg.norm(ways[k]) for k in order[:TRIED]]
+    return [ways[k] / np.linalg.norm(ways[k]) for k in order]
 
 
 def _stands(feet: np.ndarray, down: np.ndarray, centre: np.ndarray) -> bool:
