@@ -13,6 +13,7 @@ from print_objects import box, door_box, knob_box, shell
 from uniart_jax.export.placement import place
 from uniart_jax.export.printing.settings import PrintSettings
 from uniart_jax.export.printing.write import write_print
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
 
@@ -80,6 +81,24 @@ def test_the_order_of_assembly_is_the_trees(door):
     (joint,) = report["joints"]
     assert joint["kind"] == "pin hinge" and joint["held_along"] and joint["pins_held"]
     assert joint["runs_into_parent_at"] == [] and joint["gap"] >= 0.27
+
+
+def test_a_part_called_like_a_pin_keeps_its_file_and_its_step(tmp_path):
+    base = door_box()
+    turn = Joint([-0.335, -0.4, 1.25], [0, 0, 1], (0.0, 1.7))
+    more = (
+        Part("top", box([-0.3, -0.4, 1.0], [0.3, 0.4, 1.5]), 0),
+        Part("door_pin_1", box([-0.335, -0.4, 1.02], [-0.303, 0.4, 1.48]), 0, turn),
+    )
+    _, report = written(ArticulatedObject((*base.parts, *more)), tmp_path / "names", size=150.0)
+    files = [piece["file"] for piece in report["pieces"]]
+    assert len(set(files)) == len(files)
+    (own,) = [p for p in report["pieces"] if p["parts"] == ["door_pin_1"]]
+    assert own["file"] == "door_pin_1.stl"
+    mesh = trimesh.load_mesh(tmp_path / "names" / own["file"])
+    assert mesh.volume == pytest.approx(own["volume"], rel=1e-3)
+    (step,) = [s for s in report["assembly"] if s.startswith("Put door.stl")]
+    assert "door_pin_2.stl" in step and "door_pin_1.stl" not in step
 
 
 def test_thin_walls_are_told_in_plain_words(tmp_path):

@@ -33,7 +33,7 @@ def trio(made: Print, joint: PrintedJoint):
     """(parent, child, pins) as pieces of the print."""
     by = {p.leader: p for p in reversed(made.pieces) if p.parts}
     child = by[joint.child]
-    pins = [p.solid for p in made.pieces if p.name.startswith(f"{child.name}_pin_")]
+    pins = [p.solid for p in made.pieces if p.name in joint.pins]
     return by[joint.parent].solid, child.solid, pins
 
 

@@ -44,11 +44,12 @@ class Piece:
     """One thing that comes off the printer.
 
     Attributes:
-      name: of its file.
+      name: of its file, like no other piece's.
       solid: assembled at rest.
       parts: names of the object's parts that it holds; none of a pin.
       leader: index of the part that it moves with.
       hardware: what of it was made to hold; its walls are what they have to be.
+      loose: it broke off the piece of its leader, and is glued to it.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Piece:
     parts: tuple[str, ...]
     leader: int
     hardware: Manifold
+    loose: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,11 +67,13 @@ class PrintedJoint:
     Attributes:
       child, parent: indices of leading parts.
       fit: what holds it.
+      pins: names of the pieces that are its pins, in the order of the fit's.
     """
 
     child: int
     parent: int
     fit: Fit
+    pins: tuple[str, ...] = ()
 
     @property
     def joint(self) -> Joint:
@@ -180,7 +184,7 @@ def _attempt(
     bodies, said = _cleared(bodies, above, joints, parts, settings)
     notes += said
     failed: dict[int, str] = {}
-    taken, hardware, printed, pins = Manifold(), {k: Manifold() for k in bodies}, [], {}
+    taken, hardware, printed = Manifold(), {k: Manifold() for k in bodies}, []
     for k in order:
         up = above[k]
         around = Around(union(s for i, s in bodies.items() if i not in (k, up)), taken)
@@ -202,26 +206,58 @@ def _attempt(
         taken = union([taken, fit.keep])
         for i in (k, up):
             hardware[i] = union([hardware[i], fit.keep])
-        pins[k] = fit.pins
         printed.append(PrintedJoint(k, up, fit))
         if fit.note:
             notes.append(f"'{parts[k].name}': {fit.note}")
     if failed:
         return failed
     bodies = _apart(bodies, above, parts, notes, settings)
-    pieces = []
+    pieces, called = _pieces(bodies, above, printed, hardware, leaders, parts, names, notes)
+    return Print(pieces, called, tuple(notes), settings)
+
+
+def _pieces(
+    bodies: dict[int, Manifold],
+    above: dict[int, int],
+    printed: Sequence[PrintedJoint],
+    hardware: dict[int, Manifold],
+    leaders: Sequence[int],
+    parts: Sequence,
+    names: Sequence[str],
+    notes: list[str],
+) -> tuple[tuple[Piece, ...], tuple[PrintedJoint, ...]]:
+    """The bodies and the joints' pins as pieces, and the joints with their pins' names."""
+    pieces: list[Piece] = []
+    joints = {joint.child: joint for joint in printed}
+    used = {name.lower() for name in names}  # some disks do not tell capitals apart
     for k, solid in bodies.items():
         held = tuple(p.name for p, leader in zip(parts, leaders, strict=True) if leader == k)
         apart = sorted(solid.decompose(), key=lambda s: -s.volume())
         loose = [s for s in apart[1:] if s.volume() > CRUMB]
         pieces.append(Piece(names[k], apart[0], held, k, hardware[k]))
-        for number, rest in enumerate(loose, 1):
-            pieces.append(Piece(f"{names[k]}_loose_{number}", rest, held, k, hardware[k]))
+        for rest in loose:
+            name = _new_name(f"{names[k]}_loose", used)
+            pieces.append(Piece(name, rest, held, k, hardware[k], loose=True))
         if loose:
             notes.append(f"'{parts[k].name}' falls into {len(loose) + 1} pieces: glue them")
-        for number, pin in enumerate(pins.get(k, ()), 1):
-            pieces.append(Piece(f"{names[k]}_pin_{number}", pin, (), above[k], pin))
-    return Print(tuple(pieces), tuple(printed), tuple(notes), settings)
+        if k in joints:
+            solids = joints[k].fit.pins
+            pins = tuple(_new_name(f"{names[k]}_pin", used) for _ in solids)
+            joints[k] = dataclasses.replace(joints[k], pins=pins)
+            pieces += [
+                Piece(n, pin, (), above[k], pin) for n, pin in zip(pins, solids, strict=True)
+            ]
+    return tuple(pieces), tuple(joints.values())
+
+
+def _new_name(stem: str, used: set[str]) -> str:
+    """The first of ``<stem>_1``, ``<stem>_2``, ... that is not used; it is from now on."""
+    number = 1
+    while f"{stem}_{number}".lower() in used:
+        number += 1
+    name = f"{stem}_{number}"
+    used.add(name.lower())
+    return name
 
 
 def _fitted(

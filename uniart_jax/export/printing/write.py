@@ -194,13 +194,13 @@ def _steps(made: Print) -> list[str]:
     """What to do in which order: as the URDF has the tree, parents first."""
     root = made.pieces[0]
     steps = [f"Begin with {root.name}.stl."]
-    names = {p.leader: p.name for p in reversed(made.pieces) if p.parts}
+    names = {p.leader: p.name for p in made.pieces if p.parts and not p.loose}
     for joint in made.joints:
         child, parent = names[joint.child], names[joint.parent]
         step = f"Put {child}.stl to {parent}.stl: {joint.fit.text}"
-        pins = [p.name for p in made.pieces if p.name.startswith(f"{child}_pin_")]
-        steps.append(step + (f" ({', '.join(f'{p}.stl' for p in pins)})." if pins else "."))
-    loose = [p for p in made.pieces if "_loose_" in p.name]
+        pins = ", ".join(f"{name}.stl" for name in joint.pins)
+        steps.append(step + (f" ({pins})." if pins else "."))
+    loose = [p for p in made.pieces if p.loose]
     return steps + [f"Glue {p.name}.stl to {names[p.leader]}.stl." for p in loose]
 
 
