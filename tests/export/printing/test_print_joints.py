@@ -7,12 +7,14 @@ import dataclasses
 import numpy as np
 import pytest
 from manifold3d import Manifold, Mesh64
-from print_objects import door_box, drawer_box, knob_box, print_of, printed
+from print_objects import box, door_box, drawer_box, knob_box, print_of, printed
 
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.printing.build import Print, PrintedJoint
 from uniart_jax.export.printing.check import held, touching
 from uniart_jax.export.printing.settings import PrintSettings
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
 
 NAMES = ["door", "drawer", "knob", "microwave:1", "storage_furniture:3"]
 KINDS = {"door": "pin hinge", "drawer": "slide", "knob": "snap shaft"}
@@ -131,10 +133,10 @@ def test_the_clearance_is_the_one_that_was_asked_for(clearance):
 
 
 def test_a_part_that_would_fall_out_is_stopped_earlier_and_said_to_be():
-    box = drawer_box()
-    slide = dataclasses.replace(box.parts[1].joint, travel=(0.0, 0.69))
+    drawers = drawer_box()
+    slide = dataclasses.replace(drawers.parts[1].joint, travel=(0.0, 0.69))
     far = dataclasses.replace(
-        box, parts=(box.parts[0], dataclasses.replace(box.parts[1], joint=slide))
+        drawers, parts=(drawers.parts[0], dataclasses.replace(drawers.parts[1], joint=slide))
     )
     made = printed(far)
     (joint,) = made.joints
@@ -158,11 +160,11 @@ def test_fixed_parts_are_one_piece_with_what_they_are_fixed_to():
 
 
 def test_a_handle_in_the_air_gets_a_strut():
-    box = door_box()
-    mesh = box.parts[2].mesh.copy()
+    cupboard = door_box()
+    mesh = cupboard.parts[2].mesh.copy()
     mesh.apply_translation([-0.02, 0, 0])
-    parts = (*box.parts[:2], dataclasses.replace(box.parts[2], mesh=mesh))
-    made = printed(dataclasses.replace(box, parts=parts))
+    parts = (*cupboard.parts[:2], dataclasses.replace(cupboard.parts[2], mesh=mesh))
+    made = printed(dataclasses.replace(cupboard, parts=parts))
     assert any("'door': 1 piece hung in the air; 1 strut of up to 3.0 mm" in n for n in made.notes)
     assert all(len(p.solid.decompose()) == 1 for p in made.pieces)
 
@@ -172,3 +174,29 @@ def test_a_print_is_the_same_every_time():
     assert [p.name for p in one.pieces] == [p.name for p in two.pieces]
     for a, b in zip(one.pieces, two.pieces, strict=True):
         np.testing.assert_array_equal(triangles(a.solid)[0], triangles(b.solid)[0])
+
+
+def test_a_part_that_another_would_take_whole_keeps_it_fixed():
+    """Two large blades turn all round where the small hub that bears them is."""
+    turn = Joint([0, 0, 0], [0, 0, 1], (-np.pi, np.pi))
+    hub = Part("hub", box([-0.03] * 3, [0.03] * 3))
+    blades = [
+        Part(name, box([-0.5, -0.05, lo], [0.5, 0.05, hi]), 0, turn)
+        for name, lo, hi in (("one", -0.04, 0.04), ("two", -0.05, 0.05))
+    ]
+    made = printed(ArticulatedObject((hub, *blades)))
+    assert all(p.solid.volume() > 2 for p in made.pieces)
+    assert any("and is fixed: on its way nothing would be left of 'hub'" in n for n in made.notes)
+
+
+def test_a_part_within_another_is_fixed_and_nothing_is_lost():
+    door, slide = door_box(), Joint([0, 0, 0], [-1, 0, 0], (0.0, 0.0), (0.0, 0.1))
+    inside = Part("core", box([-0.33, -0.1, 0.4], [-0.31, 0.1, 0.6]), 0, slide)
+    made = printed(ArticulatedObject((*door.parts, inside)))
+    assert any("'core' cannot be printed as a joint and is fixed" in n for n in made.notes)
+
+
+def test_what_a_joint_takes_of_a_part_is_told():
+    made = printed(door_box(), PrintSettings(size=40.0))
+    (note,) = [n for n in made.notes if "of 'door' were cut away" in n]
+    assert note.endswith("so that it can move")

@@ -36,7 +36,7 @@ from uniart_jax.objects.object import ArticulatedObject
 
 SEEN = 0.1  # length of a strut that is told
 ENOUGH = 0.9  # of the clearance
-MUCH = 0.02  # of a part: more that is cut away so that another moves is told
+MUCH = 0.02  # of a body: more that is cut away is told
 
 
 @dataclasses.dataclass(frozen=True)
@@ -181,9 +181,10 @@ def _attempt(
             )
     order = [k for k in sorted(bodies) if parts[k].parent >= 0]
     above = {k: leaders[parts[k].parent] for k in order}
-    bodies, said = _cleared(bodies, above, joints, parts, settings)
-    notes += said
-    failed: dict[int, str] = {}
+    whole, failed = dict(bodies), {}
+    bodies, cuts = _cleared(bodies, above, joints, parts, failed, settings)
+    if failed:
+        return failed
     taken, hardware, printed = Manifold(), {k: Manifold() for k in bodies}, []
     for k in order:
         up = above[k]
@@ -199,10 +200,14 @@ def _attempt(
         if fit is None:
             failed[k] = why
             continue
-        bodies[up], bodies[k] = fit.parent, fit.child
-        for i in bodies:
-            if i not in (k, up):
-                bodies[i] = bodies[i] - fit.keep
+        left = {i: s - fit.keep for i, s in bodies.items() if i not in (k, up)}
+        gone = [i for i, s in left.items() if _is_crumb(s)]
+        if gone:
+            failed[k] = f"nothing would be left of '{parts[gone[0]].name}'"
+            continue
+        left |= {up: fit.parent, k: fit.child}
+        cuts += [(k, i) for i in left if (bodies[i] - left[i]).volume() > TRIFLE]
+        bodies = {i: left[i] for i in bodies}
         taken = union([taken, fit.keep])
         for i in (k, up):
             hardware[i] = union([hardware[i], fit.keep])
@@ -211,7 +216,10 @@ def _attempt(
             notes.append(f"'{parts[k].name}': {fit.note}")
     if failed:
         return failed
-    bodies = _apart(bodies, above, parts, notes, settings)
+    bodies, more = _apart(bodies, above, parts, failed, settings)
+    if failed:
+        return failed
+    notes += _losses(whole, bodies, [*cuts, *more], parts)
     pieces, called = _pieces(bodies, above, printed, hardware, leaders, parts, names, notes)
     return Print(pieces, called, tuple(notes), settings)
 
@@ -302,48 +310,81 @@ def _cleared(
     above: dict[int, int],
     joints: Sequence[Joint],
     parts: Sequence,
+    failed: dict[int, str],
     settings: PrintSettings,
-) -> tuple[dict[int, Manifold], list[str]]:
-    """The solids with a gap around each at rest, and around its whole path in its parent."""
-    notes: list[str] = []
-    bodies = _apart(bodies, above, parts, notes, settings)
+) -> tuple[dict[int, Manifold], list[tuple[int, int]]]:
+    """The solids with a gap around each at rest, and around its whole path in its parent; and
+    (mover, what was cut for it) of each cut. A cut that would leave nothing is not made: the joint
+    that asks for it is put into ``failed``."""
+    bodies, cuts = _apart(bodies, above, parts, failed, settings)
     for k, up in above.items():
-        free = without_path(bodies[up], bodies[k], joints[k], settings.clearance)
-        bodies[up] = _cut(bodies[up], free, k, up, parts, notes)
-    return bodies, notes
+        if k in failed:
+            continue
+        free = _cut(bodies[up], without_path(bodies[up], bodies[k], joints[k], settings.clearance))
+        if _is_crumb(free):
+            failed[k] = f"on its way nothing would be left of '{parts[up].name}'"
+        elif free is not bodies[up]:
+            bodies[up] = free
+            cuts.append((k, up))
+    return bodies, cuts
 
 
 def _apart(
     bodies: dict[int, Manifold],
     above: dict[int, int],
     parts: Sequence,
-    notes: list[str],
+    failed: dict[int, str],
     settings: PrintSettings,
-) -> dict[int, Manifold]:
-    """The solids with a gap around each at rest, parents and children left as they are."""
-    bodies, gap, keys = dict(bodies), settings.clearance, sorted(bodies)
+) -> tuple[dict[int, Manifold], list[tuple[int, int]]]:
+    """The solids with a gap around each at rest, parents and children left as they are; and the
+    cuts, as ``_cleared`` has them."""
+    bodies, gap, keys, cuts = dict(bodies), settings.clearance, sorted(bodies), []
     for n, i in enumerate(keys):
         for j in keys[n + 1 :]:
             if above.get(j) == i or bodies[i].min_gap(bodies[j], gap) >= ENOUGH * gap:
                 continue
-            bodies[j] = _cut(bodies[j], bodies[j] - grown(bodies[i], gap), i, j, parts, notes)
-    return bodies
+            free = _cut(bodies[j], bodies[j] - grown(bodies[i], gap))
+            if _is_crumb(free) and (j in above or i in above):
+                k, other = (j, i) if j in above else (i, j)
+                failed[k] = f"it stands where '{parts[other].name}' is"
+                continue
+            bodies[j] = free
+            cuts.append((i, j))
+    return bodies, cuts
 
 
-def _cut(
-    before: Manifold, after: Manifold, mover: int, block: int, parts: Sequence, notes: list[str]
-) -> Manifold:
-    """``after`` without small pieces that the cut left, and a note if much was cut away."""
+def _cut(before: Manifold, after: Manifold) -> Manifold:
+    """``after`` without small pieces that the cut left; ``before`` itself if none was made."""
+    if before.volume() - after.volume() < TRIFLE**3:
+        return before
     pieces = sorted(after.decompose(), key=lambda p: -p.volume())
     if len(pieces) > 1 and sum(p.volume() for p in pieces[1:]) < MUCH * before.volume():
-        after = pieces[0]
-    lost = 1 - after.volume() / before.volume()
-    if lost > MUCH:
-        notes.append(
-            f"{lost:.0%} of '{parts[block].name}' were cut away so that "
-            f"'{parts[mover].name}' keeps clear of it"
-        )
+        return pieces[0]
     return after
+
+
+def _is_crumb(solid: Manifold) -> bool:
+    """Whether no piece of it is large enough to be printed."""
+    return max((p.volume() for p in solid.decompose()), default=0.0) <= CRUMB
+
+
+def _losses(
+    whole: dict[int, Manifold],
+    left: dict[int, Manifold],
+    cuts: Sequence[tuple[int, int]],
+    parts: Sequence,
+) -> list[str]:
+    """A line for each body of which much was cut away, whatever it was cut for."""
+    lines = []
+    for k, solid in whole.items():
+        lost = (solid - left[k]).volume() / solid.volume()
+        if lost > MUCH:
+            movers = dict.fromkeys(mover for mover, block in cuts if block == k)
+            who = ", ".join("it" if m == k else f"'{parts[m].name}'" for m in movers)
+            lines.append(
+                f"{lost:.0%} of '{parts[k].name}' were cut away so that {who or 'it'} can move"
+            )
+    return lines
 
 
 def _count(number: int, what: str) -> str:
