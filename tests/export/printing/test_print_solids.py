@@ -9,7 +9,14 @@ import pytest
 import trimesh
 from print_objects import box, drawer_box, printed
 
-from uniart_jax.export.printing.solids import block, grown, solid_of, turned, without_path
+from uniart_jax.export.printing.solids import (
+    block,
+    grown,
+    solid_of,
+    turned,
+    union,
+    without_path,
+)
 from uniart_jax.objects.kinematics import Joint
 
 TURN = Joint([0, 0, 0], [0, 0, 1], (0.0, 1.5))
@@ -25,6 +32,30 @@ def test_a_mover_keeps_clear_of_what_is_left_at_every_state(joint):
     assert 0 < left.volume() < solid.volume()
     for q in np.linspace(*joint.limits, 41):
         assert turned(mover, joint.motion(q)).min_gap(left, 1.0) >= 0.29, q
+
+
+def test_a_mover_of_many_triangles_cuts_its_way_all_along_a_slide():
+    ribs = [block([x, -10, z], [x + 0.5, -9, z + 1]) for x in range(20) for z in range(0, 40, 4)]
+    mover = union([block([0, -9, 0], [20, 9, 40]), *ribs])
+    assert mover.num_tri() > 1200
+    slide = Joint([0, 0, 0], [1, 0, 0], (0.0, 0.0), (0.0, 60.0))
+    wall, far = block([45, -20, -10], [48, 20, 50]), block([81, -20, -10], [84, 20, 50])
+    left = without_path(wall, mover, slide, 0.3)
+    assert wall.volume() - left.volume() > 3 * 18 * 40
+    for q in np.linspace(24, 50, 3):
+        assert turned(mover, slide.motion(q)).min_gap(left, 1.0) >= 0.27, q
+    assert without_path(far, mover, slide, 0.3).volume() == pytest.approx(far.volume())
+
+
+def test_the_tip_of_a_long_arm_is_not_missed():
+    angle = np.deg2rad(5.0)
+    arm = block([0, -1, 0], [255.9, 1, 4]).rotate((0, 0, 5.0))
+    turn = Joint([0, 0, 0], [0, 0, 1], (0.0, 0.5))
+    end = angle + 0.25
+    post = block([255.7, -3, 0], [262, 3, 4]).rotate((0, 0, float(np.rad2deg(end))))
+    left = without_path(post, arm, turn, 0.3)
+    for q in np.linspace(0, 0.5, 51):
+        assert turned(arm, turn.motion(q)).min_gap(left, 1.0) >= 0.29, q
 
 
 def test_nothing_is_cut_where_a_turn_does_not_come_near():
@@ -57,7 +88,7 @@ def test_a_drawer_within_a_solid_gets_room_and_it_is_told():
     drawers = drawer_box()
     full = dataclasses.replace(drawers.parts[0], mesh=box([-0.4, -0.3, 0.0], [0.4, 0.3, 0.5]))
     made = printed(dataclasses.replace(drawers, parts=(full, drawers.parts[1])))
-    assert any("of 'case' were cut away so that 'drawer' keeps clear" in n for n in made.notes)
+    assert any("of 'case' were cut away so that 'drawer' can move" in n for n in made.notes)
     (joint,) = made.joints
     case, drawer = (p.solid for p in made.pieces)
     for q in np.linspace(*joint.joint.limits, 7):

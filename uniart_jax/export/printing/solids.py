@@ -17,6 +17,7 @@ WELD = 0.05  # shells of one part that are nearer than this become one
 CRUMB = 2.0  # mm^3: less is no piece
 STRUT = 1.2  # radius of what joins pieces that do not touch
 COARSE = float(np.deg2rad(40.0))  # what a sweep begins with
+MOST_SLICES = 48  # across a slide
 LAYER, MOST_LAYERS = 0.05, 12  # thinnest, and most, that a sweep is made of
 TRIFLE = 0.01  # detail below is left out of what was cut
 SEGMENTS = 36
@@ -72,22 +73,47 @@ def union(solids: Iterable[Manifold]) -> Manifold:
 def grown(solid: Manifold, by: float) -> Manifold:
     """The solid and all that is nearer to it than ``by`` (the sum with a cube: at slanted faces up
     to 1.7 times as far)."""
-    return _sum(solid, Manifold.cube((2 * by,) * 3, True), by)
-
-
-def _sum(solid: Manifold, tool: Manifold, by: float) -> Manifold:
     if solid.is_empty():
         return solid
+    tool = Manifold.cube((2 * by,) * 3, True)
+    made = _sum(solid, tool, by)
+    if made is not None:
+        return made
+    solid = solid.simplify(by / 2)
+    corners = np.unique(triangles(tool)[0], axis=0) * 1.2 * 1.5
+    return union([solid, *(solid.translate(tuple(corner)) for corner in corners)])
+
+
+def _sum(solid: Manifold, tool: Manifold, by: float) -> Manifold | None:
+    """The Minkowski sum; None if the solid has too many triangles for it."""
     hull = solid.hull()
     if hull.volume() - solid.volume() <= 1e-6 * hull.volume():
         return hull.minkowski_sum(tool)
     if solid.num_tri() > FINE:  # what is taken off is made good for
         solid = solid.simplify(by / 2)
         tool = tool.minkowski_sum(Manifold.cube((by,) * 3, True))
-    if solid.num_tri() <= FINE:
-        return solid.minkowski_sum(tool)
-    corners = np.unique(triangles(tool)[0], axis=0)
-    return union([solid, *(solid.translate(tuple(corner * 1.2)) for corner in corners)])
+    return solid.minkowski_sum(tool) if solid.num_tri() <= FINE else None
+
+
+def _slid(mover: Manifold, joint: Joint, by: float) -> Manifold:
+    """A mover's whole way along a slide, grown by ``by``."""
+    cube = Manifold.cube((2 * by,) * 3, True)
+    ends = [cube.translate(tuple(joint.direction * t)) for t in joint.travel]
+    made = _sum(mover, Manifold.batch_hull(ends), by)
+    if made is not None:
+        return made
+    frame, cuts = axis_frame(joint), []
+    moving = turned(mover, np.linalg.inv(frame))
+    (*_, lo), (*_, hi) = box_of(moving)
+    count = int(np.clip(np.ceil((hi - lo) / by), 1, MOST_SLICES))
+    for low, high in itertools.pairwise(np.linspace(lo, hi, count + 1)):
+        slab = moving.trim_by_plane((0, 0, 1), low).trim_by_plane((0, 0, -1), -high)
+        if slab.is_empty():
+            continue
+        outline = slab.project().offset(1.15 * by, JoinType.Square).simplify(TRIFLE)
+        start, end = low + joint.travel[0] - by, high + joint.travel[1] + by
+        cuts.append(outline.extrude(end - start).translate((0, 0, start)))
+    return turned(union(cuts), frame)
 
 
 def turned(solid: Manifold, matrix: np.ndarray) -> Manifold:
@@ -124,16 +150,15 @@ def axis_frame(joint: Joint) -> np.ndarray:
 def without_path(solid: Manifold, mover: Manifold, joint: Joint, by: float) -> Manifold:
     """``solid`` without what ``mover`` (at coordinate 0) comes nearer to than ``by`` on its way.
 
-    Along a slide the path is exact. About a hinge the mover is taken apart into layers along the
+    Along a slide the path is the exact sum with a cube; a mover of many triangles is taken
+    apart into slices across it, and gets up to a slice more room at both ends. About a hinge the mover is taken apart into layers along the
     axis and rings about it, each as what it looks like from along the axis: what is cut away is at
     least as much as is needed, and nothing where the two stay apart.
     """
     if solid.is_empty() or mover.is_empty():
         return solid
     if not joint.rotates:
-        cube = Manifold.cube((2 * by,) * 3, True)
-        ends = [cube.translate(tuple(joint.direction * t)) for t in joint.travel]
-        return (solid - _sum(mover, Manifold.batch_hull(ends), by)).simplify(TRIFLE)
+        return (solid - _slid(mover, joint, by)).simplify(TRIFLE)
     frame = axis_frame(joint)
     here = np.linalg.inv(frame)
     block_, moving = turned(solid, here), turned(mover, here)
@@ -150,7 +175,7 @@ def without_path(solid: Manifold, mover: Manifold, joint: Joint, by: float) -> M
             if outer < near:
                 inner, outer = outer, outer * 2
                 continue
-            shell = rod(outer, low, high)
+            shell = rod(outer * ROUND, low, high)
             if inner > 0:
                 shell -= rod(0.95 * inner, low - 1, high + 1)
             ring = moving ^ shell
