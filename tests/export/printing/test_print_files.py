@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 import trimesh
 from hand_bodies import make_surface
-from print_objects import box, door_box, knob_box, shell
+from print_objects import box, door_box, knob_box, print_of, shell
 
 from uniart_jax.export.placement import place
+from uniart_jax.export.printing import write
+from uniart_jax.export.printing.check import Held
 from uniart_jax.export.printing.settings import PrintSettings
 from uniart_jax.export.printing.write import write_print
 from uniart_jax.objects.kinematics import Joint
@@ -153,8 +156,39 @@ def test_measures_that_cannot_be_are_refused(name, value, flag):
         PrintSettings(**{name: value})
 
 
-def test_a_part_without_a_volume_is_named(tmp_path):
-    crumb = box([0.4, 0.0, 1.0], [0.401, 0.001, 1.001])
-    parts = (Part("body", box([-0.3, -0.4, 0.0], [0.3, 0.4, 1.0])), Part("crumb", crumb, 0))
+def test_a_moving_part_without_a_volume_is_named_and_a_fixed_one_left_out(tmp_path):
+    body = Part("body", box([-0.3, -0.4, 0.0], [0.3, 0.4, 1.0]))
+    crumb = Part("crumb", box([0.4, 0.0, 0.9], [0.401, 0.001, 0.901]), 0)
+    notes, report = written(ArticulatedObject((body, crumb)), tmp_path / "fixed")
+    assert any("'crumb' has" in n and n.endswith("is left out") for n in notes)
+    assert [p["file"] for p in report["pieces"]] == ["body.stl"]
+    turn = Joint([0.4, 0, 0.9], [0, 0, 1], (0.0, 1.0))
+    moving = ArticulatedObject((body, dataclasses.replace(crumb, joint=turn)))
     with pytest.raises(ValueError, match=r"'crumb' has .* choose a larger --print-size"):
-        written(ArticulatedObject(parts), tmp_path / "none")
+        written(moving, tmp_path / "none")
+
+
+def test_a_piece_that_was_not_written_has_no_file_and_no_step(tmp_path, monkeypatch):
+    whole = write._write_piece
+    monkeypatch.setattr(
+        write, "_write_piece", lambda p, *rest: p.name != "door_pin_1" and whole(p, *rest)
+    )
+    _, report = written(door_box(), tmp_path / "left", size=120.0)
+    files = [piece["file"] for piece in report["pieces"]]
+    assert files.count(None) == 1 and "door_pin_1.stl" not in files
+    assert not any("door_pin_1" in step for step in report["assembly"])
+    assert "door_pin_2.stl" in report["assembly"][1]
+    assert "not written (a pin)" in (tmp_path / "left" / "README.txt").read_text("utf-8")
+
+
+def test_no_size_is_recommended_that_cannot_be_chosen():
+    assert "--print-size 1600" in write._larger(0.9, PrintSettings(size=1200.0))
+    assert write._larger(0.5, PrintSettings(size=1200.0)) == ""
+
+
+def test_where_a_part_runs_into_its_parent_is_told_with_its_unit():
+    (joint,) = print_of("door").joints
+    found = Held(0.3, (0.5, 0.6, 1.0), True, True, True)
+    assert write._weak("door", joint, found) == [
+        "'door' runs into its parent at 28.6 to 57.3 degrees"
+    ]

@@ -16,6 +16,7 @@ from manifold3d import Manifold
 from uniart_jax.export.frames import moves, rigid_groups
 from uniart_jax.export.naming import is_knob
 from uniart_jax.export.printing.axle import fit_axle
+from uniart_jax.export.printing.clear import apart, cleared, is_crumb, losses
 from uniart_jax.export.printing.hinge import Around, Fit, fit_hinge
 from uniart_jax.export.printing.settings import PrintSettings, UnprintableError
 from uniart_jax.export.printing.slide import fit_slide
@@ -23,7 +24,6 @@ from uniart_jax.export.printing.solids import (
     CRUMB,
     TRIFLE,
     box_of,
-    grown,
     one_piece,
     solid_of,
     strutted,
@@ -35,8 +35,6 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 
 SEEN = 0.1  # length of a strut that is told
-ENOUGH = 0.9  # of the clearance
-MUCH = 0.02  # of a body: more that is cut away is told
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,7 +110,7 @@ def make_print(
       names: [K] of the pieces' files.
 
     Raises:
-      ValueError: a part that bounds no volume.
+      ValueError: a part that bounds no volume and is not fixed to another.
     """
     corners = np.stack([[v.min(0), v.max(0)] for v, _ in surfaces])
     lo, hi = corners[:, 0].min(0), corners[:, 1].max(0)
@@ -121,7 +119,10 @@ def make_print(
     notes, solids = [], []
     for part, (vertices, faces) in zip(obj.parts, surfaces, strict=True):
         solid, hulls = solid_of(np.asarray(vertices) * scale, faces)
-        if solid.volume() < CRUMB:
+        if solid.volume() < CRUMB and part.parent >= 0 and not moves(part):
+            notes.append(f"'{part.name}' has {solid.volume():.2g} mm^3 and is left out")
+            solid = Manifold()
+        elif solid.volume() < CRUMB:
             raise ValueError(
                 f"print: '{part.name}' has {solid.volume():.2g} mm^3 at this size; "
                 "choose a larger --print-size"
@@ -182,7 +183,7 @@ def _attempt(
     order = [k for k in sorted(bodies) if parts[k].parent >= 0]
     above = {k: leaders[parts[k].parent] for k in order}
     whole, failed = dict(bodies), {}
-    bodies, cuts = _cleared(bodies, above, joints, parts, failed, settings)
+    bodies, cuts = cleared(bodies, above, joints, parts, failed, settings)
     if failed:
         return failed
     taken, hardware, printed = Manifold(), {k: Manifold() for k in bodies}, []
@@ -201,7 +202,7 @@ def _attempt(
             failed[k] = why
             continue
         left = {i: s - fit.keep for i, s in bodies.items() if i not in (k, up)}
-        gone = [i for i, s in left.items() if _is_crumb(s)]
+        gone = [i for i, s in left.items() if is_crumb(s)]
         if gone:
             failed[k] = f"nothing would be left of '{parts[gone[0]].name}'"
             continue
@@ -216,10 +217,10 @@ def _attempt(
             notes.append(f"'{parts[k].name}': {fit.note}")
     if failed:
         return failed
-    bodies, more = _apart(bodies, above, parts, failed, settings)
+    bodies, more = apart(bodies, above, parts, failed, settings)
     if failed:
         return failed
-    notes += _losses(whole, bodies, [*cuts, *more], parts)
+    notes += losses(whole, bodies, [*cuts, *more], parts)
     pieces, called = _pieces(bodies, above, printed, hardware, leaders, parts, names, notes)
     return Print(pieces, called, tuple(notes), settings)
 
@@ -240,9 +241,9 @@ def _pieces(
     used = {name.lower() for name in names}  # some disks do not tell capitals apart
     for k, solid in bodies.items():
         held = tuple(p.name for p, leader in zip(parts, leaders, strict=True) if leader == k)
-        apart = sorted(solid.decompose(), key=lambda s: -s.volume())
-        loose = [s for s in apart[1:] if s.volume() > CRUMB]
-        pieces.append(Piece(names[k], apart[0], held, k, hardware[k]))
+        shells = sorted(solid.decompose(), key=lambda s: -s.volume())
+        loose = [s for s in shells[1:] if s.volume() > CRUMB]
+        pieces.append(Piece(names[k], shells[0], held, k, hardware[k]))
         for rest in loose:
             name = _new_name(f"{names[k]}_loose", used)
             pieces.append(Piece(name, rest, held, k, hardware[k], loose=True))
@@ -303,88 +304,6 @@ def _fitted(
             return dataclasses.replace(fit, parent=whole), ""
         reasons.append("what would hold it stands in another part's way")
     return None, "; ".join(dict.fromkeys(reasons))
-
-
-def _cleared(
-    bodies: dict[int, Manifold],
-    above: dict[int, int],
-    joints: Sequence[Joint],
-    parts: Sequence,
-    failed: dict[int, str],
-    settings: PrintSettings,
-) -> tuple[dict[int, Manifold], list[tuple[int, int]]]:
-    """The solids with a gap around each at rest, and around its whole path in its parent; and
-    (mover, what was cut for it) of each cut. A cut that would leave nothing is not made: the joint
-    that asks for it is put into ``failed``."""
-    bodies, cuts = _apart(bodies, above, parts, failed, settings)
-    for k, up in above.items():
-        if k in failed:
-            continue
-        free = _cut(bodies[up], without_path(bodies[up], bodies[k], joints[k], settings.clearance))
-        if _is_crumb(free):
-            failed[k] = f"on its way nothing would be left of '{parts[up].name}'"
-        elif free is not bodies[up]:
-            bodies[up] = free
-            cuts.append((k, up))
-    return bodies, cuts
-
-
-def _apart(
-    bodies: dict[int, Manifold],
-    above: dict[int, int],
-    parts: Sequence,
-    failed: dict[int, str],
-    settings: PrintSettings,
-) -> tuple[dict[int, Manifold], list[tuple[int, int]]]:
-    """The solids with a gap around each at rest, parents and children left as they are; and the
-    cuts, as ``_cleared`` has them."""
-    bodies, gap, keys, cuts = dict(bodies), settings.clearance, sorted(bodies), []
-    for n, i in enumerate(keys):
-        for j in keys[n + 1 :]:
-            if above.get(j) == i or bodies[i].min_gap(bodies[j], gap) >= ENOUGH * gap:
-                continue
-            free = _cut(bodies[j], bodies[j] - grown(bodies[i], gap))
-            if _is_crumb(free) and (j in above or i in above):
-                k, other = (j, i) if j in above else (i, j)
-                failed[k] = f"it stands where '{parts[other].name}' is"
-                continue
-            bodies[j] = free
-            cuts.append((i, j))
-    return bodies, cuts
-
-
-def _cut(before: Manifold, after: Manifold) -> Manifold:
-    """``after`` without small pieces that the cut left; ``before`` itself if none was made."""
-    if before.volume() - after.volume() < TRIFLE**3:
-        return before
-    pieces = sorted(after.decompose(), key=lambda p: -p.volume())
-    if len(pieces) > 1 and sum(p.volume() for p in pieces[1:]) < MUCH * before.volume():
-        return pieces[0]
-    return after
-
-
-def _is_crumb(solid: Manifold) -> bool:
-    """Whether no piece of it is large enough to be printed."""
-    return max((p.volume() for p in solid.decompose()), default=0.0) <= CRUMB
-
-
-def _losses(
-    whole: dict[int, Manifold],
-    left: dict[int, Manifold],
-    cuts: Sequence[tuple[int, int]],
-    parts: Sequence,
-) -> list[str]:
-    """A line for each body of which much was cut away, whatever it was cut for."""
-    lines = []
-    for k, solid in whole.items():
-        lost = (solid - left[k]).volume() / solid.volume()
-        if lost > MUCH:
-            movers = dict.fromkeys(mover for mover, block in cuts if block == k)
-            who = ", ".join("it" if m == k else f"'{parts[m].name}'" for m in movers)
-            lines.append(
-                f"{lost:.0%} of '{parts[k].name}' were cut away so that {who or 'it'} can move"
-            )
-    return lines
 
 
 def _count(number: int, what: str) -> str:

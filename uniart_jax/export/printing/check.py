@@ -9,7 +9,8 @@ import trimesh
 from manifold3d import Manifold
 
 from uniart_jax.export.convex_split import triangles
-from uniart_jax.export.printing.build import ENOUGH, Print, PrintedJoint
+from uniart_jax.export.printing.build import Print, PrintedJoint
+from uniart_jax.export.printing.clear import ENOUGH
 from uniart_jax.export.printing.settings import PrintSettings
 from uniart_jax.export.printing.solids import axis_frame, turned
 from uniart_jax.objects.kinematics import Joint

@@ -14,10 +14,16 @@ from manifold3d import Manifold
 from uniart_jax.export.atlas import Surface
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.frames import check_lengths
-from uniart_jax.export.printing.build import Piece, Print, at_rest_bounds, make_print
+from uniart_jax.export.printing.build import (
+    Piece,
+    Print,
+    PrintedJoint,
+    at_rest_bounds,
+    make_print,
+)
 from uniart_jax.export.printing.check import Held, Walls, held, touching, walls
 from uniart_jax.export.printing.lay import Lying, laid, on_plate
-from uniart_jax.export.printing.settings import PrintSettings
+from uniart_jax.export.printing.settings import MOST_SIZE, PrintSettings
 from uniart_jax.export.printing.solids import box_of, turned
 from uniart_jax.export.stl import closed_solid, stl_bytes
 from uniart_jax.objects.object import ArticulatedObject
@@ -56,16 +62,18 @@ def write_print(
     flat = [turned(p.solid, way.matrix) for p, way in zip(made.pieces, lying, strict=True)]
     places = on_plate([box_of(solid)[1, :2] for solid in flat])
     folder.mkdir(parents=True, exist_ok=True)
-    matrices, unclosed = [], []
+    matrices, unclosed = [], {}
     for piece, solid, way, corner in zip(made.pieces, flat, lying, places, strict=True):
         shift = np.eye(4)
         shift[:2, 3] = corner
         matrices.append(shift @ way.matrix)
         if not _write_piece(piece, turned(solid, shift), folder):
-            unclosed.append(f"'{piece.name}' is not closed as STL rounds it, and was left out")
+            unclosed[piece.name] = (
+                f"'{piece.name}' is not closed as STL rounds it, and was left out"
+            )
     tried = [held(made, joint) for joint in made.joints]
-    report = _report(obj, made, lying, matrices, tried)
-    report["notes"] = [*report["notes"], *unclosed]
+    report = _report(obj, made, lying, matrices, tried, set(unclosed))
+    report["notes"] = [*report["notes"], *unclosed.values()]
     (folder / JSON_FILE).write_text(json.dumps(report, indent=2, allow_nan=False) + "\n", "utf-8")
     (folder / TEXT_FILE).write_text(_text(obj, report), "utf-8")
     return tuple(f"print: {line}" for line in report["notes"])
@@ -110,14 +118,15 @@ def _report(
     lying: Sequence[Lying],
     matrices: Sequence[np.ndarray],
     tried: Sequence[Held],
+    missing: set[str],
 ) -> dict:
-    """``print.json``: plain values, mm."""
+    """``print.json``: plain values, mm; ``missing`` names pieces that were not written."""
     notes = list(made.notes)
     pieces = []
     for piece, way, matrix in zip(made.pieces, lying, matrices, strict=True):
         found = walls(piece.solid, piece.hardware, made.settings) if piece.parts else PIN
         entry = {
-            "file": f"{piece.name}.stl",
+            "file": None if piece.name in missing else f"{piece.name}.stl",
             "parts": list(piece.parts),
             "size": [round(float(x), 2) for x in np.ptp(box_of(turned(piece.solid, matrix)), 0)],
             "volume": round(float(piece.solid.volume()), 1),
@@ -154,7 +163,7 @@ def _report(
                 "pins_held": found.pins,
             }
         )
-        notes += _weak(name, joint.fit.kind, found)
+        notes += _weak(name, joint, found)
     notes += [f"'{a}' and '{b}' are only {d:.2f} mm apart at rest" for a, b, d in touching(made)]
     return {
         "unit": "millimetre",
@@ -162,7 +171,7 @@ def _report(
         "assembled_size": [round(float(x), 2) for x in np.ptp(at_rest_bounds(made), 0)],
         "pieces": pieces,
         "joints": joints,
-        "assembly": _steps(made),
+        "assembly": _steps(made, missing),
         "notes": notes,
     }
 
@@ -170,16 +179,21 @@ def _report(
 def _larger(thinnest: float | None, settings: PrintSettings) -> str:
     if not thinnest:
         return ""
+    most = min(10 * settings.size, MOST_SIZE)
     size = np.ceil(settings.size * settings.wall / thinnest / 5) * 5
-    return f"; they have it at --print-size {size:.0f}" if size <= 10 * settings.size else ""
+    return f"; they have it at --print-size {size:.0f}" if size <= most else ""
 
 
-def _weak(name: str, kind: str, found: Held) -> list[str]:
+def _weak(name: str, joint: PrintedJoint, found: Held) -> list[str]:
     """What of a joint is not as it should be, a line each."""
     lines = []
     if found.meets:
-        lines.append(f"'{name}' runs into its parent at {list(found.meets)} of its range")
-    if kind == "loose":  # said already
+        turns = joint.joint.rotates
+        ends = [np.rad2deg(q) if turns else q for q in (min(found.meets), max(found.meets))]
+        where = dict.fromkeys(f"{q:.1f}" for q in ends)
+        unit = "degrees" if turns else "mm"
+        lines.append(f"'{name}' runs into its parent at {' to '.join(where)} {unit}")
+    if joint.fit.kind == "loose":  # said already
         return lines
     if not found.along:
         lines.append(f"'{name}' can be pulled out along its axis")
@@ -190,18 +204,20 @@ def _weak(name: str, kind: str, found: Held) -> list[str]:
     return lines
 
 
-def _steps(made: Print) -> list[str]:
-    """What to do in which order: as the URDF has the tree, parents first."""
-    root = made.pieces[0]
-    steps = [f"Begin with {root.name}.stl."]
+def _steps(made: Print, missing: set[str]) -> list[str]:
+    """What to do in which order: as the URDF has the tree, parents first; without ``missing``."""
+    root = made.pieces[0].name
+    steps = [] if root in missing else [f"Begin with {root}.stl."]
     names = {p.leader: p.name for p in made.pieces if p.parts and not p.loose}
     for joint in made.joints:
         child, parent = names[joint.child], names[joint.parent]
+        if missing & {child, parent}:
+            continue
         step = f"Put {child}.stl to {parent}.stl: {joint.fit.text}"
-        pins = ", ".join(f"{name}.stl" for name in joint.pins)
+        pins = ", ".join(f"{name}.stl" for name in joint.pins if name not in missing)
         steps.append(step + (f" ({pins})." if pins else "."))
-    loose = [p for p in made.pieces if p.loose]
-    return steps + [f"Glue {p.name}.stl to {names[p.leader]}.stl." for p in loose]
+    glued = [(p.name, names[p.leader]) for p in made.pieces if p.loose]
+    return steps + [f"Glue {a}.stl to {b}.stl." for a, b in glued if not missing & {a, b}]
 
 
 def _text(obj: ArticulatedObject, report: dict) -> str:
@@ -225,7 +241,8 @@ def _text(obj: ArticulatedObject, report: dict) -> str:
             what += f", thinnest wall {wall:.2f}"
         if piece["overhang"] > 1:
             what += f", {piece['overhang']:.0f} mm^2 hang over (supports)"
-        lines.append(f"  {piece['file']}: {what}")
+        called = piece["file"] or f"not written ({', '.join(piece['parts']) or 'a pin'})"
+        lines.append(f"  {called}: {what}")
     lines += ["", "Assembly"]
     lines += [f"  {n}. {step}" for n, step in enumerate(report["assembly"], 1)]
     if report["joints"]:
