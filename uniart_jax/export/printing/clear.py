@@ -53,7 +53,7 @@ def apart(
             if above.get(j) == i or bodies[i].min_gap(bodies[j], gap) >= ENOUGH * gap:
                 continue
             free = _cut(bodies[j], bodies[j] - grown(bodies[i], gap))
-            if is_crumb(free) and (j in above or i in above):
+            if is_crumb(free):
                 k, other = (j, i) if j in above else (i, j)
                 failed[k] = f"it stands where '{parts[other].name}' is"
                 continue

@@ -150,10 +150,11 @@ def axis_frame(joint: Joint) -> np.ndarray:
 def without_path(solid: Manifold, mover: Manifold, joint: Joint, by: float) -> Manifold:
     """``solid`` without what ``mover`` (at coordinate 0) comes nearer to than ``by`` on its way.
 
-    Along a slide the path is the exact sum with a cube; a mover of many triangles is taken
-    apart into slices across it, and gets up to a slice more room at both ends. About a hinge the mover is taken apart into layers along the
-    axis and rings about it, each as what it looks like from along the axis: what is cut away is at
-    least as much as is needed, and nothing where the two stay apart.
+    Along a slide the path is the exact sum with a cube; a mover of many triangles is taken apart
+    into slices across the slide, and gets up to a slice more room at both ends. About a hinge the
+    mover is taken apart into layers along the axis and rings about it, each as what it looks like
+    from along the axis: what is cut away is at least as much as is needed, and nothing where the
+    two stay apart.
     """
     if solid.is_empty() or mover.is_empty():
         return solid
