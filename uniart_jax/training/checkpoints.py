@@ -132,7 +132,7 @@ class Checkpoints:
             which = "a checkpoint" if step is None else f"checkpoint {step}"
             raise OSError(
                 f"{self.folder}: no room on the disk for {which}; make room and run the same command "
-                "again, it goes on from the checkpoint before"
+                "again, it goes on from the last checkpoint that is whole, if there is one"
             ) from None
 
     def save(

@@ -236,7 +236,10 @@ class Reporter:
             if kind != "train" or images:
                 self.board.flush()
         except OSError as error:  # a failed write does not say which file it was
-            raise OSError(error.errno, error.strerror, str(self.path)) from None
+            if error.errno is None:
+                raise
+            where = f"{self.path} or its TensorBoard file"
+            raise OSError(error.errno, error.strerror, where) from None
         if kind != "train" or images:
             self.say(f"{self.name} {step}: " + "  ".join(f"{k} {v:.4g}" for k, v in values.items()))
 

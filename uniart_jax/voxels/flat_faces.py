@@ -13,7 +13,8 @@ closed. Of a moving part's other faces, those that are most of a rectangle becom
 
 What stands out from a plane by more than ``STANDS`` is a handle or a knob and stays. Round things
 keep their shape: their columns end at many depths, and few reach a face of the box. Slots and slats
-narrower than ``2 GAP`` sub-cells are closed: what networks draw has holes of that size.
+narrower than ``2 GAP`` sub-cells are closed, gaps at a face of the box up to ``2 TOOTH``: what
+networks draw has holes of that size.
 """
 
 from __future__ import annotations
@@ -65,8 +66,8 @@ def with_flat_faces(
 
     Args:
       boxes: [K, 6] centre and size of each part, object units. joints: [K]; what turns on one and
-        is shown turned is made flat as it lies straight (``turned``). carries: parts that others
-        hang on.
+        is shown turned is made flat as it lies straight (``turned``); that, and what is most of a
+        plate, is completed. carries: parts that others hang on.
 
     Returns:
       A new field. No cell that is solid in another part of ``field`` becomes a part's.

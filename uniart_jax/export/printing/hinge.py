@@ -39,7 +39,7 @@ class Fit:
     """A joint made printable; all solids stand assembled at rest.
 
     Attributes:
-      kind: "pin hinge", "snap shaft" or "slide".
+      kind: "pin hinge", "snap shaft", "slide" or "loose".
       parent, child: with what holds them together.
       pins: separate pieces.
       added: what of the parent is new and reaches out.
