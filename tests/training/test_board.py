@@ -43,7 +43,12 @@ def test_a_full_disk_names_the_log_and_leaving_says_no_more(tmp_path):
     (tmp_path / "metrics").mkdir()
     report = Reporter("toy", tmp_path, 0, StageConfig())
     report.path.symlink_to("/dev/full")
-    with pytest.raises(OSError, match=r"No space left on device: '.*toy\.jsonl'") as error, report:
+    with (
+        pytest.raises(
+            OSError, match=r"No space left on device: '.*toy\.jsonl or its TensorBoard file'"
+        ) as error,
+        report,
+    ):
         report.log(1, "train", {"loss": 1.0})
     assert "\n" not in str(error.value)
 
