@@ -242,6 +242,8 @@ def test_a_closed_door_keeps_its_handle_and_takes_nothing_from_others():
     assert solid_of(flat, 0)[handle < -0.6].all()
     assert (solid_of(flat, 1) >= solid_of(field, 1)).all()
     assert share_that_differs(flat, 0, np.minimum(even, handle), 1.0) > 0.01  # the post's place
+    new = solid_of(flat, 0) & ~solid_of(field, 0)  # a cell stays between
+    assert new.any() and not (new & ndimage.binary_dilation(solid_of(field, 1))).any()
 
 
 def test_round_and_half_closed_doors_are_no_plates():

@@ -171,7 +171,7 @@ def _turned(views: Views, part: int, turn: Turn) -> bool:
 
 
 def _is_most_of_a_plate(solid: np.ndarray, low: np.ndarray, turn: Turn) -> bool:
-    """Whether cells [A, B, C], from place ``low`` on, are most of what box and hinge say of them."""
+    """Whether cells [A, B, C], from place ``low`` on, are most of what box and hinge say."""
     first, last = turn.box(np.zeros(3), np.array(solid.shape, np.float64))
     across = 3 - turn.axis - turn.along
     shown = np.moveaxis(solid, across, 0)

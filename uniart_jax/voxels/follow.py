@@ -95,9 +95,8 @@ def assemble_layout(
         )
         for k in rows
     )
-    theirs = np.isin(owner, boxed + twice) & (
-        np.asarray(grid.sdf) < 0
-    )  # in the place of their meshes
+    # in the place of their meshes
+    theirs = np.isin(owner, boxed + twice) & (np.asarray(grid.sdf) < 0)
     grid = dataclasses.replace(grid, sdf=np.where(theirs, np.float32(0.5), grid.sdf))
     kept = [k for k in range(len(layout)) if k not in left_out]
     boxed = [kept.index(k) for k in boxed]

@@ -203,8 +203,8 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
 
 def _at_its_stop(joint: Joint, box: np.ndarray, parent: np.ndarray) -> Joint:
     """A knob whose picture does not show where it points: of all states a network then gives the
-    mean, a turn to both sides. Most are shown at their stop, from which they turn clockwise as seen
-    from outside; other joints as they are.
+    mean, a turn to both sides. Of procedural knobs two in three are shown at their stop, from which
+    they turn clockwise as seen from outside; other joints as they are.
 
     Args:
       box, parent: [6] centre and size of the part and of its parent, object units.
