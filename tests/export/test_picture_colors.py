@@ -8,7 +8,7 @@ import trimesh
 
 from uniart_jax.data.cameras import camera_codes, camera_position, project
 from uniart_jax.export.atlas import make_atlas
-from uniart_jax.export.picture_colors import Picture, look, paint
+from uniart_jax.export.picture_colors import Picture, look, paint, plain
 from uniart_jax.nn import lifting
 from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
@@ -114,3 +114,29 @@ def test_the_atlas_of_a_gray_object_takes_the_pictures_colours(scene):
     assert np.ptp(plain, axis=-1).max() < 2  # gray throughout
     red, blue = (shown[..., i] > 1.5 * shown[..., j] + 20 for i, j in ((0, 2), (2, 0)))
     assert red.mean() > 0.01 and blue.mean() > 0.01
+
+
+def test_what_nothing_shows_loses_its_blotches_and_keeps_its_parts_colours():
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-0.5, 0.5, (6000, 3)) * [1, 1, 0]
+    normals = np.tile([0.0, 0, 1], (6000, 1))
+    normals[3000:] *= -1  # the other side of a plate
+    ideal = np.where(normals[:, 2:] > 0, [0.8, 0.2, 0.1], [0.1, 0.2, 0.8]).astype(np.float32)
+    spots = rng.random(6000) < 0.2
+    rough = np.where(spots[:, None], rng.random((6000, 3)), ideal).astype(np.float32)
+    even = plain(points, normals, rough)
+    assert even.dtype == np.float32
+    assert np.abs(rough - ideal).max() > 0.5 and np.abs(even - ideal).max() < 0.1
+    few = rough[:20]
+    np.testing.assert_array_equal(plain(points[:20], normals[:20], few), few)
+
+
+def test_what_is_seen_keeps_its_detail_where_the_hidden_is_made_even(scene):
+    obj, picture, _ = scene
+    points, normals, parts, _ = sampled(obj)
+    colors = np.random.default_rng(1).random((len(points), 3)).astype(np.float32)
+    _, belief = look(picture, obj, points, normals)
+    made = paint(picture, obj, points, normals, parts, colors)
+    hidden = belief == 0
+    assert hidden.any() and (belief == 1).any()
+    assert np.std(made[hidden], axis=0).max() < 0.7 * np.std(colors[hidden], axis=0).max()

@@ -3,8 +3,8 @@
 What the picture shows, each place of the surface takes from it: the more it faces the camera and the farther it lies from the
 silhouette, where a small error of the camera shows the background. The picture's light is divided out: a smooth function of the
 normal that makes what is seen as bright as the network's colours, on the whole. What the picture does not show takes the colour
-of the nearest place of the same part that it does show, or of its mirror image (y -> -y), if that is near; else it keeps the
-network's.
+of the nearest place of the same part that it does show, or of its mirror image (y -> -y), if that is near; else the network's,
+of which a median is taken over a wide neighbourhood: what it guesses of places that nothing shows is blotchy.
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ LIGHT = (0.2, 3.0)
 DARK = 0.02  # linear RGB below which ratios say nothing
 SAMPLES = 5_000  # places a part that colours are carried from
 ROUNDS = 4
+PLAIN = 1500  # places of a part that nothing shows, whose colours are looked at together
+AROUND = 96  # nearest of them, of which a colour is the median
+FACE = 0.5  # object units that the opposite of a normal counts as twice, for these
+BETWEEN = 6  # nearest of these medians, of which a place's colour is the mean
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,6 +84,8 @@ def paint(
     filled = colors.copy()
     for k in np.unique(parts):
         mine = np.flatnonzero(parts == k)
+        hidden = mine[belief[mine] <= 0]
+        filled[hidden] = plain(points[hidden], normals[hidden], colors[hidden])
         seen, unseen = mine[belief[mine] > SEEN], mine[belief[mine] < 1]
         if len(seen) < 10 or not len(unseen):
             continue
@@ -94,8 +100,22 @@ def paint(
         near = np.exp(-((np.take_along_axis(distance, best, 0)[0] / NEAR) ** 2))[:, None]
         nearest = np.minimum(np.take_along_axis(index, best, 0)[0], len(seen) - 1)  # none: len
         carried = shown[seen[nearest]]
-        filled[unseen] = near * carried + (1 - near) * colors[unseen]
+        filled[unseen] = near * carried + (1 - near) * filled[unseen]
     return belief[:, None] * shown + (1 - belief[:, None]) * filled
+
+
+def plain(points: np.ndarray, normals: np.ndarray, colors: np.ndarray) -> np.ndarray:
+    """[n, 3] colours of places of a part without blotches: of ``PLAIN`` of them medians over their
+    ``AROUND`` nearest, and means of these in between."""
+    if len(points) <= AROUND:
+        return colors
+    at = _places(points, normals, FACE)
+    few = np.linspace(0, len(points) - 1, min(PLAIN, len(points))).astype(int)
+    _, near = cKDTree(at[few]).query(at[few], k=min(AROUND, len(few)))
+    medians = np.median(colors[few][near], axis=1)
+    distance, near = cKDTree(at[few]).query(at, k=min(BETWEEN, len(few)), eps=0.5)
+    weight = 1 / (distance + 1e-3)
+    return ((medians[near] * weight[..., None]).sum(1) / weight.sum(1)[:, None]).astype(np.float32)
 
 
 def look(
@@ -135,5 +155,5 @@ def light(
     return np.clip(np.exp(basis @ found), *LIGHT)
 
 
-def _places(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    return np.concatenate([points, TURNED * normals], -1)
+def _places(points: np.ndarray, normals: np.ndarray, turned: float = TURNED) -> np.ndarray:
+    return np.concatenate([points, turned * normals], -1)
