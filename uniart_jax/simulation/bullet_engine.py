@@ -171,6 +171,10 @@ class BulletEngine:
         moving, joints = self.sim.moving, self.sim.joints
         return sum(rate**2 * moving[joints[n]][6] for n, rate in self.plan.rates(joint).items())
 
+    def friction(self, joint: str) -> float:
+        moving, joints = self.sim.moving, self.sim.joints
+        return sum(abs(rate) * moving[joints[n]][7] for n, rate in self.plan.rates(joint).items())
+
     def coordinates(self) -> dict[str, float]:
         now = self.sim.coordinates()
         return {j.name: now[j.name] for j in self.plan.joints}

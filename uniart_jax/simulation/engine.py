@@ -168,6 +168,10 @@ class Engine(Protocol):
         """Generalised viscous damping of a joint with its followers: N s / m, or N m s."""
         ...
 
+    def friction(self, joint: str) -> float:
+        """Generalised dry friction of a joint with its followers: N, or N m."""
+        ...
+
     def coordinates(self) -> dict[str, float]: ...
 
     def speed(self) -> float:

@@ -146,6 +146,10 @@ class MujocoEngine:
         rates = self.plan.rates(joint)
         return float(sum(r**2 * self.model.dof_damping[self.dofs[n]] for n, r in rates.items()))
 
+    def friction(self, joint: str) -> float:
+        loss, rates = self.model.dof_frictionloss, self.plan.rates(joint)
+        return float(sum(abs(r) * loss[self.dofs[n]] for n, r in rates.items()))
+
     def coordinates(self) -> dict[str, float]:
         return {j.name: float(self.data.qpos[self.joints[j.name]]) for j in self.plan.joints}
 

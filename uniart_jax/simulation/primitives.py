@@ -24,6 +24,7 @@ LET_GO = 0.5  # afterwards, watched
 FORCE = 50.0  # N, beside twice the moved weight: what one hand does without effort
 LAG = 0.05  # of the path's length, at which the hand pushes with all its force
 STIFFEST = 200.0  # rad / s, of the part on the hand's spring: what an explicit time step bears
+STIFFEST_RUBBED = 500.0  # the same where dry friction would leave a light part, a knob, far behind
 SLOWEST = 0.05  # s, of the hand's spring against a joint's own damping
 VISITS = 30  # states of the way that are looked at for collisions
 SAMPLES = 129  # of the path
@@ -93,9 +94,11 @@ def _hand(engine: Engine, joint: PlannedJoint, local: np.ndarray) -> _Hand:
     gear = ((joint.goal - now) / length) ** 2
     mass = engine.inertia(joint.name) * gear + 1e-6
     damped = engine.damping(joint.name) * gear / SLOWEST
+    rubbed = engine.friction(joint.name) * float(np.sqrt(gear)) / (LAG * length)
+    held = max(mass * STIFFEST**2, damped, min(rubbed, mass * STIFFEST_RUBBED**2))
     weight = sum(i.mass for i in engine.inertias() if i.link in joint.moved) * GRAVITY
     limit = FORCE + 2 * weight
-    stiffness = min(limit / (LAG * length), max(mass * STIFFEST**2, damped))
+    stiffness = min(limit / (LAG * length), held)
     return _Hand(joint, local, path, stiffness, 2 * float(np.sqrt(stiffness * mass)), limit)
 
 
