@@ -68,6 +68,7 @@ def test_what_is_rough():
     assert not any(is_rough(procedural.generate(f, 3)) for f in procedural.SEEN_FAMILIES)
     ball = trimesh.creation.icosphere(subdivisions=5)  # 20,000 faces, all smooth
     assert not is_rough(ArticulatedObject((Part("ball", ball),)))
+    assert is_rough(ArticulatedObject((Part("ball", ball),), from_voxels=True))
 
 
 @pytest.mark.parametrize("drawn", [0.0, 0.25])

@@ -2,6 +2,7 @@
 
 What a network makes has bumps of a hundredth of the object everywhere. Convex hulls of that fill cavities and cross the neighbours;
 cells of one lattice cannot. The lattice lies along the object's axes at rest, where doors and drawers are closed, so that flat parts are few boxes.
+Knobs are no boxes, whose corners would catch as they turn: they are hulls, and every cell that one touches is its own.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import numpy as np
 import trimesh
 from scipy import ndimage
 
-from uniart_jax.export.physics import Box, Shape
+from uniart_jax.export.naming import is_knob
+from uniart_jax.export.physics import Box, Hull, Shape
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.crossings import lattice_windings
 
@@ -29,11 +31,15 @@ FILLED = 0.5  # of the cells of a layer by which a box grows, that must be the p
 SEEDS = 24  # cells that boxes are grown from, for each that is kept
 LEAST_CELLS = 3  # a part with fewer gets all cells that its corners are in
 GAP = 0.0015  # of the longest side, between the boxes of neighbours
+REACH = 0.7  # cells from a knob's rim, within which a cell's middle lies that it touches
 FREE = -1  # owner of a cell that is nobody's
 
 
 def is_rough(obj: ArticulatedObject) -> bool:
-    """Whether an object's surface is bumpy all over, as what a network makes is: no hull would follow it."""
+    """Whether an object's surface was found on voxels, or is bumpy all over, as what a network makes
+    is: no hull would follow it."""
+    if obj.from_voxels:
+        return True
     if sum(len(part.mesh.faces) for part in obj.parts) <= ROUGH_FACES:
         return False
     welded = [trimesh.Trimesh(p.mesh.vertices, p.mesh.faces) for p in obj.parts]
@@ -50,6 +56,7 @@ class Cells:
       rest: [K, 4, 4] of each part from the shown state to rest.
       full: [K, n, n, n] bool: the part's own cells; no cell is two parts'.
       spare: [K, n, n, n] bool: cells beside them that its boxes may hold too, because no other part ever gets there.
+      knobs: parts that are hulls instead, object units, at the shown state.
     """
 
     corner: np.ndarray
@@ -57,6 +64,7 @@ class Cells:
     rest: np.ndarray
     full: np.ndarray
     spare: np.ndarray
+    knobs: dict[int, trimesh.Trimesh] = dataclasses.field(default_factory=dict)
 
     def centers(self, cells: np.ndarray) -> np.ndarray:
         """[n, 3] centres of cells [n, 3]."""
@@ -67,9 +75,15 @@ class Cells:
         return np.floor((points - self.corner) / self.side).astype(np.int64)
 
     def shapes(self, scale: float) -> list[tuple[Shape, ...]]:
-        """[K] boxes for every part, in metres by ``scale``, in the frame of the shown state."""
-        out = []
+        """[K] boxes for every part, or a knob's hull, in metres by ``scale``, in the frame of the
+        shown state."""
+        out: list[tuple[Shape, ...]] = []
         for k, pose in enumerate(np.linalg.inv(self.rest)):
+            if k in self.knobs:
+                hull = self.knobs[k]
+                metric = trimesh.Trimesh(hull.vertices * scale, hull.faces, process=False)
+                out.append((Hull(metric),))
+                continue
             boxes = []
             for low, high in cover(self.full[k], self.spare[k]):
                 center = self.corner + (low + high) / 2 * self.side
@@ -118,10 +132,46 @@ def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells
         open_to_all = np.argwhere((owner == FREE) | (count[owner] > 1))
         away = np.abs(corner + (open_to_all + 0.5) * side - place.mean(0)).sum(1)
         owner[tuple(open_to_all[away.argmin()])] = k
+    knobs = [k for k in range(len(meshes)) if is_knob(obj, k)]
+    for k in knobs:
+        touched = _touched(obj, k, corners[k], rest, corner, side, n)
+        others = np.bincount(owner[owner != FREE], minlength=len(meshes))
+        lost = np.bincount(owner[touched & (owner != FREE)], minlength=len(meshes))
+        give = 2 * lost <= others
+        give[knobs] = False
+        owner[touched & ((owner == FREE) | give[owner])] = k
     full = owner == np.arange(len(meshes), dtype=np.int16)[:, None, None, None]
     near = np.stack([ndimage.binary_dilation(f, np.ones((3, 3, 3))) for f in full])
     alone = near & (near.sum(0) == 1) & (owner == FREE)
-    return Cells(corner, side, rest, full, alone)
+    hulls = {k: meshes[k].convex_hull for k in knobs}
+    return Cells(corner, side, rest, full, alone, hulls)
+
+
+def _touched(
+    obj: ArticulatedObject,
+    k: int,
+    vertices: np.ndarray,
+    rest: np.ndarray,
+    corner: np.ndarray,
+    side: float,
+    n: int,
+) -> np.ndarray:
+    """[n, n, n] bool: cells that a knob with ``vertices`` [m, 3] at rest touches as it turns."""
+    joint, pose = obj.parts[k].joint, rest[obj.parts[k].parent]
+    origin, axis = pose[:3, :3] @ joint.origin + pose[:3, 3], pose[:3, :3] @ joint.direction
+    arm = vertices - origin
+    radius = float(np.linalg.norm(np.cross(arm, axis), axis=1).max())
+    low, high = float((arm @ axis).min()), float((arm @ axis).max())
+    first = np.clip(np.floor((vertices.min(0) - corner) / side).astype(int) - 2, 0, n)
+    last = np.clip(np.floor((vertices.max(0) - corner) / side).astype(int) + 3, 0, n)
+    cells = np.indices(last - first).reshape(3, -1).T + first
+    away = corner + (cells + 0.5) * side - origin
+    beside = np.linalg.norm(np.cross(away, axis), axis=1) < radius + REACH * side
+    along = away @ axis
+    beside &= (along > low - side / 2) & (along < high + side / 2)
+    found = np.zeros((n, n, n), bool)
+    found[tuple(cells[beside].T)] = True
+    return found
 
 
 def cover(full: np.ndarray, spare: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -102,6 +102,8 @@ class ArticulatedObject:
       scale: metres per object unit.
       name, category: metadata for people; no network sees them.
       provenance: repairs made on the way, one readable line each.
+      from_voxels: whether its surfaces were found on voxels, as a network's. Its collision shapes
+        are then boxes of cells (``export.voxel_boxes``).
 
     Raises:
       ValueError: no parts, an empty mesh, several roots, a cycle, or a repeated name.
@@ -112,6 +114,7 @@ class ArticulatedObject:
     name: str = ""
     category: str = ""
     provenance: tuple[str, ...] = ()
+    from_voxels: bool = False
 
     def __post_init__(self):
         parts = tuple(self.parts)

@@ -74,6 +74,7 @@ def assemble(
         ),
         scale=scale,
         name=name,
+        from_voxels=tolerance > 0,
     )
     return with_parts_joined(without_debris(obj)) if tolerance else obj
 
