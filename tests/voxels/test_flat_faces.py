@@ -246,6 +246,42 @@ def test_a_closed_door_keeps_its_handle_and_takes_nothing_from_others():
     assert new.any() and not (new & ndimage.binary_dilation(solid_of(field, 1))).any()
 
 
+def test_what_of_the_body_is_in_a_closed_doors_plate_is_the_doors():
+    rough, box, joint, even = torn_door()
+    case = np.maximum(block((45, 8.3, 8.3), (60.3, 56.3, 56.3)), -block((44, 12, 12), (56, 52, 52)))
+    teeth = (even < -0.6) & (AT[2] % 9 < 3) & (AT[1] < 24) & (AT[1] > 16)
+    # joined to the case
+    bridge = block((41.0, 8.3, 12.3), (48.0, 18.0, 52.3))
+    body = np.where(teeth | ((bridge < 0) & (AT[2] % 9 < 3)), -1.0, case)
+    field = field_of(np.where(teeth, -1.0, body), np.where(teeth, 2.0, rough))
+    assert (solid_of(field, 0) & teeth).sum() > 100
+    boxes = np.stack([box_of((45, 8.3, 8.3), (60.3, 56.3, 56.3)), box])
+    apart = with_flat_faces(field, boxes, [Joint.fixed(), joint], (0,))
+    assert (solid_of(apart, 0) & teeth).sum() > 100  # who does not move is not said
+    flat = with_flat_faces(field, boxes, [Joint.fixed(), joint], (0,), (0,))
+    assert not solid_of(flat, 0)[teeth].any()
+    assert solid_of(flat, 1)[teeth & (AT[1] > 19)].mean() > 0.95
+    # but not a whole plate
+    wall = field_of(np.minimum(case, even), np.where(AT[2] > 30, 2.0, rough))
+    kept = with_flat_faces(wall, boxes, [Joint.fixed(), joint], (0,), (0,))
+    assert solid_of(kept, 0)[(even < -0.6) & (AT[2] > 34)].mean() > 0.9
+
+
+def test_two_closed_doors_that_share_a_strip_both_end_before_it():
+    first, box, joint, _ = opened(0)
+    (x, _, z), (x1, y1, z1) = CLOSED
+    other = ((x, y1 - 6, z), (x1, y1 + 10, z1))
+    hinge = Joint(place_of((x, y1 + 10, 30)), (0, 0, 1), angle=(-np.pi / 2, 0))
+    case = block((x1 + 1, 2.3, 8.3), (62.3, 63.3, 58.3))
+    field = field_of(case, first, block(*other))
+    boxes = np.stack([box_of((x1 + 1, 2.3, 8.3), (62.3, 63.3, 58.3)), box, box_of(*other)])
+    flat = with_flat_faces(field, boxes, [Joint.fixed(), joint, hinge], (0,), (0,))
+    ends = [np.argwhere(solid_of(flat, k))[:, 1] for k in (1, 2)]
+    assert 1 <= ends[1].min() - ends[0].max() <= 4
+    assert ends[0].max() == pytest.approx(y1 - 4, abs=1.5)
+    assert ends[1].min() == pytest.approx(y1 - 2, abs=1.5)
+
+
 def test_round_and_half_closed_doors_are_no_plates():
     rough, box, joint, _ = opened(0)
     half = np.maximum(rough, -block((0, 0, 32), (64, 64, 64)))

@@ -89,6 +89,48 @@ def test_a_knob_that_is_found_twice_is_made_once():
     assert any("a surer part is in its place" in line for line in made.provenance)
 
 
+def with_row(true, box, parent=0, joint=None):
+    """A layout with one more row, fixed to another."""
+    return Layout(
+        np.concatenate([true.boxes, np.asarray(box)[None]]),
+        (*true.joints, joint or Joint.fixed()),
+        (*true.parents, parent),
+        np.concatenate([true.colors, true.colors[:1]]),
+        np.append(true.confidence, 0.6),
+    )
+
+
+def test_a_fixed_part_of_which_voxels_show_a_fragment_is_left_out_and_said(oven):
+    obj, grid = oven
+    told, true = grid.gather(), Layout.of_object(obj)
+    inside = np.argmin(np.asarray(told.sdf).min(1))  # a voxel deep in the oven's wall
+    place = (told.coords[inside] + 0.5) / grid.resolution - 0.5
+    handle = np.concatenate([place, [0.02, 0.02, 0.02]])
+    own_box = np.array(told.own_box)
+    own_box[inside] = handle
+    found = dataclasses.replace(told, own_box=own_box.astype(np.float32))
+    made = assemble_layout(found, with_row(true, handle))
+    assert len(made.parts) == len(obj.parts) + 1  # as long as its box
+    long = handle.copy()
+    long[3:] = 0.02, 0.02, 0.3
+    own_box[inside] = long
+    found = dataclasses.replace(told, own_box=own_box.astype(np.float32))
+    made = assemble_layout(found, with_row(true, long))
+    assert len(made.parts) == len(obj.parts)
+    assert any("a fragment of it" in line for line in made.provenance)
+    assert compare_parts(made, obj).tree_right
+
+
+def test_a_speck_of_a_part_is_left_out_and_said(oven):
+    obj, grid = oven
+    true = Layout.of_object(obj)
+    box = np.concatenate([true.boxes[0, :3], [0.01, 0.014, 0.01]])
+    turns = Joint(box[:3], (1, 0, 0), angle=(-np.pi, np.pi))
+    made = assemble_layout(grid.gather(), with_row(true, box, joint=turns))
+    assert len(made.parts) == len(obj.parts)
+    assert any("it is too small" in line for line in made.provenance)
+
+
 def test_rows_are_the_owners_on_true_voxels(oven):
     obj, grid = oven
     rows = row_of_subcells(grid.gather(), Layout.of_object(obj).boxes)

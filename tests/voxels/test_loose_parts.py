@@ -162,6 +162,19 @@ def test_the_largest_piece_of_each_part_stays_wherever_it_is():
     assert solid_of(after, 2).sum() == 64
 
 
+def test_a_piece_of_the_body_that_touches_only_what_moves_goes():
+    drawer, piece = cubes((44, 30, 30)), cubes((48, 30, 30))
+    field = field_of(np.minimum(BODY, piece), drawer)
+    assert_same(without_floating_pieces(field, 2), field)
+    after = without_floating_pieces(field, 2, [0])
+    np.testing.assert_array_equal(solid_of(after, 0), BODY < 0)
+    np.testing.assert_array_equal(solid_of(after, 1), drawer < 0)
+    # one that is much of the body stays
+    half = np.minimum(BODY, block((48.3, 20.3, 20.3), (60.3, 44.3, 44.3)))
+    field = field_of(half, drawer)
+    assert_same(without_floating_pieces(field, 2, [0]), field)
+
+
 def test_pieces_of_parts_that_are_not_asked_for_stay():
     field = field_of(BODY, cubes((4, 4, 4), (4, 54, 4)))
     assert_same(without_floating_pieces(field, 1), field)

@@ -199,11 +199,11 @@ def test_resampling_without_a_motion_changes_nothing():
     np.testing.assert_array_equal(phi.shape, np.ptp(solid, axis=0) + 5)
 
 
-def completed(distance, lower=LOWER, upper=UPPER):
+def completed(distance, lower=LOWER, upper=UPPER, outside=0):
     """A straight part [N + 2]^3 after ``panel``, its row the block between two corners."""
     found = turn(*door(30))
     wide = dict(ends=(float(lower[1]), float(upper[1])), span=(lower[2], upper[2]))
-    found = type(found)(**{**vars(found), **wide})
+    found = type(found)(**{**vars(found), **wide, "outside": outside})
     sdf = field_of(distance).sdf
     return panel(sdf, np.zeros(3, int), found, N), sdf
 
@@ -220,13 +220,13 @@ def test_a_plate_with_a_quarter_torn_out_is_completed():
 
 
 def test_what_is_no_panel_and_no_handle_is_cut_off():
-    handle = block((34.3, 44.3, 28.3), (41, 47.3, 36.3))
+    handle = block((30.3, 44.3, 28.3), (41, 47.3, 36.3))
     flag = block((40.3, 50, 12.2), (44.3, 58.3, 20.2))  # beyond its far edge
     above = block((40.3, 20.3, 52), (44.3, 30.3, 58.3))
     filled, _ = completed(np.min([block(LOWER, UPPER), handle, flag, above], 0))
     assert not (filled < 0)[AT[1] > 51].any() and not (filled < 0)[AT[2] > 53].any()
     stands = (filled < 0) & (AT[0] < 40)
-    assert (handle[stands] < 0).all() and 36 <= AT[0][stands].min() <= 37  # .06 of 64 ahead of it
+    assert (handle[stands] < 0).all() and 33 <= AT[0][stands].min() <= 34  # .12 of 64 ahead of it
     assert (filled[(handle < 0) & (AT[0] > 38)] < 0).all()
     # a handle that is not too long is whole
     short = block((38.3, 44.3, 28.3), (41, 47.3, 36.3))
@@ -234,6 +234,19 @@ def test_what_is_no_panel_and_no_handle_is_cut_off():
     differ = (filled < 0) != (before < 0)
     assert (np.abs(block(LOWER, UPPER)[differ]) < 0.6).all()
     assert (filled[(short < 0) & (AT[0] < 40)] < 0).all()
+
+
+def test_only_a_panels_outside_has_a_handle_and_none_as_large_as_its_face():
+    handle = block((34.3, 44.3, 28.3), (41, 47.3, 36.3))
+    behind = block((44, 20.3, 20.3), (48.3, 24.3, 30.3))
+    hump = block((37.3, 18.3, 16.3), (41, 40.3, 48.3))
+    both = np.min([block(LOWER, UPPER), handle, behind], 0)
+    filled, _ = completed(both, outside=-1)
+    assert (filled[(handle < 0) & (AT[0] < 40)] < 0).all() and not (filled < 0)[AT[0] > 45].any()
+    filled, _ = completed(both, outside=1)
+    assert (filled[(behind < 0) & (AT[0] > 45)] < 0).all() and not (filled < 0)[AT[0] < 39].any()
+    filled, _ = completed(np.minimum(block(LOWER, UPPER), hump), outside=-1)
+    assert not (filled < 0)[AT[0] < 39].any()
 
 
 def test_a_panel_is_neither_too_thin_nor_too_thick():

@@ -22,6 +22,7 @@ from scipy import ndimage
 from uniart_jax.objects.kinematics import Joint, subtrees
 from uniart_jax.voxels.grid import connected
 from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.ways import center_of, closed_end, opens_to, places
 
 STEP = 1.0  # sub-cells that the farthest cell of a part goes between two states, unless these
 STATES = (9, 193)  # are more, or fewer
@@ -29,8 +30,6 @@ MARGIN = 0.25  # sub-cells around a moving part that stay free
 LOST = (0.3, 0.5)  # share of its cells that what stands still, and what moves, may lose
 WALL = 2  # sub-cells, thickness of what counts as an outer wall
 KNOB = 0.15  # object units; what is smaller, and its dish, may lie in any wall
-OPENS = 0.05  # object units that a part's middle goes at least, where it opens to a side
-FIRST = 0.1  # of its range, which says to which
 PIECE = 0.1  # share of a part's cells: what is cut off and smaller is left out
 
 
@@ -63,8 +62,8 @@ def with_room_to_move(
         depth = _depth(sdf, barring, moving, back)
         if np.ptp(cells, axis=0).max() > KNOB * size:
             body = (sdf < 0) & resting
-            opens_to = _opens_to(joints[k], cells, np.argwhere(body), size) if body.any() else None
-            walls = _walls(body, opens_to)
+            to = opens_to(joints[k], cells, np.argwhere(body), size) if body.any() else None
+            walls = _walls(body, to)
             depth[walls[tuple(barring.T)]] = 0
         _take(sdf, owner, barring, depth, LOST[0])
         _take(sdf, owner, cells, _depth(sdf, cells, resting, motions), LOST[1])
@@ -88,8 +87,8 @@ def _apart_at_rest(
     first = sorted((k for k in first if len(cells[k])), key=lambda k: -len(cells[k]))
     if len(first) < 2 or not still.any():
         return
-    center = _middle(np.argwhere(still), size)
-    closed = {k: joints[k].motion(_closed(joints[k], cells[k], center, size)) for k in first}
+    center = center_of(np.argwhere(still), size)
+    closed = {k: joints[k].motion(closed_end(joints[k], cells[k], center, size)) for k in first}
     for place, k in enumerate(first):
         for other in first[place + 1 :]:
             motion = np.linalg.inv(closed[other]) @ closed[k]
@@ -111,7 +110,7 @@ def with_meshes(field: DenseField, meshes: Sequence[trimesh.Trimesh], first: int
         high = np.clip(np.ceil(high).astype(int), 1, size)
         window = tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
         cells = np.indices(high - low + 1).reshape(3, -1).T + low
-        depth = _within(mesh, _places(cells, size)) * size
+        depth = _within(mesh, places(cells, size)) * size
         depth[depth.argmax()] = max(depth.max(), 0.5)
         depth = depth.reshape(high - low + 1)
         whose = np.where(sdf[window] < 0, owner[window], -1)
@@ -131,17 +130,12 @@ def _within(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
     return (planes - points @ mesh.face_normals.T).min(1)
 
 
-def _places(cells: np.ndarray, size: int) -> np.ndarray:
-    """Centres of a field's cells, object units; the layer around the grid is one cell wide."""
-    return (cells - 0.5) / size - 0.5
-
-
 def _motions(joint: Joint, cells: np.ndarray, size: int) -> list[np.ndarray]:
     """[4, 4] over the joint's range: ``STEP`` apart, at most ``STATES``."""
     lo, hi = joint.limits
     path = hi - lo
     if joint.rotates:
-        away = np.cross(_places(cells, size) - joint.origin, joint.direction)
+        away = np.cross(places(cells, size) - joint.origin, joint.direction)
         path *= float(np.hypot(np.linalg.norm(away, axis=1).max(), joint.pitch))
     count = int(np.clip(np.ceil(path * size / STEP), *STATES))
     return [joint.motion(q) for q in np.linspace(lo, hi, count)]
@@ -150,9 +144,9 @@ def _motions(joint: Joint, cells: np.ndarray, size: int) -> list[np.ndarray]:
 def _passed(cells: np.ndarray, motions: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
     """[n, n, n] bool, all that ``cells`` [m, 3] may touch at any of the motions."""
     passed, size = np.zeros(shape, bool), shape[0] - 2
-    places = _places(cells, size)
+    points = places(cells, size)
     for motion in motions:
-        at = _cells(places, motion, size)
+        at = _cells(points, motion, size)
         at = np.rint(at[((at > 0) & (at < size + 1)).all(1)]).astype(np.int32)
         passed[tuple(at.T)] = True
     return ndimage.binary_dilation(passed, np.ones((3, 3, 3)))
@@ -169,7 +163,7 @@ def _depth(
     """[n] how deep ``cells`` [n, 3] get, sub-cells, into the solid of the cells ``theirs`` at any
     of the motions; 0 where they do not."""
     size, solid = sdf.shape[0] - 2, theirs & (sdf < 0)
-    depth, places = np.zeros(len(cells)), _places(cells, size)
+    depth, points = np.zeros(len(cells)), places(cells, size)
     if not solid.any():
         return depth
     window = ndimage.find_objects(solid.astype(np.int8))[0]
@@ -178,7 +172,7 @@ def _depth(
     inside = np.where(theirs, sdf, np.maximum(np.abs(sdf), 0.5))[window]
     near = ndimage.binary_dilation(solid[window], np.ones((3, 3, 3)))
     for motion in motions:
-        at = _cells(places, motion, size) - low
+        at = _cells(points, motion, size) - low
         cell = np.rint(at).astype(np.int32)
         x, y, z = cell.T
         a, b, c = near.shape
@@ -188,38 +182,6 @@ def _depth(
         found = ndimage.map_coordinates(inside, at[some].T, order=1, mode="nearest")
         depth[some] = np.maximum(depth[some], MARGIN - found)
     return depth
-
-
-def _opens_to(
-    joint: Joint, cells: np.ndarray, body: np.ndarray, size: int
-) -> tuple[int, int] | None:
-    """(axis, side) to which a part of ``cells`` [n, 3] begins to open, from the end of its range
-    that is nearer the middle of ``body`` [m, 3]; None where it hardly moves, or turns all round."""
-    place = np.append(_places(cells, size).mean(0), 1)
-    ends = [(joint.motion(q) @ place)[:3] for q in joint.limits]
-    if joint.type == "continuous" or np.abs(ends[1] - ends[0]).max() <= OPENS:
-        return None
-    closed = _closed(joint, cells, _middle(body, size), size)
-    opened = joint.limits[int(closed == joint.limits[0])]
-    start, then = (joint.motion(q) @ place for q in (closed, closed + FIRST * (opened - closed)))
-    way = (then - start)[:3]
-    axis = int(np.abs(way).argmax())
-    return axis, int(np.sign(way[axis]))
-
-
-def _closed(joint: Joint, cells: np.ndarray, center: np.ndarray, size: int) -> float:
-    """The end of a joint's range at which the middle of its part's cells is nearer ``center`` [3];
-    0 for what turns all round."""
-    if joint.type == "continuous":
-        return 0.0
-    place = np.append(_places(cells, size).mean(0), 1)
-    far = [np.linalg.norm((joint.motion(q) @ place)[:3] - center) for q in joint.limits]
-    return joint.limits[int(far[1] < far[0])]
-
-
-def _middle(cells: np.ndarray, size: int) -> np.ndarray:
-    """[3] middle of the box around cells [n, 3]."""
-    return (_places(cells.min(0), size) + _places(cells.max(0), size)) / 2
 
 
 def _walls(solid: np.ndarray, but: tuple[int, int] | None) -> np.ndarray:

@@ -27,8 +27,10 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.fronts import door_of, side_by_side
 from uniart_jax.voxels.isosurface import ZERO, DenseField
 from uniart_jax.voxels.turned import Turn, panel, resampled, turn_of
+from uniart_jax.voxels.ways import center_of
 
 # lengths in sub-cells
 AROUND = 4  # a part's box, that is looked at
@@ -54,36 +56,40 @@ NARROW = 10  # a narrower face is an edge, as wide as its ripples say
 CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners
 APART = 1  # cells that stay between what is completed and other parts
 PANEL = 40  # cells around what is drawn of a panel, in which it is completed
+LENT = 0.4  # share of a plate that is drawn as the body's at most
 KEPT = 0.5  # share of a part's cells below which it is left as it was
 
 Views = tuple[np.ndarray, ...]  # distance, owner, source, and whose a cell was at first
 
 
 def with_flat_faces(
-    field: DenseField, boxes: np.ndarray, joints: Sequence[Joint] = (), carries: Sequence[int] = ()
+    field: DenseField,
+    boxes: np.ndarray,
+    joints: Sequence[Joint] = (),
+    carries: Sequence[int] = (),
+    body: Sequence[int] = (),
 ) -> DenseField:
     """A field whose parts' nearly flat faces are flat.
 
     Args:
       boxes: [K, 6] centre and size of each part, object units. joints: [K]; what turns on one and
         is shown turned is made flat as it lies straight (``turned``); that, and what is most of a
-        plate, is completed. carries: parts that others hang on.
+        plate, is completed. carries: parts that others hang on. body: parts that do not move; what
+        of them lies within a closed door's plate is the door's.
 
     Returns:
-      A new field. No cell that is solid in another part of ``field`` becomes a part's.
+      A new field. No other cell that is solid in another part of ``field`` becomes a part's, but
+      for what a turned one gave up.
     """
     sdf, owner, source = field.sdf.copy(), field.owner.copy(), field.source.copy()
     taken = np.full(sdf.shape, NOBODYS, owner.dtype)  # the layer around stays outside
     inner = (slice(1, -1),) * 3
     taken[inner] = np.where(field.sdf < 0, field.owner, -1)[inner]
     cells = sdf.shape[0] - 2
+    turns = _turns(field, boxes, joints, carries, body)
     for part, (centre, size) in enumerate(zip(boxes[:, :3], boxes[:, 3:], strict=True)):
-        if len(joints):
-            solid = np.argwhere((sdf < 0) & (owner == part))
-            box = np.concatenate([centre, size])
-            turn = turn_of(solid, box, joints[part], cells, part not in carries)
-            if turn is not None and _turned((sdf, owner, source, taken), part, turn):
-                continue
+        if part in turns and _turned((sdf, owner, source, taken), part, turns[part], body):
+            continue
         lower, upper = ((c + 0.5) * cells + 0.5 for c in (centre - size / 2, centre + size / 2))
         low = np.clip(np.floor(lower - AROUND).astype(int), 0, cells)
         high = np.clip(np.ceil(upper + AROUND).astype(int), 1, cells + 1)
@@ -94,6 +100,28 @@ def with_flat_faces(
         _flat_part(views, part, *box, box if moves else None)
     sdf[np.abs(sdf) < ZERO] = -ZERO
     return dataclasses.replace(field, sdf=sdf, owner=owner, source=source)
+
+
+def _turns(
+    field: DenseField,
+    boxes: np.ndarray,
+    joints: Sequence[Joint],
+    carries: Sequence[int],
+    body: Sequence[int],
+) -> dict[int, Turn]:
+    """Of the parts that turn on a hinge along the lattice."""
+    size = field.sdf.shape[0] - 2
+    inside = np.argwhere((field.sdf < 0) & np.isin(field.owner, body))
+    turns, doors = {}, {}
+    for part, joint in enumerate(joints):
+        cells = np.argwhere((field.sdf < 0) & (field.owner == part))
+        if not len(inside):
+            turns[part] = turn_of(cells, boxes[part], joint, size, part not in carries)
+        else:
+            center = center_of(inside, size)
+            doors[part] = door_of(cells, boxes[part], joint, size, center, part not in carries)
+    turns |= side_by_side({k: door for k, door in doors.items() if door is not None})
+    return {k: turn for k, turn in turns.items() if turn is not None}
 
 
 def _flat_part(
@@ -124,7 +152,7 @@ def _flat_part(
             view[...] = old
 
 
-def _turned(views: Views, part: int, turn: Turn) -> bool:
+def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
     """In place: a part that is shown turned, or is most of a plate, is made flat as it lies
     straight. False, and left as it was, where it is neither, or would lose too much."""
     sdf, owner, source, taken = views
@@ -158,15 +186,24 @@ def _turned(views: Views, part: int, turn: Turn) -> bool:
     from_ = tuple(slice(a, b) for a, b in zip(first - low, last - low, strict=True))
     phi, colored = phi[from_], colored[from_]
     was = mine & (sdf < 0)
-    others = ndimage.binary_dilation((sdf < 0) & ~was, iterations=APART)
-    free = (~others & (sdf > 0) | was)[into] & np.isin(taken[into], (-1, part))
+    lent = np.zeros_like(was)
+    if plate and turn.still:
+        lent[into] = (phi < 0) & (sdf[into] < 0) & np.isin(owner[into], body)
+        if lent.sum() > LENT * (phi < 0).sum():
+            lent[:] = False
+    others = ndimage.binary_dilation((sdf < 0) & ~was & ~lent, iterations=APART)
+    free = (~others & ((sdf > 0) | lent) | was)[into]
+    free &= np.isin(taken[into], (-1, part)) | lent[into]
     if (free & (phi < 0)).sum() < KEPT * was.sum():
         return False
-    sdf[was] = np.maximum(-sdf[was], 0.5)
+    gone = was | lent
+    sdf[gone] = np.maximum(-sdf[gone], 0.5)
+    owner[lent] = part
     here, whose = sdf[into], owner[into]
     new = free & ((phi < 0) | (np.isin(whose, (-1, part)) & (phi < 1)))
     here[new], whose[new] = phi[new], part
     source[into][new & (phi < 0)] = colored[new & (phi < 0)]
+    taken[was & (sdf > 0)] = -1  # a door beside it may have them
     return True
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+import trimesh
 
 from uniart_jax.objects.kinematics import topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -23,12 +24,17 @@ from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.legs import with_straight_legs
 from uniart_jax.voxels.loose_parts import with_parts_joined, without_floating_pieces
+from uniart_jax.voxels.rooms import with_clean_rooms
 from uniart_jax.voxels.segment import Segmentation, outside
 from uniart_jax.voxels.stand_ins import doubles, in_front, needed, side_by_side, stand_in
+from uniart_jax.voxels.ways import still_parts
 
 SAID = 0.25
 SIZE = 0.02
+SPECK = 0.015  # object units; a part with no side as long, that carries none, is left out
+FRAGMENT = 0.25  # of the longest side of its box, that a fixed part has at least
 FEWEST = 4  # solid sub-cells that a part is made of; with fewer its row is left out
 
 
@@ -60,13 +66,15 @@ def assemble_layout(
 
     Args:
       grid: attributes on active voxels as a network gives them. layout: of the same shown state and frame.
-      flat: nearly flat faces are made flat (``flat_faces``).
+      flat: nearly flat faces are made flat (``flat_faces``), legs straight (``legs``), rooms behind
+        doors and in drawers boxes (``rooms``).
       room: what stands in the way of moving parts is taken off (``clearance``).
 
     Returns:
       Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels
       hardly show, or that turns about its middle, is made of its box (``stand_ins``); another that
-      no voxel shows is left out, its children hang on its parent. ``provenance`` tells of both.
+      no voxel shows, or a fixed one of which they show a fragment, is left out, its children hang
+      on its parent. ``provenance`` tells of all.
 
     Raises:
       ValueError: the grid holds no voxels.
@@ -77,26 +85,20 @@ def assemble_layout(
     owner = row_of_subcells(grid, layout.boxes)
     solid = np.bincount(owner[np.asarray(grid.sdf) < 0], minlength=len(layout))
     cells = grid.resolution * grid.subdivisions
-    boxed = needed(layout, solid, cells)
-    twice = doubles(layout, boxed)
-    boxed = [k for k in boxed if k not in twice]
-    hidden = [
-        k
-        for k in range(len(layout))
-        if solid[k] < FEWEST and layout.parents[k] >= 0 and k not in boxed and k not in twice
-    ]
-    left_out = hidden + twice
+    boxed, specks, twice, hidden = _kinds(layout, solid, cells)
+    left_out = hidden + twice + specks
     notes = tuple(
         f"part {k} of the layout (confidence {layout.confidence[k]:.2f}) {what}"
         for rows, what in (
             (hidden, "left out: no voxels show it"),
+            (specks, "left out: it is too small"),
             (twice, "left out: a surer part is in its place"),
             (boxed, "made of its box: voxels are too coarse for it"),
         )
         for k in rows
     )
     # in the place of their meshes
-    theirs = np.isin(owner, boxed + twice) & (np.asarray(grid.sdf) < 0)
+    theirs = np.isin(owner, boxed + twice + specks) & (np.asarray(grid.sdf) < 0)
     grid = dataclasses.replace(grid, sdf=np.where(theirs, np.float32(0.5), grid.sdf))
     kept = [k for k in range(len(layout)) if k not in left_out]
     boxed = [kept.index(k) for k in boxed]
@@ -114,22 +116,38 @@ def assemble_layout(
     }
     rows = [*shown, *boxed]  # of the field's owners
 
+    place = {row: new for new, row in enumerate(rows)} | {-1: -1}
+    joints, up = [layout.joints[k] for k in rows], [place[layout.parents[k]] for k in rows]
+
+    body = [k for k in still_parts(up, joints) if k < len(shown)]
+
     def reshape(field: DenseField) -> DenseField:
         if flat:
-            carries = [rows.index(up) for up in set(layout.parents) if up >= 0]
-            field = with_flat_faces(field, boxes, [layout.joints[k] for k in shown], carries)
+            carries = [rows.index(k) for k in set(layout.parents) if k >= 0]
+            field = with_flat_faces(field, boxes, joints[: len(shown)], carries, body)
+            field = with_straight_legs(field, body)
+            field = with_clean_rooms(field, boxes, joints, up)
         for k in boxed:
             meshes[k] = in_front(meshes[k], layout.joints[k], field)
         field = with_meshes(field, [meshes[k] for k in boxed], len(shown))
-        field = without_floating_pieces(field, len(rows))
+        field = without_floating_pieces(field, len(rows), body)
         if not room:
             return field
-        place = {row: new for new, row in enumerate(rows)} | {-1: -1}
-        joints = [layout.joints[k] for k in rows]
-        return with_room_to_move(field, joints, [place[layout.parents[k]] for k in rows])
+        field = with_room_to_move(field, joints, up)
+        return without_floating_pieces(field, len(rows), body)
 
     found = mesh_parts(told, Segmentation(boxes, owner, pure), reshape)
     meshes |= dict(zip(shown, found, strict=True))
+    fragments = [k for k in range(len(layout)) if _is_fragment(meshes[k], layout, k)]
+    notes += tuple(
+        f"part {kept[k]} of the layout (confidence {layout.confidence[k]:.2f}) left out: voxels show "
+        "a fragment of it"
+        for k in fragments
+    )
+    meshes = {
+        new: meshes[k] for new, k in enumerate(k for k in sorted(meshes) if k not in fragments)
+    }
+    layout = _without(layout, fragments)
     order = topological_order(list(layout.parents))
     position = {old: new for new, old in enumerate(order)}
     parts = tuple(
@@ -141,7 +159,37 @@ def assemble_layout(
         )
         for k in order
     )
-    return with_parts_joined(ArticulatedObject(parts, scale=scale, name=name, provenance=notes))
+    obj = ArticulatedObject(parts, scale, name, provenance=notes, from_voxels=True)
+    return with_parts_joined(obj)
+
+
+def _kinds(
+    layout: Layout, solid: np.ndarray, cells: int
+) -> tuple[list[int], list[int], list[int], list[int]]:
+    """Rows that are made of their boxes, that are too small, that are found twice, and that no
+    voxel shows; ``solid`` [K]: solid sub-cells of each, of a grid with ``cells`` along its side."""
+    boxed = needed(layout, solid, cells)
+    specks = [
+        k
+        for k, up in enumerate(layout.parents)
+        if up >= 0 and k not in layout.parents and layout.boxes[k, 3:].max() < SPECK
+    ]
+    boxed = [k for k in boxed if k not in specks]
+    twice = doubles(layout, boxed)
+    boxed = [k for k in boxed if k not in twice]
+    told = boxed + specks + twice
+    hidden = [
+        k for k, up in enumerate(layout.parents) if solid[k] < FEWEST and up >= 0 and k not in told
+    ]
+    return boxed, specks, twice, hidden
+
+
+def _is_fragment(mesh: trimesh.Trimesh, layout: Layout, row: int) -> bool:
+    """Whether a part that is fixed to another, as a handle, and carries none, is hardly there."""
+    alone = layout.parents[row] >= 0 and row not in layout.parents
+    longest = float(layout.boxes[row, 3:].max())
+    small = float(mesh.extents.max()) < FRAGMENT * longest
+    return alone and layout.joints[row].type == "fixed" and small
 
 
 def _without(layout: Layout, left_out: list[int]) -> Layout:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 import trimesh
@@ -22,6 +23,7 @@ NEAR = (
 TOUCHING = 0.005  # of the longest side, that lie between two parts once they were moved together
 VOLUME = 0.01  # of the object's
 SPACING = 0.01  # of the longest side, between places on a part's surface
+PIECE = 0.1  # share of the body's cells: a larger piece of it stays
 CRUMB = 0.1  # of a part's vertices: a piece of it that has fewer holds nothing, and may be gone when surfaces are simplified
 
 
@@ -52,16 +54,24 @@ def without_debris(obj: ArticulatedObject) -> ArticulatedObject:
     return dataclasses.replace(obj, parts=tuple(parts))
 
 
-def without_floating_pieces(field: DenseField, parts: int) -> DenseField:
+def without_floating_pieces(field: DenseField, parts: int, body: Sequence[int] = ()) -> DenseField:
     """A field without pieces that touch nothing, but for the largest piece of each part.
 
-    Pieces touch where no more than two cells lie between them. ``parts``: owners 0, 1, ….
+    Pieces touch where no more than two cells lie between them.
+
+    Args:
+      parts: owners 0, 1, …. body: those that no joint moves. What touches only parts that move
+        away hangs in the air too; so small pieces of these have to touch others of these.
     """
     solid = field.sdf < 0
-    wide = ndimage.binary_dilation(solid, np.ones((3, 3, 3)))
-    together = connected(wide) * solid
-    main = np.bincount(together[solid]).argmax() if solid.any() else 0
+    together, main = _together(solid)
     sdf = field.sdf.copy()
+    still = solid & np.isin(field.owner, body)
+    if still.any():
+        labels, largest = _together(still)
+        small = np.bincount(labels[still]) < PIECE * still.sum()
+        loose = still & (labels != largest) & small[labels]
+        sdf[loose] = np.maximum(-sdf[loose], 0.5)
     for part in range(parts):
         mine = solid & (field.owner == part)
         pieces = connected(mine)
@@ -71,6 +81,13 @@ def without_floating_pieces(field: DenseField, parts: int) -> DenseField:
         loose = mine & (together != main) & (pieces != largest)
         sdf[loose] = np.maximum(-sdf[loose], 0.5)
     return dataclasses.replace(field, sdf=sdf)
+
+
+def _together(solid: np.ndarray) -> tuple[np.ndarray, int]:
+    """[n, n, n] label of cells that touch, and the one of most cells."""
+    wide = ndimage.binary_dilation(solid, np.ones((3, 3, 3)))
+    labels = connected(wide) * solid
+    return labels, int(np.bincount(labels[solid]).argmax()) if solid.any() else 0
 
 
 def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:

@@ -23,6 +23,7 @@ AXIS = 0.95  # least cosine between a disc's axis and a side of its box
 ROUND = 0.4  # least ratio of a disc's other two sides
 MIDDLE = 0.25  # of these, that a disc's axis passes beside its middle at most
 BURIED = 0.5  # share of a disc's slice within other parts, from which on it is cut off
+GAP = 0.003  # object units between a disc and the surface that it stands on, so that it turns
 THINNEST = 2  # sub-cells that a disc then stands out at least
 ROOM = 0.9  # share of the way between two discs that they fill
 SMALLER = 0.4  # share of its size that a disc keeps at least where others are near
@@ -153,10 +154,10 @@ def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.
         return mesh
     vertices = np.array(mesh.vertices)
     if inner_first:
-        surface = (first[axis] + buried[-1] + 0.5) / size - 0.5
+        surface = (first[axis] + buried[-1] + 0.5) / size - 0.5 + GAP
         vertices[:, axis] = np.maximum(vertices[:, axis], surface)
     else:
-        surface = (last[axis] - 1 - buried[-1] - 0.5) / size - 0.5
+        surface = (last[axis] - 1 - buried[-1] - 0.5) / size - 0.5 - GAP
         vertices[:, axis] = np.minimum(vertices[:, axis], surface)
     made = mesh.copy()
     made.vertices = vertices

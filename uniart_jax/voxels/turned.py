@@ -10,13 +10,16 @@ A closed door is not turned, and is filled where most of it is drawn.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.grid import connected
 from uniart_jax.voxels.isosurface import ZERO
+from uniart_jax.voxels.ways import closed_end, places
 
 STRAIGHT = np.deg2rad(2.5)  # what is turned by less lies straight
 OPEN = np.deg2rad(8.0)  # what is turned by more is drawn badly: ``panel``
@@ -27,7 +30,9 @@ PLATE = 3.0  # times as long as thick, across the hinge: its direction can be to
 THICK = (3.0, 8.0)  # sub-cells, of a panel, least and most
 THIN = 0.35  # of its width, that a panel is thick at most
 WIDE = 0.1  # object units, that a panel is wide and high at least
-HANDLE = 0.06  # object units, that a handle may stand out from a panel
+HANDLES = 0.12  # share of a panel's face that what stands out from it covers at most
+HANDLE = 0.12  # object units, that a handle may stand out from a panel
+LUMP = 1.5  # times as thick as a panel, that it is at a handle at least
 ROOM = 4  # cells around a part
 
 
@@ -40,6 +45,7 @@ class Turn:
       axis, along: of the lattice: the hinge, and across it the one that the part then lies along.
       span, ends: (low, high) of the part along each.
       opened: whether it is turned by more than ``OPEN``. still: whether it lies straight as shown.
+      outside: across both, where it lies straight, the way that it opens: 1, -1, or 0 if unknown.
     """
 
     straight: np.ndarray
@@ -50,6 +56,7 @@ class Turn:
     ends: tuple[float, float]
     opened: bool
     still: bool = False
+    outside: int = 0
 
     def box(self, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """[3], [3]: where it lies straight, of a part whose cells go from ``low`` to ``high``."""
@@ -60,7 +67,12 @@ class Turn:
 
 
 def turn_of(
-    cells: np.ndarray, box: np.ndarray, joint: Joint, size: int, corrected: bool
+    cells: np.ndarray,
+    box: np.ndarray,
+    joint: Joint,
+    size: int,
+    corrected: bool,
+    center: np.ndarray | None = None,
 ) -> Turn | None:
     """How a part is turned about its hinge; None where it has none along the lattice, or voxels and
     joint do not agree.
@@ -68,6 +80,7 @@ def turn_of(
     Args:
       cells: [n, 3] solid cells. box: [6] of its row. size: of the grid, cells. corrected: it is
         turned back by what its joint says, so that it is straight at rest, not by what voxels say.
+      center: [3] of what it is closed against, object units; None: its outside is unknown.
     """
     axis = int(np.abs(joint.direction).argmax())
     if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG or len(cells) < 3:
@@ -114,37 +127,77 @@ def turn_of(
         (middle - width / 2, middle + width / 2),
         max(abs(angle), abs(straight)) > OPEN and not still,
         still,
+        0
+        if center is None
+        else _outside(joint, axis, across[1 - side], cells, straight, center, size),
     )
+
+
+def _outside(
+    joint: Joint,
+    axis: int,
+    across: int,
+    cells: np.ndarray,
+    straight: float,
+    center: np.ndarray,
+    size: int,
+) -> int:
+    """The way along ``across`` that a part sets out to open, turned by ``straight`` about ``axis``."""
+    closed = closed_end(joint, cells, center, size)
+    opens = sum(joint.limits) / 2 - closed  # towards the other end
+    arm = places(cells, size).mean(0) - joint.origin
+    way = np.sign(opens) * np.cross(joint.direction, arm)
+    turned = Rotation.from_rotvec(straight * np.eye(3)[axis]).apply(way)
+    return int(np.sign(turned[across]))
 
 
 def panel(phi: np.ndarray, low: np.ndarray, turn: Turn, size: int) -> np.ndarray:
     """Distances [A, B, C] of a part that lies straight, filled to the plate that its box says, and
-    without what is neither that nor a handle; as they are if it is no plate.
+    without what is neither that nor a handle on its outside; as they are if it is no plate.
 
     Args:
       low: [3] place of the window's first cell.
     """
     across = 3 - turn.axis - turn.along
-    cells = np.argwhere(phi < 0)
-    thick = (phi < 0).sum(across)
-    depth = float(np.clip(np.median(thick[thick > 0]), *THICK))
+    solid = phi < 0
+    thick = solid.sum(across)
+    usual = float(np.median(thick[thick > 0]))
+    depth = float(np.clip(usual, *THICK))
     sides = turn.ends[1] - turn.ends[0], turn.span[1] - turn.span[0]
     if depth > THIN * sides[0] or min(sides) < WIDE * size:
         return phi
-    middle = float(np.median(cells[:, across])) + low[across]
-    ranges = {
-        turn.axis: (turn.span, 0.0),
-        turn.along: (turn.ends, 0.0),
-        across: ((middle - depth / 2, middle + depth / 2), HANDLE * size),
-    }
-    plate, room = np.full(phi.shape, -np.inf), np.full(phi.shape, -np.inf)
-    for axis, ((first, last), more) in ranges.items():
-        at = np.arange(phi.shape[axis]) + low[axis]
-        beyond = np.maximum(first - at, at - last)
-        beyond = beyond.reshape([-1 if k == axis else 1 for k in range(3)])
-        plate, room = np.maximum(plate, beyond), np.maximum(room, beyond - more)
+    # of columns without a handle
+    plain = np.expand_dims((thick > 0) & (thick <= LUMP * usual), across)
+    middle = float(np.median(np.argwhere(solid & plain)[:, across])) + low[across]
+    handle = [HANDLE * size if turn.outside in (0, side) else 0.0 for side in (-1, 1)]
+
+    def beyond(depth: float, more: Sequence[float] = (0.0, 0.0)) -> np.ndarray:
+        """How far cells lie outside of a plate so thick, or so much ``more`` to either side."""
+        ends = {turn.axis: turn.span, turn.along: turn.ends}
+        ends[across] = middle - depth / 2 - more[0], middle + depth / 2 + more[1]
+        found = np.full(phi.shape, -np.inf)
+        for axis, (first, last) in ends.items():
+            at = np.arange(phi.shape[axis]) + low[axis]
+            at = at.reshape([-1 if k == axis else 1 for k in range(3)])
+            found = np.maximum(found, np.maximum(first - at, at - last))
+        return found
+
+    plate, drawn = beyond(depth), beyond(max(depth, usual))
+    room = beyond(max(depth, usual), handle)
+    wide = _too_wide(solid & (drawn > 1) & (room <= 0), across, HANDLES * sides[0] * sides[1])
+    room = np.where(wide, drawn, room)
     filled = np.clip(np.minimum(np.maximum(phi, room), plate), -1, 1)
     return np.where(np.abs(filled) < ZERO, -ZERO, filled).astype(np.float32)
+
+
+def _too_wide(solid: np.ndarray, across: int, most: float) -> np.ndarray:
+    """The pieces of cells that cover more than so many columns along an axis: no handles."""
+    pieces = np.moveaxis(connected(solid), across, 0)
+    first = np.where(pieces[1:] != pieces[:-1], pieces[1:], 0)  # once a run of a column
+    covered = np.bincount(np.concatenate([pieces[0].ravel(), first.ravel()]))
+    wide = covered > most
+    wide[0] = False
+    return np.moveaxis(wide[pieces], 0, across)
 
 
 def _wrapped(angle: float) -> float:

@@ -1,0 +1,187 @@
+"""Rooms behind doors and in drawers become boxes with flat walls; what is no room stays."""
+
+import numpy as np
+import pytest
+from fields import AT, N, assert_same, block, box_of, copy_of, field_of, place_of, solid_of
+from scipy import ndimage
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.isosurface import ZERO
+from uniart_jax.voxels.rooms import with_clean_rooms
+
+FIXED = Joint.fixed()
+CASE = ((14.3, 8.3, 8.3), (56.3, 56.3, 56.3))
+ROOM = ((13.0, 12.3, 12.3), (50.3, 52.3, 52.3))  # open in front, at low x
+DOOR = ((10.3, 8.3, 8.3), (13.3, 56.3, 56.3))
+SWINGS = Joint(place_of((10.3, 8.3, 30)), (0.0, 0, 1), angle=(0.0, 1.5))
+
+
+def noise(seed, share, size=3):
+    """[N + 2]^3 bool: lumps of cells."""
+    rng = np.random.default_rng(seed)
+    seeds = rng.random((N + 2,) * 3) < share
+    return ndimage.binary_dilation(seeds, np.ones((size,) * 3))
+
+
+def cabinet(more=None, less=None, room=ROOM):
+    body = np.maximum(block(*CASE), -block(*room))
+    if more is not None:
+        body = np.where(more & (block(*CASE) < -1), -1.0, body)
+    if less is not None:
+        body = np.where(less & (block(*CASE) < -1), 1.0, body)
+    return field_of(body, block(*DOOR))
+
+
+def cleaned(field, door=SWINGS, box=DOOR):
+    boxes = np.stack([box_of(*CASE), box_of(*box)])
+    return with_clean_rooms(field, boxes, [FIXED, door], [-1, 0])
+
+
+def wrong(field, ideal, within=ROOM, margin=3.0):
+    """Cells of the body that are not as the ideal, in and around a room."""
+    near = block(*within) < margin
+    return int(((solid_of(field, 0) != solid_of(ideal, 0)) & near).sum())
+
+
+def test_lumps_crumbs_and_holes_in_walls_go():
+    ideal = cabinet()
+    inside = block(*ROOM) < 0
+    lumps = noise(0, 0.002) & inside & (block(*ROOM) > -6)
+    crumbs = noise(1, 0.0005) & inside
+    holes = noise(2, 0.003) & (block(*ROOM) < 1.8) & ~inside & (AT[0] < 52.5)
+    rough = cabinet(lumps | crumbs, holes)
+    before = copy_of(rough)
+    after = cleaned(rough)
+    assert_same(rough, before)
+    assert wrong(rough, ideal) > 3000
+    assert wrong(after, ideal) < 0.02 * wrong(rough, ideal)
+    assert (np.abs(after.sdf) >= ZERO).all()
+    np.testing.assert_array_equal(solid_of(after, 1), solid_of(rough, 1))
+    assert_same(cleaned(rough), after)
+
+
+def test_a_shelf_that_is_mostly_there_becomes_whole_and_less_of_one_goes():
+    shelf = (np.abs(AT[2] - 32) < 1.5) & (block(*ROOM) < 0)
+    most, some = shelf & (noise(3, 0.05) | (AT[1] < 36)), shelf & (AT[1] < 24)
+    after = cleaned(cabinet(most))
+    assert solid_of(after, 0)[shelf & (AT[0] > 15)].all()
+    assert wrong(cleaned(cabinet(some)), cabinet()) == 0
+
+
+def test_a_divider_stays_too():
+    wall = (np.abs(AT[1] - 32) < 1.5) & (block(*ROOM) < 0)
+    after = cleaned(cabinet(wall & ~noise(4, 0.01)))
+    assert solid_of(after, 0)[wall & (AT[0] > 15)].all()
+
+
+def test_a_round_room_stays():
+    radius = np.hypot(AT[1] - 32.3, AT[2] - 32.3)
+    body = np.maximum(block(*CASE), -np.maximum(radius - 20, AT[0] - 50.3))
+    field = field_of(body, block(*DOOR))
+    assert wrong(cleaned(field), field) == 0
+
+
+def test_what_is_full_stays_full():
+    field = field_of(block(*CASE), block(*DOOR))
+    assert wrong(cleaned(field), field) == 0
+    sparse = cabinet(noise(5, 0.03) & (block(*ROOM) < 0))
+    assert wrong(cleaned(sparse), sparse) == 0  # more solid than free
+
+
+def test_a_room_of_two_doors_has_no_wall_between_them():
+    halves = [((10.3, 8.3, 8.3), (13.3, 32.0, 56.3)), ((10.3, 32.6, 8.3), (13.3, 56.3, 56.3))]
+    right = Joint(place_of((10.3, 56.3, 30)), (0.0, 0, 1), angle=(-1.5, 0.0))
+    crumbs = noise(6, 0.0008) & (block(*ROOM) < 0)
+    body = np.where(crumbs, -1.0, np.maximum(block(*CASE), -block(*ROOM)))
+    field = field_of(body, *(block(*half) for half in halves))
+    boxes = np.stack([box_of(*CASE), *(box_of(*half) for half in halves)])
+    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, right], [-1, 0, 0])
+    assert crumbs.sum() > 1000
+    assert wrong(after, cabinet()) == 0
+
+
+@pytest.mark.parametrize("quarter", [1, 2, 3])
+def test_a_room_may_open_to_any_side(quarter):
+    turn = lambda values: np.rot90(values, quarter, (0, 1))  # noqa: E731
+    rough = cabinet(noise(7, 0.001) & (block(*ROOM) < 0))
+    angle = -quarter * np.pi / 2
+    matrix = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    point = np.array([10.3, 8.3]) - (N + 1) / 2
+    hinge = np.append(matrix @ point + (N + 1) / 2, 30)
+    joint = Joint(place_of(hinge), (0.0, 0, 1), angle=(0.0, 1.5))
+    ends = np.array([DOOR[0][:2], DOOR[1][:2]]) - (N + 1) / 2
+    ends = np.sort(ends @ matrix.T + (N + 1) / 2, axis=0)
+    box = np.c_[ends, [8.3, 56.3]]
+    turned = type(rough)(*(turn(v).copy() for v in (rough.sdf, rough.owner, rough.source)))
+    after = cleaned(turned, joint, tuple(box))
+    np.testing.assert_array_equal(after.sdf < 0, turn(cleaned(rough).sdf < 0))
+    assert (after.sdf < 0).sum() < (turned.sdf < 0).sum()
+
+
+def test_what_moves_in_a_room_stays():
+    rack = ((20.3, 13.3, 30.3), (45.3, 51.3, 33.3))
+    slides = Joint(np.zeros(3), (-1.0, 0, 0), travel=(0.0, 0.3))
+    body = np.maximum(block(*CASE), -block(*ROOM))
+    field = field_of(body, block(*DOOR), block(*rack))
+    boxes = np.stack([box_of(*CASE), box_of(*DOOR), box_of(*rack)])
+    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, slides], [-1, 0, 0])
+    lost = solid_of(field, 2) & ~solid_of(after, 2)
+    assert lost.sum() < 0.02 * solid_of(field, 2).sum()
+
+
+# a drawer that is closed: front, floor and walls
+BOX = ((10.3, 14.3, 24.3), (44.3, 50.3, 40.3))
+TRAY = ((14.3, 18.3, 28.3), (40.3, 46.3, 41))
+PULLS = Joint(np.zeros(3), (-1.0, 0, 0), travel=(0.0, 0.4))
+
+
+def drawer(torn=None, body=None):
+    case = np.maximum(block((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), -block((13, 14, 24), (46, 51, 41)))  # fmt: skip
+    tray = np.maximum(block(*BOX), -block(*TRAY))
+    if torn is not None:
+        tray = np.where(torn, 2.0, tray)
+    if body is not None:
+        case = np.where(body, -1.0, case)
+    return field_of(case, tray)
+
+
+def pulled(field):
+    boxes = np.stack([box_of((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), box_of(*BOX)])
+    return with_clean_rooms(field, boxes, [FIXED, PULLS], [-1, 0])
+
+
+def differs(field, ideal):
+    return int((solid_of(field, 1) != solid_of(ideal, 1)).sum())
+
+
+def test_a_torn_drawer_becomes_whole():
+    torn = noise(8, 0.01) & (block(*TRAY) > 0)
+    rough, ideal = drawer(torn), drawer()
+    assert differs(rough, ideal) > 1500
+    after = pulled(rough)
+    assert differs(after, ideal) < 0.55 * differs(rough, ideal)  # walls, from within
+    lining = (block(*TRAY) > 0) & (block(*TRAY) < 1.9) & (block(*BOX) < 0) & (AT[2] < 40)
+    assert solid_of(after, 1)[lining].all() and not solid_of(rough, 1)[lining].all()
+    front = (block(*BOX) < -1) & (AT[0] < 14)
+    assert solid_of(after, 1)[front].all()
+
+
+def test_what_of_the_body_is_in_a_drawers_front_is_the_drawers():
+    teeth = (block(*BOX) < -1) & (AT[0] < 14) & (AT[2] % 8 < 3) & (AT[1] < 30)
+    field = drawer(teeth, teeth)
+    assert (solid_of(field, 0) & teeth).sum() > 50
+    after = pulled(field)
+    assert solid_of(after, 1)[teeth].all() and not solid_of(after, 0)[teeth].any()
+
+
+def test_a_block_that_slides_is_no_drawer():
+    field = field_of(drawer().sdf * 0 + 3, block(*BOX))
+    field = field_of(block((14.3, 8.3, 42), (52.3, 56.3, 46.3)), block(*BOX))
+    assert differs(pulled(field), field) == 0
+
+
+def test_parts_that_hang_on_moving_ones_are_left():
+    rough = cabinet(noise(9, 0.001) & (block(*ROOM) < 0))
+    boxes = np.stack([box_of(*CASE), box_of(*DOOR)])
+    after = with_clean_rooms(rough, boxes, [PULLS, SWINGS, FIXED], [2, 0, -1])
+    assert wrong(after, rough) == 0

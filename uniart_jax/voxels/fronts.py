@@ -1,0 +1,209 @@
+"""Where doors and drawers close: fronts of drawers are whole, and gaps around doors straight."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial.transform import Rotation
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.turned import ALONG, Turn, turn_of
+from uniart_jax.voxels.ways import center_of, closed_end, opens_to
+
+# lengths in sub-cells
+STRIP = 0.4  # of a door's width, that it shares with another at most, and is taken off
+APART = 2.0  # between two doors that are closed
+RIM = 3  # layers around a closed door that are looked at
+MOST = 0.5  # share of a layer's cells that are the body's, where it is all frame
+COVERED = 0.5  # share of a drawer's front in which it is drawn at least
+FRONT = 0.4  # share of it that lies in one plane at least ...
+NEAR = 2  # ... within so much ...
+AHEAD = 0.4  # ... and no farther in than this share of its depth: a handle may be before it
+PLATE = (2, 5)  # thickness of a drawer's front, least and most
+THINNEST = 3  # box of a drawer
+SOLID = 0.5  # distance of cells that are filled or cleared
+TRIM = 1.0  # percent of a door's cells that are not looked at, at either end
+
+
+@dataclasses.dataclass(frozen=True)
+class Front:
+    """A box of cells that is seen, or left, from one side.
+
+    Attributes:
+      axis, side: of the lattice: 1 from larger indices, -1 from smaller ones.
+      low, high: [3] first cell, and the one after the last.
+    """
+
+    axis: int
+    side: int
+    low: np.ndarray
+    high: np.ndarray
+
+    def seen(self, values: np.ndarray) -> np.ndarray:
+        """[D, U, V] view of the box's cells, from that side inwards."""
+        window = tuple(slice(a, b) for a, b in zip(self.low, self.high, strict=True))
+        return np.moveaxis(values[window], self.axis, 0)[:: -self.side]
+
+
+class Door(NamedTuple):
+    """A part that turns on a hinge along the lattice, and where it lies when it is closed.
+
+    Attributes:
+      turn: to where it lies straight. quarter: [4, 4] from there to where it is closed, in cells.
+      low, high: [3] of its box when closed, in cells.
+    """
+
+    turn: Turn
+    quarter: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def door_of(
+    cells: np.ndarray,
+    box: np.ndarray,
+    joint: Joint,
+    size: int,
+    center: np.ndarray,
+    corrected: bool = True,
+) -> Door | None:
+    """A part as a door; None for what is none, or of which voxels and joint do not agree.
+
+    Args:
+      cells: [n, 3] of its solid. box: [6] of its row. size: of the grid, cells.
+      center: [3] of what it is closed against, object units. corrected: as ``turn_of`` has it.
+    """
+    turn = turn_of(cells, box, joint, size, corrected, center)
+    if turn is None:
+        return None
+    straight = cells @ turn.straight[:3, :3].T + turn.straight[:3, 3]
+    low, high = np.percentile(straight, [TRIM, 100 - TRIM], axis=0)
+    low, high = turn.box(np.floor(low), np.ceil(high) + 1)
+    closed = closed_end(joint, cells, center, size) * np.sign(joint.direction[turn.axis])
+    angle = closed - Rotation.from_matrix(turn.straight[:3, :3]).as_rotvec()[turn.axis]
+    rotation = Rotation.from_rotvec(np.round(2 * angle / np.pi) * np.pi / 2 * np.eye(3)[turn.axis])
+    hinge, quarter = (joint.origin + 0.5) * size + 0.5, np.eye(4)
+    quarter[:3, :3] = np.rint(rotation.as_matrix())
+    quarter[:3, 3] = hinge - quarter[:3, :3] @ hinge
+    return Door(turn, quarter, *_after(quarter, low, high))
+
+
+def _after(motion: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A box after a motion by quarter turns."""
+    ends = np.stack([low, high]) @ motion[:3, :3].T + motion[:3, 3]
+    return ends.min(0), ends.max(0)
+
+
+def side_by_side(doors: Mapping[int, Door]) -> dict[int, Turn]:
+    """Turns of doors, of which those that would touch, or share a strip, when closed are narrower."""
+    low = {k: door.low.copy() for k, door in doors.items()}
+    high = {k: door.high.copy() for k, door in doors.items()}
+    for a, b in itertools.combinations(doors, 2):
+        shared = np.minimum(high[a], high[b]) - np.maximum(low[a], low[b])
+        least = np.minimum(high[a] - low[a], high[b] - low[b])
+        axis = int((shared / least).argmin())
+        if np.delete(shared, axis).min() <= 0 or not -APART < shared[axis] <= STRIP * least[axis]:
+            continue
+        if low[a][axis] + high[a][axis] > low[b][axis] + high[b][axis]:
+            a, b = b, a
+        middle = (high[a][axis] + low[b][axis]) / 2
+        high[a][axis], low[b][axis] = middle - APART / 2, middle + APART / 2
+    found = {}
+    for k, door in doors.items():
+        turn = door.turn
+        ends = np.stack(_after(np.linalg.inv(door.quarter), low[k], high[k]), 1)
+        span, along = tuple(ends[turn.axis]), tuple(ends[turn.along])
+        found[k] = dataclasses.replace(turn, span=span, ends=along)
+    return found
+
+
+def closed_door(cells: np.ndarray, box: np.ndarray, joint: Joint, body: np.ndarray) -> Front | None:
+    """Where a door lies when it is closed; None for what is no door, or lies aslant.
+
+    Args:
+      cells: [n, 3] of its solid. box: [6] of its row. body: [N, N, N] bool, what does not move.
+    """
+    size, inside = body.shape[0] - 2, np.argwhere(body)
+    if joint.type != "revolute":
+        return None
+    door = door_of(cells, box, joint, size, center_of(inside, size))
+    opening = opens_to(joint, cells, inside, size)
+    if door is None or opening is None or opening[0] == door.turn.axis:
+        return None
+    low, high = (np.clip(np.rint(end).astype(int), 1, size + 1) for end in (door.low, door.high))
+    return Front(*opening, low, high) if (high > low).all() else None
+
+
+def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None:
+    """In place: each layer of ``parts`` around a closed door is all frame, or all free."""
+    for axis in set(range(3)) - {door.axis}:
+        first, last = door.low[axis], door.high[axis]
+        for at in (*range(first - RIM, first), *range(last, last + RIM)):
+            if not 1 <= at < field.sdf.shape[axis] - 1:
+                continue
+            window = [slice(a, b) for a, b in zip(door.low, door.high, strict=True)]
+            window[axis] = slice(at, at + 1)
+            sdf, owner = field.sdf[tuple(window)], field.owner[tuple(window)]
+            solid, mine = sdf < 0, np.isin(owner, parts)
+            ours = solid & mine
+            if ours.sum() > MOST * (~solid | mine).sum():
+                owner[~solid] = np.bincount(owner[ours]).argmax()
+                sdf[~solid] = -SOLID
+            else:
+                sdf[ours] = SOLID
+
+
+def drawer_front(
+    cells: np.ndarray, box: np.ndarray, joint: Joint, body: np.ndarray
+) -> Front | None:
+    """The box of a drawer as it is shown, seen from where it opens to; None for what is none.
+
+    Args: as ``closed_door``.
+    """
+    if joint.type != "prismatic" or np.abs(joint.direction[:2]).max() < ALONG:
+        return None
+    size = body.shape[0] - 2
+    opening = opens_to(joint, cells, np.argwhere(body), size)
+    if opening is None:
+        return None
+    low, high = ((box[:3] + sign * box[3:] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
+    low, high = np.ceil(low + 0.5).astype(int), np.floor(high - 0.5).astype(int) + 1
+    low, high = np.clip(low, 1, size + 1), np.clip(high, 1, size + 1)
+    return Front(*opening, low, high) if (high - low >= THINNEST).all() else None
+
+
+def whole_front(field: DenseField, part: int, body: Sequence[int], drawer: Front) -> int:
+    """In place: the front of a drawer as a whole plate where most of it is drawn; what of the body
+    lies in it is the drawer's.
+
+    Returns:
+      How far from the box's first layer the plate's back lies; 0 where there is none.
+    """
+    shown, whose = drawer.seen(field.sdf), drawer.seen(field.owner)
+    solid = (shown < 0) & (whose == part)
+    there, first = solid.any(0), solid.argmax(0)
+    if there.mean() < COVERED:
+        return 0
+    plane = int(np.median(first[there]))
+    near = there & (np.abs(first - plane) <= NEAR)
+    if near.mean() < FRONT or plane > AHEAD * len(solid):
+        return 0
+    gap = (np.arange(len(solid))[:, None, None] >= first) & ~solid
+    back = np.where(gap.any(0), gap.argmax(0), len(solid))
+    depth = int(np.clip(np.median((back - first)[near]), *PLATE))
+    plate = np.zeros_like(solid)
+    plate[plane : plane + depth] = True
+    moving = (shown < 0) & (whose != part) & ~np.isin(whose, body)
+    new = plate & ~solid & ~ndimage.binary_dilation(moving)
+    shown[new], whose[new] = -SOLID, part
+    mine = whose == part
+    shown[plate & mine] = np.minimum(shown[plate & mine], -SOLID)
+    edge = ndimage.binary_dilation(plate) & ~plate & mine & (shown > 0)
+    shown[edge] = np.maximum(shown[edge], SOLID)
+    return plane + depth

@@ -1,0 +1,188 @@
+"""Rooms behind doors and in drawers, made of flat walls.
+
+A network draws what a closed door hides as the mean of all that could be there: walls with lumps,
+crumbs in the middle, ragged rims. What can be told of it is how wide, high and deep the room is,
+and whether a shelf goes through it. So each room becomes a box: its walls lie where most lines
+meet them, a layer across it that is mostly solid becomes a whole shelf, and all else in it goes.
+Round rooms, and what hardly is a room, stay as they are.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.fronts import Front, closed_door, drawer_front, straighten_rim, whole_front
+from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.ways import still_parts
+
+# lengths in sub-cells
+LIP = 6  # within which a room begins behind its door
+BESIDE = 2  # around a door: between two there is a gap
+LEAST = 6  # deep, wide and high
+FREE = 0.6  # share of a room's cells that are free at least
+OPEN = 0.5  # share of a layer across it that is free at least, as deep as it goes
+INNER = 0.15  # of the opening's sides, that its depth is not looked for at
+WALL = 0.35  # of the opening, that a wall at its side takes at most
+MOST = 0.5  # share of a side's lines that meet a wall, where there is one; of a shelf's cells
+THICKNESS = 2  # of walls where they have gaps
+CORNER = 0.12  # of the sides: a round room does not reach so far into its corners
+SOLID = 0.5  # distance of cells that are filled or cleared
+TRIM = 1.0  # percent of a drawer's cells that are not looked at, at either end
+
+
+def with_clean_rooms(
+    field: DenseField, boxes: np.ndarray, joints: Sequence[Joint], parents: Sequence[int]
+) -> DenseField:
+    """A field in which doors and drawers close straight, and what they close are rooms with flat
+    walls.
+
+    Args:
+      field: of the shown state, owners are parts; flat outside (``flat_faces``).
+      boxes: [K, 6] centre and size of the first K parts, object units. joints, parents: of all.
+
+    Returns:
+      A new field.
+    """
+    field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
+    still = still_parts(parents, joints)
+    for k in range(len(boxes)):
+        body = (field.sdf < 0) & np.isin(field.owner, still)
+        cells = np.argwhere((field.sdf < 0) & (field.owner == k))
+        if k in still or parents[k] not in still or not len(cells) or not body.any():
+            continue
+        drawer = drawer_front(cells, boxes[k], joints[k], body)
+        if drawer is not None:
+            depth = whole_front(field, k, still, drawer)
+            _clean(field, [k], _from_above(cells, drawer, depth))
+        door = closed_door(cells, boxes[k], joints[k], body)
+        if door is not None:
+            straighten_rim(field, still, door)
+            _clean(field, still, _behind(door, body))
+    return field
+
+
+def _from_above(cells: np.ndarray, front: Front, depth: int) -> Front:
+    """What of a drawer is open to above: all behind its front, which is ``depth`` thick."""
+    low, high = np.percentile(cells, [TRIM, 100 - TRIM], axis=0)
+    low, high = np.floor(low).astype(int), np.ceil(high).astype(int) + 1
+    if front.side > 0:
+        high[front.axis] -= depth
+    else:
+        low[front.axis] += depth
+    return Front(2, 1, low, high)
+
+
+def _behind(door: Front, body: np.ndarray) -> Front:
+    """What a closed door covers of the body behind it."""
+    axis, inside = door.axis, np.argwhere(body)
+    first, last = inside.min(0), inside.max(0) + 1
+    low, high = np.maximum(door.low - BESIDE, first), np.minimum(door.high + BESIDE, last)
+    if door.side > 0:
+        low[axis], high[axis] = first[axis], min(door.low[axis], last[axis])
+    else:
+        low[axis], high[axis] = max(door.high[axis], first[axis]), last[axis]
+    return Front(axis, door.side, low, high)
+
+
+class _Room(NamedTuple):
+    """A room in cells [D, U, V] that are seen from its opening.
+
+    Attributes:
+      depth: of it. ends: ((u0, u1), (v0, v1)): first cell, and the one after the last.
+      walls: whether there is one at either end of both.
+    """
+
+    depth: int
+    ends: tuple[tuple[int, int], tuple[int, int]]
+    walls: tuple[tuple[bool, bool], tuple[bool, bool]]
+
+
+def _clean(field: DenseField, parts: Sequence[int], opening: Front) -> None:
+    """In place: the room of ``parts`` behind an opening as a box with flat walls."""
+    if (opening.high - opening.low < LEAST).any():
+        return
+    shown, whose = opening.seen(field.sdf), opening.seen(field.owner)
+    mine = np.isin(whose, parts)
+    solid, others = (shown < 0) & mine, (shown < 0) & ~mine
+    room = _room(solid)
+    if room is None:
+        return
+    fill, clear = _walls(solid, room)
+    fill &= (shown > 0) & ~ndimage.binary_dilation(others)
+    # so that the walls lie between the cells
+    edge = ndimage.binary_dilation(clear | fill) & solid & ~clear
+    shown[edge] = np.minimum(shown[edge], -SOLID)
+    shown[clear] = SOLID
+    whose[fill] = np.bincount(whose[solid]).argmax()
+    shown[fill] = -SOLID
+
+
+def _walls(solid: np.ndarray, room: _Room) -> tuple[np.ndarray, np.ndarray]:
+    """Cells [D, U, V] that walls and shelves of a room have, and those that are to be free."""
+    depth, (u, v), _ = room
+    inside = (slice(0, depth), slice(*u), slice(*v))
+    inner = solid[inside]
+    shelves = np.zeros_like(inner)
+    for axis in (1, 2):
+        np.moveaxis(shelves, axis, 0)[inner.mean((0, 3 - axis)) > MOST] = True
+    outer = [slice(0, depth + THICKNESS)]
+    for (first, last), (wall, other) in zip((u, v), room.walls, strict=True):
+        outer.append(slice(max(first - THICKNESS * wall, 0), last + THICKNESS * other))
+    fill, clear = np.zeros_like(solid), np.zeros_like(solid)
+    fill[tuple(outer)] = True
+    fill[inside] = False
+    ring = fill[:depth].sum((1, 2))
+    begun = (fill & solid)[:depth].sum((1, 2)) > MOST * np.maximum(ring, 1)
+    fill[: int(begun.argmax())] = False  # not in front of the walls
+    fill[inside] = shelves
+    clear[inside] = ~shelves
+    return fill, clear & solid
+
+
+def _room(solid: np.ndarray) -> _Room | None:
+    """The room in cells [D, U, V], seen from its opening; None where there is none."""
+    _, wide, high = solid.shape
+    a, b = round(INNER * wide), round(INNER * high)
+    free = 1 - solid[:, a : wide - a, b : high - b].mean((1, 2)) >= OPEN
+    if not free[:LIP].any():
+        return None
+    start = int(free.argmax())
+    depth = start + int(np.append(free[start:], False).argmin())
+    if depth - start < LEAST:
+        return None
+    shown = solid[start:depth]
+    ends, walls = [], []
+    for axis in (1, 2):
+        lines = np.moveaxis(shown, axis, 0)
+        (first, met), (last, met_last) = _wall(lines), _wall(lines[::-1])
+        ends.append((first, len(lines) - last))
+        walls.append((met, met_last))
+    inner = shown[:, slice(*ends[0]), slice(*ends[1])]
+    if min(inner.shape) < LEAST or 1 - inner.mean() < FREE or _is_round(inner):
+        return None
+    return _Room(depth, (ends[0], ends[1]), (walls[0], walls[1]))
+
+
+def _is_round(inner: np.ndarray) -> bool:
+    """Whether cells [D, U, V] of a room leave less than two of its corners free."""
+    a, b = (max(1, round(CORNER * n)) for n in inner.shape[1:])
+    near, far = slice(None), (slice(None, a), slice(-a, None))
+    corners = [inner[near, u, v] for u in far for v in (slice(None, b), slice(-b, None))]
+    return sum(corner.mean() < 0.5 for corner in corners) < 2
+
+
+def _wall(lines: np.ndarray) -> tuple[int, bool]:
+    """How far a wall reaches in that is met along the first axis of cells [N, ...], and whether
+    most lines meet one."""
+    count = len(lines)
+    first = np.where(lines.any(0), lines.argmax(0), count)
+    free = (np.arange(count).reshape(-1, *[1] * (lines.ndim - 1)) >= first) & ~lines
+    last = np.where(free.any(0), free.argmax(0), count)
+    met = (first <= WALL * count / 2) & (last <= WALL * count)
+    return (int(np.median(last[met])), True) if met.mean() >= MOST else (0, False)

@@ -1,0 +1,56 @@
+"""The way that a part goes: which end of its range is closed, and to which side it opens."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from uniart_jax.objects.kinematics import Joint, subtrees
+
+OPENS = 0.05  # object units that a part's middle goes at least, where it opens to a side
+FIRST = 0.1  # of its range, which says to which
+
+
+def places(cells: np.ndarray, size: int) -> np.ndarray:
+    """Centres of a field's cells, object units; the layer around the grid is one cell wide."""
+    return (cells - 0.5) / size - 0.5
+
+
+def opens_to(
+    joint: Joint, cells: np.ndarray, body: np.ndarray, size: int
+) -> tuple[int, int] | None:
+    """(axis, side) to which a part of ``cells`` [n, 3] begins to open, from the end of its range
+    that is nearer the middle of ``body`` [m, 3]; None where it hardly moves, or turns all round."""
+    place = np.append(places(cells, size).mean(0), 1)
+    ends = [(joint.motion(q) @ place)[:3] for q in joint.limits]
+    if joint.type == "continuous" or np.abs(ends[1] - ends[0]).max() <= OPENS:
+        return None
+    closed = closed_end(joint, cells, center_of(body, size), size)
+    opened = joint.limits[int(closed == joint.limits[0])]
+    start, then = (joint.motion(q) @ place for q in (closed, closed + FIRST * (opened - closed)))
+    way = (then - start)[:3]
+    axis = int(np.abs(way).argmax())
+    return axis, int(np.sign(way[axis]))
+
+
+def closed_end(joint: Joint, cells: np.ndarray, center: np.ndarray, size: int) -> float:
+    """The end of a joint's range at which the middle of its part's cells is nearer ``center`` [3];
+    0 for what turns all round."""
+    if joint.type == "continuous":
+        return 0.0
+    place = np.append(places(cells, size).mean(0), 1)
+    far = [np.linalg.norm((joint.motion(q) @ place)[:3] - center) for q in joint.limits]
+    return joint.limits[int(far[1] < far[0])]
+
+
+def center_of(cells: np.ndarray, size: int) -> np.ndarray:
+    """[3] middle of the box around cells [n, 3]."""
+    return (places(cells.min(0), size) + places(cells.max(0), size)) / 2
+
+
+def still_parts(parents: Sequence[int], joints: Sequence[Joint]) -> list[int]:
+    """Parts that no joint moves."""
+    below = subtrees(parents)
+    movers = [k for k, up in enumerate(parents) if up >= 0 and joints[k].type != "fixed"]
+    return [k for k in range(len(parents)) if not any(k in below[m] for m in movers)]
