@@ -32,6 +32,7 @@ FLOORS = [
     {"simulation", "evaluation", "viewer"},
     {"experiments"},
     {"cli"},
+    {"__main__"},
 ]
 FLOOR = {name: level for level, names in enumerate(FLOORS) for name in names}
 # Methods that people expect on an object import upwards inside their bodies; the comparison of a stage's latents likewise.

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from uniart_jax.config import NETWORKS, STAGES, Config, ModelConfig
 from uniart_jax.encoding import ENCODED
 from uniart_jax.models.network import build
+from uniart_jax.progress import messages
 from uniart_jax.training import distributed
 from uniart_jax.training.export import (
     copy_export,
@@ -26,7 +25,7 @@ from uniart_jax.training.export import (
 
 WIDENED = ("structure_flow", "latent_flow", "uniart_vae")  # networks that can be given, later,
 ADDED = ("pixel_channels", "layout_channels", "refine_channels")  # these layers
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:

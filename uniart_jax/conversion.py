@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from uniart_jax.config import Config, ModelConfig, to_json
 from uniart_jax.export.folder import check_target, complete_folder
+from uniart_jax.progress import messages
 from uniart_jax.training.export import export_network, read_config, write_config, write_statistics
 from uniart_jax.weights.compose import Filled, compose
 from uniart_jax.weights.dinov2 import convert_dinov2
@@ -36,7 +36,7 @@ MARKS = ("config.json",)  # what a folder must hold to be replaced
 # Names of the published files, and where they are; the first that is there is taken.
 POINT_ENCODER = (("model.pt", "model.safetensors"), "model.pt of huggingface.co/OpenShape/openshape-pointbert-vitg14-rgb")  # fmt: skip
 IMAGE_TOWER = (("open_clip_*.safetensors", "open_clip_*.bin"), "open_clip_model.safetensors of huggingface.co/laion/CLIP-ViT-bigG-14-laion2B-39B-b160k")  # fmt: skip
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 class Source(NamedTuple):

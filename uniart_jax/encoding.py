@@ -13,7 +13,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from rich.console import Console
 
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data import latents as latent_store
@@ -27,7 +26,7 @@ from uniart_jax.data.batches import (
 from uniart_jax.data.columns import column_note, column_path
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.network import build
-from uniart_jax.progress import advancing
+from uniart_jax.progress import advancing, messages
 from uniart_jax.training import distributed
 from uniart_jax.training.export import load_network
 from uniart_jax.training.readout import WEIGHTS, fit_metric
@@ -49,7 +48,7 @@ ENCODE_BATCH = 4
 SHARD_BATCHES = latent_store.SHARD_ITEMS // ENCODE_BATCH
 METRIC_ITEMS, METRIC_VOXELS = 200, 500
 
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -95,6 +95,17 @@ class Pipeline:
         self.config, self.parameters, self.statistics = config, parameters, statistics
         self.folder = folder
 
+    def __repr__(self) -> str:
+        names = ", ".join(self.parameters)
+        if self.folder is not None and has_export(self.folder, "layout.safetensors"):
+            names += ", and a layout network"
+        count = sum(leaf.size for leaf in jax.tree.leaves(self.parameters))
+        side, cells = self.config.model.grid.resolution, self.config.model.grid.subdivisions
+        return (
+            f"Pipeline({self.config.name}: {count / 1e6:.1f} million parameters in {names}; "
+            f"{side}^3 voxels of {cells}^3 sub-cells; from {self.folder or 'memory'})"
+        )
+
     def __call__(
         self,
         image: str | Path | np.ndarray | Sequence[str | Path | np.ndarray],

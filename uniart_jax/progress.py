@@ -1,4 +1,5 @@
-"""How far long work is, on stderr: a bar with rate and remaining time on a terminal, a line now and then elsewhere."""
+"""What a command says while it works, on stderr; of long work how far it is: a bar with rate and
+remaining time on a terminal, a line now and then elsewhere."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ import contextlib
 import datetime
 import time
 from collections.abc import Callable, Iterable, Iterator
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.progress import (
@@ -24,6 +25,20 @@ PLAIN_INTERVAL = 30.0  # seconds between two lines where there is no terminal
 Item = TypeVar("Item")
 
 
+_quiet = False
+
+
+def be_quiet(quiet: bool = True) -> None:
+    """Consoles that ``messages`` gives from now on say nothing; ``-q`` of the command lines."""
+    global _quiet
+    _quiet = quiet
+
+
+def messages(**options: Any) -> Console:
+    """Where a command says what it does: stderr. ``options``: of ``rich.console.Console``."""
+    return Console(stderr=True, highlight=False, quiet=_quiet, **options)
+
+
 class _Rate(ProgressColumn):
     def __init__(self, unit: str):
         super().__init__()
@@ -38,7 +53,7 @@ def advancing(
     what: str, total: int, *, done: int = 0, unit: str = "objects"
 ) -> Iterator[Callable[[], None]]:
     """A function to call after each of ``total`` pieces of work, ``done`` of which were there before."""
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console = messages(soft_wrap=True)
     if not console.is_terminal:
         yield _plain(console, what, total, done, unit)
         return

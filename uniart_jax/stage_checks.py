@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from uniart_jax.adoption import exported
 from uniart_jax.config import Config, DataConfig, GridConfig
 from uniart_jax.data.batches import open_records
@@ -18,10 +16,11 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.layouts import check_backbone
 from uniart_jax.models.network import build
 from uniart_jax.procedural import WORLDS
+from uniart_jax.progress import messages
 from uniart_jax.training.state import frozen_mask
 
 COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 def overlapping(data: DataConfig) -> bool:

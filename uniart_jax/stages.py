@@ -24,7 +24,6 @@ from typing import Any
 
 import jax
 import optax
-from rich.console import Console
 
 from uniart_jax.adoption import (
     adopt,
@@ -45,6 +44,7 @@ from uniart_jax.encoding import ENCODED, digest, encode_all, latent_metric
 from uniart_jax.layouts import first_layout_weights
 from uniart_jax.locks import alone
 from uniart_jax.models.network import Network, build
+from uniart_jax.progress import messages
 from uniart_jax.samplers import make_conditioner, make_layout_finder
 from uniart_jax.stage_checks import (
     check_features,
@@ -80,7 +80,7 @@ from uniart_jax.training.step import make_train_step
 from uniart_jax.validation import make_evaluation
 
 RUNTIME = ("kernel", "compute_dtype", "scan_blocks", "remat")  # how a model is run, not what it is
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 def run(

@@ -6,18 +6,22 @@ Every mistake a user can make ends in one line on stderr and exit code 2. Heavy 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Sequence
 
 import tyro
 
+from uniart_jax import __version__
 from uniart_jax.allocator import keep_freed_memory
 from uniart_jax.cli.arguments import guarded
 from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
 from uniart_jax.cli.data import features, inspect, prepare, stats
 from uniart_jax.cli.evaluation import evaluate
 from uniart_jax.cli.experiment import experiment
+from uniart_jax.cli.help_texts import readable
 from uniart_jax.cli.layout import layout
 from uniart_jax.cli.sample import sample
-from uniart_jax.cli.train import load_config, train
+from uniart_jax.cli.train import TrainArguments, load_config, train
+from uniart_jax.cli.verbosity import take_verbosity
 
 __all__ = ["COMMANDS", "guarded", "load_config", "main", "sample_main", "train_main"]
 
@@ -25,6 +29,7 @@ COMMANDS = {
     "prepare": prepare,
     "features": features,
     "sample": sample,
+    "train": TrainArguments,  # for --help; the config's own fields follow, see main
     "layout": layout,
     "export": export,
     "validate": validate,
@@ -38,28 +43,43 @@ COMMANDS = {
 }
 
 
+DESCRIPTION = """Articulated 3D objects from one image.
+
+Every command takes -q (say only results, warnings and errors) and -v (log in detail, and say where
+in the code an error was raised). uniart --version prints the version."""
+
+for _command in COMMANDS.values():
+    readable(_command)
+
+
 def main() -> None:
     """The ``uniart`` program."""
-    if sys.argv[1:2] == ["train"]:
-        keep_freed_memory()
-        sys.exit(guarded(lambda: train(sys.argv[2:])))
-    sys.exit(
-        guarded(
-            lambda: tyro.extras.subcommand_cli_from_dict(
-                COMMANDS,
-                prog="uniart",
-                description="Articulated 3D objects from one image. Also: uniart train …",
-            )
-        )
-    )
+    sys.exit(guarded(lambda: _uniart(sys.argv[1:])))
 
 
 def sample_main() -> None:
     """``sample.py``."""
-    sys.exit(guarded(lambda: tyro.cli(sample, prog="sample.py")))
+    _exit(lambda rest: tyro.cli(sample, prog="sample.py", args=rest))
 
 
 def train_main() -> None:
     """``train.py``."""
     keep_freed_memory()
-    sys.exit(guarded(lambda: train(sys.argv[1:])))
+    _exit(train)
+
+
+def _uniart(arguments: Sequence[str]) -> int | None:
+    rest = take_verbosity(arguments)
+    if rest == ["--version"]:
+        print(f"uniart_jax {__version__}")
+        return None
+    if rest[:1] == ["train"]:
+        keep_freed_memory()
+        return train(rest[1:], prog="uniart train")
+    return tyro.extras.subcommand_cli_from_dict(
+        COMMANDS, prog="uniart", description=DESCRIPTION, args=rest
+    )
+
+
+def _exit(command: Callable[[list[str]], int | None]) -> None:
+    sys.exit(guarded(lambda: command(take_verbosity(sys.argv[1:]))))

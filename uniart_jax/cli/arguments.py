@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import logging
 import signal
 import sys
 import warnings
@@ -15,6 +16,8 @@ import tyro
 
 from uniart_jax.export.formats import Collision, Format, Origin
 from uniart_jax.export.printing.settings import PrintSettings
+
+logger = logging.getLogger(__name__)
 
 Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
 Overwrite = Annotated[
@@ -116,6 +119,7 @@ def guarded(command: Callable[[], int | None]) -> int:
         message = " ".join(str(error).split()) or type(error).__name__
         if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
             message += "; make room on the disk and run the same command again"
+        logger.info("raised here:", exc_info=True)  # shown with -v
         print(f"error: {message}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

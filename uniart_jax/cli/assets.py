@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from rich.console import Console
 
 from uniart_jax.cli.arguments import (
     Actuators,
@@ -34,6 +33,7 @@ from uniart_jax.cli.arguments import (
 )
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.printing.settings import PrintSettings
+from uniart_jax.progress import messages
 
 Asset = Annotated[Path, tyro.conf.Positional]
 
@@ -86,7 +86,7 @@ def export(
     if metres is None and not is_metric(asset, allow_outside):
         metres = typical_size(obj.category)
     found: list[dict] = []
-    console = Console(stderr=True, highlight=False)
+    console = messages()
     with console.status("collision shapes, textures, physics"):
         save_asset(
             obj,
@@ -154,7 +154,7 @@ def validate(
     from uniart_jax.simulation import validate as simulation
     from uniart_jax.simulation.summary import is_sound, verdicts
 
-    console = Console(stderr=True, highlight=False)
+    console = messages()
     if gate is not None:
         with complete_folder(out, overwrite, VALIDATION_MARKS) as folder:
             judged = simulation.gate(asset, name=gate, out=folder, allow_outside=allow_outside)

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Annotated
 
 import tyro
-from rich.console import Console
 
 from uniart_jax.cli.arguments import Out, Overwrite
+from uniart_jax.progress import messages
 
 MARKS = ("layouts.json",)  # what an output folder of this command holds
 
@@ -48,7 +48,7 @@ def layout(
     from uniart_jax.voxels.layout import read_layout
 
     enable_compilation_cache()
-    console = Console(stderr=True)
+    console = messages()
     with console.status("finding the parts"):
         predictor = load_layout_predictor(checkpoint)
         size, margin = predictor.image_size, predictor.crop_margin

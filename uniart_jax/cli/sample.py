@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
-from rich.console import Console
 
 from uniart_jax.cli.arguments import (
     Actuators,
@@ -36,6 +35,7 @@ from uniart_jax.cli.arguments import (
 from uniart_jax.config import TOLERANCES
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.printing.settings import PrintSettings
+from uniart_jax.progress import messages
 
 if TYPE_CHECKING:
     from uniart_jax.pipeline import Sample
@@ -150,7 +150,7 @@ def sample(
         "tolerance": tolerance,
     }
     enable_compilation_cache()
-    console = Console(stderr=True)
+    console = messages()
     with console.status("loading the model") as status:
         pipeline = load(checkpoint)
         if num_samples > 1 and steps is None and not adaptive:

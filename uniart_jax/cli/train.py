@@ -85,15 +85,18 @@ def settings(config: Config, stages: Sequence[str], init: str | Path | None) -> 
     return named
 
 
-def train(arguments: list[str]) -> None:
-    """Parse ``--config`` and friends, then any field of the config by its dotted name, and train."""
+def train(arguments: list[str], prog: str = "train.py") -> None:
+    """Parse ``--config`` and friends, then any field of the config by its dotted name, and train.
+
+    ``prog``: the program's name in its help.
+    """
     # with a config given, --help belongs to its fields
     fields = "--config" in " ".join(arguments) and bool({"-h", "--help"} & set(arguments))
     first = [a for a in arguments if not (fields and a in ("-h", "--help"))]
-    known, rest = tyro.cli(TrainArguments, args=first, return_unknown_args=True, prog="train.py")
+    known, rest = tyro.cli(TrainArguments, args=first, return_unknown_args=True, prog=prog)
     rest += ["--help"] if fields else []
     default = load_config(known.config)
-    config = tyro.cli(Config, default=default, args=rest, prog="train.py --config …")
+    config = tyro.cli(Config, default=default, args=rest, prog=f"{prog} --config …")
     from uniart_jax.pipeline import enable_compilation_cache
     from uniart_jax.stages import run
     from uniart_jax.training import distributed

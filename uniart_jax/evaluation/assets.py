@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from uniart_jax.data.card import error_kinds
 from uniart_jax.data.folder import Settings
@@ -18,7 +17,7 @@ from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.reconstruction import reconstruct, score_reconstruction
 from uniart_jax.processes import each
-from uniart_jax.progress import track
+from uniart_jax.progress import messages, track
 
 COLUMNS = {
     "chamfer": "Chamfer",
@@ -34,7 +33,7 @@ COLUMNS = {
     "range_iou": "range IoU",
 }
 MAX_PARTS = 255
-console = Console(stderr=True, highlight=False)
+console = messages()
 Scores = dict[int, dict[str, float]]
 
 

@@ -18,8 +18,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 import uniart_jax
 from uniart_jax.evaluation import kept_checks
 from uniart_jax.evaluation.articulation import MISSING, SURPLUS
@@ -68,12 +66,12 @@ from uniart_jax.evaluation.trial import (
 )
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.processes import each
-from uniart_jax.progress import track
+from uniart_jax.progress import messages, track
 
 # Raised when a kept result would have other numbers or fields: older ones are not taken.
 RESULTS = 2
 Results = dict[tuple[str, str, int], dict[str, Any]]  # method, object, sample
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 def compare(

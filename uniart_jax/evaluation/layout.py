@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from uniart_jax.data.folder import write_text
@@ -27,7 +26,7 @@ from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED
 from uniart_jax.layout_picture import contact_sheet, draw_layout
 from uniart_jax.layouts import load_layout_predictor
 from uniart_jax.processes import in_order, process_pool
-from uniart_jax.progress import track
+from uniart_jax.progress import messages, track
 from uniart_jax.voxels.layout import Layout, read_layout
 
 BINS = 10
@@ -37,7 +36,7 @@ SHOWN = (
 )
 SIZES = ((1, 1), (2, 3), (4, 7), (8, 99))  # moving parts, from and to
 INTERVALS = ("parts_right", "recall", "count")
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 def score_layout(

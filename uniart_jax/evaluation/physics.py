@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from uniart_jax import procedural
 from uniart_jax.data.folder import Settings
@@ -31,7 +30,7 @@ from uniart_jax.export.naming import named
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import enable_compilation_cache, load
 from uniart_jax.processes import each
-from uniart_jax.progress import track
+from uniart_jax.progress import messages, track
 from uniart_jax.simulation.primitives import REACH
 from uniart_jax.simulation.refine import mend
 from uniart_jax.simulation.summary import is_plausible, is_sound, stands, verdicts
@@ -39,7 +38,7 @@ from uniart_jax.simulation.sweep import DEPTH
 from uniart_jax.simulation.validate import validate
 
 FORMATS = ("urdf", "mjcf")
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,7 +26,6 @@ from typing import Any
 
 import jax
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from uniart_jax import procedural
@@ -41,7 +40,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
 from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.processes import in_order, process_pool
-from uniart_jax.progress import track
+from uniart_jax.progress import messages, track
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
@@ -65,7 +64,7 @@ COLUMNS = {
     "chamfer_open": "Chamfer open",
     "watertight": "watertight",
 }
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 @dataclasses.dataclass(frozen=True)

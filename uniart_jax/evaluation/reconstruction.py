@@ -6,13 +6,12 @@ import json
 import math
 from pathlib import Path
 
-from rich.console import Console
-
 from uniart_jax.data.records import Record
 from uniart_jax.evaluation.geometry import object_chamfer, part_iou
 from uniart_jax.evaluation.parts import compare_parts, summarize
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.progress import messages
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.voxelize import voxelize
 
@@ -61,7 +60,7 @@ def reconstruct_asset(
 
     Writes the asset folder ``out`` with ``reconstruction.json`` in it, and prints one line a figure.
     """
-    console = Console(stderr=True)
+    console = messages()
     with console.status(f"reading {asset}") as status:
         source = load_object(asset, allow_outside=allow_outside)
         for line in source.provenance:

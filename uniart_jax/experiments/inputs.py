@@ -10,7 +10,6 @@ import os
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from uniart_jax.adoption import taken
 from uniart_jax.config import NETWORKS, ModelConfig
@@ -21,11 +20,12 @@ from uniart_jax.experiments.design import Arm, Records
 from uniart_jax.experiments.judge import NEEDS, test_names, test_object
 from uniart_jax.locks import in_turn
 from uniart_jax.procedural import SEEN_FAMILIES
+from uniart_jax.progress import messages
 from uniart_jax.stage_checks import prepared_objects
 from uniart_jax.training.export import checkpoint_folder, has_export
 
 MAX_PARTS = 64
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 def make_records(records: Records, model: ModelConfig) -> None:

@@ -18,8 +18,6 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-
 from uniart_jax.adoption import adopt, exported
 from uniart_jax.evaluation.kept import keep
 from uniart_jax.experiments.design import Arm, Experiment
@@ -29,10 +27,11 @@ from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
 from uniart_jax.locks import alone
+from uniart_jax.progress import messages
 from uniart_jax.stages import claim, run
 from uniart_jax.training.export import checkpoint_folder
 
-console = Console(stderr=True, highlight=False)
+console = messages()
 
 
 def run_experiment(

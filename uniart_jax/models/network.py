@@ -29,6 +29,10 @@ class Network:
     def __init__(self, name: str, config: ModelConfig, make: Callable[[nnx.Rngs], nnx.Module]):
         self.name, self.config, self._make = name, config, make
 
+    def __repr__(self) -> str:
+        count = sum(leaf.size for leaf in jax.tree.leaves(self._split[1]))
+        return f"Network({self.name}: {count:,} parameters)"
+
     def init(self, key: jax.Array) -> Params:
         """Fresh parameters; pure, so it may run under ``jax.jit`` with output shardings."""
         state = nnx.state(self._make(nnx.Rngs(params=key)))

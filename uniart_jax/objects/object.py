@@ -116,6 +116,16 @@ class ArticulatedObject:
     provenance: tuple[str, ...] = ()
     from_voxels: bool = False
 
+    def __repr__(self) -> str:
+        tree = ", ".join(
+            part.name if part.parent < 0 else f"{part.name} ({part.joint.type})"
+            for part in self.parts[:8]
+        )
+        tree += ", ..." if len(self.parts) > 8 else ""
+        of = f", {self.category}" if self.category else ""
+        unit = "1 unit = 1 m" if self.scale == 1 else f"1 unit = {self.scale:.4g} m"
+        return f"ArticulatedObject({self.name or 'unnamed'}{of}: {len(self.parts)} parts: {tree}; {unit})"
+
     def __post_init__(self):
         parts = tuple(self.parts)
         if not parts:

@@ -29,11 +29,10 @@ from typing import Any
 
 import jax
 import numpy as np
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from uniart_jax.config import StageConfig
-from uniart_jax.progress import PLAIN_INTERVAL, duration
+from uniart_jax.progress import PLAIN_INTERVAL, duration, messages
 from uniart_jax.training.board import Board
 from uniart_jax.training.flops import matmul_peak
 from uniart_jax.training.programs import Program
@@ -182,7 +181,7 @@ class Reporter:
     def __init__(self, name: str, workdir: Path, step: int, stage: StageConfig):
         self.name, self.stage = name, stage
         self.writes = jax.process_index() == 0
-        self.console = Console(stderr=True, highlight=False, soft_wrap=True)
+        self.console = messages(soft_wrap=True)
         self._next_line = 0.0
         self._start = (step, time.perf_counter())
         self._bar: Progress | None = None

@@ -8,7 +8,6 @@ without a checkpoint the given state starts at step 0.
 from __future__ import annotations
 
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -19,6 +18,7 @@ import jax
 import numpy as np
 
 from uniart_jax.config import StageConfig
+from uniart_jax.progress import messages
 from uniart_jax.training.checkpoints import CheckpointableIterator, Checkpoints
 from uniart_jax.training.dashboard import Meter, Reporter, Scalars, has_row
 from uniart_jax.training.distributed import is_first, largest, stop_together, told
@@ -69,7 +69,9 @@ def run_stage(
     due = step > 0 and (step % stage.evaluate_every == 0 or step >= stage.steps)
     missed = evaluate is not None and due and not told(has_row(workdir, name, step, "evaluation"))
     if step >= stage.steps and is_first():
-        print(f"{name}: already trained ({step} steps); skipped", file=sys.stderr)
+        messages(soft_wrap=True).print(
+            f"{name}: already trained ({step} steps); skipped", markup=False
+        )
     if step >= stage.steps and not missed:
         return state
     with (

@@ -1,0 +1,127 @@
+"""The ``uniart`` program as a whole: version, help that a person can read, how much is said."""
+
+import logging
+import runpy
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import pytest
+import tyro
+
+from uniart_jax import __version__, cli, progress
+from uniart_jax.cli import COMMANDS
+from uniart_jax.cli.help_texts import readable, value_name
+from uniart_jax.cli.verbosity import take_verbosity
+
+
+@pytest.fixture(autouse=True)
+def loud():
+    """Verbosity is of the process: as it was after each test."""
+    logger = logging.getLogger("uniart_jax")
+    yield
+    progress.be_quiet(False)
+    logger.setLevel(logging.NOTSET)
+
+
+@pytest.fixture
+def uniart(monkeypatch, capsys):
+    """Runs the program in this process -> exit code, standard output, stderr."""
+
+    def run(*words, program=cli.main):
+        monkeypatch.setattr(sys, "argv", ["uniart", *words])
+        monkeypatch.setenv("COLUMNS", "100")
+        with pytest.raises(SystemExit) as stopped:
+            program()
+        return stopped.value.code, *capsys.readouterr()
+
+    return run
+
+
+def test_the_version(uniart):
+    assert uniart("--version") == (0, f"uniart_jax {__version__}\n", "")
+
+
+def test_the_package_is_the_program(uniart):
+    def package():
+        runpy.run_module("uniart_jax", run_name="__main__")
+
+    assert uniart("--version", program=package) == (0, f"uniart_jax {__version__}\n", "")
+
+
+def test_training_is_a_command_like_others(uniart):
+    code, said, _ = uniart("--help")
+    assert code == 0 and "• train " in said and "-q" in said and "--version" in said
+    code, said, _ = uniart("train", "--help")
+    assert code == 0 and said.startswith("usage: uniart train [-h]")
+    code, said, _ = uniart("--help", program=cli.train_main)
+    assert said.startswith("usage: train.py [-h]")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_is_for_people(uniart, command):
+    code, said, _ = uniart(command, "--help")
+    assert code == 0
+    for puzzle in ("{None", "{[", "[[", "default: None", "default: )", "default: '')"):
+        assert puzzle not in said
+
+
+def command(
+    images: Annotated[tuple[Path, ...], tyro.conf.Positional],
+    /,
+    formats: tuple[Literal["a", "b"], ...] | None = None,
+    steps: int | None = None,
+    size: Annotated[str | None, tyro.conf.arg(help="Metres.", metavar="METRES")] = None,
+    names: tuple[str, ...] = (),
+    clean: bool = False,
+    seed: int = 3,
+):
+    """What it does."""
+    return images, formats, steps, size, names, clean, seed
+
+
+def test_readable_help_changes_nothing_that_is_parsed(capsys, monkeypatch):
+    line = ["x.png", "y.png", "--formats", "b", "a", "--steps", "4", "--names", "u", "--clean"]
+    before = [tyro.cli(command, args=args) for args in (line, ["x.png"])]
+    plain = readable(command)
+    assert [tyro.cli(plain, args=args) for args in (line, ["x.png"])] == before
+    assert before[0][:3] == ((Path("x.png"), Path("y.png")), ("b", "a"), 4)
+    monkeypatch.setenv("COLUMNS", "100")
+    with pytest.raises(SystemExit):
+        tyro.cli(plain, args=["--help"])
+    said = capsys.readouterr().out
+    for line in ("PATH [PATH ...]", "--formats {a,b} ...", "--steps INT ", "--size METRES", "--names STR ...", "(default: 3)", "(required)"):  # fmt: skip
+        assert line in said
+    assert said.count("(default: ") == 2  # of --seed and --clean
+
+
+def test_words_for_values():
+    assert value_name(int | None) == "INT"
+    assert value_name(tuple[Literal["u", "v"], ...]) == "{u,v} ..."
+    assert value_name(Annotated[Path | None, tyro.conf.Positional]) == "[PATH]"
+    assert value_name(int) is None and value_name(bool | None) is None
+
+
+def test_quiet_commands_say_nothing_of_progress(capsys):
+    assert take_verbosity(["sample", "-q", "x.png"]) == ["sample", "x.png"]
+    assert list(progress.track("ab", "letters", 2)) == ["a", "b"]
+    progress.messages().print("done")
+    assert capsys.readouterr().err == ""
+    assert take_verbosity(["sample"]) == ["sample"]
+    progress.messages().print("done")
+    assert capsys.readouterr().err == "done\n"
+
+
+def test_verbose_commands_say_where_an_error_was_raised(uniart, monkeypatch, caplog):
+    words = ("sample", "absent.png", "--out", "absent")
+    code, _, said = uniart(*words)
+    assert code == 2 and said == "error: image 'absent.png': no such file\n"
+    assert not caplog.records
+    code, _, said = uniart(*words, "--verbose")
+    assert code == 2 and said.endswith("error: image 'absent.png': no such file\n")
+    assert "read_image" in caplog.text and "Traceback" in caplog.text
+
+
+def test_quiet_and_verbose_contradict(uniart):
+    code, _, said = uniart("-q", "stats", "-v")
+    assert code == 2 and said == "error: -q and -v contradict each other; give one of them\n"
