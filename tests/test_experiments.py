@@ -360,7 +360,7 @@ def test_a_half_judged_seed_is_not_in_the_table(done, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["nothing"], "give a file, or in the repository's root one of aggregation, "),
+        (["nothing"], "give a .py file, or a name of these: aggregation, "),
         (["aggregation", "--seeds", "0"], "--seeds must be at least 1"),
         (["solvers", "--seeds", "2"], "nothing is trained in it, so there is one seed"),
         (["unseen_joint", "--size", "paper"], "no paper size"),

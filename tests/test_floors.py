@@ -10,6 +10,7 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "uniart_jax"
 FLOORS = [
+    {"config_files"},
     {"allocator", "config", "locks", "processes", "progress"},
     {"objects", "nn"},
     {"voxels", "procedural", "render", "diagram", "flow"},

@@ -18,10 +18,12 @@ _PUBLIC = {
     "Pipeline": "uniart_jax.pipeline",
     "load": "uniart_jax.pipeline",
 }
-__all__ = ["__version__", *_PUBLIC]
+__all__ = ["__version__", "config", *_PUBLIC]
 
 
 def __getattr__(name: str):
+    if name == "config":  # the module; called, it loads a config: ``config("nano")``
+        return importlib.import_module("uniart_jax.config")
     if name in _PUBLIC:
         return getattr(importlib.import_module(_PUBLIC[name]), name)
     raise AttributeError(f"module 'uniart_jax' has no attribute '{name}'")

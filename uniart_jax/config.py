@@ -9,7 +9,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import reprlib
+import sys
+import types
+from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from uniart_jax.config_files import CONFIGS, find_file, run_file
 
 Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat"]
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash"]
@@ -410,6 +415,32 @@ class Config:
     sample_structure: StructureSampleConfig = StructureSampleConfig()
     sample_latent: LatentSampleConfig = LatentSampleConfig()
     seed: int = 0
+
+
+def load_config(name: str | Path) -> Config:
+    """The ``config()`` of a Python file, or of a file of ``configs/`` by its name ("nano").
+
+    Raises:
+      FileNotFoundError, ValueError: no such file, or it has no function ``config`` that returns a
+        ``Config``.
+    """
+    path = find_file(name, "config", CONFIGS)
+    config = run_file(path)
+    if not isinstance(config, Config):
+        raise ValueError(
+            f"config '{path}': it must define config() returning a uniart_jax.config.Config"
+        )
+    return config
+
+
+class _Module(types.ModuleType):
+    """This module, which can be called: ``uniart_jax.config("nano")`` is ``load_config``."""
+
+    def __call__(self, name: str | Path) -> Config:
+        return load_config(name)
+
+
+sys.modules[__name__].__class__ = _Module
 
 
 def to_json(config: Any) -> str:

@@ -20,8 +20,9 @@ from uniart_jax.cli.experiment import experiment
 from uniart_jax.cli.help_texts import readable
 from uniart_jax.cli.layout import layout
 from uniart_jax.cli.sample import sample
-from uniart_jax.cli.train import TrainArguments, load_config, train
+from uniart_jax.cli.train import TrainArguments, train
 from uniart_jax.cli.verbosity import take_verbosity
+from uniart_jax.config import load_config
 
 __all__ = ["COMMANDS", "guarded", "load_config", "main", "sample_main", "train_main"]
 

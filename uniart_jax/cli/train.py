@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import importlib.util
 import json
 import signal
 from collections.abc import Iterator, Sequence
@@ -15,35 +14,11 @@ from typing import Any, Literal
 import tyro
 
 import uniart_jax
-from uniart_jax.config import STAGES, Config, to_json
+from uniart_jax.config import STAGES, Config, load_config, to_json
 
 Stage = Literal[
     "all", "image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow", "layout"
 ]
-
-
-def load_config(path: Path) -> Config:
-    """The ``config()`` of a configs/*.py file.
-
-    Raises:
-      FileNotFoundError, ValueError: no such file, or it has no function ``config`` that returns a ``Config``.
-    """
-    if not path.is_file():
-        raise FileNotFoundError(f"config '{path}': no such file; see configs/")
-    spec = importlib.util.spec_from_file_location("uniart_config", path)
-    if spec is None or spec.loader is None:
-        raise ValueError(f"config '{path}': not a Python file")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-        config = module.config() if hasattr(module, "config") else None
-    except Exception as error:  # the user's own code
-        raise ValueError(f"config '{path}': {type(error).__name__}: {error}") from error
-    if not isinstance(config, Config):
-        raise ValueError(
-            f"config '{path}': it must define config() returning a uniart_jax.config.Config"
-        )
-    return config
 
 
 @dataclasses.dataclass
@@ -51,7 +26,7 @@ class TrainArguments:
     """Train one stage or all of them; resumes by itself if WORKDIR holds checkpoints."""
 
     config: Path
-    """A file in configs/."""
+    """A file like those of configs/, or the name of one: debug, nano, small, paper."""
     stage: Stage = "all"
     """Which network; 'all' runs them in order, encoding latents between."""
     workdir: Path | None = None

@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from uniart_jax.config import Aggregation, Config
+from uniart_jax.config_files import CONFIGS, find_file
 
 Size = Literal["nano", "paper"]
 # from what to what the networks of a checkpoint are judged: evaluation.procedural's rows, and the structure alone
 Station = Literal["vae", "structure", "latent_flow", "object"]
-FOLDER = Path("configs/experiments")
+FOLDER = CONFIGS / "experiments"
 # every network that configs/paper.py trains; DINOv2 is taken as it is
 PAPER_STAGES = ("structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 OBJECT_COLUMNS = (
@@ -163,13 +164,7 @@ def find_experiment(name: str | Path) -> Path:
     Raises:
       FileNotFoundError: no such file; those that there are, are listed.
     """
-    path = Path(name) if str(name).endswith(".py") else FOLDER / f"{name}.py"
-    if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in FOLDER.glob("*.py")))
-        raise FileNotFoundError(
-            f"experiment '{name}': no {path}; give a file, or in the repository's root one of {known or '(none here)'}"
-        )
-    return path
+    return find_file(name, "experiment", FOLDER)
 
 
 def load_experiment(name: str | Path, size: Size = "nano") -> Experiment:
