@@ -503,7 +503,7 @@ def voxel_grid(
 
 
 def load(checkpoint: str | Path = "nano") -> Pipeline:
-    """A model by name (shipped: "nano"), export folder or training WORKDIR.
+    """A model by name (shipped: "nano"), export folder, training WORKDIR, or ``hf:ORG/NAME``.
 
     Raises:
       FileNotFoundError: no such checkpoint, or networks are missing in it; all of them are named.

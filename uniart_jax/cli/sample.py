@@ -84,7 +84,7 @@ def sample(
 
     Args:
         images: Image files. With an alpha channel or a plain background the object is cut out by itself.
-        checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR.
+        checkpoint: "nano" (shipped), a folder written by training, a training WORKDIR, or hf:ORG/NAME of the Hugging Face hub (pip install 'uniart_jax[hub]').
         seed: Same seed, same object.
         num_samples: Samples an image; with several, report.json says how much those that were made agree on each joint. Where the checkpoint takes one step, which
             is the mean whatever the seed, several are made in four.

@@ -20,17 +20,22 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save
 
 from uniart_jax.config import Config, from_json, to_json
+from uniart_jax.training.hub import PREFIX, hub_folder
 
 PRETRAINED = Path(__file__).parent.parent / "pretrained"  # the shipped models
 STATISTICS = "latent_stats.safetensors"
 
 
 def checkpoint_folder(checkpoint: str | Path) -> Path:
-    """Where a checkpoint lies: a shipped model by its name, else the folder itself.
+    """Where a checkpoint lies: a shipped model by its name, one of the Hugging Face hub
+    (``hf:ORG/NAME``, ``training.hub``), else the folder itself.
 
     Raises:
-      FileNotFoundError: neither; the shipped ones are listed.
+      FileNotFoundError: none of these; the shipped ones are listed.
+      ValueError: what the hub needs is not installed.
     """
+    if str(checkpoint).startswith(PREFIX):
+        return hub_folder(str(checkpoint))
     shipped = PRETRAINED / str(checkpoint)
     folder = shipped if not os.path.isdir(checkpoint) and shipped.is_dir() else Path(checkpoint)
     if not folder.is_dir():
@@ -40,7 +45,7 @@ def checkpoint_folder(checkpoint: str | Path) -> Path:
             else ""
         )
         raise FileNotFoundError(
-            f"checkpoint '{checkpoint}': neither a folder nor a shipped model (shipped: {known or 'none'})"
+            f"checkpoint '{checkpoint}': neither a folder nor a shipped model (shipped: {known or 'none'}; of the hub: hf:ORG/NAME)"
         )
     return folder
 

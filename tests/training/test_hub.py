@@ -1,0 +1,66 @@
+"""A checkpoint of the Hugging Face hub by its name, with a stand-in for huggingface_hub."""
+
+import fnmatch
+import shutil
+import sys
+import types
+
+import pytest
+
+from uniart_jax.config import Config
+from uniart_jax.training.export import checkpoint_folder, read_config, write_config
+
+
+@pytest.fixture
+def hub(tmp_path, monkeypatch):
+    """A hub with one repository in a folder; what is asked for is copied, as a download is."""
+    remote, asked = tmp_path / "remote", []
+    write_config(remote, Config(name="theirs"))
+    (remote / "structure_vae.safetensors").write_bytes(b"weights")
+    (remote / "run.py").write_text("raise SystemExit")
+
+    def snapshot_download(repo_id, *, revision=None, allow_patterns=None):
+        asked.append((repo_id, revision))
+        if repo_id != "some/model":
+            raise RuntimeError("404 Client Error.\n\nRepository Not Found")
+        found = [p for p in remote.iterdir() if any(fnmatch.fnmatch(p.name, a) for a in allow_patterns)]  # fmt: skip
+        cache = tmp_path / "cache"
+        cache.mkdir()
+        for path in found:
+            shutil.copy(path, cache)
+        return str(cache)
+
+    module = types.ModuleType("huggingface_hub")
+    module.snapshot_download = snapshot_download
+    monkeypatch.setitem(sys.modules, "huggingface_hub", module)
+    return asked
+
+
+def test_a_name_of_the_hub_is_a_folder_of_weights_and_nothing_else(hub):
+    folder = checkpoint_folder("hf:some/model@v2")
+    assert read_config(folder).name == "theirs"
+    assert sorted(p.name for p in folder.iterdir()) == ["config.json", "structure_vae.safetensors"]
+    assert hub == [("some/model", "v2")]
+
+
+def test_without_a_revision_the_newest_is_asked_for(hub):
+    checkpoint_folder("hf:some/model")
+    assert hub == [("some/model", None)]
+
+
+def test_what_is_not_there_is_one_line(hub):
+    with pytest.raises(FileNotFoundError, match=r"checkpoint 'hf:some/other': not on the hub or not reachable \(404 Client Error.\)$"):  # fmt: skip
+        checkpoint_folder("hf:some/other")
+
+
+@pytest.mark.parametrize("name", ["hf:model", "hf:a/b/c", "hf:/b", "hf:"])
+def test_names_that_cannot_be_are_not_asked_for(hub, name):
+    with pytest.raises(ValueError, match="give hf:ORG/NAME"):
+        checkpoint_folder(name)
+    assert hub == []
+
+
+def test_without_the_extra_it_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "huggingface_hub", None)
+    with pytest.raises(ValueError, match=r"needs huggingface_hub: pip install 'uniart_jax\[hub\]'"):
+        checkpoint_folder("hf:some/model")
