@@ -16,6 +16,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from uniart_jax.config_files import CONFIGS, find_file, run_file
 
+Background = Literal["auto", "keep", "rembg"]  # how an object is cut out (data.background)
 Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat"]
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash"]
 TOLERANCES = (1e-4, 1.0)  # of adaptive solvers

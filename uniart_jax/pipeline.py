@@ -21,13 +21,15 @@ import numpy as np
 
 from uniart_jax.config import (
     NETWORKS,
+    Background,
     Config,
     GridConfig,
     LatentSampleConfig,
     SampleConfig,
     StructureSampleConfig,
 )
-from uniart_jax.data.images import crop, foreground, read_image
+from uniart_jax.data.background import cut_out
+from uniart_jax.data.images import crop, read_image
 from uniart_jax.export.picture_colors import Picture
 from uniart_jax.flow.solvers import Solution
 from uniart_jax.layouts import LayoutPredictor, load_layout_predictor
@@ -66,13 +68,15 @@ GAUSSIANS = "gaussian_decoder.safetensors"
 @dataclasses.dataclass(frozen=True)
 class Sample:
     """A sampled object and how. ``picture``: the (first) image with the camera that was estimated for it. Of both flows ("structure", "latent") the options, the velocities that were asked for (with guidance each is one call
-    of the network on twice the batch) and the adaptive steps whose error was above the tolerance (``flow.solvers.Solution``)."""
+    of the network on twice the batch) and the adaptive steps whose error was above the tolerance (``flow.solvers.Solution``). ``background``: how the object was
+    cut out of each image (``data.background``)."""
 
     obj: ArticulatedObject
     options: dict[str, SampleConfig]
     evaluations: dict[str, int]
     forced: dict[str, int]
     picture: Picture | None = None
+    background: tuple[str, ...] = ()
 
 
 class Pipeline:
@@ -121,6 +125,7 @@ class Pipeline:
         seed: int = 0,
         name: str = "object",
         layout: Layout | bool = True,
+        background: Background = "auto",
         progress: Callable[[str], None] = lambda step: None,
         **changes: Any,
     ) -> Sample:
@@ -131,6 +136,7 @@ class Pipeline:
           seed: same seed, same object. Flows that take one step give their mean, whatever the seed.
           layout: parts, joints and tree that the object follows (``voxels.follow``): a layout in the image's frame and state; True =
             what the checkpoint's layout network finds in the (first) image, where it has one; False = they are read off the voxels.
+          background: how the object is cut out of the image (``data.background.cut_out``).
           progress: called with the name of each step.
           changes: of both flows' options (``options``): steps, guidance, solver, adaptive, tolerance, …
 
@@ -149,7 +155,8 @@ class Pipeline:
             raise ValueError("sample: no image; give one, or several views of one object")
         structure_options, latent_options = self.options(**changes)
         progress("looking at the image")
-        shown = [self._cut_out(view) for view in views]
+        cut = [self._cut_out(view, background) for view in views]
+        shown = [picture for picture, _ in cut]
         pixels = np.stack([self._crop(view) for view in shown])
         found = self._find_layout(shown[0]) if layout is True else layout or None
         condition = self.following(join_views(self.encode_images(pixels)), [found])
@@ -173,6 +180,7 @@ class Pipeline:
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.forced[0]) for flow, solved in flows.items()},
             self._picture(shown[0], found, condition),
+            tuple(way for _, way in cut),
         )
 
     def _picture(
@@ -199,11 +207,11 @@ class Pipeline:
         """
         if not self.config.model.layout.queries:
             raise ValueError("layout: this checkpoint has no layout network; train one with --stage layout")  # fmt: skip
-        return self._read_layout(self._cut_out(image), threshold)
+        return self._read_layout(self._cut_out(image)[0], threshold)
 
     def find_layout(self, image: str | Path | np.ndarray) -> Layout | None:
         """``layout`` of an image; None where the checkpoint has no layout network."""
-        return self._find_layout(self._cut_out(image))
+        return self._find_layout(self._cut_out(image)[0])
 
     def _find_layout(self, cut_out: np.ndarray) -> Layout | None:
         if not self.config.model.layout.queries or self.folder is None:
@@ -255,7 +263,7 @@ class Pipeline:
 
     def prepare(self, image: str | Path | np.ndarray) -> np.ndarray:
         """[S, S, 3] float32 in [0, 1]: read, foreground, square crop, on black."""
-        return self._crop(self._cut_out(image))
+        return self._crop(self._cut_out(image)[0])
 
     def _crop(self, cut_out: np.ndarray) -> np.ndarray:
         encoder = self.config.model.image_encoder
@@ -263,8 +271,10 @@ class Pipeline:
         return cut.astype(np.float32) / 255
 
     @staticmethod
-    def _cut_out(image: str | Path | np.ndarray) -> np.ndarray:
-        """[H, W, 4] uint8: read, foreground."""
+    def _cut_out(
+        image: str | Path | np.ndarray, background: Background = "auto"
+    ) -> tuple[np.ndarray, str]:
+        """[H, W, 4] uint8: read, background cut away; and how."""
         name = "image" if isinstance(image, np.ndarray) else f"image '{image}'"
         pixels = image if isinstance(image, np.ndarray) else read_image(image)
         if pixels.ndim != 3 or pixels.shape[-1] not in (3, 4) or pixels.dtype != np.uint8:
@@ -273,7 +283,7 @@ class Pipeline:
             )
         if pixels.shape[-1] == 3:
             pixels = np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)])
-        return foreground(pixels, name)
+        return cut_out(pixels, background, name)
 
     def encode_images(self, images: np.ndarray) -> Condition:
         """[B, S, S, 3] in [0, 1] -> what the flows see of them."""

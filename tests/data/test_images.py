@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from PIL import EpsImagePlugin, Image, PngImagePlugin
 
-from uniart_jax.data.images import crop, foreground, read_image, remove_plain_background
+from uniart_jax.data.background import foreground
+from uniart_jax.data.images import crop, read_image, remove_plain_background
 
 
 def object_on(background, size=(64, 96), alpha=None):
@@ -113,7 +114,8 @@ def test_plain_background_is_removed_and_holes_stay():
     assert (cut[..., 3] > 0).sum() == 20 * 40
 
 
-def test_busy_background_warns():
+def test_busy_background_warns(monkeypatch):
+    monkeypatch.setattr("uniart_jax.data.background._installed", lambda *modules: False)
     noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3))
     image = np.dstack([noise, np.full((64, 64), 255)]).astype(np.uint8)
     with pytest.warns(UserWarning, match="whole image"):

@@ -14,6 +14,7 @@ from typing import Annotated
 
 import tyro
 
+from uniart_jax.config import Background
 from uniart_jax.export.formats import Collision, Format, Origin
 from uniart_jax.export.printing.settings import PrintSettings
 
@@ -60,6 +61,12 @@ Damping = Annotated[
     ),
 ]
 
+CutOut = Annotated[
+    Background,
+    tyro.conf.arg(
+        help="How the object is cut out. auto: alpha, else a plain background, else rembg where installed, else GrabCut (pip install 'uniart_jax[photo]'). keep: nothing is cut away. rembg: by rembg."
+    ),
+]
 Stand = Annotated[
     Origin,
     tyro.conf.arg(

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from uniart_jax.cli.arguments import Out, Overwrite
+from uniart_jax.cli.arguments import CutOut, Out, Overwrite
 from uniart_jax.progress import messages
 
 MARKS = ("layouts.json",)  # what an output folder of this command holds
@@ -20,6 +20,7 @@ def layout(
     out: Out,
     checkpoint: str = "nano",
     threshold: float = 0.3,  # voxels.layout.THRESHOLD
+    background: CutOut = "auto",
     overwrite: Overwrite = False,
 ) -> None:
     """Find an object's parts in each image: OUT/<stem>.json and OUT/<stem>.png, boxes, axes and travel drawn over it.
@@ -37,10 +38,11 @@ def layout(
     if len(set(stems)) != len(stems):
         repeated = next(s for s in stems if stems.count(s) > 1)
         raise ValueError(f"layout: two images are called '{repeated}'; rename one")
-    from uniart_jax.data.images import crop, foreground, read_image
+    from uniart_jax.data.background import cut_out
+    from uniart_jax.data.images import crop, read_image
     from uniart_jax.export.folder import check_target, complete_folder
 
-    pictures = [foreground(read_image(path), f"image '{path}'") for path in images]
+    pictures = [cut_out(read_image(path), background, f"image '{path}'")[0] for path in images]
     check_target(out, overwrite, images, MARKS)
     from uniart_jax.layout_picture import draw_layout
     from uniart_jax.layouts import load_layout_predictor

@@ -15,6 +15,7 @@ from uniart_jax.cli.arguments import (
     Clearance,
     CollisionBudget,
     CollisionKind,
+    CutOut,
     Damping,
     Density,
     Formats,
@@ -59,6 +60,7 @@ def sample(
     multi_view: bool = False,
     layout: Path | None = None,
     follow: bool = True,
+    background: CutOut = "auto",
     texture: Literal["both", "network"] = "both",
     formats: Formats = None,
     size: Size = None,
@@ -173,6 +175,7 @@ def sample(
                         seed=seed + i,
                         name=views[0][0].stem,
                         layout=given,
+                        background=background,
                         progress=lambda step, name=name: status.update(f"{name}: {step}"),
                         **changes,
                     )
@@ -253,6 +256,8 @@ def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[s
     kinds = ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving))) or "no moving joint"
     yield f"{name}: {len(one.obj.parts)} parts ({kinds}) -> {folder}"
     yield f"  network evaluations: {', '.join(f'{flow} {n}' for flow, n in one.evaluations.items())}"
+    if guessed := sorted({"rembg", "grabcut"} & set(one.background)):
+        yield f"  cut out of its background by {' and '.join(guessed)}: look at preview.png"
     for flow, steps in one.forced.items():
         if steps:
             yield f"  {flow}: {steps} adaptive steps could not keep the tolerance of {one.options[flow].tolerance:g}; give a larger --tolerance, or fixed steps"
@@ -276,9 +281,12 @@ def details(made: list[Sample], index: int) -> dict[str, Any]:
             "guidance": options.guidance,
             "evaluations": one.evaluations[flow],
         }
+    told: dict[str, Any] = {"sampling": sampling}
+    if one.background:
+        told["background"] = list(one.background)  # of each view
     if len(made) == 1:
-        return {"sampling": sampling}
-    return {"sampling": sampling, "spread": joint_spread([s.obj for s in made], index)}
+        return told
+    return told | {"spread": joint_spread([s.obj for s in made], index)}
 
 
 def sample_folders(

@@ -1,6 +1,6 @@
 """From an image file to what a network sees, one road for training, sampling and evaluation.
 
-    file -> RGBA (orientation, palettes, CMYK, 16 bit) -> foreground -> square crop -> [size, size, 3] on black
+    file -> RGBA (orientation, palettes, CMYK, 16 bit) -> background.cut_out -> square crop -> [size, size, 3] on black
 
 The crop is TRELLIS's (bounding box of the foreground, enlarged, resampled, multiplied by alpha); the enlargement is ``MARGIN``.
 """
@@ -120,28 +120,6 @@ def remove_plain_background(rgba: np.ndarray) -> np.ndarray | None:
     out = rgba.copy()
     out[..., 3] = np.where(background, 0, out[..., 3])
     return out
-
-
-def foreground(rgba: np.ndarray, name: str = "image") -> np.ndarray:
-    """The image with an alpha channel that says what is the object.
-
-    Alpha is kept where the file has it; a plain background is removed; else the whole image counts and a warning says so.
-
-    Raises:
-      ValueError: the image is transparent throughout.
-    """
-    check_visible(rgba, name)
-    if has_alpha(rgba):
-        return rgba
-    cut = remove_plain_background(rgba)
-    if cut is not None:
-        return cut
-    warnings.warn(
-        f"{name}: no alpha channel and no plain background, so the whole image is taken as the object; "
-        "cut the object out for a better result",
-        stacklevel=2,
-    )
-    return rgba
 
 
 def crop_window(alpha: np.ndarray) -> tuple[float, float, float]:
