@@ -17,7 +17,6 @@ IMAGE ?= examples/images/oven.png
 sample: .venv/ready
 	@echo "· $(IMAGE) -> $(OUT) with the shipped model"
 	@$(BIN)/python sample.py $(IMAGE) --out $(OUT) --overwrite
-	@echo "· open $(OUT)/view.html"
 
 # a process a core, four at most (3 GB each); a module's tests stay together
 SPREAD := -n auto --maxprocesses 4 --dist loadscope

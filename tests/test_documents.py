@@ -7,6 +7,7 @@ from pathlib import Path
 import jax
 import pytest
 
+from uniart_jax import __version__
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
 from uniart_jax.training.export import read_config
@@ -14,7 +15,12 @@ from uniart_jax.training.export import read_config
 ROOT = Path(__file__).parent.parent
 
 
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "CHANGELOG.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
 FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 
 
@@ -88,3 +94,10 @@ def test_benchmark_cases_fit_the_networks(name):
     model = load_config(ROOT / "configs" / "nano.py").model
     network, loss, inputs = networks.case(name, model, 1)
     assert jax.eval_shape(loss, network.abstract(), *inputs).shape == ()
+
+
+def test_the_version_to_cite_is_the_packages():
+    text = (ROOT / "CITATION.cff").read_text()
+    assert re.search(r"^version: (.*)$", text, re.MULTILINE)[1] == __version__
+    assert re.search(r"^license: (.*)$", text, re.MULTILINE)[1] == "Apache-2.0"
+    assert f"\n## {__version__}\n" in (ROOT / "CHANGELOG.md").read_text()

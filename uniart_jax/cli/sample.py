@@ -263,6 +263,9 @@ def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[s
             yield f"  {flow}: {steps} adaptive steps could not keep the tolerance of {one.options[flow].tolerance:g}; give a larger --tolerance, or fixed steps"
     for line in validation_lines(found[0]) if found else ():
         yield f"  {line}"
+    from uniart_jax.cli.words import closing_line
+
+    yield closing_line(one.obj, folder)
 
 
 def details(made: list[Sample], index: int) -> dict[str, Any]:

@@ -1,0 +1,61 @@
+"""What ``sample`` says and reports of one sample beside its figures."""
+
+import pytest
+import trimesh
+
+from uniart_jax.cli.sample import details, lines
+from uniart_jax.cli.words import moving_words
+from uniart_jax.config import SampleConfig
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.pipeline import Sample
+
+HINGE = Joint((-0.5, 0.5, 0), (0, 0, 1), (0, 1.5), (0, 0))
+SLIDER = Joint((0, 0, 0), (-1, 0, 0), (0, 0), (0, 0.3))
+KNOB = Joint((-0.5, 0, 0.3), (1, 0, 0), (-2, 2), (0, 0))
+
+
+def disc(y):
+    mesh = trimesh.creation.cylinder(0.04, 0.04)
+    mesh.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], [1, 0, 0]))
+    return mesh.apply_translation((-0.52, y, 0.3))
+
+
+def thing(*parts):
+    body = Part("body", trimesh.creation.box((1, 1, 1)))
+    return ArticulatedObject([body, *parts])
+
+
+def cooker():
+    door = trimesh.creation.box((0.02, 0.9, 0.5), trimesh.transformations.translation_matrix((-0.5, 0, -0.2)))  # fmt: skip
+    knobs = [Part(f"b{i}", disc(y), 0, Joint((-0.5, y, 0.3), KNOB.direction, KNOB.angle, KNOB.travel)) for i, y in enumerate((-0.2, 0.2))]  # fmt: skip
+    return thing(*knobs, Part("door", door, 0, HINGE), Part("foot", door, 0))
+
+
+def one(obj, background=()):
+    flow = SampleConfig(steps=1)
+    both, calls = {"structure": flow, "latent": flow}, {"structure": 1, "latent": 1}
+    return Sample(obj, both, calls, {"structure": 0, "latent": 0}, background=background)
+
+
+def test_moving_parts_in_words():
+    assert moving_words(cooker()) == "1 hinge, 2 knobs"
+    assert moving_words(thing()) == "no moving part"
+    drawer = trimesh.creation.box((0.5, 0.5, 0.2))
+    assert moving_words(thing(Part("a", drawer, 0, SLIDER), Part("b", drawer, 0, SLIDER))) == "2 sliders"  # fmt: skip
+
+
+def test_the_last_line_says_what_was_found_and_where_to_click(tmp_path):
+    last = list(lines("x.png", one(cooker()), tmp_path, []))[-1]
+    assert last == "found: 1 hinge, 2 knobs"  # no page was asked for
+    (tmp_path / "view.html").touch()
+    last = list(lines("x.png", one(cooker()), tmp_path, []))[-1]
+    assert last == f"found: 1 hinge, 2 knobs; open {tmp_path / 'view.html'} in a browser: a slider for every joint"  # fmt: skip
+
+
+@pytest.mark.parametrize(("ways", "said"), [(("alpha", "plain"), False), (("grabcut",), True)])
+def test_how_the_object_was_cut_out(tmp_path, ways, said):
+    made = [one(cooker(), ways)]
+    assert details(made, 0)["background"] == list(ways)
+    told = [line for line in lines("x.png", made[0], tmp_path, []) if "cut out" in line]
+    assert told == (["  cut out of its background by grabcut: look at preview.png"] if said else [])
