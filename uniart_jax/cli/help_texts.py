@@ -34,7 +34,8 @@ def readable(command: Command) -> Command:
         if shown:
             # what the command itself says comes last and wins
             inner, *extras = _unwrapped(hints[name])
-            command.__annotations__[name] = Annotated[(inner, tyro.conf.arg(**shown), *extras)]
+            marked: Any = (inner, tyro.conf.arg(**shown), *extras)
+            command.__annotations__[name] = Annotated[marked]  # type: ignore[misc]
     return command
 
 

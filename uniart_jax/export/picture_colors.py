@@ -56,7 +56,7 @@ class Picture:
     def of(
         rgba: np.ndarray, camera: np.ndarray, margin: float = MARGIN, size: int = SIZE
     ) -> Picture:
-        """Of an image [H, W, 4] uint8 with the object cut out (``data.images.foreground``)."""
+        """Of an image [H, W, 4] uint8 with the object cut out (``data.background.cut_out``)."""
         white = np.dstack([np.full_like(rgba[..., :3], 255), rgba[..., 3]])
         alpha = crop(white, size, margin)[..., 0] / 255
         color = srgb_to_linear(crop(rgba, size, margin) / 255)
