@@ -174,6 +174,14 @@ def test_what_of_the_body_is_in_a_drawers_front_is_the_drawers():
     assert solid_of(after, 1)[teeth].all() and not solid_of(after, 0)[teeth].any()
 
 
+def test_a_rack_of_thin_bars_stays():
+    bars = (AT[1] % 6 < 1.5) | (AT[0] % 6 < 1.5)
+    field = drawer(~bars & (block(*BOX) < 1))
+    assert 0 < solid_of(field, 1).sum() < 0.6 * solid_of(drawer(), 1).sum()
+    after = pulled(field)
+    assert (solid_of(after, 1) & solid_of(field, 1)).sum() >= 0.5 * solid_of(field, 1).sum()
+
+
 def test_a_block_that_slides_is_no_drawer():
     field = field_of(drawer().sdf * 0 + 3, block(*BOX))
     field = field_of(block((14.3, 8.3, 42), (52.3, 56.3, 46.3)), block(*BOX))

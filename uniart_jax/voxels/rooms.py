@@ -30,7 +30,9 @@ OPEN = 0.5  # share of a layer across it that is free at least, as deep as it go
 INNER = 0.15  # of the opening's sides, that its depth is not looked for at
 WALL = 0.35  # of the opening, that a wall at its side takes at most
 MOST = 0.5  # share of a side's lines that meet a wall, where there is one; of a shelf's cells
+SHELF = 0.35  # share of a layer that is solid, where there is a shelf, and of its lines
 THICKNESS = 2  # of walls where they have gaps
+KEPT = 0.5  # share of a part's cells below which all is left as it was: racks are all gaps
 CORNER = 0.12  # of the sides: a round room does not reach so far into its corners
 SOLID = 0.5  # distance of cells that are filled or cleared
 TRIM = 1.0  # percent of a drawer's cells that are not looked at, at either end
@@ -56,6 +58,7 @@ def with_clean_rooms(
         cells = np.argwhere((field.sdf < 0) & (field.owner == k))
         if k in still or parents[k] not in still or not len(cells) or not body.any():
             continue
+        before = field.sdf.copy(), field.owner.copy()
         drawer = drawer_front(cells, boxes[k], joints[k], body)
         if drawer is not None:
             depth = whole_front(field, k, still, drawer)
@@ -64,6 +67,10 @@ def with_clean_rooms(
         if door is not None:
             straighten_rim(field, still, door)
             _clean(field, still, _behind(door, body))
+        after = field.sdf < 0
+        own, rest = after & (field.owner == k), after & np.isin(field.owner, still)
+        if own.sum() < KEPT * len(cells) or rest.sum() < KEPT * body.sum():
+            field.sdf[:], field.owner[:] = before
     return field
 
 
@@ -128,9 +135,7 @@ def _walls(solid: np.ndarray, room: _Room) -> tuple[np.ndarray, np.ndarray]:
     depth, (u, v), _ = room
     inside = (slice(0, depth), slice(*u), slice(*v))
     inner = solid[inside]
-    shelves = np.zeros_like(inner)
-    for axis in (1, 2):
-        np.moveaxis(shelves, axis, 0)[inner.mean((0, 3 - axis)) > MOST] = True
+    shelves = _shelves(inner)
     outer = [slice(0, depth + THICKNESS)]
     for (first, last), (wall, other) in zip((u, v), room.walls, strict=True):
         outer.append(slice(max(first - THICKNESS * wall, 0), last + THICKNESS * other))
@@ -143,6 +148,22 @@ def _walls(solid: np.ndarray, room: _Room) -> tuple[np.ndarray, np.ndarray]:
     fill[inside] = shelves
     clear[inside] = ~shelves
     return fill, clear & solid
+
+
+def _shelves(inner: np.ndarray) -> np.ndarray:
+    """Cells [D, U, V] of a room that whole shelves and dividers hold: layers across it of which
+    enough is solid, within the rectangle that it is solid in."""
+    shelves = np.zeros_like(inner)
+    for axis in (1, 2):
+        layers, whole = np.moveaxis(inner, axis, 0), np.moveaxis(shelves, axis, 0)
+        for k in np.flatnonzero(layers.mean((1, 2)) > SHELF):
+            rows, columns = (np.flatnonzero(layers[k].mean(a) > SHELF) for a in (1, 0))
+            if not len(rows) or not len(columns):
+                continue
+            place = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+            if layers[k][place].mean() > MOST:
+                whole[k][place] = True
+    return shelves
 
 
 def _room(solid: np.ndarray) -> _Room | None:
