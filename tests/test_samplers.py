@@ -166,6 +166,41 @@ def test_guidance_leads_away_from_no_picture_at_all():
     assert np.abs(np.asarray(velocity(blind) - with_image)).max() > 1e-2
 
 
+@pytest.mark.parametrize("kind", ["structure", "latent"])
+def test_samples_are_given_the_latents_mean_and_deviation(kind):
+    """A flow knows latents of mean 0 and deviation 1; what is returned is in the VAE's units."""
+    options = dataclasses.replace(OPTIONS, steps=1, guidance=0.0)
+    if kind == "structure":
+        sampler, given, channels = make_structure_sampler(MODEL, options), (), 3
+    else:
+        coords = [np.argwhere(rng.random((8,) * 3) < 0.2).astype(np.int32)]
+        given, channels = (flow_inputs(*pad_coords(coords, (128,)), MODEL),), 4
+        sampler = make_latent_sampler(MODEL, options)
+    params, condition = STRUCTURE if kind == "structure" else LATENT, seen(1)
+    mean, std = rng.normal(2, 1, channels).astype("f4"), rng.uniform(0.5, 3, channels).astype("f4")
+    zero, one = np.zeros_like(mean), np.ones_like(std)
+    normal = np.asarray(sampler(params, (zero, one), condition, KEY, *given).x)
+    found = np.asarray(sampler(params, (mean, std), condition, KEY, *given).x)
+    expected = normal * std + mean
+    if kind == "latent":
+        expected[:, len(coords[0]) :] = 0
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_outside_its_interval_guidance_changes_nothing():
+    """Of three steps the first is at t = 1 and the last at .6: an interval that holds none, or one."""
+    condition = seen(1)
+
+    def sampled(guidance, interval):
+        options = dataclasses.replace(OPTIONS, guidance=guidance, guidance_interval=interval)
+        return np.asarray(make_structure_sampler(MODEL, options)(STRUCTURE, PLAIN, condition, KEY).x)  # fmt: skip
+
+    plain = sampled(0.0, (0.0, 1.0))
+    np.testing.assert_allclose(sampled(5.0, (0.1, 0.5)), plain, atol=1e-5)
+    some, everywhere = sampled(5.0, (0.99, 1.0)), sampled(5.0, (0.0, 1.0))
+    assert np.abs(some - plain).max() > 0.01 and np.abs(everywhere - some).max() > 0.01
+
+
 @pytest.mark.parametrize("views", [2, 3])
 def test_several_views_are_one_condition(views):
     """Tokens and maps side by side, volumes averaged; their order does not matter, and none is left out."""

@@ -144,6 +144,20 @@ def test_a_door_that_opens_wrongly_is_seen_by_articulated_states_alone():
     assert other_side["as_psnr"] < found[1]["as_psnr"] - 3
 
 
+def test_articulated_figures_are_the_mean_of_five_states_and_rest_is_one_of_them():
+    truth, pred = cupboard(), cupboard(np.deg2rad(50), door=(90, 60, 160))
+    rows = [
+        compare(views(pred, pred.open(s)), views(truth, truth.open(s)))
+        for s in (0.0, 0.25, 0.5, 0.75, 1.0)
+    ]
+    figures = measure(pred, truth)
+    for column, name in enumerate(("psnr", "psnr_object", "silhouette")):
+        values = [row[column] for row in rows]
+        assert figures[f"rs_{name}"] == pytest.approx(values[0])
+        assert figures[f"as_{name}"] == pytest.approx(np.mean(values))
+        assert abs(np.mean(values) - np.mean(values[1:])) > 0.001
+
+
 @settings(max_examples=3)
 @given(st.permutations([0, 1, 2]), st.floats(0.2, 5))
 def test_part_order_scale_and_place_do_not_matter(order, scale):

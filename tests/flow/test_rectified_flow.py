@@ -93,6 +93,24 @@ def test_guidance_extrapolates_within_its_interval():
     assert calls == [2]
 
 
+@pytest.mark.parametrize(
+    ("t", "guided"), [(0.1, 0), (0.19, 0), (0.2, 1), (0.5, 1), (0.8, 1), (0.81, 0), (1.0, 0)]
+)
+def test_outside_its_interval_the_condition_alone_is_asked_for(t, guided):
+    """Both ends belong to the interval; outside it a velocity costs one network call an item."""
+    items = []
+
+    def velocity(x, t, condition):
+        items.append(len(x))
+        return 0 * x + condition
+
+    velocity_at = guide(velocity, jnp.ones((2, 1)), jnp.full((2, 1), 4.0), 2.0, (0.2, 0.8))
+    with jax.disable_jit():  # so that only the branch that is taken is run
+        v = velocity_at(jnp.zeros((2, 3)), jnp.float32(t))
+    np.testing.assert_allclose(v, 1 + guided * 2 * (1 - 4))
+    assert items == [4 if guided else 2]
+
+
 def test_voxels_count_as_they_weigh():
     v, zero = jnp.array([[[1.0], [3.0]]]), jnp.zeros((1, 2, 1))
     weights = jnp.array([[0.75, 0.25]])

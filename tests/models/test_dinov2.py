@@ -99,6 +99,33 @@ def test_other_picture_sizes(params):
         NETWORK.apply(params, images(18, 16))
 
 
+def bicubic_antialiased(length, new):
+    """[new, length] float64 weights of PyTorch's ``interpolate(mode="bicubic", antialias=True)`` along an axis.
+
+    Keys' cubic with a = -.5, as wide as the output's pitch where that is the coarser one; half-pixel centres; cut at the border and scaled to sum 1.
+    """
+    pitch = max(length / new, 1)
+    weights = np.zeros((new, length))
+    for i in range(new):
+        center = (i + 0.5) * length / new
+        for j in range(length):
+            d = abs(j + 0.5 - center) / pitch
+            near, far = 1.5 * d**3 - 2.5 * d**2 + 1, -0.5 * d**3 + 2.5 * d**2 - 4 * d + 2
+            weights[i, j] = near if d <= 1 else far if d < 2 else 0
+    return weights / weights.sum(1, keepdims=True)
+
+
+@pytest.mark.parametrize("shape", [(6, 7), (3, 2), (2, 6)], ids=["larger", "smaller", "both"])
+def test_positions_are_interpolated_as_pytorch_does(params, shape):
+    """The fixture dinov2_interp holds upstream's own larger table; antialiasing shows in smaller ones."""
+    first, table = NETWORK.apply(params, *shape, method="position_table")
+    places = np.asarray(params["pos_embed"], np.float64)[0, 1:].reshape(4, 4, 24)
+    rows, columns = (bicubic_antialiased(4, n) for n in shape)
+    expected = np.einsum("ia,jb,abd->ijd", rows, columns, places).reshape(1, -1, 24)
+    np.testing.assert_allclose(table, expected, atol=1e-5)
+    np.testing.assert_array_equal(first, params["pos_embed"][:, :1])
+
+
 def test_masked_patches_are_not_looked_at(params):
     masks = jnp.zeros((2, 16), bool).at[0, 5].set(True)
     image = images(16, 16)

@@ -93,6 +93,52 @@ def test_part_attention_stays_within_the_part():
     assert not difference[1].any()
 
 
+def front_by_loops(p, batch, heads):
+    """V_geo, V_art and V of every voxel in float64, part by part and head by head."""
+    p, batch = (jax.tree.map(lambda a: np.asarray(a, np.float64), x) for x in (p, {k: v for k, v in batch.items() if k != "plans"}))  # fmt: skip
+
+    def layer(name, x):
+        return x @ p[name]["kernel"] + p[name]["bias"]
+
+    for b, count in enumerate(batch["counts"].astype(int)):
+        part = batch["voxel_part"][b, :count].astype(int)
+        own = batch["owner"][b, :count] == part[:, None]
+        color = batch["color"][b, :count].reshape(count, -1) * 2 - 1
+        cells = np.concatenate([batch["sdf"][b, :count], color, own], -1)
+        geometry = np.concatenate([batch["visual"][b, :count], layer("geometry", cells)], -1)
+        boxes, parent = batch["boxes"][b], batch["parents"][b].astype(int)[part]
+        code = layer("code_in", np.concatenate([batch["codes"][b][part], boxes[part], boxes[parent]], -1))  # fmt: skip
+        articulation = layer("code_out", code / (1 + np.exp(-code)))
+        articulation = articulation + layer("part_feature", batch["part_feature"][b, :count])
+        q, (k, v) = layer("to_q", articulation), np.split(layer("to_kv", geometry), 2, -1)
+        attended, size = np.zeros_like(articulation), articulation.shape[-1] // heads
+        for one in np.unique(part):
+            rows = np.flatnonzero(part == one)
+            for h in range(heads):
+                columns = slice(h * size, (h + 1) * size)
+                logits = q[rows, columns] @ k[rows, columns].T / np.sqrt(size)
+                weights = np.exp(logits - logits.max(1, keepdims=True))
+                weights /= weights.sum(1, keepdims=True)
+                attended[rows, columns] = weights @ v[rows, columns]
+        fused = layer("to_out", attended) + articulation
+        yield geometry, articulation, np.concatenate([geometry, fused], -1)
+
+
+def test_the_attention_is_the_papers_equation_in_float64():
+    """F_art = Attention(Q = V_art, K = V = V_geo) + V_art within a part, V = Concat(V_geo, F_art)."""
+    model = vae_config(
+        part_segment=0, articulation_channels=24, visual_channels=3, part_feature_channels=5
+    )
+    network = build("uniart_vae", model)
+    params, batch = init(network), voxel_batch(model)
+    found = jax.jit(lambda p, b: network.apply(p, b, method="front"))(params, batch)
+    together, geometry, articulation = jax.device_get(found)
+    for b, expected in enumerate(front_by_loops(params["front"], batch, heads=2)):
+        rows = len(expected[0])
+        for ours, theirs in zip((geometry, articulation, together), expected, strict=True):
+            np.testing.assert_allclose(ours[b, :rows], theirs, rtol=1e-4, atol=1e-4)
+
+
 def test_codes_and_boxes_are_gathered_by_part():
     batch = voxel_batch(MODEL)
     codes, found = np.asarray(voxel_codes(batch)), jax.device_get(voxel_boxes(batch))

@@ -17,6 +17,8 @@ from uniart_jax.training.objectives import (
     alignment_loss,
     draw,
     make_latent_flow_loss,
+    make_uniart_vae_loss,
+    normalize,
     of_pictures,
     part_weights,
 )
@@ -62,6 +64,87 @@ def test_kl_is_zero_at_the_prior_and_by_hand():
     assert float(losses.kl_loss(zero, zero, mask)) == 0
     mean = zero.at[0, 0].set(2.0).at[0, 1].set(jnp.nan)
     assert float(losses.kl_loss(mean, zero, mask)) == pytest.approx(2.0)
+
+
+def test_kl_is_the_closed_form_of_two_gaussians():
+    """log(s2 / s1) + (s1^2 + (m1 - m2)^2) / (2 s2^2) - 1/2 with m2 = 0, s2 = 1, per element."""
+    rng = np.random.default_rng(0)
+    mean, logvar = rng.normal(size=(2, 2, 5, 3))
+    deviation = np.exp(logvar / 2)
+    each = np.log(1 / deviation) + (deviation**2 + mean**2) / 2 - 0.5
+    expected = (each[0, :4].mean() + each[1, :2].mean()) / 2  # the mean of objects
+    mask = np.arange(5) < np.array([[4], [2]])
+    found = jax.jit(losses.kl_loss)(*(np.float32(a) for a in (mean, logvar, mask)))
+    assert float(found) == pytest.approx(expected, rel=1e-5)
+
+
+class Told:
+    """A UniArt VAE that answers what it was given."""
+
+    def __init__(self, **answers):
+        self.answers = {name: jnp.asarray(value, jnp.float32) for name, value in answers.items()}
+
+    def apply(self, params, *_, method):
+        encoded = ("mean", "logvar", "geometry", "articulation")
+        return {k: v for k, v in self.answers.items() if (k in encoded) == (method == "encode")}
+
+
+def vae_case():
+    """(network, batch) of one object of two parts and five voxels, the last of them padding."""
+    rng = np.random.default_rng(4)
+    f = lambda *s: rng.normal(size=(1, 5, *s)).astype(np.float32)  # noqa: E731
+    answers = {"mean": f(2), "logvar": f(2), "geometry": f(3), "articulation": f(4), "sdf": f(8), "color": f(8, 3), "box_pair": f(2, 6), "foreign": f(8), "joint_code": f(9), "parent_box": f(6)}  # fmt: skip
+    batch = {
+        "coords": np.zeros((1, 5, 3), np.int32),
+        "counts": np.array([4], np.int32),
+        "voxel_part": np.array([[0, 1, 1, 0, 0]], np.int32),
+        "owner": rng.integers(0, 2, (1, 5, 8)).astype(np.int32),
+        "parents": np.zeros((1, 2), np.int32),
+        "boxes": rng.normal(size=(1, 2, 6)).astype(np.float32),
+        "codes": rng.normal(size=(1, 2, 9)).astype(np.float32),
+        "sdf": f(8),
+        "color": np.abs(f(8, 3)),
+    }
+    return Told(**answers), batch
+
+
+def test_the_vaes_loss_is_the_weighted_sum_of_its_terms():
+    """L_geo + lambda_1 L_art + L_own + lambda_2 L_kl, the weights the config's."""
+    network, batch = vae_case()
+    weights = dict(articulation=2.5, kl=0.7, color=0.3, alignment=0.4)
+    config = Config(loss=LossConfig(**weights))
+    loss_fn = jax.jit(make_uniart_vae_loss(network, config))
+    loss, terms = loss_fn({}, batch, jax.random.key(0))
+    terms = {name: float(value) for name, value in terms.items()}
+    assert all(terms[name] > 0.01 for name in terms if name != "padding")
+    articulation = sum(terms[n] for n in ("own_box", "other_box", "joint_code", "parent_box"))
+    expected = terms["occupancy"] + terms["sdf"] + 0.3 * terms["color"] + terms["foreign"]
+    expected += 2.5 * articulation + 0.7 * terms["kl"] + 0.4 * terms["alignment"]
+    assert float(loss) == pytest.approx(expected, rel=1e-5)
+    answers, part = network.answers, batch["voxel_part"][0, :4]
+    mean, logvar, joint, parent = (
+        np.asarray(answers[name], np.float64)[0, :4]
+        for name in ("mean", "logvar", "joint_code", "parent_box")
+    )
+    kl = (mean**2 + np.exp(logvar) - 1 - logvar).mean() / 2  # of valid voxels alone
+    assert terms["kl"] == pytest.approx(kl, rel=1e-4)
+
+    def huber(error):
+        return np.where(np.abs(error) < 0.3, error**2 / 0.6, np.abs(error) - 0.15).mean(-1)
+
+    gauges = np.asarray(gauge_variants(batch["codes"][0, part]))
+    joint = huber(joint[:, None] - gauges).min(1).mean()
+    assert terms["joint_code"] == pytest.approx(joint, rel=1e-4)
+    corners = [np.concatenate([b[..., :3] - b[..., 3:] / 2, b[..., :3] + b[..., 3:] / 2], -1) for b in (parent, batch["boxes"][0, :1])]  # fmt: skip
+    assert terms["parent_box"] == pytest.approx(huber(corners[0] - corners[1]).mean(), rel=1e-4)
+
+
+def test_latents_are_brought_to_mean_0_and_deviation_1():
+    latent = np.random.default_rng(1).normal([3, -5], [0.5, 4], (2000, 2))
+    found = normalize(np.float32(latent), latent.mean(0), latent.std(0))
+    found = np.asarray(found, np.float64)
+    np.testing.assert_allclose(found.mean(0), 0, atol=1e-4)
+    np.testing.assert_allclose(found.std(0), 1, atol=1e-4)
 
 
 def test_geometry_losses_vanish_on_the_truth():

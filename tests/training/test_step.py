@@ -86,6 +86,21 @@ def test_a_step_moves_averages_and_reports():
     assert bool(metrics["finite"])
 
 
+@pytest.mark.parametrize("start", [0, 17_988])
+def test_the_average_follows_its_decay_over_several_steps(start):
+    """First (1 + n) / (10 + n) of step n, from step 17,990 on the config's .9995."""
+    state, step = fresh(StageConfig(learning_rate=0.1, warmup_steps=0))
+    state = state._replace(step=jnp.full_like(state.step, start))
+    expected, decays = np.asarray(state.ema["kernel"], np.float64), []
+    for n in range(start + 1, start + 5):
+        state, _ = step(state, jnp.ones((4, 3)), jax.random.key(5))
+        decays.append(min(0.9995, (1 + n) / (10 + n)))
+        expected = decays[-1] * expected + (1 - decays[-1]) * np.asarray(state.params["kernel"])
+    assert (decays[-1] == 0.9995) == (start > 0) and decays[0] < 0.9995
+    away = np.abs(expected - np.asarray(state.params["kernel"])).max()
+    np.testing.assert_allclose(state.ema["kernel"], expected, atol=1e-4 * away + 1e-6)
+
+
 def test_the_key_follows_the_step_and_nothing_else():
     key = jax.random.key(5)
     state, step = fresh(StageConfig())
