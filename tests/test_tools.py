@@ -19,6 +19,29 @@ from uniart_jax.training.export import export_network, write_config
 ROOT = Path(__file__).parent.parent
 
 
+def test_every_mutant_has_its_line_and_its_test():
+    mutants = runpy.run_path(str(ROOT / "tools/mutants.py"))["MUTANTS"]
+    for mutant in mutants:
+        assert (ROOT / mutant.file).read_text().count(mutant.text) == 1, mutant
+        file, name = mutant.test.split("::")
+        assert f"def {name.split('[')[0]}(" in (ROOT / file).read_text(), mutant
+    assert len(set(mutants)) == len(mutants) > 0
+
+
+def test_a_mutant_that_no_test_fails_survives(tmp_path):
+    tool = runpy.run_path(str(ROOT / "tools/mutants.py"))
+    (tmp_path / "half.py").write_text("def half(x):\n    return x / 2\n")
+    (tmp_path / "test_half.py").write_text("from half import half\n\n\ndef test_half():\n    assert half(4) == 2\n\n\ndef test_zero():\n    assert half(0) == 0\n")  # fmt: skip
+    for test, alive in (("test_half", False), ("test_zero", True)):
+        mutant = tool["Mutant"]("half.py", "x / 2", "x / 3", f"test_half.py::{test}")
+        assert tool["survives"](tmp_path, mutant) == alive
+    assert "x / 2" in (tmp_path / "half.py").read_text()
+    with pytest.raises(ValueError, match="there 0 times"):
+        tool["survives"](tmp_path, mutant._replace(text="x / 4"))
+    with pytest.raises(RuntimeError, match="pytest ended with 4"):
+        tool["survives"](tmp_path, mutant._replace(test="test_half.py::test_none"))
+
+
 def test_weights_are_averaged_by_the_share_of_the_second(tmp_path, monkeypatch, capsys):
     config = load_config(ROOT / "configs/debug.py")
     abstract = build("structure_vae", config.model).abstract()

@@ -1,0 +1,161 @@
+"""Break lines on purpose, one at a time, in a temporary copy, and see that a named test fails.
+
+    python tools/mutants.py [NAME ...]      NAME: part of a mutant's text; none: all
+
+A mutant is (file, text, replacement, test that must fail); the text stands once in its file. First all
+of the tests are run on the copy as it is, and must pass. Ends with 1 where a mutant survives.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parent.parent
+COPIED = ("uniart_jax", "tests", "configs", "benchmarks", "pyproject.toml")
+LIMIT = 600  # seconds a run
+
+
+class Mutant(NamedTuple):
+    """``text`` of ``file`` becomes ``replacement``; ``test`` (pytest's name for it) must then fail."""
+
+    file: str
+    text: str
+    replacement: str
+    test: str
+
+
+VAE = "uniart_jax/models/uniart_vae.py"
+DINOV2 = "uniart_jax/models/dinov2.py"
+SAMPLERS = "uniart_jax/samplers.py"
+OBJECTIVES = "uniart_jax/training/objectives.py"
+EQUATION = "tests/models/test_uniart_vae.py::test_the_attention_is_the_papers_equation_in_float64"
+SUM = "tests/training/test_losses.py::test_the_vaes_loss_is_the_weighted_sum_of_its_terms"
+DECAY = "tests/training/test_step.py::test_the_average_follows_its_decay_over_several_steps"
+POSITIONS = "tests/models/test_dinov2.py::test_positions_are_interpolated_as_pytorch_does"
+UNITS = "tests/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
+INTERVAL = (
+    "tests/flow/test_rectified_flow.py::test_outside_its_interval_the_condition_alone_is_asked_for"
+)
+MUTANTS = (
+    Mutant(VAE, "(self.to_q(articulation), k, v)", "(0 * self.to_q(articulation), k, v)", EQUATION),
+    Mutant(VAE, "[geometry, fused + articulation]", "[geometry, fused]", EQUATION),
+    Mutant(VAE, "articulation + self.part_feature(", "articulation + 0 * self.part_feature(", EQUATION),
+    Mutant(OBJECTIVES, "weights.articulation * sum(", "1.0 * sum(", SUM),
+    Mutant(OBJECTIVES, "+ weights.kl * kl", "+ kl", SUM),
+    Mutant(
+        "uniart_jax/training/losses.py",
+        "jnp.exp(logvar) - 1.0 - logvar",
+        "jnp.exp(logvar) - 1.0 + logvar",
+        "tests/training/test_losses.py::test_kl_is_the_closed_form_of_two_gaussians",
+    ),
+    Mutant("uniart_jax/training/step.py", "minimum(ema_decay,", "minimum(0.9,", DECAY),
+    Mutant("uniart_jax/config.py", "ema_decay: float = 0.9995", "ema_decay: float = 0.9", DECAY),
+    Mutant(
+        OBJECTIVES,
+        "(latent - jnp.asarray(mean))",
+        "(latent + jnp.asarray(mean))",
+        "tests/training/test_losses.py::test_latents_are_brought_to_mean_0_and_deviation_1",
+    ),
+    Mutant(SAMPLERS, "x=found.x * std + mean)", "x=found.x * std - mean)", f"{UNITS}[structure]"),
+    Mutant(SAMPLERS, "found.x * std + mean, 0)", "found.x * std - mean, 0)", f"{UNITS}[latent]"),
+    Mutant(DINOV2, '"cubic", antialias=True', '"linear", antialias=True', POSITIONS),
+    Mutant(DINOV2, '"cubic", antialias=True', '"cubic", antialias=False', f"{POSITIONS}[smaller]"),
+    Mutant(
+        DINOV2,
+        '"cubic", antialias=True',
+        '"linear", antialias=True',
+        "tests/parity/test_parity.py::test_parity[dinov2_interp]",
+    ),
+    Mutant(
+        "uniart_jax/evaluation/appearance.py",
+        "[row[column] for row in rows]",
+        "[row[column] for row in rows[1:]]",
+        "tests/evaluation/test_psnr.py::test_articulated_figures_are_the_mean_of_five_states_and_rest_is_one_of_them",
+    ),
+    Mutant("uniart_jax/flow/guidance.py", "cond(inside(t).any(), ", "cond(t >= 0, ", INTERVAL),
+    Mutant("uniart_jax/flow/guidance.py", "(t <= interval[1])", "(t <= 1)", INTERVAL),
+    Mutant(
+        SAMPLERS,
+        "guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)\n        found = _solve(guided, noise, options, model.structure_flow)",
+        "guided = guide(velocity, condition, nothing, options.guidance)\n        found = _solve(guided, noise, options, model.structure_flow)",
+        "tests/test_samplers.py::test_outside_its_interval_guidance_changes_nothing",
+    ),
+)  # fmt: skip
+
+
+def passes(folder: Path, tests: list[str]) -> bool:
+    """Whether pytest ends well on ``tests`` in the copy.
+
+    Raises:
+      RuntimeError: it ran no test (a name that is not there), or ends otherwise than by failures.
+    """
+    environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-x", "-m", "", *tests]
+    run = subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LIMIT
+    )
+    if run.returncode not in (0, 1):
+        raise RuntimeError(f"pytest ended with {run.returncode}: {(run.stdout + run.stderr)[-600:]}")  # fmt: skip
+    return run.returncode == 0
+
+
+def survives(folder: Path, mutant: Mutant) -> bool:
+    """Whether the named test passes although the line is broken; the file is restored.
+
+    Raises:
+      ValueError: the text does not stand in the file exactly once.
+    """
+    path = folder / mutant.file
+    before = path.read_text()
+    if (found := before.count(mutant.text)) != 1:
+        raise ValueError(f"{mutant.file}: '{mutant.text}' is there {found} times; write it so that it is there once")  # fmt: skip
+    path.write_text(before.replace(mutant.text, mutant.replacement))
+    try:
+        return passes(folder, [mutant.test])
+    finally:
+        path.write_text(before)
+
+
+def copy(folder: Path) -> None:
+    """What the tests need of the repository."""
+    ignore = shutil.ignore_patterns("__pycache__")
+    for name in COPIED:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=ignore)
+        else:
+            shutil.copy(source, folder / name)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("names", nargs="*", help="part of a mutant's text; none: all")
+    names = parser.parse_args().names
+    chosen = [m for m in MUTANTS if not names or any(n in " ".join(m) for n in names)]
+    if not chosen:
+        parser.error(f"no mutant holds {' or '.join(names)}")
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        copy(folder)
+        if not passes(folder, sorted({mutant.test for mutant in chosen})):
+            print("the tests fail before anything is broken")
+            return 1
+        survivors = 0
+        for mutant in chosen:
+            alive = survives(folder, mutant)
+            survivors += alive
+            change = " ".join(f"{mutant.text} -> {mutant.replacement}".split())
+            print(f"{'SURVIVES' if alive else 'caught  '} {mutant.file}: {change}", flush=True)
+    print(f"{len(chosen) - survivors} of {len(chosen)} caught")
+    return int(survivors > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
