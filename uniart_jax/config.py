@@ -18,7 +18,7 @@ from uniart_jax.config_files import CONFIGS, find_file, run_file
 
 Background = Literal["auto", "keep", "rembg"]  # how an object is cut out (data.background)
 Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat"]
-Kernel = Literal["auto", "xla", "cudnn", "triton", "splash"]
+Kernel = Literal["auto", "xla", "cudnn", "triton", "splash", "plain"]
 TOLERANCES = (1e-4, 1.0)  # of adaptive solvers
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 STAGES = (*NETWORKS, "layout")  # the last where a model has one
@@ -202,7 +202,8 @@ class GaussianConfig:
 class ModelConfig:
     """The networks of one checkpoint, and how they are run.
 
-    ``kernel``: of attention (``nn.attention``). ``scan_blocks`` compiles a stack of equal blocks once and loops over it; ``remat`` computes a
+    ``kernel``: of attention (``nn.attention``); 'plain' also leaves the derivatives of gathers and convolutions to JAX, so that ``jax.jvp`` and
+    Hessian-vector products go through every network. ``scan_blocks`` compiles a stack of equal blocks once and loops over it; ``remat`` computes a
     block's activations again in the backward pass: compile time and memory then do not grow with depth.
     """
 

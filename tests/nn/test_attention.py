@@ -11,6 +11,7 @@ from uniart_jax.nn.gathers import permute_rows
 from uniart_jax.nn.segments import pack_segments, plan_segments, whole_rows
 
 PALLAS = ["triton", "splash"]  # in interpret mode on a CPU
+OTHERS = [*PALLAS, "plain"]
 # logits at a time: blocks of queries, some rows of several, all rows
 LOGITS = [1 << 6, 1 << 13, 1 << 20]
 
@@ -63,7 +64,7 @@ def test_gradient_is_plain_attentions(monkeypatch, logits, keys):
         np.testing.assert_allclose(a, b, atol=1e-5)
 
 
-@pytest.mark.parametrize("kernel", ["xla", *PALLAS])
+@pytest.mark.parametrize("kernel", ["xla", *OTHERS])
 def test_garbage_in_padding_reaches_nothing(monkeypatch, kernel):
     monkeypatch.setattr(attention_xla, "CPU_LOGITS", 1 << 9)
     q, k, v = arrays(3, 40, 2, 8)
@@ -86,7 +87,7 @@ def test_garbage_in_padding_reaches_nothing(monkeypatch, kernel):
             assert not np.asarray(a)[np.broadcast_to(padding, q.shape)].any()
 
 
-@pytest.mark.parametrize("kernel", PALLAS)
+@pytest.mark.parametrize("kernel", OTHERS)
 @pytest.mark.parametrize(("queries", "keys"), [(130, 130), (64, 201)])
 def test_kernels_agree_on_rows(kernel, queries, keys):
     """Odd lengths, a row of one key and one of none; forward and gradients."""
@@ -119,7 +120,7 @@ def plans(width=150, kinds=5):
 
 
 @pytest.mark.parametrize("kind", plans()[0])
-@pytest.mark.parametrize(("kernel", "logits"), [*[("xla", n) for n in LOGITS], *[(k, 0) for k in PALLAS]])  # fmt: skip
+@pytest.mark.parametrize(("kernel", "logits"), [*[("xla", n) for n in LOGITS], *[(k, 0) for k in OTHERS]])  # fmt: skip
 def test_segments_are_masked_attention(monkeypatch, kind, kernel, logits):
     """Every plan and kernel, forward and gradient, NaN in the padding; lengths are odd."""
     monkeypatch.setattr(attention_xla, "CPU_LOGITS", logits)

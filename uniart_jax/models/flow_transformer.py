@@ -143,12 +143,22 @@ class SparseResBlock(nnx.Module):
     """TRELLIS's SparseResBlock3d: change of level first, then two submanifold convolutions with the time in between."""
 
     def __init__(
-        self, inputs: int, outputs: int, emb: int, level: int, change: int, rngs: nnx.Rngs, dtype
+        self,
+        inputs: int,
+        outputs: int,
+        emb: int,
+        level: int,
+        change: int,
+        rngs: nnx.Rngs,
+        dtype,
+        plain: bool,
     ):
         self.level, self.change = level, change  # level of the input; -1 = finer, +1 = coarser
+        self.plain = plain
         self.norm1 = LayerNorm(inputs)
-        self.conv1 = nnx.Dict(conv=SubmanifoldConv(inputs, outputs, rngs, dtype=dtype))
-        self.conv2 = nnx.Dict(conv=SubmanifoldConv(outputs, outputs, rngs, zero=True, dtype=dtype))
+        made = {"plain": plain, "dtype": dtype}
+        self.conv1 = nnx.Dict(conv=SubmanifoldConv(inputs, outputs, rngs, **made))
+        self.conv2 = nnx.Dict(conv=SubmanifoldConv(outputs, outputs, rngs, zero=True, **made))
         self.emb_layers = modulation(emb, 2 * outputs, rngs, init=xavier, dtype=dtype)
         self.skip_connection = (
             linear(inputs, outputs, rngs, dtype=dtype) if inputs != outputs else None
@@ -156,9 +166,9 @@ class SparseResBlock(nnx.Module):
 
     def __call__(self, x: jax.Array, time: jax.Array, plan: FlowPlan) -> jax.Array:
         if self.change > 0:
-            x = downsample(x, plan.pools[self.level])
+            x = downsample(x, plan.pools[self.level], plain=self.plain)
         elif self.change < 0:
-            x = upsample(x, plan.pools[self.level - 1])
+            x = upsample(x, plan.pools[self.level - 1], plain=self.plain)
         neighbors = plan.neighbors[self.level + self.change]
         scale, shift = jnp.split(self.emb_layers["1"](jax.nn.silu(time))[:, None, :], 2, -1)
         h = self.conv1["conv"](jax.nn.silu(self.norm1(x)), neighbors)
@@ -174,6 +184,7 @@ class LatentFlow(FlowTrunk):
         c, dtype = config.latent_flow, compute_dtype(config)
         latent, d = config.uniart_vae.latent_channels, c.model_channels
         self.make_trunk(c, config, config.grid.resolution // c.patch_size, rngs)
+        self.plain = config.kernel == "plain"
         if c.stem == "patch":
             slots = c.patch_size**3
             self.input_layer = linear(slots * (latent + 1), d, rngs, dtype=dtype)
@@ -211,7 +222,7 @@ class LatentFlow(FlowTrunk):
                 f"latent_flow: the conv stem halves once per io_channels {c.io_channels}, so patch_size must be "
                 f"{2 ** len(c.io_channels)}, not {c.patch_size}, and share_mod cannot be combined with it"
             )
-        levels = (*c.io_channels, d)
+        levels, made = (*c.io_channels, d), (rngs, dtype, self.plain)
         self.input_layer = linear(latent, levels[0], rngs)
         self.out_layer = linear(levels[0], latent, rngs, init=zeros)
         joined = 2 if c.use_skip_connection else 1
@@ -219,10 +230,10 @@ class LatentFlow(FlowTrunk):
         up: list[nnx.Module] = []
         for level, (here, below) in enumerate(itertools.pairwise(levels)):
             plain = range(c.num_io_res_blocks - 1)
-            down += [SparseResBlock(here, here, d, level, 0, rngs, dtype) for _ in plain]
-            down.append(SparseResBlock(here, below, d, level, 1, rngs, dtype))
-            after = [SparseResBlock(here * joined, here, d, level, 0, rngs, dtype) for _ in plain]
-            up = [SparseResBlock(below * joined, here, d, level + 1, -1, rngs, dtype), *after, *up]
+            down += [SparseResBlock(here, here, d, level, 0, *made) for _ in plain]
+            down.append(SparseResBlock(here, below, d, level, 1, *made))
+            after = [SparseResBlock(here * joined, here, d, level, 0, *made) for _ in plain]
+            up = [SparseResBlock(below * joined, here, d, level + 1, -1, *made), *after, *up]
         self.input_blocks, self.out_blocks = nnx.List(down), nnx.List(up)
 
     def __call__(
@@ -298,17 +309,17 @@ class LatentFlow(FlowTrunk):
     def _patch(self, x, time, tokens, volume, draws, coords, counts, plan, extra):
         """``extra``: "pixel", "layout" -> what voxels know of them [B, V, C]."""
         (pool,) = plan.pools
-        cubes = to_cells(x, pool)
+        cubes = to_cells(x, pool, plain=self.plain)
         full = occupied(pool).astype(x.dtype)
         h = self.input_layer(
             jnp.concatenate([cubes.reshape(*cubes.shape[:2], -1), full * 2 - 1], -1)
         )
         for name, values in extra.items():
-            of_cubes = to_cells(values, pool)
+            of_cubes = to_cells(values, pool, plain=self.plain)
             h = h + getattr(self, f"{name}_cube")(of_cubes.reshape(*of_cubes.shape[:2], -1))
         h = self._middle(h, time, tokens, volume, draws, pool.coords, pool.counts)
         out = self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
-        out = from_cells(out.reshape(*cubes.shape[:3], -1), pool)
+        out = from_cells(out.reshape(*cubes.shape[:3], -1), pool, plain=self.plain)
         if not self.config.voxel_channels:
             return out
         # a token is narrower than its cube's latents: what is fine is read off the voxel itself

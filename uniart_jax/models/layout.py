@@ -66,13 +66,13 @@ class Convolutions(nnx.Module):
         return tuple(maps[1:])
 
 
-def make_backbone(config: LayoutConfig, rngs: nnx.Rngs, dtype) -> Any:
+def make_backbone(config: LayoutConfig, rngs: nnx.Rngs, dtype, plain: bool = False) -> Any:
     """The image backbone that a config names: image in [-1, 1] -> maps at ``STRIDES``, with their ``CHANNELS``."""
     if config.backbone == "convolutions":
         return Convolutions(rngs, dtype)
     from uniart_jax.models.efficientnet_lite import EfficientNetLite0
 
-    return EfficientNetLite0(rngs, dtype)
+    return EfficientNetLite0(rngs, dtype, plain)
 
 
 class CellLinear(nnx.Module):
@@ -170,7 +170,7 @@ class LayoutNetwork(nnx.Module):
                 f"{c.queries}, {c.image_size}, {c.repeats}"
             )
         self.config, width = c, c.width
-        self.backbone = make_backbone(c, rngs, dtype)
+        self.backbone = make_backbone(c, rngs, dtype, config.kernel == "plain")
         channels = self.backbone.CHANNELS
         self.map_norms = nnx.List([GroupNorm(n, groups=8) for n in channels])
         self.to_map = nnx.List([linear(n, c.map_channels, rngs, dtype=dtype) for n in channels])

@@ -9,6 +9,7 @@ are ever made. Padding comes out exactly zero with zero gradients, and its conte
     cudnn     NVIDIA, in bfloat16: rows by their lengths; packed rows of up to ``MASKED`` tokens by a mask (longer ones: xla)
     triton    Pallas for NVIDIA: rows with segment ids, queries and keys the same tokens (elsewhere, as cross-attention, xla)
     splash    Pallas for TPU: rows with segment ids
+    plain     anywhere: whole rows at once, differentiated by JAX in every mode (``nn.attention_plain``)
     auto      by ``choose``: TPU splash; NVIDIA in bfloat16 cudnn; all else xla
 
 Rows, and the shares of a plan, are computed by the device that holds them (``nn.by_device``).
@@ -23,7 +24,7 @@ import jax
 import jax.numpy as jnp
 
 from uniart_jax.config import Kernel
-from uniart_jax.nn import attention_kernels, attention_xla
+from uniart_jax.nn import attention_kernels, attention_plain, attention_xla
 from uniart_jax.nn.by_device import alone, by_device
 from uniart_jax.nn.gathers import flat_positions, take_rows
 from uniart_jax.nn.segments import Bucket, Segments
@@ -38,7 +39,7 @@ def choose(
     keys: int,
     backend: str | None = None,
     single: bool | None = None,
-) -> Literal["xla", "cudnn", "triton", "splash"]:
+) -> Literal["xla", "cudnn", "triton", "splash", "plain"]:
     """The kernel that 'auto' stands for: the accelerator's own where rows have at least ``SHORT`` keys, xla elsewhere; others unchanged.
 
     cuDNN computes in bfloat16, so it is taken only where the network does. XLA cannot split Pallas kernels for TPU over devices, so splash is taken where one
@@ -96,11 +97,12 @@ def _attend(q, k, v, lengths, query_lengths, kernel: Kernel):
         out = attention_kernels.cudnn(q, k, v, lengths, query_lengths)
     elif chosen == "triton":
         out = attention_kernels.triton(q, k, v, _key_ids(k, lengths))
-    elif chosen == "splash":
+    elif chosen in ("splash", "plain"):
         # all queries look at valid keys, or, where a row has none, at its first, which is zero
         some = None if lengths is None else jnp.maximum(lengths, 1)
         q_ids = jnp.zeros(q.shape[:2], jnp.int32)
-        out = attention_kernels.splash(q, k, v, q_ids, _key_ids(k, some))
+        rows = attention_plain.attend_rows if chosen == "plain" else attention_kernels.splash
+        out = rows(q, k, v, q_ids, _key_ids(k, some))
     else:
         out = _by_rows(q, k, v, None if lengths is None else _key_ids(k, lengths))
     if query_lengths is not None:
@@ -153,6 +155,8 @@ def _attend_segments(qkv: jax.Array, segments: Segments, kernel: Kernel) -> jax.
             out = attention_kernels.cudnn(q, k, v, bucket.length, bucket.length, bucket.segment)
         elif chosen == "triton":
             out = attention_kernels.triton(q, k, v, jnp.asarray(ids))
+        elif chosen == "plain":
+            out = attention_plain.attend_rows(q, k, v, jnp.asarray(ids), jnp.asarray(ids))
         else:
             out = attention_kernels.splash(q, k, v, jnp.asarray(ids), jnp.asarray(ids))
         done.append(out.reshape(-1, heads * size))

@@ -79,12 +79,10 @@ def depth_to_space(x: jax.Array, factor: int) -> jax.Array:
     return x.reshape(items, a * f, b * f, c * f, channels // f**3)
 
 
-@jax.custom_vjp
-def submanifold(rows: jax.Array, kernel: jax.Array, neighbors: jax.Array) -> jax.Array:
+def sum_of_taps(rows: jax.Array, kernel: jax.Array, neighbors: jax.Array) -> jax.Array:
     """out[p] = sum over taps k of rows[neighbors[p, k]] kernel[k]: [T, C], [27, C, C'], [T, 27] -> [T, C'].
 
-    ``neighbors`` must be symmetric, as ``plan_neighbors`` makes it: if q is p's neighbour at tap k, p is q's at 26 - k. So the gradient is gathers
-    as well. Nine taps at a time, and the narrower side of the product is what is gathered: no [T, 27, C] array exists, forward or backward.
+    Nine taps at a time, and the narrower side of the product is what is gathered: no [T, 27, C] array exists.
     """
     _, inputs, outputs = kernel.shape
 
@@ -97,6 +95,16 @@ def submanifold(rows: jax.Array, kernel: jax.Array, neighbors: jax.Array) -> jax
 
     start = jnp.zeros((len(rows), outputs), rows.dtype)
     return jax.lax.scan(taps, start, (_grouped(kernel), _grouped(neighbors.T)))[0]
+
+
+@jax.custom_vjp
+def submanifold(rows: jax.Array, kernel: jax.Array, neighbors: jax.Array) -> jax.Array:
+    """``sum_of_taps``, with a gradient of its own.
+
+    ``neighbors`` must be symmetric, as ``plan_neighbors`` makes it: if q is p's neighbour at tap k, p is q's at 26 - k. So the gradient is gathers
+    as well, and needs no [T, 27, C] array either.
+    """
+    return sum_of_taps(rows, kernel, neighbors)
 
 
 def _submanifold_forward(rows, kernel, neighbors):
@@ -143,14 +151,24 @@ submanifold.defvjp(_submanifold_forward, _submanifold_backward)
 
 
 class SubmanifoldConv(nnx.Module):
-    """3^3 convolution at the active voxels only. Initialised as spconv's (Kaiming uniform, a = sqrt 5), or zero."""
+    """3^3 convolution at the active voxels only. Initialised as spconv's (Kaiming uniform, a = sqrt 5), or zero.
+
+    ``plain``: JAX's own derivatives, of every mode (``model.kernel`` 'plain').
+    """
 
     def __init__(
-        self, inputs: int, outputs: int, rngs: nnx.Rngs, *, zero: bool = False, dtype=jnp.float32
+        self,
+        inputs: int,
+        outputs: int,
+        rngs: nnx.Rngs,
+        *,
+        zero: bool = False,
+        plain: bool = False,
+        dtype=jnp.float32,
     ):
         self.kernel = nnx.Param(_torch_uniform(rngs, (27, inputs, outputs), inputs * 27, zero))
         self.bias = nnx.Param(_torch_uniform(rngs, (outputs,), inputs * 27, zero))
-        self.dtype = dtype
+        self.dtype, self.plain = dtype, plain
 
     def __call__(self, x: jax.Array, neighbors: jax.Array) -> jax.Array:
         """x [B, V, C], neighbors [B, V, 27] -> [B, V, C']."""
@@ -158,7 +176,8 @@ class SubmanifoldConv(nnx.Module):
         def convolve(x, neighbors, kernel):
             items, width, channels = x.shape
             near = flat_positions(neighbors, width).reshape(-1, 27)
-            return submanifold(x.reshape(-1, channels), kernel, near).reshape(items, width, -1)
+            taps = sum_of_taps if self.plain else submanifold
+            return taps(x.reshape(-1, channels), kernel, near).reshape(items, width, -1)
 
         kernel = self.kernel[...].astype(self.dtype)
         out = by_device(convolve, (x.astype(self.dtype), neighbors), (kernel,))

@@ -1,4 +1,7 @@
-"""Between levels of a sparse voxel grid by a host plan (``nn.grids.Pool``); all gathers, so gradients need no scatter."""
+"""Between levels of a sparse voxel grid by a host plan (``nn.grids.Pool``); all gathers, so gradients need no scatter.
+
+``plain``: JAX's own derivatives of the gathers, of every mode (``model.kernel`` 'plain').
+"""
 
 from __future__ import annotations
 
@@ -11,16 +14,17 @@ from uniart_jax.nn.gathers import flat_positions, permute_rows, take_rows
 from uniart_jax.nn.grids import FlowPlan, Pool
 
 
-def to_cells(x: jax.Array, pool: Pool) -> jax.Array:
+def to_cells(x: jax.Array, pool: Pool, *, plain: bool = False) -> jax.Array:
     """Voxels [B, V, C] -> cells [B, L, f^3, C]; empty slots zero."""
-    out = by_device(_permute, (x, pool.children.reshape(len(x), -1), pool.parent))
+    permute = _take if plain else _permute
+    out = by_device(permute, (x, pool.children.reshape(len(x), -1), pool.parent))
     return out.reshape(*pool.children.shape, -1)
 
 
-def from_cells(cells: jax.Array, pool: Pool) -> jax.Array:
+def from_cells(cells: jax.Array, pool: Pool, *, plain: bool = False) -> jax.Array:
     """Cells [B, L, f^3, C] -> voxels [B, V, C]; padding zero."""
-    rows = cells.reshape(len(cells), -1, cells.shape[-1])
-    return by_device(_permute, (rows, pool.parent, pool.children.reshape(len(cells), -1)))
+    rows, permute = cells.reshape(len(cells), -1, cells.shape[-1]), _take if plain else _permute
+    return by_device(permute, (rows, pool.parent, pool.children.reshape(len(cells), -1)))
 
 
 def _permute(x: jax.Array, index: jax.Array, inverse: jax.Array) -> jax.Array:
@@ -31,21 +35,29 @@ def _permute(x: jax.Array, index: jax.Array, inverse: jax.Array) -> jax.Array:
     return rows.reshape(items, taken, channels)
 
 
+def _take(x: jax.Array, index: jax.Array, inverse: jax.Array) -> jax.Array:
+    """As ``_permute``, without a gradient of its own."""
+    del inverse
+    (items, width, channels), taken = x.shape, index.shape[1]
+    rows = take_rows(x.reshape(-1, channels), flat_positions(index, width))
+    return rows.reshape(items, taken, channels)
+
+
 def occupied(pool: Pool) -> jax.Array:
     """[B, L, f^3] bool: slots that hold a voxel."""
     return pool.children < pool.parent.shape[1]
 
 
-def downsample(x: jax.Array, pool: Pool) -> jax.Array:
+def downsample(x: jax.Array, pool: Pool, *, plain: bool = False) -> jax.Array:
     """Voxels [B, V, C] -> cells [B, L, C]: sum / (n + 1), not the mean. TRELLIS's weights are trained with it (TRELLIS#250)."""
     number = occupied(pool).sum(-1, keepdims=True)
-    return to_cells(x, pool).sum(2) / (number + 1).astype(x.dtype)
+    return to_cells(x, pool, plain=plain).sum(2) / (number + 1).astype(x.dtype)
 
 
-def upsample(cells: jax.Array, pool: Pool) -> jax.Array:
+def upsample(cells: jax.Array, pool: Pool, *, plain: bool = False) -> jax.Array:
     """Cells [B, L, C] -> voxels [B, V, C], each a copy of its cell; padding zero."""
     spread = jnp.broadcast_to(cells[:, :, None, :], (*pool.children.shape, cells.shape[-1]))
-    return from_cells(spread, pool)
+    return from_cells(spread, pool, plain=plain)
 
 
 def at_cells(dense: jax.Array, coords: jax.Array) -> jax.Array:
