@@ -3,13 +3,16 @@
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from uniart_jax.config import (
+    Config,
     FlowConfig,
     GridConfig,
     LatentSampleConfig,
+    LossConfig,
     ModelConfig,
     StructureVAEConfig,
     UniArtVAEConfig,
@@ -25,6 +28,7 @@ from uniart_jax.samplers import (
     make_structure_sampler,
     pad_coords,
 )
+from uniart_jax.training.objectives import draw, make_structure_flow_loss
 from uniart_jax.voxels.joint_code import canonical
 from uniart_jax.voxels.layout import read_layout
 
@@ -199,6 +203,43 @@ def test_outside_its_interval_guidance_changes_nothing():
     np.testing.assert_allclose(sampled(5.0, (0.1, 0.5)), plain, atol=1e-5)
     some, everywhere = sampled(5.0, (0.99, 1.0)), sampled(5.0, (0.0, 1.0))
     assert np.abs(some - plain).max() > 0.01 and np.abs(everywhere - some).max() > 0.01
+
+
+def test_the_supplements_direction_is_the_mirror_image():
+    """z_0 prior, z_1 data: z_s = (1 - s) z_0 + s z_1, velocity z_1 - z_0, sampled from s = 0 to 1; written out here, with the same network."""
+    text = dataclasses.replace(MODEL, structure_flow=dataclasses.replace(FLOW, prediction="velocity"))  # fmt: skip
+    flow = dataclasses.replace(text.structure_flow, direction="noise_to_data")
+    mirror = dataclasses.replace(text, structure_flow=flow)
+    raw, ours = build("structure_flow", text), build("structure_flow", mirror)
+    condition = seen(2)
+    x = rng.normal(size=(2, 4, 4, 4, 3)).astype("f4")
+    config = Config(model=mirror, loss=LossConfig(condition_drop=0.0))
+    loss_fn = make_structure_flow_loss(ours, config, *PLAIN)
+    batch = {"structure": x, "tokens": condition.tokens, "volume": condition.volume}
+
+    @jax.jit
+    def run(params, x):
+        def velocity(z, s):  # the supplement's v(z, s | c)
+            return raw.apply(params, z, s, condition.tokens, condition.volume)
+
+        t, noise, _ = draw(batch, x, KEY, config)
+        s = 1 - t
+        z = (1 - s)[:, None, None, None, None] * noise + s[:, None, None, None, None] * x
+        loss = jnp.square(velocity(z, s) - (x - noise)).mean()
+        z, steps = jax.random.normal(KEY, x.shape), 3
+        for i in range(steps):
+            z = z + velocity(z, jnp.full(2, i / steps)) / steps
+        same = ours.apply(params, x, t, condition.tokens, condition.volume), -velocity(x, s)
+        return (loss, loss_fn(params, batch, KEY)[0]), z, same
+
+    (expected, found), z, (out, reflected) = run(STRUCTURE, x)
+    assert float(found) == pytest.approx(float(expected), rel=1e-5)
+    np.testing.assert_allclose(out, reflected, atol=1e-5)
+    options = dataclasses.replace(OPTIONS, steps=3, rescale_t=1.0, guidance=0.0)
+    sampled = make_structure_sampler(mirror, options)(STRUCTURE, PLAIN, condition, KEY).x
+    np.testing.assert_allclose(sampled, z, atol=1e-4)
+    other = make_structure_sampler(text, options)(STRUCTURE, PLAIN, condition, KEY).x
+    assert np.abs(np.asarray(other) - z).max() > 0.01
 
 
 @pytest.mark.parametrize("views", [2, 3])

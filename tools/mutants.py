@@ -82,6 +82,12 @@ MUTANTS = (
     Mutant("uniart_jax/flow/guidance.py", "cond(inside(t).any(), ", "cond(t >= 0, ", INTERVAL),
     Mutant("uniart_jax/flow/guidance.py", "(t <= interval[1])", "(t <= 1)", INTERVAL),
     Mutant(
+        "uniart_jax/models/flow_trunk.py",
+        "else -out",
+        "else out",
+        "tests/test_samplers.py::test_the_supplements_direction_is_the_mirror_image",
+    ),
+    Mutant(
         SAMPLERS,
         "guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)\n        found = _solve(guided, noise, options, model.structure_flow)",
         "guided = guide(velocity, condition, nothing, options.guidance)\n        found = _solve(guided, noise, options, model.structure_flow)",

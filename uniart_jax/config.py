@@ -155,6 +155,9 @@ class FlowConfig:
     ``refine_channels``: structure flow: width of a refiner of what the structure VAE decodes, at full resolution (``models.occupancy_refiner``); 0 = none (TRELLIS).
     ``position_table``: the structure flow holds its position embedding as a frozen table instead of computing it (weights whose table differs).
     ``prediction``: the network's output is the velocity (TRELLIS) or the clean sample, from which the velocity follows.
+    ``direction``: which way the network's own time runs. 'data_to_noise': x_0 data, velocity eps - x_0 (the paper's text, TRELLIS). 'noise_to_data': z_0
+    prior, z_1 data, velocity z_1 - z_0 (the paper's supplement), the mirror image: inside, t is 1 - t and v is -v; times of losses, solvers and
+    guidance stay as in the text.
     """
 
     model_channels: int = 1024
@@ -172,6 +175,7 @@ class FlowConfig:
     layout_channels: int = 0
     refine_channels: int = 0
     prediction: Literal["velocity", "data"] = "velocity"
+    direction: Literal["data_to_noise", "noise_to_data"] = "data_to_noise"
     stem: Literal["conv", "patch"] = "conv"
     voxel_channels: int = 0
     io_channels: tuple[int, ...] = ()

@@ -95,6 +95,31 @@ def test_latent_flow_ignores_padding(changes):
             np.testing.assert_allclose(a, b, rtol=5e-3, atol=5e-3 * np.abs(b).max())
 
 
+@pytest.mark.parametrize("prediction", ["velocity", "data"])
+def test_a_latent_flow_of_the_other_direction_is_its_mirror_image(prediction):
+    """v'(x, t) = -v(x, 1 - t) where velocities are predicted; a clean sample is the same whichever way time runs."""
+    model = latent_config(prediction=prediction, num_blocks=1, volume_channels=0)
+    flow = dataclasses.replace(model.latent_flow, direction="noise_to_data")
+    both = [build("latent_flow", m) for m in (model, dataclasses.replace(model, latent_flow=flow))]
+    params, batch, (tokens, _, t) = init(both[0]), voxel_batch(model), flow_arguments()
+    plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
+    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    half = jnp.full(2, 0.5)  # where a network that predicts x_0 is shown the same of x
+
+    @jax.jit
+    def run(params, x):
+        at = [lambda t, n=n: n.apply(params, x, t, tokens, **voxels) for n in both]
+        return at[0](1 - t), at[1](t), at[0](half), at[1](half)
+
+    mirrored, found, middle, same = run(params, batch["latent"])
+    if prediction == "velocity":
+        np.testing.assert_allclose(found, -mirrored, atol=1e-5)
+        assert np.abs(found).max() > 0.01
+    else:
+        np.testing.assert_allclose(same, middle, atol=1e-5)
+        assert np.abs(found - mirrored).max() > 0.01
+
+
 def test_latent_flow_draws_share_voxels():
     model = latent_config(voxel_channels=8, pixel_channels=6, layout_channels=6)
     network = build("latent_flow", model)

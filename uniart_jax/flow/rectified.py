@@ -4,7 +4,8 @@
     v   = (1 - s) eps - x_0                        (2)   the velocity target
     x_0 = (1 - s) x_t - (s + (1 - s) t) v          (3)
 
-The paper's main text and TRELLIS (``trainers/flow_matching``); the supplement's time runs the other way. s is 0 here, and 1e-5 for
+The paper's main text and TRELLIS (``trainers/flow_matching``); the supplement's time runs the other way, which is a matter of the network alone
+(``FlowConfig.direction``). s is 0 here, and 1e-5 for
 TRELLIS's weights.
 """
 

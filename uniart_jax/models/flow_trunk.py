@@ -62,6 +62,8 @@ class FlowTrunk(nnx.Module):
         )
 
     def embed_time(self, t: jax.Array) -> jax.Array:
+        """[B, D] of times [B], 1 at noise; the network's own time runs as ``direction`` says."""
+        t = t if self.config.direction == "data_to_noise" else 1 - t
         return self.t_embedder(timestep_embedding(1000.0 * t))
 
     def embed_volume(self, volume: jax.Array, draws: int) -> jax.Array:
@@ -108,10 +110,10 @@ class FlowTrunk(nnx.Module):
         return x * scale.reshape(-1, *[1] * (x.ndim - 1))
 
     def to_velocity(self, out: jax.Array, x: jax.Array, t: jax.Array) -> jax.Array:
-        """The network's output as a velocity: v = (x_t - x_0) / t where it predicts x_0."""
+        """The network's output as dx/dt: v = (x_t - x_0) / t where it predicts x_0, -v where its own time runs to data (``direction``)."""
         out = out.astype(jnp.float32)
         if self.config.prediction == "velocity":
-            return out
+            return out if self.config.direction == "data_to_noise" else -out
         return (x - out) / jnp.maximum(t, T_MIN).reshape(-1, *[1] * (x.ndim - 1))
 
 
