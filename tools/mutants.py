@@ -49,6 +49,7 @@ MUTANTS = (
     Mutant(VAE, "articulation + self.part_feature(", "articulation + 0 * self.part_feature(", EQUATION),
     Mutant(OBJECTIVES, "weights.articulation * sum(", "1.0 * sum(", SUM),
     Mutant(OBJECTIVES, "+ weights.kl * kl", "+ kl", SUM),
+    Mutant(OBJECTIVES, "weights.part_feature * restored", "0 * restored", SUM),
     Mutant(
         "uniart_jax/training/losses.py",
         "jnp.exp(logvar) - 1.0 - logvar",

@@ -266,6 +266,8 @@ class LossConfig:
     kl: float = 1e-6
     structure_kl: float = 1e-3
     articulation: float = 1.0  # the paper's lambda_1
+    # within it, of restored part features (V_art-hat), where the UniArt VAE reads them
+    part_feature: float = 1.0
     alignment: float = 0.0  # the supplement's reading of L_kl; its lambda_2 = 0.5
     color: float = 1.0
     huber_delta: float = 0.3

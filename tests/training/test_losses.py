@@ -93,7 +93,7 @@ def vae_case():
     """(network, batch) of one object of two parts and five voxels, the last of them padding."""
     rng = np.random.default_rng(4)
     f = lambda *s: rng.normal(size=(1, 5, *s)).astype(np.float32)  # noqa: E731
-    answers = {"mean": f(2), "logvar": f(2), "geometry": f(3), "articulation": f(4), "sdf": f(8), "color": f(8, 3), "box_pair": f(2, 6), "foreign": f(8), "joint_code": f(9), "parent_box": f(6)}  # fmt: skip
+    answers = {"mean": f(2), "logvar": f(2), "geometry": f(3), "articulation": f(4), "sdf": f(8), "color": f(8, 3), "box_pair": f(2, 6), "foreign": f(8), "joint_code": f(9), "parent_box": f(6), "part_feature": f(7)}  # fmt: skip
     batch = {
         "coords": np.zeros((1, 5, 3), np.int32),
         "counts": np.array([4], np.int32),
@@ -104,14 +104,16 @@ def vae_case():
         "codes": rng.normal(size=(1, 2, 9)).astype(np.float32),
         "sdf": f(8),
         "color": np.abs(f(8, 3)),
+        "part_feature": f(7).astype(np.float16),
     }
+    batch["part_feature"][0, 4] = np.nan  # padding
     return Told(**answers), batch
 
 
 def test_the_vaes_loss_is_the_weighted_sum_of_its_terms():
     """L_geo + lambda_1 L_art + L_own + lambda_2 L_kl, the weights the config's."""
     network, batch = vae_case()
-    weights = dict(articulation=2.5, kl=0.7, color=0.3, alignment=0.4)
+    weights = dict(articulation=2.5, kl=0.7, color=0.3, alignment=0.4, part_feature=0.6)
     config = Config(loss=LossConfig(**weights))
     loss_fn = jax.jit(make_uniart_vae_loss(network, config))
     loss, terms = loss_fn({}, batch, jax.random.key(0))
@@ -119,7 +121,8 @@ def test_the_vaes_loss_is_the_weighted_sum_of_its_terms():
     assert all(terms[name] > 0.01 for name in terms if name != "padding")
     articulation = sum(terms[n] for n in ("own_box", "other_box", "joint_code", "parent_box"))
     expected = terms["occupancy"] + terms["sdf"] + 0.3 * terms["color"] + terms["foreign"]
-    expected += 2.5 * articulation + 0.7 * terms["kl"] + 0.4 * terms["alignment"]
+    expected += 2.5 * (articulation + 0.6 * terms["part_feature"])
+    expected += 0.7 * terms["kl"] + 0.4 * terms["alignment"]
     assert float(loss) == pytest.approx(expected, rel=1e-5)
     answers, part = network.answers, batch["voxel_part"][0, :4]
     mean, logvar, joint, parent = (
@@ -132,6 +135,8 @@ def test_the_vaes_loss_is_the_weighted_sum_of_its_terms():
     def huber(error):
         return np.where(np.abs(error) < 0.3, error**2 / 0.6, np.abs(error) - 0.15).mean(-1)
 
+    missed = np.asarray(answers["part_feature"])[0, :4] - batch["part_feature"][0, :4]
+    assert terms["part_feature"] == pytest.approx(huber(missed).mean(), rel=1e-3)
     gauges = np.asarray(gauge_variants(batch["codes"][0, part]))
     joint = huber(joint[:, None] - gauges).min(1).mean()
     assert terms["joint_code"] == pytest.approx(joint, rel=1e-4)

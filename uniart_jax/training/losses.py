@@ -2,7 +2,7 @@
 
     L_vae  = L_geo + lambda_1 L_art + L_own + lambda_2 L_kl        (the paper, section 4.2 and supplement)
     L_geo  = occupancy (cross-entropy on the sign) + truncated distance + colour, per sub-cell
-    L_art  = Huber on joint codes modulo their gauges, on own boxes and on parent boxes
+    L_art  = Huber on joint codes modulo their gauges, on own boxes, on parent boxes and on part features, where there are any
     L_own  = cross-entropy on who owns a sub-cell (ours; not weighted by lambda_1)
     L_kl   = mean over elements of KL(q || N(0, 1))
 
@@ -49,6 +49,14 @@ def box_loss(predicted: jax.Array, target: jax.Array, delta: float) -> jax.Array
         )
 
     return huber(corners(predicted) - corners(target), delta).mean(-1)
+
+
+def part_feature_loss(
+    predicted: jax.Array, target: jax.Array, weights: jax.Array, delta: float
+) -> jax.Array:
+    """Huber on restored part features [B, V, P], the paper's V_art-hat; weights [B, V]."""
+    error = predicted - target.astype(jnp.float32)
+    return masked_mean(huber(error, delta).mean(-1), weights)
 
 
 def kl_loss(mean: jax.Array, logvar: jax.Array, mask: jax.Array) -> jax.Array:

@@ -43,6 +43,7 @@ from uniart_jax.training.losses import (
     joint_code_loss,
     kl_loss,
     masked_mean,
+    part_feature_loss,
 )
 from uniart_jax.voxels.part_table import PartTable
 
@@ -200,6 +201,11 @@ def make_uniart_vae_loss(
         metrics = {**geometry, **articulation, "kl": kl, "padding": 1 - valid.mean()}
         loss = loss + articulation.pop("foreign")
         loss = loss + weights.articulation * sum(articulation.values()) + weights.kl * kl
+        if "part_feature" in out:
+            true = at(batch["part_feature"])
+            restored = part_feature_loss(out["part_feature"], true, mask, weights.huber_delta)
+            metrics["part_feature"] = restored
+            loss = loss + weights.articulation * weights.part_feature * restored
         if weights.alignment:
             metrics["alignment"] = alignment_loss(out["geometry"], out["articulation"], valid)
             loss = loss + weights.alignment * metrics["alignment"]
