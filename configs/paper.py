@@ -17,6 +17,7 @@ from uniart_jax.config import (
     ModelConfig,
     StageConfig,
     StructureSampleConfig,
+    UniArtVAEConfig,
 )
 
 
@@ -32,6 +33,7 @@ def config() -> Config:
             image_encoder=ImageEncoderConfig(
                 architecture="dinov2", image_size=518, width=1024, num_blocks=24, num_heads=16
             ),
+            uniart_vae=UniArtVAEConfig(part_feature_channels=448),  # PartField's
             compute_dtype="bfloat16",
             scan_blocks=True,
             remat=True,

@@ -70,6 +70,7 @@ def test_the_networks_of_a_config_fit_each_other(path):
         "codes": shape(2, k, 9),
         "parents": shape(2, k, dtype="int32"),
         "visual": shape(2, width, model.uniart_vae.visual_channels),
+        "part_feature": shape(2, width, model.uniart_vae.part_feature_channels),
         "plans": plans,
         "layout": layout,
     }
@@ -87,6 +88,7 @@ def test_the_networks_of_a_config_fit_each_other(path):
 
 def test_the_paper_is_trelliss_size_and_starts_from_its_weights():
     config = load_config(CONFIGS[0].with_name("paper.py"))
+    assert config.model.uniart_vae.feature_channels == {"visual": 1024, "part_feature": 448}
     assert config.init and config.model.image_encoder.architecture == "dinov2"
     stage = StageConfig(steps=800_000, batch_size=64, ema_decay=0.9995, skip_not_finite=10)
     assert config.latent_flow == config.structure_flow == config.uniart_vae == stage

@@ -16,6 +16,7 @@ from hand_records import features_of, make_record, write_folder, write_items
 from PIL import Image
 
 from uniart_jax import cli, encoding, features, stages
+from uniart_jax.adoption import first_weights
 from uniart_jax.config import (
     Config,
     DataConfig,
@@ -35,7 +36,7 @@ from uniart_jax.data.shards import open_shards, write_shard
 from uniart_jax.models.network import build
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.render import Camera, orbit_cameras
-from uniart_jax.training.export import export_network, load_network
+from uniart_jax.training.export import export_network, flat_names, load_network, write_config
 
 ENCODER = ImageEncoderConfig(
     architecture="dinov2", image_size=16, patch_size=4, registers=2, width=12, num_blocks=1, num_heads=1, mlp_ratio=2.0,
@@ -334,3 +335,41 @@ def test_training_and_encoding_read_the_columns_of_their_split(tmp_path):
     assert encoding.digest(config, work, folder, "test") != before
     (folder / "visual.json").write_text("{}")
     assert encoding.digest(config, work, folder, "train") != before
+
+
+def test_a_vae_that_read_no_part_features_goes_on_with_them(tmp_path):
+    """It begins with the function that it was, trains on the features and their loss, and decodes."""
+    folder = prepared(tmp_path / "records")
+    items = [(f"hand-{k}", {"values": features_of(make_record(k, voxels=20 + 9 * k), 3)}) for k in range(COUNT)]  # fmt: skip
+    write_items(folder, "part_feature", items)
+    config = toy(folder)
+    config = dataclasses.replace(config, data=dataclasses.replace(config.data, validation=""))
+    reads = dataclasses.replace(config.model.uniart_vae, visual_channels=0)
+    model = dataclasses.replace(config.model, uniart_vae=reads)
+    config = dataclasses.replace(config, model=model)
+    blind = dataclasses.replace(model, uniart_vae=dataclasses.replace(reads, part_feature_channels=0))  # fmt: skip
+    source, work = tmp_path / "source", tmp_path / "work"
+    weights(source, network=build("uniart_vae", blind))
+    write_config(source, dataclasses.replace(config, model=blind))
+
+    network = build("uniart_vae", model)
+    first = first_weights(source, "uniart_vae", model)
+    record = RecordSource(folder, columns=("part_feature",))[0]
+    given = {**network.init(jax.random.key(1)), **first}
+    given["front"] = {**network.init(jax.random.key(1))["front"], **first["front"]}
+    means = [
+        Pipeline(dataclasses.replace(config, model=m), {"uniart_vae": p}, {}).encode_voxels(record.grid(), **more)
+        for m, p, more in ((blind, first, {}), (model, given, {"part_feature": record.part_feature}))
+    ]  # fmt: skip
+    np.testing.assert_allclose(means[1], means[0], atol=1e-5)
+
+    stages.run(config, ("uniart_vae",), work, init=source)
+    after = load_network(work, "uniart_vae", network.abstract())
+    new = {name for name in flat_names(after) if name not in flat_names(first)}
+    assert new == {f"{layer}.{leaf}" for layer in ("front.part_feature", "part_feature_head") for leaf in ("kernel", "bias")}  # fmt: skip
+    assert np.asarray(after["front"]["part_feature"]["kernel"]).any()  # it has learnt from them
+    assert "part_feature" in (work / "metrics" / "uniart_vae.jsonl").read_text()
+    pipeline = Pipeline(config, {"uniart_vae": after}, {})
+    coords = record.coords.astype(np.int32)
+    (grid,) = pipeline.decode([coords], [np.zeros((len(coords), 4), np.float32)])
+    assert np.array_equal(grid.coords, coords) and grid.own_box.shape[-1] == 6

@@ -24,7 +24,12 @@ from uniart_jax.training.export import (
 )
 
 WIDENED = ("structure_flow", "latent_flow", "uniart_vae")  # networks that can be given, later,
-ADDED = ("pixel_channels", "layout_channels", "refine_channels")  # these layers
+ADDED = (
+    "pixel_channels",
+    "layout_channels",
+    "refine_channels",
+    "part_feature_channels",
+)  # these layers
 console = messages()
 
 
@@ -66,7 +71,7 @@ def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
     """Weights of checkpoint ``source`` that a training of network ``name`` begins with (nested dict, float32).
 
     A flow that had no ``pixel_channels``, ``layout_channels`` or ``refine_channels``, or a UniArt VAE
-    that had no ``layout_channels``, may get them: what is returned lacks their layers, which stay as drawn and
+    that had no ``layout_channels`` or ``part_feature_channels``, may get them: what is returned lacks their layers, which stay as drawn and
     begin by adding nothing, so that the network begins with the function that it was.
 
     Raises:

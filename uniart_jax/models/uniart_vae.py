@@ -160,7 +160,8 @@ class Front(nnx.Module):
         self.code_in = linear(CODE_CHANNELS, art, rngs, dtype=dtype)
         self.code_out = linear(art, art, rngs, dtype=dtype)
         self.part_feature = (
-            linear(c.part_feature_channels, art, rngs, dtype=dtype)
+            # zero, so that a network that read none begins with the function that it was
+            linear(c.part_feature_channels, art, rngs, init=zeros, dtype=dtype)
             if c.part_feature_channels
             else None
         )
@@ -239,7 +240,7 @@ class UniArtVAE(nnx.Module):
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.uniart_vae, compute_dtype(config)
-        self.cells, self.features = config.grid.subdivisions**3, c.part_feature_channels
+        self.cells = config.grid.subdivisions**3
         self.front = Front(config, rngs)
         self.encoder = Trunk(self.front.channels, 2 * c.latent_channels, config, rngs)
         # a posterior that starts narrow: with TRELLIS's start (variance 1) the code drowns in noise for hundreds of steps
@@ -249,7 +250,9 @@ class UniArtVAE(nnx.Module):
         self.decoder = Trunk(c.latent_channels, None, config, rngs)
         self.geometry_head = linear(c.width, self.cells * 4, rngs, dtype=dtype)
         self.segmentation_head = linear(c.width, 12 + self.cells, rngs, dtype=dtype)
-        self.articulation_head = linear(c.width, 15 + c.part_feature_channels, rngs, dtype=dtype)
+        self.articulation_head = linear(c.width, 15, rngs, dtype=dtype)
+        features = c.part_feature_channels  # a head of its own: weights without it still fit
+        self.part_feature_head = linear(c.width, features, rngs, dtype=dtype) if features else None
         self.layout = LayoutDecoder(config, rngs) if c.layout_channels else None
 
     def encode(self, batch: Batch) -> dict[str, jax.Array]:
@@ -311,10 +314,10 @@ class UniArtVAE(nnx.Module):
             "foreign": foreign,
             "own_box": own_box,
             "joint_code": articulation[..., :9],
-            "parent_box": articulation[..., 9:15],
+            "parent_box": articulation[..., 9:],
         }
-        if self.features:
-            out["part_feature"] = articulation[..., 15:]
+        if self.part_feature_head is not None:
+            out["part_feature"] = self.part_feature_head(h).astype(jnp.float32)
         if more is not None:
             out |= pointed(table, more, out)
         return {
