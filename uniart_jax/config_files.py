@@ -23,7 +23,7 @@ def find_file(name: str | Path, kind: str, folder: Path) -> Path:
       FileNotFoundError: neither; the names that there are, are listed.
     """
     path = Path(name)
-    if path.is_file():
+    if path.suffix == ".py" and path.is_file():
         return path
     named = folder / f"{name}.py"
     if path.name == str(name) and named.is_file():

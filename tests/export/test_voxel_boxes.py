@@ -14,7 +14,7 @@ from skimage import measure
 
 from uniart_jax import procedural
 from uniart_jax.export.bodies import make_bodies
-from uniart_jax.export.physics import Box
+from uniart_jax.export.physics import Box, Hull
 from uniart_jax.export.voxel_boxes import (
     CELLS,
     ENOUGH,
@@ -24,6 +24,7 @@ from uniart_jax.export.voxel_boxes import (
 )
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.simulation.carving import carve
 
 LATTICE = 96
 
@@ -168,3 +169,35 @@ def test_a_bowl_has_no_holes():
     assert holes.sum() < 0.1 * cells.full[0].sum()
     sizes = np.bincount(np.asarray(ndimage.label(holes)[0]).ravel())[1:]
     assert sizes.max() < 0.01 * cells.full[0].sum()  # and none that a thing falls through
+
+
+def knobbed(angle: float = 0.0) -> ArticulatedObject:
+    """A rough block with a disc that turns on its front, which it is set into by a little."""
+    body = Part("body", rough(block((-0.2, 0.4), (-0.4, 0.4), (-0.4, 0.4))))
+    disc = trimesh.creation.cylinder(0.05, 0.08, sections=24)
+    disc.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], [1, 0, 0]))
+    disc.apply_translation([-0.23, 0.1, 0.2])
+    turns = Joint([-0.23, 0.1, 0.2], [1, 0, 0], angle=(-np.pi, np.pi))
+    return ArticulatedObject((body, Part("disc", disc, 0, turns)), scale=2.0)
+
+
+def test_a_knob_is_a_hull_and_nothing_is_in_its_way():
+    obj = knobbed()
+    body, knob = make_bodies(obj, [part.mesh for part in obj.parts])
+    (hull,) = knob.shapes
+    assert isinstance(hull, Hull) and all(isinstance(shape, Box) for shape in body.shapes)
+    np.testing.assert_allclose(hull.mesh.bounds, 2 * obj.parts[1].mesh.bounds, atol=1e-9)
+    spread = np.concatenate([obj.parts[1].mesh.vertices, [[-0.19, 0.1, 0.2]]])
+    for q in np.linspace(-np.pi, np.pi, 7):
+        at = trimesh.transform_points(spread, obj.joints[1].motion(q))
+        assert not inside(body.shapes, 2 * at).any()
+    away = np.array([[0.1, 0.1, 0.2], [0.0, -0.2, -0.2]])
+    assert inside(body.shapes, 2 * away).all()
+    cells, _ = carve(obj, as_cells(obj, [part.mesh for part in obj.parts]))
+    assert cells.full[1].sum() == as_cells(obj, [p.mesh for p in obj.parts]).full[1].sum()
+
+
+def test_with_boxes_alone_a_knob_is_boxes_too():
+    obj = knobbed()
+    _, knob = make_bodies(obj, [part.mesh for part in obj.parts], collision="boxes")
+    assert knob.shapes and all(isinstance(shape, Box) for shape in knob.shapes)

@@ -45,10 +45,13 @@ def test_torn_legs_become_whole():
     np.testing.assert_array_equal(after.sdf[high], rough.sdf[high])
 
 
-def test_legs_that_lean_still_lean():
-    lean = table(lean=0.2)
-    after = with_straight_legs(lean, [0])
-    assert wrong(after, lean) < 0.06 * (solid_of(lean, 0) & (AT[2] < 44)).sum()
+def test_nothing_is_taken_from_legs_that_lean_nor_boards_between_them():
+    for lean in (0.2, 0.4):
+        board = block((12.3, 12.3, 20.3), (54.3, 54.3, 22.3))
+        field = field_of(np.min([TOP, *legs(lean), board], 0), np.full(AT.shape[1:], 3.0))
+        after = with_straight_legs(field, [0])
+        assert (solid_of(after, 0) >= solid_of(field, 0)).all()
+        assert wrong(after, field) < 0.06 * (solid_of(field, 0) & (AT[2] < 44)).sum()
 
 
 def test_a_cabinet_stays_as_it_is():
@@ -59,7 +62,13 @@ def test_a_cabinet_stays_as_it_is():
 
 
 def test_what_moves_between_legs_is_no_bodys():
-    drawer = block((20.3, 20.3, 20.3), (40.3, 40.3, 40.3))
-    field = field_of(np.minimum(TOP, np.min(legs(), 0)), drawer)
+    hole = (np.abs(AT[2] - 25) < 3) & (AT[0] < 20) & (AT[1] < 20)
+    drawer = block((11.3, 11.3, 23.3), (15.3, 40.3, 27.3))  # through a leg's gap
+    carried = np.where(hole, 2.0, np.min(legs(), 0))
+    field = field_of(np.minimum(TOP, carried), drawer)
     after = with_straight_legs(field, [0])
     np.testing.assert_array_equal(solid_of(after, 1), solid_of(field, 1))
+    new = solid_of(after, 0) & ~solid_of(field, 0)
+    assert not (new & ndimage.binary_dilation(solid_of(field, 1))).any()
+    alone = field_of(np.minimum(TOP, carried))
+    assert (solid_of(with_straight_legs(alone, [0]), 0) & hole).any()

@@ -9,7 +9,9 @@ from fields import AT, N, assert_same, block, copy_of, field_of, solid_of
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.simulation.soundness import gaps
+from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.loose_parts import (
+    with_lost_parts,
     with_parts_joined,
     without_debris,
     without_floating_pieces,
@@ -173,6 +175,23 @@ def test_a_piece_of_the_body_that_touches_only_what_moves_goes():
     half = np.minimum(BODY, block((48.3, 20.3, 20.3), (60.3, 44.3, 44.3)))
     field = field_of(half, drawer)
     assert_same(without_floating_pieces(field, 2, [0]), field)
+
+
+def test_each_part_of_the_body_keeps_its_largest_piece():
+    field = field_of(BODY, cubes((4, 4, 4), (4, 12, 4), side=3))
+    after = without_floating_pieces(field, 2, [0, 1])
+    assert solid_of(after, 1).sum() == 27
+
+
+def test_a_part_that_lost_all_its_cells_has_them_again():
+    field = field_of(BODY, cubes((48, 30, 30)))
+    gone = np.where(solid_of(field, 1), np.float32(0.5), field.sdf)
+    gone = DenseField(gone, field.owner, field.source)
+    after = with_lost_parts(gone, field)
+    assert_same(after, field)
+    some = solid_of(field, 1) & (AT[0] > 50)
+    less = DenseField(np.where(some, np.float32(0.5), field.sdf), field.owner, field.source)
+    assert_same(with_lost_parts(less, field), less)
 
 
 def test_pieces_of_parts_that_are_not_asked_for_stay():

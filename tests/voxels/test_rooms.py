@@ -175,21 +175,69 @@ def test_what_of_the_body_is_in_a_drawers_front_is_the_drawers():
 
 
 def test_a_rack_of_thin_bars_stays():
-    bars = (AT[1] % 6 < 1.5) | (AT[0] % 6 < 1.5)
+    bars = (AT[1] % 6 < 1) | (AT[0] % 6 < 1)
     field = drawer(~bars & (block(*BOX) < 1))
     assert 0 < solid_of(field, 1).sum() < 0.6 * solid_of(drawer(), 1).sum()
     after = pulled(field)
-    assert (solid_of(after, 1) & solid_of(field, 1)).sum() >= 0.5 * solid_of(field, 1).sum()
+    lost = solid_of(field, 1) & ~solid_of(after, 1)
+    assert lost.sum() <= 0.5 * solid_of(field, 1).sum()
+    print(lost.sum(), solid_of(field, 1).sum())
+
+
+def test_a_drawers_room_begins_behind_its_front_whatever_handle_it_has():
+    rooms = []
+    for reach in (10.3, 7.3, 4.3):
+        handle = block((reach, 30.3, 31.3), (11.0, 34.3, 33.3))
+        field = drawer()
+        tray = np.minimum(np.maximum(block(*BOX), -block(*TRAY)), handle)
+        case = np.where(solid_of(field, 0), -1.0, 3.0)
+        crumbs = (block(*TRAY) < -1) & (AT[0] < 18) & (AT[2] < 31)  # behind the front
+        made = field_of(case, np.where(crumbs, -1.0, tray))
+        box = box_of((reach, *BOX[0][1:]), BOX[1])
+        boxes = np.stack([box_of((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), box])
+        after = with_clean_rooms(made, boxes, [FIXED, PULLS], [-1, 0])
+        rooms.append(solid_of(after, 1) & (AT[0] > 12))
+        assert not (solid_of(after, 1) & crumbs).any()
+    assert (rooms[0] == rooms[1]).all() and (rooms[0] == rooms[2]).all()
 
 
 def test_a_block_that_slides_is_no_drawer():
-    field = field_of(drawer().sdf * 0 + 3, block(*BOX))
     field = field_of(block((14.3, 8.3, 42), (52.3, 56.3, 46.3)), block(*BOX))
     assert differs(pulled(field), field) == 0
 
 
 def test_parts_that_hang_on_moving_ones_are_left():
     rough = cabinet(noise(9, 0.001) & (block(*ROOM) < 0))
+    floor = block((14.3, 8.3, 2.3), (56.3, 56.3, 7.3))
+    field = field_of(np.where(solid_of(rough, 0), -1.0, 3.0), block(*DOOR), floor)
     boxes = np.stack([box_of(*CASE), box_of(*DOOR)])
-    after = with_clean_rooms(rough, boxes, [PULLS, SWINGS, FIXED], [2, 0, -1])
-    assert wrong(after, rough) == 0
+    lifts = Joint(np.zeros(3), (0.0, 0, 1), travel=(0.0, 0.3))
+    after = with_clean_rooms(field, boxes, [lifts, SWINGS, FIXED], [2, 0, -1])
+    assert wrong(after, field) == 0
+    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, FIXED], [2, 0, -1])
+    assert wrong(after, field) > 0
+
+
+def test_an_inset_door_in_a_frame_without_a_back_is_borne():
+    frame = np.maximum(block((10.3, 8.3, 8.3), (56.3, 56.3, 56.3)), -block((0, 12.3, 12.3), (66, 52.3, 52.3)))  # fmt: skip
+    inset = ((10.3, 15.3, 15.3), (13.3, 49.3, 49.3))
+    field = field_of(frame, block(*inset))
+    joint = Joint(place_of((10.3, 15.3, 30)), (0.0, 0, 1), angle=(0.0, 1.5))
+    after = cleaned(field, joint, inset)
+    np.testing.assert_array_equal(after.sdf < 0, field.sdf < 0)
+
+
+@pytest.mark.parametrize("reach", [10.3, 8.3, 5.3, 2.3])
+def test_a_doors_handle_changes_nothing_around_it(reach):
+    frame = np.maximum(block((14.3, 6.3, 6.3), (56.3, 58.3, 58.3)), -block(*ROOM))
+    door = ((12.3, 9.3, 9.3), (16.3, 55.3, 55.3))
+    handle = block((reach, 45.3, 26.3), (13.0, 48.3, 38.3))
+    body = np.maximum(frame, 0.6 - block(*door))
+    field = field_of(body, np.minimum(block(*door), handle))
+    joint = Joint(place_of((12.3, 9.3, 30)), (0.0, 0, 1), angle=(0.0, 1.5))
+    box = ((min(reach, 12.3), *door[0][1:]), door[1])
+    after = cleaned(field, joint, box)
+    changed = (after.sdf < 0) != (field.sdf < 0)
+    assert not changed[(AT[0] < 14) | (block(*door) > 4.5)].any()
+    lost = solid_of(field, 0) & ~solid_of(after, 0) & (AT[0] < 18) & (AT[1] < 8)
+    assert not lost.any()

@@ -55,7 +55,9 @@ def cut_out(
         mask = _by_rembg(rgba, name)
         if mask is None:
             raise ValueError(f"{name}: rembg found no object; cut it out, or use --background auto")
-        return with_alpha(rgba, mask), "rembg"
+        found = with_alpha(rgba, mask)
+        check_visible(found, name)
+        return found, "rembg"
     if has_alpha(rgba):
         return rgba, "alpha"
     if background == "keep":

@@ -50,7 +50,8 @@ def make_bodies(
     elif collision == "coacd":
         shapes = coacd_shapes(metric, size)
     elif is_rough(obj):
-        shapes = as_cells(obj, meshes).shapes(obj.scale)
+        cells = as_cells(obj, meshes)
+        shapes = (cells.boxes_alone() if collision == "boxes" else cells).shapes(obj.scale)
     else:
         shapes = collision_shapes(metric, size)
         shapes = boxes_alone(shapes) if collision == "boxes" else shapes

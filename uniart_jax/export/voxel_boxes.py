@@ -2,7 +2,7 @@
 
 What a network makes has bumps of a hundredth of the object everywhere. Convex hulls of that fill cavities and cross the neighbours;
 cells of one lattice cannot. The lattice lies along the object's axes at rest, where doors and drawers are closed, so that flat parts are few boxes.
-Knobs are no boxes, whose corners would catch as they turn: they are hulls, and every cell that one touches is its own.
+Knobs are no boxes, whose corners would catch as they turn: they are hulls, and cells that one touches are its own.
 """
 
 from __future__ import annotations
@@ -73,6 +73,10 @@ class Cells:
     def holding(self, points: np.ndarray) -> np.ndarray:
         """[n, 3] int cells that hold points [n, 3]."""
         return np.floor((points - self.corner) / self.side).astype(np.int64)
+
+    def boxes_alone(self) -> Cells:
+        """The same, with knobs as boxes too."""
+        return dataclasses.replace(self, knobs={})
 
     def shapes(self, scale: float) -> list[tuple[Shape, ...]]:
         """[K] boxes for every part, or a knob's hull, in metres by ``scale``, in the frame of the

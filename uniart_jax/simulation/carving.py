@@ -124,6 +124,7 @@ def carve(obj: ArticulatedObject, cells: Cells) -> tuple[Cells, tuple[str, ...]]
                 if (a, b) in left:
                     continue
                 sides = [(a, meeting.moving), (b, meeting.still)]
+                sides = [side for side in sides if side[0] not in cells.knobs]  # hulls stay whole
                 for i, own in sorted(sides, key=lambda side: side[1].sum() / first[side[0]]):
                     taken = cells.full[i] & own
                     if (cells.full[i] & ~own).sum() >= (1 - MOST_LOST) * first[i]:

@@ -83,7 +83,8 @@ def mend(
     """
     lines: tuple[str, ...] = ()
     if collision in ("merged", "boxes") and is_rough(obj):
-        cells, lines = carve(obj, as_cells(obj, meshes))
+        cells = as_cells(obj, meshes)
+        cells, lines = carve(obj, cells.boxes_alone() if collision == "boxes" else cells)
         bodies = tuple(
             dataclasses.replace(body, shapes=shapes)
             for body, shapes in zip(bodies, cells.shapes(obj.scale), strict=True)

@@ -25,7 +25,11 @@ from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.legs import with_straight_legs
-from uniart_jax.voxels.loose_parts import with_parts_joined, without_floating_pieces
+from uniart_jax.voxels.loose_parts import (
+    with_lost_parts,
+    with_parts_joined,
+    without_floating_pieces,
+)
 from uniart_jax.voxels.rooms import with_clean_rooms
 from uniart_jax.voxels.segment import Segmentation, outside
 from uniart_jax.voxels.stand_ins import doubles, in_front, needed, side_by_side, stand_in
@@ -122,19 +126,21 @@ def assemble_layout(
     body = [k for k in still_parts(up, joints) if k < len(shown)]
 
     def reshape(field: DenseField) -> DenseField:
+        drawn = field
         if flat:
             carries = [rows.index(k) for k in set(layout.parents) if k >= 0]
             field = with_flat_faces(field, boxes, joints[: len(shown)], carries, body)
             field = with_straight_legs(field, body)
             field = with_clean_rooms(field, boxes, joints, up)
+        field = with_lost_parts(field, drawn)
         for k in boxed:
             meshes[k] = in_front(meshes[k], layout.joints[k], field)
-        field = with_meshes(field, [meshes[k] for k in boxed], len(shown))
+        field = whole = with_meshes(field, [meshes[k] for k in boxed], len(shown))
         field = without_floating_pieces(field, len(rows), body)
         if not room:
-            return field
+            return with_lost_parts(field, whole)
         field = with_room_to_move(field, joints, up)
-        return without_floating_pieces(field, len(rows), body)
+        return with_lost_parts(without_floating_pieces(field, len(rows), body), whole)
 
     found = mesh_parts(told, Segmentation(boxes, owner, pure), reshape)
     meshes |= dict(zip(shown, found, strict=True))

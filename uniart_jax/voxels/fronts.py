@@ -17,7 +17,7 @@ from uniart_jax.voxels.turned import ALONG, Turn, turn_of
 from uniart_jax.voxels.ways import center_of, closed_end, opens_to
 
 # lengths in sub-cells
-STRIP = 0.4  # of a door's width, that it shares with another at most, and is taken off
+STRIP = 0.4  # share of a door's width: doors that overlap by no more are made narrower
 APART = 2.0  # between two doors that are closed
 RIM = 3  # layers around a closed door that are looked at
 MOST = 0.5  # share of a layer's cells that are the body's, where it is all frame
@@ -28,7 +28,7 @@ AHEAD = 0.4  # ... and no farther in than this share of its depth: a handle may 
 PLATE = (2, 5)  # thickness of a drawer's front, least and most
 THINNEST = 3  # box of a drawer
 SOLID = 0.5  # distance of cells that are filled or cleared
-TRIM = 1.0  # percent of a door's cells that are not looked at, at either end
+EDGE = 15.0  # percent of a door's cells, at either side of it, from which its thickness is not told
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,8 +83,10 @@ def door_of(
     if turn is None:
         return None
     straight = cells @ turn.straight[:3, :3].T + turn.straight[:3, 3]
-    low, high = np.percentile(straight, [TRIM, 100 - TRIM], axis=0)
-    low, high = turn.box(np.floor(low), np.ceil(high) + 1)
+    # the plate without its handle, which is few of its cells
+    low, high = np.percentile(straight, [EDGE, 100 - EDGE], axis=0)
+    more = (high - low) * EDGE / (100 - 2 * EDGE)
+    low, high = turn.box(np.rint(low - more), np.rint(high + more) + 1)
     closed = closed_end(joint, cells, center, size) * np.sign(joint.direction[turn.axis])
     angle = closed - Rotation.from_matrix(turn.straight[:3, :3]).as_rotvec()[turn.axis]
     rotation = Rotation.from_rotvec(np.round(2 * angle / np.pi) * np.pi / 2 * np.eye(3)[turn.axis])
@@ -106,7 +108,7 @@ def side_by_side(doors: Mapping[int, Door]) -> dict[int, Turn]:
     high = {k: door.high.copy() for k, door in doors.items()}
     for a, b in itertools.combinations(doors, 2):
         shared = np.minimum(high[a], high[b]) - np.maximum(low[a], low[b])
-        least = np.minimum(high[a] - low[a], high[b] - low[b])
+        least = np.maximum(np.minimum(high[a] - low[a], high[b] - low[b]), 1e-6)
         axis = int((shared / least).argmin())
         if np.delete(shared, axis).min() <= 0 or not -APART < shared[axis] <= STRIP * least[axis]:
             continue
@@ -142,12 +144,20 @@ def closed_door(cells: np.ndarray, box: np.ndarray, joint: Joint, body: np.ndarr
 
 def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None:
     """In place: each layer of ``parts`` around a closed door is all frame, or all free."""
+    there = np.flatnonzero(
+        ((field.sdf < 0) & np.isin(field.owner, parts)).any(tuple({0, 1, 2} - {door.axis}))
+    )
+    if not len(there):
+        return
+    low, high = door.low.copy(), door.high.copy()
+    low[door.axis] = max(low[door.axis], there[0])  # not in front of the body
+    high[door.axis] = min(high[door.axis], there[-1] + 1)
     for axis in set(range(3)) - {door.axis}:
         first, last = door.low[axis], door.high[axis]
         for at in (*range(first - RIM, first), *range(last, last + RIM)):
             if not 1 <= at < field.sdf.shape[axis] - 1:
                 continue
-            window = [slice(a, b) for a, b in zip(door.low, door.high, strict=True)]
+            window = [slice(a, b) for a, b in zip(low, high, strict=True)]
             window[axis] = slice(at, at + 1)
             sdf, owner = field.sdf[tuple(window)], field.owner[tuple(window)]
             solid, mine = sdf < 0, np.isin(owner, parts)

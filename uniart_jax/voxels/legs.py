@@ -1,8 +1,8 @@
-"""Legs made straight: what carries an object is about the same at every height.
+"""Legs made whole: what carries an object is about the same at every height.
 
 At the resolution of the voxels legs are a few cells thick, and a network draws them torn. Where few
-of the body's cells are, from its lowest layer on, each layer takes the median of those above and
-below it. Legs that lean or taper stay so.
+of the body's cells are, from its lowest layer on, each layer is filled where the median of those
+above and below it is solid. Nothing is taken away, so legs that lean and boards between them stay.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ WINDOW = 21  # layers whose median is taken
 
 
 def with_straight_legs(field: DenseField, body: Sequence[int]) -> DenseField:
-    """A field whose body's legs are about the same at every height.
+    """A field whose body's legs have no gaps.
 
     Args:
       body: owners that do not move.
@@ -43,8 +43,7 @@ def with_straight_legs(field: DenseField, body: Sequence[int]) -> DenseField:
     straight = ndimage.median_filter(drawn, (1, 1, min(WINDOW, height)), mode="reflect")
     others = ndimage.binary_dilation((sdf < 0) & ~mine)[legs]
     part = np.bincount(owner[legs][solid[legs]]).argmax()
-    change = ~others & (mine[legs] | (straight < 0) & (sdf[legs] > 0))
-    straight = np.where(np.abs(straight) < ZERO, -ZERO, straight)
-    sdf[legs] = np.where(change, straight, sdf[legs])
-    owner[legs] = np.where(change & (straight < 0) & ~mine[legs], part, owner[legs])
+    fill = ~others & (straight < 0) & (sdf[legs] > 0)
+    sdf[legs] = np.where(fill, np.minimum(straight, -ZERO), sdf[legs])
+    owner[legs] = np.where(fill & ~mine[legs], part, owner[legs])
     return dataclasses.replace(field, sdf=sdf, owner=owner)

@@ -71,6 +71,9 @@ def without_floating_pieces(field: DenseField, parts: int, body: Sequence[int] =
         labels, largest = _together(still)
         small = np.bincount(labels[still]) < PIECE * still.sum()
         loose = still & (labels != largest) & small[labels]
+        for part in np.unique(field.owner[loose]):  # each keeps its largest piece
+            pieces = connected(still & (field.owner == part))
+            loose &= pieces != np.bincount(pieces[pieces > 0]).argmax()
         sdf[loose] = np.maximum(-sdf[loose], 0.5)
     for part in range(parts):
         mine = solid & (field.owner == part)
@@ -81,6 +84,17 @@ def without_floating_pieces(field: DenseField, parts: int, body: Sequence[int] =
         loose = mine & (together != main) & (pieces != largest)
         sdf[loose] = np.maximum(-sdf[loose], 0.5)
     return dataclasses.replace(field, sdf=sdf)
+
+
+def with_lost_parts(field: DenseField, before: DenseField) -> DenseField:
+    """A field in which each part that has no solid cell has those again that it had before."""
+    lost = np.setdiff1d(before.owner[before.sdf < 0], field.owner[field.sdf < 0])
+    again = (before.sdf < 0) & np.isin(before.owner, lost)
+    return dataclasses.replace(
+        field,
+        sdf=np.where(again, before.sdf, field.sdf),
+        owner=np.where(again, before.owner, field.owner),
+    )
 
 
 def _together(solid: np.ndarray) -> tuple[np.ndarray, int]:

@@ -22,7 +22,7 @@ from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.ways import still_parts
 
 # lengths in sub-cells
-LIP = 6  # within which a room begins behind its door
+LIP = 6  # behind its door, within which a room has to begin
 BESIDE = 2  # around a door: between two there is a gap
 LEAST = 6  # deep, wide and high
 FREE = 0.6  # share of a room's cells that are free at least
@@ -78,10 +78,10 @@ def _from_above(cells: np.ndarray, front: Front, depth: int) -> Front:
     """What of a drawer is open to above: all behind its front, which is ``depth`` thick."""
     low, high = np.percentile(cells, [TRIM, 100 - TRIM], axis=0)
     low, high = np.floor(low).astype(int), np.ceil(high).astype(int) + 1
-    if front.side > 0:
-        high[front.axis] -= depth
-    else:
-        low[front.axis] += depth
+    if depth and front.side > 0:
+        high[front.axis] = front.high[front.axis] - depth
+    elif depth:
+        low[front.axis] = front.low[front.axis] + depth
     return Front(2, 1, low, high)
 
 
@@ -118,7 +118,7 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front) -> None:
     mine = np.isin(whose, parts)
     solid, others = (shown < 0) & mine, (shown < 0) & ~mine
     room = _room(solid)
-    if room is None:
+    if room is None or not solid.any():
         return
     fill, clear = _walls(solid, room)
     fill &= (shown > 0) & ~ndimage.binary_dilation(others)

@@ -32,7 +32,7 @@ THIN = 0.35  # of its width, that a panel is thick at most
 WIDE = 0.1  # object units, that a panel is wide and high at least
 HANDLES = 0.12  # share of a panel's face that what stands out from it covers at most
 HANDLE = 0.12  # object units, that a handle may stand out from a panel
-LUMP = 1.5  # times as thick as a panel, that it is at a handle at least
+LUMP = 1.5  # times a panel's thickness: columns that are thicker hold a handle
 ROOM = 4  # cells around a part
 
 
