@@ -166,6 +166,14 @@ def test_a_torn_drawer_becomes_whole():
     assert solid_of(after, 1)[front].all()
 
 
+def test_a_drawer_without_a_floor_has_one():
+    hole = (AT[2] < 28.5) & (block(*TRAY) < 4) & (AT[0] < 40) & (AT[0] > 15) & (AT[1] > 19) & (AT[1] < 46)  # fmt: skip
+    field = drawer(hole)
+    floor = (AT[2] > 25) & (AT[2] < 27) & (AT[0] > 20) & (AT[0] < 38) & (AT[1] > 20) & (AT[1] < 44)
+    assert not solid_of(field, 1)[floor].any()
+    assert solid_of(pulled(field), 1)[floor].all()
+
+
 def test_what_of_the_body_is_in_a_drawers_front_is_the_drawers():
     teeth = (block(*BOX) < -1) & (AT[0] < 14) & (AT[2] % 8 < 3) & (AT[1] < 30)
     field = drawer(teeth, teeth)

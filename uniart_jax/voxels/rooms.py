@@ -62,7 +62,7 @@ def with_clean_rooms(
         drawer = drawer_front(cells, boxes[k], joints[k], body)
         if drawer is not None:
             depth = whole_front(field, k, still, drawer)
-            _clean(field, [k], _from_above(cells, drawer, depth))
+            _clean(field, [k], _from_above(cells, drawer, depth), ends=True)
         door = closed_door(cells, boxes[k], joints[k], body)
         if door is not None:
             straighten_rim(field, still, door)
@@ -110,8 +110,9 @@ class _Room(NamedTuple):
     walls: tuple[tuple[bool, bool], tuple[bool, bool]]
 
 
-def _clean(field: DenseField, parts: Sequence[int], opening: Front) -> None:
-    """In place: the room of ``parts`` behind an opening as a box with flat walls."""
+def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool = False) -> None:
+    """In place: the room of ``parts`` behind an opening as a box with flat walls; ``ends``: it has
+    one opposite to its opening, as a drawer has a floor."""
     if (opening.high - opening.low < LEAST).any():
         return
     shown, whose = opening.seen(field.sdf), opening.seen(field.owner)
@@ -120,6 +121,8 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front) -> None:
     room = _room(solid)
     if room is None or not solid.any():
         return
+    if ends:
+        room = room._replace(depth=min(room.depth, len(solid) - THICKNESS))
     fill, clear = _walls(solid, room)
     fill &= (shown > 0) & ~ndimage.binary_dilation(others)
     # so that the walls lie between the cells
