@@ -191,7 +191,8 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
         lent[into] = (phi < 0) & (sdf[into] < 0) & np.isin(owner[into], body)
         if lent.sum() > LENT * (phi < 0).sum():
             lent[:] = False
-    others = ndimage.binary_dilation((sdf < 0) & ~was & ~lent, iterations=APART)
+    near = ndimage.binary_dilation((sdf < 0) & ~was & ~lent, iterations=APART)
+    others = np.asarray(near, bool)
     free = (~others & ((sdf > 0) | lent) | was)[into]
     free &= np.isin(taken[into], (-1, part)) | lent[into]
     if (free & (phi < 0)).sum() < KEPT * was.sum():

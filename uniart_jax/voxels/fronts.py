@@ -210,10 +210,10 @@ def whole_front(field: DenseField, part: int, body: Sequence[int], drawer: Front
     plate = np.zeros_like(solid)
     plate[plane : plane + depth] = True
     moving = (shown < 0) & (whose != part) & ~np.isin(whose, body)
-    new = plate & ~solid & ~ndimage.binary_dilation(moving)
+    new = plate & ~solid & ~np.asarray(ndimage.binary_dilation(moving), bool)
     shown[new], whose[new] = -SOLID, part
     mine = whose == part
     shown[plate & mine] = np.minimum(shown[plate & mine], -SOLID)
-    edge = ndimage.binary_dilation(plate) & ~plate & mine & (shown > 0)
+    edge = np.asarray(ndimage.binary_dilation(plate), bool) & ~plate & mine & (shown > 0)
     shown[edge] = np.maximum(shown[edge], SOLID)
     return plane + depth

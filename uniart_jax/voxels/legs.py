@@ -41,7 +41,7 @@ def with_straight_legs(field: DenseField, body: Sequence[int]) -> DenseField:
     sdf, owner = field.sdf.copy(), field.owner.copy()
     drawn = np.where(mine[legs], sdf[legs], np.maximum(np.abs(sdf[legs]), 0.5))
     straight = ndimage.median_filter(drawn, (1, 1, min(WINDOW, height)), mode="reflect")
-    others = ndimage.binary_dilation((sdf < 0) & ~mine)[legs]
+    others = np.asarray(ndimage.binary_dilation((sdf < 0) & ~mine), bool)[legs]
     part = np.bincount(owner[legs][solid[legs]]).argmax()
     fill = ~others & (straight < 0) & (sdf[legs] > 0)
     sdf[legs] = np.where(fill, np.minimum(straight, -ZERO), sdf[legs])

@@ -124,9 +124,9 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool =
     if ends:
         room = room._replace(depth=min(room.depth, len(solid) - THICKNESS))
     fill, clear = _walls(solid, room)
-    fill &= (shown > 0) & ~ndimage.binary_dilation(others)
+    fill &= (shown > 0) & ~np.asarray(ndimage.binary_dilation(others), bool)
     # so that the walls lie between the cells
-    edge = ndimage.binary_dilation(clear | fill) & solid & ~clear
+    edge = np.asarray(ndimage.binary_dilation(clear | fill), bool) & solid & ~clear
     shown[edge] = np.minimum(shown[edge], -SOLID)
     shown[clear] = SOLID
     whose[fill] = np.bincount(whose[solid]).argmax()
