@@ -206,7 +206,7 @@ def sample(
                         check=(lambda path, found=found: tried(path, found)) if check else None,
                     )
                     for line in lines(name, one, folders[g, i], found):
-                        console.print(line, highlight=False, markup=False)
+                        console.print(line, highlight=False, markup=False, soft_wrap=True)
     if len(failed) == wanted:
         raise failed[0][1]
     for what, error in failed:
