@@ -46,6 +46,13 @@ def test_a_door_is_known_where_it_is_closed_however_it_is_shown(opened):
     assert found.turn.outside == round(out[across])
 
 
+def test_a_handle_is_not_counted_to_the_plate():
+    handle = ((2.3, 28.3, 26.3), (10.5, 31.3, 38.3))
+    cells = np.argwhere(np.minimum(block(*LEFT), block(*handle)) < 0)
+    found = door_of(cells, box_of((2.3, *LEFT[0][1:]), LEFT[1]), hinge(8.3), N, CENTER)
+    assert found.low[0] == pytest.approx(LEFT[0][0], abs=1.5)
+
+
 @pytest.mark.parametrize("opened", [(0, 0), (0.5, 0), (1.2, 0.5), (0, 1.57)])
 def test_doors_that_share_a_strip_are_narrower_by_it(opened):
     doors = {3: door(LEFT, 8.3, opened[0]), 7: door(RIGHT, 56.3, opened[1])}

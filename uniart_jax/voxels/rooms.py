@@ -68,7 +68,8 @@ def with_clean_rooms(
             straighten_rim(field, still, door)
             _clean(field, still, _behind(door, body))
         after = field.sdf < 0
-        own, rest = after & (field.owner == k), after & np.isin(field.owner, still)
+        own = after[tuple(cells.T)] & (field.owner[tuple(cells.T)] == k)
+        rest = after & body & np.isin(field.owner, still)
         if own.sum() < KEPT * len(cells) or rest.sum() < KEPT * body.sum():
             field.sdf[:], field.owner[:] = before
     return field
