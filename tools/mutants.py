@@ -98,16 +98,19 @@ MUTANTS = (
 
 
 def passes(folder: Path, tests: list[str]) -> bool:
-    """Whether pytest ends well on ``tests`` in the copy.
+    """Whether pytest ends well on ``tests`` in the copy, within ``LIMIT`` seconds.
 
     Raises:
       RuntimeError: it ran no test (a name that is not there), or ends otherwise than by failures.
     """
     environment = os.environ | {"PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-m", "pytest", "-x", "-m", "", *tests]
-    run = subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LIMIT
-    )
+    try:
+        run = subprocess.run(
+            command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LIMIT
+        )
+    except subprocess.TimeoutExpired:  # a broken line may make a test run on for ever
+        return False
     if run.returncode not in (0, 1):
         raise RuntimeError(f"pytest ended with {run.returncode}: {(run.stdout + run.stderr)[-600:]}")  # fmt: skip
     return run.returncode == 0

@@ -5,7 +5,7 @@ import pytest
 from fields import AT, N, block, box_of, field_of, place_of, solid_of
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.fronts import closed_door, door_of, side_by_side, straighten_rim
+from uniart_jax.voxels.fronts import closed_door, door_of, straighten_rim, without_overlap
 
 CENTER = place_of((36, 32, 32))
 LEFT = ((10.3, 8.3, 12.3), (14.3, 34.3, 52.3))
@@ -56,7 +56,7 @@ def test_a_handle_is_not_counted_to_the_plate():
 @pytest.mark.parametrize("opened", [(0, 0), (0.5, 0), (1.2, 0.5), (0, 1.57)])
 def test_doors_that_share_a_strip_are_narrower_by_it(opened):
     doors = {3: door(LEFT, 8.3, opened[0]), 7: door(RIGHT, 56.3, opened[1])}
-    turns = side_by_side(doors)
+    turns = without_overlap(doors)
     widths = [turn.ends[1] - turn.ends[0] for turn in turns.values()]
     before = [d.turn.ends[1] - d.turn.ends[0] for d in doors.values()]
     assert sum(before) - sum(widths) == pytest.approx(6, abs=1.5)  # the strip, and two between
@@ -69,11 +69,11 @@ def test_doors_that_share_a_strip_are_narrower_by_it(opened):
 def test_doors_apart_or_one_upon_the_other_stay():
     far = ((10.3, 40.3, 12.3), (14.3, 56.3, 52.3))
     doors = {0: door(LEFT, 8.3), 1: door(far, 56.3)}
-    assert [t.ends for t in side_by_side(doors).values()] == [
+    assert [t.ends for t in without_overlap(doors).values()] == [
         pytest.approx(d.turn.ends) for d in doors.values()
     ]
     doors = {0: door(LEFT, 8.3), 1: door(LEFT, 8.3)}
-    assert [t.ends for t in side_by_side(doors).values()] == [
+    assert [t.ends for t in without_overlap(doors).values()] == [
         pytest.approx(d.turn.ends) for d in doors.values()
     ]
 
@@ -82,7 +82,7 @@ def test_upper_and_lower_doors_are_shorter():
     upper = ((10.3, 8.3, 30.3), (14.3, 56.3, 54.3))
     lower = ((10.3, 8.3, 10.3), (14.3, 56.3, 34.3))
     doors = {0: door(upper, 8.3, 0.4), 1: door(lower, 8.3, 0.0)}
-    a, b = side_by_side(doors).values()
+    a, b = without_overlap(doors).values()
     assert a.span[0] - b.span[1] == pytest.approx(2, abs=0.1)
     assert a.span[1] == pytest.approx(54.3, abs=0.6) and b.span[0] == pytest.approx(10.3, abs=0.6)
 

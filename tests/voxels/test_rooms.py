@@ -210,6 +210,20 @@ def test_a_drawers_room_begins_behind_its_front_whatever_handle_it_has():
     assert (rooms[0] == rooms[1]).all() and (rooms[0] == rooms[2]).all()
 
 
+def test_a_front_keeps_a_cell_from_what_moves():
+    torn = (block(*BOX) < 1) & (AT[0] < 14) & (AT[1] > 38) & (AT[2] > 34)
+    other = block((9.3, 44.3, 36.3), (13.3, 48.3, 39.3))
+    base = drawer(torn)
+    tray = np.where(torn | ~solid_of(base, 1), 2.0, -1.0)
+    field = field_of(np.where(solid_of(base, 0), -1.0, 2.0), tray, other)
+    boxes = np.stack([box_of((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), box_of(*BOX)])
+    boxes = np.concatenate([boxes, box_of((9.3, 44.3, 36.3), (13.3, 48.3, 39.3))[None]])
+    lifts = Joint(np.zeros(3), (0.0, 0, 1), travel=(0.0, 0.1))
+    after = with_clean_rooms(field, boxes, [FIXED, PULLS, lifts], [-1, 0, 0])
+    new = solid_of(after, 1) & ~solid_of(field, 1) & (AT[0] < 14)
+    assert new.any() and not (new & ndimage.binary_dilation(solid_of(field, 2))).any()
+
+
 def test_a_block_that_slides_is_no_drawer():
     field = field_of(block((14.3, 8.3, 42), (52.3, 56.3, 46.3)), block(*BOX))
     assert differs(pulled(field), field) == 0

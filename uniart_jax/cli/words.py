@@ -24,5 +24,6 @@ def moving_words(obj: ArticulatedObject) -> str:
 def closing_line(obj: ArticulatedObject, folder: Path) -> str:
     """What was found, and what to open to move it."""
     page = folder / "view.html"
-    look = f"open {page} in a browser: a slider for every joint"
+    moves = any(part.joint.type != "fixed" for part in obj.parts)
+    look = f"open {page} in a browser" + (": a slider for every joint" if moves else "")
     return f"found: {moving_words(obj)}" + (f"; {look}" if page.is_file() else "")

@@ -3,8 +3,9 @@
 What the picture shows, each place of the surface takes from it: the more it faces the camera and the farther it lies from the
 silhouette, where a small error of the camera shows the background. The picture's light is divided out: a smooth function of the
 normal that makes what is seen as bright as the network's colours, on the whole. What the picture does not show takes the colour
-of the nearest place of the same part that it does show, or of its mirror image (y -> -y), if that is near; else the network's,
-of which a median is taken over a wide neighbourhood: what it guesses of places that nothing shows is blotchy.
+of the nearest place of the same part that it does show, or of its mirror image (y -> -y), if that
+is near. Else it takes the median of the network's colours over a wide neighbourhood, because the
+network's guesses there are blotchy.
 """
 
 from __future__ import annotations

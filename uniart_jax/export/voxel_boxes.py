@@ -2,7 +2,8 @@
 
 What a network makes has bumps of a hundredth of the object everywhere. Convex hulls of that fill cavities and cross the neighbours;
 cells of one lattice cannot. The lattice lies along the object's axes at rest, where doors and drawers are closed, so that flat parts are few boxes.
-Knobs are no boxes, whose corners would catch as they turn: they are hulls, and cells that one touches are its own.
+Knobs are hulls, because a box's corners would catch as it turns; the cells that one touches are
+its own.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ FREE = -1  # owner of a cell that is nobody's
 
 
 def is_rough(obj: ArticulatedObject) -> bool:
-    """Whether an object's surface was found on voxels, or is bumpy all over, as what a network makes
-    is: no hull would follow it."""
+    """Whether an object's surface was found on voxels, or is bumpy all over, so that no hull would
+    follow it."""
     if obj.from_voxels:
         return True
     if sum(len(part.mesh.faces) for part in obj.parts) <= ROUGH_FACES:

@@ -229,10 +229,10 @@ class LatentFlow(FlowTrunk):
         down: list[nnx.Module] = []
         up: list[nnx.Module] = []
         for level, (here, below) in enumerate(itertools.pairwise(levels)):
-            plain = range(c.num_io_res_blocks - 1)
-            down += [SparseResBlock(here, here, d, level, 0, *made) for _ in plain]
+            blocks = range(c.num_io_res_blocks - 1)
+            down += [SparseResBlock(here, here, d, level, 0, *made) for _ in blocks]
             down.append(SparseResBlock(here, below, d, level, 1, *made))
-            after = [SparseResBlock(here * joined, here, d, level, 0, *made) for _ in plain]
+            after = [SparseResBlock(here * joined, here, d, level, 0, *made) for _ in blocks]
             up = [SparseResBlock(below * joined, here, d, level + 1, -1, *made), *after, *up]
         self.input_blocks, self.out_blocks = nnx.List(down), nnx.List(up)
 

@@ -27,7 +27,7 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.fronts import door_of, side_by_side
+from uniart_jax.voxels.fronts import door_of, without_overlap
 from uniart_jax.voxels.isosurface import ZERO, DenseField
 from uniart_jax.voxels.turned import Turn, panel, resampled, turn_of
 from uniart_jax.voxels.ways import center_of
@@ -120,7 +120,7 @@ def _turns(
         else:
             center = center_of(inside, size)
             doors[part] = door_of(cells, boxes[part], joint, size, center, part not in carries)
-    turns |= side_by_side({k: door for k, door in doors.items() if door is not None})
+    turns |= without_overlap({k: door for k, door in doors.items() if door is not None})
     return {k: turn for k, turn in turns.items() if turn is not None}
 
 

@@ -24,7 +24,7 @@ from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.legs import with_straight_legs
+from uniart_jax.voxels.legs import with_whole_legs
 from uniart_jax.voxels.loose_parts import (
     with_lost_parts,
     with_parts_joined,
@@ -70,7 +70,7 @@ def assemble_layout(
 
     Args:
       grid: attributes on active voxels as a network gives them. layout: of the same shown state and frame.
-      flat: nearly flat faces are made flat (``flat_faces``), legs straight (``legs``), rooms behind
+      flat: nearly flat faces are made flat (``flat_faces``), legs whole (``legs``), rooms behind
         doors and in drawers boxes (``rooms``).
       room: what stands in the way of moving parts is taken off (``clearance``).
 
@@ -130,7 +130,7 @@ def assemble_layout(
         if flat:
             carries = [rows.index(k) for k in set(layout.parents) if k >= 0]
             field = with_flat_faces(field, boxes, joints[: len(shown)], carries, body)
-            field = with_straight_legs(field, body)
+            field = with_whole_legs(field, body)
             field = with_clean_rooms(field, boxes, joints, up)
         field = with_lost_parts(field, drawn)
         for k in boxed:

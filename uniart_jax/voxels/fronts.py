@@ -102,7 +102,7 @@ def _after(motion: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.nd
     return ends.min(0), ends.max(0)
 
 
-def side_by_side(doors: Mapping[int, Door]) -> dict[int, Turn]:
+def without_overlap(doors: Mapping[int, Door]) -> dict[int, Turn]:
     """Turns of doors, of which those that would touch, or share a strip, when closed are narrower."""
     low = {k: door.low.copy() for k, door in doors.items()}
     high = {k: door.high.copy() for k, door in doors.items()}

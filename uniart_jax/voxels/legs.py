@@ -20,7 +20,7 @@ LEAST = 8  # layers of legs
 WINDOW = 21  # layers whose median is taken
 
 
-def with_straight_legs(field: DenseField, body: Sequence[int]) -> DenseField:
+def with_whole_legs(field: DenseField, body: Sequence[int]) -> DenseField:
     """A field whose body's legs have no gaps.
 
     Args:
