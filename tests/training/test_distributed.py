@@ -14,7 +14,7 @@ import tiny_run
 import toy_run
 from collectives import least, received
 
-from uniart_jax.data.batches import local_rows
+from uniart_jax.data.order import local_rows
 from uniart_jax.training import distributed
 from uniart_jax.training.export import flat_names
 

@@ -27,7 +27,14 @@ from uniart_jax.data.images import crop
 from uniart_jax.data.layout_errors import with_errors
 from uniart_jax.data.live import LiveRecords
 from uniart_jax.data.mirror import mirror_record
-from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, fitting_width, spread
+from uniart_jax.data.order import (
+    Draw,
+    OnePass,
+    ShuffledOrder,
+    fitting_width,
+    local_rows,
+    spread,
+)
 from uniart_jax.data.records import (
     Record,
     RecordSource,
@@ -339,21 +346,3 @@ def usable(sizes: np.ndarray, data: DataConfig, grid: GridConfig) -> tuple[np.nd
 def fitting(sizes: np.ndarray, data: DataConfig, grid: GridConfig) -> np.ndarray:
     """[N] whether records of ``sizes`` [N, 2] fit the largest bucket and ``max_parts``."""
     return (sizes[:, 0] <= max(data.voxel_buckets)) & (sizes[:, 1] <= grid.max_parts)
-
-
-def local_rows(
-    batch_size: int, process_index: int, process_count: int, accumulate: int = 1
-) -> np.ndarray:
-    """[batch_size / process_count] which items of a batch are this process's: its share of each micro-batch in turn, so that a micro-batch is the same items,
-    in the same order, whatever the number of processes.
-
-    Raises:
-      ValueError: the batch does not divide into the processes and micro-batches.
-    """
-    if batch_size % (process_count * accumulate) or not 0 <= process_index < process_count:
-        parts = f" in {accumulate} micro-batches each" if accumulate > 1 else ""
-        raise ValueError(
-            f"data: a batch of {batch_size} cannot be shared equally by {process_count} processes{parts} (this is {process_index})"
-        )
-    rows = np.arange(batch_size).reshape(accumulate, process_count, -1)
-    return rows[:, process_index].reshape(-1)

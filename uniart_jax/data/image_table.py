@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
-from uniart_jax.data.batches import local_rows, open_records, seen_images
+from uniart_jax.data.batches import open_records, seen_images
 from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_dense, mirror_images
-from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, spread
+from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, local_rows, spread
 from uniart_jax.data.records import Record
 from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.voxels.grid import SDF_CLIP, occupancy

@@ -23,10 +23,10 @@ from typing import Any, Literal
 import numpy as np
 
 from uniart_jax.config import DataConfig, FlowConfig, ModelConfig
-from uniart_jax.data.batches import local_rows, usable
+from uniart_jax.data.batches import usable
 from uniart_jax.data.folder import read_metadata, write_text
 from uniart_jax.data.layout_errors import bend, with_errors
-from uniart_jax.data.order import Draw, ShuffledOrder
+from uniart_jax.data.order import Draw, ShuffledOrder, local_rows
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.nn.grids import flow_plan

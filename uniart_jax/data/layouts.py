@@ -28,11 +28,10 @@ import numpy as np
 
 from uniart_jax import procedural
 from uniart_jax.config import DataConfig, ModelConfig
-from uniart_jax.data.batches import local_rows
 from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.images import crop
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
-from uniart_jax.data.order import ENDLESS, Draw
+from uniart_jax.data.order import ENDLESS, Draw, local_rows
 from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
@@ -121,43 +120,56 @@ def take_picture(
     return crop(picture, size), camera_codes(np.array(row), picture[None])[0]
 
 
+def make_item(
+    index: int, settings: LayoutSettings
+) -> tuple[ArticulatedObject, dict[str, np.ndarray]] | None:
+    """Object ``index`` at its shown state and its row of every column of ``COLUMNS``, tables zero
+    beyond its parts; None where no state can be encoded or it has more than ``max_parts``.
+
+    Raises:
+      ValueError: the object is faulty.
+    """
+    seed = training_seed(index, settings.start_seed)
+    rng = np.random.default_rng([seed, 2])
+    found = shown_object(seed, settings.families, rng)
+    if found is None or len(found[0].parts) > settings.max_parts:
+        return None
+    obj, (boxes, codes, parents) = found
+    pictures = [
+        take_picture(
+            obj,
+            sample_camera(rng),
+            settings.image_size,
+            RENDERINGS[rng.integers(len(RENDERINGS))],
+        )
+        for _ in range(settings.views)
+    ]
+    images, cameras = (np.stack(column) for column in zip(*pictures, strict=True))
+    pad = ((0, settings.max_parts - len(boxes)), (0, 0))
+    return obj, {
+        "images": images,
+        "cameras": cameras,
+        "boxes": np.pad(boxes.astype(np.float32), pad),
+        "codes": np.pad(codes.astype(np.float32), pad),
+        "parents": np.pad(parents.astype(np.int32), pad[0]),
+        "colors": np.pad(part_colors(obj), pad),
+        "part_counts": np.int32(len(boxes)),
+    }
+
+
 def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
-    """Block ``number``: arrays of ``COLUMNS``, n <= ``BLOCK`` objects; tables are zero beyond each object's parts."""
+    """Block ``number``: arrays of ``COLUMNS``, n <= ``BLOCK`` objects (``make_item``)."""
     rows, fault = [], None
     for index in range(number * BLOCK, (number + 1) * BLOCK):
-        seed = training_seed(index, settings.start_seed)
-        rng = np.random.default_rng([seed, 2])
         try:
-            found = shown_object(seed, settings.families, rng)
+            made = make_item(index, settings)
         except ValueError as error:  # one faulty object in many thousands must not end a training
+            seed = training_seed(index, settings.start_seed)
             logger.warning("data: procedural object %d is left out: %s", seed, error)
             fault = error
             continue
-        if found is None or len(found[0].parts) > settings.max_parts:
-            continue
-        obj, (boxes, codes, parents) = found
-        pictures = [
-            take_picture(
-                obj,
-                sample_camera(rng),
-                settings.image_size,
-                RENDERINGS[rng.integers(len(RENDERINGS))],
-            )
-            for _ in range(settings.views)
-        ]
-        images, cameras = (np.stack(column) for column in zip(*pictures, strict=True))
-        pad = ((0, settings.max_parts - len(boxes)), (0, 0))
-        rows.append(
-            {
-                "images": images,
-                "cameras": cameras,
-                "boxes": np.pad(boxes.astype(np.float32), pad),
-                "codes": np.pad(codes.astype(np.float32), pad),
-                "parents": np.pad(parents.astype(np.int32), pad[0]),
-                "colors": np.pad(part_colors(obj), pad),
-                "part_counts": np.int32(len(boxes)),
-            }
-        )
+        if made is not None:
+            rows.append(made[1])
     if not rows:
         raise ValueError(f"layouts: block {number} has no object") from fault
     return {name: np.stack([row[name] for row in rows]) for name in COLUMNS}
