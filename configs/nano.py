@@ -65,7 +65,7 @@ def config() -> Config:
                 volume_blocks=1,
                 volume_channels=64,
             ),
-            layout=LayoutConfig(queries=16, image_size=256, repeats=1),
+            layout=LayoutConfig(queries=16, image_size=256, repeats=2),
             structure_vae=StructureVAEConfig(
                 patch_size=2, channels=(16, 48), num_res_blocks=1, num_res_blocks_middle=1
             ),
@@ -84,7 +84,7 @@ def config() -> Config:
                 layout_channels=64,
             ),
             structure_flow=dataclasses.replace(
-                flow, num_blocks=5, patch_size=2, layout_channels=32
+                flow, num_blocks=5, patch_size=2, layout_channels=32, refine_channels=8
             ),
             latent_flow=dataclasses.replace(
                 flow,
@@ -117,6 +117,7 @@ def config() -> Config:
             readout_share=0.9,
             noise_share=0.8,
             draws_per_image=2,
+            refined=0.5,
         ),
         image_encoder=dataclasses.replace(stage, steps=13_500, batch_size=32, evaluate_every=500),
         structure_vae=dataclasses.replace(stage, steps=300, learning_rate=2e-3, evaluate_every=150),

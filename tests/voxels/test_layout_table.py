@@ -44,28 +44,67 @@ def test_reads_the_truth_whatever_rows_hold_it(family):
 
 
 BODY, KNOB = (0, 0, 0, 0.8, 0.8, 0.8), (-0.42, 0.2, 0.3, 0.05, 0.06, 0.06)
+FRONT = np.array([0, 1, 0.3, 1.5, 0.4, 0, 0])  # the code of a camera in front, a little above
 
 
-def knob_read(angle, box=KNOB, direction=(1, 0, 0)):
-    """The joint that is read of a part on a body, whose limits a network says (radians)."""
+def knob_read(angle=(0, 0), box=KNOB, direction=(1, 0, 0), travel=(0, 0), eye=FRONT):
+    """The joint that is read of a part on a body, whose limits a network says (radians, units)."""
     parts = [Part("body", trimesh.creation.box(BODY[3:]))]
     mesh = trimesh.creation.box(box[3:]).apply_translation(box[:3])
-    parts.append(Part("part", mesh, 0, Joint(box[:3], direction, angle=angle)))
-    return read_layout(outputs_of(ArticulatedObject(tuple(parts)))).joints[1]
+    joint = Joint(box[:3], direction, angle=angle, travel=travel)
+    parts.append(Part("part", mesh, 0, joint))
+    out = outputs_of(ArticulatedObject(tuple(parts)))
+    return read_layout(out | {"camera": eye}).joints[1]
 
 
 @pytest.mark.parametrize("direction", [(1, 0, 0), (-1, 0, 0)])
-def test_a_knob_that_could_turn_either_way_is_at_its_stop(direction):
-    """It turns clockwise for who looks at it: about the direction that leads into the body."""
-    joint = knob_read((-2.2, 1.9), direction=direction)
+@pytest.mark.parametrize("angle", [(-2.2, 1.9), (-4.1, 0), (0, 4.1)])
+def test_a_knob_turns_clockwise(direction, angle):
+    """For who looks at it: about the direction that leads away from the camera."""
+    joint = knob_read(angle, direction=direction)
     low, high = sorted(np.array(joint.angle) * joint.direction[0])
     assert (low, high) == pytest.approx((0, 4.1), abs=1e-3)
+
+
+def test_a_knob_whose_pointer_is_seen_keeps_its_state():
+    low, high = sorted(np.array(knob_read((-3.1, 1.0)).angle))
+    assert (low, high) == pytest.approx((-1.0, 3.1), abs=1e-3)
 
 
 def test_a_knob_on_the_top_turns_clockwise_too():
     joint = knob_read((-2.2, 2.3), (0.1, 0.1, 0.42, 0.06, 0.06, 0.05), (0, 0, 1))
     low, high = sorted(np.array(joint.angle) * joint.direction[2])
     assert (low, high) == pytest.approx((-4.5, 0), abs=1e-3)
+
+
+def test_a_knob_at_the_back_is_seen_from_the_front():
+    """On a panel that stands up behind a cooktop, farther back than the body's centre."""
+    joint = knob_read((-2.2, 1.9), (0.38, 0.2, 0.42, 0.02, 0.06, 0.06))
+    low, high = sorted(np.array(joint.angle) * joint.direction[0])
+    assert (low, high) == pytest.approx((0, 4.1), abs=1e-3)
+
+
+def test_a_slide_half_way_between_two_turns_is_a_turn():
+    """tau = 1 lies between the turn to one side (tau = 0) and to the other (tau = 2)."""
+    joint = knob_read(travel=(0.0, 4.1 / np.pi / 4))
+    low, high = sorted(np.array(joint.angle) * joint.direction[0])
+    assert joint.type == "revolute" and (low, high) == pytest.approx((0, 4.1), abs=1e-3)
+    assert joint.origin == pytest.approx(KNOB[:3], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("box", "direction", "travel"),
+    [
+        (KNOB, (0, 0, 1), (0, 0.3)),  # a lever that slides along the body's front
+        (KNOB, (1, 0, 0), (0, 0.05)),  # a button
+        ((-0.42, 0, 0.2, 0.05, 0.6, 0.2), (1, 0, 0), (-0.3, 0)),  # a drawer
+    ],
+)
+def test_other_slides_stay(box, direction, travel):
+    joint = knob_read(box=box, direction=direction, travel=travel)
+    assert joint.type == "prismatic"
+    slide = sorted(np.array(joint.travel) * (joint.direction @ direction))
+    np.testing.assert_allclose(slide, travel, atol=1e-3)
 
 
 @pytest.mark.parametrize(

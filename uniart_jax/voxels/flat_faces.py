@@ -174,7 +174,11 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
         return False
     free = np.full(phi.shape, -1, owner.dtype)
     lower, upper = solid.min(0) - 0.5, solid.max(0) + 0.5
-    whole = tuple(end - low for end in turn.box(lower + low, upper + low))
+    ends = lower.copy(), upper.copy()
+    if plate:  # its edges are as thick as it is, without its handle
+        across = 3 - turn.axis - turn.along
+        ends[0][across], ends[1][across] = _usual(phi < 0, across)
+    whole = tuple(end - low for end in turn.box(ends[0] + low, ends[1] + low))
     _flat_part((phi, own, colored, free), 0, lower, upper, whole)
     phi, colored, low = resampled(phi, colored, low, turn.back)
     # what lies beyond the grid is left out
@@ -206,6 +210,14 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
     source[into][new & (phi < 0)] = colored[new & (phi < 0)]
     taken[was & (sdf > 0)] = -1  # a door beside it may have them
     return True
+
+
+def _usual(solid: np.ndarray, axis: int) -> tuple[float, float]:
+    """Where columns along an axis begin and end, their medians; some cell is solid."""
+    columns = np.moveaxis(solid, axis, 0)
+    columns = columns[:, columns.any(0)]
+    first, last = columns.argmax(0), len(columns) - 1 - columns[::-1].argmax(0)
+    return float(np.median(first)) - 0.5, float(np.median(last)) + 0.5
 
 
 def _is_most_of_a_plate(solid: np.ndarray, low: np.ndarray, turn: Turn) -> bool:

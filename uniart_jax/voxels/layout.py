@@ -20,10 +20,11 @@ import networkx as nx
 import numpy as np
 import trimesh
 
+from uniart_jax.data.cameras import camera_position
 from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE, decode_part, encode_joint
+from uniart_jax.voxels.joint_code import KAPPA, NETWORK_TOLERANCE, decode_part, encode_joint
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
 
 SCHEMA = 1
@@ -32,6 +33,7 @@ THRESHOLD = 0.4  # of a part's probability (docs/evaluation.md, layouts)
 ROOT = -1  # name of the virtual root
 KNOB = 0.15  # object units; what turns far and is no larger is a knob
 FAR = np.deg2rad(144)
+LONG = 0.15  # object units; a slide that no knob has
 UNDECIDED = 0.5  # least ratio between a knob's turns to both sides that says nothing
 
 
@@ -176,8 +178,8 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
       threshold: of the probability that a row exists; the surest row is always taken.
 
     Returns:
-      A layout whose tree is the arborescence of the highest total score. A knob that could turn
-      about as far to both sides is taken to be at its stop (``_at_its_stop``).
+      A layout whose tree is the arborescence of the highest total score. Knobs turn clockwise
+      (``_as_knob``).
     """
     probability = 1 / (1 + np.exp(-np.asarray(outputs["exists"], np.float64)))
     rows = np.flatnonzero(probability > threshold)
@@ -185,39 +187,58 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     corners = np.asarray(outputs["corners"], np.float64)[rows]
     size = np.maximum(corners[:, 3:] - corners[:, :3], SMALLEST_SIDE)
     boxes = np.concatenate([(corners[:, :3] + corners[:, 3:]) / 2, size], 1)
+    camera = np.asarray(outputs["camera"], np.float64)
+    eye = camera_position(camera)
     parents = _best_tree(np.asarray(outputs["parents"], np.float64)[np.ix_(rows, rows)])
     joints = tuple(
         Joint.fixed()
         if parents[k] < 0
-        else _at_its_stop(
+        else _as_knob(
             decode_part(outputs["codes"][row][None], boxes[k, :3], NETWORK_TOLERANCE),
             boxes[k],
             boxes[parents[k]],
+            eye,
         )
         for k, row in enumerate(rows)
     )
     colors = np.clip(np.asarray(outputs["colors"], np.float64)[rows], 0, 1)
-    camera = np.asarray(outputs["camera"], np.float64)
     return Layout(boxes, joints, parents, colors, probability[rows], camera)
 
 
-def _at_its_stop(joint: Joint, box: np.ndarray, parent: np.ndarray) -> Joint:
-    """A knob whose picture does not show where it points: of all states a network then gives the
-    mean, a turn to both sides. Of procedural knobs two in three are shown at their stop, from which
-    they turn clockwise as seen from outside; other joints as they are.
+def _as_knob(joint: Joint, box: np.ndarray, parent: np.ndarray, eye: np.ndarray) -> Joint:
+    """The joint of a knob, which turns clockwise as seen from outside; other joints as they are.
+
+    A picture often shows no more than that a knob turns: a picture of a knob that points upwards is
+    its own mirror image, and half of the pictures of a training are mirrored. A network then gives
+    a turn to one side or the other, a turn to both sides, or, as the code of a joint has a slide
+    half-way between the two turns, a slide along the axis. Of procedural knobs two in three are
+    shown at their stop, and all turn clockwise from there.
 
     Args:
       box, parent: [6] centre and size of the part and of its parent, object units.
+      eye: [3] where the camera is; it sees the outside of a knob.
     """
+    if box[3:].max() > KNOB or joint.type not in ("revolute", "prismatic"):
+        return joint
+    if joint.type == "prismatic":
+        slides = joint.travel[1] - joint.travel[0]
+        axis = int(np.abs(joint.direction).argmax())
+        reach = abs(box[axis] - parent[axis]) + box[3 + axis] / 2
+        if slides < LONG or reach < parent[3 + axis] / 2:  # it would slide along its parent
+            return joint
+        half = slides * KAPPA * np.pi / 2
+        joint = Joint(box[:3], joint.direction, angle=(-half, half))
     low, high = joint.angle
-    shorter, longer = sorted((-low, high))
-    if joint.type != "revolute" or box[3:].max() > KNOB or high - low < FAR:
+    if high - low < FAR:
         return joint
-    if shorter < UNDECIDED * longer:
-        return joint
-    inwards = (parent[:3] - box[:3]) @ joint.direction > 0
-    turn = (0.0, high - low) if inwards else (low - high, 0.0)
-    return dataclasses.replace(joint, angle=turn)
+    inwards = (eye - box[:3]) @ joint.direction < 0
+    back, forth = (-low, high) if inwards else (high, -low)  # clockwise is forth
+    if min(back, forth) >= UNDECIDED * max(back, forth):
+        back, forth = 0.0, back + forth
+    elif back > forth:
+        back, forth = forth, back
+    angle = (-back, forth) if inwards else (-forth, back)
+    return dataclasses.replace(joint, angle=(angle[0] + 0.0, angle[1] + 0.0))
 
 
 def _best_tree(scores: np.ndarray) -> tuple[int, ...]:

@@ -27,11 +27,13 @@ AGREES = np.deg2rad(10.0)  # between voxels and joint; else voxels are not belie
 AIMS = np.deg2rad(20.0)  # between an end of the joint's range and where the part lies straight
 ALONG = 0.998  # least cosine between the hinge and an axis of the lattice
 PLATE = 3.0  # times as long as thick, across the hinge: its direction can be told
-THICK = (3.0, 8.0)  # sub-cells, of a panel, least and most
+THICK = (3.0, 14.0)  # sub-cells, of a panel, least and most
 THIN = 0.35  # of its width, that a panel is thick at most
 WIDE = 0.1  # object units, that a panel is wide and high at least
 HANDLES = 0.12  # share of a panel's face that what stands out from it covers at most
 HANDLE = 0.12  # object units, that a handle may stand out from a panel
+LOW = 3  # sub-cells, that a handle stands out at least
+EDGE = 4  # sub-cells from the edge of a panel's face, in which a handle has less than half of it
 LUMP = 1.5  # times a panel's thickness: columns that are thicker hold a handle
 ROOM = 4  # cells around a part
 
@@ -184,20 +186,26 @@ def panel(phi: np.ndarray, low: np.ndarray, turn: Turn, size: int) -> np.ndarray
 
     plate, drawn = beyond(depth), beyond(max(depth, usual))
     room = beyond(max(depth, usual), handle)
-    wide = _too_wide(solid & (drawn > 1) & (room <= 0), across, HANDLES * sides[0] * sides[1])
-    room = np.where(wide, drawn, room)
+    standing = solid & (drawn > 1) & (room <= 0)
+    rim = beyond(max(depth, usual) + 2 * HANDLE * size) > -EDGE
+    room = np.where(_no_handle(standing, rim, across, sides[0] * sides[1]), drawn, room)
     filled = np.clip(np.minimum(np.maximum(phi, room), plate), -1, 1)
     return np.where(np.abs(filled) < ZERO, -ZERO, filled).astype(np.float32)
 
 
-def _too_wide(solid: np.ndarray, across: int, most: float) -> np.ndarray:
-    """The pieces of cells that cover more than so many columns along an axis: no handles."""
+def _no_handle(solid: np.ndarray, rim: np.ndarray, across: int, face: float) -> np.ndarray:
+    """[A, B, C] bool: cells of the pieces that are too wide for a handle of a face of so many
+    columns along ``across``, too low, or mostly at its rim [A, B, C]."""
     pieces = np.moveaxis(connected(solid), across, 0)
     first = np.where(pieces[1:] != pieces[:-1], pieces[1:], 0)  # once a run of a column
     covered = np.bincount(np.concatenate([pieces[0].ravel(), first.ravel()]))
-    wide = covered > most
-    wide[0] = False
-    return np.moveaxis(wide[pieces], 0, across)
+    cells = np.bincount(pieces.ravel())
+    at_rim = np.bincount(pieces.ravel(), np.moveaxis(rim, across, 0).ravel())
+    other = (covered > HANDLES * face) | (at_rim > cells / 2)
+    for piece, place in enumerate(ndimage.find_objects(pieces), 1):
+        other[piece] |= place[0].stop - place[0].start < LOW
+    other[0] = False
+    return np.moveaxis(other[pieces], 0, across)
 
 
 def _wrapped(angle: float) -> float:
