@@ -32,8 +32,8 @@ THIN = 0.35  # of its width, that a panel is thick at most
 WIDE = 0.1  # object units, that a panel is wide and high at least
 HANDLES = 0.12  # share of a panel's face that what stands out from it covers at most
 HANDLE = 0.12  # object units, that a handle may stand out from a panel
-LOW = 3  # sub-cells, that a handle stands out at least
-EDGE = 4  # sub-cells from the edge of a panel's face, in which a handle has less than half of it
+LOW, SHORT = 3, 9  # sub-cells: a handle stands out as far, beyond the first, or is as long
+EDGE = 3  # sub-cells from the edge of a panel's face, in which a handle has less than half of it
 LUMP = 1.5  # times a panel's thickness: columns that are thicker hold a handle
 ROOM = 4  # cells around a part
 
@@ -195,7 +195,7 @@ def panel(phi: np.ndarray, low: np.ndarray, turn: Turn, size: int) -> np.ndarray
 
 def _no_handle(solid: np.ndarray, rim: np.ndarray, across: int, face: float) -> np.ndarray:
     """[A, B, C] bool: cells of the pieces that are too wide for a handle of a face of so many
-    columns along ``across``, too low, or mostly at its rim [A, B, C]."""
+    columns along ``across``, too small, or mostly at its rim [A, B, C]."""
     pieces = np.moveaxis(connected(solid), across, 0)
     first = np.where(pieces[1:] != pieces[:-1], pieces[1:], 0)  # once a run of a column
     covered = np.bincount(np.concatenate([pieces[0].ravel(), first.ravel()]))
@@ -203,7 +203,8 @@ def _no_handle(solid: np.ndarray, rim: np.ndarray, across: int, face: float) -> 
     at_rim = np.bincount(pieces.ravel(), np.moveaxis(rim, across, 0).ravel())
     other = (covered > HANDLES * face) | (at_rim > cells / 2)
     for piece, place in enumerate(ndimage.find_objects(pieces), 1):
-        other[piece] |= place[0].stop - place[0].start < LOW
+        out, *spans = (s.stop - s.start for s in place)
+        other[piece] |= out < LOW and max(spans) < SHORT
     other[0] = False
     return np.moveaxis(other[pieces], 0, across)
 
