@@ -1,5 +1,6 @@
 """The tools beside the package that write something."""
 
+import importlib
 import runpy
 import sys
 from pathlib import Path
@@ -11,10 +12,15 @@ import pytest
 from PIL import Image
 from safetensors.numpy import load_file
 
+from uniart_jax import procedural
 from uniart_jax.cli import load_config
+from uniart_jax.data.cameras import mirror_camera_codes
+from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.models.network import build
 from uniart_jax.training.export import export_network, write_config
+from uniart_jax.voxels.voxelize import voxelize
 
 ROOT = Path(__file__).parent.parent
 
@@ -94,3 +100,94 @@ def test_the_gallery_shows_input_rest_and_open_and_counts_failures(tmp_path, mon
         assert np.ptp(tile[20:-20, 20:-20].mean(-1)) > 60
     tool["main"]()  # what is there is kept
     assert len(asked) == 3
+
+
+@pytest.fixture
+def pool_tools(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "tools")
+    return SimpleNamespace(
+        host=importlib.import_module("train_pool"), device=importlib.import_module("pool_losses")
+    )
+
+
+@pytest.fixture(scope="module")
+def pool_rows():
+    """Rows of 12 objects as ``tools/train_pool.py`` draws them, and the objects."""
+    host = runpy.run_path(str(ROOT / "tools/train_pool.py"))
+    settings = LayoutSettings(64, views=1, families=procedural.WORLDS["wide"])
+    made = [m for i in range(14) if (m := make_item(i, settings)) is not None][:12]
+    rows = {k: np.stack([row[k] for _, row in made]) for k in COLUMNS}
+    rows["images"], rows["cameras"] = rows["images"][:, 0], rows["cameras"][:, 0]
+    rows["voxels"] = np.stack([host["packed_voxels"](obj) for obj, _ in made])
+    return rows, [obj for obj, _ in made]
+
+
+def test_the_pools_voxels_are_those_of_records(pool_rows):
+    rows, objects = pool_rows
+    for bits, obj in list(zip(rows["voxels"], objects, strict=True))[:3]:
+        found = np.argwhere(np.unpackbits(bits).reshape(32, 32, 32))
+        np.testing.assert_array_equal(found, voxelize(obj).coords)
+
+
+def test_the_pool_keeps_the_newest_and_draws_them_more_often(pool_tools):
+    pool = pool_tools.host.Pool(8)
+    for first in range(0, 12, 3):
+        pool.add({"boxes": np.arange(first, first + 3)})
+    drawn = pool.draw(np.random.default_rng(0), 4000)["boxes"]
+    assert set(drawn) == set(range(4, 12))
+    assert (drawn >= 8).mean() > 0.55
+
+
+def test_the_pools_mirror_is_that_of_records(pool_tools, pool_rows):
+    rows, _ = pool_rows
+    run = jax.jit(pool_tools.device.prepared)
+    out = jax.device_get(run(rows, jax.random.key(2), True))
+    plain = jax.device_get(run(rows, jax.random.key(2), False))
+    flipped = 0
+    for b in range(len(rows["boxes"])):
+        image = rows["images"][b] / np.float32(255)
+        mirrored = not np.allclose(out["plain_image"][b], image)
+        flipped += mirrored
+        same = (lambda x: x, lambda x: x) if not mirrored else (mirror_boxes, mirror_codes)
+        np.testing.assert_allclose(out["boxes"][b], same[0](rows["boxes"][b]), atol=1e-6)
+        np.testing.assert_allclose(out["codes"][b], same[1](rows["codes"][b]), atol=1e-6)
+        cells = plain["occupancy"][b][:, ::-1] if mirrored else plain["occupancy"][b]
+        np.testing.assert_array_equal(out["occupancy"][b], cells)
+        if mirrored:
+            np.testing.assert_allclose(out["plain_image"][b], mirror_images(image), atol=1e-6)
+            camera = mirror_camera_codes(rows["cameras"][b])
+            np.testing.assert_allclose(out["camera"][b], camera, atol=1e-6)
+    assert 0 < flipped < len(rows["boxes"])
+    np.testing.assert_array_equal(plain["image"], plain["plain_image"])
+    assert ((out["image"] > 0) == (out["plain_image"] > 0)).mean() > 0.99  # black stays
+
+
+def test_the_pools_layouts_with_errors_are_trees_of_the_objects_parts(pool_tools, pool_rows):
+    rows, _ = pool_rows
+    batch = {k: np.concatenate([rows[k]] * 4) for k in rows}
+    found = jax.device_get(jax.jit(pool_tools.device.tables_with_errors)(batch, jax.random.key(0)))
+    exact, lost = 0, 0
+    for b, count in enumerate(found.counts):
+        parts, parents = int(batch["part_counts"][b]), found.parents[b, :count]
+        assert count <= parts and not found.boxes[b, count:].any()
+        if not count:
+            lost += 1
+            continue
+        assert (parents == np.arange(count)).sum() == 1  # one root, and all hang on it
+        at = parents
+        for _ in range(count):
+            at = parents[at]
+        assert len(set(at)) == 1
+        apart = np.abs(found.boxes[b, :count, None] - batch["boxes"][b, None, :parts]).max(-1)
+        exact += (apart.min(1) < 1e-6).all()
+        if count == parts and (apart.min(1) < 0.02).all():
+            row = apart.argmin(1)
+            np.testing.assert_array_equal(batch["parents"][b][row], row[parents])
+    assert 0.25 < exact / len(batch["boxes"]) < 0.85 and lost < 0.3 * len(batch["boxes"])
+
+
+def test_bent_pictures_are_moved_a_little(pool_tools):
+    ramp = np.broadcast_to(np.linspace(0, 1, 64, dtype=np.float32)[:, None, None], (2, 64, 64, 3))
+    out = np.asarray(jax.jit(pool_tools.device.bent)(ramp, jax.random.key(1)))
+    inner = np.abs(out - ramp)[:, 8:-8, 8:-8]
+    assert 0 < inner.mean() < 0.05 and not np.allclose(out[0], out[1])

@@ -4,8 +4,8 @@
 
 Worker processes make objects without end (``data.layouts.make_item``, one picture each, and the
 voxels that the surface touches); host memory keeps the newest ``--capacity`` of them, and batches
-are drawn from these, newer ones more often. So the accelerator never waits, and each object is shown
-a few times only. Both networks take a step with every batch:
+are drawn from these, newer ones more often. So the accelerator never waits, and each object is
+shown a few times only. Both networks take a step with every batch:
 
     layout      ``training.layout_loss``, on pictures whose light is changed a little
     structure   rectified flow of the structure latent, most of it at t = 1; besides, cross-entropy
@@ -14,8 +14,9 @@ a few times only. Both networks take a step with every batch:
                 that the layout network finds in the picture.
 
 The learning rates hold for ``HOLD`` of the time and fall to zero at its end: it is the clock that
-counts, not the steps, so this script does not resume. ``--deadline FILE`` holds another end (seconds
-since the epoch) and may be changed on the way. OUT gets averaged weights every ``--save`` seconds.
+counts, not the steps, so this script does not resume. ``--deadline FILE`` holds another end
+(seconds since the epoch) and may be changed on the way. OUT gets averaged weights every ``--save``
+seconds.
 The loss on objects that were not yet shown is said as they come. ``--tiny`` runs it on a CPU.
 """
 
@@ -37,9 +38,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 HOLD = 0.45
-FOUND, ABSENT, EXACT = 0.4, 0.06, 0.35  # shares of the layouts that the structure flow is shown
-LOST, MISTAKEN, MOVED = 0.12, 0.1, 0.012  # as in ``data.layout_errors``
-WARP = 0.03
 CHUNK = 32  # objects a file
 WAITING = 200  # files that may wait before a worker rests
 
@@ -169,6 +167,7 @@ class Run(NamedTuple):
 def train(given: argparse.Namespace, folder: Path) -> None:
     import jax
     import jax.numpy as jnp
+    from pool_losses import make_structure_loss, prepared
 
     from uniart_jax.models.network import build
     from uniart_jax.training.export import (
@@ -196,8 +195,9 @@ def train(given: argparse.Namespace, folder: Path) -> None:
     )
     # on a GPU JAX's own derivatives of shifted sums are the faster ones, and rows are short
     config = replace(shipped, model=replace(shipped.model, kernel="plain"))
-    nets = {n: build(n, config.model) for n in ("layout", "structure_flow", "structure_vae", "image_encoder")}  # fmt: skip
-    fixed = {n: load_network(init, n, nets[n].abstract()) for n in ("structure_vae", "image_encoder")}  # fmt: skip
+    frozen = ("image_encoder", "structure_vae")
+    nets = {n: build(n, config.model) for n in ("layout", "structure_flow", *frozen)}
+    fixed = {n: load_network(init, n, nets[n].abstract()) for n in frozen}
     fixed = jax.device_put(fixed)
     statistics = read_statistics(init, "structure")
     begin = {
@@ -258,9 +258,9 @@ def train(given: argparse.Namespace, folder: Path) -> None:
         key = jax.random.fold_in(jax.random.key(7), step)
         batch = prepare(batches.get(), key, True)
         runs["layout"], found = updates["layout"](runs["layout"], batch, key, factor)
-        frozen = (fixed["image_encoder"], fixed["structure_vae"], runs["layout"].average)
+        given_weights = (*(fixed[n] for n in frozen), runs["layout"].average)
         runs["structure_flow"], more = updates["structure_flow"](
-            runs["structure_flow"], batch, key, factor, frozen
+            runs["structure_flow"], batch, key, factor, given_weights
         )
         for name, value in {**found, **{f"s_{k}": v for k, v in more.items()}}.items():
             log.setdefault(name, []).append(value)
@@ -276,8 +276,9 @@ def train(given: argparse.Namespace, folder: Path) -> None:
             if "fresh" in means:
                 means["fresh"] = round(float(np.mean(means["fresh"])), 4)
             rate = seen / max(now - began, 1)
-            print(f"{now - began:.0f} s, step {step + 1}, {rate:.0f} pictures/s, {pool.total} objects, "
-                  f"{batches.qsize()} ready, rate x {factor:.2f}: {json.dumps(means)}", flush=True)  # fmt: skip
+            state = f"{now - began:.0f} s, step {step + 1}, {rate:.0f} pictures/s"
+            state += f", {pool.total} objects, {batches.qsize()} ready, rate x {factor:.2f}"
+            print(f"{state}: {json.dumps(means)}", flush=True)
             said, log = time.time(), {}
         if time.time() - saved > given.save:
             write(given.out, shipped, runs, export_network, write_config)
@@ -321,168 +322,6 @@ def make_update(loss_fn, optimizer, decay):
         return new, {"loss": loss, "norm": norm, **metrics}
 
     return update
-
-
-def prepared(batch, key, train):
-    """A drawn batch as both losses take it, half of it mirrored (``train``)."""
-    import jax
-    import jax.numpy as jnp
-
-    from uniart_jax.voxels.joint_code import canonical
-
-    keys = jax.random.split(key, 3)
-    items = len(batch["boxes"])
-    flip = jax.random.bernoulli(keys[0], 0.5, (items,)) & train
-
-    def either(mirrored, plain):
-        return jnp.where(flip.reshape(-1, *[1] * (plain.ndim - 1)), mirrored, plain)
-
-    image = batch["images"]
-    image = either(image[:, :, ::-1], image).astype(jnp.float32) / 255
-    signs = jnp.array([-1, 1, -1, 1, -1, 1, -1, -1, -1], jnp.float32)
-    codes, boxes = batch["codes"], batch["boxes"]
-    turned = canonical(codes[..., jnp.array([0, 1, 2, 3, 4, 5, 6, 8, 7])] * signs, jnp) + 0.0
-    cells = jnp.unpackbits(batch["voxels"], axis=-1)
-    side = round(cells.shape[1] ** (1 / 3))
-    cells = cells.reshape(items, side, side, side) > 0
-    lit = relit(image, keys[1])
-    return {
-        "plain_image": image,
-        "image": jnp.where(train, lit, image),
-        "camera": either(batch["cameras"] * jnp.array([-1, 1, 1, 1, 1, -1, 1.0]), batch["cameras"]),
-        "boxes": either(boxes * jnp.array([1, -1, 1, 1, 1, 1.0]), boxes),
-        "codes": either(turned, codes),
-        "parents": batch["parents"],
-        "colors": batch["colors"],
-        "part_counts": batch["part_counts"],
-        "occupancy": either(cells[:, :, ::-1], cells),
-    }
-
-
-def relit(image, key):
-    """Images [B, S, S, 3] in another light: half of them brighter or darker, tinted, of another gamma."""
-    import jax
-    import jax.numpy as jnp
-
-    keys = jax.random.split(key, 4)
-    shape = (len(image), 1, 1)
-    gain = jnp.exp(0.12 * jax.random.normal(keys[0], (*shape, 1)))
-    tint = jnp.exp(0.04 * jax.random.normal(keys[1], (*shape, 3)))
-    gamma = jnp.exp(0.12 * jax.random.normal(keys[2], (*shape, 1)))
-    other = jnp.clip(jnp.maximum(image, 1e-4) ** gamma * gain * tint, 0, 1)
-    other = jnp.where(image > 0, other, 0)
-    return jnp.where(jax.random.bernoulli(keys[3], 0.5, (*shape, 1)), other, image)
-
-
-def make_structure_loss(nets, config, statistics):
-    """``loss(params, batch, key, (image encoder's, structure VAE's, layout network's params))``."""
-    import jax
-    import jax.numpy as jnp
-
-    from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
-    from uniart_jax.samplers import found_table
-    from uniart_jax.training.found_layouts import choose
-    from uniart_jax.training.losses import binary_cross_entropy, dice_loss
-    from uniart_jax.training.objectives import occupancy_iou, summarize_flow
-
-    flow, vae = nets["structure_flow"], nets["structure_vae"]
-    mean, std = (jnp.asarray(s) for s in statistics)
-    most, refines = config.model.grid.max_parts, config.model.structure_flow.refine_channels > 0
-
-    def loss_fn(params, batch, key, frozen):
-        encoder, vae_params, finder = jax.lax.stop_gradient(frozen)
-        keys = jax.random.split(key, 8)
-        image, items = batch["plain_image"], len(batch["boxes"])
-        out = nets["layout"].apply(finder, image)
-        found = found_table(out["parts"][-1], out["parents"], most)
-        chosen = jax.random.bernoulli(keys[0], FOUND, (items,))
-        layout = choose(chosen, found, tables_with_errors(batch, keys[1]))
-        layout = jax.lax.stop_gradient(layout)
-        small = image.reshape(items, 128, 2, 128, 2, 3).mean((2, 4))
-        small = jnp.where(chosen[:, None, None, None], small, bent(small, keys[2]))
-        seen = nets["image_encoder"].apply(encoder, small)
-        latent = vae.apply(vae_params, batch["occupancy"], method="encode")[0]
-        x0 = jax.lax.stop_gradient((latent - mean) / std)
-        once = jax.random.bernoulli(keys[3], 0.8, (items,))
-        t = jnp.where(once, 1.0, sample_times(keys[4], (items,), config.loss.time_mean, config.loss.time_std))  # fmt: skip
-        noise = jax.random.normal(keys[5], x0.shape)
-        x = interpolate(x0, noise, t)
-        v = flow.apply(params, x, t, seen["tokens"], seen["volume"], layout=layout)
-        loss, metrics = summarize_flow(
-            flow_loss(v, x0, noise), v, x, x0, t, None, config.model.structure_flow.prediction
-        )
-        true = batch["occupancy"].astype(jnp.float32)
-        guess = predicted_sample(x, v, t) * std + mean
-        logits = vae.apply(vae_params, guess, method="decode")
-        loss += binary_cross_entropy(logits, true).mean() + dice_loss(logits, true)
-        metrics["iou"] = occupancy_iou(logits, true)
-        if refines:
-            given = (seen["pixels"][:, None], seen["camera"][:, None], layout)
-            logits = flow.apply(params, jax.lax.stop_gradient(logits), *given, method="refine")
-            loss += binary_cross_entropy(logits, true).mean() + dice_loss(logits, true)
-            metrics["refined"] = occupancy_iou(logits, true)
-        return loss, {k: v for k, v in metrics.items() if k in ("iou", "refined", "x0_error")}
-
-    return loss_fn
-
-
-def bent(image, key):
-    """``data.layout_errors.bend`` of images [B, S, S, 3]."""
-    import jax
-    import jax.numpy as jnp
-    from jax.scipy.ndimage import map_coordinates
-
-    items, side = image.shape[:2]
-    keys = jax.random.split(key, 2)
-    strength = 0.5 * WARP * jax.random.uniform(keys[0], (items, 1, 1, 1)) * side
-    shift = strength * jax.random.normal(keys[1], (items, 2, 5, 5))
-    at = jnp.linspace(0, 4, side)
-    weights = jnp.maximum(1 - jnp.abs(at[:, None] - jnp.arange(5)), 0)
-    moved = jnp.einsum("si,bcij,tj->bcst", weights, shift, weights)
-    places = moved + jnp.stack(jnp.meshgrid(jnp.arange(side), jnp.arange(side), indexing="ij"))
-    one = lambda plane, place: map_coordinates(plane, list(place), order=1)  # noqa: E731
-    return jax.vmap(jax.vmap(one, (-1, None), -1))(image, places)
-
-
-def tables_with_errors(batch, key):
-    """``data.layout_errors.with_errors`` of a batch, as a ``PartTable``."""
-    import jax
-    import jax.numpy as jnp
-
-    from uniart_jax.voxels.part_table import PartTable
-
-    keys = jax.random.split(key, 8)
-    boxes, codes, parents, colors = (batch[k] for k in ("boxes", "codes", "parents", "colors"))
-    items, most = parents.shape
-    exact = jax.random.bernoulli(keys[0], EXACT / (1 - FOUND), (items, 1))
-    strength = jnp.where(exact, 0, jax.random.uniform(keys[1], (items, 1), minval=0.3, maxval=1.0))
-    absent = jax.random.bernoulli(keys[2], ABSENT / (1 - FOUND), (items, 1))
-    real = jnp.arange(most) < batch["part_counts"][:, None]
-    roots = parents == jnp.arange(most)
-    lost = ~roots & (jax.random.uniform(keys[3], roots.shape) < LOST * strength)
-    kept = real & ~lost & ~absent
-    take = lambda rows, index: jnp.take_along_axis(rows, index, 1)  # noqa: E731
-    for _ in range(6):  # a lost parent's children hang on its parent
-        parents = jnp.where(take(lost, parents), take(parents, parents), parents)
-    order = jnp.argsort(jnp.where(kept, jax.random.uniform(keys[4], kept.shape), 2), -1)
-    place = jnp.argsort(order, -1)
-    counts = kept.sum(-1)
-    there = (jnp.arange(most) < counts[:, None])[..., None]
-    lower, upper = boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2
-    corners = jnp.concatenate([lower, upper], -1)
-    moved = MOVED * strength[..., None] * jax.random.normal(keys[5], corners.shape)
-    lower, upper = jnp.split(corners + moved, 2, -1)
-    boxes = jnp.concatenate([(lower + upper) / 2, jnp.maximum(upper - lower, 0.004)], -1)
-    wrong = ~roots & (jax.random.uniform(keys[6], roots.shape) < MISTAKEN * strength)
-    other = jnp.concatenate([codes[..., :7], -codes[..., 8:9], -codes[..., 7:8]], -1)
-    codes = jnp.where(wrong[..., None], other, codes)
-    tinted = colors + 0.03 * strength[..., None] * jax.random.normal(keys[7], colors.shape)
-    pick = lambda rows: jnp.where(there, take(rows, order[..., None]), 0)  # noqa: E731
-    parents = jnp.where(there[..., 0], take(place, take(parents, order)), 0)
-    return PartTable(
-        pick(boxes), pick(codes), parents.astype(jnp.int32),
-        pick(jnp.clip(tinted, 0, 1)), counts.astype(jnp.int32),
-    )  # fmt: skip
 
 
 if __name__ == "__main__":

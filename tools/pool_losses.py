@@ -1,0 +1,169 @@
+"""What ``tools/train_pool.py`` does with a batch on the accelerator: mirroring and light, layouts
+with errors, and the structure flow's loss."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.scipy.ndimage import map_coordinates
+
+from uniart_jax.config import Config
+from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
+from uniart_jax.models.network import Network
+from uniart_jax.samplers import found_table
+from uniart_jax.training.found_layouts import choose
+from uniart_jax.training.losses import binary_cross_entropy, dice_loss
+from uniart_jax.training.objectives import occupancy_iou, summarize_flow
+from uniart_jax.voxels.joint_code import canonical
+from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
+
+FOUND, ABSENT, EXACT = 0.4, 0.06, 0.35  # shares of the layouts that the structure flow is shown
+LOST, MISTAKEN, MOVED = 0.12, 0.1, 0.012  # as in ``data.layout_errors``
+WARP = 0.03  # as ``DataConfig.image_warp``
+ONCE = 0.8  # share of the draws at t = 1
+COARSE = 5  # a side, of the displacements that pictures are bent by
+Batch = dict[str, jax.Array]
+
+
+def prepared(batch: Batch, key: jax.Array, train: bool) -> Batch:
+    """A drawn batch as both losses take it; where it is to ``train`` on, half of it mirrored and in
+    another light."""
+    keys = jax.random.split(key, 3)
+    items = len(batch["boxes"])
+    flip = jax.random.bernoulli(keys[0], 0.5, (items,)) & train
+
+    def either(mirrored, plain):
+        return jnp.where(flip.reshape(-1, *[1] * (plain.ndim - 1)), mirrored, plain)
+
+    image = batch["images"]
+    image = either(image[:, :, ::-1], image).astype(jnp.float32) / 255
+    signs = jnp.array([-1, 1, -1, 1, -1, 1, -1, -1, -1], jnp.float32)
+    codes, boxes = batch["codes"], batch["boxes"]
+    turned = canonical(codes[..., jnp.array([0, 1, 2, 3, 4, 5, 6, 8, 7])] * signs, jnp) + 0.0
+    cells = jnp.unpackbits(batch["voxels"], axis=-1)
+    side = round(cells.shape[1] ** (1 / 3))
+    cells = cells.reshape(items, side, side, side) > 0
+    lit = relit(image, keys[1])
+    return {
+        "plain_image": image,
+        "image": jnp.where(train, lit, image),
+        "camera": either(batch["cameras"] * jnp.array([-1, 1, 1, 1, 1, -1, 1.0]), batch["cameras"]),
+        "boxes": either(boxes * jnp.array([1, -1, 1, 1, 1, 1.0]), boxes),
+        "codes": either(turned, codes),
+        "parents": batch["parents"],
+        "colors": batch["colors"],
+        "part_counts": batch["part_counts"],
+        "occupancy": either(cells[:, :, ::-1], cells),
+    }
+
+
+def relit(image: jax.Array, key: jax.Array) -> jax.Array:
+    """Images [B, S, S, 3] in another light: half of them brighter or darker, tinted, of another
+    gamma."""
+    keys = jax.random.split(key, 4)
+    shape = (len(image), 1, 1)
+    gain = jnp.exp(0.12 * jax.random.normal(keys[0], (*shape, 1)))
+    tint = jnp.exp(0.04 * jax.random.normal(keys[1], (*shape, 3)))
+    gamma = jnp.exp(0.12 * jax.random.normal(keys[2], (*shape, 1)))
+    other = jnp.clip(jnp.maximum(image, 1e-4) ** gamma * gain * tint, 0, 1)
+    other = jnp.where(image > 0, other, 0)
+    return jnp.where(jax.random.bernoulli(keys[3], 0.5, (*shape, 1)), other, image)
+
+
+def make_structure_loss(
+    nets: dict[str, Network], config: Config, statistics: Any
+) -> Callable[..., tuple[jax.Array, dict[str, jax.Array]]]:
+    """``loss(params, batch, key, (image encoder's, structure VAE's, layout network's params))``."""
+    flow, vae = nets["structure_flow"], nets["structure_vae"]
+    mean, std = (jnp.asarray(s) for s in statistics)
+    most, refines = config.model.grid.max_parts, config.model.structure_flow.refine_channels > 0
+
+    def loss_fn(params, batch, key, frozen):
+        encoder, vae_params, finder = jax.lax.stop_gradient(frozen)
+        keys = jax.random.split(key, 8)
+        image, items = batch["plain_image"], len(batch["boxes"])
+        out = nets["layout"].apply(finder, image)
+        found = found_table(out["parts"][-1], out["parents"], most)
+        chosen = jax.random.bernoulli(keys[0], FOUND, (items,))
+        layout = choose(chosen, found, tables_with_errors(batch, keys[1]))
+        layout = jax.lax.stop_gradient(layout)
+        small = image.reshape(items, 128, 2, 128, 2, 3).mean((2, 4))
+        small = jnp.where(chosen[:, None, None, None], small, bent(small, keys[2]))
+        seen = nets["image_encoder"].apply(encoder, small)
+        latent = vae.apply(vae_params, batch["occupancy"], method="encode")[0]
+        x0 = jax.lax.stop_gradient((latent - mean) / std)
+        once = jax.random.bernoulli(keys[3], ONCE, (items,))
+        times = sample_times(keys[4], (items,), config.loss.time_mean, config.loss.time_std)
+        t = jnp.where(once, 1.0, times)
+        noise = jax.random.normal(keys[5], x0.shape)
+        x = interpolate(x0, noise, t)
+        v = flow.apply(params, x, t, seen["tokens"], seen["volume"], layout=layout)
+        loss, metrics = summarize_flow(
+            flow_loss(v, x0, noise), v, x, x0, t, None, config.model.structure_flow.prediction
+        )
+        true = batch["occupancy"].astype(jnp.float32)
+        guess = predicted_sample(x, v, t) * std + mean
+        logits = vae.apply(vae_params, guess, method="decode")
+        loss += binary_cross_entropy(logits, true).mean() + dice_loss(logits, true)
+        metrics["iou"] = occupancy_iou(logits, true)
+        if refines:
+            given = (seen["pixels"][:, None], seen["camera"][:, None], layout)
+            logits = flow.apply(params, jax.lax.stop_gradient(logits), *given, method="refine")
+            loss += binary_cross_entropy(logits, true).mean() + dice_loss(logits, true)
+            metrics["refined"] = occupancy_iou(logits, true)
+        return loss, {k: v for k, v in metrics.items() if k in ("iou", "refined", "x0_error")}
+
+    return loss_fn
+
+
+def bent(image: jax.Array, key: jax.Array) -> jax.Array:
+    """``data.layout_errors.bend`` of images [B, S, S, 3]."""
+    items, side = image.shape[:2]
+    keys = jax.random.split(key, 2)
+    strength = 0.5 * WARP * jax.random.uniform(keys[0], (items, 1, 1, 1)) * side
+    shift = strength * jax.random.normal(keys[1], (items, 2, COARSE, COARSE))
+    at = jnp.linspace(0, COARSE - 1, side)
+    weights = jnp.maximum(1 - jnp.abs(at[:, None] - jnp.arange(COARSE)), 0)
+    moved = jnp.einsum("si,bcij,tj->bcst", weights, shift, weights)
+    places = moved + jnp.stack(jnp.meshgrid(jnp.arange(side), jnp.arange(side), indexing="ij"))
+    one = lambda plane, place: map_coordinates(plane, list(place), order=1)  # noqa: E731
+    return jax.vmap(jax.vmap(one, (-1, None), -1))(image, places)
+
+
+def tables_with_errors(batch: Batch, key: jax.Array) -> PartTable:
+    """``data.layout_errors.with_errors`` of a batch, as a ``PartTable``."""
+    keys = jax.random.split(key, 8)
+    boxes, codes, parents, colors = (batch[k] for k in ("boxes", "codes", "parents", "colors"))
+    items, most = parents.shape
+    exact = jax.random.bernoulli(keys[0], EXACT / (1 - FOUND), (items, 1))
+    strength = jnp.where(exact, 0, jax.random.uniform(keys[1], (items, 1), minval=0.3, maxval=1.0))
+    absent = jax.random.bernoulli(keys[2], ABSENT / (1 - FOUND), (items, 1))
+    real = jnp.arange(most) < batch["part_counts"][:, None]
+    roots = parents == jnp.arange(most)
+    lost = ~roots & (jax.random.uniform(keys[3], roots.shape) < LOST * strength)
+    kept = real & ~lost & ~absent
+    take = lambda rows, index: jnp.take_along_axis(rows, index, 1)  # noqa: E731
+    for _ in range(6):  # a lost parent's children hang on its parent
+        parents = jnp.where(take(lost, parents), take(parents, parents), parents)
+    order = jnp.argsort(jnp.where(kept, jax.random.uniform(keys[4], kept.shape), 2), -1)
+    place = jnp.argsort(order, -1)
+    counts = kept.sum(-1)
+    there = (jnp.arange(most) < counts[:, None])[..., None]
+    lower, upper = boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2
+    corners = jnp.concatenate([lower, upper], -1)
+    moved = MOVED * strength[..., None] * jax.random.normal(keys[5], corners.shape)
+    lower, upper = jnp.split(corners + moved, 2, -1)
+    boxes = jnp.concatenate([(lower + upper) / 2, jnp.maximum(upper - lower, SMALLEST_SIDE)], -1)
+    wrong = ~roots & (jax.random.uniform(keys[6], roots.shape) < MISTAKEN * strength)
+    other = jnp.concatenate([codes[..., :7], -codes[..., 8:9], -codes[..., 7:8]], -1)
+    codes = jnp.where(wrong[..., None], other, codes)
+    tinted = colors + 0.03 * strength[..., None] * jax.random.normal(keys[7], colors.shape)
+    pick = lambda rows: jnp.where(there, take(rows, order[..., None]), 0)  # noqa: E731
+    parents = jnp.where(there[..., 0], take(place, take(parents, order)), 0)
+    return PartTable(
+        pick(boxes), pick(codes), parents.astype(jnp.int32),
+        pick(jnp.clip(tinted, 0, 1)), counts.astype(jnp.int32),
+    )  # fmt: skip
