@@ -66,9 +66,27 @@ def test_a_knob_turns_clockwise(direction, angle):
     assert (low, high) == pytest.approx((0, 4.1), abs=1e-3)
 
 
-def test_a_knob_whose_pointer_is_seen_keeps_its_state():
-    low, high = sorted(np.array(knob_read((-3.1, 1.0)).angle))
+@pytest.mark.parametrize("angle", [(-1.0, 3.1), (-3.1, 1.0)])
+def test_a_knob_that_is_partly_on_keeps_its_state_or_is_mirrored(angle):
+    """To the clockwise side; a knob that is more than half way on is not told from its mirror."""
+    low, high = sorted(np.array(knob_read(angle).angle))
     assert (low, high) == pytest.approx((-1.0, 3.1), abs=1e-3)
+
+
+@pytest.mark.parametrize("eye", [np.zeros(7), np.full(7, np.nan)])
+def test_without_a_camera_the_outside_is_away_from_the_parent(eye):
+    low, high = sorted(np.array(knob_read((-4.1, 0), eye=eye).angle))
+    assert (low, high) == pytest.approx((0, 4.1), abs=1e-3)
+
+
+def test_a_small_lid_opens_as_it_is_read():
+    """Its hinge is at its edge, so it is no knob."""
+    parts = [Part("body", trimesh.creation.box(BODY[3:]))]
+    box = (-0.42, 0.2, 0.3, 0.02, 0.12, 0.12)
+    mesh = trimesh.creation.box(box[3:]).apply_translation(box[:3])
+    parts.append(Part("lid", mesh, 0, Joint((-0.42, 0.2, 0.24), (0, 1, 0), angle=(-2.6, 0.0))))
+    joint = read_layout(outputs_of(ArticulatedObject(tuple(parts)))).joints[1]
+    assert sorted(np.array(joint.angle) * joint.direction[1]) == pytest.approx([-2.6, 0], abs=1e-3)
 
 
 def test_a_knob_on_the_top_turns_clockwise_too():
@@ -97,6 +115,7 @@ def test_a_slide_half_way_between_two_turns_is_a_turn():
     [
         (KNOB, (0, 0, 1), (0, 0.3)),  # a lever that slides along the body's front
         (KNOB, (1, 0, 0), (0, 0.05)),  # a button
+        (KNOB, (1, 0, 0), (0, 0.19)),  # as far as a turn that no knob has
         ((-0.42, 0, 0.2, 0.05, 0.6, 0.2), (1, 0, 0), (-0.3, 0)),  # a drawer
     ],
 )

@@ -166,6 +166,7 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
     plate = turn.opened or _is_most_of_a_plate(phi < 0, low, turn)
     if not plate and turn.still:
         return False
+    drawn = phi
     if plate and (phi < 0).any():
         phi = panel(phi, low, turn, sdf.shape[0] - 2)
     own = np.zeros(phi.shape, owner.dtype)
@@ -175,7 +176,7 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
     free = np.full(phi.shape, -1, owner.dtype)
     lower, upper = solid.min(0) - 0.5, solid.max(0) + 0.5
     ends = lower.copy(), upper.copy()
-    if plate:  # its edges are as thick as it is, without its handle
+    if phi is not drawn:  # a panel: its edges are as thick as it is, without its handle
         across = 3 - turn.axis - turn.along
         ends[0][across], ends[1][across] = _usual(phi < 0, across)
     whole = tuple(end - low for end in turn.box(ends[0] + low, ends[1] + low))

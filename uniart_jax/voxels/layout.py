@@ -33,8 +33,9 @@ THRESHOLD = 0.4  # of a part's probability (docs/evaluation.md, layouts)
 ROOT = -1  # name of the virtual root
 KNOB = 0.15  # object units; what turns far and is no larger is a knob
 FAR = np.deg2rad(144)
-LONG = 0.15  # object units; a slide that no knob has
-UNDECIDED = 0.5  # least ratio between a knob's turns to both sides that says nothing
+OFF_AXIS = 0.3  # of a knob's largest side, that its axis passes its centre at most
+NEAREST_EYE = 0.8  # object units from the origin; a camera that is nearer is none
+UNDECIDED = 0.5  # least ratio of a knob's turns to both sides where its state is not known
 
 
 @dataclasses.dataclass(frozen=True)
@@ -179,7 +180,7 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
 
     Returns:
       A layout whose tree is the arborescence of the highest total score. Knobs turn clockwise
-      (``_as_knob``).
+      (``_knobs_turn_clockwise``).
     """
     probability = 1 / (1 + np.exp(-np.asarray(outputs["exists"], np.float64)))
     rows = np.flatnonzero(probability > threshold)
@@ -193,7 +194,7 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     joints = tuple(
         Joint.fixed()
         if parents[k] < 0
-        else _as_knob(
+        else _knobs_turn_clockwise(
             decode_part(outputs["codes"][row][None], boxes[k, :3], NETWORK_TOLERANCE),
             boxes[k],
             boxes[parents[k]],
@@ -205,40 +206,48 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     return Layout(boxes, joints, parents, colors, probability[rows], camera)
 
 
-def _as_knob(joint: Joint, box: np.ndarray, parent: np.ndarray, eye: np.ndarray) -> Joint:
+def _knobs_turn_clockwise(
+    joint: Joint, box: np.ndarray, parent: np.ndarray, eye: np.ndarray
+) -> Joint:
     """The joint of a knob, which turns clockwise as seen from outside; other joints as they are.
 
     A picture often shows no more than that a knob turns: a picture of a knob that points upwards is
     its own mirror image, and half of the pictures of a training are mirrored. A network then gives
     a turn to one side or the other, a turn to both sides, or, as the code of a joint has a slide
     half-way between the two turns, a slide along the axis. Of procedural knobs two in three are
-    shown at their stop, and all turn clockwise from there.
+    shown at their stop, and all turn clockwise from there. A knob that is shown more than half way
+    on is read as its mirror image.
 
     Args:
       box, parent: [6] centre and size of the part and of its parent, object units.
       eye: [3] where the camera is; it sees the outside of a knob.
     """
-    if box[3:].max() > KNOB or joint.type not in ("revolute", "prismatic"):
+    largest = box[3:].max()
+    if largest > KNOB or joint.type not in ("revolute", "prismatic"):
         return joint
+    turn = joint
     if joint.type == "prismatic":
-        slides = joint.travel[1] - joint.travel[0]
         axis = int(np.abs(joint.direction).argmax())
         reach = abs(box[axis] - parent[axis]) + box[3 + axis] / 2
-        if slides < LONG or reach < parent[3 + axis] / 2:  # it would slide along its parent
+        if reach < parent[3 + axis] / 2:  # it slides along its parent
             return joint
-        half = slides * KAPPA * np.pi / 2
-        joint = Joint(box[:3], joint.direction, angle=(-half, half))
-    low, high = joint.angle
-    if high - low < FAR:
+        half = (joint.travel[1] - joint.travel[0]) * KAPPA * np.pi / 2
+        turn = Joint(box[:3], joint.direction, angle=(-half, half))
+    low, high = turn.angle
+    arm = np.cross(turn.direction, box[:3] - turn.origin)
+    if turn.type != "revolute" or high - low < FAR or np.linalg.norm(arm) > OFF_AXIS * largest:
         return joint
-    inwards = (eye - box[:3]) @ joint.direction < 0
+    outwards = eye - box[:3]
+    if not np.isfinite(eye).all() or np.linalg.norm(eye) < NEAREST_EYE:
+        outwards = box[:3] - parent[:3]
+    inwards = outwards @ turn.direction < 0
     back, forth = (-low, high) if inwards else (high, -low)  # clockwise is forth
     if min(back, forth) >= UNDECIDED * max(back, forth):
         back, forth = 0.0, back + forth
     elif back > forth:
         back, forth = forth, back
     angle = (-back, forth) if inwards else (-forth, back)
-    return dataclasses.replace(joint, angle=(angle[0] + 0.0, angle[1] + 0.0))
+    return dataclasses.replace(turn, angle=(angle[0] + 0.0, angle[1] + 0.0))
 
 
 def _best_tree(scores: np.ndarray) -> tuple[int, ...]:

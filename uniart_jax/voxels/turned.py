@@ -32,8 +32,8 @@ THIN = 0.35  # of its width, that a panel is thick at most
 WIDE = 0.1  # object units, that a panel is wide and high at least
 HANDLES = 0.12  # share of a panel's face that what stands out from it covers at most
 HANDLE = 0.12  # object units, that a handle may stand out from a panel
-LOW, SHORT = 3, 9  # sub-cells: a handle stands out as far, beyond the first, or is as long
-EDGE = 3  # sub-cells from the edge of a panel's face, in which a handle has less than half of it
+LEAST_OUT, LEAST_LONG = 3, 9  # sub-cells: what stands out less and is shorter is noise
+RIM = 3  # sub-cells: what stands out mostly so near the edge of a panel is noise, no handle
 LUMP = 1.5  # times a panel's thickness: columns that are thicker hold a handle
 ROOM = 4  # cells around a part
 
@@ -187,7 +187,7 @@ def panel(phi: np.ndarray, low: np.ndarray, turn: Turn, size: int) -> np.ndarray
     plate, drawn = beyond(depth), beyond(max(depth, usual))
     room = beyond(max(depth, usual), handle)
     standing = solid & (drawn > 1) & (room <= 0)
-    rim = beyond(max(depth, usual) + 2 * HANDLE * size) > -EDGE
+    rim = beyond(np.inf) > -RIM
     room = np.where(_no_handle(standing, rim, across, sides[0] * sides[1]), drawn, room)
     filled = np.clip(np.minimum(np.maximum(phi, room), plate), -1, 1)
     return np.where(np.abs(filled) < ZERO, -ZERO, filled).astype(np.float32)
@@ -204,7 +204,7 @@ def _no_handle(solid: np.ndarray, rim: np.ndarray, across: int, face: float) -> 
     other = (covered > HANDLES * face) | (at_rim > cells / 2)
     for piece, place in enumerate(ndimage.find_objects(pieces), 1):
         out, *spans = (s.stop - s.start for s in place)
-        other[piece] |= out < LOW and max(spans) < SHORT
+        other[piece] |= out < LEAST_OUT and max(spans) < LEAST_LONG
     other[0] = False
     return np.moveaxis(other[pieces], 0, across)
 
