@@ -3,11 +3,13 @@
 import importlib
 import runpy
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
 import jax
 import numpy as np
+import optax
 import pytest
 from PIL import Image
 from safetensors.numpy import load_file
@@ -106,14 +108,14 @@ def test_the_gallery_shows_input_rest_and_open_and_counts_failures(tmp_path, mon
 def pool_tools(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "tools")
     return SimpleNamespace(
-        host=importlib.import_module("train_pool"), device=importlib.import_module("pool_losses")
+        host=importlib.import_module("pool_objects"), device=importlib.import_module("pool_losses")
     )
 
 
 @pytest.fixture(scope="module")
 def pool_rows():
     """Rows of 12 objects as ``tools/train_pool.py`` draws them, and the objects."""
-    host = runpy.run_path(str(ROOT / "tools/train_pool.py"))
+    host = runpy.run_path(str(ROOT / "tools/pool_objects.py"))
     settings = LayoutSettings(64, views=1, families=procedural.WORLDS["wide"])
     made = [m for i in range(14) if (m := make_item(i, settings)) is not None][:12]
     rows = {k: np.stack([row[k] for _, row in made]) for k in COLUMNS}
@@ -184,6 +186,50 @@ def test_the_pools_layouts_with_errors_are_trees_of_the_objects_parts(pool_tools
             row = apart.argmin(1)
             np.testing.assert_array_equal(batch["parents"][b][row], row[parents])
     assert 0.25 < exact / len(batch["boxes"]) < 0.85 and lost < 0.3 * len(batch["boxes"])
+
+
+def test_makers_objects_are_held_back_until_they_are_judged(pool_tools):
+    host = pool_tools.host
+    with host.Objects(1, 200_000, 32, 32, host.Pool(256)) as objects:
+        for _ in range(600):
+            if rows := objects.unseen():
+                break
+            objects.check()
+            time.sleep(0.1)
+        assert rows[0]["images"].shape == (host.JUDGED_ROWS, 32, 32, 3)
+        objects.wait_for(host.CHUNK // 2)  # what was judged has joined
+        drawn = objects.batch(np.random.default_rng(0), 5)
+    assert {k: len(v) for k, v in drawn.items()} == dict.fromkeys((*COLUMNS, "voxels"), 5)
+
+
+def test_a_pool_without_new_objects_says_so(pool_tools, monkeypatch):
+    monkeypatch.setattr(pool_tools.host, "PATIENCE", -1)
+    objects = pool_tools.host.Objects(0, 0, 32, 32, pool_tools.host.Pool(4))
+    with pytest.raises(RuntimeError, match="no new object"):
+        objects.wait_for(1)
+
+
+def test_a_step_that_is_not_finite_changes_nothing(pool_tools):
+    tool = importlib.import_module("train_pool")
+    update = tool.make_update(lambda p, b, k: ((p * b).sum(), {}), optax.sgd(1.0))
+    start = lambda: tool.Run(np.ones(2), optax.sgd(1.0).init(np.ones(2)), np.ones(2))  # noqa: E731
+    key = jax.random.key(0)
+    moved, _ = update(start(), np.ones(2), key, np.float32(0.5))
+    np.testing.assert_allclose(moved.params, [0.5, 0.5])
+    np.testing.assert_allclose(moved.average, 1 - 0.5 * (1 - tool.DECAY), rtol=1e-6)
+    kept, metrics = update(start(), np.array([np.nan, 1]), key, np.float32(0.5))
+    np.testing.assert_array_equal(kept.params, 1)
+    np.testing.assert_array_equal(kept.average, 1)
+    assert np.isnan(metrics["loss"])
+
+
+def test_the_deadline_of_no_file_is_the_one_before(pool_tools, tmp_path):
+    tool, file = importlib.import_module("train_pool"), tmp_path / "end"
+    assert tool.read_deadline("", 3.0) == tool.read_deadline(str(file), 3.0) == 3.0
+    file.write_text("")
+    assert tool.read_deadline(str(file), 3.0) == 3.0
+    file.write_text("7.5\n")
+    assert tool.read_deadline(str(file), 3.0) == 7.5
 
 
 def test_bent_pictures_are_moved_a_little(pool_tools):

@@ -29,8 +29,8 @@ Batch = dict[str, jax.Array]
 
 
 def prepared(batch: Batch, key: jax.Array, train: bool) -> Batch:
-    """A drawn batch as both losses take it; where it is to ``train`` on, half of it mirrored and in
-    another light."""
+    """A drawn batch as both losses take it; where it is to ``train`` on, half of its items are
+    mirrored, and half, drawn apart, are shown in another light."""
     keys = jax.random.split(key, 3)
     items = len(batch["boxes"])
     flip = jax.random.bernoulli(keys[0], 0.5, (items,)) & train
@@ -90,7 +90,7 @@ def make_structure_loss(
         chosen = jax.random.bernoulli(keys[0], FOUND, (items,))
         layout = choose(chosen, found, tables_with_errors(batch, keys[1]))
         layout = jax.lax.stop_gradient(layout)
-        small = image.reshape(items, 128, 2, 128, 2, 3).mean((2, 4))
+        small = shrunk(image, config.model.image_encoder.image_size)
         small = jnp.where(chosen[:, None, None, None], small, bent(small, keys[2]))
         seen = nets["image_encoder"].apply(encoder, small)
         latent = vae.apply(vae_params, batch["occupancy"], method="encode")[0]
@@ -117,6 +117,19 @@ def make_structure_loss(
         return loss, {k: v for k, v in metrics.items() if k in ("iou", "refined", "x0_error")}
 
     return loss_fn
+
+
+def shrunk(image: jax.Array, side: int) -> jax.Array:
+    """Images [B, S, S, 3] averaged to [B, side, side, 3].
+
+    Raises:
+      ValueError: ``side`` does not divide S.
+    """
+    items, size = image.shape[:2]
+    if size % side:
+        raise ValueError(f"pool: pictures of {size} pixels a side cannot be shrunk to {side}")
+    times = size // side
+    return image.reshape(items, side, times, side, times, 3).mean((2, 4))
 
 
 def bent(image: jax.Array, key: jax.Array) -> jax.Array:

@@ -246,6 +246,18 @@ def test_a_closed_door_keeps_its_handle_and_takes_nothing_from_others():
     assert new.any() and not (new & ndimage.binary_dilation(solid_of(field, 1))).any()
 
 
+def test_the_edges_of_a_closed_door_do_not_reach_to_its_handle():
+    _, _, joint, _ = torn_door()
+    even = block((40.3, 14.3, 12.2), (48.3, 50.3, 52.2))
+    rough = np.maximum(even, -block((0, 36, 36), (64, 64, 64)))
+    handle = block((36.3, 30.3, 20.3), (41.3, 34.3, 34.3))
+    box = box_of((36.3, 14.3, 12.2), (48.3, 50.3, 52.2))
+    flat = with_flat_faces(field_of(np.minimum(rough, handle)), box[None], [joint])
+    ahead = solid_of(flat, 0) & (AT[0] < 39)
+    assert ahead.any() and (handle[ahead] < 0.6).all()
+    assert share_that_differs(flat, 0, np.minimum(even, handle), 1.0) < 0.02
+
+
 def test_what_of_the_body_is_in_a_closed_doors_plate_is_the_doors():
     rough, box, joint, even = torn_door()
     case = np.maximum(block((45, 8.3, 8.3), (60.3, 56.3, 56.3)), -block((44, 12, 12), (56, 52, 52)))

@@ -249,8 +249,25 @@ def test_only_a_panels_outside_has_a_handle_and_none_as_large_as_its_face():
     assert not (filled < 0)[AT[0] < 39].any()
 
 
+def test_what_stands_out_at_a_panels_rim_or_is_small_is_no_handle():
+    plate = block(LOWER, UPPER)
+    ahead = block((35.3, 14.3, 12.2), (41, 50.3, 52.2))
+    ring = np.maximum(ahead, -block((30, 16.3, 14.2), (45, 48.3, 50.2)))
+    strip = block((36.3, 47.8, 16.2), (41, 50.3, 48.2))  # along an edge
+    crumb = block((37.6, 30.3, 30.3), (41, 34.3, 34.3))
+    for noise in (ring, strip, crumb):
+        filled, _ = completed(np.minimum(plate, noise), outside=-1)
+        assert ((noise < 0) & (AT[0] < 39)).any() and not (filled < 0)[AT[0] < 39].any()
+    bar = block((37.6, 44.3, 20.3), (41, 46.3, 36.3))  # as low as the crumb, but long
+    far = block((33.3, 40.3, 30.3), (35.3, 42.3, 34.3))
+    posts = block((34.3, 40.3, 30.3), (41, 42.3, 31.3))
+    for handle in (bar, np.minimum(far, posts)):
+        filled, _ = completed(np.minimum(plate, handle), outside=-1)
+        assert (filled[(handle < 0) & (AT[0] < 39)] < 0).all()
+
+
 def test_a_panel_is_neither_too_thin_nor_too_thick():
-    for thick, wanted in ((1.2, 3), (5, 5), (11, 8)):
+    for thick, wanted in ((1.2, 3), (5, 5), (12, 12), (13, 12)):
         upper = (LOWER[0] + thick, *UPPER[1:])
         filled, _ = completed(block(LOWER, upper), LOWER, upper)
         count = (filled < 0).sum(0)[30, 30]
