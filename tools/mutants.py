@@ -39,6 +39,7 @@ EQUATION = "tests/models/test_uniart_vae.py::test_the_attention_is_the_papers_eq
 SUM = "tests/training/test_losses.py::test_the_vaes_loss_is_the_weighted_sum_of_its_terms"
 DECAY = "tests/training/test_step.py::test_the_average_follows_its_decay_over_several_steps"
 POSITIONS = "tests/models/test_dinov2.py::test_positions_are_interpolated_as_pytorch_does"
+LAYOUT, KNOBS = "uniart_jax/voxels/layout.py", "tests/voxels/test_layout_table.py::test"
 UNITS = "tests/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
 INTERVAL = (
     "tests/flow/test_rectified_flow.py::test_outside_its_interval_the_condition_alone_is_asked_for"
@@ -94,6 +95,11 @@ MUTANTS = (
         "guided = guide(velocity, condition, nothing, options.guidance)\n        found = _solve(guided, noise, options, model.structure_flow)",
         "tests/test_samplers.py::test_outside_its_interval_guidance_changes_nothing",
     ),
+    Mutant(LAYOUT, "back, forth = forth, back", "pass", f"{KNOBS}_a_knob_turns_clockwise"),
+    Mutant(LAYOUT, "@ turn.direction < 0", "@ turn.direction > 0", f"{KNOBS}_a_knob_at_the_back_is_seen_from_the_front"),
+    Mutant(LAYOUT, "> OFF_AXIS * largest", "> 9", f"{KNOBS}_a_small_lid_opens_as_it_is_read"),
+    Mutant("uniart_jax/voxels/turned.py", "(at_rim > cells / 2)", "(at_rim < 0)", "tests/voxels/test_turned.py::test_what_stands_out_at_a_panels_rim_or_is_small_is_no_handle"),
+    Mutant("uniart_jax/voxels/flat_faces.py", "if phi is not drawn:", "if False:", "tests/voxels/test_flat_faces.py::test_the_edges_of_a_closed_door_do_not_reach_to_its_handle"),
 )  # fmt: skip
 
 
