@@ -202,11 +202,15 @@ def test_makers_objects_are_held_back_until_they_are_judged(pool_tools):
     assert {k: len(v) for k, v in drawn.items()} == dict.fromkeys((*COLUMNS, "voxels"), 5)
 
 
-def test_a_pool_without_new_objects_says_so(pool_tools, monkeypatch):
-    monkeypatch.setattr(pool_tools.host, "PATIENCE", -1)
-    objects = pool_tools.host.Objects(0, 0, 32, 32, pool_tools.host.Pool(4))
-    with pytest.raises(RuntimeError, match="no new object"):
-        objects.wait_for(1)
+def test_a_pool_whose_makers_have_ended_says_so(pool_tools):
+    host = pool_tools.host
+    with host.Objects(1, 0, 32, 32, host.Pool(4)) as objects:
+        objects.check()
+        for maker in objects._makers:
+            maker.terminate()
+            maker.join()
+        with pytest.raises(RuntimeError, match="nothing makes objects"):
+            objects.wait_for(1000)
 
 
 def test_a_step_that_is_not_finite_changes_nothing(pool_tools):

@@ -23,7 +23,6 @@ CHUNK = 32  # objects a file
 WAITING = 200  # files that may wait before a process rests
 NEWER = 1.5  # ages are drawn as u^NEWER of the pool's, so newer objects more often
 JUDGED, JUDGED_ROWS = 8, 24  # files that are held back until they are judged, objects of each
-PATIENCE = 120  # seconds without a new object after which something must be wrong
 
 Rows = dict[str, np.ndarray]
 
@@ -100,12 +99,12 @@ class Objects:
         ]
         self._unseen: queue.Queue[Rows] = queue.Queue(JUDGED)
         self._lock, self._stop = threading.Lock(), threading.Event()
-        self._newest = time.time()
+        self._reader = threading.Thread(target=self._read, daemon=True)
 
     def __enter__(self) -> Objects:
         for maker in self._makers:
             maker.start()
-        threading.Thread(target=self._read, daemon=True).start()
+        self._reader.start()
         return self
 
     def __exit__(self, *_: Any) -> None:
@@ -126,9 +125,9 @@ class Objects:
             time.sleep(0.2)
 
     def check(self) -> None:
-        """RuntimeError if no object has come for ``PATIENCE`` seconds."""
-        if time.time() - self._newest > PATIENCE:
-            raise RuntimeError(f"pool: no new object in {PATIENCE} s; see the processes' errors")
+        """RuntimeError if all processes, or the thread that reads what they make, have ended."""
+        if not (self._reader.is_alive() and any(maker.is_alive() for maker in self._makers)):
+            raise RuntimeError("pool: nothing makes objects any more; see the errors above")
 
     def batch(self, rng: np.random.Generator, size: int) -> Rows:
         with self._lock:
@@ -154,7 +153,6 @@ class Objects:
                     rows = {name: held[name] for name in held.files}
                 path.unlink()
                 rows["images"], rows["cameras"] = rows["images"][:, 0], rows["cameras"][:, 0]
-                self._newest = time.time()
                 if len(rows["boxes"]) < JUDGED_ROWS or self._unseen.full():
                     self._add(rows)
                 else:
