@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from uniart_jax.data.cameras import project
 from uniart_jax.evaluation import layout as judging
 from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.layout_picture import draw_layout
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.camera_code import project
 from uniart_jax.voxels.layout import Layout
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from uniart_jax.data.cameras import camera_codes, camera_position, project
+from uniart_jax.data.cameras import camera_codes
 from uniart_jax.export.atlas import make_atlas
 from uniart_jax.export.picture_colors import Picture, look, paint, plain
 from uniart_jax.nn import lifting
@@ -14,6 +14,7 @@ from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.render import Camera, fit, render
+from uniart_jax.voxels.camera_code import camera_position, project
 
 FRONT, SIDE, HIDDEN = (
     np.array([0.7, 0.1, 0.1]),

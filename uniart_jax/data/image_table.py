@@ -34,7 +34,7 @@ class ImageTable:
       usable: [m] indices of the records that have at most ``max_parts`` parts; the others' tables of parts are empty.
       resolution: R; target_resolution: T, a divisor of it.
       images: [n, N, H, W, 3] uint8 sRGB over black.
-      cameras: [n, N, 7] float32 codes of the views (``data.cameras``).
+      cameras: [n, N, 7] float32 codes of the views (``voxels.camera_code``).
       occupied: [n, R^3 / 8] uint8 packed bits.
       cell_parts: [n, T, T, T] uint8 part of each cell, ``NO_PART`` where no voxel is active.
       boxes, codes, parents: [n, K, 6], [n, K, 9] float32 and [n, K] int32 tables of parts, zero beyond each record's own.

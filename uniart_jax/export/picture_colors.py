@@ -16,11 +16,11 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from uniart_jax.data.cameras import camera_position, project
 from uniart_jax.data.images import MARGIN, crop
 from uniart_jax.objects.appearance import srgb_to_linear
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.render import build_scene, occluded
+from uniart_jax.voxels.camera_code import camera_position, project
 
 SIZE = 512  # pixels a side that a picture is cropped to
 FACING = (0.15, 0.5)  # cosines between which a place comes to be believed
@@ -46,7 +46,7 @@ class Picture:
 
     Attributes:
       pixels: [S, S, 3] linear RGB of the square crop. depth: [S, S] how far a pixel lies within the silhouette, in shares of the side.
-      camera: [7] code (``data.cameras``).
+      camera: [7] code (``voxels.camera_code``).
     """
 
     pixels: np.ndarray

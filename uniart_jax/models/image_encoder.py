@@ -29,7 +29,7 @@ from uniart_jax.nn.lifting import project, sample_map
 from uniart_jax.nn.precision import compute_dtype
 
 CAMERA_CODE = (
-    7  # sine and cosine of the azimuth, elevation, focal, perspective, x, y (data.cameras)
+    7  # sine and cosine of the azimuth, elevation, focal, perspective, x, y (voxels.camera_code)
 )
 TYPICAL = (0.0, 0.87, 0.4, 1.6, 0.33, 0.0, 0.0)  # about the mean over ``render.sample_camera``
 CODE_CHANNELS = 21  # joint code 9, own box 6, parent box 6
@@ -126,7 +126,7 @@ class ImageEncoder(nnx.Module):
 
         Args:
           image: [B, H, W, 3] sRGB in [0, 1], the background black.
-          camera: [B, 7] true camera codes (``data.cameras``) to look through instead of the estimated ones, where ``known`` [B] is true.
+          camera: [B, 7] true camera codes (``voxels.camera_code``) to look through instead of the estimated ones, where ``known`` [B] is true.
 
         Returns:
           camera [B, 7], the estimate; pixels [B, S, S, ``pixel_width``], maps for those who look closer; tokens [B, L, D]; volume [B, Rv, Rv, Rv, C + 3], features and the picture's colour; occupancy [B, R, R, R] logits; codes

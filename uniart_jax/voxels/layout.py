@@ -3,7 +3,7 @@
 As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians, colours sRGB in 0..1:
 
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
-     "camera": [7] code (``data.cameras``) or null,
+     "camera": [7] code (``voxels.camera_code``) or null,
      "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]}, "color": [3], "confidence",
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]}}]}
 
@@ -20,10 +20,10 @@ import networkx as nx
 import numpy as np
 import trimesh
 
-from uniart_jax.data.cameras import camera_position
 from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.voxels.camera_code import camera_position
 from uniart_jax.voxels.joint_code import KAPPA, NETWORK_TOLERANCE, decode_part, encode_joint
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
 
