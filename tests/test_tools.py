@@ -238,6 +238,8 @@ def test_the_deadline_of_no_file_is_the_one_before(pool_tools, tmp_path):
 
 def test_bent_pictures_are_moved_a_little(pool_tools):
     ramp = np.broadcast_to(np.linspace(0, 1, 64, dtype=np.float32)[:, None, None], (2, 64, 64, 3))
-    out = np.asarray(jax.jit(pool_tools.device.bent)(ramp, jax.random.key(1)))
+    out = np.asarray(
+        jax.jit(pool_tools.device.bent, static_argnums=1)(ramp, 0.03, jax.random.key(1))
+    )
     inner = np.abs(out - ramp)[:, 8:-8, 8:-8]
     assert 0 < inner.mean() < 0.05 and not np.allclose(out[0], out[1])

@@ -96,10 +96,22 @@ MUTANTS = (
         "tests/test_samplers.py::test_outside_its_interval_guidance_changes_nothing",
     ),
     Mutant(LAYOUT, "back, forth = forth, back", "pass", f"{KNOBS}_a_knob_turns_clockwise"),
-    Mutant(LAYOUT, "@ turn.direction < 0", "@ turn.direction > 0", f"{KNOBS}_a_knob_at_the_back_is_seen_from_the_front"),
+    Mutant(LAYOUT, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),
     Mutant(LAYOUT, "> OFF_AXIS * largest", "> 9", f"{KNOBS}_a_small_lid_opens_as_it_is_read"),
-    Mutant("uniart_jax/voxels/turned.py", "(at_rim > cells / 2)", "(at_rim < 0)", "tests/voxels/test_turned.py::test_what_stands_out_at_a_panels_rim_or_is_small_is_no_handle"),
-    Mutant("uniart_jax/voxels/flat_faces.py", "if phi is not drawn:", "if False:", "tests/voxels/test_flat_faces.py::test_the_edges_of_a_closed_door_do_not_reach_to_its_handle"),
+    Mutant(
+        "uniart_jax/voxels/turned.py",
+        "(at_rim > cells / 2)",
+        "(at_rim < 0)",
+        "tests/voxels/test_turned.py"
+        "::test_what_stands_out_at_a_panels_rim_or_is_small_is_no_handle",
+    ),
+    Mutant(
+        "uniart_jax/voxels/flat_faces.py",
+        "if phi is not drawn:",
+        "if False:",
+        "tests/voxels/test_flat_faces.py"
+        "::test_the_edges_of_a_closed_door_do_not_reach_to_its_handle",
+    ),
 )  # fmt: skip
 
 

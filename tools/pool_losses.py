@@ -11,20 +11,20 @@ import jax.numpy as jnp
 from jax.scipy.ndimage import map_coordinates
 
 from uniart_jax.config import Config
+from uniart_jax.data.cameras import mirror_camera_codes
+from uniart_jax.data.layout_errors import COARSE, LOST, MISTAKEN, MOVED, TINTED
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
+from uniart_jax.models.image_encoder import shrink
 from uniart_jax.models.network import Network
 from uniart_jax.samplers import found_table
 from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import binary_cross_entropy, dice_loss
 from uniart_jax.training.objectives import occupancy_iou, summarize_flow
-from uniart_jax.voxels.joint_code import canonical
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
 
 FOUND, ABSENT, EXACT = 0.4, 0.06, 0.35  # shares of the layouts that the structure flow is shown
-LOST, MISTAKEN, MOVED = 0.12, 0.1, 0.012  # as in ``data.layout_errors``
-WARP = 0.03  # as ``DataConfig.image_warp``
 ONCE = 0.8  # share of the draws at t = 1
-COARSE = 5  # a side, of the displacements that pictures are bent by
 Batch = dict[str, jax.Array]
 
 
@@ -39,10 +39,8 @@ def prepared(batch: Batch, key: jax.Array, train: bool) -> Batch:
         return jnp.where(flip.reshape(-1, *[1] * (plain.ndim - 1)), mirrored, plain)
 
     image = batch["images"]
-    image = either(image[:, :, ::-1], image).astype(jnp.float32) / 255
-    signs = jnp.array([-1, 1, -1, 1, -1, 1, -1, -1, -1], jnp.float32)
-    codes, boxes = batch["codes"], batch["boxes"]
-    turned = canonical(codes[..., jnp.array([0, 1, 2, 3, 4, 5, 6, 8, 7])] * signs, jnp) + 0.0
+    image = either(mirror_images(image), image).astype(jnp.float32) / 255
+    cameras, codes, boxes = batch["cameras"], batch["codes"], batch["boxes"]
     cells = jnp.unpackbits(batch["voxels"], axis=-1)
     side = round(cells.shape[1] ** (1 / 3))
     cells = cells.reshape(items, side, side, side) > 0
@@ -50,9 +48,9 @@ def prepared(batch: Batch, key: jax.Array, train: bool) -> Batch:
     return {
         "plain_image": image,
         "image": jnp.where(train, lit, image),
-        "camera": either(batch["cameras"] * jnp.array([-1, 1, 1, 1, 1, -1, 1.0]), batch["cameras"]),
-        "boxes": either(boxes * jnp.array([1, -1, 1, 1, 1, 1.0]), boxes),
-        "codes": either(turned, codes),
+        "camera": either(mirror_camera_codes(cameras), cameras),
+        "boxes": either(mirror_boxes(boxes), boxes),
+        "codes": either(mirror_codes(codes, jnp), codes),
         "parents": batch["parents"],
         "colors": batch["colors"],
         "part_counts": batch["part_counts"],
@@ -90,8 +88,9 @@ def make_structure_loss(
         chosen = jax.random.bernoulli(keys[0], FOUND, (items,))
         layout = choose(chosen, found, tables_with_errors(batch, keys[1]))
         layout = jax.lax.stop_gradient(layout)
-        small = shrunk(image, config.model.image_encoder.image_size)
-        small = jnp.where(chosen[:, None, None, None], small, bent(small, keys[2]))
+        small = shrink(image, config.model.image_encoder.image_size)
+        warped = bent(small, config.data.image_warp, keys[2])
+        small = jnp.where(chosen[:, None, None, None], small, warped)
         seen = nets["image_encoder"].apply(encoder, small)
         latent = vae.apply(vae_params, batch["occupancy"], method="encode")[0]
         x0 = jax.lax.stop_gradient((latent - mean) / std)
@@ -119,24 +118,11 @@ def make_structure_loss(
     return loss_fn
 
 
-def shrunk(image: jax.Array, side: int) -> jax.Array:
-    """Images [B, S, S, 3] averaged to [B, side, side, 3].
-
-    Raises:
-      ValueError: ``side`` does not divide S.
-    """
-    items, size = image.shape[:2]
-    if size % side:
-        raise ValueError(f"pool: pictures of {size} pixels a side cannot be shrunk to {side}")
-    times = size // side
-    return image.reshape(items, side, times, side, times, 3).mean((2, 4))
-
-
-def bent(image: jax.Array, key: jax.Array) -> jax.Array:
+def bent(image: jax.Array, share: float, key: jax.Array) -> jax.Array:
     """``data.layout_errors.bend`` of images [B, S, S, 3]."""
     items, side = image.shape[:2]
     keys = jax.random.split(key, 2)
-    strength = 0.5 * WARP * jax.random.uniform(keys[0], (items, 1, 1, 1)) * side
+    strength = 0.5 * share * jax.random.uniform(keys[0], (items, 1, 1, 1)) * side
     shift = strength * jax.random.normal(keys[1], (items, 2, COARSE, COARSE))
     at = jnp.linspace(0, COARSE - 1, side)
     weights = jnp.maximum(1 - jnp.abs(at[:, None] - jnp.arange(COARSE)), 0)
@@ -173,7 +159,7 @@ def tables_with_errors(batch: Batch, key: jax.Array) -> PartTable:
     wrong = ~roots & (jax.random.uniform(keys[6], roots.shape) < MISTAKEN * strength)
     other = jnp.concatenate([codes[..., :7], -codes[..., 8:9], -codes[..., 7:8]], -1)
     codes = jnp.where(wrong[..., None], other, codes)
-    tinted = colors + 0.03 * strength[..., None] * jax.random.normal(keys[7], colors.shape)
+    tinted = colors + TINTED * strength[..., None] * jax.random.normal(keys[7], colors.shape)
     pick = lambda rows: jnp.where(there, take(rows, order[..., None]), 0)  # noqa: E731
     parents = jnp.where(there[..., 0], take(place, take(parents, order)), 0)
     return PartTable(

@@ -16,8 +16,8 @@ times only. Both networks take a step with every batch:
 The learning rates hold for ``HOLD`` of the time and fall to zero at its end: the clock counts, not
 the steps, so a run that was stopped is not resumed; ``--init OUT`` begins anew from its weights.
 ``--deadline FILE`` holds another end (seconds since the epoch) and may be changed on the way. OUT
-is a checkpoint: the other networks of ``--init``, and averaged weights every ``--save`` seconds. The
-layout network's loss on objects that it has not seen ("unseen") is said on the way.
+is a checkpoint: the other networks of ``--init``, and averaged weights every ``--save`` seconds.
+The layout network's loss on objects that it has not seen ("unseen") is said on the way.
 ``--tiny`` is for a CPU.
 """
 

@@ -167,7 +167,14 @@ def test_a_torn_drawer_becomes_whole():
 
 
 def test_a_drawer_without_a_floor_has_one():
-    hole = (AT[2] < 28.5) & (block(*TRAY) < 4) & (AT[0] < 40) & (AT[0] > 15) & (AT[1] > 19) & (AT[1] < 46)  # fmt: skip
+    hole = (
+        (AT[2] < 28.5)
+        & (block(*TRAY) < 4)
+        & (AT[0] < 40)
+        & (AT[0] > 15)
+        & (AT[1] > 19)
+        & (AT[1] < 46)
+    )
     field = drawer(hole)
     floor = (AT[2] > 25) & (AT[2] < 27) & (AT[0] > 20) & (AT[0] < 38) & (AT[1] > 20) & (AT[1] < 44)
     assert not solid_of(field, 1)[floor].any()
@@ -267,7 +274,9 @@ def test_what_is_filled_keeps_a_cell_from_what_moves():
 
 
 def test_an_inset_door_in_a_frame_without_a_back_is_borne():
-    frame = np.maximum(block((10.3, 8.3, 8.3), (56.3, 56.3, 56.3)), -block((0, 12.3, 12.3), (66, 52.3, 52.3)))  # fmt: skip
+    frame = np.maximum(
+        block((10.3, 8.3, 8.3), (56.3, 56.3, 56.3)), -block((0, 12.3, 12.3), (66, 52.3, 52.3))
+    )
     inset = ((10.3, 15.3, 15.3), (13.3, 49.3, 49.3))
     field = field_of(frame, block(*inset))
     joint = Joint(place_of((10.3, 15.3, 30)), (0.0, 0, 1), angle=(0.0, 1.5))

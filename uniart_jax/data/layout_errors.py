@@ -16,6 +16,7 @@ EXACT = 0.4  # of the others, those whose layout is exact
 LOST, MISTAKEN = 0.12, 0.1  # of parts, at strength 1
 MOVED = 0.012  # deviation of a corner, object units
 THINNEST = 0.004
+TINTED = 0.03  # deviation of a colour, linear RGB
 COARSE = 5  # a side, of the displacements that pictures are bent by
 
 
@@ -50,7 +51,7 @@ def with_errors(
     codes = table["codes"][order].copy()
     wrong = (rng.random(len(order)) < MISTAKEN * strength) & ~roots[order]
     codes[wrong, 7:] = -codes[wrong][:, [8, 7]]  # opens the other way
-    colors = table["colors"][order] + rng.normal(0, 0.03 * strength, (len(order), 3))
+    colors = table["colors"][order] + rng.normal(0, TINTED * strength, (len(order), 3))
     return {
         "boxes": boxes.astype(np.float32),
         "codes": codes.astype(np.float32),

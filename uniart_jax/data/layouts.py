@@ -8,7 +8,8 @@ Batches go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block``
 each object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored
 with probability 1/2:
 
-    image [B, S, S, 3] f4 in [0, 1] over black · camera [B, 7] f4 (``voxels.camera_code``) · boxes [B, K, 6] f4 (centre, size)
+    image [B, S, S, 3] f4 in [0, 1] over black · camera [B, 7] f4 (``voxels.camera_code``)
+    boxes [B, K, 6] f4 (centre, size)
     codes [B, K, 9] f4 · parents [B, K] i4 (root: its own) · colors [B, K, 3] f4 linear RGB · part_counts [B] i4
 """
 

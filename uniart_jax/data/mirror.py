@@ -9,6 +9,7 @@ mirrored direction, and a moment p x d is a pseudovector. With M = diag(1, -1, 1
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -26,9 +27,10 @@ def mirror_boxes(boxes: np.ndarray) -> np.ndarray:
     return boxes * _BOX_SIGNS
 
 
-def mirror_codes(codes: np.ndarray) -> np.ndarray:
-    """Mirrored joint codes [..., 9], canonical; a fixed joint stays exactly 0."""
-    return canonical(codes[..., _CODE_ORDER] * _CODE_SIGNS) + np.float32(0)
+def mirror_codes(codes: Any, xp: Any = np) -> Any:
+    """Mirrored joint codes [..., 9], canonical; a fixed joint stays exactly 0. ``xp``: array
+    namespace of ``codes``."""
+    return canonical(codes[..., _CODE_ORDER] * _CODE_SIGNS, xp) + np.float32(0)
 
 
 def mirror_dense(grid: np.ndarray, first_axis: int = 0) -> np.ndarray:

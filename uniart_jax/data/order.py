@@ -133,8 +133,9 @@ class OnePass:
 def local_rows(
     batch_size: int, process_index: int, process_count: int, accumulate: int = 1
 ) -> np.ndarray:
-    """[batch_size / process_count] which items of a batch are this process's: its share of each micro-batch in turn, so that a micro-batch is the same items,
-    in the same order, whatever the number of processes.
+    """[batch_size / process_count] which items of a batch are this process's: its share of each
+    micro-batch in turn, so that a micro-batch is the same items, in the same order, whatever the
+    number of processes.
 
     Raises:
       ValueError: the batch does not divide into the processes and micro-batches.
@@ -142,7 +143,8 @@ def local_rows(
     if batch_size % (process_count * accumulate) or not 0 <= process_index < process_count:
         parts = f" in {accumulate} micro-batches each" if accumulate > 1 else ""
         raise ValueError(
-            f"data: a batch of {batch_size} cannot be shared equally by {process_count} processes{parts} (this is {process_index})"
+            f"data: a batch of {batch_size} cannot be shared equally by {process_count} "
+            f"processes{parts} (this is {process_index})"
         )
     rows = np.arange(batch_size).reshape(accumulate, process_count, -1)
     return rows[:, process_index].reshape(-1)

@@ -126,7 +126,8 @@ class ImageEncoder(nnx.Module):
 
         Args:
           image: [B, H, W, 3] sRGB in [0, 1], the background black.
-          camera: [B, 7] true camera codes (``voxels.camera_code``) to look through instead of the estimated ones, where ``known`` [B] is true.
+          camera: [B, 7] true camera codes (``voxels.camera_code``) to look through instead of the
+            estimated ones, where ``known`` [B] is true.
 
         Returns:
           camera [B, 7], the estimate; pixels [B, S, S, ``pixel_width``], maps for those who look closer; tokens [B, L, D]; volume [B, Rv, Rv, Rv, C + 3], features and the picture's colour; occupancy [B, R, R, R] logits; codes
@@ -158,7 +159,7 @@ class ImageEncoder(nnx.Module):
         split = self.fine**3
         tokens_side = c.volume_tokens
         volume = _unfold(cells.astype(jnp.float32), tokens_side, self.cells)
-        colors = sample_map(_shrink(image, 2 * fine.shape[1]), places).reshape(
+        colors = sample_map(shrink(image, 2 * fine.shape[1]), places).reshape(
             items, *[side] * 3, 3
         )
         volume = jnp.concatenate([volume, colors.astype(jnp.float32) * 2 - 1], -1)
@@ -243,7 +244,7 @@ def pixel_width(config: ImageEncoderConfig) -> int:
     return 3 * config.stem_stride**2 + sum(config.stem_channels[:-1])
 
 
-def _shrink(image: jax.Array, side: int) -> jax.Array:
+def shrink(image: jax.Array, side: int) -> jax.Array:
     """[B, H, H, 3] averaged to [B, side, side, 3]."""
     times = image.shape[1] // side
     return image.reshape(-1, side, times, side, times, 3).mean((2, 4))

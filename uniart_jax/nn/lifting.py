@@ -10,7 +10,8 @@ import jax.numpy as jnp
 
 
 def project(code: jax.Array, points: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Where camera codes [B, 7] (``voxels.camera_code``) see points [P, 3]: [B, P, 2] in [-1, 1]^2 across the picture, and depth [B, P] about the origin's."""
+    """Where camera codes [B, 7] (``voxels.camera_code``) see points [P, 3]: [B, P, 2] in [-1, 1]^2
+    across the picture, and depth [B, P] about the origin's."""
     sine, cosine, elevation, focal, perspective, x, y = (code[:, i, None] for i in range(7))
     norm = jnp.sqrt(jnp.maximum(sine**2 + cosine**2, 1e-6))
     sa, ca = sine / norm, cosine / norm

@@ -5,8 +5,9 @@
 
 A point p with (right, down, forward) coordinates (a, b, c) about the object's origin is seen at
 
-    u = focal (a, b) / (1 + perspective c) - (x, y)        in [-1, 1]^2 across the crop, x right, y down.
+    u = focal (a, b) / (1 + perspective c) - (x, y)
 
+in [-1, 1]^2 across the crop, x right, y down.
 ``project`` is this equation, ``nn.lifting.project`` the same for networks; ``data.cameras`` makes
 codes of rendered views.
 """
