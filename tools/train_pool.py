@@ -171,7 +171,9 @@ def train(given: argparse.Namespace) -> None:
                 means = {k: round(float(np.mean(jax.device_get(v))), 4) for k, v in log.items()}
                 unseen = [float(judge(runs["layout"].average, rows)) for rows in objects.unseen()]
                 if unseen:
-                    means[f"unseen ({len(unseen) * JUDGED_ROWS})"] = round(np.mean(unseen), 4)
+                    means[f"unseen ({len(unseen) * JUDGED_ROWS})"] = round(
+                        float(np.mean(unseen)), 4
+                    )
                 line = f"{now - began:.0f} s, step {step + 1}, {pool.total} objects"
                 print(f"{line}, rate x {factor:.2f}: {json.dumps(means)}", flush=True)
                 said, log = time.time(), {}
