@@ -1,26 +1,33 @@
-"""What a budget of collision shapes costs and gains:  python benchmarks/collision_budget.py
-[--count 20] [--real ROOT] [--sampled 0] [--budget 64] [--copies 100]
+"""What kinds of collision shapes cost and gain:  python benchmarks/collision_budget.py [--count 20]
+[--real ROOT] [--generated ROOT] [--sampled 0] [--budget 64] [--copies 1000] [--kinds coacd hull]
 
 A table over procedural objects (validation seeds, families in turn), with --real over as many URDF
-and MJCF files by others, and with --sampled over what the shipped model makes of rendered images:
-shapes an object, MB of its MJCF with meshes, error of their volume, whether drawers hold a ball,
-MuJoCo's steps of one object a second in a model of many copies.
+and MJCF files by others, with --generated over asset folders that sample.py wrote, and with
+--sampled over what the shipped model makes of rendered images. Each object is written without a
+budget, with it, and with other kinds of shapes: shapes an object, MB of its folder (URDF, MJCF,
+meshes, texture, a picture), error of their volume, whether drawers hold a ball, MuJoCo's steps of
+one object a second in a model of many copies. The last row of generated objects is of the folders
+as they lie there. What is not there is told and left out.
 """
 
 from __future__ import annotations
 
 import argparse
+import copy
+import json
 import tempfile
 import time
 from pathlib import Path
 
 import mujoco
 import numpy as np
+from lxml import etree
 
 from uniart_jax import procedural
 from uniart_jax.data.sources import find_entries
 from uniart_jax.export.asset import save_asset
-from uniart_jax.export.budget import shape_count
+from uniart_jax.export.budget import shape_count, within_budget
+from uniart_jax.export.collision_kinds import check_collision
 from uniart_jax.export.placement import place
 from uniart_jax.export.volume_error import volume_error
 from uniart_jax.objects.load import load_object
@@ -29,24 +36,30 @@ from uniart_jax.simulation.refine import mend
 
 SEED = 900_000  # of validation; held-out objects are for figures of the model
 DENSITY = 500.0  # kg / m^3 of the ball
-STEPS = 200
-SPACING = 3.0  # metres between copies
+SECONDS, STEPS = 1.5, 200  # of simulation that are timed, at the most
+SPACING = 3.0  # sizes of the object between copies
+DEEP = 0.1  # of the object's size: a shallower sliding part without a name is no drawer
 
 
 def drawers(obj: ArticulatedObject) -> list[int]:
-    """The parts that are drawers by their label and slide."""
-    return [
-        k
-        for k, part in enumerate(obj.parts)
-        if part.label == "drawer" and part.joint.type == "prismatic"
-    ]
+    """The parts that slide and are called drawers; where no part has a name of its own, those that
+    slide along x and are deep."""
+    unnamed = not any(part.label for part in obj.parts)
+    size = float(np.ptp(obj.bounds, axis=0).max())
+    found = []
+    for k, part in enumerate(obj.parts):
+        called = "drawer" in (part.label or part.name).lower()
+        along = abs(part.joint.direction[0]) > 0.9 and part.box[3:].min() > DEEP * size
+        if part.joint.type == "prismatic" and (called or (unnamed and along)):
+            found.append(k)
+    return found
 
 
 def drop(
     asset: Path, obj: ArticulatedObject, k: int, radius: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """[n, 3] the ball's place in drawer k, metres from the drawer's box centre, while it opens,
-    stops and closes; [3] the drawer's size.
+    """[n, 3] the ball's place in drawer k, metres from the drawer's box centre, while it stands
+    open, closes to the half and opens again; [3] the drawer's size.
 
     Args:
       asset: folder with ``object.xml``. obj: as it is written there (``export.placement``).
@@ -54,10 +67,10 @@ def drop(
     spec = mujoco.MjSpec.from_file(str(asset / "object.xml"))
     part = obj.parts[k]
     end = part.joint.limits[1] * obj.scale
-    start = 0.5 * end  # half open, the ball in the air above the half that stands out
     center, size = part.box[:3] * obj.scale, part.box[3:] * obj.scale
-    front = center - np.array([size[0] / 2 - 0.25 * end, 0, 0])
-    place = front + part.joint.direction * start + [0, 0, size[2] / 2 + 2 * radius]
+    along = part.joint.direction
+    front = center + along * (np.abs(along) @ size / 2 - 0.5 * end)  # of what stands out
+    place = front + along * end + [0, 0, size[2] / 2 + 2 * radius]
     ball = spec.worldbody.add_body(name="the ball", pos=place)
     ball.add_freejoint()
     ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0], density=DENSITY)
@@ -65,16 +78,13 @@ def drop(
     data = mujoco.MjData(model)
     joint = model.joint(f"{part.name}_joint").id
     address, dof = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
-    data.qpos[address] = start
+    data.qpos[address] = end
     mass = float(model.body_subtreemass[model.jnt_bodyid[joint]])
     body = model.body("the ball").id
     track = []
     for i in range(int(5.0 / model.opt.timestep)):
         t = i * model.opt.timestep
-        # opens for 1.5 s, waits, then closes to the half
-        goal = start + (end - start) * np.clip(t / 1.5, 0, 1) * (
-            1 if t < 3 else np.clip(4.5 - t, 0, 1.5) / 1.5
-        )
+        goal = end * np.interp(t, [1.0, 2.5, 4.0], [1.0, 0.5, 1.0])
         error = goal - data.qpos[address]
         data.qfrc_applied[dof] = mass * (900 * error - 60 * data.qvel[dof])
         mujoco.mj_step(model, data)
@@ -84,40 +94,92 @@ def drop(
 
 
 def ball_radius(obj: ArticulatedObject, k: int) -> float:
-    return 0.12 * float(obj.parts[k].box[3:].min()) * obj.scale
+    """Metres: small beside drawer k and beside its way."""
+    part = obj.parts[k]
+    return min(0.12 * float(part.box[3:].min()), 0.2 * part.joint.limits[1]) * obj.scale
 
 
 def holds(track: np.ndarray, size: np.ndarray, radius: float) -> bool:
-    """Whether the ball stayed in the drawer's box from .5 s on and came to lie near its floor, not
-    on a lid of hulls."""
-    settled = track[len(track) // 10 :]
+    """Whether the ball stayed in the drawer's box and near its floor from 1 s on: not on a lid of
+    hulls, nor on a slope of them."""
+    settled = track[len(track) // 5 :]
     inside = np.isfinite(track).all() and (np.abs(settled) <= size / 2 + 1e-3).all()
-    return bool(inside and settled[-1, 2] < -size[2] / 2 + radius + 0.35 * size[2])
+    return bool(inside and settled[:, 2].max() < -size[2] / 2 + radius + 0.35 * size[2])
+
+
+def many(asset: Path, copies: int) -> str:
+    """An MJCF of many copies of an asset's that stand in a field, a ball dropped on each; without
+    what is seen. Meshes are shared.
+
+    MuJoCo's own ``attach`` takes minutes for a thousand.
+    """
+    one = etree.parse(str(asset / "object.xml")).getroot()
+    world = one.find("worldbody")
+    for geom in [g for g in world.iter("geom") if g.get("contype") == "0"]:
+        geom.getparent().remove(geom)
+    used = {geom.get("mesh") for geom in world.iter("geom")}
+    for element in list(one.find("asset")):
+        if element.tag != "mesh" or element.get("name") not in used:
+            one.find("asset").remove(element)
+    for tag in ("keyframe", "actuator"):
+        for element in one.findall(tag):
+            one.remove(element)
+    alone = mujoco.MjModel.from_xml_string(etree.tostring(one).decode(), files(asset))
+    data = mujoco.MjData(alone)
+    mujoco.mj_forward(alone, data)
+    reach = alone.geom_rbound[:, None]
+    low, high = (data.geom_xpos - reach).min(0), (data.geom_xpos + reach).max(0)
+    groups = [one.find(tag) for tag in ("worldbody", "contact", "tendon", "equality")]
+    groups = [group for group in groups if group is not None]
+    given = [list(group) for group in groups]
+    for group in groups:
+        group[:] = []
+    side = int(np.ceil(copies**0.5))
+    step = SPACING * float((high - low).max())
+    for i in range(copies):
+        at = [step * (i % side), step * (i // side), 0.0]
+        for group, elements in zip(groups, given, strict=True):
+            for element in elements:
+                made = copy.deepcopy(element)
+                _renamed(made, f"{i}/")
+                if group.tag == "worldbody":
+                    own = [float(v) for v in made.get("pos", "0 0 0").split()]
+                    made.set("pos", " ".join(str(a + b) for a, b in zip(own, at, strict=True)))
+                group.append(made)
+        top = " ".join(str(v) for v in (at[0], at[1], float(high[2]) + 0.05))
+        ball = etree.SubElement(world, "body", pos=top)
+        etree.SubElement(ball, "freejoint")
+        etree.SubElement(ball, "geom", type="sphere", size=".03", density=str(DENSITY))
+    memory = etree.SubElement(one, "size")
+    memory.set("memory", "4G")
+    return etree.tostring(one).decode()
+
+
+def files(asset: Path) -> dict[str, bytes]:
+    """What an asset's MJCF names, by the names that it has there."""
+    found = [p for p in asset.rglob("*") if p.suffix in (".obj", ".png")]
+    return {p.relative_to(asset).as_posix(): p.read_bytes() for p in found}
+
+
+def _renamed(element: etree._Element, prefix: str) -> None:
+    references = ("name", "body1", "body2", "joint", "joint1", "joint2", "tendon1", "tendon2")
+    for each in element.iter():
+        for key in references:
+            if key in each.attrib:
+                each.set(key, prefix + each.get(key))
 
 
 def speed(asset: Path, copies: int) -> float:
     """Steps of one object a second, of a model of many that stand in a field with a ball dropped on
     each."""
-    one = mujoco.MjSpec.from_file(str(asset / "object.xml"))
-    for key in list(one.keys):
-        one.delete(key)
-    world = mujoco.MjSpec()
-    world.memory = 2**28
-    side = int(np.ceil(copies**0.5))
-    for i in range(copies):
-        at = [SPACING * (i % side), SPACING * (i // side), 0.0]
-        frame = world.worldbody.add_frame(pos=at)
-        world.attach(one.copy(), frame=frame, prefix=f"{i}/")
-        ball = world.worldbody.add_body(pos=[at[0], at[1], 1.5])
-        ball.add_freejoint()
-        ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.03, 0, 0], density=DENSITY)
-    model = world.compile()
+    model = mujoco.MjModel.from_xml_string(many(asset, copies), files(asset))
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data)
-    start = time.perf_counter()
-    for _ in range(STEPS):
+    start, steps = time.perf_counter(), 0
+    while steps < STEPS and time.perf_counter() - start < SECONDS:
         mujoco.mj_step(model, data)
-    return STEPS * copies / (time.perf_counter() - start)
+        steps += 1
+    return steps * copies / (time.perf_counter() - start)
 
 
 def sampled(count: int) -> list[ArticulatedObject]:
@@ -156,13 +218,26 @@ def _drawn(count: int) -> list[tuple[str, int]]:
     return [(families[i % len(families)], SEED + i) for i in range(count)]
 
 
-def figures(obj: ArticulatedObject, budget: int | None, generated: bool, copies: int) -> dict:
-    """Of one object, written with a budget, or without."""
+def generated(root: Path, count: int) -> list[tuple[Path, ArticulatedObject]]:
+    """Asset folders below a root, by name, and what they hold."""
+    found = []
+    for path in sorted(p.parent for p in root.rglob("object.xml"))[:count]:
+        try:
+            found.append((path, load_object(path)))
+        except ValueError as error:
+            print(f"left out: {error}", flush=True)
+    return found
+
+
+def figures(
+    obj: ArticulatedObject, budget: int | None, kind: str, sampled: bool, copies: int
+) -> dict:
+    """Of one object, written with a budget, or without, by a kind of shapes (``export.formats``)."""
     kept: list = []
 
     def watched(obj, bodies, meshes, budget=None, collision="merged"):
-        mended = mend if generated else _as_they_are
-        obj, bodies = mended(obj, bodies, meshes, budget)
+        mended = mend if sampled else _as_they_are
+        obj, bodies = mended(obj, bodies, meshes, budget, collision)
         kept[:] = bodies, meshes, obj
         return obj, bodies
 
@@ -173,6 +248,7 @@ def figures(obj: ArticulatedObject, budget: int | None, generated: bool, copies:
             formats=("mjcf",),
             motion=False,
             mend=watched,
+            collision=kind,
             collision_budget=budget,
         )
         bodies, meshes, written = kept
@@ -181,71 +257,133 @@ def figures(obj: ArticulatedObject, budget: int | None, generated: bool, copies:
             for m, b in zip(meshes, bodies, strict=True)
         ]
         weights = [b.mass for b in bodies]
-        files = [p for p in (asset / "meshes").rglob("*") if p.is_file()] + [asset / "object.xml"]
-        placed = place(written).obj
-        balls = []
-        for k in () if generated else drawers(placed):
-            radius = ball_radius(placed, k)
-            balls.append(holds(*drop(asset, placed, k, radius), radius))
         return {
             "shapes": shape_count(bodies),
-            "MB": sum(p.stat().st_size for p in files) / 1e6,
+            "MB": megabytes(asset),
             "error": float(np.average(errors, weights=weights)),
-            "balls": balls,
+            "balls": balls(asset, place(written).obj),
             "speed": speed(asset, copies),
         }
 
 
-def _as_they_are(obj, bodies, meshes, budget):
-    from uniart_jax.export.budget import within_budget
+def as_written(asset: Path, obj: ArticulatedObject, copies: int) -> dict:
+    """Figures of an asset folder of ours as it lies there."""
+    parts = json.loads((asset / "report.json").read_text("utf-8"))["parts"]
+    shapes, errors, weights = (
+        [part.get(key, np.nan) for part in parts] for key in ("shapes", "volume_error", "mass")
+    )
+    return {
+        "shapes": int(np.sum(shapes)),
+        "MB": megabytes(asset),
+        "error": float(np.average(np.nan_to_num(errors), weights=weights)),
+        "balls": balls(asset, place(obj).obj),
+        "speed": speed(asset, copies),
+    }
 
-    return obj, bodies if budget is None else within_budget(obj, bodies, meshes, budget)
+
+def megabytes(folder: Path) -> float:
+    """Of all files of a folder, 10^6 bytes."""
+    return sum(p.stat().st_size for p in folder.rglob("*") if p.is_file()) / 1e6
+
+
+def balls(asset: Path, obj: ArticulatedObject) -> list[bool]:
+    """Of each drawer, whether it holds a ball."""
+    found = []
+    for k in drawers(obj):
+        radius = ball_radius(obj, k)
+        found.append(holds(*drop(asset, obj, k, radius), radius))
+    return found
+
+
+def _as_they_are(obj, bodies, meshes, budget, collision):
+    if budget is None:
+        return obj, bodies
+    return obj, within_budget(obj, bodies, meshes, budget, boxes=collision == "boxes")
 
 
 def table(rows: dict[str, dict[str, list[dict]]]) -> str:
     lines = [
-        "| | objects | shapes (median, most) | MB (median) | volume error (mean) | drawers that hold a ball | steps/s (median) |",
+        "| | objects | shapes (median, most) | MB (median) | volume error (mean) | "
+        "drawers that hold a ball | steps/s (median) |",
         "|---|---|---|---|---|---|---|",
     ]
     for name, found in rows.items():
-        for budget, objects in found.items():
+        for setting, objects in found.items():
             column = {
                 key: np.array([o[key] for o in objects])
                 for key in ("shapes", "MB", "error", "speed")
             }
-            balls = [held for o in objects for held in o["balls"]]
-            told = f"{sum(balls)} of {len(balls)}" if balls else "–"
-            lines.append(
-                f"| {name}, {budget} | {len(objects)} | {np.median(column['shapes']):.0f}, {column['shapes'].max()} | {np.median(column['MB']):.2f} | {column['error'].mean():.3f} | {told} | {np.median(column['speed']):,.0f} |"
-            )
+            held = [ball for o in objects for ball in o["balls"]]
+            told = f"{sum(held)} of {len(held)}" if held else "–"
+            cells = [
+                f"{name}, {setting}",
+                f"{len(objects)}",
+                f"{np.median(column['shapes']):.0f}, {column['shapes'].max()}",
+                f"{np.median(column['MB']):.2f}",
+                f"{column['error'].mean():.3f}",
+                told,
+                f"{np.median(column['speed']):,.0f}",
+            ]
+            lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def settings(budget: int, kinds: list[str]) -> dict[str, tuple[int | None, str]]:
+    """{row: (budget, kind)}; kinds whose program is not installed are told and left out."""
+    found: dict[str, tuple[int | None, str]] = {
+        "no budget": (None, "merged"),
+        f"budget {budget}": (budget, "merged"),
+    }
+    for kind in kinds:
+        try:
+            check_collision(kind)
+        except ValueError as error:
+            print(f"left out: {error}", flush=True)
+            continue
+        found[kind] = (budget, kind)
+    return found
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--count", type=int, default=20)
-    parser.add_argument("--real", type=Path)
+    parser.add_argument("--count", type=int, default=20, help="objects of each sort")
+    parser.add_argument("--real", type=Path, help="a folder of URDFs and MJCFs by others")
+    parser.add_argument("--generated", type=Path, help="a folder of assets that sample.py wrote")
     parser.add_argument("--sampled", type=int, default=0)
     parser.add_argument("--budget", type=int, default=64)
-    parser.add_argument("--copies", type=int, default=100)
+    parser.add_argument("--copies", type=int, default=1000)
+    parser.add_argument("--kinds", nargs="*", default=["boxes", "hull", "coacd"])
+    parser.add_argument("--no-procedural", action="store_true", help="the other sorts alone")
     options = parser.parse_args()
+    for root in (options.real, options.generated):
+        if root is not None and not root.is_dir():
+            print(f"left out: {root}: no such folder", flush=True)
+    there = options.generated is not None and options.generated.is_dir()
+    folders = generated(options.generated, options.count) if there else []
+    count = 0 if options.no_procedural else options.count
     given = {
-        "procedural": [procedural.generate(*drawn) for drawn in _drawn(options.count)],
-        "real": read(options.real, options.count) if options.real else [],
+        "procedural": [procedural.generate(*drawn) for drawn in _drawn(count)],
+        "real": read(options.real, options.count)
+        if options.real is not None and options.real.is_dir()
+        else [],
         "what nano makes": sampled(options.sampled) if options.sampled else [],
+        "generated": [obj for _, obj in folders],
     }
     rows: dict[str, dict[str, list[dict]]] = {}
+    chosen = settings(options.budget, options.kinds)
     for name, objects in given.items():
+        made = name in ("what nano makes", "generated")
         for i, obj in enumerate(objects):
-            for label, budget in (
-                ("no budget", None),
-                (f"budget {options.budget}", options.budget),
-            ):
-                found = figures(obj, budget, name == "what nano makes", options.copies)
+            for label, (budget, kind) in chosen.items():
+                found = figures(obj, budget, kind, made, options.copies)
                 rows.setdefault(name, {}).setdefault(label, []).append(found)
-                print(f"{name} {i}, {label}: {found}", flush=True)
+                print(f"{name} {i}, {label}: {json.dumps(found)}", flush=True)
+    for path, obj in folders:
+        found = as_written(path, obj, options.copies)
+        rows["generated"].setdefault("as written", []).append(found)
+        print(f"{path.name}, as written: {json.dumps(found)}", flush=True)
     print(table(rows))
 
 

@@ -117,6 +117,37 @@ def test_the_gate_has_a_verdict_and_an_exit_code_of_its_own(run, assets, tmp_pat
     assert code == 2 and len(err.strip().splitlines()) == 1 and "held.xml" in err
 
 
+def test_the_gate_of_a_folder_counts_by_rule(run, assets, tmp_path):
+    """Files and folders together; what cannot be read is counted, and alone it is still an error."""
+    root = tmp_path / "root"
+    root.mkdir()
+    (root / "good").symlink_to(assets / "sound")
+    (root / "inner").mkdir()
+    held = '<mujoco><worldbody><body><joint name="j"/><geom size=".1"/></body></worldbody></mujoco>'
+    (root / "inner" / "held.xml").write_text(held)
+    gate = ("--gate", "affordcraft", "--out", tmp_path / "out", "--overwrite", "--allow-outside")
+    code, out, _ = run("validate", root, *gate)
+    found = json.loads((tmp_path / "out" / "validation.json").read_text())
+    assert code == 1 and found["passed"] == 1 and found["articulated"] == 2
+    assert found["rules"]["anchor"] == [1, 2] and found["rules"]["loads"] == [2, 2]
+    assert found["assets"]["good"]["passed"] and not found["assets"]["inner/held.xml"]["passed"]
+    lines = out.splitlines()
+    assert lines[0].startswith("inner/held.xml: anchor") and "joint 'j' holds" in lines[0]
+    assert lines[-1] == "gate affordcraft: 1 of 2 assets passed (50.0%); 2 have moving parts"
+    (root / "inner" / "held.xml").unlink()
+    code, out, _ = run("validate", root, *gate)
+    assert code == 0 and out.splitlines()[-1].startswith("gate affordcraft: 1 of 1 assets")
+    (root / "broken.urdf").write_text("<robot")
+    code, out, _ = run("validate", root, *gate)
+    found = json.loads((tmp_path / "out" / "validation.json").read_text())
+    assert code == 1 and found["rules"]["loads"] == [1, 2] and found["rules"]["anchor"] == [1, 1]
+    assert "broken.urdf" in found["assets"]["broken.urdf"]["checks"]["loads"]["reason"]
+    code, _, err = run("validate", root / "broken.urdf", *gate)
+    assert code == 2 and err.count("\n") == 1
+    code, _, err = run("validate", root, "--out", tmp_path / "other")
+    assert code == 2 and err.count("\n") == 1 and not (tmp_path / "other").exists()
+
+
 def test_validate_of_what_is_no_asset_is_one_line(run, assets, tmp_path):
     (tmp_path / "no.urdf").write_text("<robot")
     for bad in (tmp_path / "absent", tmp_path / "no.urdf"):

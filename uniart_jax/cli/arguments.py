@@ -182,6 +182,25 @@ def gate_lines(gate: dict) -> Iterator[str]:
     yield f"gate {gate['name']}: {'passed' if gate['passed'] else 'failed'} ({moves})"
 
 
+def folder_lines(judged: dict) -> Iterator[str]:
+    """What a person wants to know of ``gate_folder.gate_folder``: each asset that failed, with the
+    rules and the first reason; each rule's share; and the sum."""
+    assets = judged["assets"]
+    for name, asset in assets.items():
+        failed = {rule: check for rule, check in asset["checks"].items() if not check["passed"]}
+        if failed:
+            first = next(iter(failed.values()))
+            why = first.get("reason") or f"{first['value']:.3g}, limit {first['limit']:.3g}"
+            yield f"{name}: {', '.join(failed)} ({why})"
+    for rule, (passed, count) in judged["rules"].items():
+        yield f"{rule}: {passed} of {count}"
+    share = judged["passed"] / len(assets)
+    yield (
+        f"gate {judged['gate']}: {judged['passed']} of {len(assets)} assets passed ({share:.1%}); "
+        f"{judged['articulated']} have moving parts"
+    )
+
+
 def _group_lines(where: str, checks: dict[str, dict]) -> Iterator[str]:
     failed = {name: check for name, check in checks.items() if not check["passed"]}
     yield f"{where}: {len(checks) - len(failed)} of {len(checks)} checks passed"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 from typing import Annotated, Literal
@@ -26,6 +27,7 @@ from uniart_jax.cli.arguments import (
     Size,
     Stand,
     check_out,
+    folder_lines,
     gate_lines,
     print_settings,
     tried,
@@ -33,7 +35,7 @@ from uniart_jax.cli.arguments import (
 )
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.printing.settings import PrintSettings
-from uniart_jax.progress import messages
+from uniart_jax.progress import messages, track
 
 Asset = Annotated[Path, tyro.conf.Positional]
 
@@ -136,7 +138,7 @@ def validate(
     """Load an asset in physics engines, drive its joints, judge it. Exit code 0 if it is sound, 1 if not, 2 if it cannot be read.
 
     Args:
-        asset: A URDF, an MJCF, or a folder with object.urdf (ours or anybody's).
+        asset: A URDF, an MJCF, or a folder with object.urdf (ours or anybody's). With --gate also a folder of many assets.
         engines: Default: MuJoCo and, where it is installed, PyBullet (pip install 'uniart_jax[pybullet]').
         refine: Also write the object with joints drawn in or shifted where they run into it, to OUT/refined, and judge that.
         gate: Judge it by this published rule instead, in MuJoCo (docs/simulation.md).
@@ -152,9 +154,20 @@ def validate(
     check_out(out, overwrite, (asset,), VALIDATION_MARKS)
     from uniart_jax.export.folder import complete_folder
     from uniart_jax.simulation import validate as simulation
+    from uniart_jax.simulation.gate_folder import assets_below, gate_folder
     from uniart_jax.simulation.summary import is_sound, verdicts
 
     console = messages()
+    if gate is not None and (entries := assets_below(asset)):
+        bar = functools.partial(track, what=f"gate {gate}", total=len(entries))
+        with complete_folder(out, overwrite, VALIDATION_MARKS) as folder:
+            judged = gate_folder(
+                asset, name=gate, out=folder, allow_outside=allow_outside, track=bar
+            )
+        for line in folder_lines(judged):
+            print(line)
+        console.print(f"{asset} -> {out}", markup=False)
+        return 0 if judged["passed"] == len(judged["assets"]) else 1
     if gate is not None:
         with complete_folder(out, overwrite, VALIDATION_MARKS) as folder:
             judged = simulation.gate(asset, name=gate, out=folder, allow_outside=allow_outside)

@@ -90,7 +90,7 @@ def validate(
         "motions": {name: results[name].get("motions", []) for name in ran},
     }
     if out is not None:
-        _write(found, Path(out), lambda path: write_figure(found, main.obj, main.plan, path))
+        write(found, Path(out), lambda path: write_figure(found, main.obj, main.plan, path))
     return found
 
 
@@ -138,7 +138,7 @@ def gate(
         "gate": verdict | {"checks": result["checks"]},
     }
     if out is not None:
-        _write(found, Path(out))
+        write(found, Path(out))
     return found
 
 
@@ -227,8 +227,8 @@ def _why(code: int, said: Path) -> str:
     return one_line(lines[-1] if lines else f"exit code {code}")
 
 
-def _write(found: dict, out: Path, picture: Callable[[Path], None] | None = None) -> None:
-    """``validation.json``, and ``validation.png`` by ``picture``, each complete or absent."""
+def write(found: dict, out: Path, picture: Callable[[Path], None] | None = None) -> None:
+    """Write ``validation.json``, and ``validation.png`` by ``picture``, each complete or absent."""
     try:
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".validation-", dir=out) as folder:
