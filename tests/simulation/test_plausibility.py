@@ -87,6 +87,18 @@ def test_a_drawer_that_leaves_its_cabinet():
     assert "'drawer' hangs in the air at 75% of its way, 0.02" in found["attached"]
 
 
+@pytest.mark.parametrize(("clear", "held"), [(0.04, True), (0.08, False)])
+def test_a_drawer_on_no_rails(clear, held):
+    """Its front lies on the frame; behind it, its box keeps clear of the room on all sides."""
+    front = block([-0.34, -0.38, -0.48], [-0.301, 0.38, 0.0])
+    box = block([-0.301, clear - 0.36, clear - 0.46], [0.2, 0.36 - clear, -0.02 - clear])
+    slide = Joint([0, 0, 0], [-1, 0, 0], (0, 0), (0, 0.35))
+    body = cabinet().parts[0]
+    found = failed(ArticulatedObject((body, Part("drawer", joined(front, box), 0, slide))))
+    assert held == (found == {})
+    assert held or "'drawer' hangs in the air at 25% of its way, 0.0" in found["attached"]
+
+
 def test_an_axis_out_of_reach():
     """The door is where it should be and turns about a line beside the cabinet."""
     found = failed(cabinet(hinge=dataclasses.replace(HINGE, origin=[-0.3, -0.65, 0])))

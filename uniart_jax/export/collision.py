@@ -38,7 +38,8 @@ class Detail:
 
     Attributes:
       depth: of the object's longest side: how far a shape may stand out of its part.
-      budget: convex pieces an object before neighbours are joined, shared by the parts' faces; what bounds the time.
+      budget: convex pieces an object before neighbours are joined, shared by the parts' faces (600
+        at most) times their longest sides; what bounds the time.
       part: least and most of those a part may have.
       finer: factors of ``depth`` that are tried in turn for parts whose shapes overlap.
     """
@@ -89,7 +90,9 @@ def collision_shapes(
     size = size or float((bounds[:, 1].max(0) - bounds[:, 0].min(0)).max())
     counts = np.array([len(m.faces) for m in meshes])
     detail = MADE if counts.sum() <= ROUGH_FACES else ROUGH
-    budgets = np.clip(detail.budget * counts // counts.sum(), *detail.part)
+    # a lamp of thousands of faces must not leave the table that it stands on with eight pieces
+    shares = np.minimum(counts, FACE_BUDGET[1]) * (bounds[:, 1] - bounds[:, 0]).max(1)
+    budgets = np.clip(detail.budget * shares / max(shares.sum(), 1e-300), *detail.part).astype(int)
 
     def make(k: int, fineness: float) -> tuple[Shape, ...]:
         return _part_shapes(meshes[k], size, detail.depth * fineness, fineness, int(budgets[k]))

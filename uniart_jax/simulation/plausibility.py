@@ -17,6 +17,8 @@ from uniart_jax.simulation.measure import check
 from uniart_jax.simulation.pieces import Stance, at_rest, clusters, spread
 
 GAP = 0.02  # that a part may keep from what it hangs on, or slides in
+RAIL = 0.05  # likewise of a slide on its way while it stays in its opening: nobody models rails
+STAYS = 0.1  # of its surface that is then still within the hull of what it does not carry
 REACH = 0.12  # that a hinge's axis may keep from the part, and from its parent; so it may gape
 CRUMB = 0.003  # of the object's volume: a smaller part must look like something
 SPECK = 0.015  # a smaller part is one in any case
@@ -43,7 +45,8 @@ def plausibility(obj: ArticulatedObject) -> dict[str, dict]:
 
 def attached(stance: Stance) -> dict:
     """Every moving part, with what is fixed to it, touches something that it does not carry, at
-    rest and on its way (what is unscrewed may come off); and the axis of what turns passes within
+    rest and on its way (what is unscrewed may come off; what slides may keep from its opening, as
+    long as it stays in it); and the axis of what turns passes within
     reach of it and of its parent.
 
     ``value``: the widest gap, as a share of what is allowed.
@@ -58,8 +61,11 @@ def attached(stance: Stance) -> dict:
             bad.append(f"'{name}' turns about an axis that is {far:.3f} off it or its parent")
         way = _way(stance, k)
         for share, matrix in way[:1] if joint.type == "screw" else way:
-            gap = _gap(stance.mesh(stance.group(k)).apply_transform(matrix), others)
+            moved = stance.mesh(stance.group(k)).apply_transform(matrix)
+            gap = _gap(moved, others)
             allowed = REACH if share and joint.rotates else GAP
+            if share and gap > allowed and _stays(moved, others):
+                allowed = RAIL
             worst = max(worst, gap / allowed)
             if gap > allowed:
                 bad.append(f"'{name}' hangs in the air {_when(share)}, {gap:.3f} away")
@@ -156,6 +162,15 @@ def _gap(mesh: trimesh.Trimesh, others: trimesh.Trimesh) -> float:
     if near <= GAP:
         return near
     return min(near, float(_distances(others, a).min()), float(_distances(mesh, b).min()))
+
+
+def _stays(mesh: trimesh.Trimesh, others: trimesh.Trimesh) -> bool:
+    """Whether enough of a part is within the convex hull of others."""
+    try:
+        hull = others.convex_hull
+    except QhullError:  # flat
+        return False
+    return float((_inside(hull, spread(mesh, SAMPLES)) > 0.5).mean()) >= STAYS
 
 
 def _distances(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray:
