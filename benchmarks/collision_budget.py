@@ -1,5 +1,6 @@
 """What kinds of collision shapes cost and gain:  python benchmarks/collision_budget.py [--count 20]
-[--real ROOT] [--generated ROOT] [--sampled 0] [--budget 64] [--copies 1000] [--kinds coacd hull]
+[--real ROOT] [--generated ROOT] [--sampled 0] [--budget 64] [--copies 1000]
+[--kinds no-budget merged boxes hull coacd]
 
 A table over procedural objects (validation seeds, families in turn), with --real over as many URDF
 and MJCF files by others, with --generated over asset folders that sample.py wrote, and with
@@ -38,6 +39,7 @@ SEED = 900_000  # of validation; held-out objects are for figures of the model
 DENSITY = 500.0  # kg / m^3 of the ball
 SECONDS, STEPS = 0.7, 200  # of processor time, and steps, that are timed at the most
 SPACING = 3.0  # sizes of the object between copies
+KINDS = ["no-budget", "merged", "boxes", "hull", "coacd"]  # the first two: without and with it
 DEEP = 0.1  # of the object's size: a shallower sliding part without a name is no drawer
 
 
@@ -330,17 +332,17 @@ def table(rows: dict[str, dict[str, list[dict]]]) -> str:
 
 def settings(budget: int, kinds: list[str]) -> dict[str, tuple[int | None, str]]:
     """{row: (budget, kind)}; kinds whose program is not installed are told and left out."""
-    found: dict[str, tuple[int | None, str]] = {
-        "no budget": (None, "merged"),
-        f"budget {budget}": (budget, "merged"),
-    }
+    found: dict[str, tuple[int | None, str]] = {}
     for kind in kinds:
+        if kind == "no-budget":
+            found["no budget"] = (None, "merged")
+            continue
         try:
             check_collision(kind)
         except ValueError as error:
             print(f"left out: {error}", flush=True)
             continue
-        found[kind] = (budget, kind)
+        found[f"budget {budget}" if kind == "merged" else kind] = (budget, kind)
     return found
 
 
@@ -354,7 +356,7 @@ def main() -> None:
     parser.add_argument("--sampled", type=int, default=0)
     parser.add_argument("--budget", type=int, default=64)
     parser.add_argument("--copies", type=int, default=1000)
-    parser.add_argument("--kinds", nargs="*", default=["boxes", "hull", "coacd"])
+    parser.add_argument("--kinds", nargs="*", default=KINDS, help=" ".join(KINDS))
     parser.add_argument("--no-procedural", action="store_true", help="the other sorts alone")
     options = parser.parse_args()
     for root in (options.real, options.generated):
@@ -382,7 +384,7 @@ def main() -> None:
                 print(f"{name} {i}, {label}: {json.dumps(found)}", flush=True)
     for path, obj in folders:
         found = as_written(path, obj, options.copies)
-        rows["generated"].setdefault("as written", []).append(found)
+        rows.setdefault("generated", {}).setdefault("as written", []).append(found)
         print(f"{path.name}, as written: {json.dumps(found)}", flush=True)
     print(table(rows))
 

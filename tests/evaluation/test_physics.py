@@ -46,6 +46,21 @@ def test_a_folder_of_assets_with_a_bad_one(tmp_path):
         evaluate_physics(out, root=tmp_path / "other", engines=ENGINES)
 
 
+def test_every_joint_of_a_part_is_tried(tmp_path):
+    """A lever that turns and lifts: codes hold one joint a part, files and checks both."""
+    turn, lift = (
+        Joint([0, 0, 0], [0, 0, 1], (0, 1.0)),
+        Joint([0, 0, 0], [0, 0, 1], (0, 0), (0, 0.1)),
+    )
+    block = trimesh.creation.box(bounds=[[-0.2, -0.2, 0], [0.2, 0.2, 0.4]])
+    lever = trimesh.creation.box(bounds=[[-0.2, -0.2, 0.401], [0.2, 0.2, 0.45]])
+    parts = (Part("tap", block), Part("lever", lever, 0, turn, outer=(lift,)))
+    ArticulatedObject(parts).save(tmp_path / "in" / "tap", formats=("mjcf",), motion=False)
+    found = evaluate_physics(tmp_path / "out", root=tmp_path / "in", engines=ENGINES)
+    (tried,) = found["objects"]["assets"]
+    assert set(tried["joints"]["mujoco"]) == {"lever_joint", "lever_joint_2"}
+
+
 def test_both_sources_at_once_are_refused(tmp_path):
     with pytest.raises(ValueError, match="not both"):
         evaluate_physics(tmp_path / "out", root=tmp_path, checkpoint="nano")

@@ -56,6 +56,22 @@ def test_watertight_is_what_the_edges_of_the_written_file_say(tmp_path, scale):
     assert told["box"] and told["soup"] and not told["joined"]
 
 
+def test_surfaces_found_on_voxels_are_known_again(tmp_path):
+    """So what is made of them next is made of cells too; a report that is broken says nothing."""
+    for made in (True, False):
+        obj = ArticulatedObject((Part("box", trimesh.creation.box()),), from_voxels=made)
+        out = save_asset(obj, tmp_path / str(made), formats=("mjcf",), motion=False)
+        assert json.loads((out / "report.json").read_text())["from_voxels"] == made
+        assert load_object(out).from_voxels == made
+        assert load_object(out / "object.xml").from_voxels == made
+    out = tmp_path / "True"
+    for text in ("[" * 100_000, "[]", '{"from_voxels": "yes"}'):
+        (out / "report.json").write_text(text)
+        assert not load_object(out).from_voxels
+    (out / "report.json").unlink()
+    assert not load_object(out).from_voxels
+
+
 def test_a_part_whose_name_is_a_blank_is_written_and_read(tmp_path):
     box = trimesh.creation.box()
     hinge = Joint(np.array([0.5, 0.5, 0]), np.array([0, 0, 1.0]), (0, 1))

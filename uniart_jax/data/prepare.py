@@ -256,7 +256,7 @@ def make_records(settings: Settings, entry: Entry) -> Made:
         obj = load_entry(entry, settings)
         if settings.source != "procedural":
             release()  # decoded textures of this object's files and of the object before
-        base["repairs"] = listed(obj.provenance)
+        base["repairs"] = listed(obj.normalized().provenance)  # what codes cannot hold too
         base["category"] = entry.category or obj.category
         if settings.strict and (lost := lost_pieces(obj.provenance)):
             raise ValueError(f"incomplete: {lost[0]}")

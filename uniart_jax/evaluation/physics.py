@@ -21,12 +21,13 @@ import numpy as np
 from uniart_jax import procedural
 from uniart_jax.data.folder import Settings
 from uniart_jax.data.images import PICTURE_SIDE
-from uniart_jax.data.sources import Entry, find_entries, load_entry
+from uniart_jax.data.sources import Entry, find_entries
 from uniart_jax.evaluation.kept import claim, keep
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.frames import joint_name, moves
 from uniart_jax.export.naming import named
+from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import enable_compilation_cache, load
 from uniart_jax.processes import each
@@ -64,7 +65,8 @@ class Trial:
         first, second = self.source
         if isinstance(first, Entry):
             assert isinstance(second, Settings)
-            return load_entry(first, second)
+            path = Path(second.root) / first.path  # with every joint; ``load_entry`` keeps one
+            return load_object(path, allow_outside=second.allow_outside)
         assert isinstance(second, int)
         return procedural.generate(first, second)
 

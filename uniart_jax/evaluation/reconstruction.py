@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -63,14 +64,15 @@ def reconstruct_asset(
     console = messages()
     with console.status(f"reading {asset}") as status:
         source = load_object(asset, allow_outside=allow_outside)
-        for line in source.provenance:
-            console.print(f"repaired: {line}", highlight=False)
         obj = source.normalized()
+        for line in obj.provenance:
+            console.print(f"repaired: {line}", highlight=False)
         status.update(f"voxels at {resolution} x {subdivisions}")
         copy = reconstruct(obj, resolution, subdivisions)
         status.update("measuring")
         figures = score_reconstruction(obj, copy)
         status.update(f"writing {out}")
+        copy = dataclasses.replace(copy, provenance=obj.provenance + copy.provenance)
         folder = copy.save(out, overwrite=overwrite)
         finite = {k: v if math.isfinite(v) else None for k, v in figures.items()}
         (folder / "reconstruction.json").write_text(json.dumps(finite, indent=2) + "\n")

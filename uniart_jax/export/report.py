@@ -57,6 +57,7 @@ def make_report(
     sets out; ``start_force`` newtons there start it, against ``friction`` and with ``damping``. ``rest`` maps every moving joint, by its name
     in the URDF, to its coordinate at rest, ``shown`` to that of the state that was read.
     ``as_read`` is the part's name and joint in the object's own frame at that state.
+    ``from_voxels``: whether the surfaces were found on voxels; ``load_object`` reads it again.
     ``validation`` is absent until a physics engine has run.
     """
     if read is None:
@@ -93,6 +94,7 @@ def make_report(
         )
     return {
         "category": obj.category,
+        "from_voxels": obj.from_voxels,
         "parts": parts,
         "rest": _state(obj, obj.rest()),
         "shown": _state(obj, read.shown),

@@ -10,9 +10,11 @@ A reader makes a ``Robot`` of the file; ``robot_object`` makes the object. Every
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 
+from uniart_jax.objects.json_text import parse_json
 from uniart_jax.objects.mjcf import read_mjcf
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.partnet_mobility import is_partnet, read_partnet
@@ -30,6 +32,7 @@ NAMES = (
     "train.json",
     "object.xml",
 )  # the first that is there
+OURS, REPORT = ("object.urdf", "object.xml"), "report.json"  # as ``export.asset`` writes them
 READERS: dict[str, Callable[[bytes, Path, AssetFiles], Robot]] = {
     "urdf": lambda data, path, files: read_robot(data),
     "partnet": read_partnet,
@@ -106,6 +109,7 @@ def load_object(path: str | Path, *, allow_outside: bool = False) -> Articulated
     Returns:
       The object in metres (``scale`` 1, not normalised) in the description's world frame (SINGAPO's turned to z up, front -x), shown at
       joint coordinate 0 where the limits allow. Parts are the links that have a mesh. ``provenance`` holds one line for each repair.
+      ``from_voxels`` is what ``report.json`` beside one of our own files says.
 
     Raises:
       FileNotFoundError: no such file. ValueError: it cannot be read as one tree of parts; one line that names the file, the link
@@ -120,7 +124,21 @@ def load_object(path: str | Path, *, allow_outside: bool = False) -> Articulated
     try:
         data = _read(found)
         files = AssetFiles(found.parent, allow_outside)
-        return make_object(READERS[kind_of(data, found)](data, found, files), files, found.stem)
+        obj = make_object(READERS[kind_of(data, found)](data, found, files), files, found.stem)
+        return dataclasses.replace(obj, from_voxels=_from_voxels(found, files))
     except (ValueError, OSError, RuntimeError, OverflowError, MemoryError) as error:
         why = str(error) or type(error).__name__  # MemoryError says nothing
         raise ValueError(one_line(f"{found}: {why}")) from None
+
+
+def _from_voxels(found: Path, files: AssetFiles) -> bool:
+    """Whether the report beside one of our own descriptions says that its surfaces were found on
+    voxels; a report that cannot be read says nothing."""
+    report = found.with_name(REPORT)
+    if found.name not in OURS or not report.is_file() or not files.allowed(report):
+        return False
+    try:
+        said = parse_json(_read(report), REPORT, MAX_BYTES, nan=True)
+    except (ValueError, OSError):
+        return False
+    return isinstance(said, dict) and said.get("from_voxels") is True
