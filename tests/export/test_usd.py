@@ -315,7 +315,7 @@ def test_equal_objects_make_equal_files_and_a_package_of_its_own(cabinet, files,
         )
     with zipfile.ZipFile(tmp_path / "again" / "object.usdz") as package:
         assert package.testzip() is None
-        assert package.namelist() == ["object.usda", "meshes/texture.png"]
+        assert package.namelist() == ["object.usdc", "meshes/texture.png"]
         for info in package.infolist():
             assert info.compress_type == zipfile.ZIP_STORED
             assert info.date_time == (1980, 1, 1, 0, 0, 0)

@@ -200,7 +200,7 @@ def _write_simulation(
     """Meshes and what simulators read of them; what a format could not say, a line each."""
     meshes = folder / "meshes"
     (meshes / "collision").mkdir(parents=True)
-    atlas.texture.save(meshes / TEXTURE_FILE, compress_level=3)
+    atlas.texture.save(meshes / TEXTURE_FILE, compress_level=9)
     write_material(meshes)
     stems = file_stems(obj)
     visual, hull_files = [], []

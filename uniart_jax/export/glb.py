@@ -16,6 +16,7 @@ import numpy as np
 import trimesh
 
 from uniart_jax.export.frames import check_lengths, joint_name, moves
+from uniart_jax.export.texture_file import smaller
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -63,7 +64,7 @@ def write_glb(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh], path: P
     data = trimesh.exchange.gltf.export_glb(
         scene,
         include_normals=True,
-        buffer_postprocessor=lambda items, tree: _animate(obj, items, tree),
+        buffer_postprocessor=lambda items, tree: _finish(obj, items, tree),
     )
     path.write_bytes(data)
     return path
@@ -82,8 +83,21 @@ def clip(obj: ArticulatedObject, k: int) -> tuple[np.ndarray, np.ndarray]:
     return np.linspace(0, CLIP_SECONDS, len(q)), q
 
 
+def _finish(obj: ArticulatedObject, items: dict, tree: dict) -> None:
+    """Store the texture smaller where that can be (``texture_file``), and add the clips; called
+    before trimesh numbers the views."""
+    keys = list(items)
+    for image in tree.get("images", ()):
+        key = keys[image["bufferView"]]
+        packed = smaller(bytes(items[key]))
+        if packed is not None:
+            items[key] = packed + bytes(-len(packed) % 4)  # what follows stays aligned
+            image["mimeType"] = "image/jpeg"
+    _animate(obj, items, tree)
+
+
 def _animate(obj: ArticulatedObject, items: dict, tree: dict) -> None:
-    """Add the clips to a glTF tree and its buffer; called before trimesh numbers the views."""
+    """Add the clips to a glTF tree and its buffer."""
     nodes = {node["name"]: i for i, node in enumerate(tree["nodes"])}
     animations = []
     for k, part in enumerate(obj.parts):

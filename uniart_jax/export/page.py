@@ -1,6 +1,6 @@
 """``view.html``: an asset in one file that any browser opens from disk, without a network.
 
-The page holds everything: the GLB (base64), joints and collision shapes (JSON), and three.js (``page_files/three.min.js``, made by
+The page holds everything: the GLB (gzip, base64), joints and collision shapes (JSON), and three.js (``page_files/three.min.js``, made by
 ``tools/page_bundle``). Its policy (CSP) lets nothing but its own two scripts run and nothing be fetched, whatever a part is called.
 """
 
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import dataclasses
+import gzip
 import hashlib
 import json
 import re
@@ -35,7 +36,7 @@ def write_page(obj: ArticulatedObject, glb: Path, bodies: Sequence[Body], path: 
 
     Args:
       obj: tree, joints and scale.
-      glb: the object's GLB (``export.glb.write_glb``), taken in as it is.
+      glb: the object's GLB (``export.glb.write_glb``), taken in as it is, compressed.
       bodies: [K] collision shapes of the parts.
       path: the .html file.
 
@@ -52,7 +53,7 @@ def write_page(obj: ArticulatedObject, glb: Path, bodies: Sequence[Body], path: 
         "policy": _policy([read["three.min.js"], page], read["page.css"]),
         "style": read["page.css"],
         "asset": _json(page_data(obj, bodies)),
-        "glb": base64.b64encode(glb.read_bytes()).decode("ascii"),
+        "glb": base64.b64encode(gzip.compress(glb.read_bytes(), mtime=0)).decode("ascii"),
         "three": read["three.min.js"],
         "page": page,
     }

@@ -14,6 +14,7 @@ Metres, kilograms, z up; angles of joints in degrees, as UsdPhysics has them. Na
 from __future__ import annotations
 
 import struct
+import tempfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,6 +36,7 @@ from uniart_jax.export.frames import (
     travel_name,
 )
 from uniart_jax.export.physics import GRAVITY, Body
+from uniart_jax.export.texture_file import smaller
 from uniart_jax.export.usd_joints import place_joint, set_dynamics, set_limits
 from uniart_jax.export.usd_shapes import (
     define_collision,
@@ -75,7 +77,7 @@ def write_usd(
       ValueError: usd-core is not installed, lists that do not fit the parts, or no such texture.
     """
     try:
-        from pxr import Sdf, Usd, UsdUtils
+        from pxr import Sdf, Usd
     except ImportError:
         raise ValueError("writing USD needs usd-core: pip install 'uniart_jax[usd]'") from None
     check_bodies("write_usd", obj, bodies)
@@ -88,11 +90,31 @@ def write_usd(
     writer = _Writer(obj, bodies, Usd.Stage.Open(layer))
     writer.fill(surfaces, texture)
     layer.Export(str(path))
-    package = path.with_suffix(".usdz")
-    if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(path)), str(package)):
-        raise ValueError(f"write_usd: {package} cannot be written")
-    _forget_dates(package)
+    _write_package(layer, path, texture)
     return tuple(writer.notes)
+
+
+def _write_package(layer, path: Path, texture: str) -> None:
+    """The .usdz beside a .usda: the same in USD's binary form, and the texture as small as may be
+    (``texture_file``)."""
+    from pxr import Sdf, UsdUtils
+
+    package = path.with_suffix(".usdz")
+    png = (path.parent / texture).read_bytes()
+    packed = smaller(png)
+    with tempfile.TemporaryDirectory(prefix="uniart-usdz-") as folder:
+        name = texture if packed is None else str(Path(texture).with_suffix(".jpg"))
+        picture = Path(folder) / name
+        picture.parent.mkdir(parents=True, exist_ok=True)
+        picture.write_bytes(png if packed is None else packed)
+        binary = Path(folder) / path.with_suffix(".usdc").name
+        copy = Sdf.Layer.CreateAnonymous(".usdc")
+        copy.TransferContent(layer)
+        UsdUtils.ModifyAssetPaths(copy, lambda at: f"./{name}" if at == f"./{texture}" else at)
+        copy.Export(str(binary))
+        if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(binary)), str(package)):
+            raise ValueError(f"write_usd: {package} cannot be written")
+    _forget_dates(package)
 
 
 def _forget_dates(package: Path) -> None:

@@ -15,6 +15,7 @@ import trimesh
 from uniart_jax.export.atlas import Surface
 
 CREASE = 40.0  # degrees between faces that a smooth surface may have
+NORMAL = 2  # digits: a third of a degree, which nobody sees on a dull surface
 MATERIAL_FILE = "material.mtl"
 TEXTURE_FILE = "texture.png"
 MATERIAL = f"""newmtl material
@@ -37,7 +38,7 @@ def write_textured(surface: Surface, path: Path, scale: float) -> None:
     """Write a surface in metres (object units times ``scale``), object frame at the shown state, with ``MATERIAL``."""
     lines = [f"mtllib {MATERIAL_FILE}"]
     lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in (surface.vertices * scale).tolist()]
-    lines += [f"vt {u:.6f} {v:.6f}" for u, v in surface.uv.tolist()]
+    lines += [f"vt {u:.5f} {v:.5f}" for u, v in surface.uv.tolist()]
     normals, normal_faces = corner_normals(surface)
     lines += [f"vn {x:.4g} {y:.4g} {z:.4g}" for x, y, z in normals.tolist()]
     lines.append("usemtl material")
@@ -53,7 +54,7 @@ def corner_normals(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
     """
     vertices, faces = np.asarray(surface.vertices, np.float64), np.asarray(surface.faces, np.int64)
     normals = np.nan_to_num(igl.per_corner_normals(vertices, faces, CREASE))
-    unique, index = np.unique(np.round(normals, 4) + 0.0, axis=0, return_inverse=True)
+    unique, index = np.unique(np.round(normals, NORMAL) + 0.0, axis=0, return_inverse=True)
     return unique, index.reshape(-1, 3)
 
 

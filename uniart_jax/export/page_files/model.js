@@ -14,9 +14,15 @@ function jointMotion(joint, q, target) {
   return target.setPosition(x * way, y * way, z * way);
 }
 
+// The GLB is gzip in base64: half of it is coordinates.
+async function unpack(base64) {
+  const packed = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).arrayBuffer();
+}
+
 async function loadModel(asset, base64) {
-  const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
-  const gltf = await new THREE.GLTFLoader().parseAsync(bytes.buffer, "");
+  const gltf = await new THREE.GLTFLoader().parseAsync(await unpack(base64), "");
   const nodes = new Map(); // by the name in the file: the loader changes names
   gltf.scene.traverse((node) => {
     const index = gltf.parser.associations.get(node)?.nodes;
