@@ -8,16 +8,20 @@ import sys
 from pathlib import Path
 
 import collectives
+import collision_budget
 import jax
+import mujoco
 import numpy as np
 import predict_training
 import pytest
 import spread
 import step_overhead
+import trimesh
 
 from uniart_jax.config import Config, FlowConfig, ModelConfig, StageConfig
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.procedural import generate
 
 
@@ -53,6 +57,38 @@ def test_what_samples_agree_on_is_counted_by_joints_and_drawn_by_objects():
     other = dataclasses.replace(truth, parts=tuple(parts))
     rows = spread.agreement([truth, other], truth)
     assert (rows[:, 0] == 1).sum() == 1 and (rows[:, 1] == 1).all()
+
+
+def test_a_field_of_copies_shares_meshes_and_each_has_its_own_joint(tmp_path):
+    block = trimesh.creation.box([0.4, 0.4, 0.4])
+    lid = trimesh.creation.icosphere(1, 0.2).apply_translation([0, 0, 0.41])  # a hull: a mesh
+    turn = Joint([0.2, 0, 0.2], [0, 1, 0], (0, 1.0))
+    obj = ArticulatedObject((Part("block", block), Part("lid", lid, 0, turn)))
+    asset = obj.save(tmp_path / "a", formats=("mjcf",), motion=False)
+    text = collision_budget.many(asset, 5)
+    model = mujoco.MjModel.from_xml_string(text, collision_budget.files(asset))
+    assert model.nbody == 1 + 5 * 3 and model.nexclude == 5  # two and a ball
+    assert model.nmesh == 1 and model.ngeom == 5 * 3 and model.ntex == 0
+    assert {model.joint(f"{i}/lid_joint").range[1] for i in range(5)} == {1.0}
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    places = np.array([data.body(f"{i}/block").xpos for i in range(5)])
+    apart = np.linalg.norm(places[:, None] - places[None], axis=-1)[np.triu_indices(5, 1)]
+    assert apart.min() > 0.8 and data.ncon == 0
+    assert collision_budget.speed(asset, 2) > 0
+
+
+def test_a_table_of_shapes_has_a_row_for_each_setting(capsys):
+    chosen = collision_budget.settings(32, ["no-budget", "merged", "hull"])
+    assert chosen == {
+        "no budget": (None, "merged"),
+        "budget 32": (32, "merged"),
+        "hull": (32, "hull"),
+    }
+    one = {"shapes": 4, "MB": 1.0, "error": 0.1, "balls": [True, False], "speed": 1000.0}
+    two = one | {"shapes": 8, "balls": []}
+    lines = collision_budget.table({"real": {"hull": [one, two]}}).splitlines()
+    assert lines[2] == "| real, hull | 2 | 6, 8 | 1.00 | 0.100 | 1 of 2 | 1,000 |"
 
 
 def test_a_training_is_predicted_from_its_compiled_step():
