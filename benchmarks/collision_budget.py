@@ -32,7 +32,7 @@ from uniart_jax.export.collision_kinds import check_collision
 from uniart_jax.export.placement import place
 from uniart_jax.export.volume_error import volume_error
 from uniart_jax.objects.load import load_object
-from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.simulation.refine import mend
 
 SEED = 900_000  # of validation; held-out objects are for figures of the model
@@ -57,23 +57,39 @@ def drawers(obj: ArticulatedObject) -> list[int]:
     return found
 
 
-def drop(
-    asset: Path, obj: ArticulatedObject, k: int, radius: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """[n, 3] the ball's place in drawer k, metres from the drawer's box centre, while it stands
-    open, closes to the half and opens again; [3] the drawer's size.
+def holds_a_ball(asset: Path, obj: ArticulatedObject, k: int) -> bool | None:
+    """Whether drawer k holds a ball that is dropped into it: from 1 s on it is in the drawer's box
+    and near the floor that one sees, not on a lid of hulls. None where the drawer has no room for
+    it.
 
     Args:
       asset: folder with ``object.xml``. obj: as it is written there (``export.placement``).
     """
-    spec = mujoco.MjSpec.from_file(str(asset / "object.xml"))
     part = obj.parts[k]
-    end = part.joint.limits[1] * obj.scale
+    end, along = part.joint.limits[1] * obj.scale, part.joint.direction
     center, size = part.box[:3] * obj.scale, part.box[3:] * obj.scale
+    radius = min(0.12 * float(size.min()), 0.2 * end)
+    start = along * (np.abs(along) @ size / 2 - 0.5 * end)  # of what stands out, from the centre
+    start = start + [0, 0, size[2] / 2 + 2 * radius]
+    mesh = part.mesh.copy().apply_scale(obj.scale)
+    below = mesh.ray.intersects_location([center + start], [[0.0, 0.0, -1.0]])[0]
+    floor = float((below[:, 2] - center[2]).max(initial=-np.inf))
+    if not -size[2] / 2 <= floor <= size[2] / 2 - 2 * radius:
+        return None
+    track = _drop(asset, part, center, start, end, radius)
+    settled = track[len(track) // 5 :]
+    inside = np.isfinite(track).all() and (np.abs(settled) <= size / 2 + 1e-3).all()
+    return bool(inside and settled[:, 2].max() < floor + radius + 0.1 * size[2])
+
+
+def _drop(
+    asset: Path, part: Part, center: np.ndarray, start: np.ndarray, end: float, radius: float
+) -> np.ndarray:
+    """[n, 3] the ball's place, metres from the drawer's box centre, while the drawer stands open,
+    closes to the half and opens again."""
+    spec = mujoco.MjSpec.from_file(str(asset / "object.xml"))
     along = part.joint.direction
-    front = center + along * (np.abs(along) @ size / 2 - 0.5 * end)  # of what stands out
-    place = front + along * end + [0, 0, size[2] / 2 + 2 * radius]
-    ball = spec.worldbody.add_body(name="the ball", pos=place)
+    ball = spec.worldbody.add_body(name="the ball", pos=center + along * end + start)
     ball.add_freejoint()
     ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[radius, 0, 0], density=DENSITY)
     model = spec.compile()
@@ -85,28 +101,12 @@ def drop(
     body = model.body("the ball").id
     track = []
     for i in range(int(5.0 / model.opt.timestep)):
-        t = i * model.opt.timestep
-        goal = end * np.interp(t, [1.0, 2.5, 4.0], [1.0, 0.5, 1.0])
+        goal = end * np.interp(i * model.opt.timestep, [1.0, 2.5, 4.0], [1.0, 0.5, 1.0])
         error = goal - data.qpos[address]
         data.qfrc_applied[dof] = mass * (900 * error - 60 * data.qvel[dof])
         mujoco.mj_step(model, data)
-        moved = center + part.joint.direction * data.qpos[address]
-        track.append(data.xpos[body] - moved)
-    return np.array(track), size
-
-
-def ball_radius(obj: ArticulatedObject, k: int) -> float:
-    """Metres: small beside drawer k and beside its way."""
-    part = obj.parts[k]
-    return min(0.12 * float(part.box[3:].min()), 0.2 * part.joint.limits[1]) * obj.scale
-
-
-def holds(track: np.ndarray, size: np.ndarray, radius: float) -> bool:
-    """Whether the ball stayed in the drawer's box and near its floor from 1 s on: not on a lid of
-    hulls, nor on a slope of them."""
-    settled = track[len(track) // 5 :]
-    inside = np.isfinite(track).all() and (np.abs(settled) <= size / 2 + 1e-3).all()
-    return bool(inside and settled[:, 2].max() < -size[2] / 2 + radius + 0.35 * size[2])
+        track.append(data.xpos[body] - center - along * data.qpos[address])
+    return np.array(track)
 
 
 def many(asset: Path, copies: int) -> str:
@@ -289,12 +289,9 @@ def megabytes(folder: Path) -> float:
 
 
 def balls(asset: Path, obj: ArticulatedObject) -> list[bool]:
-    """Of each drawer, whether it holds a ball."""
-    found = []
-    for k in drawers(obj):
-        radius = ball_radius(obj, k)
-        found.append(holds(*drop(asset, obj, k, radius), radius))
-    return found
+    """Of each drawer with room for a ball, whether it holds one."""
+    found = [holds_a_ball(asset, obj, k) for k in drawers(obj)]
+    return [held for held in found if held is not None]
 
 
 def _as_they_are(obj, bodies, meshes, budget, collision):

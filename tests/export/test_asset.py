@@ -173,14 +173,15 @@ def test_a_cabinet_can_be_simulated(stood, asset):
 def test_report(cabinet, stood, asset):
     report = json.loads((asset / "report.json").read_text())
     assert set(report) == {
-        *("category", "parts", "rest", "shown", "notes", "scale", "seed", "checkpoint"),
+        *("category", "from_voxels", "parts", "rest", "shown", "notes", "scale", "seed"),
+        "checkpoint",
         *("version", "origin", "collision"),
     }
     assert report["origin"] == "floor"
     assert report["category"] == cabinet.category
     assert report["seed"] == 7 and report["checkpoint"] == "x"
     assert report["version"] == uniart_jax.__version__
-    assert report["scale"] == cabinet.scale
+    assert report["scale"] == cabinet.scale and report["from_voxels"] is False
     parts = {p["name"]: p for p in report["parts"]}
     keys = {
         "name",
