@@ -234,7 +234,7 @@ def generated(root: Path, count: int) -> list[tuple[Path, ArticulatedObject]]:
 def figures(
     obj: ArticulatedObject, budget: int | None, kind: str, sampled: bool, copies: int
 ) -> dict:
-    """Of one object, written with a budget, or without, by a kind of shapes (``export.formats``)."""
+    """Of one object, written by a kind of shapes, with a budget or without."""
     kept: list = []
 
     def watched(obj, bodies, meshes, budget=None, collision="merged"):

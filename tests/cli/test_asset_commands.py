@@ -118,7 +118,7 @@ def test_the_gate_has_a_verdict_and_an_exit_code_of_its_own(run, assets, tmp_pat
 
 
 def test_the_gate_of_a_folder_counts_by_rule(run, assets, tmp_path):
-    """Files and folders together; what cannot be read is counted, and alone it is still an error."""
+    """Files and folders together; what cannot be read is counted, alone it is still an error."""
     root = tmp_path / "root"
     root.mkdir()
     (root / "good").symlink_to(assets / "sound")

@@ -138,7 +138,7 @@ def validate(
     """Load an asset in physics engines, drive its joints, judge it. Exit code 0 if it is sound, 1 if not, 2 if it cannot be read.
 
     Args:
-        asset: A URDF, an MJCF, or a folder with object.urdf (ours or anybody's). With --gate also a folder of many assets.
+        asset: A URDF, an MJCF, or a folder with object.urdf (ours or anybody's). --gate: or a folder of many.
         engines: Default: MuJoCo and, where it is installed, PyBullet (pip install 'uniart_jax[pybullet]').
         refine: Also write the object with joints drawn in or shifted where they run into it, to OUT/refined, and judge that.
         gate: Judge it by this published rule instead, in MuJoCo (docs/simulation.md).
