@@ -334,7 +334,7 @@ def test_procedural_test_objects_have_geometric_part_features():
     blind = dataclasses.replace(reads, part_feature_channels=0)
     assert judge.features_of(truth, dataclasses.replace(model, uniart_vae=blind)) == {}
     partfield = dataclasses.replace(reads, part_feature_channels=448)
-    with pytest.raises(ValueError, match="'part_feature': 448.*name records with its columns"):
+    with pytest.raises(ValueError, match=r"'part_feature': 448.*name records with its columns"):
         judge.features_of(truth, dataclasses.replace(model, uniart_vae=partfield))
 
 
