@@ -34,7 +34,7 @@ class Mutant(NamedTuple):
 VAE = "uniart_jax/models/uniart_vae.py"
 DINOV2 = "uniart_jax/models/dinov2.py"
 SAMPLERS = "uniart_jax/samplers.py"
-OBJECTIVES = "uniart_jax/training/objectives.py"
+VAE_LOSSES = "uniart_jax/training/vae_losses.py"
 EQUATION = "tests/models/test_uniart_vae.py::test_the_attention_is_the_papers_equation_in_float64"
 SUM = "tests/training/test_losses.py::test_the_vaes_loss_is_the_weighted_sum_of_its_terms"
 DECAY = "tests/training/test_step.py::test_the_average_follows_its_decay_over_several_steps"
@@ -48,19 +48,37 @@ MUTANTS = (
     Mutant(VAE, "(self.to_q(articulation), k, v)", "(0 * self.to_q(articulation), k, v)", EQUATION),
     Mutant(VAE, "[geometry, fused + articulation]", "[geometry, fused]", EQUATION),
     Mutant(VAE, "articulation + self.part_feature(", "articulation + 0 * self.part_feature(", EQUATION),
-    Mutant(OBJECTIVES, "weights.articulation * sum(", "1.0 * sum(", SUM),
-    Mutant(OBJECTIVES, "+ weights.kl * kl", "+ kl", SUM),
-    Mutant(OBJECTIVES, "weights.part_feature * restored", "0 * restored", SUM),
+    Mutant(VAE_LOSSES, "weights.articulation * sum(", "1.0 * sum(", SUM),
+    Mutant(VAE_LOSSES, "+ weights.kl * kl", "+ kl", SUM),
+    Mutant(VAE_LOSSES, "weights.part_feature * restored", "0 * restored", SUM),
     Mutant(
         "uniart_jax/training/losses.py",
         "jnp.exp(logvar) - 1.0 - logvar",
         "jnp.exp(logvar) - 1.0 + logvar",
         "tests/training/test_losses.py::test_kl_is_the_closed_form_of_two_gaussians",
     ),
+    Mutant(
+        "uniart_jax/training/flow_losses.py",
+        "weights.decoded_structure * (",
+        "0 * (",
+        "tests/models/test_occupancy_refiner.py::test_the_flow_learns_from_what_its_sample_decodes_to",
+    ),
+    Mutant(
+        "uniart_jax/data/geometric_features.py",
+        "np.where(votes < 0, -SDF_CLIP",
+        "np.where(votes > 0, -SDF_CLIP",
+        "tests/data/test_geometric_features.py::test_height_and_thickness",
+    ),
+    Mutant(
+        "uniart_jax/stages/trainer.py",
+        'while self._read < state["read"]',
+        "while False",
+        "tests/stages/test_trainer.py::test_batches_of_ones_own_need_no_records_and_resume",
+    ),
     Mutant("uniart_jax/training/step.py", "minimum(ema_decay,", "minimum(0.9,", DECAY),
     Mutant("uniart_jax/config.py", "ema_decay: float = 0.9995", "ema_decay: float = 0.9", DECAY),
     Mutant(
-        OBJECTIVES,
+        "uniart_jax/training/flow_losses.py",
         "(latent - jnp.asarray(mean))",
         "(latent + jnp.asarray(mean))",
         "tests/training/test_losses.py::test_latents_are_brought_to_mean_0_and_deviation_1",

@@ -45,7 +45,7 @@ def geometric_features(record: Record) -> np.ndarray:
     at = index[voxel, cell]
     normals = _normals(dense, at)
     moments = _moments(record.coords[voxel], (at + 0.5) / cells, normals, side)
-    found = [_of_scale(moments, scale, cells)[tuple(record.coords.T)] for scale in SCALES]
+    found = [_of_scale(moments, record.coords, scale, cells) for scale in SCALES]
     low, high = record.coords[:, 2].min(), record.coords[:, 2].max()
     height = (record.coords[:, 2] - low) / max(high - low, 1)
     thickness = np.zeros(len(record.coords))
@@ -99,10 +99,10 @@ def _moments(coords: np.ndarray, points: np.ndarray, normals: np.ndarray, side: 
     return np.stack(sums).reshape(-1, side, side, side)
 
 
-def _of_scale(moments: np.ndarray, scale: float, cells: int) -> np.ndarray:
-    """[R, R, R, 7] of one Gaussian neighbourhood around every voxel."""
+def _of_scale(moments: np.ndarray, coords: np.ndarray, scale: float, cells: int) -> np.ndarray:
+    """[V, 7] of one Gaussian neighbourhood around the voxels [V, 3]."""
     blurred = ndimage.gaussian_filter(moments, (0, scale, scale, scale), mode="constant")
-    blurred = np.moveaxis(blurred, 0, -1)
+    blurred = blurred[:, *coords.T].T
     weight = np.maximum(blurred[..., :1], LEAST)
     mean, square, normal = np.split(blurred[..., 1:] / weight, [3, 9], axis=-1)
     covariance = np.empty((*mean.shape, 3))

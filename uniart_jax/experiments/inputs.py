@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.adoption import taken
-from uniart_jax.config import NETWORKS, ModelConfig
+from uniart_jax.config import LATENT_OF, NETWORKS, ModelConfig
 from uniart_jax.data.folder import read_manifest, read_metadata, write_text
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, record_rows, shard_paths
@@ -22,7 +22,7 @@ from uniart_jax.features import write_geometric_features
 from uniart_jax.locks import in_turn
 from uniart_jax.procedural import SEEN_FAMILIES
 from uniart_jax.progress import messages
-from uniart_jax.stage_checks import prepared_objects
+from uniart_jax.stages.checks import prepared_objects
 from uniart_jax.training.export import checkpoint_folder, has_export
 
 MAX_PARTS = 64
@@ -164,7 +164,7 @@ def check_networks(name: str, arm: Arm, trained: Arm) -> None:
 def beside(arm: Arm, source: Path, workdir: Path) -> list[str]:
     """The networks that WORKDIR takes from the checkpoint beside an arm: no flow, which would speak of other latents."""
     found = taken(arm.config, source, arm.stages, workdir)
-    return [network for network in found if not network.endswith("_flow")]
+    return [network for network in found if network not in LATENT_OF]
 
 
 def check_arm(name: str, arm: Arm, trained: Arm, count: int) -> None:

@@ -23,7 +23,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from uniart_jax.config import ModelConfig
+from uniart_jax.config import LATENT_OF, ModelConfig
 from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
 from uniart_jax.data.geometric_features import geometric_features
@@ -133,8 +133,8 @@ def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
     if left := [mark for mark in config.untrained if mark.split(".")[0] in networks]:
         raise ValueError(f"checkpoint '{folder}': not trained yet ({', '.join(left[:3])})")
     parameters = {n: load_network(folder, n, build(n, config.model).abstract()) for n in networks}
-    flows = [n.removesuffix("_flow") for n in networks if n.endswith("_flow")]
-    statistics = {name: read_statistics(folder, name) for name in flows}
+    latents = [LATENT_OF[n] for n in networks if n in LATENT_OF]
+    statistics = {name: read_statistics(folder, name) for name in latents}
     return Pipeline(config, parameters, statistics, folder)
 
 
