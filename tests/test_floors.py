@@ -29,7 +29,7 @@ FLOORS = [
         "layout_picture",
     },
     {"simulation", "evaluation", "viewer"},
-    {"experiments"},
+    {"experiments", "app"},
     {"cli"},
     {"__main__"},
 ]

@@ -35,6 +35,9 @@ VAE = "uniart_jax/models/uniart_vae.py"
 DINOV2 = "uniart_jax/models/dinov2.py"
 SAMPLERS = "uniart_jax/samplers.py"
 VAE_LOSSES = "uniart_jax/training/vae_losses.py"
+SESSIONS = "uniart_jax/app/sessions.py"
+SHARED = "tests/app/test_app_sessions.py::test_what_two_sessions_uploaded_goes_with_the_last"
+TAKEN = "tests/app/test_app_sessions.py::test_files_of_others_are_not_taken"
 EQUATION = "tests/models/test_uniart_vae.py::test_the_attention_is_the_papers_equation_in_float64"
 SUM = "tests/training/test_losses.py::test_the_vaes_loss_is_the_weighted_sum_of_its_terms"
 DECAY = "tests/training/test_step.py::test_the_average_follows_its_decay_over_several_steps"
@@ -130,6 +133,8 @@ MUTANTS = (
         "tests/voxels/test_flat_faces.py"
         "::test_the_edges_of_a_closed_door_do_not_reach_to_its_handle",
     ),
+    Mutant(SESSIONS, "session.uploads - held", "session.uploads", SHARED),
+    Mutant(SESSIONS, "if not file.is_relative_to(self.root) or", "if", TAKEN),
 )  # fmt: skip
 
 

@@ -242,9 +242,11 @@ class Pipeline:
             raise ValueError("layout: this checkpoint has no layout network; train one with --stage layout")  # fmt: skip
         return self._read_layout(self._cut_out(image)[0], threshold)
 
-    def find_layout(self, image: str | Path | np.ndarray) -> Layout | None:
+    def find_layout(
+        self, image: str | Path | np.ndarray, background: Background = "auto"
+    ) -> Layout | None:
         """``layout`` of an image; None where the checkpoint has no layout network."""
-        return self._find_layout(self._cut_out(image)[0])
+        return self._find_layout(self._cut_out(image, background)[0])
 
     def _find_layout(self, cut_out: np.ndarray) -> Layout | None:
         if not self.config.model.layout.queries or self.folder is None:
