@@ -94,7 +94,9 @@ def test_the_papers_configuration_is_trained_once():
             made = experiment.trained(name)
             assert trained.setdefault(folder, made.config) == made.config
             assert arm.config == made.config
-    configs = [(c.data.records, c.init, c.model) for c in trained.values()]
+    configs = [
+        (c.data.records, c.data.condition_views, c.init, c.model) for c in trained.values()
+    ]
     assert all(configs.count(c) == 1 for c in configs)
     assert Path("runs/main-paper/uniart") in trained and len(trained) == 7
 
