@@ -98,7 +98,7 @@ def test_the_papers_configuration_is_trained_once():
         (c.data.records, c.data.condition_views, c.init, c.model) for c in trained.values()
     ]
     assert all(configs.count(c) == 1 for c in configs)
-    assert Path("runs/main-paper/uniart") in trained and len(trained) == 7
+    assert Path("runs/main-paper/uniart") in trained and len(trained) == 9
 
 
 @TRAINS
