@@ -4,7 +4,7 @@ BIN := .venv/bin
 OUT ?= out/sample
 IMAGE ?= examples/images/oven.png
 
-.PHONY: sample test test-full mutants docs lint format bench clean
+.PHONY: sample test test-full mutants docs try-docs lint format bench clean
 
 .venv/ready: requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "make: needs Python 3.11 or newer with venv on the PATH (or: make PYTHON=/path/to/python)"; exit 2; }
@@ -36,6 +36,10 @@ mutants: .venv/ready
 docs: .venv/ready
 	@$(BIN)/python -c "import mkdocs, material, mkdocstrings" 2>/dev/null || { echo "· installing MkDocs"; $(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[docs]"; }
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet && echo "· out/site/index.html"
+
+try-docs: .venv/ready
+	@echo "· commands and Python of README, quickstart and tutorial, in a copy, with their seconds"
+	@$(BIN)/python tools/try_docs.py
 
 lint: .venv/ready
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright
