@@ -13,6 +13,7 @@ from uniart_jax.cli.arguments import Out
 OWN = ("baselines", "procedural", "layout", "representation", "physics")
 Engines = tuple[Literal["mujoco", "pybullet"], ...]
 Samples = Literal["mean", "best", "first"]
+Front = Literal["-x", "+x", "-y", "+y"]
 
 
 def evaluate(
@@ -38,10 +39,13 @@ def evaluate(
     processes: int | None = None,
     engines: Engines | None = None,
     allow_outside: bool = False,
+    front: Front | None = None,
+    ref_front: Front | None = None,
 ) -> None:
     """Hold anybody's predictions against references: uniart evaluate PRED REF --out DIR. Writes metrics.json, table.md, report.html.
 
-    PRED and REF are folders of assets (URDF, MJCF, object.json) matched by name, or one asset each; PRED/NAME may hold several samples.
+    PRED and REF are folders of assets (URDF, MJCF, object.json, nap.npz) matched by name, or one
+    asset each; PRED/NAME may hold several samples.
     Or measure a checkpoint on held-out procedural objects, beside retrieval and controls (baselines) or station by station (procedural), its layouts (layout), the
     representation alone, or assets in simulators (physics).
 
@@ -61,6 +65,8 @@ def evaluate(
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
         engines: physics: MuJoCo and, where it is installed, PyBullet by default.
         allow_outside: Let assets name files outside their own folders. PRED REF: also follow links that lead out of them.
+        front: PRED REF: which way predictions face in their own frame (default -x), as prepare's.
+        ref_front: PRED REF: the same of references.
     """
     for name, value in (("count", count), ("processes", processes)):
         if value is not None and value < 1:
@@ -80,9 +86,20 @@ def evaluate(
             unseen=unseen,
             engines=engines,
         )
-        _compare(Path(what), root, out, samples or "mean", only, openshape, workers, allow_outside)
+        _compare(
+            Path(what),
+            root,
+            out,
+            samples=samples or "mean",
+            only=only,
+            openshape=openshape,
+            processes=workers,
+            allow_outside=allow_outside,
+            front=front or "-x",
+            ref_front=ref_front or "-x",
+        )
         return
-    _refuse(what, samples=samples, only=only)
+    _refuse(what, samples=samples, only=only, front=front, ref_front=ref_front)
     if what == "layout":
         _refuse(what, records=records, pictures=pictures, openshape=openshape, engines=engines)
         if root is None:
@@ -167,16 +184,7 @@ def _refuse(what: str, **options: Any) -> None:
             raise ValueError(f"evaluate {what}: it takes no --{name.replace('_', '-')}")
 
 
-def _compare(
-    predictions: Path,
-    references: Path | None,
-    out: Path,
-    samples: Samples,
-    only: tuple[str, ...] | None,
-    openshape: Path | None,
-    processes: int,
-    allow_outside: bool,
-) -> None:
+def _compare(predictions: Path, references: Path | None, out: Path, **options: Any) -> None:
     if references is None:
         kinds = ", ".join(OWN)
         why = "give the references too: uniart evaluate PRED REF --out DIR"
@@ -186,13 +194,4 @@ def _compare(
     from uniart_jax.evaluation.compare import compare
 
     name = predictions.resolve().name or "predictions"
-    compare(
-        {name: predictions},
-        references,
-        out,
-        only=only,
-        samples=samples,
-        processes=processes,
-        allow_outside=allow_outside,
-        openshape=openshape,
-    )
+    compare({name: predictions}, references, out, **options)
