@@ -32,6 +32,7 @@ def evaluate(
     checkpoint: str | None = None,
     count: int | None = None,
     records: Path | None = None,
+    library: Path | None = None,
     pictures: int | None = None,
     pred: Path | None = None,
     cache: Path | None = None,
@@ -58,6 +59,7 @@ def evaluate(
         checkpoint: As for sample.py (default nano). physics: judge what it makes of held-out images; without one, the true objects.
         count: Held-out objects, seeds from 1,000,000 on (default 128; physics 200, of a checkpoint 64), or assets (default all).
         records: Training records for the retrieval baseline; without them it is left out.
+        library: baselines: a folder of assets to retrieve from (PartNet-Mobility's, any URDFs).
         pictures: procedural: how many objects are drawn (default 16).
         pred: layout: a folder of layouts <index>.json instead of a checkpoint's.
         cache: layout ROOT: where the assets' pictures are kept for the next run (default OUT/objects).
@@ -65,7 +67,7 @@ def evaluate(
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
         engines: physics: MuJoCo and, where it is installed, PyBullet by default.
         allow_outside: Let assets name files outside their own folders. PRED REF: also follow links that lead out of them.
-        front: PRED REF: which way predictions face in their own frame (default -x), as prepare's.
+        front: PRED REF, --library: which way predictions or assets face (default -x), as prepare's.
         ref_front: PRED REF: the same of references.
     """
     for name, value in (("count", count), ("processes", processes)):
@@ -80,6 +82,7 @@ def evaluate(
             checkpoint=checkpoint,
             count=count,
             records=records,
+            library=library,
             pictures=pictures,
             pred=pred,
             cache=cache,
@@ -99,7 +102,11 @@ def evaluate(
             ref_front=ref_front or "-x",
         )
         return
-    _refuse(what, samples=samples, only=only, front=front, ref_front=ref_front)
+    _refuse(what, samples=samples, only=only, ref_front=ref_front)
+    if what != "baselines":
+        _refuse(what, library=library)
+    if library is None:
+        _refuse(what, front=front)
     if what == "layout":
         _refuse(what, records=records, pictures=pictures, openshape=openshape, engines=engines)
         if root is None:
@@ -115,17 +122,24 @@ def evaluate(
         return
     _refuse(what, pred=pred, cache=cache)
     if what == "baselines":
-        _refuse(what, pictures=pictures, engines=engines, allow_outside=allow_outside)
+        _refuse(what, pictures=pictures, engines=engines)
+        if library is None:
+            _refuse(f"{what} without --library", allow_outside=allow_outside)
         if root is not None:
             raise ValueError("evaluate baselines: it takes no folder; REF are held-out procedural objects")  # fmt: skip
         from uniart_jax.evaluation.baselines import evaluate_baselines
+        from uniart_jax.evaluation.library import find_assets
         from uniart_jax.pipeline import enable_compilation_cache
 
+        assets = []
+        if library is not None:
+            assets = find_assets(library, front=front or "-x", allow_outside=allow_outside)
         enable_compilation_cache()
         evaluate_baselines(
             checkpoint or "nano",
             out,
             records=records,
+            library=assets,
             count=count or 128,
             unseen=unseen,
             openshape=openshape,
