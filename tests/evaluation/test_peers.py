@@ -130,6 +130,9 @@ def test_folders_of_categories(singapo, tmp_path):
     write_retrieved(data / "Oven" / "2084", tree())
     with pytest.raises(ValueError, match="two references are called '2084'"):
         find_references(data)
+    # beside assets a folder of others is none of a category
+    write_retrieved(data / "7179", tree())
+    assert list(find_references(data)) == ["7179"]
 
 
 def test_dipos_demo_and_its_spelling_mistake(singapo, tmp_path):

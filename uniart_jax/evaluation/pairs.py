@@ -74,7 +74,7 @@ def find_references(reference: Path | Mapping[str, Source], *, allow_outside: bo
     if _is_one(reference, allow_outside):
         return {_own_name(reference): reference}
     found: dict[str, Source] = {}
-    for name, path in _opened(reference, reference, allow_outside):
+    for name, path in _opened(reference, allow_outside):
         if not _may_read(path, reference, allow_outside):
             raise ValueError(f"reference '{name}' in {reference}: {OUTSIDE}")
         if not _is_asset(path, allow_outside):
@@ -221,7 +221,7 @@ def _predictions(
     found: dict[str, tuple[Source | Missing, ...]] = {}
     empty: dict[str, tuple[Source | Missing, ...]] = {}
     none = (Missing("its folder holds no asset"),)
-    for given, path in _opened(root, root, allow_outside, names):
+    for given, path in _opened(root, allow_outside, names):
         samples = _samples(path, root, allow_outside)
         run = None if given in names else TEST_RUN.fullmatch(given)
         if run and run["name"] in names:  # a sample of each picture
@@ -273,19 +273,24 @@ def _children(root: Path) -> Iterator[tuple[str, Path]]:
 
 
 def _opened(
-    folder: Path, root: Path, allow_outside: bool, names: Sequence[str] | None = None
+    root: Path, allow_outside: bool, names: Sequence[str] | None = None
 ) -> Iterator[tuple[str, Path]]:
-    """``_children``, and in place of a category's folder what is in it: a folder that is no asset
-    and holds some (of ``names`` where given)."""
-    for name, path in sorted(_children(folder), key=lambda child: _natural(child[0])):
-        inside: list[tuple[str, Path]] = []
-        may = path.is_dir() and _may_read(path, root, allow_outside)
-        if may and name not in (names or ()) and not _is_asset(path, allow_outside):
-            inside = [c for c in _children(path) if c[1].is_dir()]
-            if names is None:
-                inside = [c for c in inside if _is_asset(c[1], allow_outside)]
-            elif not any(inner in names for inner, _ in inside):
-                inside = []
+    """``_children`` or, where none of them is an asset (has one of ``names``), what folders of
+    categories hold."""
+
+    def wanted(name: str, path: Path) -> bool:
+        if names is not None:
+            return name in names
+        return _may_read(path, root, allow_outside) and _is_asset(path, allow_outside)
+
+    children = sorted(_children(root), key=lambda child: _natural(child[0]))
+    if any(wanted(*child) for child in children):
+        yield from children
+        return
+    for name, path in children:
+        inside = []
+        if path.is_dir() and _may_read(path, root, allow_outside):
+            inside = [child for child in _children(path) if child[1].is_dir() and wanted(*child)]
         yield from inside or [(name, path)]
 
 
