@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
-COPIED = ("uniart_jax", "tests", "configs", "benchmarks", "pyproject.toml")
+COPIED = ("uniart_jax", "tests", "configs", "benchmarks", "tools", "pyproject.toml")
 LIMIT = 600  # seconds a run
 
 
@@ -42,6 +42,8 @@ EQUATION = "tests/models/test_uniart_vae.py::test_the_attention_is_the_papers_eq
 SUM = "tests/training/test_losses.py::test_the_vaes_loss_is_the_weighted_sum_of_its_terms"
 DECAY = "tests/training/test_step.py::test_the_average_follows_its_decay_over_several_steps"
 POSITIONS = "tests/models/test_dinov2.py::test_positions_are_interpolated_as_pytorch_does"
+NAP, EXPORT_NAP = "uniart_jax/objects/nap.py", "tools/export_nap.py"
+MOVES = "tests/objects/test_nap.py::test_parts_move_as_nap_moves_them"
 LAYOUT, KNOBS = "uniart_jax/voxels/layout.py", "tests/voxels/test_layout_table.py::test"
 UNITS = "tests/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
 INTERVAL = (
@@ -135,6 +137,14 @@ MUTANTS = (
     ),
     Mutant(SESSIONS, "session.uploads - held", "session.uploads", SHARED),
     Mutant(SESSIONS, "if not file.is_relative_to(self.root) or", "if", TAKEN),
+    Mutant(NAP, "np.cross(direction, moment)", "np.cross(moment, direction)", f"{MOVES}[1.0-0.0]"),
+    Mutant(EXPORT_NAP, "line if edge[\"src\"] == parent else -line", "line", f"{MOVES}[1.0-0.0]"),
+    Mutant(
+        "uniart_jax/objects/facing.py",
+        "FRONTS.index(front))",
+        "-FRONTS.index(front))",
+        "tests/evaluation/test_peers.py::test_every_front_comes_to_minus_x[+y-turned3]",
+    ),
 )  # fmt: skip
 
 
