@@ -32,6 +32,7 @@ LEFT_OUT = (  # what a command holds, and why it is not run
     (r"^uniart app", "runs until it is stopped; tests/app"),
 )  # fmt: skip
 LONGEST = 900  # seconds
+SHOWS = r"^\w+\.show\(\).*$"  # serves a page until it is stopped
 
 
 class Command(NamedTuple):
@@ -69,7 +70,7 @@ def commands(document: str, text: str) -> list[Command]:
 
 def run(command: Command, folder: Path, environment: dict[str, str]) -> tuple[int, float, str]:
     """Exit code, seconds, and the end of what was printed."""
-    code = f"import uniart_jax as ua\n{command.text}"
+    code = "import uniart_jax as ua\n" + re.sub(SHOWS, "", command.text, flags=re.M)
     call = [sys.executable, "-c", code] if command.python else ["bash", "-c", command.text]
     begin = time.perf_counter()
     try:
