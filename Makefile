@@ -1,10 +1,10 @@
-# make sample · make test · make test-full · make mutants · make lint · make bench     (each sets up .venv by itself; needs Python 3.11 or newer)
+# make sample · make test · make test-full · make mutants · make docs · make lint · make bench     (each sets up .venv by itself; needs Python 3.11 or newer)
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do $$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 BIN := .venv/bin
 OUT ?= out/sample
 IMAGE ?= examples/images/oven.png
 
-.PHONY: sample test test-full mutants lint format bench clean
+.PHONY: sample test test-full mutants docs try-docs lint format bench clean
 
 .venv/ready: requirements.lock pyproject.toml
 	@test -n "$(PYTHON)" || { echo "make: needs Python 3.11 or newer with venv on the PATH (or: make PYTHON=/path/to/python)"; exit 2; }
@@ -32,6 +32,14 @@ test-full: .venv/ready
 mutants: .venv/ready
 	@echo "· lines broken on purpose, one at a time, in a copy; each must fail the test that is named for it"
 	@$(BIN)/python tools/mutants.py
+
+docs: .venv/ready
+	@$(BIN)/python -c "import mkdocs, material, mkdocstrings" 2>/dev/null || { echo "· installing MkDocs"; $(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[docs]"; }
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet && echo "· out/site/index.html"
+
+try-docs: .venv/ready
+	@echo "· commands and Python of README, quickstart and tutorial, in a copy, with their seconds"
+	@$(BIN)/python tools/try_docs.py
 
 lint: .venv/ready
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/pyright

@@ -32,7 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jobs import Clock, compile_quickly, run_jobs, work
 from results import bars, machine, matmul_peaks, report, save
-from synthetic import training_batch
+from synthetic import make_loss, training_batch
 
 from uniart_jax.config import (
     Config,
@@ -45,7 +45,6 @@ from uniart_jax.config import (
     UniArtVAEConfig,
 )
 from uniart_jax.models.network import build
-from uniart_jax.training import objectives
 from uniart_jax.training.flops import matmul_flops
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
@@ -77,11 +76,8 @@ def model_of(tiny: bool, **how: Any) -> ModelConfig:
 
 def loss_of(name: str, model: ModelConfig):
     """The network and its loss."""
-    network, config = build(name, model), Config(model=model)
-    if name.endswith("_flow"):
-        make = getattr(objectives, f"make_{name}_loss")
-        return network, make(network, config, 0.0, 1.0)
-    return network, getattr(objectives, f"make_{name}_loss")(network, config)
+    network = build(name, model)
+    return network, make_loss(name, network, Config(model=model))
 
 
 def forward_products(job: dict[str, Any], batch: Any) -> float:

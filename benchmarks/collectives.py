@@ -20,12 +20,11 @@ from typing import Any
 
 import jax
 from results import report
-from synthetic import training_batch
+from synthetic import make_loss, training_batch
 
 from uniart_jax.cli.train import load_config
 from uniart_jax.config import Config, MeshConfig
 from uniart_jax.models.network import build
-from uniart_jax.training import objectives
 from uniart_jax.training.sharding import make_mesh, put_batch
 from uniart_jax.training.state import abstract_state, make_optimizer
 from uniart_jax.training.step import make_train_step
@@ -114,8 +113,7 @@ def step_program(name: str, config: Config, voxels: int) -> tuple[str, int]:
     """(compiled text, parameters) of a network's step, an item a device."""
     mesh = make_mesh(config.mesh)
     network = build(name, config.model)
-    latent = (0.0, 1.0) if name.endswith("_flow") else ()
-    loss = getattr(objectives, f"make_{name}_loss")(network, config, *latent)
+    loss = make_loss(name, network, config)
     optimizer = make_optimizer(getattr(config, name))
     state = abstract_state(network.init, optimizer, mesh)
     batch = put_batch(training_batch(name, config.model, mesh.size, voxels, mesh.size), mesh)

@@ -28,12 +28,11 @@ from typing import Any
 import jax
 import numpy as np
 from results import report
-from synthetic import training_batch
+from synthetic import make_loss, training_batch
 
 from uniart_jax.cli.train import load_config
 from uniart_jax.config import Config, MeshConfig
 from uniart_jax.models.network import build
-from uniart_jax.training import objectives
 from uniart_jax.training.flops import matmul_flops
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import abstract_state, make_optimizer
@@ -71,8 +70,7 @@ MACHINES = (
 
 def network_and_loss(name: str, config: Config) -> tuple[Any, Any]:
     network = build(name, config.model)
-    latent = (0.0, 1.0) if name.endswith("_flow") else ()
-    return network, getattr(objectives, f"make_{name}_loss")(network, config, *latent)
+    return network, make_loss(name, network, config)
 
 
 def useful_flops(name: str, config: Config) -> float:

@@ -31,11 +31,13 @@ import jax
 import numpy as np
 from results import report
 
-from uniart_jax import stages
+from uniart_jax.adoption import adopt
 from uniart_jax.config import NETWORKS, Config
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import encode_all
 from uniart_jax.models.network import build
+from uniart_jax.stages import STAGES
+from uniart_jax.stages.trainer import claim, make_put, make_step, stage_batches
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.export import checkpoint_folder
 from uniart_jax.training.loop import run_stage
@@ -100,20 +102,20 @@ def in_run(
 
 
 def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -> dict[str, Any]:
-    stage, latents = getattr(config, name), None
-    if name.endswith("_flow"):
-        taken = [n for n in NETWORKS if not n.endswith("_flow")]
-        stages.claim(config, workdir)
-        stages.adopt(checkpoint_folder("nano"), taken, workdir)
+    own, stage, latents = STAGES[name], getattr(config, name), {}
+    if own.latent:
+        taken = [n for n in NETWORKS if not STAGES[n].latent]
+        claim(config, workdir)
+        adopt(checkpoint_folder("nano"), taken, workdir)
         latents = encode_all(config, workdir)
     network, mesh = build(name, config.model), make_mesh(config.mesh)
     optimizer = make_optimizer(stage)
-    bare = stages.make_step(name, network, optimizer, config, workdir, mesh, latents)
-    put = stages.make_put(name, mesh)
+    bare = make_step(own, network, optimizer, config, workdir, mesh, latents)
+    put = make_put(own, mesh)
     key = jax.random.key(0)
     loops, bares, idles, saves, each = [], [], [], [], []
     for round_ in range(rounds + 1):  # the first one compiles
-        batches, seen = iter(stages.stage_batches(name, config, workdir)), []
+        batches, seen = iter(stage_batches(own, config, workdir)), []
 
         class Kept:
             def __next__(self, batches=batches, seen=seen):

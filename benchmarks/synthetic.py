@@ -11,13 +11,30 @@ from typing import Any
 
 import numpy as np
 
-from uniart_jax.config import ModelConfig
+from uniart_jax.config import LATENT_OF, Config, ModelConfig
+from uniart_jax.models.network import Network
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 from uniart_jax.nn.segments import Segments, fitted_sizes, pack_segments, row_choices, whole_rows
 from uniart_jax.nn.voxel_plans import voxel_plans, window_ids
+from uniart_jax.training.encoder_loss import make_image_encoder_loss
+from uniart_jax.training.flow_losses import make_latent_flow_loss, make_structure_flow_loss
+from uniart_jax.training.vae_losses import make_structure_vae_loss, make_uniart_vae_loss
 
 DISTINCT = 4  # objects of a batch; more items repeat them
+LOSSES = {
+    "image_encoder": make_image_encoder_loss,
+    "structure_vae": make_structure_vae_loss,
+    "uniart_vae": make_uniart_vae_loss,
+    "structure_flow": make_structure_flow_loss,
+    "latent_flow": make_latent_flow_loss,
+}
 CONTEXT = 1374  # tokens of an image: DINOv2 at 518^2
+
+
+def make_loss(name: str, network: Network, config: Config) -> Any:
+    """The loss of a network, a flow's of latents as they are."""
+    units = (0.0, 1.0) if name in LATENT_OF else ()
+    return LOSSES[name](network, config, *units)
 
 
 def shells(voxels: int, resolution: int = 64, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -146,7 +163,7 @@ def image_batch(model: ModelConfig, items: int, width: int) -> dict[str, Any]:
 def training_batch(
     name: str, model: ModelConfig, items: int, width: int, shares: int = 1
 ) -> dict[str, Any]:
-    """A batch of ``training.objectives`` for a network; ``width``: voxels of an item where they are a list; ``shares``: the devices that share it."""
+    """A batch of a network's loss (``make_loss``); ``width``: voxels of an item where they are a list; ``shares``: the devices that share it."""
     if name == "image_encoder":
         return image_batch(model, items, width)
     if name == "uniart_vae":

@@ -119,6 +119,7 @@ def config() -> Config:
             noise_share=0.8,
             draws_per_image=2,
             refined=0.5,
+            decoded_structure=1.0,
         ),
         image_encoder=dataclasses.replace(stage, steps=13_500, batch_size=32, evaluate_every=500),
         structure_vae=dataclasses.replace(stage, steps=300, learning_rate=2e-3, evaluate_every=150),

@@ -1,7 +1,8 @@
 """The paper's model: every network at TRELLIS's size, from TRELLIS's weights; DINOv2, frozen.
 
 Command: python train.py --config configs/paper.py
-    Before it: weights and records as in docs/scaling.md, "The paper's model, step by step".
+    Before it: weights and records as in docs/scaling.md, "The paper's model, step by step": 44,370
+    samples (493 objects x 30 states x 3 views), where the paper has 45,000.
 Hardware: 8 accelerators of 80 GB (the paper: 8 x A100, 800,000 iterations, batch 64).
 Time: not run at this size yet; a prediction, 40 days on 8 x A100 and 12.5 on 8 x H100 for all four
     networks at an assumed 35 % of peak (docs/scaling.md).

@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import sys
 from pathlib import Path
 
 import jax
@@ -101,3 +102,21 @@ def test_the_version_to_cite_is_the_packages():
     assert re.search(r"^version: (.*)$", text, re.MULTILINE)[1] == __version__
     assert re.search(r"^license: (.*)$", text, re.MULTILINE)[1] == "Apache-2.0"
     assert f"\n## {__version__}\n" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_the_commands_of_the_documents_are_found_and_most_of_them_run():
+    """``make try-docs`` runs them; here only that none is missed for its shape."""
+    sys.path.insert(0, str(ROOT / "tools"))
+    import try_docs
+
+    text = "a\n\n```\nuniart prepare x \\\n  --out y   # why\nsome output\n```\n\n```python\nprint(1)\n```\n"
+    shell, python = try_docs.commands("d.md", text)
+    assert shell == ("d.md", 4, "uniart prepare x --out y", False)
+    assert python == ("d.md", 10, "print(1)\n", True)
+    found = [c for d in try_docs.DOCUMENTS for c in try_docs.commands(d, (ROOT / d).read_text())]
+    assert {c.document for c in found} == set(try_docs.DOCUMENTS)
+    run = {c.text.split("\n")[0] for c in found if not c.left_out}
+    assert "python train.py --config configs/debug.py" in run
+    assert "uniart layout examples/images/oven.png --out out/layout" in run
+    assert sum(not c.left_out for c in found) >= 12
+    assert all(c.left_out for c in found if "ROOT" in c.text)

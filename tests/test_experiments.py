@@ -16,6 +16,7 @@ from uniart_jax.config import NETWORKS
 from uniart_jax.data import folder as data_folder
 from uniart_jax.data.records import RecordSource, record_rows
 from uniart_jax.evaluation.kept import keep
+from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.experiments import inputs, judge, run
 from uniart_jax.experiments.design import (
     Arm,
@@ -93,9 +94,11 @@ def test_the_papers_configuration_is_trained_once():
             made = experiment.trained(name)
             assert trained.setdefault(folder, made.config) == made.config
             assert arm.config == made.config
-    configs = [(c.data.records, c.init, c.model) for c in trained.values()]
+    configs = [
+        (c.data.records, c.data.condition_views, c.init, c.model) for c in trained.values()
+    ]
     assert all(configs.count(c) == 1 for c in configs)
-    assert Path("runs/main-paper/uniart") in trained and len(trained) == 7
+    assert Path("runs/main-paper/uniart") in trained and len(trained) == 9
 
 
 @TRAINS
@@ -320,6 +323,21 @@ def test_views_begin_with_the_objects_own(done):
     assert len(one.images) == 1 and len(three.images) == 3
     assert np.array_equal(one.images[0], three.images[0])
     assert not np.array_equal(three.images[1], three.images[2])
+
+
+def test_procedural_test_objects_have_geometric_part_features():
+    model = load_config(ROOT / "configs/debug.py").model
+    truth = held_out_for(model, 1)
+    reads = dataclasses.replace(model.uniart_vae, visual_channels=0, part_feature_channels=23)
+    seen = dataclasses.replace(model, uniart_vae=reads)
+    (values,) = judge.features_of(truth, seen).values()
+    assert values.shape == (len(truth.grid.coords), 23) and values.dtype == np.float32
+    assert np.ptp(values, axis=0).max() > 0.5
+    blind = dataclasses.replace(reads, part_feature_channels=0)
+    assert judge.features_of(truth, dataclasses.replace(model, uniart_vae=blind)) == {}
+    partfield = dataclasses.replace(reads, part_feature_channels=448)
+    with pytest.raises(ValueError, match=r"'part_feature': 448.*name records with its columns"):
+        judge.features_of(truth, dataclasses.replace(model, uniart_vae=partfield))
 
 
 def test_test_objects_can_be_asked_for_a_joint_type():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import shutil
 import signal
 import subprocess
@@ -29,6 +30,7 @@ from uniart_jax.config import (
 )
 from uniart_jax.data import records
 from uniart_jax.data.columns import column_path, pack_orbit
+from uniart_jax.data.geometric_features import geometric_features
 from uniart_jax.data.latents import LatentSource
 from uniart_jax.data.part_features import CHANNELS, input_name, surface_points
 from uniart_jax.data.records import RecordSource, shard_paths
@@ -335,6 +337,30 @@ def test_training_and_encoding_read_the_columns_of_their_split(tmp_path):
     assert encoding.digest(config, work, folder, "test") != before
     (folder / "visual.json").write_text("{}")
     assert encoding.digest(config, work, folder, "train") != before
+
+
+def test_geometric_part_features_need_no_files(folder):
+    """They are a column like PartField's; the two never mix."""
+    cli.features(folder, part_features=Path("geometric"))
+    source = RecordSource(folder, columns=("part_feature",))
+    for k in range(COUNT):
+        np.testing.assert_array_equal(source[k].part_feature, geometric_features(source[k]))
+    assert json.loads((folder / "part_feature.json").read_text()) == {"source": "geometric", "channels": 23}  # fmt: skip
+    made = column(folder, "part_feature")
+    cli.features(folder, part_features=Path("geometric"))
+    assert column(folder, "part_feature") == made
+    with pytest.raises(ValueError, match=r"source geometric \(now: PartField\)"):
+        cli.features(folder, part_features=folder)
+
+
+def test_prepare_makes_the_column_too(tmp_path):
+    options = {"count": 2, "families": ("table",), "resolution": 16, "image_size": 16}
+    out = tmp_path / "records"
+    cli.prepare("procedural", out=out, part_features="geometric", processes=2, **options)
+    source = RecordSource(out, columns=("part_feature",))
+    assert source[1].part_feature.shape == (len(source[1].coords), 23)
+    with pytest.raises(ValueError, match="--part-features is of records of objects"):
+        cli.prepare("layouts", out=tmp_path / "layouts", part_features="geometric")
 
 
 def test_a_vae_that_read_no_part_features_goes_on_with_them(tmp_path):

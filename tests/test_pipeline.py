@@ -1,6 +1,7 @@
 """The pipeline's steps with random weights at debug size: batching, padding, views, files."""
 
 import dataclasses
+import inspect
 from pathlib import Path
 
 import jax
@@ -27,7 +28,7 @@ from uniart_jax.config import (
 )
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.pipeline import Pipeline, load
+from uniart_jax.pipeline import Pipeline, SamplingOptions, load
 from uniart_jax.samplers import Condition, flow_inputs, join_views, pad_coords
 from uniart_jax.training.export import export_network, write_config, write_statistics
 from uniart_jax.voxels.layout import Layout
@@ -177,6 +178,12 @@ def test_every_view_is_looked_at(pipeline, monkeypatch):
 def test_options_that_cannot_be_are_told(pipeline, changes, says):
     with pytest.raises(ValueError, match=says):
         pipeline.options(**changes)
+
+
+def test_sampling_has_every_option_of_the_config_by_name():
+    fields = {field.name for field in dataclasses.fields(SampleConfig)}
+    assert set(SamplingOptions.__annotations__) == fields
+    assert fields <= set(inspect.signature(Pipeline.sample).parameters)
 
 
 def test_views_side_by_side():

@@ -28,7 +28,7 @@ from uniart_jax.samplers import (
     make_structure_sampler,
     pad_coords,
 )
-from uniart_jax.training.objectives import draw, make_structure_flow_loss
+from uniart_jax.training.flow_losses import draw, make_structure_flow_loss
 from uniart_jax.voxels.joint_code import canonical
 from uniart_jax.voxels.layout import read_layout
 
@@ -254,6 +254,12 @@ def test_several_views_are_one_condition(views):
     assert joined.pixels is None
     assert joined.tokens.shape == (1, 5 * views, 8) and joined.volume.shape == (1, 4, 4, 4, 3)
     np.testing.assert_allclose(joined.volume[0], condition.volume.mean(0), atol=1e-6)
+    both = Condition(*(np.concatenate([v, v[::-1] + 1]) for v in closely[:4]))
+    pair = join_views(both, items=2)
+    for k, views_of in enumerate((slice(views), slice(views, None))):
+        alone = join_views(Condition(*(v[views_of] for v in both[:4])))
+        for one, other in zip(alone[:4], pair[:4], strict=True):
+            np.testing.assert_allclose(other[k], one[0], atol=1e-6)
     sampler = make_structure_sampler(MODEL, OPTIONS)
 
     def sampled(order):

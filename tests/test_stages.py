@@ -12,7 +12,7 @@ import pytest
 from safetensors.numpy import load_file
 
 import uniart_jax
-from uniart_jax import adoption, encoding, procedural, stage_checks, stages
+from uniart_jax import adoption, encoding, procedural, stages
 from uniart_jax.cli import load_config
 from uniart_jax.config import (
     NETWORKS,
@@ -28,6 +28,10 @@ from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
 from uniart_jax.locks import alone
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.stages import STAGES
+from uniart_jax.stages.checks import check_found
+from uniart_jax.stages.flows import load_conditioner
+from uniart_jax.stages.trainer import make_put, make_step, stage_batches, trainable
 from uniart_jax.training.export import (
     export_network,
     flat_names,
@@ -35,10 +39,9 @@ from uniart_jax.training.export import (
     write_config,
     write_statistics,
 )
-from uniart_jax.training.objectives import make_structure_flow_loss
+from uniart_jax.training.flow_losses import make_structure_flow_loss
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
-from uniart_jax.validation import load_conditioner
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.layout import Layout
 
@@ -132,7 +135,7 @@ def test_a_resumed_stage_makes_no_second_state(trained, tmp_path, monkeypatch):
     config, workdir = trained
     work = tmp_path / "work"
     shutil.copytree(workdir, work)
-    monkeypatch.setattr(stages, "create_state", None)
+    monkeypatch.setattr(stages.trainer, "create_state", None)
     longer = dataclasses.replace(config.structure_vae, steps=config.structure_vae.steps + 1)
     stages.run(dataclasses.replace(config, structure_vae=longer), ["structure_vae"], work)
     assert str(longer.steps) in {p.name for p in (work / "checkpoints/structure_vae").iterdir()}
@@ -235,7 +238,9 @@ def test_a_flows_step_sees_by_the_exported_encoder(trained):
     mesh, network = make_mesh(config.mesh), build("structure_flow", config.model)
     statistics = encoding.encode_all(config, workdir)
     optimizer = make_optimizer(config.structure_flow)
-    step = stages.make_step("structure_flow", network, optimizer, config, workdir, mesh, statistics)
+    step = make_step(
+        STAGES["structure_flow"], network, optimizer, config, workdir, mesh, statistics
+    )
     key = jax.random.key(1)
 
     def init(key):  # a fresh flow hears nothing yet
@@ -243,8 +248,8 @@ def test_a_flows_step_sees_by_the_exported_encoder(trained):
         return jax.tree.unflatten(tree, [leaf + 0.1 * jax.random.normal(key, leaf.shape) for leaf in leaves])  # fmt: skip
 
     state = create_state(init, optimizer, key, mesh)
-    with contextlib.closing(iter(stages.stage_batches("structure_flow", config, workdir))) as it:
-        batch = stages.make_put("structure_flow", mesh)(next(it))
+    with contextlib.closing(iter(stage_batches(STAGES["structure_flow"], config, workdir))) as it:
+        batch = make_put(STAGES["structure_flow"], mesh)(next(it))
     loss_fn = make_structure_flow_loss(network, config, *statistics["structure"])
 
     @jax.jit
@@ -336,8 +341,8 @@ def test_a_layout_network_must_be_there_before_anything_is_written(trained, tmp_
     with pytest.raises(FileNotFoundError, match="--stage layout"):
         stages.run(changed, ["latent_flow"], tmp_path / "w", init=workdir)
     assert not (tmp_path / "w").exists()
-    stage_checks.check_found(changed, ["latent_flow"], tmp_path, ["layout"])
-    stage_checks.check_found(changed, ["uniart_vae"], tmp_path, [])  # sees nothing sampled
+    check_found(changed, [STAGES["latent_flow"]], tmp_path, ["layout"])
+    check_found(changed, [STAGES["uniart_vae"]], tmp_path, [])  # sees nothing sampled
 
 
 def test_a_decoder_learns_on_what_a_flow_samples_while_the_encoder_stays(trained, tmp_path):
@@ -455,7 +460,7 @@ def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
     frozen = dataclasses.replace(
         config, model=dataclasses.replace(config.model, image_encoder=encoder)
     )
-    assert stages.trainable(frozen, NETWORKS) == list(NETWORKS[1:])
+    assert trainable(frozen, NETWORKS) == list(NETWORKS[1:])
     with pytest.raises(ValueError, match="uniart convert dinov2"):
         stages.run(frozen, ("image_encoder",), tmp_path / "work")
     paper = load_config(DEBUG.with_name("paper.py"))

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parent.parent
-COPIED = ("uniart_jax", "tests", "configs", "benchmarks", "pyproject.toml")
+COPIED = ("uniart_jax", "tests", "configs", "benchmarks", "tools", "pyproject.toml")
 LIMIT = 600  # seconds a run
 
 
@@ -34,11 +34,16 @@ class Mutant(NamedTuple):
 VAE = "uniart_jax/models/uniart_vae.py"
 DINOV2 = "uniart_jax/models/dinov2.py"
 SAMPLERS = "uniart_jax/samplers.py"
-OBJECTIVES = "uniart_jax/training/objectives.py"
+VAE_LOSSES = "uniart_jax/training/vae_losses.py"
+SESSIONS = "uniart_jax/app/sessions.py"
+SHARED = "tests/app/test_app_sessions.py::test_what_two_sessions_uploaded_goes_with_the_last"
+TAKEN = "tests/app/test_app_sessions.py::test_files_of_others_are_not_taken"
 EQUATION = "tests/models/test_uniart_vae.py::test_the_attention_is_the_papers_equation_in_float64"
 SUM = "tests/training/test_losses.py::test_the_vaes_loss_is_the_weighted_sum_of_its_terms"
 DECAY = "tests/training/test_step.py::test_the_average_follows_its_decay_over_several_steps"
 POSITIONS = "tests/models/test_dinov2.py::test_positions_are_interpolated_as_pytorch_does"
+NAP, EXPORT_NAP = "uniart_jax/objects/nap.py", "tools/export_nap.py"
+MOVES = "tests/objects/test_nap.py::test_parts_move_as_nap_moves_them"
 LAYOUT, KNOBS = "uniart_jax/voxels/layout.py", "tests/voxels/test_layout_table.py::test"
 UNITS = "tests/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
 INTERVAL = (
@@ -48,19 +53,37 @@ MUTANTS = (
     Mutant(VAE, "(self.to_q(articulation), k, v)", "(0 * self.to_q(articulation), k, v)", EQUATION),
     Mutant(VAE, "[geometry, fused + articulation]", "[geometry, fused]", EQUATION),
     Mutant(VAE, "articulation + self.part_feature(", "articulation + 0 * self.part_feature(", EQUATION),
-    Mutant(OBJECTIVES, "weights.articulation * sum(", "1.0 * sum(", SUM),
-    Mutant(OBJECTIVES, "+ weights.kl * kl", "+ kl", SUM),
-    Mutant(OBJECTIVES, "weights.part_feature * restored", "0 * restored", SUM),
+    Mutant(VAE_LOSSES, "weights.articulation * sum(", "1.0 * sum(", SUM),
+    Mutant(VAE_LOSSES, "+ weights.kl * kl", "+ kl", SUM),
+    Mutant(VAE_LOSSES, "weights.part_feature * restored", "0 * restored", SUM),
     Mutant(
         "uniart_jax/training/losses.py",
         "jnp.exp(logvar) - 1.0 - logvar",
         "jnp.exp(logvar) - 1.0 + logvar",
         "tests/training/test_losses.py::test_kl_is_the_closed_form_of_two_gaussians",
     ),
+    Mutant(
+        "uniart_jax/training/flow_losses.py",
+        "weights.decoded_structure * (",
+        "0 * (",
+        "tests/models/test_occupancy_refiner.py::test_the_flow_learns_from_what_its_sample_decodes_to",
+    ),
+    Mutant(
+        "uniart_jax/data/geometric_features.py",
+        "np.where(votes < 0, -SDF_CLIP",
+        "np.where(votes > 0, -SDF_CLIP",
+        "tests/data/test_geometric_features.py::test_height_and_thickness",
+    ),
+    Mutant(
+        "uniart_jax/stages/trainer.py",
+        'while self._read < state["read"]',
+        "while False",
+        "tests/stages/test_trainer.py::test_batches_of_ones_own_need_no_records_and_resume",
+    ),
     Mutant("uniart_jax/training/step.py", "minimum(ema_decay,", "minimum(0.9,", DECAY),
     Mutant("uniart_jax/config.py", "ema_decay: float = 0.9995", "ema_decay: float = 0.9", DECAY),
     Mutant(
-        OBJECTIVES,
+        "uniart_jax/training/flow_losses.py",
         "(latent - jnp.asarray(mean))",
         "(latent + jnp.asarray(mean))",
         "tests/training/test_losses.py::test_latents_are_brought_to_mean_0_and_deviation_1",
@@ -111,6 +134,16 @@ MUTANTS = (
         "if False:",
         "tests/voxels/test_flat_faces.py"
         "::test_the_edges_of_a_closed_door_do_not_reach_to_its_handle",
+    ),
+    Mutant(SESSIONS, "session.uploads - held", "session.uploads", SHARED),
+    Mutant(SESSIONS, "if not file.is_relative_to(self.root) or", "if", TAKEN),
+    Mutant(NAP, "np.cross(direction, moment)", "np.cross(moment, direction)", f"{MOVES}[1.0-0.0]"),
+    Mutant(EXPORT_NAP, "line if edge[\"src\"] == parent else -line", "line", f"{MOVES}[1.0-0.0]"),
+    Mutant(
+        "uniart_jax/objects/facing.py",
+        "FRONTS.index(front))",
+        "-FRONTS.index(front))",
+        "tests/evaluation/test_peers.py::test_every_front_comes_to_minus_x[+y-turned3]",
     ),
 )  # fmt: skip
 

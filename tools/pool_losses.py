@@ -18,9 +18,9 @@ from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, 
 from uniart_jax.models.image_encoder import shrink
 from uniart_jax.models.network import Network
 from uniart_jax.samplers import found_table
+from uniart_jax.training.flow_losses import summarize_flow
 from uniart_jax.training.found_layouts import choose
-from uniart_jax.training.losses import binary_cross_entropy, dice_loss
-from uniart_jax.training.objectives import occupancy_iou, summarize_flow
+from uniart_jax.training.losses import occupancy_terms
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
 
 FOUND, ABSENT, EXACT = 0.4, 0.06, 0.35  # shares of the layouts that the structure flow is shown
@@ -103,16 +103,17 @@ def make_structure_loss(
         loss, metrics = summarize_flow(
             flow_loss(v, x0, noise), v, x, x0, t, None, config.model.structure_flow.prediction
         )
-        true = batch["occupancy"].astype(jnp.float32)
         guess = predicted_sample(x, v, t) * std + mean
         logits = vae.apply(vae_params, guess, method="decode")
-        loss += binary_cross_entropy(logits, true).mean() + dice_loss(logits, true)
-        metrics["iou"] = occupancy_iou(logits, true)
+        terms = occupancy_terms(logits, batch["occupancy"])
+        loss += terms["entropy"] + terms["dice"]
+        metrics["iou"] = terms["iou"]
         if refines:
             given = (seen["pixels"][:, None], seen["camera"][:, None], layout)
             logits = flow.apply(params, jax.lax.stop_gradient(logits), *given, method="refine")
-            loss += binary_cross_entropy(logits, true).mean() + dice_loss(logits, true)
-            metrics["refined"] = occupancy_iou(logits, true)
+            terms = occupancy_terms(logits, batch["occupancy"])
+            loss += terms["entropy"] + terms["dice"]
+            metrics["refined"] = terms["iou"]
         return loss, {k: v for k, v in metrics.items() if k in ("iou", "refined", "x0_error")}
 
     return loss_fn

@@ -17,6 +17,7 @@ _PUBLIC = {
     "load_object": "uniart_jax.objects.load",
     "Pipeline": "uniart_jax.pipeline",
     "load": "uniart_jax.pipeline",
+    "Trainer": "uniart_jax.stages",
 }
 __all__ = ["__version__", "config", *_PUBLIC]
 

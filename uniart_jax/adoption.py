@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from uniart_jax.config import NETWORKS, STAGES, Config, ModelConfig
+from uniart_jax.config import LATENT_OF, NETWORKS, STAGES, Config, ModelConfig
 from uniart_jax.encoding import ENCODED
 from uniart_jax.models.network import build
 from uniart_jax.progress import messages
@@ -62,7 +62,7 @@ def taken(config: Config, source: Path, stages: Sequence[str], workdir: Path) ->
         if name not in stages
         and not exported(workdir, name)
         and has_export(source, f"{name}.safetensors")
-        and (not name.endswith("_flow") or same_ground(source, stages, workdir))
+        and (name not in LATENT_OF or same_ground(source, stages, workdir))
         and not (name in WIDENED and lacking(source, name, config.model))
     ]
 
@@ -98,9 +98,9 @@ def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:
     """Copy networks of checkpoint ``source`` into WORKDIR, a flow with the statistics of its latent."""
     for name in names:
         copy_export(source, workdir / "export", f"{name}.safetensors")
-        if (latent := name.removesuffix("_flow")) != name and distributed.is_first():
-            mean, std = read_statistics(source, latent)
-            write_statistics(workdir / "export", latent, mean, std)
+        if name in LATENT_OF and distributed.is_first():
+            mean, std = read_statistics(source, LATENT_OF[name])
+            write_statistics(workdir / "export", LATENT_OF[name], mean, std)
     if (marks := untrained(source)) and distributed.is_first():
         mark(workdir, names, marks)
     distributed.wait()

@@ -12,7 +12,7 @@ import reprlib
 import sys
 import types
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
 from uniart_jax.config_files import CONFIGS, find_file, run_file
 
@@ -22,6 +22,7 @@ Kernel = Literal["auto", "xla", "cudnn", "triton", "splash", "plain"]
 TOLERANCES = (1e-4, 1.0)  # of adaptive solvers
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 STAGES = (*NETWORKS, "layout")  # the last where a model has one
+LATENT_OF = {"structure_flow": "structure", "latent_flow": "latent"}  # that a flow samples
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +32,25 @@ class GridConfig:
     resolution: int = 64
     subdivisions: int = 4
     max_parts: int = 64
+
+
+class ImageEncoderKind(NamedTuple):
+    """What the rest of the package has to know of an image encoder, beside its network.
+
+    Attributes:
+      trained: by a stage of its own; else it is taken as published and frozen.
+      camera: it estimates the picture's camera and gives maps and a volume to read through it.
+    """
+
+    trained: bool
+    camera: bool
+
+
+# by ``ImageEncoderConfig.architecture``; their networks: ``models.network.IMAGE_ENCODERS``
+IMAGE_ENCODERS = {
+    "volume": ImageEncoderKind(trained=True, camera=True),
+    "dinov2": ImageEncoderKind(trained=False, camera=False),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,6 +83,11 @@ class ImageEncoderConfig:
     target_resolution: int = 16  # a side, of the regressed boxes and joints
     sketch_width: int = 384  # of the MLP from the whole coarse map to the camera and a first volume
     mlp_ratio: float = 4.0
+
+    @property
+    def kind(self) -> ImageEncoderKind:
+        """Of its architecture."""
+        return IMAGE_ENCODERS[self.architecture]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -281,6 +306,9 @@ class LossConfig:
     )
     # latent flow: weight of what the frozen UniArt VAE makes of its x_0 (distances, colours) against what it makes of the true latent
     decoded: float = 0.0
+    # structure flow: weight of what the frozen structure VAE makes of its x_0 against the true
+    # occupancy (cross-entropy and Dice)
+    decoded_structure: float = 0.0
     # UniArt VAE: share of the items whose latents a trained latent flow samples in one step, the
     # encoder
     # left as it is (``freeze``): the decoder learns what to make of a flow's mistakes
@@ -314,6 +342,9 @@ class DataConfig:
     procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
     world: Literal["seven", "wide"] = "seven"  # families of those and of ``layouts``
     views: int = 2  # images of each
+    # flows: images of an item that a step shows at once (the supplement's multi-view model); the
+    # records must have as many
+    condition_views: int = 1
     validation_count: int = 64
     validation_seed: int = (
         900_000  # never trained on, and not the held-out seeds of the evaluation either

@@ -2,6 +2,7 @@
 
     visual        orbit pictures -> DINOv2 -> patch maps -> read at each voxel's centre -> mean over views     (``models.multiview``)
     part_feature  PartField's files -> nearest point of each voxel                                             (``data.part_features``)
+                  or the shape around each voxel, without weights                                      (``data.geometric_features``)
 
 Shard by shard, one record at a time: memory grows neither with the records nor with the views. A column's shard gets its name when it is complete, so a
 run may be killed at any moment; run again, it keeps the finished shards and ends with the same bytes. ``<column>.json`` says what a column is made
@@ -34,6 +35,8 @@ from uniart_jax.data.columns import (
     read_orbit,
 )
 from uniart_jax.data.folder import write_text
+from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
+from uniart_jax.data.geometric_features import geometric_features
 from uniart_jax.data.part_features import (
     CHANNELS,
     input_name,
@@ -52,6 +55,7 @@ from uniart_jax.render import Camera
 from uniart_jax.training.export import find_export, load_network, read_config
 from uniart_jax.weights.dinov2 import converted_config
 
+GEOMETRIC = "geometric"  # a source of part features that is no folder
 VOXEL_STEP = 4096  # positions are padded to a multiple, so that few shapes are compiled
 Columns = Iterator[tuple[Record, np.ndarray]]
 Item = TypeVar("Item")
@@ -138,6 +142,23 @@ def write_part_features(
         return result_digest(source, _input_name(shard, row, record))
 
     fill_column(folder, "part_feature", note, make, part, progress, origin)
+
+
+def write_geometric_features(
+    folder: str | Path, *, part: tuple[int, int] = (0, 1), progress: bool = True
+) -> None:
+    """The column ``part_feature`` of a prepared folder, of its records' own shapes.
+
+    Raises:
+      FileNotFoundError: no records. ValueError: the folder has that column from another source.
+    """
+    note = {"source": GEOMETRIC, "channels": GEOMETRIC_CHANNELS}
+
+    def make(shard: Path) -> Columns:
+        for _, record in _records(shard):
+            yield record, geometric_features(record)
+
+    fill_column(folder, "part_feature", note, make, part, progress)
 
 
 def export_points(

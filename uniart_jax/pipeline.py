@@ -14,7 +14,7 @@ import functools
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypedDict, Unpack
 
 import jax
 import numpy as np
@@ -65,6 +65,18 @@ LATENTS = ("structure", "latent")
 GAUSSIANS = "gaussian_decoder.safetensors"
 
 
+class SamplingOptions(TypedDict, total=False):
+    """Fields of ``config.SampleConfig`` to sample with; None, or absent: as the checkpoint has them."""
+
+    steps: int | None
+    guidance: float | None
+    guidance_interval: tuple[float, float] | None
+    rescale_t: float | None
+    solver: Literal["euler", "heun"] | None
+    adaptive: bool | None
+    tolerance: float | None
+
+
 @dataclasses.dataclass(frozen=True)
 class Sample:
     """A sampled object and how. ``picture``: the (first) image with the camera that was estimated for it. Of both flows ("structure", "latent") the options, the velocities that were asked for (with guidance each is one call
@@ -113,10 +125,16 @@ class Pipeline:
     def __call__(
         self,
         image: str | Path | np.ndarray | Sequence[str | Path | np.ndarray],
-        **options: Any,
+        *,
+        seed: int = 0,
+        name: str = "object",
+        layout: Layout | bool = True,
+        background: Background = "auto",
+        **sampling: Unpack[SamplingOptions],
     ) -> ArticulatedObject:
         """The object alone of ``sample``, which see."""
-        return self.sample(image, **options).obj
+        chosen: dict[str, Any] = {"layout": layout, "background": background, **sampling}
+        return self.sample(image, seed=seed, name=name, **chosen).obj
 
     def sample(
         self,
@@ -127,7 +145,13 @@ class Pipeline:
         layout: Layout | bool = True,
         background: Background = "auto",
         progress: Callable[[str], None] = lambda step: None,
-        **changes: Any,
+        steps: int | None = None,
+        guidance: float | None = None,
+        guidance_interval: tuple[float, float] | None = None,
+        rescale_t: float | None = None,
+        solver: Literal["euler", "heun"] | None = None,
+        adaptive: bool | None = None,
+        tolerance: float | None = None,
     ) -> Sample:
         """One image (or several views of one object) to an object.
 
@@ -138,7 +162,8 @@ class Pipeline:
             what the checkpoint's layout network finds in the (first) image, where it has one; False = they are read off the voxels.
           background: how the object is cut out of the image (``data.background.cut_out``).
           progress: called with the name of each step.
-          changes: of both flows' options (``options``): steps, guidance, solver, adaptive, tolerance, …
+          steps, guidance, guidance_interval, rescale_t, solver, adaptive, tolerance: of both flows
+            (``config.SampleConfig``); None = as the checkpoint has them.
 
         Raises:
           FileNotFoundError, ValueError: an image cannot be used, no object was found in it, or the checkpoint is not trained so far.
@@ -153,7 +178,15 @@ class Pipeline:
         views: list[Any] = [image] if single else list(image)
         if not views:
             raise ValueError("sample: no image; give one, or several views of one object")
-        structure_options, latent_options = self.options(**changes)
+        structure_options, latent_options = self.options(
+            steps=steps,
+            guidance=guidance,
+            guidance_interval=guidance_interval,
+            rescale_t=rescale_t,
+            solver=solver,
+            adaptive=adaptive,
+            tolerance=tolerance,
+        )
         progress("looking at the image")
         cut = [self._cut_out(view, background) for view in views]
         shown = [picture for picture, _ in cut]
@@ -209,9 +242,11 @@ class Pipeline:
             raise ValueError("layout: this checkpoint has no layout network; train one with --stage layout")  # fmt: skip
         return self._read_layout(self._cut_out(image)[0], threshold)
 
-    def find_layout(self, image: str | Path | np.ndarray) -> Layout | None:
+    def find_layout(
+        self, image: str | Path | np.ndarray, background: Background = "auto"
+    ) -> Layout | None:
         """``layout`` of an image; None where the checkpoint has no layout network."""
-        return self._find_layout(self._cut_out(image)[0])
+        return self._find_layout(self._cut_out(image, background)[0])
 
     def _find_layout(self, cut_out: np.ndarray) -> Layout | None:
         if not self.config.model.layout.queries or self.folder is None:
@@ -247,7 +282,9 @@ class Pipeline:
             raise ValueError("layout: this pipeline was not loaded from a checkpoint")
         return load_layout_predictor(str(self.folder))
 
-    def options(self, **changes: Any) -> tuple[StructureSampleConfig, LatentSampleConfig]:
+    def options(
+        self, **changes: Unpack[SamplingOptions]
+    ) -> tuple[StructureSampleConfig, LatentSampleConfig]:
         """The checkpoint's sampling options, changed where asked (``SampleConfig``'s fields); None = as they are.
 
         Raises:

@@ -212,9 +212,10 @@ def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> d
     return {"coords": coords, "counts": counts, "plan": plan}
 
 
-def join_views(condition: Condition) -> Condition:
-    """Several views [M, ...] of one object as one condition [1, ...], without a layout: tokens and maps side by side, volumes (aligned with the object) averaged."""
+def join_views(condition: Condition, items: int = 1) -> Condition:
+    """Several views [B N, ...], N of each of B ``items``, as one condition [B, ...] of each, without
+    a layout: tokens and maps side by side, volumes (aligned with the object) averaged."""
     tokens, volume, *views = condition[:4]
-    mean = None if volume is None else volume.mean(0, keepdims=True)
-    views = [None if v is None else v.reshape(1, -1, *v.shape[2:]) for v in views]
-    return Condition(tokens.reshape(1, -1, tokens.shape[-1]), mean, *views)
+    mean = None if volume is None else volume.reshape(items, -1, *volume.shape[1:]).mean(1)
+    views = [None if v is None else v.reshape(items, -1, *v.shape[2:]) for v in views]
+    return Condition(tokens.reshape(items, -1, tokens.shape[-1]), mean, *views)

@@ -17,6 +17,7 @@ from typing import get_args
 
 from uniart_jax.cli import load_config
 from uniart_jax.config import Aggregation, Config
+from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
 from uniart_jax.experiments.design import (
     OBJECT_COLUMNS,
     PAPER_STAGES,
@@ -29,7 +30,7 @@ from uniart_jax.experiments.design import (
 )
 
 CONFIGS = Path(__file__).parent.parent
-RECORDS = Records("data-cache/experiments-seen", count=2000)
+RECORDS = Records("data-cache/experiments-seen", count=2000, part_features="geometric")
 
 
 def nano() -> Config:
@@ -38,7 +39,13 @@ def nano() -> Config:
         config.uniart_vae, steps=500, warmup_steps=50, ema_decay=0.99, save_every=100
     )
     # no layout for the decoder: what the latents hold is asked
-    vae = dataclasses.replace(config.model.uniart_vae, part_segment=0, layout_channels=0)
+    # part features, so that voxels of one part differ in what the aggregation takes together
+    vae = dataclasses.replace(
+        config.model.uniart_vae,
+        part_segment=0,
+        layout_channels=0,
+        part_feature_channels=GEOMETRIC_CHANNELS,
+    )
     model = dataclasses.replace(config.model, uniart_vae=vae)
     config = dataclasses.replace(config, model=model, uniart_vae=stage)
     return trained_on(config, RECORDS, voxel_crop=1024)

@@ -11,7 +11,7 @@ import tyro
 
 from uniart_jax import __version__, cli, progress
 from uniart_jax.cli import COMMANDS
-from uniart_jax.cli.help_texts import readable, value_name
+from uniart_jax.cli.help_texts import joined_lines, readable, value_name
 from uniart_jax.cli.verbosity import take_verbosity
 
 
@@ -125,3 +125,26 @@ def test_verbose_commands_say_where_an_error_was_raised(uniart, monkeypatch, cap
 def test_quiet_and_verbose_contradict(uniart):
     code, _, said = uniart("-q", "stats", "-v")
     assert code == 2 and said == "error: -q and -v contradict each other; give one of them\n"
+
+
+def test_help_breaks_lines_where_the_terminal_ends_alone():
+    text = """One sentence that
+    goes on. Another.
+
+    A second paragraph.
+
+    Args:
+        first: What it is,
+          over three
+          lines.
+        second: Short.
+    """
+    assert joined_lines(text).splitlines() == [
+        "One sentence that goes on. Another.",
+        "",
+        "A second paragraph.",
+        "",
+        "Args:",
+        "    first: What it is, over three lines.",
+        "    second: Short.",
+    ]

@@ -99,10 +99,29 @@ def test_structure_batches_resume(cache):
         assert all(np.array_equal(a[key], b[key]) for key in a)
 
 
+def test_several_views_of_an_item_are_shown_together(cache):
+    both = dataclasses.replace(DATA, condition_views=2)
+    one, two = (
+        iter(latents.latent_batches(cache, data, MODEL, 4, stage="structure_flow"))
+        for data in (DATA, both)
+    )
+    for _ in range(4):
+        alone, together = next(one)["image"], next(two)["image"]
+        assert together.shape == (4, 2, *alone.shape[1:])
+        np.testing.assert_array_equal(together[:, 0], alone)  # the first is drawn as it was
+        assert np.abs(together[:, 0] - together[:, 1]).max() > 0.1
+    for views in (0, 3):
+        data = dataclasses.replace(DATA, condition_views=views)
+        with pytest.raises(ValueError, match=rf"condition_views is {views}, records have 2 views"):
+            latents.latent_batches(cache, data, MODEL, 4, stage="structure_flow")
+
+
 def test_a_refiners_batches_hold_the_occupancy(cache):
     flow = dataclasses.replace(MODEL.structure_flow, refine_channels=4)
     model = dataclasses.replace(MODEL, structure_flow=flow)
-    batch = next(iter(latents.latent_batches(cache, DATA, model, 4, stage="structure_flow")))
+    batch = next(
+        iter(latents.latent_batches(cache, DATA, model, 4, stage="structure_flow", decoded=True))
+    )
     side = MODEL.grid.resolution
     assert batch["occupancy"].shape == (4, side, side, side)
     source = latents.LatentSource(cache)

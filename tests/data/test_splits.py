@@ -9,7 +9,7 @@ import pytest
 from uniart_jax.config import DataConfig
 from uniart_jax.data import splits
 from uniart_jax.data.sources import Entry
-from uniart_jax.stage_checks import overlapping
+from uniart_jax.stages.checks import overlapping
 
 
 def entries(category, count, start=0):

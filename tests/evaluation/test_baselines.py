@@ -2,17 +2,20 @@
 
 import dataclasses
 import functools
+import pickle
 import types
 from pathlib import Path
 
 import numpy as np
 import pytest
+import toy_assets
 
 from uniart_jax import procedural
 from uniart_jax.cli.evaluation import evaluate
 from uniart_jax.evaluation import baselines
 from uniart_jax.evaluation.baselines import baseline_methods, evaluate_baselines
 from uniart_jax.evaluation.compare import compare
+from uniart_jax.evaluation.library import Asset, find_assets
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.evaluation.retrieval import training_objects
@@ -94,7 +97,7 @@ def test_what_every_method_is_made_of(networks, folder, monkeypatch):
         assert np.allclose(retrieved.boxes, made.boxes, atol=1e-6)
         assert [p.parent for p in retrieved.parts] == [p.parent for p in made.parts]
     with pytest.raises(
-        ValueError, match="another checkpoint, split, records or size of pictures; choose another"
+        ValueError, match="another checkpoint, split, records, library or size of pictures; choose"
     ):
         baseline_methods("toy", folder, count=COUNT, unseen=True)
     with monkeypatch.context() as patched, pytest.raises(ValueError, match="size of pictures"):
@@ -150,13 +153,61 @@ def test_the_nearest_image_is_asked_where_there_are_records(patch, tmp_path, mon
     assert list(again) == ["model", "nearest_image", *METHODS[1:]] and not again["model"]
 
 
+def test_a_library_of_assets_takes_the_place_of_procedural_parts(patch, tmp_path, monkeypatch):
+    """The nearest asset is copied as it lies, and both retrievals of parts take the library's."""
+    for name, height in (("low", 0.2), ("tall", 2.0)):
+        toy_assets.write(tmp_path / "assets" / name, "body", "lid", height=height)
+    (tmp_path / "assets" / "broken.urdf").write_text("<robot")
+    library, asked = find_assets(tmp_path / "assets"), []
+
+    def make(pipeline, assets, cache, processes):
+        assert list(assets) == library and cache == tmp_path / "out" / "library"
+        return lambda pixels: asked.append(pixels.shape) or library[2]
+
+    monkeypatch.setattr(baselines, "load", lambda checkpoint: Networks(1))
+    monkeypatch.setattr(baselines, "checkpoint_digest", lambda checkpoint: "toy")
+    monkeypatch.setattr(baselines, "make_asset_retrieval", make)
+    monkeypatch.setattr(baselines, "make_library", None)  # no procedural parts
+    run = functools.partial(baseline_methods, "toy", tmp_path / "out", count=2)
+    methods, references = run(library=library)
+    assert list(methods) == ["model", "nearest_asset", *METHODS[1:]]
+    assert len(asked) == 2 and list(methods["nearest_asset"]) == list(references)
+    copied = methods["nearest_asset"][NAMES[0]]
+    assert not isinstance(copied, ArticulatedObject | Path) and pickle.dumps(copied)
+    tall = at_rest(load_object(tmp_path / "assets" / "tall"))
+    assert same_meshes(copied(), tall) and copied().scale == 1
+    for name, truth in references.items():
+        found = methods["retrieval_true_boxes"][name]
+        assert np.allclose(found.boxes, at_rest(truth).boxes, atol=1e-6)
+        assert {len(p.mesh.faces) for p in found.parts} == {12}  # the assets are of boxes
+    run(library=library)
+    assert len(asked) == 2  # asked once
+    with pytest.raises(ValueError, match="another checkpoint, split, records, library or size"):
+        run(library=library[1:])
+    with pytest.raises(ValueError, match="another checkpoint, split, records, library or size"):
+        run()
+
+
 def test_the_command(tmp_path, monkeypatch):
     asked = {}
     monkeypatch.setattr(baselines, "evaluate_baselines", lambda *a, **k: asked.update(k, args=a))
     evaluate("baselines", out=tmp_path, records=Path("records"), unseen=True, processes=3)
-    assert asked == {"args": ("nano", tmp_path), "records": Path("records"), "count": 128, "unseen": True, "openshape": None, "processes": 3}  # fmt: skip
-    for wrong in ({"only": ("surface",)}, {"samples": "best"}, {"pictures": 3}):
+    given = {"count": 128, "unseen": True, "openshape": None, "processes": 3}
+    records = Path("records")
+    assert asked == {"args": ("nano", tmp_path), "records": records, "library": [], **given}
+    fronts = ({"front": "+x"}, {"ref_front": "+x"})
+    for wrong in ({"only": ("surface",)}, {"samples": "best"}, {"pictures": 3}, *fronts):
         with pytest.raises(ValueError, match="evaluate baselines: it takes no --"):
             evaluate("baselines", out=tmp_path, **wrong)
+    with pytest.raises(ValueError, match="without --library: it takes no --allow-outside"):
+        evaluate("baselines", out=tmp_path, allow_outside=True)
+    with pytest.raises(ValueError, match="evaluate physics: it takes no --library"):
+        evaluate("physics", out=tmp_path, library=tmp_path)
+    with pytest.raises(FileNotFoundError, match="library 'nowhere': no such folder"):
+        evaluate("baselines", out=tmp_path, library=Path("nowhere"))
+    toy_assets.write(tmp_path / "assets" / "door", "body", "lid")
+    options = {"library": tmp_path / "assets", "front": "+x", "allow_outside": True}
+    evaluate("baselines", out=tmp_path, **options)
+    assert asked["library"] == [Asset(str(tmp_path / "assets"), "door", "+x", True)]
     with pytest.raises(ValueError, match="it takes no folder"):
         evaluate("baselines", tmp_path, out=tmp_path)

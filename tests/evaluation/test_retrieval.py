@@ -38,7 +38,7 @@ def library() -> PartLibrary:
 
 
 def hand_made(sizes, labels) -> PartLibrary:
-    return PartLibrary(np.array(sizes, float), np.array(labels), (("oven", 0, 0),) * len(sizes))
+    return PartLibrary(np.array(sizes, float), np.array(labels), ((("oven", 0), 0),) * len(sizes))
 
 
 @pytest.mark.parametrize("source", OWN)
@@ -48,7 +48,7 @@ def test_an_object_whose_parts_are_in_the_library_is_reproduced(library, source)
         asked = target if labels else without_labels(target)
         found = retrieve_parts(asked, library)
         for k, (part, true) in enumerate(zip(found.parts, asked.parts, strict=True)):
-            assert library.places[library.nearest(true.box[3:], true.label)] == (*source, k)
+            assert library.places[library.nearest(true.box[3:], true.label)] == (source, k)
             assert np.allclose(part.mesh.vertices, true.mesh.vertices, atol=1e-9)
             assert np.array_equal(part.mesh.faces, true.mesh.faces)
             assert part.joint is true.joint and part.parent == true.parent
@@ -146,7 +146,7 @@ def test_held_out_objects_and_nothing_are_refused():
 def test_the_library_holds_training_objects_in_the_order_they_are_prepared(library):
     assert training_objects(9)[:1] == [("storage_furniture", 0)]
     assert training_objects(9)[8] == (procedural.SEEN_FAMILIES[1], 8)
-    assert library.places[0] == ("storage_furniture", 0, 0)
+    assert library.places[0] == (("storage_furniture", 0), 0)
     obj = at_rest(procedural.generate("storage_furniture", 0))
     assert np.allclose(library.sizes[: len(obj.parts)], obj.boxes[:, 3:])
     assert list(library.labels[: len(obj.parts)]) == [p.label for p in obj.parts]

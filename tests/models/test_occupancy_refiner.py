@@ -1,6 +1,7 @@
 """The refiner at toy size: it begins with the logits it is given, and reads its own item's picture, layout and logits."""
 
 import dataclasses
+import functools
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ from toy import MODEL, finite, flow_table, flow_views, init
 
 from uniart_jax.config import Config, LossConfig
 from uniart_jax.models.network import build
-from uniart_jax.training.objectives import make_structure_flow_loss
+from uniart_jax.training.flow_losses import make_structure_flow_loss
 
 SIDE = MODEL.grid.resolution
 
@@ -121,6 +122,41 @@ def test_its_loss_trains_the_refiner_alone_and_falls():
         updates, state = optimizer.update(gradient, state)
         params = optax.apply_updates(params, updates)
     assert last < 0.7 * first and metrics["iou"] > metrics["iou_before"]
+
+
+def test_the_flow_learns_from_what_its_sample_decodes_to():
+    """``loss.decoded_structure`` adds cross-entropy and Dice of the decoded x_0, times its weight."""
+    model = dataclasses.replace(
+        MODEL, structure_flow=dataclasses.replace(MODEL.structure_flow, refine_channels=0)
+    )
+    network, vae = build("structure_flow", model), build("structure_vae", model)
+    rng = np.random.default_rng(0)
+    occupancy = np.zeros((2, SIDE, SIDE, SIDE), bool)
+    occupancy[:, 2:6, 2:6, 2:6] = True
+    params, vae_params = init(network), init(vae)
+    latent = vae.apply(vae_params, occupancy.astype(np.float32), method="encode")[0]
+    batch = {
+        "tokens": jnp.asarray(rng.normal(size=(2, 9, 16)), jnp.float32),
+        "volume": jnp.asarray(rng.normal(size=(2, 4, 4, 4, 5)), jnp.float32),
+        "layout": flow_table(), "structure": latent, "occupancy": occupancy,
+    }  # fmt: skip
+    zero = np.zeros(3, np.float32)
+
+    @functools.partial(jax.jit, static_argnames="weight")
+    def loss_of(weight):
+        config = Config(model=model, loss=LossConfig(decoded_structure=weight, draws_per_image=2))
+        loss_fn = make_structure_flow_loss(network, config, zero, zero + 1)
+        given = (vae_params,) if weight else ()
+        return jax.value_and_grad(
+            lambda p: loss_fn(p, batch, jax.random.key(0), *given), has_aux=True
+        )(params)
+
+    ((plain, _), gradient), ((decoded, terms), other) = loss_of(0.0), loss_of(0.5)
+    added = 0.5 * (terms["decoded_entropy"] + terms["decoded_dice"])
+    np.testing.assert_allclose(decoded, plain + added, rtol=1e-5)
+    assert added > 0.1
+    moved = [np.abs(a - b).max() for a, b in zip(*map(jax.tree.leaves, (gradient, other)), strict=True)]  # fmt: skip
+    assert max(moved) > 1e-6
 
 
 @pytest.mark.parametrize(("share", "channels"), [(1.5, 4), (0.5, 0)])

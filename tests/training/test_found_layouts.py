@@ -17,7 +17,7 @@ from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.samplers import make_layout_finder
 from uniart_jax.training.found_layouts import show_found
-from uniart_jax.training.objectives import make_uniart_vae_loss
+from uniart_jax.training.vae_losses import make_uniart_vae_loss
 
 LAYOUT = LayoutConfig(
     queries=4, backbone="convolutions", map_channels=8, width=16, layers=1, heads=2,

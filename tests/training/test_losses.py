@@ -12,16 +12,10 @@ from hypothesis import strategies as st
 from uniart_jax.config import Config, FlowConfig, LossConfig
 from uniart_jax.samplers import Condition
 from uniart_jax.training import losses
+from uniart_jax.training.flow_losses import draw, make_latent_flow_loss, normalize, of_pictures
 from uniart_jax.training.found_layouts import matching_rows
-from uniart_jax.training.objectives import (
-    alignment_loss,
-    draw,
-    make_latent_flow_loss,
-    make_uniart_vae_loss,
-    normalize,
-    of_pictures,
-    part_weights,
-)
+from uniart_jax.training.losses import part_weights
+from uniart_jax.training.vae_losses import alignment_loss, make_uniart_vae_loss
 from uniart_jax.voxels.joint_code import gauge_variants
 from uniart_jax.voxels.part_table import PartTable
 
@@ -253,6 +247,27 @@ def test_a_loss_of_pictures_is_that_of_what_the_encoder_sees_in_them():
     assert found == 2 * 5 * 3 and metrics["fields"] == {"x", *Condition._fields}
     given = of_pictures(loss, condition)(2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0, 7))  # fmt: skip
     assert given[0] == 7 * found
+
+
+def test_a_loss_of_several_views_sees_all_of_them_and_the_layout_of_the_first():
+    views = jnp.arange(2 * 3 * 4 * 4 * 3, dtype=jnp.float32).reshape(2, 3, 4, 4, 3)
+
+    def condition(encoder, images):
+        assert images.shape == (6, 4, 4, 3)
+        return Condition(tokens=images.reshape(6, 16, 3), volume=images[:, None, None, None, 0, 0])
+
+    def find(params, images):
+        np.testing.assert_array_equal(images, views[:, 0])
+        return PartTable(*(jnp.ones((2, 1)) for _ in range(4)), jnp.ones(2))
+
+    def loss(params, batch, key):
+        return jnp.zeros(()), {name: batch[name] for name in ("tokens", "volume")}
+
+    own = PartTable(*(jnp.zeros((2, 1)) for _ in range(4)), jnp.ones(2))
+    seeing = of_pictures(loss, condition, find, 1.0)
+    _, seen = seeing(None, {"image": views, "layout": own}, jax.random.key(0), (None, None))
+    np.testing.assert_array_equal(seen["tokens"], views.reshape(2, 48, 3))
+    np.testing.assert_allclose(seen["volume"][:, 0, 0, 0], views[:, :, 0, 0].mean(1))
 
 
 def test_true_parts_are_matched_to_the_rows_found_of_them():

@@ -96,8 +96,8 @@ folder, accumulate = Path(sys.argv[1]), int(sys.argv[2])
 sys.path[:0] = sys.argv[3:]
 import tiny_run
 tiny_run.make_records(folder)
-from uniart_jax import stages
 from uniart_jax.models.network import build
+from uniart_jax.stages.trainer import STAGES, make_put, make_step, stage_batches
 from uniart_jax.training.microbatches import in_parts
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
@@ -105,11 +105,11 @@ config = tiny_run.make_config(folder)
 stage = dataclasses.replace(config.uniart_vae, accumulate=accumulate)
 config = dataclasses.replace(config, uniart_vae=stage)
 mesh, network, optimizer = make_mesh(config.mesh), build("uniart_vae", config.model), make_optimizer(stage)
-batch = next(iter(stages.stage_batches("uniart_vae", config, folder)))
-batch = in_parts(stages.make_put("uniart_vae", mesh), accumulate, config.model)(batch)
+batch = next(iter(stage_batches(STAGES["uniart_vae"], config, folder)))
+batch = in_parts(make_put(STAGES["uniart_vae"], mesh), accumulate, config.model)(batch)
 parts = batch if accumulate > 1 else (batch,)
 assert all(len(p.inverse) == 4 for part in parts for p in part["plans"].values())
-step = stages.make_step("uniart_vae", network, optimizer, config, folder, mesh)
+step = make_step(STAGES["uniart_vae"], network, optimizer, config, folder, mesh, {})
 state = create_state(network.init, optimizer, jax.random.key(0), mesh)
 print(sum(leaf.size for leaf in jax.tree.leaves(state.params)))
 print(step.compile(state, batch, jax.random.key(0)).call.as_text())

@@ -110,7 +110,7 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
     import numpy as np
     from jax.experimental import multihost_utils
 
-    from uniart_jax import stages
+    from uniart_jax.stages import trainer
     from uniart_jax.training import distributed, sharding
     from uniart_jax.training.export import flat_names
 
@@ -130,11 +130,11 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
         return keep
 
     with mock.patch.multiple(
-        stages,
-        run_stage=keeping(stages.run_stage, ends),
-        make_step=keeping(stages.make_step, steps),
+        trainer,
+        run_stage=keeping(trainer.run_stage, ends),
+        make_step=keeping(trainer.make_step, steps),
     ):
-        stages.run(config, [name], workdir)
+        trainer.run(config, [name], workdir)
     leaves = flat_names(ends[0])
     if config.mesh.fsdp > 1:
         assert any(not leaf.sharding.is_fully_replicated for leaf in leaves.values())

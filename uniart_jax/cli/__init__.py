@@ -12,6 +12,7 @@ import tyro
 
 from uniart_jax import __version__
 from uniart_jax.allocator import keep_freed_memory
+from uniart_jax.cli.app import app
 from uniart_jax.cli.arguments import guarded
 from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
 from uniart_jax.cli.data import features, inspect, prepare, stats
@@ -30,6 +31,7 @@ COMMANDS = {
     "prepare": prepare,
     "features": features,
     "sample": sample,
+    "app": app,
     "train": TrainArguments,  # for --help; the config's own fields follow, see main
     "layout": layout,
     "export": export,

@@ -49,6 +49,7 @@ def prepare(
     runner: Literal["local", "beam"] = "local",
     beam_options: str = "",
     checkpoint: str = "nano",
+    part_features: Literal["none", "geometric"] = "none",
 ) -> None:
     """Make training records. Can be killed and run again: finished shards are kept.
 
@@ -81,6 +82,7 @@ def prepare(
         runner: "beam": by Apache Beam (pip install 'uniart_jax[beam]').
         beam_options: Options of the Beam pipeline, as one string.
         checkpoint: found: the model that finds the voxels.
+        part_features: "geometric": also the column "part_feature", of the shape around each voxel, as `uniart features --part-features geometric` makes it.
     """
     from uniart_jax.data import prepare as records
     from uniart_jax.data.folder import Settings
@@ -94,6 +96,8 @@ def prepare(
             raise ValueError(f"prepare: --{name} must be at least 1, got {value}")
     if source != "procedural" and (families is not None or start_seed):
         raise ValueError("prepare: --families and --start-seed are of procedural objects")
+    if part_features != "none" and source in ("layouts", "found"):
+        raise ValueError("prepare: --part-features is of records of objects")
     if world != "seven" and (families is not None or source not in ("procedural", "layouts")):
         raise ValueError(
             "prepare: --world is of procedural objects and layouts, and instead of --families"
@@ -170,6 +174,10 @@ def prepare(
         entries = splits.assign(found, split, listed)[:count]
         settings = dataclasses.replace(settings, split=splits.rule_digest(split, split_list))
     records.prepare(out, entries, settings, processes=workers, part=part, run=run)
+    if part_features == "geometric":
+        from uniart_jax.features import write_geometric_features
+
+        write_geometric_features(out, part=part)
 
 
 def features(
@@ -187,7 +195,7 @@ def features(
     Args:
         records: A folder made by ``uniart prepare`` (for --weights: with --orbit-views).
         weights: image_encoder.safetensors of ``uniart convert dinov2``, or its folder: the column "visual", DINOv2's features averaged over the orbit.
-        part_features: Folder of PartField's results on the exported points: the column "part_feature".
+        part_features: Folder of PartField's results on the exported points: the column "part_feature". Or the word "geometric": the shape around each voxel, which needs no weights.
         export_points: Folder to write one PLY a record to, for PartField.
         views: --weights: orbit pictures to use of each record (default: all).
         batch: --weights: pictures the network reads at a time.
@@ -201,7 +209,9 @@ def features(
 
     if export_points is not None:
         columns.export_points(records, export_points, part=part)
-    if part_features is not None:
+    if part_features == Path(columns.GEOMETRIC):
+        columns.write_geometric_features(records, part=part)
+    elif part_features is not None:
         columns.write_part_features(records, part_features, part=part)
     if weights is not None:
         enable_compilation_cache()

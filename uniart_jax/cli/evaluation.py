@@ -13,6 +13,7 @@ from uniart_jax.cli.arguments import Out
 OWN = ("baselines", "procedural", "layout", "representation", "physics")
 Engines = tuple[Literal["mujoco", "pybullet"], ...]
 Samples = Literal["mean", "best", "first"]
+Front = Literal["-x", "+x", "-y", "+y"]
 
 
 def evaluate(
@@ -31,6 +32,7 @@ def evaluate(
     checkpoint: str | None = None,
     count: int | None = None,
     records: Path | None = None,
+    library: Path | None = None,
     pictures: int | None = None,
     pred: Path | None = None,
     cache: Path | None = None,
@@ -38,10 +40,13 @@ def evaluate(
     processes: int | None = None,
     engines: Engines | None = None,
     allow_outside: bool = False,
+    front: Front | None = None,
+    ref_front: Front | None = None,
 ) -> None:
     """Hold anybody's predictions against references: uniart evaluate PRED REF --out DIR. Writes metrics.json, table.md, report.html.
 
-    PRED and REF are folders of assets (URDF, MJCF, object.json) matched by name, or one asset each; PRED/NAME may hold several samples.
+    PRED and REF are folders of assets (URDF, MJCF, object.json, nap.npz) matched by name, or one
+    asset each; PRED/NAME may hold several samples.
     Or measure a checkpoint on held-out procedural objects, beside retrieval and controls (baselines) or station by station (procedural), its layouts (layout), the
     representation alone, or assets in simulators (physics).
 
@@ -54,6 +59,7 @@ def evaluate(
         checkpoint: As for sample.py (default nano). physics: judge what it makes of held-out images; without one, the true objects.
         count: Held-out objects, seeds from 1,000,000 on (default 128; physics 200, of a checkpoint 64), or assets (default all).
         records: Training records for the retrieval baseline; without them it is left out.
+        library: baselines: a folder of assets to retrieve from (PartNet-Mobility's, any URDFs).
         pictures: procedural: how many objects are drawn (default 16).
         pred: layout: a folder of layouts <index>.json instead of a checkpoint's.
         cache: layout ROOT: where the assets' pictures are kept for the next run (default OUT/objects).
@@ -61,6 +67,8 @@ def evaluate(
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
         engines: physics: MuJoCo and, where it is installed, PyBullet by default.
         allow_outside: Let assets name files outside their own folders. PRED REF: also follow links that lead out of them.
+        front: PRED REF, --library: which way predictions or assets face (default -x), as prepare's.
+        ref_front: PRED REF: the same of references.
     """
     for name, value in (("count", count), ("processes", processes)):
         if value is not None and value < 1:
@@ -74,15 +82,31 @@ def evaluate(
             checkpoint=checkpoint,
             count=count,
             records=records,
+            library=library,
             pictures=pictures,
             pred=pred,
             cache=cache,
             unseen=unseen,
             engines=engines,
         )
-        _compare(Path(what), root, out, samples or "mean", only, openshape, workers, allow_outside)
+        _compare(
+            Path(what),
+            root,
+            out,
+            samples=samples or "mean",
+            only=only,
+            openshape=openshape,
+            processes=workers,
+            allow_outside=allow_outside,
+            front=front or "-x",
+            ref_front=ref_front or "-x",
+        )
         return
-    _refuse(what, samples=samples, only=only)
+    _refuse(what, samples=samples, only=only, ref_front=ref_front)
+    if what != "baselines":
+        _refuse(what, library=library)
+    if library is None:
+        _refuse(what, front=front)
     if what == "layout":
         _refuse(what, records=records, pictures=pictures, openshape=openshape, engines=engines)
         if root is None:
@@ -98,17 +122,24 @@ def evaluate(
         return
     _refuse(what, pred=pred, cache=cache)
     if what == "baselines":
-        _refuse(what, pictures=pictures, engines=engines, allow_outside=allow_outside)
+        _refuse(what, pictures=pictures, engines=engines)
+        if library is None:
+            _refuse(f"{what} without --library", allow_outside=allow_outside)
         if root is not None:
             raise ValueError("evaluate baselines: it takes no folder; REF are held-out procedural objects")  # fmt: skip
         from uniart_jax.evaluation.baselines import evaluate_baselines
+        from uniart_jax.evaluation.library import find_assets
         from uniart_jax.pipeline import enable_compilation_cache
 
+        assets = []
+        if library is not None:
+            assets = find_assets(library, front=front or "-x", allow_outside=allow_outside)
         enable_compilation_cache()
         evaluate_baselines(
             checkpoint or "nano",
             out,
             records=records,
+            library=assets,
             count=count or 128,
             unseen=unseen,
             openshape=openshape,
@@ -167,16 +198,7 @@ def _refuse(what: str, **options: Any) -> None:
             raise ValueError(f"evaluate {what}: it takes no --{name.replace('_', '-')}")
 
 
-def _compare(
-    predictions: Path,
-    references: Path | None,
-    out: Path,
-    samples: Samples,
-    only: tuple[str, ...] | None,
-    openshape: Path | None,
-    processes: int,
-    allow_outside: bool,
-) -> None:
+def _compare(predictions: Path, references: Path | None, out: Path, **options: Any) -> None:
     if references is None:
         kinds = ", ".join(OWN)
         why = "give the references too: uniart evaluate PRED REF --out DIR"
@@ -186,13 +208,4 @@ def _compare(
     from uniart_jax.evaluation.compare import compare
 
     name = predictions.resolve().name or "predictions"
-    compare(
-        {name: predictions},
-        references,
-        out,
-        only=only,
-        samples=samples,
-        processes=processes,
-        allow_outside=allow_outside,
-        openshape=openshape,
-    )
+    compare({name: predictions}, references, out, **options)

@@ -36,7 +36,24 @@ def readable(command: Command) -> Command:
             inner, *extras = _unwrapped(hints[name])
             marked: Any = (inner, tyro.conf.arg(**shown), *extras)
             command.__annotations__[name] = Annotated[marked]  # type: ignore[misc]
+    command.__doc__ = joined_lines(command.__doc__ or "")
     return command
+
+
+def joined_lines(text: str) -> str:
+    """A docstring with each paragraph and each entry of its sections on one line: the terminal
+    breaks it where it is too narrow, tyro would break it where the source does as well."""
+    lines: list[str] = []
+    for line in inspect.cleandoc(text).splitlines():
+        indent = len(line) - len(line.lstrip())
+        last = lines[-1] if lines else ""
+        deeper = indent > len(last) - len(last.lstrip())
+        goes_on = bool(last.strip() and line.strip()) and not last.endswith(":")
+        if goes_on and (deeper or indent == 0):
+            lines[-1] = f"{last} {line.strip()}"
+        else:
+            lines.append(line)
+    return "\n".join(lines)
 
 
 def value_name(hint: Any) -> str | None:

@@ -34,15 +34,13 @@ from uniart_jax.cli.arguments import (
     validation_lines,
 )
 from uniart_jax.config import TOLERANCES
+from uniart_jax.evaluation.sampled import details, steps_of_several
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.printing.settings import PrintSettings
 from uniart_jax.progress import messages
 
 if TYPE_CHECKING:
     from uniart_jax.pipeline import Sample
-
-
-DIFFERENT = 4  # solver steps of several samples, where the checkpoint's own would make them alike
 
 
 def sample(
@@ -156,8 +154,7 @@ def sample(
     with console.status("loading the model") as status:
         pipeline = load(checkpoint)
         if num_samples > 1 and steps is None and not adaptive:
-            few = any(options.steps == 1 for options in pipeline.options())
-            changes["steps"] = DIFFERENT if few else None  # one step is the mean, whatever the seed
+            changes["steps"] = steps_of_several(pipeline.options())
         groups = [("object", list(zip(images, pictures, strict=True)))]
         if not multi_view:
             groups = [
@@ -266,30 +263,6 @@ def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[s
     from uniart_jax.cli.words import closing_line
 
     yield closing_line(one.obj, folder)
-
-
-def details(made: list[Sample], index: int) -> dict[str, Any]:
-    """What report.json says of sample ``index`` beside the object: how it was sampled and, where there are several, how much they agree."""
-    from uniart_jax.evaluation.spread import joint_spread
-
-    one = made[index]
-    sampling = {}
-    for flow, options in one.options.items():
-        fixed = {"steps": options.steps}
-        adapted = {"tolerance": options.tolerance, "forced": one.forced[flow]}
-        sampling[flow] = {
-            "solver": options.solver,
-            "adaptive": options.adaptive,
-            **(adapted if options.adaptive else fixed),
-            "guidance": options.guidance,
-            "evaluations": one.evaluations[flow],
-        }
-    told: dict[str, Any] = {"sampling": sampling}
-    if one.background:
-        told["background"] = list(one.background)  # of each view
-    if len(made) == 1:
-        return told
-    return told | {"spread": joint_spread([s.obj for s in made], index)}
 
 
 def sample_folders(

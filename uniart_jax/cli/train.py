@@ -73,7 +73,7 @@ def train(arguments: list[str], prog: str = "train.py") -> None:
     default = load_config(known.config)
     config = tyro.cli(Config, default=default, args=rest, prog=f"{prog} --config …")
     from uniart_jax.pipeline import enable_compilation_cache
-    from uniart_jax.stages import run
+    from uniart_jax.stages import Trainer
     from uniart_jax.training import distributed
 
     enable_compilation_cache()
@@ -85,7 +85,7 @@ def train(arguments: list[str], prog: str = "train.py") -> None:
         signal.signal(signal.SIGUSR1, signal.SIG_IGN)  # asks for a trace, where there are steps
     with distributed.together(), device_memory():
         distributed.check_equal(settings(config, stages, known.init))
-        run(config, stages, known.workdir or Path("runs") / config.name, known.init)
+        Trainer(config, known.workdir, known.init).fit(stages)
 
 
 @contextlib.contextmanager

@@ -1,24 +1,11 @@
-"""What was found in a picture, in words: "1 hinge, 2 knobs"."""
+"""What ``sample`` says at the end: what was found in a picture, and what to open."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from uniart_jax.export.naming import KINDS, is_knob
+from uniart_jax.export.words import moving_words
 from uniart_jax.objects.object import ArticulatedObject
-
-ORDER = ("hinge", "knob", "slider", "screw")
-
-
-def moving_words(obj: ArticulatedObject) -> str:
-    """How many parts move and how, as ``export.naming`` calls them; "no moving part" of none."""
-    kinds = [
-        "knob" if is_knob(obj, k) else KINDS[part.joint.type]
-        for k, part in enumerate(obj.parts)
-        if part.joint.type != "fixed"
-    ]
-    counts = [(kinds.count(kind), kind) for kind in ORDER if kind in kinds]
-    return ", ".join(f"{n} {kind}{'s' if n > 1 else ''}" for n, kind in counts) or "no moving part"
 
 
 def closing_line(obj: ArticulatedObject, folder: Path) -> str:

@@ -26,7 +26,7 @@ VALUES = "values"
 _MAKERS = {
     "orbit": "uniart prepare … --orbit-views 150",
     "visual": "uniart features {folder} --weights image_encoder.safetensors",
-    "part_feature": "uniart features {folder} --part-features DIR",
+    "part_feature": "uniart features {folder} --part-features geometric (or PartField's folder)",
 }
 
 

@@ -106,7 +106,7 @@ def cell_parts(record: Record, target_resolution: int) -> np.ndarray:
 
 def reads_pictures(model: ModelConfig) -> bool:
     """Whether a network is trained on the table's pictures: with a frozen encoder only the structure VAE reads the table, and pictures of 518 pixels would fill the memory."""
-    return model.image_encoder.architecture != "dinov2"
+    return model.image_encoder.kind.trained
 
 
 @functools.lru_cache(maxsize=2)  # two stages of one run read the same table

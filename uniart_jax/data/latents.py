@@ -261,19 +261,27 @@ def latent_batches(
 ) -> Batches:
     """Endless shuffled batches for a flow stage, a random view of each item.
 
-    Both stages: ``image`` [B, H, W, 3] float32 in [0, 1]. Structure flow: ``structure`` [B, s, s, s, C] float32 and, with a refiner, ``occupancy``
+    Both stages: ``image`` [B, H, W, 3] float32 in [0, 1], with ``data.condition_views`` above 1
+    [B, N, H, W, 3], the first view at random. Structure flow: ``structure`` [B, s, s, s, C] float32 and, ``decoded``, ``occupancy``
     [B, R, R, R] bool.
     Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``voxel_part`` [B, V] int32, ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and
     ``plans["flow"]``. A flow that sees layouts: ``layout``, a ``voxels.part_table.PartTable``, with ``data.layout_errors`` in it, and pictures bent by
     ``data.image_warp``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
     ``data.mirror_latents`` is decided by what ``write_latents`` was given.
 
-    Args and errors: as ``batches.voxel_batches``; ``decoded``: ``plans`` hold those of the UniArt VAE's decoder too.
+    Args and errors: as ``batches.voxel_batches``; ``decoded``: with what the loss holds a decoder's output against; of the latent flow
+    ``plans`` for the UniArt VAE's decoder too.
     """
     unread = ["structure"] if stage == "latent_flow" else ["voxel_part", "latent"]
-    if stage == "structure_flow" and not model.structure_flow.refine_channels:
+    if stage == "structure_flow" and not decoded:
         unread.append("coords")
     source = LatentSource(latents, without=unread)
+    held = len(source[0]["images"]) if len(source) else 1
+    if not 1 <= data.condition_views <= held:
+        raise ValueError(
+            f"config: data.condition_views is {data.condition_views}, records have {held} views; "
+            "give 1 to as many, or prepare records with more --views"
+        )
     seed = data.seed if seed is None else seed
     if stage == "latent_flow":
         sizes = np.stack([source.voxels, np.zeros_like(source.voxels)], 1)
@@ -281,9 +289,8 @@ def latent_batches(
     else:
         records, widths = np.arange(len(source)), np.zeros(len(source), np.int64)
     load = functools.partial(
-        _load_structure
-        if stage == "structure_flow"
-        else functools.partial(_load_latents, decoded=decoded),
+        _load_structure if stage == "structure_flow" else _load_latents,
+        decoded=decoded,
         source=source,
         model=model,
         seed=seed,
@@ -304,8 +311,13 @@ def _draw_items(
 ) -> tuple[list[dict[str, Any]], Batch]:
     views = draw.generator(seed).random(len(draw.records))[rows]
     items = [source[int(index)] for index in draw.records[rows]]
-    chosen = [item["images"][int(v * len(item["images"]))] for v, item in zip(views, items, strict=True)]  # fmt: skip
+    chosen = [
+        item["images"][_views(v, len(item["images"]), data.condition_views)]
+        for v, item in zip(views, items, strict=True)
+    ]
     batch = {"image": np.stack(chosen).astype(np.float32) / np.float32(255)}
+    if data.condition_views == 1:
+        batch["image"] = batch["image"][:, 0]
     if flow.layout_channels:
         seeds = draw.generator(seed + 1).integers(2**31, size=len(draw.records))[rows]
         rngs = [np.random.default_rng([own, 4]) for own in seeds]
@@ -313,18 +325,26 @@ def _draw_items(
         tables = [with_errors(t, data.layout_errors, g) for t, g in zip(tables, rngs, strict=True)]
         batch["layout"] = part_table(tables, most)
         if data.image_warp:
-            bent = [bend(i, data.image_warp, g) for i, g in zip(batch["image"], rngs, strict=True)]
-            batch["image"] = np.stack(bent)
+            flat = batch["image"].reshape(-1, *batch["image"].shape[-3:])
+            each = [g for g in rngs for _ in range(data.condition_views)]
+            bent = [bend(i, data.image_warp, g) for i, g in zip(flat, each, strict=True)]
+            batch["image"] = np.stack(bent).reshape(batch["image"].shape)
     return items, batch
 
 
+def _views(place: float, held: int, shown: int) -> list[int]:
+    """Which of ``held`` views a draw in [0, 1) shows: ``shown`` of them in turn, the first at random."""
+    first = int(place * held)
+    return [(first + k) % held for k in range(shown)]
+
+
 def _load_structure(
-    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool
 ) -> Batch:  # fmt: skip
     flow, most = model.structure_flow, model.grid.max_parts
     items, batch = _draw_items(draw, source, seed, rows, data, flow, most)
     batch["structure"] = np.stack([item["structure"] for item in items]).astype(np.float32)
-    if flow.refine_channels:
+    if decoded:
         batch["occupancy"] = np.zeros((len(items), *(model.grid.resolution,) * 3), bool)
         for row, item in zip(batch["occupancy"], items, strict=True):
             row[tuple(item["coords"].astype(int).T)] = True

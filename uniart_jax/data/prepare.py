@@ -34,8 +34,9 @@ from uniart_jax.data.folder import (
 from uniart_jax.data.memory import release
 from uniart_jax.data.records import from_object, to_bytes
 from uniart_jax.data.shards import MAX_RECORD_BYTES, shard_writer, sweep
-from uniart_jax.data.sources import FRONTS, Entry, ProceduralEntries, clean, load_entry
+from uniart_jax.data.sources import Entry, ProceduralEntries, clean, load_entry
 from uniart_jax.objects.clearance import Clearance
+from uniart_jax.objects.facing import check_front
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.perturb import part_factors, scale_parts
 from uniart_jax.objects.robot_object import lost_pieces
@@ -172,8 +173,7 @@ def prepare(
 
 def check(settings: Settings, processes: int = 1, part: tuple[int, int] = (0, 1)) -> None:
     """Raises ValueError where a setting is out of range."""
-    if settings.front not in FRONTS:
-        raise ValueError(f"prepare: front must be one of {', '.join(FRONTS)}, got '{settings.front}'")  # fmt: skip
+    check_front(settings.front, "prepare: front")
     if not 0 <= settings.part_scale <= 0.5:
         raise ValueError(f"prepare: part scale must be in 0..0.5, got {settings.part_scale}")
     if settings.orbit_views * settings.orbit_size**2 * 4 > MAX_RECORD_BYTES:

@@ -13,12 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.data.folder import Settings
+from uniart_jax.objects.facing import faced
 from uniart_jax.objects.object import ArticulatedObject
 
 HEAD_BYTES = 1 << 16
 META_BYTES = 1 << 20
-FRONTS = ("-x", "+y", "+x", "-y")  # a quarter turn about z takes each to the one before it
-_QUARTER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -181,8 +180,4 @@ def load_entry(entry: Entry, settings: Settings) -> ArticulatedObject:
 
     path = Path(settings.root) / entry.path
     obj = load_object(path, allow_outside=settings.allow_outside).single_jointed()
-    if settings.front == FRONTS[0]:
-        return obj
-    turn = np.eye(4)
-    turn[:3, :3] = np.linalg.matrix_power(_QUARTER, FRONTS.index(settings.front))
-    return obj.transformed(turn)
+    return faced(obj, settings.front)

@@ -2,10 +2,12 @@
 
     model                      image -> object
     nearest_image              image -> the object of the training record whose image is nearest (needs the records)
+    nearest_asset              image -> the asset of a library (``evaluation.library``) that looks nearest
     retrieval_true_boxes       boxes, labels, tree and joints of the truth, parts of the library (``evaluation.retrieval``)
     retrieval_predicted_boxes  boxes, tree and joints of the model's object (no labels), parts of the library
     rest_only, mirrored        controls: the truth with a planted mistake (``evaluation.controls``)
 
+With a library of assets its parts take the place of procedural ones in both ``retrieval_…``.
 ``nearest_image`` is a record's object, assembled from its voxels as the model's is. What networks make is kept as assets and made once;
 all else is a function of them and of the split.
 """
@@ -14,6 +16,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import hashlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from pathlib import Path
@@ -24,11 +27,14 @@ from uniart_jax.config import ModelConfig
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.evaluation.compare import compare
 from uniart_jax.evaluation.controls import CONTROLS
-from uniart_jax.evaluation.kept import claim, keep
+from uniart_jax.evaluation.kept import claim, keep, read_kept
+from uniart_jax.evaluation.library import Asset
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.pairs import Source
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.evaluation.retrieval import (
+    make_asset_library,
+    make_asset_retrieval,
     make_library,
     make_retrieval,
     retrieve_parts,
@@ -51,6 +57,7 @@ def evaluate_baselines(
     out: Path,
     *,
     records: Path | None = None,
+    library: Sequence[Asset] = (),
     count: int = 128,
     unseen: bool = False,
     openshape: Path | None = None,
@@ -62,7 +69,13 @@ def evaluate_baselines(
       openshape: OpenShape's converted weights, as ``compare`` takes them.
     """
     methods, references = baseline_methods(
-        checkpoint, out, records=records, count=count, unseen=unseen, processes=processes
+        checkpoint,
+        out,
+        records=records,
+        library=library,
+        count=count,
+        unseen=unseen,
+        processes=processes,
     )
     return compare(methods, references, Path(out), openshape=openshape, processes=processes)
 
@@ -72,6 +85,7 @@ def baseline_methods(
     out: Path,
     *,
     records: Path | None = None,
+    library: Sequence[Asset] = (),
     count: int = 128,
     unseen: bool = False,
     processes: int = 1,
@@ -83,10 +97,12 @@ def baseline_methods(
       out: a folder; ``objects/<method>/<name>/`` are the assets of ``model`` and ``nearest_image``, and ``<name>.json`` says why there is
         none. A name that a method lacks is a failure of the method.
       records: what the checkpoint was trained on; None = no ``nearest_image``.
+      library: of ``library.find_assets``; none = no ``nearest_asset``, parts of procedural objects.
       count: held-out objects, of the families that are never trained on if ``unseen``.
 
     Raises:
-      ValueError: the records hold held-out objects, or objects of another checkpoint, split or records lie in ``out``.
+      ValueError: the records hold held-out objects, no asset of the library can be used, or objects
+        of another checkpoint, split, records or library lie in ``out``.
     """
     folder = Path(out) / "objects"
     claim(
@@ -96,10 +112,11 @@ def baseline_methods(
             "records": str(records or ""),
             "unseen": unseen,
             "picture": PICTURE_SIDE,
+            **({"library": _told_apart(library)} if library else {}),
         },
-        "another checkpoint, split, records or size of pictures",
+        "another checkpoint, split, records, library or size of pictures",
     )
-    model = make_assets(checkpoint, folder, records, count, unseen, processes)
+    model = make_assets(checkpoint, folder, records, library, count, unseen, processes)
     draw = functools.partial(_truth, unseen=unseen, model=model)
     with process_pool(processes) as submit:
         drawn = in_order(submit, draw, range(count), 2 * processes)
@@ -108,9 +125,17 @@ def baseline_methods(
         method: {name: folder / method / name for name in truth if _is_made(folder, method, name)}
         for method in ("model", *(["nearest_image"] if records else []))
     }
-    library = make_library(training_objects(), processes)
+    if library:
+        methods["nearest_asset"] = {
+            name: Asset(**found["asset"]).at_rest
+            for name in truth
+            if (found := read_kept(_said_of(folder, "nearest_asset", name)))
+        }
+        parts = make_asset_library(library, processes)
+    else:
+        parts = make_library(training_objects(), processes)
     methods["retrieval_true_boxes"] = {
-        name: retrieve_parts(obj, library) for name, obj in truth.items()
+        name: retrieve_parts(obj, parts) for name, obj in truth.items()
     }
     methods["retrieval_predicted_boxes"] = {}
     for name in methods["model"]:
@@ -121,7 +146,7 @@ def baseline_methods(
         ):  # named among the model's own failures; a name that is absent counts as one
             continue
         target = dataclasses.replace(at_rest(sampled), scale=1.0)
-        methods["retrieval_predicted_boxes"][name] = retrieve_parts(target, library)
+        methods["retrieval_predicted_boxes"][name] = retrieve_parts(target, parts)
     for control in BASELINE_CONTROLS:
         methods[control] = {name: CONTROLS[control](obj) for name, obj in truth.items()}
     return methods, truth
@@ -131,11 +156,13 @@ def make_assets(
     checkpoint: str,
     folder: Path,
     records: Path | None,
+    library: Sequence[Asset],
     count: int,
     unseen: bool,
     processes: int,
 ) -> ModelConfig:
-    """What networks make of the images: ``folder/model/<name>`` and, given records, ``folder/nearest_image/<name>``, where it is missing.
+    """What networks make of the images: ``folder/model/<name>`` and, given records,
+    ``folder/nearest_image/<name>``, where it is missing; given a library, which asset is nearest.
 
     Networks run in this process, ``processes`` others draw images and write assets. Returns the model's settings.
     """
@@ -144,6 +171,7 @@ def make_assets(
     families = split_families(unseen)
     names = {index: object_name(index, families) for index in range(count)}
     methods = ["model", *(["nearest_image"] if records else [])]
+    methods += ["nearest_asset"] if library else []
     missing = {
         method: [i for i in range(count) if not _is_settled(folder, method, names[i])]
         for method in methods
@@ -151,9 +179,12 @@ def make_assets(
     todo = sorted(set().union(*missing.values()))
     if not todo:
         return model
-    retrieve = None
+    retrieve = retrieve_asset = None
     if records and missing["nearest_image"]:
         retrieve = make_retrieval(pipeline, records)
+    if library and missing["nearest_asset"]:
+        pictures = folder.parent / "library"
+        retrieve_asset = make_asset_retrieval(pipeline, library, pictures, processes)
     written: list[Future[None]] = []
     ahead = 2 * processes
     with process_pool(processes) as submit:
@@ -166,10 +197,14 @@ def make_assets(
                     obj = pipeline(test.image, seed=index, name=name)
                     written.append(submit(_write, obj, folder / "model" / name))
                 except ValueError as error:  # no object in the image: a failure that counts
-                    keep(_failure_file(folder, "model", name), {"why": str(error)})
+                    keep(_said_of(folder, "model", name), {"why": str(error)})
             if retrieve is not None and index in missing["nearest_image"]:
                 obj = retrieve(pipeline.prepare(test.image))
                 written.append(submit(_write, obj, folder / "nearest_image" / name))
+            if retrieve_asset is not None and index in missing["nearest_asset"]:
+                asset = retrieve_asset(pipeline.prepare(test.image))
+                kept = _said_of(folder, "nearest_asset", name)  # the asset stays where it is
+                keep(kept, {"asset": dataclasses.asdict(asset)})
             for future in written[:-ahead]:  # wait rather than pile them up
                 future.result()
         for future in written:
@@ -200,8 +235,16 @@ def _write(obj: ArticulatedObject, folder: Path) -> None:
     save_asset(obj, folder, formats=(), motion=False, origin=None)
 
 
-def _failure_file(folder: Path, method: str, name: str) -> Path:
+def _said_of(folder: Path, method: str, name: str) -> Path:
+    """Why a method has no object; of ``nearest_asset``, which asset it copies."""
     return folder / method / f"{name}.json"
+
+
+def _told_apart(library: Sequence[Asset]) -> str:
+    """What tells one library from another."""
+    first = library[0]
+    paths = hashlib.blake2b(repr([a.path for a in library]).encode(), digest_size=8).hexdigest()
+    return f"{first.root} {first.front} {len(library)} {paths}"
 
 
 def _is_made(folder: Path, method: str, name: str) -> bool:
@@ -209,4 +252,4 @@ def _is_made(folder: Path, method: str, name: str) -> bool:
 
 
 def _is_settled(folder: Path, method: str, name: str) -> bool:
-    return _is_made(folder, method, name) or _failure_file(folder, method, name).is_file()
+    return _is_made(folder, method, name) or _said_of(folder, method, name).is_file()

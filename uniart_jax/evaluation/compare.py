@@ -12,7 +12,6 @@ prediction is a failure that counts with the worst values; a bad reference is an
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -33,6 +32,7 @@ from uniart_jax.evaluation.pairs import (
     find_references,
     fingerprint,
     read_sets,
+    shared_files,
 )
 from uniart_jax.evaluation.report import write_report
 from uniart_jax.evaluation.summary import (
@@ -54,6 +54,7 @@ from uniart_jax.evaluation.trial import (
     DIED,
     FAMILIES,
     PHYSICS,
+    Reading,
     Reference,
     Setup,
     Trial,
@@ -64,6 +65,7 @@ from uniart_jax.evaluation.trial import (
     see,
     see_reference,
 )
+from uniart_jax.objects.facing import FRONTS, check_front
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.processes import each
 from uniart_jax.progress import messages, track
@@ -84,6 +86,8 @@ def compare(
     processes: int = 1,
     allow_outside: bool = False,
     openshape: Path | None = None,
+    front: str = "-x",
+    ref_front: str = "-x",
     families: Mapping[str, str] = FAMILIES,
 ) -> dict[str, Any]:
     """Hold each method's predictions against the references; writes what the module's head lists and prints a table.
@@ -94,7 +98,9 @@ def compare(
       only: families of figures; default all, "openshape" where its weights are given.
       samples: how several samples of an object become one figure (``summary``).
       processes: worker processes; 1 = this one.
-      allow_outside: follow links out of the folders and read what assets name outside their own.
+      allow_outside: follow links out of the folders and read what assets name outside them.
+      front, ref_front: which way predictions and references face in their own frame, of
+        ``facing.FRONTS``, where they are files.
       openshape: its converted weights.
       families: name -> module with ``METRICS`` and ``measure``.
 
@@ -106,6 +112,8 @@ def compare(
         of something else in ``out``, figures that cannot be had.
     """
     out = Path(out)
+    check_front(front, "evaluate: front")
+    check_front(ref_front, "evaluate: ref-front")
     groups, metrics = _metrics(only, openshape, families)
     if samples == "best" and "pose_error" not in groups:
         raise ValueError("evaluate: the best sample is the one with the smallest pose error: add pose_error to --only")  # fmt: skip
@@ -126,15 +134,21 @@ def compare(
         "version": uniart_jax.__version__,
         "results": RESULTS,
     }
+    turned = {"front": front, "ref_front": ref_front}
+    settings |= {key: value for key, value in turned.items() if value != FRONTS[0]}
     claim(out, settings, "other predictions, references or figures")
     if only is None and openshape is None and "openshape" in families:
         module = family_module("openshape", families)
         console.print(f"OpenShape similarity is {module.NOT_COMPUTED}", markup=False)
     options = {"openshape": {"weights": openshape}} if openshape else {}
     setup = Setup({name: families[name] for name in groups if name != PHYSICS}, options)
-    setup = dataclasses.replace(setup, allow_outside=allow_outside)
-    trials = list(_trials(pairs, out, allow_outside))
+    readings = {m: _reading(p, allow_outside, front) for m, p in methods.items()}
+    shared = {m: shared_files(p, pairs[m], out) for m, p in methods.items()}
+    shared_truth = shared_files(reference, pairs[next(iter(pairs))], out)
+    reading = _reading(reference, allow_outside, ref_front)
+    trials = list(_trials(pairs, out, readings, shared, reading, shared_truth))
     results = _run(setup, trials, processes)
+    _tell_of_refusals(results)
     content = {
         "methods": {
             method: _method(method, found, results, metrics, groups, samples, sets)
@@ -200,16 +214,49 @@ def _metrics(
     return groups, metrics
 
 
-def _trials(pairs: Mapping[str, list[Pair]], out: Path, allow_outside: bool) -> Iterator[Trial]:
-    """All samples of all methods, those of one object one after the other."""
+def _reading(source: Predictions, allow_outside: bool, front: str) -> Reading:
+    """Assets of one folder may share what lies in it."""
+    within = source if isinstance(source, Path) and source.is_dir() else None
+    return Reading(allow_outside, within, front)
+
+
+def _trials(
+    pairs: Mapping[str, list[Pair]],
+    out: Path,
+    readings: Mapping[str, Reading],
+    shared: Mapping[str, str],
+    reading: Reading,
+    shared_truth: str,
+) -> Iterator[Trial]:
+    """All samples of all methods, those of one object one after the other.
+
+    Args:
+      readings, shared: of each method; ``reading``, ``shared_truth``: of the references. What is
+        shared is what ``pairs.shared_files`` gives.
+    """
     for same in zip(*pairs.values(), strict=True):
         source = same[0].reference
-        reference = Reference(same[0].name, source, fingerprint(source, out), allow_outside)
+        reference = Reference(
+            same[0].name, source, fingerprint(source, out) + shared_truth, reading
+        )
         for method, pair in zip(pairs, same, strict=True):
             for i, prediction in enumerate(pair.samples):
                 file = out / "results" / method / pair.name / f"{i}.json"
-                made_of = f"{fingerprint(prediction, out)} {reference.made_of}"
-                yield Trial(method, i, prediction, reference, made_of, file)
+                made_of = f"{fingerprint(prediction, out)}{shared[method]} {reference.made_of}"
+                yield Trial(method, i, prediction, reference, made_of, file, readings[method])
+
+
+def _tell_of_refusals(results: Results) -> None:
+    """Where none of a method's predictions could be read and one named files outside its folder."""
+    for method in dict.fromkeys(m for m, *_ in results):
+        found = [r for (m, *_), r in results.items() if m == method]
+        refused = [r["failure"] for r in found if "--allow-outside" in r["failure"]]
+        if refused and not any(r["figures"] for r in found):
+            console.print(
+                f"{method}: no prediction could be read, the first because: {refused[0]}",
+                markup=False,
+                soft_wrap=True,
+            )
 
 
 def _run(setup: Setup, trials: Sequence[Trial], processes: int) -> Results:
@@ -318,7 +365,7 @@ def _load_pair(
     if isinstance(trial.prediction, Missing) or not found["figures"]:
         raise ValueError(found["failure"])
     reference = see_reference(trial.reference)
-    return see(trial.prediction, trial.reference.allow_outside).shown, reference.shown
+    return see(trial.prediction, trial.reading).shown, reference.shown
 
 
 def _called(prediction: Source | Missing, sample: int) -> str:

@@ -4,6 +4,9 @@
     REF/sets.json                 optional: {"<name>": "closed" or "open"}, for means of each set apart
     PRED/<name>/...               the same, or several samples of one object: PRED/<name>/sample-0/..., any sub-folders that are assets
 
+As SINGAPO and DIPO lay them out: REF/<category>/<name>/ (and PRED/), and of a test run
+PRED/<number>@<category>@<name>/<sample>/, once for each picture of the object.
+
 REF may be one asset; PRED is then one too, holds one of that name, or holds ``sample-<i>`` of it. Links that lead out of PRED or REF are not
 followed unless the caller allows it: a prediction could be a link to its own reference.
 """
@@ -26,10 +29,14 @@ from uniart_jax.objects.json_text import parse_json
 from uniart_jax.objects.load import NAMES, find_asset, kind_of
 from uniart_jax.objects.names import printable
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.robot_mesh import FORMATS, IMAGES
 
 SETS = "sets.json"
+RESULTS = "settings.json"  # lies in a folder of results (``kept.claim``)
+SHARED = (*FORMATS, *IMAGES, ".mtl", ".bin")
 MAX_BYTES = 16 * 2**20
-SAMPLE = re.compile(r"sample-\d+")  # folders that sample.py writes
+SAMPLE = re.compile(r"(sample-)?\d+")  # folders that sample.py, SINGAPO and DIPO write
+TEST_RUN = re.compile(r"\d+@.*@(?P<name>[^@]+)")  # SINGAPO's and DIPO's, one of each picture
 OUTSIDE = "it is a link that leads out of its folder; --allow-outside follows it"
 
 
@@ -67,7 +74,7 @@ def find_references(reference: Path | Mapping[str, Source], *, allow_outside: bo
     if _is_one(reference, allow_outside):
         return {_own_name(reference): reference}
     found: dict[str, Source] = {}
-    for name, path in _children(reference):
+    for name, path in _opened(reference, allow_outside):
         if not _may_read(path, reference, allow_outside):
             raise ValueError(f"reference '{name}' in {reference}: {OUTSIDE}")
         if not _is_asset(path, allow_outside):
@@ -79,7 +86,7 @@ def find_references(reference: Path | Mapping[str, Source], *, allow_outside: bo
         raise FileNotFoundError(
             f"{reference}: no reference in it; it should be an asset, or hold a folder or a file NAME.urdf for each"
         )
-    return found
+    return dict(sorted(found.items()))
 
 
 def find_pairs(
@@ -213,20 +220,25 @@ def _predictions(
             )
     found: dict[str, tuple[Source | Missing, ...]] = {}
     empty: dict[str, tuple[Source | Missing, ...]] = {}
-    for name, path in _children(root):
+    none = (Missing("its folder holds no asset"),)
+    for given, path in _opened(root, allow_outside, names):
         samples = _samples(path, root, allow_outside)
-        if name in found and samples:
-            raise ValueError(f"{root}: two predictions are called '{name}'; rename one")
+        run = None if given in names else TEST_RUN.fullmatch(given)
+        if run and run["name"] in names:  # a sample of each picture
+            found[run["name"]] = (*found.get(run["name"], ()), *(samples or none))
+            continue
+        if given in found and samples:
+            raise ValueError(f"{root}: two predictions are called '{given}'; rename one")
         if samples:
-            found[name] = samples
-        elif path.is_dir() and name in names:
-            empty[name] = (Missing("its folder holds no asset"),)
+            found[given] = samples
+        elif path.is_dir() and given in names:
+            empty[given] = none
     found = empty | found
     if not found:
         raise ValueError(
             f"{root}: no prediction in it; it should be an asset, or hold a folder or a file NAME.urdf for each"
         )
-    if len(names) == 1 and all(re.fullmatch(r"sample-\d+", name) for name in found):
+    if len(names) == 1 and names[0] not in found and all(map(SAMPLE.fullmatch, found)):
         inner = sorted(found, key=_natural)
         return {names[0]: tuple(s for name in inner for s in found[name])}
     return found
@@ -258,6 +270,56 @@ def _children(root: Path) -> Iterator[tuple[str, Path]]:
             yield tidy(path.name), path
         elif path.suffix.lower() in (".urdf", ".mjcf", ".xml") and not path.name.startswith("."):
             yield tidy(path.stem), path
+
+
+def _opened(
+    root: Path, allow_outside: bool, names: Sequence[str] | None = None
+) -> Iterator[tuple[str, Path]]:
+    """``_children`` or, where none of them is an asset (has one of ``names``), what folders of
+    categories hold."""
+
+    def wanted(name: str, path: Path) -> bool:
+        if names is not None:
+            return name in names
+        return _may_read(path, root, allow_outside) and _is_asset(path, allow_outside)
+
+    children = sorted(_children(root), key=lambda child: _natural(child[0]))
+    if any(wanted(*child) for child in children):
+        yield from children
+        return
+    for name, path in children:
+        inside = []
+        if path.is_dir() and _may_read(path, root, allow_outside):
+            inside = [child for child in _children(path) if child[1].is_dir() and wanted(*child)]
+        yield from inside or [(name, path)]
+
+
+def shared_files(root: Predictions, pairs: Sequence[Pair], out: Path) -> str:
+    """A fingerprint of the meshes and textures that assets of a folder may share.
+
+    Args:
+      root: the folder. pairs: what of it is compared. out: a folder of results, which is none.
+
+    Returns:
+      Of what lies in the folders beside the assets; "" where there is nothing, or no folder.
+    """
+    if not isinstance(root, Path) or not root.is_dir():
+        return ""
+    names = {pair.name for pair in pairs}
+    used = [s.resolve() for p in pairs for s in (p.reference, *p.samples) if isinstance(s, Path)]
+    lines = []
+    for name, path in _children(root):
+        real = path.resolve()
+        if not path.is_dir() or name in names or real == out.resolve():
+            continue
+        if (
+            _samples(path, root, True)
+            or (path / RESULTS).is_file()
+            or any(u.is_relative_to(real) for u in used)
+        ):
+            continue
+        lines += [f"{name!r} {f!r}" for f in _listing(path, out) if f[0].lower().endswith(SHARED)]
+    return hashlib.blake2b("\n".join(lines).encode(), digest_size=16).hexdigest() if lines else ""
 
 
 def _is_folder(path: Path) -> bool:

@@ -9,7 +9,8 @@ and the parts together, with the target's tree and joints, are the object. The p
 is how far the part has to be stretched, and since every object of the library and every target is upright with its front at -x, to align
 is to move and to stretch along the three axes. Where the target has no label, or one that the library lacks, D_c holds all parts.
 
-Retrieval of whole objects: the one whose picture is nearest, ``make_retrieval``.
+Retrieval of whole objects: the one whose picture is nearest, of training records
+(``make_retrieval``) or of a library of assets (``make_asset_retrieval``).
 """
 
 from __future__ import annotations
@@ -25,37 +26,40 @@ import trimesh
 from uniart_jax import procedural
 from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.image_table import load_image_table
+from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.data.records import RecordSource
+from uniart_jax.evaluation.library import VIEWS, Asset, good_ones, library_pictures, why_not
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.objects.object import ArticulatedObject, moved_mesh
 from uniart_jax.pipeline import Pipeline
-from uniart_jax.processes import in_order, process_pool
+from uniart_jax.processes import each, in_order, process_pool
 from uniart_jax.progress import track
 
 LIBRARY_OBJECTS = 2_000
 THINNEST = 1e-3  # object units: a box's side counts as no thinner, so that sheets have a size
-Source = tuple[str, int]  # family and seed of a procedural object
+Source = tuple[str, int] | Asset  # family and seed of a procedural object, or an asset
 
 
 @dataclasses.dataclass(frozen=True)
 class PartLibrary:
-    """Parts of procedural training objects at rest, by size and label; their meshes are made again when they are asked for.
+    """Parts of procedural training objects, or of assets, at rest, by size and label; their meshes
+    are made or read again when they are asked for.
 
     Attributes:
       sizes: [N, 3] sides of the parts' boxes; the whole object's longest side is 1.
       labels: [N] ``Part.label``.
-      places: [N] family, seed and index of the part.
+      places: [N] the object, and the part's index in it.
     """
 
     sizes: np.ndarray
     labels: np.ndarray
-    places: tuple[tuple[str, int, int], ...]
+    places: tuple[tuple[Source, int], ...]
 
     def mesh(self, index: int) -> trimesh.Trimesh:
         """The part's surface with its own materials, in its own object's frame."""
-        family, seed, k = self.places[index]
-        return _object_at_rest(family, seed).parts[k].mesh
+        source, k = self.places[index]
+        return _object_at_rest(source).parts[k].mesh
 
     def nearest(self, size: np.ndarray, label: str = "") -> int:
         """Index of the part of that label whose box [3] is nearest; of any label if there is none, the first of several equals."""
@@ -66,14 +70,25 @@ class PartLibrary:
         return int(np.argmin(distance))
 
 
-def training_objects(count: int = LIBRARY_OBJECTS) -> list[Source]:
+def training_objects(count: int = LIBRARY_OBJECTS) -> list[tuple[str, int]]:
     """The first ``count`` objects of what ``uniart prepare procedural`` makes."""
     families = procedural.SEEN_FAMILIES
     return [(families[seed % len(families)], seed) for seed in range(count)]
 
 
-def make_library(sources: Sequence[Source], processes: int = 1) -> PartLibrary:
-    """The library of these objects' parts, made by ``processes`` workers.
+def make_asset_library(assets: Sequence[Asset], processes: int = 1) -> PartLibrary:
+    """The library of these assets' parts, read by ``processes`` workers. What cannot be read is
+    told and left out.
+
+    Raises:
+      ValueError: no asset can be read.
+    """
+    made = each(processes, _asset_parts, assets, 64, lambda asset: "its worker process died")
+    return _library(list(good_ones(assets, track(made, "part library", len(assets)))))
+
+
+def make_library(sources: Sequence[tuple[str, int]], processes: int = 1) -> PartLibrary:
+    """The library of these procedural objects' parts, made by ``processes`` workers.
 
     Raises:
       ValueError: no objects, or held-out ones.
@@ -87,14 +102,14 @@ def make_library(sources: Sequence[Source], processes: int = 1) -> PartLibrary:
     with process_pool(processes) as submit:
         made = in_order(submit, _sizes_and_labels, sources, 64)
         found = list(track(made, "part library", len(sources)))
+    return _library(list(zip(sources, found, strict=True)))
+
+
+def _library(found: Sequence[tuple[Source, tuple[np.ndarray, np.ndarray]]]) -> PartLibrary:
     return PartLibrary(
-        np.concatenate([sizes for sizes, _ in found]),
-        np.concatenate([labels for _, labels in found]),
-        tuple(
-            (*source, k)
-            for source, (sizes, _) in zip(sources, found, strict=True)
-            for k in range(len(sizes))
-        ),
+        np.concatenate([sizes for _, (sizes, _) in found]),
+        np.concatenate([labels for _, (_, labels) in found]),
+        tuple((source, k) for source, (sizes, _) in found for k in range(len(sizes))),
     )
 
 
@@ -131,13 +146,24 @@ def _thick(sizes: np.ndarray) -> np.ndarray:
 
 
 @functools.lru_cache(maxsize=64)
-def _object_at_rest(family: str, seed: int) -> ArticulatedObject:
-    return at_rest(procedural.generate(family, seed))
+def _object_at_rest(source: Source) -> ArticulatedObject:
+    return _at_rest(source)
+
+
+def _at_rest(source: Source) -> ArticulatedObject:
+    return source.at_rest() if isinstance(source, Asset) else at_rest(procedural.generate(*source))
 
 
 def _sizes_and_labels(source: Source) -> tuple[np.ndarray, np.ndarray]:
-    obj = at_rest(procedural.generate(*source))
+    obj = _at_rest(source)
     return obj.boxes[:, 3:], np.array([part.label for part in obj.parts])
+
+
+def _asset_parts(asset: Asset) -> tuple[np.ndarray, np.ndarray] | str:
+    try:
+        return _sizes_and_labels(asset)
+    except Exception as error:  # one asset must not cost all others
+        return why_not(error)
 
 
 def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], ArticulatedObject]:
@@ -152,7 +178,38 @@ def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], 
         )
     model, split = pipeline.config.model, pipeline.config.data.split
     table, source = load_image_table(records, model, split), RecordSource(records, split)
-    views = table.images.reshape(-1, *table.images.shape[2:])
+    nearest = _nearest_view(pipeline, table.images.reshape(-1, *table.images.shape[2:]))
+    views = table.images.shape[1]
+
+    def retrieve(pixels: np.ndarray) -> ArticulatedObject:
+        return object_of_record(source[nearest(pixels) // views])
+
+    return retrieve
+
+
+def make_asset_retrieval(
+    pipeline: Pipeline, assets: Sequence[Asset], cache: Path, processes: int = 1
+) -> Callable[[np.ndarray], Asset]:
+    """Image [S, S, 3] in [0, 1] -> the asset of a library one of whose pictures is nearest, by the
+    same features as ``make_retrieval``.
+
+    Args:
+      cache: keeps the assets' pictures (``library.library_pictures``).
+
+    Raises:
+      ValueError: no asset can be shown.
+    """
+    size = max(PICTURE_SIDE, pipeline.config.model.image_encoder.image_size)
+    shown, crops = [], []
+    for asset, pictures in library_pictures(assets, cache, size, processes):
+        shown.append(asset)
+        crops += [np.round(pipeline.prepare(p) * 255).astype(np.uint8) for p in pictures]
+    nearest = _nearest_view(pipeline, np.stack(crops))
+    return lambda pixels: shown[nearest(pixels) // VIEWS]
+
+
+def _nearest_view(pipeline: Pipeline, views: np.ndarray) -> Callable[[np.ndarray], int]:
+    """Image [S, S, 3] in [0, 1] -> index of the nearest of ``views`` [N, S, S, 3] uint8."""
 
     def features(images: np.ndarray) -> np.ndarray:
         condition = pipeline.encode_images(images)
@@ -175,12 +232,11 @@ def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], 
     assert index is not None
     parts = np.array_split(index, max(1, len(index) // 4096))
 
-    def retrieve(pixels: np.ndarray) -> ArticulatedObject:
+    def nearest(pixels: np.ndarray) -> int:
         query = features(pixels[None])[0]
-        nearest = int(np.argmax(np.concatenate([p.astype(np.float32) @ query for p in parts])))
-        return object_of_record(source[nearest // table.images.shape[1]])
+        return int(np.argmax(np.concatenate([p.astype(np.float32) @ query for p in parts])))
 
-    return retrieve
+    return nearest
 
 
 def largest_seed(records: Path) -> int:

@@ -25,6 +25,7 @@ from uniart_jax.evaluation.kept import keep
 from uniart_jax.evaluation.kept_checks import read_checks
 from uniart_jax.evaluation.metric import resting
 from uniart_jax.evaluation.pairs import Missing, Source
+from uniart_jax.objects.facing import faced
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot_object import one_line
@@ -41,6 +42,16 @@ _PASSING = {errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.ENOSPC, errno.EDQUOT
 
 
 @dataclasses.dataclass(frozen=True)
+class Reading:
+    """How files are read: ``allow_outside``, ``within`` as ``load_object`` takes them, ``front`` as
+    ``facing.faced``."""
+
+    allow_outside: bool = False
+    within: Path | None = None
+    front: str = "-x"
+
+
+@dataclasses.dataclass(frozen=True)
 class Setup:
     """What all trials share.
 
@@ -51,7 +62,6 @@ class Setup:
 
     families: Mapping[str, str]
     options: Mapping[str, Mapping[str, Any]]
-    allow_outside: bool = False
     limit: float = 600.0
 
 
@@ -69,7 +79,7 @@ class Reference:
     name: str
     source: Source = dataclasses.field(compare=False)
     made_of: str
-    allow_outside: bool = False
+    reading: Reading = Reading()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,6 +97,7 @@ class Trial:
     reference: Reference
     made_of: str
     file: Path
+    reading: Reading = Reading()
 
 
 def family_module(name: str, families: Mapping[str, str] = FAMILIES) -> ModuleType:
@@ -126,7 +137,7 @@ def run_trial(setup: Setup, trial: Trial) -> dict[str, Any]:
     start = time.perf_counter()
     try:
         with time_limit(setup.limit):
-            prediction = see(trial.prediction, setup.allow_outside)
+            prediction = see(trial.prediction, trial.reading)
     except Exception as error:  # one prediction must not cost the figures of all others
         return _failed(setup, trial, result | {"failure": _why(error)}, _passing(error))
     result["seconds"]["prediction"] = time.perf_counter() - start
@@ -134,7 +145,7 @@ def run_trial(setup: Setup, trial: Trial) -> dict[str, Any]:
     result["failure"] = "; ".join(f"{family}: {_why(error)}" for family, error in errors.items())
     result["inapplicable"] = _inapplicable(setup, trial.reference, errors)
     if isinstance(trial.prediction, Path):
-        checks = read_checks(trial.prediction, allow_outside=setup.allow_outside)
+        checks = read_checks(trial.prediction, allow_outside=trial.reading.allow_outside)
         result["figures"] |= _numbers(checks)
     return result if any(map(_passing, errors.values())) else keep(trial.file, result)
 
@@ -160,19 +171,23 @@ def see_reference(reference: Reference) -> Seen:
       ValueError: it cannot be used; one line that names it.
     """
     try:
-        return see(reference.source, reference.allow_outside)
+        return see(reference.source, reference.reading)
     except Exception as error:
         raise ValueError(f"reference '{reference.name}' cannot be used: {_why(error)}") from None
 
 
-def see(source: Source, allow_outside: bool = False) -> Seen:
+def see(source: Source, reading: Reading = Reading()) -> Seen:
     """The object as figures see it.
+
+    Args:
+      reading: of a file; what is in memory stands as it should.
 
     Raises:
       ValueError, FileNotFoundError: it cannot be read, or holds numbers that are none.
     """
     if isinstance(source, Path):
-        source = load_object(source, allow_outside=allow_outside)
+        found = load_object(source, allow_outside=reading.allow_outside, within=reading.within)
+        source = faced(found, reading.front)
     obj = source if isinstance(source, ArticulatedObject) else source()
     if not all(np.isfinite(part.mesh.vertices).all() for part in obj.parts):
         raise ValueError("its meshes hold coordinates that are not finite")

@@ -91,6 +91,7 @@ class Records:
       folder: where they go. families: of ``procedural``. count: objects. views: images of each.
       source: instead of making them, the records of this folder without those that have a joint of ``leave_out``, whose split is that word.
       matched: leave out as many of each family, whatever their joints.
+      part_features: "geometric": with that column (``data.geometric_features``).
     """
 
     folder: str
@@ -100,6 +101,7 @@ class Records:
     source: str = ""
     leave_out: str = ""
     matched: bool = False
+    part_features: Literal["", "geometric"] = ""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,16 +12,17 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.adoption import taken
-from uniart_jax.config import NETWORKS, ModelConfig
+from uniart_jax.config import LATENT_OF, NETWORKS, ModelConfig
 from uniart_jax.data.folder import read_manifest, read_metadata, write_text
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, record_rows, shard_paths
 from uniart_jax.experiments.design import Arm, Records
 from uniart_jax.experiments.judge import NEEDS, test_names, test_object
+from uniart_jax.features import write_geometric_features
 from uniart_jax.locks import in_turn
 from uniart_jax.procedural import SEEN_FAMILIES
 from uniart_jax.progress import messages
-from uniart_jax.stage_checks import prepared_objects
+from uniart_jax.stages.checks import prepared_objects
 from uniart_jax.training.export import checkpoint_folder, has_export
 
 MAX_PARTS = 64
@@ -29,7 +30,7 @@ console = messages()
 
 
 def make_records(records: Records, model: ModelConfig) -> None:
-    """Make the records of an experiment where they are not there yet, on the grid of ``model``; go on with what was left unfinished.
+    """Make the records of an experiment, and their column of part features, where they are not there yet, on the grid of ``model``; go on with what was left unfinished.
 
     Raises:
       ValueError: the folder holds records of other settings, of other families, or more of them.
@@ -50,25 +51,39 @@ def make_records(records: Records, model: ModelConfig) -> None:
                 image_size=model.image_encoder.image_size,
                 processes=os.cpu_count() or 1,
             )
-            return
-        asked = {
-            "source": "procedural",
-            "families": list(records.families or SEEN_FAMILIES),
-            "start_seed": 0,
-            "resolution": model.grid.resolution,
-            "subdivisions": model.grid.subdivisions,
-            "views": records.views,
-            "image_size": model.image_encoder.image_size,
-            "states": 1,
-        }
-        found = read_metadata(folder)
-        differ = [f"{k} {found.get(k)} instead of {v}" for k, v in asked.items() if found.get(k) != v]  # fmt: skip
-        if held > records.count:
-            differ.append(f"{held} objects instead of {records.count}")
-        if any("max_parts" in row["error"] for row in read_manifest(folder)):
-            differ.append(f"objects left out by max_parts {found.get('max_parts')}")
-        if differ:
-            raise ValueError(f"{folder}: holds other records than the experiment's ({', '.join(differ)}); move that folder away")  # fmt: skip
+        else:
+            check_settings(records, model, held)
+        if records.part_features:
+            write_geometric_features(folder)
+
+
+def check_settings(records: Records, model: ModelConfig, held: int) -> None:
+    """Whether the records that are there are those that an experiment makes.
+
+    Args:
+      held: how many objects lie in its folder.
+
+    Raises:
+      ValueError: they are not those that it makes.
+    """
+    asked = {
+        "source": "procedural",
+        "families": list(records.families or SEEN_FAMILIES),
+        "start_seed": 0,
+        "resolution": model.grid.resolution,
+        "subdivisions": model.grid.subdivisions,
+        "views": records.views,
+        "image_size": model.image_encoder.image_size,
+        "states": 1,
+    }
+    found = read_metadata(records.folder)
+    differ = [f"{k} {found.get(k)} instead of {v}" for k, v in asked.items() if found.get(k) != v]  # fmt: skip
+    if held > records.count:
+        differ.append(f"{held} objects instead of {records.count}")
+    if any("max_parts" in row["error"] for row in read_manifest(records.folder)):
+        differ.append(f"objects left out by max_parts {found.get('max_parts')}")
+    if differ:
+        raise ValueError(f"{records.folder}: holds other records than the experiment's ({', '.join(differ)}); move that folder away")  # fmt: skip
 
 
 def leave_out(source: Path, folder: Path, joint_type: str, matched: bool = False) -> None:
@@ -149,7 +164,7 @@ def check_networks(name: str, arm: Arm, trained: Arm) -> None:
 def beside(arm: Arm, source: Path, workdir: Path) -> list[str]:
     """The networks that WORKDIR takes from the checkpoint beside an arm: no flow, which would speak of other latents."""
     found = taken(arm.config, source, arm.stages, workdir)
-    return [network for network in found if not network.endswith("_flow")]
+    return [network for network in found if network not in LATENT_OF]
 
 
 def check_arm(name: str, arm: Arm, trained: Arm, count: int) -> None:

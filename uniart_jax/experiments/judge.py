@@ -23,9 +23,11 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from uniart_jax.config import ModelConfig
+from uniart_jax.config import LATENT_OF, ModelConfig
 from uniart_jax.data.folder import read_manifest
-from uniart_jax.data.records import RecordSource, split_places
+from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
+from uniart_jax.data.geometric_features import geometric_features
+from uniart_jax.data.records import RecordSource, from_object, split_places
 from uniart_jax.evaluation.kept import keep, read_kept, without_nan
 from uniart_jax.evaluation.metric import Figures, Metric, at_rest
 from uniart_jax.evaluation.procedural import HeldOut, held_out_for
@@ -131,8 +133,8 @@ def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
     if left := [mark for mark in config.untrained if mark.split(".")[0] in networks]:
         raise ValueError(f"checkpoint '{folder}': not trained yet ({', '.join(left[:3])})")
     parameters = {n: load_network(folder, n, build(n, config.model).abstract()) for n in networks}
-    flows = [n.removesuffix("_flow") for n in networks if n.endswith("_flow")]
-    statistics = {name: read_statistics(folder, name) for name in flows}
+    latents = [LATENT_OF[n] for n in networks if n in LATENT_OF]
+    statistics = {name: read_statistics(folder, name) for name in latents}
     return Pipeline(config, parameters, statistics, folder)
 
 
@@ -310,7 +312,26 @@ def test_object(arm: Arm, name: str, model: ModelConfig) -> Test:
         truth = HeldOut(family, index, obj, record.grid(), images[0])
         return Test(truth, images, {c: getattr(record, c).astype(np.float32) for c in columns})
     truth = held_out_for(model, index, tests.unseen)
-    return Test(truth, views_of(truth, arm.views), {})
+    return Test(truth, views_of(truth, arm.views), features_of(truth, model))
+
+
+def features_of(truth: HeldOut, model: ModelConfig) -> dict[str, np.ndarray]:
+    """What a model reads of the voxels of a procedural test object, which has no file of features.
+
+    Raises:
+      ValueError: it reads others than geometric part features.
+    """
+    asked = model.uniart_vae.feature_channels
+    if not asked:
+        return {}
+    if asked != {"part_feature": GEOMETRIC_CHANNELS}:
+        raise ValueError(
+            f"experiment: of procedural test objects only part features of {GEOMETRIC_CHANNELS} channels are known "
+            f"('geometric'); this model reads {asked}; name records with its columns (tests.records)"
+        )
+    images, cameras = truth.image[None], np.zeros((1, 4), np.float32)
+    record = from_object(truth.obj, images, cameras, {"id": truth.obj.name}, truth.grid)
+    return {"part_feature": geometric_features(record).astype(np.float32)}
 
 
 def views_of(truth: HeldOut, number: int) -> list[np.ndarray]:

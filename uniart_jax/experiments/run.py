@@ -28,7 +28,7 @@ from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
 from uniart_jax.locks import alone
 from uniart_jax.progress import messages
-from uniart_jax.stages import claim, run
+from uniart_jax.stages.trainer import claim, run
 from uniart_jax.training.export import checkpoint_folder
 
 console = messages()

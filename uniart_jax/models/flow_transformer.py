@@ -197,8 +197,8 @@ class LatentFlow(FlowTrunk):
             else:
                 self.out_layer = linear(d, slots * latent, rngs, init=zeros)
             if p := c.pixel_channels:
-                if config.image_encoder.architecture != "volume":
-                    raise ValueError("latent_flow: pixel_channels needs the camera that an image_encoder 'volume' estimates; set it to 0")  # fmt: skip
+                if not config.image_encoder.kind.camera:
+                    raise ValueError("latent_flow: pixel_channels needs an image encoder that estimates the camera; set it to 0")  # fmt: skip
                 self.resolution = config.grid.resolution
                 self.pixel_in = linear(
                     pixel_width(config.image_encoder) + 1, 2 * p, rngs, dtype=dtype

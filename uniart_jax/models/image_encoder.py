@@ -159,9 +159,7 @@ class ImageEncoder(nnx.Module):
         split = self.fine**3
         tokens_side = c.volume_tokens
         volume = _unfold(cells.astype(jnp.float32), tokens_side, self.cells)
-        colors = sample_map(shrink(image, 2 * fine.shape[1]), places).reshape(
-            items, *[side] * 3, 3
-        )
+        colors = sample_map(shrink(image, 2 * fine.shape[1]), places).reshape(items, *[side] * 3, 3)
         volume = jnp.concatenate([volume, colors.astype(jnp.float32) * 2 - 1], -1)
         out = _unfold(out, tokens_side, self.cells).reshape(items, side**3, -1)
         occupancy = _unfold(out[..., :split, None], side, self.fine)

@@ -7,6 +7,7 @@ under plain ``jax.jit``. Names in the dict mirror TRELLIS's modules: ``params["b
 from __future__ import annotations
 
 import functools
+import importlib
 from collections.abc import Callable
 from typing import Any
 
@@ -16,6 +17,20 @@ from flax import nnx
 from uniart_jax.config import NETWORKS, ModelConfig
 
 Params = dict[str, Any]
+
+# each network's file in this folder and its module, imported when it is built
+MODULES = {
+    "layout": "layout:LayoutNetwork",
+    "structure_vae": "structure_vae:StructureVAE",
+    "uniart_vae": "uniart_vae:UniArtVAE",
+    "structure_flow": "flow_transformer:StructureFlow",
+    "latent_flow": "flow_transformer:LatentFlow",
+    "gaussian_decoder": "gaussian_decoder:GaussianDecoder",
+}
+IMAGE_ENCODERS = {  # by ``ImageEncoderConfig.architecture``
+    "volume": "image_encoder:ImageEncoder",
+    "dinov2": "dinov2:DINOv2",
+}
 
 
 class Network:
@@ -82,24 +97,11 @@ def build(name: str, config: ModelConfig) -> Network:
     Raises:
       ValueError: the name is none of these.
     """
-    if name == "image_encoder" and config.image_encoder.architecture == "dinov2":
-        from uniart_jax.models.dinov2 import DINOv2 as module
-    elif name == "image_encoder":
-        from uniart_jax.models.image_encoder import ImageEncoder as module
-    elif name == "layout":
-        from uniart_jax.models.layout import LayoutNetwork as module
-    elif name == "structure_vae":
-        from uniart_jax.models.structure_vae import StructureVAE as module
-    elif name == "uniart_vae":
-        from uniart_jax.models.uniart_vae import UniArtVAE as module
-    elif name == "structure_flow":
-        from uniart_jax.models.flow_transformer import StructureFlow as module
-    elif name == "latent_flow":
-        from uniart_jax.models.flow_transformer import LatentFlow as module
-    elif name == "gaussian_decoder":
-        from uniart_jax.models.gaussian_decoder import GaussianDecoder as module
-    else:
+    modules = {**MODULES, "image_encoder": IMAGE_ENCODERS[config.image_encoder.architecture]}
+    if name not in modules:
         raise ValueError(f"network {name!r} is unknown; choose one of {', '.join(NETWORKS)}")
+    file, kind = modules[name].split(":")
+    module = getattr(importlib.import_module(f"uniart_jax.models.{file}"), kind)
     return Network(name, config, lambda rngs: module(config, rngs))
 
 

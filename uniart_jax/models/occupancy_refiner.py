@@ -41,8 +41,8 @@ class OccupancyRefiner(nnx.Module):
     """Logits [B, R, R, R] of a decoded structure latent -> logits of the same shape."""
 
     def __init__(self, channels: int, config: ModelConfig, rngs: nnx.Rngs):
-        if config.image_encoder.architecture != "volume":
-            raise ValueError("structure_flow: refine_channels needs the camera that an image_encoder 'volume' estimates; set it to 0")  # fmt: skip
+        if not config.image_encoder.kind.camera:
+            raise ValueError("structure_flow: refine_channels needs an image encoder that estimates the camera; set it to 0")  # fmt: skip
         c, dtype = channels, compute_dtype(config)
         self.around = Conv3d(BLOCK**3, BLOCK**3 * c, rngs, dtype=dtype)
         self.place = linear(3, 2 * c, rngs, dtype=dtype)

@@ -2,7 +2,8 @@
 
     object.urdf, any URDF                    urdf_read          any simulator's, with what real ones get wrong
     mobility.urdf beside mobility_v2.json    partnet_mobility   PartNet-Mobility's folder, the JSON telling the joints
-    object.json, train.json (CAGE)           singapo            SINGAPO's and CAGE's
+    object.json, train.json (CAGE)           singapo            SINGAPO's, DIPO's and CAGE's
+    nap.npz                                  nap                NAP's, by tools/export_nap.py
     object.xml, any MJCF                     mjcf               MuJoCo's, by its own parser
 
 A reader makes a ``Robot`` of the file; ``robot_object`` makes the object. Every repair is one line of ``ArticulatedObject.provenance``.
@@ -16,6 +17,8 @@ from pathlib import Path
 
 from uniart_jax.objects.json_text import parse_json
 from uniart_jax.objects.mjcf import read_mjcf
+from uniart_jax.objects.nap import NAME as NAP
+from uniart_jax.objects.nap import read_nap
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.partnet_mobility import is_partnet, read_partnet
 from uniart_jax.objects.robot import Robot
@@ -31,6 +34,7 @@ NAMES = (
     "object.json",
     "train.json",
     "object.xml",
+    NAP,
 )  # the first that is there
 OURS, REPORT = ("object.urdf", "object.xml"), "report.json"  # as ``export.asset`` writes them
 READERS: dict[str, Callable[[bytes, Path, AssetFiles], Robot]] = {
@@ -38,6 +42,7 @@ READERS: dict[str, Callable[[bytes, Path, AssetFiles], Robot]] = {
     "partnet": read_partnet,
     "mjcf": read_mjcf,
     "singapo": lambda data, path, files: read_singapo(data, files),
+    "nap": lambda data, path, files: read_nap(data, files),
 }
 
 
@@ -85,6 +90,8 @@ def kind_of(data: bytes, path: Path) -> str:
     """Which of ``READERS`` a file is for: by its suffix, and an ``.xml`` by its root element."""
     if path.suffix.lower() == ".json":
         return "singapo"
+    if path.suffix.lower() == ".npz":
+        return "nap"
     if path.suffix.lower() in (".xml", ".mjcf"):
         try:
             return "mjcf" if parse_xml(data, []).tag == "mujoco" else "urdf"
@@ -98,16 +105,22 @@ def _read(path: Path) -> bytes:
         return file.read(MAX_BYTES + 1)
 
 
-def load_object(path: str | Path, *, allow_outside: bool = False) -> ArticulatedObject:
-    """An articulated object from a URDF, an MJCF, SINGAPO's ``object.json``, or a folder that holds one.
+def load_object(
+    path: str | Path, *, allow_outside: bool = False, within: Path | None = None
+) -> ArticulatedObject:
+    """An articulated object from a URDF, an MJCF, SINGAPO's ``object.json``, NAP's ``nap.npz``, or
+    a folder that holds one.
 
     Args:
       path: the file or folder; its folder is the asset's root.
       allow_outside: also read meshes, textures and includes outside that root (``../meshes``, absolute paths, links), and a description
         that the folder only links to.
+      within: a folder of which meshes, textures and includes may be read too, as of the root: where
+        several assets share them.
 
     Returns:
-      The object in metres (``scale`` 1, not normalised) in the description's world frame (SINGAPO's turned to z up, front -x), shown at
+      The object in metres (``scale`` 1, not normalised) in the description's world frame (SINGAPO's
+      and NAP's turned to z up, front -x), shown at
       joint coordinate 0 where the limits allow. Parts are the links that have a mesh. ``provenance`` holds one line for each repair.
       ``from_voxels`` is what ``report.json`` beside one of our own files says.
 
@@ -123,7 +136,7 @@ def load_object(path: str | Path, *, allow_outside: bool = False) -> Articulated
         raise ValueError(one_line(str(error))) from None
     try:
         data = _read(found)
-        files = AssetFiles(found.parent, allow_outside)
+        files = AssetFiles(found.parent, allow_outside, within)
         obj = make_object(READERS[kind_of(data, found)](data, found, files), files, found.stem)
         return dataclasses.replace(obj, from_voxels=_from_voxels(found, files))
     except (ValueError, OSError, RuntimeError, OverflowError, MemoryError) as error:

@@ -1,7 +1,9 @@
 """The meshes that a description names: found without leaving the asset's folder, loaded, coloured, one per link.
 
-**What may be read.** An asset's root is the folder of its description. A file is read if its real path (symbolic links followed) lies
-under the root, or if the caller passed ``allow_outside``; the same holds for the MTLs, textures and buffers that a mesh names.
+**What may be read.** An asset's root is the folder of its description. A file is read if its real
+path (symbolic links followed) lies under the root, or under a folder that the caller names
+(``within``: a folder of assets that share meshes), or if the caller passed
+``allow_outside``; the same holds for the MTLs, textures and buffers that a mesh names.
 trimesh 5 reads side files only from the mesh's own folder and drops others without a word; PartNet-Mobility's textures
 lie in ``../images``, hence a resolver of our own.
 """
@@ -42,19 +44,27 @@ class AssetFiles:
     """The files of one asset.
 
     Attributes:
+      root: its folder, which names are relative to. within: a folder above it of which all may be
+        read too, or None.
       notes: side files that were missing or refused, one line each.
     """
 
-    def __init__(self, root: Path, allow_outside: bool):
+    def __init__(self, root: Path, allow_outside: bool, within: Path | None = None):
         self.root = Path(root).resolve()
+        self.within = None if within is None else Path(within).resolve()
         self.allow_outside = allow_outside
         self.notes: list[str] = []
         self.faces = 0
         self._cache: dict[Path, list[trimesh.Trimesh]] = {}
 
     def allowed(self, path: Path) -> bool:
-        """Whether a path may be read: it lies under the root once symbolic links are followed."""
-        return self.allow_outside or path.resolve().is_relative_to(self.root)
+        """Whether a path may be read: once symbolic links are followed, it lies under the root or
+        ``within``."""
+        real = path.resolve()
+        inside = real.is_relative_to(self.root)
+        return (
+            self.allow_outside or inside or bool(self.within and real.is_relative_to(self.within))
+        )
 
     def find(self, uri: str) -> Path:
         """The file that a description's ``filename`` means: a path relative to it, absolute, ``file://`` or ``package://``.

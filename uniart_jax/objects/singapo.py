@@ -1,4 +1,5 @@
-"""Reading SINGAPO's ``object.json`` and CAGE's ``train.json``: PartNet-Mobility's objects as both projects distribute them.
+"""Reading SINGAPO's and DIPO's ``object.json`` and CAGE's ``train.json``: PartNet-Mobility's
+objects as these projects distribute them, and what they generate.
 
     {"meta": {"obj_cat"}, "diffuse_tree": [{"id", "parent" (-1: root), "name", "joint": {"type", "range": [0, r], "axis": {"origin", "direction"}},
                                             "aabb": {"center", "size"}, "objs": [files], "plys": [files]}]}
@@ -6,7 +7,10 @@
 Everything stands in one frame at rest, y up and front +z; it is turned by PartNet-Mobility's base joint, rpy (pi/2, 0, -pi/2), to z up and front -x.
 Ranges are degrees (revolute) or lengths; a negative r opens the other way. A ``screw`` is PartNet-Mobility's slider that also rotates: its
 range is the travel, and how far it turns is not in the file (CAGE's preprocess.py drops it, both projects draw 45 degrees), so
-it is read as prismatic, noted. Meshes: ``objs`` have textures; where none of them is there, ``plys``, and CAGE's ``attach_objs``; a node that names none is its ``aabb``.
+it is read as prismatic, noted. DIPO writes the
+same format, and the category "StroageFurniture" where it knows none.
+Meshes: ``objs`` have textures; where none of them is there, ``plys``, and CAGE's ``attach_objs``; a
+node that names none is its ``aabb``.
 """
 
 from __future__ import annotations
@@ -21,6 +25,7 @@ from uniart_jax.objects.robot import MAX_NUMBER, MAX_PARTS, Geometry, Link, RawJ
 from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.objects.xml_text import MAX_BYTES
 
+TYPING_ERRORS = {"StroageFurniture": "StorageFurniture"}
 BASE = euler_matrix(np.pi / 2, 0, -np.pi / 2, axes="sxyz")
 
 
@@ -42,9 +47,10 @@ def read_singapo(data: bytes, files: AssetFiles) -> Robot:
         raise ValueError(f"it lists {len(nodes):,} nodes, more than {MAX_PARTS:,}")
     meta = document.get("meta")
     category = meta.get("obj_cat") if isinstance(meta, dict) else None
-    robot = Robot(
-        "", {}, [], [], radians=True, category=category if isinstance(category, str) else ""
-    )
+    category = category if isinstance(category, str) else ""
+    robot = Robot("", {}, [], [], radians=True, category=TYPING_ERRORS.get(category, category))
+    if category in TYPING_ERRORS:
+        robot.notes.append(f"category '{category}': read as '{robot.category}'")
     names = _names(nodes)
     places = {i: _axis(node, names[i])[0] for i, node in zip(names, nodes, strict=True)}
     parents = {i: _parent(node, names, names[i]) for i, node in zip(names, nodes, strict=True)}

@@ -46,7 +46,7 @@ class Description:
             with path.open("rb") as file:
                 self.data = file.read(MAX_BYTES + 1)
             self.kind = kind_of(self.data, path)
-            if self.kind == "singapo":
+            if self.kind in ("singapo", "nap"):
                 raise ValueError("no physics engine reads it: make a URDF of it with `uniart reconstruct` or `obj.save` first")  # fmt: skip
             self.root: etree._Element = parse_xml(self.data, [])
             if self.root.tag not in ("robot", "mujoco"):

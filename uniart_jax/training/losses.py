@@ -11,10 +11,18 @@ Means are taken per object first and then over objects, so that large objects do
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
 from uniart_jax.voxels.joint_code import gauge_variants
+
+LossFn = Callable[[Any, dict[str, Any], jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
+GivenLossFn = Callable[
+    [Any, dict[str, Any], jax.Array, Any], tuple[jax.Array, dict[str, jax.Array]]
+]
 
 
 def masked_mean(values: jax.Array, weights: jax.Array) -> jax.Array:
@@ -162,3 +170,39 @@ def draw_rows(key: jax.Array, weights: jax.Array, number: int) -> jax.Array:
         return jnp.minimum(jnp.searchsorted(cumulative, points, side="right"), last)
 
     return jax.vmap(draw)(jax.random.split(key, weights.shape[0]), weights)
+
+
+def part_weights(
+    parts: jax.Array, mask: jax.Array, max_parts: int, share: float = 0.5
+) -> jax.Array:
+    """[B, n] weights of sum 1, a ``share`` of them uniform over parts and the rest over rows, so that small parts are heard.
+
+    Args:
+      parts: [B, n] part ids. mask: [B, n] 1 where the row counts.
+    """
+
+    def of_item(parts, mask):
+        sizes = jnp.zeros(max_parts).at[parts].add(mask)
+        present = jnp.maximum((sizes > 0).sum(), 1)
+        uniform = mask / jnp.maximum(mask.sum(), 1.0)
+        balanced = mask / jnp.maximum(sizes[parts], 1.0) / present
+        return (1 - share) * uniform + share * balanced
+
+    return jax.vmap(of_item)(parts, mask)
+
+
+def occupancy_iou(logits: jax.Array, occupancy: jax.Array) -> jax.Array:
+    """Mean intersection over union of logits [B, R, R, R] above 0 and occupancy 0 or 1."""
+    predicted, truth, axes = logits > 0, occupancy > 0.5, (1, 2, 3)
+    union = jnp.maximum((predicted | truth).sum(axes), 1)
+    return ((predicted & truth).sum(axes) / union).mean()
+
+
+def occupancy_terms(logits: jax.Array, occupancy: jax.Array) -> dict[str, jax.Array]:
+    """ "entropy", "dice" and, to look at, "iou" of logits [B, R, R, R] against occupancy 0 or 1."""
+    occupancy = occupancy.astype(jnp.float32)
+    return {
+        "entropy": binary_cross_entropy(logits, occupancy).mean(),
+        "dice": dice_loss(logits, occupancy),
+        "iou": occupancy_iou(logits, occupancy),
+    }

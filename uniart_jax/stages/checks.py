@@ -13,10 +13,10 @@ from uniart_jax.config import Config, DataConfig, GridConfig
 from uniart_jax.data.batches import open_records
 from uniart_jax.data.folder import read_manifest, read_metadata
 from uniart_jax.data.prepare import prepare_procedural
-from uniart_jax.layouts import check_backbone
 from uniart_jax.models.network import build
 from uniart_jax.procedural import WORLDS
 from uniart_jax.progress import messages
+from uniart_jax.stages.stage import Stage
 from uniart_jax.training.state import frozen_mask
 
 COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
@@ -31,35 +31,37 @@ def overlapping(data: DataConfig) -> bool:
     return not (trained and shown) or bool(trained & shown)
 
 
-def check_settings(config: Config, stages: Sequence[str]) -> None:
+def check_settings(config: Config, stages: Sequence[Stage]) -> None:
     """ValueError where a number of a stage or the voxel buckets cannot be."""
-    if "layout" in stages:
-        check_backbone(config.model)
-    for name in stages:
+    for stage in stages:
+        stage.check(config)
+        name, settings = stage.name, stage.settings(config)
         for field in COUNTS:
-            if (value := getattr(getattr(config, name), field)) < 1:
+            if (value := getattr(settings, field)) < 1:
                 raise ValueError(f"config: {name}.{field} is {value}; give 1 or more")
-        if (value := getattr(config, name).skip_not_finite) < 0:
+        if (value := settings.skip_not_finite) < 0:
             raise ValueError(f"config: {name}.skip_not_finite is {value}; give 0 or more")
     if min(config.data.voxel_buckets, default=0) < 1:
         raise ValueError(f"config: data.voxel_buckets is {config.data.voxel_buckets}; give one number of voxels or more, each above 0")  # fmt: skip
 
 
-def check_features(config: Config, stages: Sequence[str]) -> None:
+def check_features(config: Config, stages: Sequence[Stage]) -> None:
     """Whether the records have the columns that the UniArt VAE reads.
 
     Raises:
       ValueError, FileNotFoundError: they have not, or there are no records; what to run is said.
     """
     data, features = config.data, config.model.uniart_vae.feature_channels
-    if not features or set(stages) <= {"image_encoder", "layout", "structure_vae"}:
+    if not features or not any(stage.reads_features for stage in stages):
         return
     for folder, split in ((data.records, data.split), (data.validation, data.validation_split)):
         if folder:
             open_records(folder, config.model.grid, split, features)
 
 
-def check_found(config: Config, stages: Sequence[str], workdir: Path, taken: Sequence[str]) -> None:
+def check_found(
+    config: Config, stages: Sequence[Stage], workdir: Path, taken: Sequence[str]
+) -> None:
     """Whether layouts can be found for the networks that are to be shown them (``loss.found``).
 
     Args:
@@ -71,8 +73,7 @@ def check_found(config: Config, stages: Sequence[str], workdir: Path, taken: Seq
     share, model = config.loss.found, config.model
     if not 0 <= share <= 1:
         raise ValueError(f"config: loss.found is {share}; give 0 to 1")
-    shown = [name for name in stages if name.endswith("_flow")]
-    shown += ["uniart_vae"] if "uniart_vae" in stages and config.loss.sampled else []
+    shown = [stage.name for stage in stages if stage.shows_found_layouts(config)]
     for name in shown if share else ():
         if not (model.layout.queries and getattr(model, name).layout_channels):
             raise ValueError(
@@ -86,17 +87,18 @@ def check_found(config: Config, stages: Sequence[str], workdir: Path, taken: Seq
             )
 
 
-def check_freeze(config: Config, stages: Sequence[str]) -> None:
+def check_freeze(config: Config, stages: Sequence[Stage]) -> None:
     """Whether every stage's ``freeze`` names parameters of its network; ValueError if not."""
-    for name in stages:
+    for stage in stages:
+        parameters = build(stage.name, config.model).abstract()
         try:
-            frozen_mask(build(name, config.model).abstract(), getattr(config, name).freeze)
+            frozen_mask(parameters, stage.settings(config).freeze)
         except ValueError as error:
-            raise ValueError(f"{name}.{error}") from None
+            raise ValueError(f"{stage.name}.{error}") from None
 
 
-def ensure_records(config: Config) -> None:
-    """Prepare the training and validation records that the config describes, where they are not there yet.
+def ensure_records(config: Config, training: bool = True) -> None:
+    """Prepare the validation records that the config describes and, for ``training`` on them, those to train on, where they are not there yet.
 
     Raises:
       ValueError: a folder holds records of other settings; all that differ are named.
@@ -115,7 +117,7 @@ def ensure_records(config: Config) -> None:
         (data.records, data.procedural, 0),
         (data.validation, data.validation_count, data.validation_seed),
     ):
-        if not folder:
+        if not folder or (folder == data.records and not training):
             continue
         if prepared_objects(Path(folder)) >= count:
             asked = {

@@ -10,11 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from uniart_jax import validation
+from uniart_jax.data.records import RecordSource
 from uniart_jax.flow.solvers import Solution
-from uniart_jax.validation import beside, filled, make_evaluation, solid
+from uniart_jax.stages import STAGES
+from uniart_jax.stages.pictures import beside, filled, solid
 
-sys.path += [str(Path(__file__).parent / name) for name in ("training", "data")]
+sys.path += [str(Path(__file__).parents[1] / name) for name in ("training", "data")]
 import tiny_run
 
 
@@ -57,13 +58,13 @@ def config(tmp_path_factory):
 
 @pytest.mark.parametrize("name", tiny_run.STAGES)
 def test_every_stage_shows_what_it_makes(config, tmp_path, monkeypatch, name):
-    records = validation.RecordSource(config.data.validation)
+    records = RecordSource(config.data.validation)
     image = np.full((1, 16, 16, 3), 255, np.uint8)
     items = [{"record": i, "coords": records[i].coords, "images": image} for i in range(3)]
     network = Network(config.model)
     for attribute, fake in {
         "build": lambda name, model: network,
-        "load_network": lambda *_: {},
+        "load": lambda *_: {},
         "LatentSource": lambda folder: items,
         "load_conditioner": lambda *_: lambda images: images,
         "make_structure_sampler": lambda *_: lambda *given: Solution(jnp.zeros((3, 1)), None, None),
@@ -72,9 +73,9 @@ def test_every_stage_shows_what_it_makes(config, tmp_path, monkeypatch, name):
         ),
         "make_latent_sampler": lambda *_: lambda *given: Solution(jnp.zeros((1, 1)), None, None),
     }.items():
-        monkeypatch.setattr(validation, attribute, fake)
+        monkeypatch.setattr(f"uniart_jax.stages.{name}.{attribute}", fake, raising=False)
     statistics = {"structure": None, "latent": None}
-    evaluate = make_evaluation(name, config, tmp_path, statistics)
+    evaluate = STAGES[name].evaluation(config, tmp_path, statistics)
     figures, pictures = evaluate(SimpleNamespace(ema={}), 1)
     assert figures
     ((what, picture),) = pictures.items()

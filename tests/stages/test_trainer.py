@@ -1,0 +1,98 @@
+"""The table of stages, and training from Python on batches of one's own."""
+
+import dataclasses
+import sys
+import typing
+from pathlib import Path
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file
+
+import uniart_jax
+from uniart_jax import config as names
+from uniart_jax.cli.train import Stage as TrainStage
+from uniart_jax.models.network import IMAGE_ENCODERS
+from uniart_jax.stages import STAGES, Stage, Trainer
+from uniart_jax.stages.trainer import CountedBatches, trainable
+
+sys.path += [str(Path(__file__).parents[1] / name) for name in ("training", "data")]
+import tiny_run
+
+
+def test_the_table_holds_every_stage_in_the_order_of_the_config():
+    assert tuple(STAGES) == names.STAGES
+    config = tiny_run.make_config(Path("nowhere"))
+    for name, stage in STAGES.items():
+        assert isinstance(stage, Stage) and stage.name == name
+        assert stage.settings(config) is getattr(config, name)
+    assert typing.get_args(TrainStage) == ("all", *STAGES)
+    assert {stage.latent for stage in STAGES.values()} == {"", "structure", "latent"}
+
+
+def test_stages_without_anything_to_train_say_why():
+    config = tiny_run.make_config(Path("nowhere"))
+    assert trainable(config, ["layout", "uniart_vae"]) == ["uniart_vae"]
+    with pytest.raises(
+        ValueError, match=r"stage layout: the config has none; give --model\.layout"
+    ):
+        trainable(config, ["layout"])
+    with pytest.raises(ValueError, match="stage vae: unknown; choose one of image_encoder, "):
+        trainable(config, ["vae"])
+
+
+def occupancies(config, count):
+    """Batches of boxes of random sizes."""
+    rng, side = np.random.default_rng(0), config.model.grid.resolution
+    items = config.structure_vae.batch_size
+    for _ in range(count):
+        low = rng.integers(0, side // 2, (items, 1, 1, 1, 3))
+        high = rng.integers(side // 2, side, (items, 1, 1, 1, 3))
+        cells = np.stack(np.indices((side,) * 3), -1)[None]
+        yield {"occupancy": ((cells >= low) & (cells <= high)).all(-1)}
+
+
+def trained(config, workdir, steps, batches):
+    stage = dataclasses.replace(config.structure_vae, steps=steps, save_every=2)
+    config = dataclasses.replace(config, structure_vae=stage)
+    trainer = Trainer(config, workdir).fit("structure_vae", batches)
+    return load_file(trainer.workdir / "export" / "structure_vae.safetensors")
+
+
+def test_batches_of_ones_own_need_no_records_and_resume(tmp_path):
+    config = tiny_run.make_config(tmp_path)
+    data = dataclasses.replace(config.data, records="")
+    config = dataclasses.replace(config, data=data)
+    batches = list(occupancies(config, 5))
+    straight = trained(config, tmp_path / "straight", 5, batches)
+    trained(config, tmp_path / "parts", 2, batches)
+    resumed = trained(config, tmp_path / "parts", 5, batches)
+    other = trained(config, tmp_path / "other", 5, batches[::-1])
+    for key, value in straight.items():
+        np.testing.assert_array_equal(resumed[key], value)
+    assert any((other[key] != value).any() for key, value in straight.items())
+    with pytest.raises(ValueError, match="the data ended"):
+        trained(config, tmp_path / "short", 6, batches)
+    with pytest.raises(ValueError, match="batches are of one stage; name it"):
+        Trainer(config, tmp_path / "all").fit(batches=batches)
+    with pytest.raises(FileNotFoundError):
+        Trainer(config, tmp_path / "straight").pipeline()  # other networks are missing
+
+
+def test_every_image_encoder_has_a_network_and_a_kind():
+    declared = typing.get_args(typing.get_type_hints(names.ImageEncoderConfig)["architecture"])
+    assert set(declared) == set(names.IMAGE_ENCODERS) == set(IMAGE_ENCODERS)
+
+
+def test_counted_batches_go_back_and_forth():
+    counted = CountedBatches(range(5))
+    assert [next(counted), next(counted)] == [0, 1]
+    counted.set_state({"read": 4})
+    assert next(counted) == 4
+    counted.set_state({"read": 1})
+    assert next(counted) == 1 and counted.get_state() == {"read": 2}
+
+
+def test_the_trainer_is_public():
+    assert uniart_jax.Trainer is Trainer
+    assert Trainer(tiny_run.make_config(Path("x"))).workdir.parts[0] == "runs"

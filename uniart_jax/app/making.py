@@ -1,0 +1,311 @@
+"""What the page does with a picture: look at it, make objects of it, put them in a zip.
+
+Everything is told as it goes: ``tell(stage)`` is called as each of ``STAGES`` begins, and whatever
+it raises ends the work.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import zipfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PIL import Image
+
+from uniart_jax.app.part_words import root_first
+from uniart_jax.config import Background
+from uniart_jax.data.background import cut_out
+from uniart_jax.data.images import crop, read_image
+from uniart_jax.evaluation.sampled import details, steps_of_several
+from uniart_jax.export.words import moving_words
+from uniart_jax.layout_picture import draw_layout
+from uniart_jax.simulation.refine import mend
+from uniart_jax.simulation.summary import verdicts
+from uniart_jax.simulation.validate import validate
+from uniart_jax.voxels.layout import Layout
+
+if TYPE_CHECKING:
+    from uniart_jax.pipeline import Pipeline, Sample
+
+SIDE = 512  # pixels of the pictures that the page shows
+MOST_SAMPLES = 4
+MOST_STEPS = 50
+MOST_GUIDANCE = 10.0
+SEEDS = 2**31
+# in their order: drawn are all samples, one after the other, and then each is written
+STAGES = {
+    "look": "Looking at the picture",
+    "structure": "Which voxels it fills",
+    "surfaces": "Surfaces and colours",
+    "joints": "Parts and joints",
+    "files": "Collision shapes, texture, files",
+    "refine": "Joints that run into the object",
+    "check": "Tried in physics engines",
+    "zip": "Zip",
+}
+Tell = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """How objects are made. ``steps`` and ``guidance`` None: as the checkpoint has them; ``check``:
+    also try them in the physics engines that are installed."""
+
+    samples: int = 1
+    seed: int = 0
+    steps: int | None = None
+    guidance: float | None = None
+    background: Background = "auto"
+    check: bool = True
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.samples <= MOST_SAMPLES:
+            raise ValueError(f"samples: give 1 to {MOST_SAMPLES}")
+        if self.seed < 0 or self.seed + self.samples > SEEDS:
+            raise ValueError(f"seed: give a whole number from 0 to {SEEDS - self.samples}")
+        if self.steps is not None and not 1 <= self.steps <= MOST_STEPS:
+            raise ValueError(f"steps: give a whole number from 1 to {MOST_STEPS}, or nothing")
+        if self.guidance is not None and not 0 <= self.guidance <= MOST_GUIDANCE:
+            raise ValueError(f"guidance: give 0 to {MOST_GUIDANCE:g}, or nothing")
+        if self.background not in ("auto", "keep", "rembg"):
+            raise ValueError("background: give auto, keep or rembg")
+
+    @staticmethod
+    def read(
+        samples: Any, seed: Any, steps: Any, guidance: Any, background: Any, check: Any
+    ) -> Options:
+        """Of what a form holds: numbers or texts of numbers, None or "" where nothing was given.
+
+        Raises:
+          ValueError: one line that names the field.
+        """
+        return Options(
+            _whole("samples", samples) or 0,
+            _whole("seed", 0 if seed in (None, "") else seed) or 0,
+            _whole("steps", steps),
+            _number("guidance", guidance),
+            background,
+            bool(check),
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Look:
+    """What is seen in a picture before anything is made of it.
+
+    Attributes:
+      picture: the file. rgba, cut: [H, W, 4] uint8, as it was read and with the object cut out.
+      background: how it was to be cut out; way: how it was (``data.background``).
+      layout: the parts as they are read; None where the checkpoint has no layout network.
+      shown, drawn: PNG files of the cut-out and, if there is a layout, of boxes and axes over it.
+    """
+
+    picture: Path
+    rgba: np.ndarray
+    cut: np.ndarray
+    background: Background
+    way: str
+    layout: Layout | None
+    shown: Path
+    drawn: Path | None
+
+
+@dataclasses.dataclass(frozen=True)
+class Made:
+    """An object that was made. ``folder``: the asset's; ``found``: what moves, in words;
+    ``report``: its ``report.json``."""
+
+    folder: Path
+    seed: int
+    found: str
+    report: dict[str, Any]
+
+
+def look(pipeline: Pipeline, picture: Path, background: Background, folder: Path) -> Look:
+    """Read a picture, cut the object out, find its parts, and draw both into ``folder``.
+
+    Raises:
+      FileNotFoundError, ValueError: it is no picture that can be used; one line that names it.
+    """
+    rgba = read_image(picture)
+    cut, way = cut_out(rgba, background, f"image '{picture}'")
+    layout = pipeline.find_layout(cut, "keep")
+    square = crop(cut, SIDE, pipeline.config.model.image_encoder.crop_margin)
+    shown, drawn = folder / "cut-out.png", None
+    Image.fromarray(square).save(shown)
+    if layout is not None:
+        drawn = folder / "parts.png"
+        draw_layout(square, root_first(layout), SIDE).save(drawn)
+    return Look(picture, rgba, cut, background, way, layout, shown, drawn)
+
+
+def make(
+    pipeline: Pipeline,
+    seen: Look,
+    options: Options,
+    folder: Path,
+    tell: Tell,
+    checkpoint: str = "",
+) -> tuple[list[Made], list[str]]:
+    """Objects of a picture, as ``sample.py`` makes them, each in a folder of its own in ``folder``.
+
+    Args:
+      seen: the picture and its parts. tell: called as each stage begins.
+      checkpoint: its name, for the reports.
+
+    Returns:
+      The objects, and a line for each of several samples that could not be made.
+
+    Raises:
+      ValueError: none could be made.
+    """
+    failed: list[tuple[int, Exception]] = []
+    drawn: dict[int, Sample] = {}
+    for i in range(options.samples):
+        try:
+            drawn[i] = _draw(pipeline, seen, options, i, tell)
+        except ValueError as error:
+            failed.append((options.seed + i, error))
+    objects = list(drawn.values())
+    made = []
+    for index, (i, one) in enumerate(drawn.items()):
+        name = "asset" if options.samples == 1 else f"sample-{i}"
+        told = details(objects, index) | {"background": [seen.way]}
+        try:
+            made.append(
+                _write(one, seen, options, options.seed + i, folder / name, told, tell, checkpoint)
+            )
+        except ValueError as error:
+            failed.append((options.seed + i, error))
+    if not made:
+        raise failed[0][1]
+    return made, [f"seed {seed}: {sentence(error, seen.picture)}" for seed, error in failed]
+
+
+def _draw(pipeline: Pipeline, seen: Look, options: Options, i: int, tell: Tell) -> Sample:
+    """Sample ``i``."""
+    steps = options.steps
+    if steps is None and options.samples > 1:
+        steps = steps_of_several(pipeline.options())
+
+    def progress(step: str) -> None:
+        if (stage := stage_of(step)) is not None:
+            tell(stage)
+
+    return pipeline.sample(
+        seen.cut,
+        seed=options.seed + i,
+        name=safe_stem(seen.picture),
+        layout=seen.layout or True,
+        background="keep",  # what is cut away is cut away
+        progress=progress,
+        steps=steps,
+        adaptive=None if steps is None else False,
+        guidance=options.guidance,
+    )
+
+
+def _write(
+    one: Sample,
+    seen: Look,
+    options: Options,
+    seed: int,
+    folder: Path,
+    told: dict[str, Any],
+    tell: Tell,
+    checkpoint: str,
+) -> Made:
+    """The asset folder of a sample."""
+
+    def mended(*given: Any) -> Any:
+        tell("refine")
+        return mend(*given)
+
+    def checked(written: Path) -> dict:
+        tell("check")
+        return verdicts(validate(written))
+
+    tell("files")
+    one.obj.save(
+        folder,
+        image=seen.rgba,
+        picture=one.picture,
+        seed=seed,
+        checkpoint=checkpoint,
+        details=told,
+        mend=mended,
+        check=checked if options.check else None,
+    )
+    report = json.loads((folder / "report.json").read_text("utf-8"))
+    return Made(folder, seed, moving_words(one.obj), report)
+
+
+def stage_of(step: str) -> str | None:
+    """The stage that begins with a step of ``Pipeline.sample``, by the name that it tells; None:
+    no new one (the picture was looked at before)."""
+    if step.endswith(" voxels"):
+        return "surfaces"
+    return {"structure": "structure", "parts and joints": "joints"}.get(step)
+
+
+def planned(options: Options) -> dict[str, int]:
+    """Stage -> how often it comes."""
+    left_out = set() if options.check else {"check"}
+    count = {stage: options.samples for stage in STAGES if stage not in left_out}
+    return count | {"look": 1, "zip": 1}
+
+
+def zip_assets(made: Sequence[Made], stem: str, path: Path) -> Path:
+    """All files of the objects in one zip: below ``stem``/, or where there are several below
+    ``stem``/``sample-<i>``/. The same files give the same bytes."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for one in made:
+            top = stem if len(made) == 1 else f"{stem}/{one.folder.name}"
+            for file in sorted(one.folder.rglob("*")):
+                if file.is_file():
+                    name = f"{top}/{file.relative_to(one.folder).as_posix()}"
+                    entry = zipfile.ZipInfo(name)  # of 1980, whatever the clock says
+                    entry.compress_type = zipfile.ZIP_DEFLATED
+                    entry.external_attr = 0o644 << 16
+                    archive.writestr(entry, file.read_bytes())
+    return path
+
+
+def safe_stem(picture: Path) -> str:
+    """A picture's name without its ending, as every file system takes it."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", picture.stem).strip("_")[:60] or "object"
+
+
+def sentence(error: BaseException, picture: Path | None = None) -> str:
+    """An error in one line for the page: of the picture its name alone is told, not where it
+    lies."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    if picture is not None:
+        text = text.replace(str(picture), picture.name)
+    return text
+
+
+def _whole(name: str, value: Any) -> int | None:
+    number = _number(name, value)
+    if number is None:
+        return None
+    if number != int(number):
+        raise ValueError(f"{name}: give a whole number, not {number:g}")
+    return int(number)
+
+
+def _number(name: str, value: Any) -> float | None:
+    if value is None or value == "":
+        return None
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}: give a number") from None
+    if not np.isfinite(number):
+        raise ValueError(f"{name}: give a finite number")
+    return number

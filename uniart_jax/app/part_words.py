@@ -1,0 +1,69 @@
+"""The parts of a layout in words: what each is, how it moves, how sure the network is."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from uniart_jax.export.naming import KINDS
+from uniart_jax.export.page import part_color
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.layout import KNOB, OFF_AXIS, Layout
+
+
+@dataclasses.dataclass(frozen=True)
+class ReadPart:
+    """A row. ``color``: "#rrggbb", as it is drawn (``layout_picture``)."""
+
+    color: str
+    kind: str
+    motion: str
+    confidence: float
+    moves: bool
+
+
+def read_parts(layout: Layout) -> list[ReadPart]:
+    """[K], in the order of ``root_first``."""
+    rows, layout = [], root_first(layout)
+    for k, joint in enumerate(layout.joints):
+        kind = "base" if layout.parents[k] < 0 else KINDS[joint.type]
+        if kind == "hinge" and _is_knob(joint, layout.boxes[k]):
+            kind = "knob"
+        sure = float(layout.confidence[k])
+        rows.append(ReadPart(part_color(k), kind, motion(joint), sure, joint.type != "fixed"))
+    return rows
+
+
+def root_first(layout: Layout) -> Layout:
+    """The same parts, the root before all others: as an object has them, so that colours agree."""
+    order = sorted(range(len(layout)), key=lambda k: layout.parents[k] >= 0)
+    place = {k: new for new, k in enumerate(order)} | {-1: -1}
+    return dataclasses.replace(
+        layout,
+        boxes=layout.boxes[order],
+        joints=tuple(layout.joints[k] for k in order),
+        parents=tuple(place[layout.parents[k]] for k in order),
+        colors=layout.colors[order],
+        confidence=layout.confidence[order],
+    )
+
+
+def _is_knob(joint: Joint, box: np.ndarray) -> bool:
+    """Whether what turns is small and about its own axis; of a box no outline tells it."""
+    largest = float(box[3:].max())
+    off = np.linalg.norm(np.cross(joint.direction, box[:3] - joint.origin))
+    return bool(largest <= KNOB and off <= OFF_AXIS * largest)
+
+
+def motion(joint: Joint) -> str:
+    """How far a joint goes: "turns by 90°", "slides by 31 % of the object's size"."""
+    turn = np.degrees(joint.angle[1] - joint.angle[0])
+    slide = abs(joint.travel[1] - joint.travel[0])
+    if joint.type == "fixed":
+        return "does not move"
+    if joint.type == "continuous":
+        return "turns all round"
+    ways = [f"turns by {turn:.0f}°"] if joint.rotates else []
+    ways += [f"slides by {slide:.0%} of the object's size"] if slide else []
+    return " and ".join(ways)

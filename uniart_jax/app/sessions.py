@@ -1,0 +1,148 @@
+"""Whose files are whose: a folder for every session of the page, removed when the session ends.
+
+    ROOT/<hash>/<name>        uploads, put there by Gradio under the hash of their content
+    ROOT/sessions/<secret>/   what was made for one session
+
+Two sessions that upload the same file share it; it goes with the last of them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+SECRET = 16  # bytes of a folder's name, which nobody can guess
+POLL = 0.05  # seconds between two looks at whether work has stopped
+
+
+class Session:
+    """One opened page. ``closed`` becomes True when it is left; what works for it should stop.
+
+    Attributes:
+      folder: its own, made on first use. uploads: files that it brought. looked: what the page
+        keeps of the picture that is shown (anything).
+    """
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.uploads: set[Path] = set()
+        self.looked: Any = None
+        self.closed = False
+        self.works = 0
+        self.runs = 0
+
+
+class Sessions:
+    """All opened pages, by Gradio's name for them.
+
+    Args:
+      root: the folder for everything, already there. Files in it when ``keep_present`` is called
+        are nobody's and stay until ``close_all``.
+    """
+
+    def __init__(self, root: Path):
+        self.root = root.resolve()
+        self.made = self.root / "sessions"
+        self.made.mkdir(exist_ok=True)
+        self._open: dict[str, Session] = {}
+        self._kept: frozenset[Path] = frozenset()
+        self._lock = threading.Lock()
+
+    def keep_present(self) -> None:
+        """Files that are there now (the examples) are never removed with a session."""
+        self._kept = frozenset(path for path in self.root.rglob("*") if path.is_file())
+
+    def of(self, name: str) -> Session:
+        """The session of that name; a new one where there is none."""
+        with self._lock:
+            if name not in self._open:
+                self._open[name] = Session(self.made / secrets.token_hex(SECRET))
+            return self._open[name]
+
+    def take(self, session: Session, payload: Any) -> Path:
+        """The uploaded file that a page names, from now on the session's.
+
+        Args:
+          payload: what Gradio's frontend sends for a picture: {"path", …}.
+
+        Raises:
+          ValueError: it is none, or lies outside the folder of uploads.
+          FileNotFoundError: it is gone.
+        """
+        path = payload.get("path") if isinstance(payload, dict) else None
+        if not isinstance(path, str):
+            raise ValueError("no picture: drop one on the page, or pick an example")
+        file = Path(path).resolve()
+        if not file.is_relative_to(self.root) or file.is_relative_to(self.made):
+            raise ValueError("the picture is not one that was uploaded to this page")
+        if not file.is_file():
+            raise FileNotFoundError(f"{file.name}: it is not here any more; upload it again")
+        with self._lock:
+            session.uploads.add(file)
+        return file
+
+    def fresh(self, session: Session, kind: str) -> Path:
+        """An empty folder of the session for what is made next; what was made of that kind
+        ("object", "picture") before goes."""
+        with self._lock:
+            session.runs += 1
+            folder = session.folder / f"{kind}-{session.runs}"
+        if session.folder.is_dir():
+            for old in session.folder.glob(f"{kind}-*"):
+                shutil.rmtree(old, ignore_errors=True)
+        folder.mkdir(parents=True)
+        return folder
+
+    @contextlib.contextmanager
+    def working(self, session: Session) -> Iterator[None]:
+        """While the block runs, the session's files stay even if it is closed."""
+        with self._lock:
+            session.works += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                session.works -= 1
+                done = session.closed and not session.works
+            if done:
+                self._remove(session)
+
+    def close(self, name: str) -> None:
+        """A page was left: its files are removed, at once or when what works for it has stopped."""
+        with self._lock:
+            session = self._open.pop(name, None)
+            if session is None:
+                return
+            session.closed = True
+            busy = session.works > 0
+        if not busy:
+            self._remove(session)
+
+    def close_all(self, patience: float = 10.0) -> None:
+        """Close every session and remove ``root``; work that is going on gets so many seconds to
+        stop."""
+        with self._lock:
+            sessions = list(self._open.values())
+            self._open.clear()
+            for session in sessions:
+                session.closed = True
+        end = time.monotonic() + patience
+        while any(session.works for session in sessions) and time.monotonic() < end:
+            time.sleep(POLL)
+        shutil.rmtree(self.root, ignore_errors=True)
+
+    def _remove(self, session: Session) -> None:
+        shutil.rmtree(session.folder, ignore_errors=True)
+        with self._lock:
+            held = self._kept.union(*(other.uploads for other in self._open.values()))
+            mine, session.uploads = session.uploads - held, set()
+        for file in mine:
+            file.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # the folder of another file, too
+                file.parent.rmdir()

@@ -1,0 +1,165 @@
+"""What both flows share: latents that are encoded first, frozen networks that see the picture, and
+what their evaluations show them."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from uniart_jax.adoption import exported, same_ground, untrained
+from uniart_jax.config import Config, ModelConfig
+from uniart_jax.data.folder import write_text
+from uniart_jax.data.latents import latent_batches
+from uniart_jax.encoding import ENCODED, digest, encode_all
+from uniart_jax.models.network import Network, build
+from uniart_jax.samplers import Condition, make_conditioner, make_layout_finder
+from uniart_jax.stages.stage import Stage, Statistics, load
+from uniart_jax.training import distributed
+from uniart_jax.training.export import load_network, read_statistics, write_statistics
+from uniart_jax.training.flow_losses import of_pictures
+from uniart_jax.voxels.part_table import ROWS, PartTable, part_table
+
+
+class FlowStage(Stage):
+    """A rectified flow of a latent, given the picture."""
+
+    reads_features = True
+
+    def shows_found_layouts(self, config: Config) -> bool:
+        return True
+
+    def decodes(self, config: Config) -> str:
+        """The network whose output on the flow's samples the loss reads; "" for none."""
+        return ""
+
+    def claim(self, config: Config, workdir: Path, source: Path | None) -> None:
+        folder = workdir / "checkpoints" / self.name
+        units = units_of(source, workdir)
+        distributed.first_does(lambda: claim_inputs(folder, config, workdir, self.latent, units))
+
+    def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:
+        return latent_batches(
+            workdir / "latents",
+            config.data,
+            config.model,
+            self.settings(config).batch_size,
+            stage=self.name,  # type: ignore[arg-type]
+            decoded=bool(self.decodes(config)),
+            **share,
+        )
+
+    def statistics(
+        self, config: Config, workdir: Path, source: Path | None
+    ) -> dict[str, Statistics]:
+        """Encodes the records where that is not done yet."""
+        found = encode_all(config, workdir)
+        if (units := units_of(source, workdir)) is not None:
+            found[self.latent] = read_statistics(units, self.latent)
+        ours = found[self.latent]
+        distributed.first_does(lambda: write_statistics(workdir / "export", self.latent, *ours))
+        return found
+
+    def flow_loss(
+        self, network: Network, config: Config, workdir: Path, mean: Any, std: Any
+    ) -> Any:
+        """The loss of batches that hold what an image encoder sees, of latents in units of ``mean``
+        and ``std``."""
+        raise NotImplementedError
+
+    def loss(
+        self, network: Network, config: Config, workdir: Path, statistics: dict[str, Statistics]
+    ) -> Any:
+        find = make_layout_finder(config.model) if config.loss.found > 0 else None
+        loss_fn = self.flow_loss(network, config, workdir, *statistics[self.latent])
+        return of_pictures(loss_fn, make_conditioner(config.model), find, config.loss.found)
+
+    def given(self, config: Config, workdir: Path, source: Path | None) -> tuple[Any, ...]:
+        frozen = ["image_encoder", *filter(None, [self.decodes(config)])]
+        frozen += ["layout"] if config.loss.found > 0 else []
+        return tuple(load(workdir, name, config) for name in frozen)
+
+
+def units_of(source: Path | None, workdir: Path) -> Path | None:
+    """The checkpoint in whose units a flow's latents are: flows of the same encoder and VAEs go on in
+    the units that they know. None: the records' own."""
+    return source if source is not None and same_ground(source, (), workdir) else None
+
+
+def claim_inputs(
+    folder: Path, config: Config, workdir: Path, latent: str, units: Path | None = None
+) -> None:
+    """Tie a flow's checkpoints to the latents, their units (of checkpoint ``units``, or the records' own) and the image encoder that it trains on.
+
+    Raises:
+      FileNotFoundError: a network that it needs has not been trained.
+      ValueError: the checkpoints belong to others; a flow finished on these would not fit the networks exported beside it.
+    """
+    for name in ("image_encoder", *ENCODED):
+        if not exported(workdir, name):
+            frozen = name == "image_encoder" and not config.model.image_encoder.kind.trained
+            how = "give a checkpoint that has it as --init" if frozen else f"train it first: --stage {name}"  # fmt: skip
+            raise FileNotFoundError(f"{workdir}/export/{name}.safetensors: not there; {how}")
+        if left := [m for m in untrained(workdir / "export") if m.split(".")[0] == name]:
+            raise ValueError(f"{name}: not trained yet ({', '.join(left)}); train it first: --stage {name}")  # fmt: skip
+    encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
+    latents = digest(config, workdir, Path(config.data.records), config.data.split)
+    key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
+    if config.loss.found:
+        layout = (workdir / "export" / "layout.safetensors").read_bytes()
+        key += f" {hashlib.sha256(layout).hexdigest()}"
+    if units is not None:
+        both = read_statistics(units, latent)
+        key += f" {hashlib.sha256(b''.join(v.tobytes() for v in both)).hexdigest()}"
+    note = folder.with_name(f"{folder.name}.inputs")
+    trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
+    if trained and note.is_file() and note.read_text() != key:
+        raise ValueError(
+            f"{folder} was trained on other inputs (records, voxel_buckets, an earlier network, the "
+            "layout network where loss.found shows its layouts, --init or the version changed since); "
+            "remove that folder to train this flow on the new ones"
+        )
+    note.parent.mkdir(parents=True, exist_ok=True)
+    if not note.is_file() or note.read_text() != key:
+        write_text(note, key)
+
+
+def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Condition]:
+    """``samplers.make_conditioner`` with the trained image encoder of WORKDIR, on one device as long as the function is kept."""
+    abstract = build("image_encoder", config.model).abstract()
+    parameters = jax.device_put(load_network(workdir, "image_encoder", abstract))
+    return functools.partial(make_conditioner(config.model), parameters)
+
+
+def load_layout_finder(config: Config, workdir: Path) -> Callable[[jax.Array], PartTable]:
+    """``samplers.make_layout_finder`` with the layout network of WORKDIR."""
+    abstract = build("layout", config.model).abstract()
+    parameters = jax.device_put(load_network(workdir, "layout", abstract))
+    return functools.partial(make_layout_finder(config.model), parameters)
+
+
+def first_pictures(items: list[dict[str, Any]]) -> jax.Array:
+    """[B, S, S, 3] in [0, 1] of items of ``data.latents``."""
+    return jnp.asarray(np.stack([item["images"][0] for item in items]).astype(np.float32) / 255)
+
+
+def condition_of_items(
+    items: list[dict[str, Any]], condition_of: Callable[..., Condition], config: Config
+) -> Condition:
+    """What flows see of the first picture of each item, and of its true layout."""
+    condition, model = condition_of(first_pictures(items)), config.model
+    if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
+        return condition
+    return condition._replace(layout=item_tables(items, model))
+
+
+def item_tables(items: list[dict[str, Any]], model: ModelConfig) -> PartTable:
+    """The true layouts of items of ``data.latents``."""
+    tables = [{name: item[name] for name in ROWS} for item in items]
+    return part_table(tables, model.grid.max_parts)

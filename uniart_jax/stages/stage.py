@@ -1,0 +1,121 @@
+"""What a training stage is: one network, the batches it reads, what it minimises, how it is judged.
+
+A stage is one file of this folder with one subclass of ``Stage``, and one line in ``table.STAGES``;
+its numbers (steps, rates) are the ``StageConfig`` of the same name in ``config.Config``. The losses
+stand in ``training/``, which runs without the input pipeline.
+"""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import jax
+import numpy as np
+
+from uniart_jax.config import Config, ModelConfig, StageConfig
+from uniart_jax.models.network import Network, build
+from uniart_jax.training.export import load_network
+from uniart_jax.training.state import TrainState
+
+Statistics = tuple[np.ndarray, np.ndarray]  # mean and deviation of a latent's channels
+Evaluation = Callable[[TrainState, int], tuple[dict[str, float], dict[str, np.ndarray]]]
+
+
+class Stage(abc.ABC):
+    """The training of one network.
+
+    Attributes:
+      name: of the network (``models.network.build``), of its ``StageConfig`` and of its files.
+      latent: "structure" or "latent" where the stage is a flow of that latent, which is encoded
+        before (``encoding.encode_all``); else "".
+      makes_data: that it makes its own objects and reads no records.
+      reads_features: that it reads the columns of the UniArt VAE (``data.columns``).
+      reads_pictures_only: that it reads ``data.image_table``, which others need not keep in memory.
+      wanted: arrays of a batch that go to the devices; () for all.
+    """
+
+    name: ClassVar[str]
+    latent: ClassVar[str] = ""
+    makes_data: ClassVar[bool] = False
+    reads_features: ClassVar[bool] = False
+    reads_pictures_only: ClassVar[bool] = False
+    wanted: ClassVar[tuple[str, ...]] = ()
+
+    def settings(self, config: Config) -> StageConfig:
+        """Its steps, batch size and rates."""
+        return getattr(config, self.name)
+
+    def left_out(self, model: ModelConfig) -> str:
+        """Why a model has nothing to train here, with what to do; "" where it has."""
+        return ""
+
+    def check(self, config: Config) -> None:
+        """What of the config can be told to be wrong before anything is written.
+
+        Raises:
+          ValueError, FileNotFoundError: it cannot be trained so.
+        """
+        return None
+
+    def shows_found_layouts(self, config: Config) -> bool:
+        """Whether ``loss.found`` shows its network layouts that the layout network finds."""
+        return False
+
+    def claim(self, config: Config, workdir: Path, source: Path | None) -> None:
+        """Tie the stage's checkpoints in WORKDIR to what it trains on.
+
+        Raises:
+          FileNotFoundError: a network that it needs has not been trained. ValueError: the checkpoints
+            belong to other inputs.
+        """
+        return None
+
+    @abc.abstractmethod
+    def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Iterable[Any]:
+        """Endless host batches with ``get_state`` and ``set_state``.
+
+        Args:
+          share: ``process_index``, ``process_count`` and ``accumulate``.
+        """
+
+    @abc.abstractmethod
+    def loss(
+        self, network: Network, config: Config, workdir: Path, statistics: dict[str, Statistics]
+    ) -> Callable[..., tuple[jax.Array, dict[str, jax.Array]]]:
+        """(params, batch, key) -> loss and scalar metrics; with ``given``, (params, batch, key,
+        given)."""
+
+    def given(self, config: Config, workdir: Path, source: Path | None) -> tuple[Any, ...]:
+        """Parameters of frozen networks that the loss takes after its key; () for none.
+
+        Args:
+          source: the checkpoint that WORKDIR goes on from.
+        """
+        return ()
+
+    def statistics(
+        self, config: Config, workdir: Path, source: Path | None
+    ) -> dict[str, Statistics]:
+        """Of latents that the loss or the evaluation reads, other than those of a flow's own
+        encoding."""
+        return {}
+
+    def first_weights(self, config: Config) -> dict[str, Any]:
+        """Weights that a training without a checkpoint to go on from begins with, in place of drawn
+        ones."""
+        return {}
+
+    @abc.abstractmethod
+    def evaluation(
+        self, config: Config, workdir: Path, statistics: dict[str, Statistics]
+    ) -> Evaluation | None:
+        """Judges the averaged weights on records that are never trained on (``training.loop``);
+        None without any."""
+
+
+def load(workdir: Path, name: str, config: Config) -> Any:
+    """Parameters of a network that WORKDIR has trained or taken."""
+    return load_network(workdir, name, build(name, config.model).abstract())
