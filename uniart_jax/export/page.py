@@ -1,7 +1,8 @@
 """``view.html``: an asset in one file that any browser opens from disk, without a network.
 
 The page holds everything: the GLB (gzip, base64), joints and collision shapes (JSON), and three.js
-(``page_files/three.min.js``, made by ``tools/page_bundle``). Its policy (CSP) lets nothing but its own two scripts run and nothing be fetched, whatever a part is called.
+(``page_files/three.min.js``, made by ``tools/page_bundle``). Its policy (CSP) lets nothing but its
+own two scripts run and nothing be fetched, whatever a part is called.
 """
 
 from __future__ import annotations
