@@ -1,18 +1,25 @@
-"""Every attention kernel on the accelerator that is found: is it right, how fast is it at the paper's sizes, and which should ``auto`` take?
+"""Every attention kernel on the accelerator that is found: is it right, how fast is it at the
+paper's sizes, and which should ``auto`` take?
 
-    python benchmarks/accelerator_kernels.py [--minutes 9] [--only correctness speed] [--tiny] [--out out/bench]
+    python benchmarks/accelerator_kernels.py [--minutes 9] [--only correctness speed] [--tiny]
+    [--out out/bench]
 
-* correctness: forward and gradient against float64 numpy on what the kernel was given (rounded to its dtype): odd lengths, rows of one key and of
-  none, NaN in all padding, cross-attention, packed rows, one segment a row. The largest error over the largest value must be within ``ALLOWED``, and
+* correctness: forward and gradient against float64 numpy on what the kernel was given (rounded to
+  its dtype): odd lengths, rows of one key and of none, NaN in all padding, cross-attention, packed
+    rows, one segment a row. The largest error over the largest value must be within ``ALLOWED``,
+    and
   padding and its gradients exactly zero. A kernel that raises is a row that says so.
-* speed: seconds forward and forward + backward (queued calls, median of three rounds) of the structure flow's rows, of shifted windows and parts by
-  both kinds of plan, of ragged rows and of cross-attention, beside every way of PyTorch where it has the device (``accelerator_peers.py``). TFLOP/s
-  count the products that are asked for, padding left out, and 7/2 of them for both directions; ``of peak``: of the matrix product measured here.
+* speed: seconds forward and forward + backward (queued calls, median of three rounds) of the
+  structure flow's rows, of shifted windows and parts by both kinds of plan, of ragged rows and of
+  cross-attention, beside every way of PyTorch where it has the device (``accelerator_peers.py``).
+  TFLOP/s count the products that are asked for, padding left out, and 7/2 of them for both
+  directions; ``of peak``: of the matrix product measured here.
 * rule: the fastest kernel for each dtype and kind of rows, and what ``auto`` takes today.
 
-float32 is as JAX computes it unless told otherwise (TF32 on NVIDIA). With --tiny sizes are tiny; so on a CPU, where Pallas interprets, compilation is
-quick and seconds mean nothing.
-Every result is written when it is there; what the limit of minutes does not reach is left out, least important first.
+float32 is as JAX computes it unless told otherwise (TF32 on NVIDIA). With --tiny sizes are tiny; so
+on a CPU, where Pallas interprets, compilation is quick and seconds mean nothing.
+Every result is written when it is there; what the limit of minutes does not reach is left out,
+least important first.
 """
 
 from __future__ import annotations
@@ -33,9 +40,14 @@ from synthetic import row_lengths, segment_ids, segment_plan
 from uniart_jax.nn.attention import attend, attend_segments, choose
 from uniart_jax.nn.segments import pack_segments, plan_segments, whole_rows
 
-# largest error over largest value, forward and gradient; float32 on an accelerator multiplies in TF32 or bfloat16 passes
+# largest error over largest value, forward and gradient; float32 on an accelerator multiplies in
+# TF32 or bfloat16 passes
 ALLOWED = {"float32 highest": (2e-5, 1e-4), "float32": (5e-3, 1e-2), "bfloat16": (1e-2, 2e-2)}
-KERNELS = {"gpu": ("cudnn", "xla", "triton"), "tpu": ("splash", "xla"), "cpu": ("xla", "triton", "splash")}  # fmt: skip
+KERNELS = {
+    "gpu": ("cudnn", "xla", "triton"),
+    "tpu": ("splash", "xla"),
+    "cpu": ("xla", "triton", "splash"),
+}
 # (queries, keys, lengths given, queries have them too)
 ROWS = {
     "rows": (256, 256, False, False),
@@ -135,7 +147,9 @@ def correctness(job: dict[str, Any]) -> dict[str, Any]:
     with jax.default_matmul_precision(precision or "default"):
         found = [np.asarray(x, np.float64) for x in both_ways(dirty, g)]
     expected = reference(*(np.asarray(x, np.float64) for x in (*inputs, g)), seen)
-    for name, x, m in zip(("output", "d query", "d key", "d value"), found, [valid[0], *valid], strict=True):  # fmt: skip
+    for name, x, m in zip(
+        ("output", "d query", "d key", "d value"), found, [valid[0], *valid], strict=True
+    ):
         if not np.isfinite(x).all():
             return {"forward": np.nan, "gradient": np.nan, "result": f"FAILED: {name} not finite"}
         if np.where(m, 0, x).any():
@@ -151,10 +165,15 @@ def products(case: dict[str, Any]) -> float:
     """FLOP of the forward products that are asked for."""
     if case["kind"] == "rows":
         lengths = row_lengths(case["items"], case["keys"]).astype(float)
-        pairs = (lengths**2).sum() if case["ragged"] else case["items"] * case["queries"] * case["keys"]  # fmt: skip
+        pairs = (
+            (lengths**2).sum() if case["ragged"] else case["items"] * case["queries"] * case["keys"]
+        )
     else:
         ids, counts = _ids(case["kind"], case["items"], case["width"], case["resolution"])
-        pairs = sum((np.unique(i[:n], return_counts=True)[1] ** 2.0).sum() for i, n in zip(ids, counts, strict=True))  # fmt: skip
+        pairs = sum(
+            (np.unique(i[:n], return_counts=True)[1] ** 2.0).sum()
+            for i, n in zip(ids, counts, strict=True)
+        )
     return 4.0 * float(pairs) * case["heads"] * case["size"]
 
 
@@ -191,7 +210,11 @@ def _ids(*arguments):
 
 def measure(job: dict[str, Any]) -> dict[str, Any]:
     if job["do"] == "about":
-        return {"machine": machine(), "backend": jax.default_backend(), "peaks": matmul_peaks(job["side"])}  # fmt: skip
+        return {
+            "machine": machine(),
+            "backend": jax.default_backend(),
+            "peaks": matmul_peaks(job["side"]),
+        }
     if job["do"] == "torch":
         from accelerator_peers import measure as peer
 
@@ -201,7 +224,9 @@ def measure(job: dict[str, Any]) -> dict[str, Any]:
 
 def tiny_case(case: dict[str, Any]) -> dict[str, Any]:
     if case["kind"] == "rows":
-        return dict(case, items=2, queries=case["queries"] // 32, keys=case["keys"] // 32, heads=2, size=16)  # fmt: skip
+        return dict(
+            case, items=2, queries=case["queries"] // 32, keys=case["keys"] // 32, heads=2, size=16
+        )
     return dict(case, items=2, width=400, resolution=24, heads=2, size=16)
 
 
@@ -217,10 +242,18 @@ def check(backend: str, tiny: bool, seconds: float, out: Path, about: dict) -> N
         cases = [*PLANS, *(c for c in ROWS if kernel != "triton" or "cross" not in c)]
         if backend == "cpu" and kernel != "xla":
             cases = cases[1::2]
-        jobs = [dict(do="correctness", kernel=kernel, dtype=d, case=c, size=16 if tiny else 64) for d in dtypes for c in cases]  # fmt: skip
+        jobs = [
+            dict(do="correctness", kernel=kernel, dtype=d, case=c, size=16 if tiny else 64)
+            for d in dtypes
+            for c in cases
+        ]
         for job, result in run_jobs(jobs, clock.left() / (len(kernels) - i)):
             if "raised" in result:
-                result = {"forward": np.nan, "gradient": np.nan, "result": f"raised: {result['raised']}"}  # fmt: skip
+                result = {
+                    "forward": np.nan,
+                    "gradient": np.nan,
+                    "result": f"raised: {result['raised']}",
+                }
             kept = {k: job[k] for k in ("kernel", "dtype", "case")}
             rows.append({**kept, **result, "allowed": ALLOWED[job["dtype"]]})
             save("accelerator_kernels_correct", rows, out, **about)
@@ -287,14 +320,15 @@ def _torch_jobs(every) -> list[dict]:
 
 
 def rule(rows: list[dict], backend: str) -> list[dict[str, Any]]:
-    """The fastest kernel of each dtype and kind of rows, forward + backward, beside what ``auto`` takes."""
+    """The fastest kernel of each dtype and kind of rows, forward + backward, beside what ``auto``
+    takes."""
     kept = []
     for name, case in SPEED.items():
         for dtype in ("bfloat16", "float32"):
             ours, torchs = (
                 sorted((r["f+b s"], r["who"]) for r in rows
-                       if (r["case"].split(",")[0] == name.split(",")[0] if peer else r["case"] == name)
-                       and r["dtype"] == dtype and r["who"].startswith("torch") == peer and not r["note"])
+                       if (r["case"].split(",")[0] == name.split(",")[0] if peer else r["case"] == name)  # noqa: E501
+                       and r["dtype"] == dtype and r["who"].startswith("torch") == peer and not r["note"])  # noqa: E501
                 for peer in (False, True)
             )  # fmt: skip
             if ours:
@@ -303,9 +337,9 @@ def rule(rows: list[dict], backend: str) -> list[dict[str, Any]]:
                     "dtype": dtype,
                     "rows": name,
                     "fastest": ours[0][1],
-                    "next": f"{ours[1][1]} x {ours[1][0] / ours[0][0]:.2f}" if len(ours) > 1 else "",
+                    "next": f"{ours[1][1]} x {ours[1][0] / ours[0][0]:.2f}" if len(ours) > 1 else "",  # noqa: E501
                     "auto takes": choose("auto", jnp.dtype(dtype), keys, backend),
-                    "best torch": f"{torchs[0][1]} x {torchs[0][0] / ours[0][0]:.2f}" if torchs else "",
+                    "best torch": f"{torchs[0][1]} x {torchs[0][0] / ours[0][0]:.2f}" if torchs else "",  # noqa: E501
                 })  # fmt: skip
     return kept
 
@@ -313,7 +347,9 @@ def rule(rows: list[dict], backend: str) -> list[dict[str, Any]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=9)
-    parser.add_argument("--only", nargs="+", choices=["correctness", "speed"], default=["correctness", "speed"])  # fmt: skip
+    parser.add_argument(
+        "--only", nargs="+", choices=["correctness", "speed"], default=["correctness", "speed"]
+    )
     parser.add_argument("--tiny", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     arguments = parser.parse_args()

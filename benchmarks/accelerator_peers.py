@@ -1,10 +1,11 @@
-"""PyTorch's ways to compute the attention of ``accelerator_kernels.py``, on the same machine: its workers call ``measure``, one way a job.
+"""PyTorch's ways to compute the attention of ``accelerator_kernels.py``, on the same machine: its
+workers call ``measure``, one way a job.
 
     rows      scaled_dot_product_attention by each backend, padded under a mask where rows have lengths; varlen_attn; flex_attention; nested tensors
     segments  tokens sorted by segment and put back: varlen_attn, flex_attention over all tokens, nested tensors, all padded to the longest, a loop
 
 float32 is TF32 where JAX's is (NVIDIA). A way that this PyTorch lacks raises, and its row says so.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -18,7 +19,12 @@ import torch.nn.functional as F
 from results import steady
 from synthetic import row_lengths, segment_ids
 
-BACKENDS = {"sdpa flash": "FLASH_ATTENTION", "sdpa efficient": "EFFICIENT_ATTENTION", "sdpa cudnn": "CUDNN_ATTENTION", "sdpa math": "MATH"}  # fmt: skip
+BACKENDS = {
+    "sdpa flash": "FLASH_ATTENTION",
+    "sdpa efficient": "EFFICIENT_ATTENTION",
+    "sdpa cudnn": "CUDNN_ATTENTION",
+    "sdpa math": "MATH",
+}
 SORTED = ("varlen", "flex", "nested")
 Attend = Callable[..., torch.Tensor]
 
@@ -53,7 +59,9 @@ def measure(job: dict[str, Any]) -> dict[str, Any]:
 
 def rows(job: dict[str, Any], device: str) -> tuple[list[tuple[int, ...]], Attend]:
     """Shapes of q, k, v and a function of them."""
-    items, queries, keys, heads, size = (job[k] for k in ("items", "queries", "keys", "heads", "size"))  # fmt: skip
+    items, queries, keys, heads, size = (
+        job[k] for k in ("items", "queries", "keys", "heads", "size")
+    )
     lengths = row_lengths(items, keys) if job["ragged"] else np.full(items, keys, np.int32)
     if job["way"] in SORTED and job["ragged"]:
         # as a library that keeps tokens without padding would hold them
@@ -94,7 +102,7 @@ def segments(job: dict[str, Any], device: str) -> tuple[list[tuple[int, ...]], A
 
         def attend(x):
             done = [
-                F.scaled_dot_product_attention(*part.permute(1, 2, 0, 3).unsqueeze(1))[0].transpose(0, 1)
+                F.scaled_dot_product_attention(*part.permute(1, 2, 0, 3).unsqueeze(1))[0].transpose(0, 1)  # noqa: E501
                 for part in torch.split(x[there], pieces)
             ]  # fmt: skip
             return torch.cat(done)[back]
@@ -130,7 +138,7 @@ def sorted_attend(way: str, lengths: np.ndarray, device: str) -> Attend:
 
         def attend(*qkv):
             made = [
-                torch.nested.nested_tensor_from_jagged(x, offsets, max_seqlen=longest).transpose(1, 2)
+                torch.nested.nested_tensor_from_jagged(x, offsets, max_seqlen=longest).transpose(1, 2)  # noqa: E501
                 for x in qkv
             ]  # fmt: skip
             return F.scaled_dot_product_attention(*made).transpose(1, 2).values()
@@ -155,5 +163,7 @@ def _flex(device: str, ids: torch.Tensor | None = None) -> Attend:
         make = torch.compile(create_block_mask) if device == "cuda" else create_block_mask
         with contextlib.suppress(AttributeError):
             torch._dynamo.config.cache_size_limit = 64
-        mask = make(lambda b, h, q, k: ids[q] == ids[k], None, None, len(ids), len(ids), device=device)  # fmt: skip
+        mask = make(
+            lambda b, h, q, k: ids[q] == ids[k], None, None, len(ids), len(ids), device=device
+        )
     return lambda q, k, v: compiled(q, k, v, block_mask=mask)

@@ -1,18 +1,25 @@
-"""One training step of every paper-size network on the accelerator that is found: compile time, step time, memory, the largest batch.
+"""One training step of every paper-size network on the accelerator that is found: compile time,
+step time, memory, the largest batch.
 
-    python benchmarks/accelerator_steps.py [structure_flow ...] [--minutes 9] [--kernel auto] [--only steps batches] [--tiny] [--out out/bench]
+    python benchmarks/accelerator_steps.py [structure_flow ...] [--minutes 9] [--kernel auto]
+    [--only steps batches] [--tiny] [--out out/bench]
 
-The library's losses, AdamW, averaged parameters and donated state (``training``), bfloat16 compute, on synthetic objects (``synthetic.py``): 4,096 tokens
-for the structure flow, up to 16,384 voxels an item for the UniArt VAE and the latent flow. Of DINOv2-L (image_encoder) the forward pass alone; flows are given
-its tokens here, while in a training it is the beginning of their step.
+The library's losses, AdamW, averaged parameters and donated state (``training``), bfloat16 compute,
+on synthetic objects (``synthetic.py``): 4,096 tokens for the structure flow, up to 16,384 voxels an
+item for the UniArt VAE and the latent flow. Of DINOv2-L (image_encoder) the forward pass alone;
+flows are given its tokens here, while in a training it is the beginning of their step.
 
-* steps: each with ``scan_blocks`` and ``remat`` on and off. ``of peak``: the matrix products of the forward pass, counted in its jaxpr (loops multiplied
-  out, attention over its rows' padding included), times three, a second and of the product rate measured here in bfloat16. What remat computes again
-  does not count. XLA's own flop count stands beside it; it sees a loop's body once and no custom kernel. Peak GiB: the device's own
-  statistics where it keeps some, which include the making of the state; program GiB: the compiled step's arguments and temporaries.
-* batches: the largest power of two that fits, with scan and remat on, each trial in a process of its own, from the size that a step's memory predicts.
+* steps: each with ``scan_blocks`` and ``remat`` on and off. ``of peak``: the matrix products of the
+  forward pass, counted in its jaxpr (loops multiplied out, attention over its rows' padding
+  included), times three, a second and of the product rate measured here in bfloat16. What remat
+  computes again does not count. XLA's own flop count stands beside it; it sees a loop's body once
+  and no custom kernel. Peak GiB: the device's own statistics where it keeps some, which include the
+    making of the state; program GiB: the compiled step's arguments and temporaries.
+* batches: the largest power of two that fits, with scan and remat on, each trial in a process of
+  its own, from the size that a step's memory predicts.
 
-With --tiny networks are tiny; so on a CPU, where compilation is quick and seconds mean nothing. Every result is written when it is there; what the limit of minutes does not reach is left out.
+With --tiny networks are tiny; so on a CPU, where compilation is quick and seconds mean nothing.
+Every result is written when it is there; what the limit of minutes does not reach is left out.
 """
 
 from __future__ import annotations
@@ -50,7 +57,13 @@ from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 
 # items of a step, and voxels of an item; most important first
-STEPS = {"structure_flow": (8, 0), "uniart_vae": (4, 16384), "latent_flow": (8, 16384), "structure_vae": (8, 16384), "image_encoder": (32, 0)}  # fmt: skip
+STEPS = {
+    "structure_flow": (8, 0),
+    "uniart_vae": (4, 16384),
+    "latent_flow": (8, 16384),
+    "structure_vae": (8, 16384),
+    "image_encoder": (32, 0),
+}
 MODES = ((True, True), (False, True), (True, False), (False, False))  # scan_blocks, remat
 UNSTACKED = ("structure_vae",)  # has no stack of equal blocks: neither changes it
 FULL = "RESOURCE_EXHAUSTED", "out of memory", "OUT_OF_MEMORY"
@@ -59,14 +72,16 @@ FULL = "RESOURCE_EXHAUSTED", "out of memory", "OUT_OF_MEMORY"
 def model_of(tiny: bool, **how: Any) -> ModelConfig:
     """The paper's networks; or small ones of the same form."""
     if not tiny:
-        dinov2 = ImageEncoderConfig(architecture="dinov2", image_size=518, width=1024, num_blocks=24, num_heads=16)  # fmt: skip
+        dinov2 = ImageEncoderConfig(
+            architecture="dinov2", image_size=518, width=1024, num_blocks=24, num_heads=16
+        )
         return ModelConfig(image_encoder=dinov2, compute_dtype="bfloat16", **how)
     flow = FlowConfig(model_channels=32, num_blocks=2, num_heads=2, cond_channels=16)
     return ModelConfig(
         grid=GridConfig(resolution=8, subdivisions=2, max_parts=16),
-        image_encoder=ImageEncoderConfig(architecture="dinov2", image_size=28, width=32, num_blocks=2, num_heads=2),
-        structure_vae=StructureVAEConfig(channels=(8, 16), num_res_blocks=1, num_res_blocks_middle=1),
-        uniart_vae=UniArtVAEConfig(width=32, num_blocks=4, num_heads=2, visual_channels=16, geometry_channels=16, articulation_channels=16),
+        image_encoder=ImageEncoderConfig(architecture="dinov2", image_size=28, width=32, num_blocks=2, num_heads=2),  # noqa: E501
+        structure_vae=StructureVAEConfig(channels=(8, 16), num_res_blocks=1, num_res_blocks_middle=1),  # noqa: E501
+        uniart_vae=UniArtVAEConfig(width=32, num_blocks=4, num_heads=2, visual_channels=16, geometry_channels=16, articulation_channels=16),  # noqa: E501
         structure_flow=flow,
         latent_flow=dataclasses.replace(flow, patch_size=2, io_channels=(16,)),
         compute_dtype="bfloat16",
@@ -125,7 +140,12 @@ def step(job: dict[str, Any]) -> dict[str, Any]:
     seconds = statistics.median(times[1:])
     loss = metrics["loss"] if "loss" in metrics else metrics["tokens"].mean()
     program = compiled.memory_analysis()
-    used = program.temp_size_in_bytes + program.argument_size_in_bytes + program.output_size_in_bytes - program.alias_size_in_bytes  # fmt: skip
+    used = (
+        program.temp_size_in_bytes
+        + program.argument_size_in_bytes
+        + program.output_size_in_bytes
+        - program.alias_size_in_bytes
+    )
     statistics_ = jax.devices()[0].memory_stats() or {}
     passes = 1 if job["network"] == "image_encoder" else 3
     return {
@@ -144,11 +164,17 @@ def step(job: dict[str, Any]) -> dict[str, Any]:
 
 def measure(job: dict[str, Any]) -> dict[str, Any]:
     if job.get("about"):
-        return {"machine": machine(), "backend": jax.default_backend(), "peaks": matmul_peaks(job["side"])}  # fmt: skip
+        return {
+            "machine": machine(),
+            "backend": jax.default_backend(),
+            "peaks": matmul_peaks(job["side"]),
+        }
     return step(job)
 
 
-def time_steps(networks: list[str], base: dict, tiny: bool, clock: Clock, out: Path, about: dict) -> list[dict]:  # fmt: skip
+def time_steps(
+    networks: list[str], base: dict, tiny: bool, clock: Clock, out: Path, about: dict
+) -> list[dict]:
     rows: list[dict[str, Any]] = []
     for scan, remat in MODES[:1] if tiny else MODES:
         for name in networks:
@@ -157,14 +183,25 @@ def time_steps(networks: list[str], base: dict, tiny: bool, clock: Clock, out: P
             if name == "image_encoder" and remat and not scan:
                 continue  # nothing to compute again in a forward pass
             items, width = (2, min(STEPS[name][1], 200)) if tiny else STEPS[name]
-            job = dict(base, network=name, items=items, width=width, scan_blocks=scan, remat=remat, trial=False)  # fmt: skip
+            job = dict(
+                base,
+                network=name,
+                items=items,
+                width=width,
+                scan_blocks=scan,
+                remat=remat,
+                trial=False,
+            )
             for _, result in run_jobs([job], min(clock.left(), 300), each=300):
                 raised = result.pop("raised", "")
                 row = {"network": name, "scan": scan, "remat": remat, "items": items}
                 row |= {k: result.get(k, np.nan) for k in COLUMNS}
                 row["of peak"] = 1e3 * row["TFLOP/s"] / about["peaks"]["bfloat16"]
                 rows.append({**row, "note": f"raised: {raised}"[:100] if raised else ""})
-                print(f"{name}, scan {scan}, remat {remat}: {row['step s']:.3g} s {rows[-1]['note']}", flush=True)  # fmt: skip
+                print(
+                    f"{name}, scan {scan}, remat {remat}: {row['step s']:.3g} s {rows[-1]['note']}",
+                    flush=True,
+                )
                 save("accelerator_steps", rows, out, **about)
     if rows:
         rows.sort(key=lambda row: networks.index(row["network"]))
@@ -179,7 +216,18 @@ def time_steps(networks: list[str], base: dict, tiny: bool, clock: Clock, out: P
     return rows
 
 
-COLUMNS = ("M parameters", "compile s", "step s", "items/s", "TFLOP/s", "XLA TFLOP", "program GiB", "peak GiB", "limit GiB", "finite")  # fmt: skip
+COLUMNS = (
+    "M parameters",
+    "compile s",
+    "step s",
+    "items/s",
+    "TFLOP/s",
+    "XLA TFLOP",
+    "program GiB",
+    "peak GiB",
+    "limit GiB",
+    "finite",
+)
 
 
 def _mode(row: dict[str, Any]) -> str:
@@ -187,10 +235,13 @@ def _mode(row: dict[str, Any]) -> str:
 
 
 def largest_batch(name: str, base: dict, start: int, most: int, clock: Clock, width: int):
-    """Trials until one fits and twice as many items do not: (most items that fit, what stopped it, the trials)."""
+    """Trials until one fits and twice as many items do not: (most items that fit, what stopped it,
+    the trials)."""
     fits, tried, items, why = 0, {}, start, "the time was up"
     while items not in tried and 1 <= items <= most:
-        job = dict(base, network=name, items=items, width=width, scan_blocks=True, remat=True, trial=True)  # fmt: skip
+        job = dict(
+            base, network=name, items=items, width=width, scan_blocks=True, remat=True, trial=True
+        )
         result = next((r for _, r in run_jobs([job], min(clock.left(), 300), each=300)), None)
         if result is None:
             return fits, why, tried
@@ -200,24 +251,51 @@ def largest_batch(name: str, base: dict, start: int, most: int, clock: Clock, wi
             return fits, f"raised: {raised}"[:100], tried
         fits = fits if raised else max(fits, items)
         items = items // 2 if raised else items * 2
-    return fits, "out of memory" if items in tried or items < 1 else f"not tried above {most}", tried  # fmt: skip
+    return (
+        fits,
+        "out of memory" if items in tried or items < 1 else f"not tried above {most}",
+        tried,
+    )
 
 
-def find_batches(networks: list[str], base: dict, tiny: bool, clock: Clock, out: Path, about: dict, steps: list[dict]) -> None:  # fmt: skip
+def find_batches(
+    networks: list[str],
+    base: dict,
+    tiny: bool,
+    clock: Clock,
+    out: Path,
+    about: dict,
+    steps: list[dict],
+) -> None:
     rows = []
     for name in networks:
         if clock.left() < 10:
             break
         items, width = (2, min(STEPS[name][1], 200)) if tiny else STEPS[name]
         for row in steps:
-            # the state does not grow with the batch: 16 bytes a parameter, and as much again for gradients and updates
-            if row["network"] == name and row["scan"] and row["remat"] and row["limit GiB"] > 0 and not row["note"]:  # fmt: skip
+            # the state does not grow with the batch: 16 bytes a parameter, and as much again for
+            # gradients and updates
+            if (
+                row["network"] == name
+                and row["scan"]
+                and row["remat"]
+                and row["limit GiB"] > 0
+                and not row["note"]
+            ):
                 state = row["M parameters"] * 1e6 * 20 / 2**30
                 each = max(row["program GiB"] - state, 0.1) / row["items"]
                 items = 1 << int(math.log2(max(1, (row["limit GiB"] - state) / each)))
         fits, why, tried = largest_batch(name, base, items, 2 if tiny else 4096, clock, width)
         best = max((n / s for n, s in tried.items() if s > 0), default=np.nan)
-        rows.append({"network": name, "largest batch": fits, "because": why, "items/s at best": best, "trials": str({k: round(float(v), 3) for k, v in tried.items()})})  # fmt: skip
+        rows.append(
+            {
+                "network": name,
+                "largest batch": fits,
+                "because": why,
+                "items/s at best": best,
+                "trials": str({k: round(float(v), 3) for k, v in tried.items()}),
+            }
+        )
         print(f"{name}: batch {fits}, {why}", flush=True)
         save("accelerator_batches", rows, out, **about)
     if rows:
@@ -229,13 +307,17 @@ def main() -> None:
     parser.add_argument("networks", nargs="*", default=list(STEPS))
     parser.add_argument("--minutes", type=float, default=9)
     parser.add_argument("--kernel", default="auto")
-    parser.add_argument("--only", nargs="+", choices=["steps", "batches"], default=["steps", "batches"])  # fmt: skip
+    parser.add_argument(
+        "--only", nargs="+", choices=["steps", "batches"], default=["steps", "batches"]
+    )
     parser.add_argument("--tiny", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     arguments = parser.parse_args()
     clock = Clock(arguments.minutes)
     jax.config.update("jax_platforms", "cpu")  # the accelerator is the workers'
-    (_, about), *_ = run_jobs([dict(about=True, side=512 if arguments.tiny else 8192)], clock.left())  # fmt: skip
+    (_, about), *_ = run_jobs(
+        [dict(about=True, side=512 if arguments.tiny else 8192)], clock.left()
+    )
     if "raised" in about:
         sys.exit(f"the accelerator does not work: {about['raised']}")
     backend = about.pop("backend")
@@ -246,7 +328,9 @@ def main() -> None:
     networks, rows = arguments.networks or list(STEPS), []
     if "steps" in arguments.only:
         share = 0.65 if "batches" in arguments.only else 1.0
-        rows = time_steps(networks, base, tiny, Clock(share * clock.left() / 60), arguments.out, about)  # fmt: skip
+        rows = time_steps(
+            networks, base, tiny, Clock(share * clock.left() / 60), arguments.out, about
+        )
     if "batches" in arguments.only:
         trained = [name for name in networks if name != "image_encoder"][: 1 if tiny else None]
         find_batches(trained, base, tiny, clock, arguments.out, about, rows)

@@ -1,12 +1,16 @@
-"""Attention on a CPU beside PyTorch's, in one run: shifted windows of a 64^3 surface, and full attention of the latent flow.
+"""Attention on a CPU beside PyTorch's, in one run: shifted windows of a 64^3 surface, and full
+attention of the latent flow.
 
     python benchmarks/attention.py [--repeats 7] [--out out/bench]
 
-* windows: 12 heads of 64, windows of 8^3 shifted by 4, forward and forward + backward, against the better of two ways in PyTorch: an exact loop
-  over the windows, or all padded to the longest under one mask. ``limit`` is the time that the exact windows' products alone take at the measured
-  matrix rate. Both gather and put back the tokens. Gates: ratio <= 1, padding <= 15 % of tokens, cost linear in voxels (log-log slope <= 1.1).
+* windows: 12 heads of 64, windows of 8^3 shifted by 4, forward and forward + backward, against the
+  better of two ways in PyTorch: an exact loop over the windows, or all padded to the longest under
+    one mask. ``limit`` is the time that the exact windows' products alone take at the measured
+  matrix rate. Both gather and put back the tokens. Gates: ratio <= 1, padding <= 15 % of tokens,
+  cost linear in voxels (log-log slope <= 1.1).
 * full: 3,072 tokens, 16 heads of 64, against ``scaled_dot_product_attention``. Gate: ratio <= 1.2.
-* kinds: the same windows in other tilings (``attention_xla.CPU_LOGITS``), which is how the default was chosen.
+* kinds: the same windows in other tilings (``attention_xla.CPU_LOGITS``), which is how the default
+  was chosen.
 """
 
 from __future__ import annotations
@@ -29,7 +33,17 @@ from uniart_jax.nn.attention import attend, attend_segments
 from uniart_jax.nn.segments import fitted_sizes, pack_segments, segment_lengths
 from uniart_jax.nn.voxel_plans import window_ids
 
-OBJECTS = (("scissors", 0), ("bottle", 0), ("faucet", 4), ("laptop", 2), ("table", 1), ("table", 0), ("refrigerator", 1), ("storage_furniture", 1), ("refrigerator", 0))  # fmt: skip
+OBJECTS = (
+    ("scissors", 0),
+    ("bottle", 0),
+    ("faucet", 4),
+    ("laptop", 2),
+    ("table", 1),
+    ("table", 0),
+    ("refrigerator", 1),
+    ("storage_furniture", 1),
+    ("refrigerator", 0),
+)
 HEADS, SIZE, WINDOW = 12, 64, 8
 TILINGS = (18, 19, 20, 21)  # log2 of the logits at a time
 
@@ -155,17 +169,24 @@ def main() -> None:
     surfaces = sorted((surface(*name) for name in OBJECTS), key=len)
     rows = [windows_case(coords, peak, arguments.repeats) for coords in surfaces]
     sizes, ours = [row["voxels"] for row in rows], [row["ours s"] for row in rows]
-    linear = {"slope": slope(sizes, ours), "slope f+b": slope(sizes, [row["f+b ours s"] for row in rows])}  # fmt: skip
+    linear = {
+        "slope": slope(sizes, ours),
+        "slope f+b": slope(sizes, [row["f+b ours s"] for row in rows]),
+    }
     report("attention_windows", rows, arguments.out, peak_gflops=peak, **linear)
     best = [min(row["loop s"], row["padded s"]) for row in rows]
     picture(
         arguments.out / "attention_windows.png",
         sizes,
-        {"uniart_jax": ours, "PyTorch, the better of two": best, "limit: products alone": [row["limit s"] for row in rows]},
+        {"uniart_jax": ours, "PyTorch, the better of two": best, "limit: products alone": [row["limit s"] for row in rows]},  # noqa: E501
         "voxels of a 64³ surface",
         "seconds, forward, 8³ shifted windows",
     )  # fmt: skip
-    report("attention_full", [full_case(n, 16, arguments.repeats) for n in (1024, 2048, 3072, 4096)], arguments.out)  # fmt: skip
+    report(
+        "attention_full",
+        [full_case(n, 16, arguments.repeats) for n in (1024, 2048, 3072, 4096)],
+        arguments.out,
+    )
     report("attention_tilings", tiling_case(surfaces[-4], arguments.repeats), arguments.out)
 
 

@@ -1,12 +1,14 @@
-"""Chamfer distance of two point sets: ours beside scipy's KD tree, in the same run, and the memory it takes.
+"""Chamfer distance of two point sets: ours beside scipy's KD tree, in the same run, and the memory
+it takes.
 
     python benchmarks/chamfer.py [--points 100000] [--repeats 5] [--out out/bench]
 
-Both directions, trees and curves built anew each time, compilation not included; medians of runs in turn. Wall seconds hold on idle cores
-alone, CPU seconds of the process on busy ones too. Sets: procedural objects against other points of themselves at rest, against themselves
-opened and against another object of their family; points in a cube; a tenth as many points of a sphere against a small ball at its centre,
-where little can be pruned. Memory: growth of the largest resident set of a new process over the one it has with jax started and the points
-drawn, compilation included.
+Both directions, trees and curves built anew each time, compilation not included; medians of runs in
+turn. Wall seconds hold on idle cores alone, CPU seconds of the process on busy ones too. Sets:
+procedural objects against other points of themselves at rest, against themselves opened and against
+another object of their family; points in a cube; a tenth as many points of a sphere against a small
+ball at its centre, where little can be pruned. Memory: growth of the largest resident set of a new
+process over the one it has with jax started and the points drawn, compilation included.
 """
 
 from __future__ import annotations
@@ -69,7 +71,8 @@ def in_turn(functions: dict[str, Callable], repeats: int) -> dict[str, tuple]:
 
 
 def memory(number: int) -> float:
-    """MB that one comparison adds to a process, its compilation included; measured in this process."""
+    """MB that one comparison adds to a process, its compilation included; measured in this
+    process."""
     rng = np.random.default_rng(0)
     a, b = (rng.random((number, 3), np.float32) for _ in "ab")
     jax.block_until_ready(jax.jit(lambda x: x + 1)(a))
@@ -114,7 +117,14 @@ def main() -> None:
         print(f"{name}: {row['ratio']:.2f}", file=sys.stderr)
     command = [sys.executable, sys.argv[0], "--memory", "--points", str(options.points)]
     grown = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    report("chamfer", rows, options.out, points=options.points, memory_mb=float(grown), machine=machine())  # fmt: skip
+    report(
+        "chamfer",
+        rows,
+        options.out,
+        points=options.points,
+        memory_mb=float(grown),
+        machine=machine(),
+    )
 
 
 if __name__ == "__main__":

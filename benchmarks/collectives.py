@@ -1,11 +1,15 @@
-"""What devices send one another in a training step, beside the least that data parallelism needs: the exchange of gradients.
+"""What devices send one another in a training step, beside the least that data parallelism needs:
+the exchange of gradients.
 
-    python benchmarks/collectives.py [--config configs/paper.py] [--networks uniart_vae latent_flow] [--devices 8] [--fsdp 1 8] [--blocks 2] [--voxels 4096]
+    python benchmarks/collectives.py [--config configs/paper.py] [--networks uniart_vae latent_flow]
+    [--devices 8] [--fsdp 1 8] [--blocks 2] [--voxels 4096]
 
-The step of a config's network, an item a device, with fewer blocks (transformers; structure VAE and image encoder as they are), compiled for fake CPU devices and not run; what each device receives is read off the
-program (``received``), loops multiplied out. The least: an all-reduce of the gradients in float32, 8 (n - 1) / n bytes a parameter, and where parameters
-are split over ``fsdp`` an all-gather of them beside. What is counted is XLA's program for CPUs; for accelerators it may choose other collectives, such as a
-reduce-scatter where here an all-reduce is cut.
+The step of a config's network, an item a device, with fewer blocks (transformers; structure VAE and
+image encoder as they are), compiled for fake CPU devices and not run; what each device receives is
+read off the program (``received``), loops multiplied out. The least: an all-reduce of the gradients
+in float32, 8 (n - 1) / n bytes a parameter, and where parameters are split over ``fsdp`` an
+all-gather of them beside. What is counted is XLA's program for CPUs; for accelerators it may choose
+other collectives, such as a reduce-scatter where here an all-reduce is cut.
 """
 
 from __future__ import annotations
@@ -31,18 +35,34 @@ from uniart_jax.training.step import make_train_step
 
 NETWORKS = ("structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 ALL = (*NETWORKS, "image_encoder")  # the last is not trained in configs/paper.py
-BYTES = {"pred": 1, "s8": 1, "u8": 1, "bf16": 2, "f16": 2, "s32": 4, "u32": 4, "f32": 4, "s64": 8, "u64": 8, "f64": 8}  # fmt: skip
+BYTES = {
+    "pred": 1,
+    "s8": 1,
+    "u8": 1,
+    "bf16": 2,
+    "f16": 2,
+    "s32": 4,
+    "u32": 4,
+    "f32": 4,
+    "s64": 8,
+    "u64": 8,
+    "f64": 8,
+}
 KINDS = ("all-gather", "all-reduce", "reduce-scatter", "all-to-all", "collective-permute")
 _COMPUTATION = re.compile(r"^(?:ENTRY )?%?([\w.\-]+) \(.*\{$")
-_CALLED = re.compile(r"(?:body|condition|to_apply|calls|true_computation|false_computation)=%?([\w.\-]+)")  # fmt: skip
+_CALLED = re.compile(
+    r"(?:body|condition|to_apply|calls|true_computation|false_computation)=%?([\w.\-]+)"
+)
 _SHAPE = re.compile(r"(\w+)\[([\d,]*)\]")
 _INSTRUCTION = re.compile(r"^(?:ROOT )?%?[\w.\-]+ = (.*?) ([\w\-]+)\(")
 
 
 def received(text: str, devices: int) -> Counter[str]:
-    """Bytes that a device receives in the collectives of a compiled program's text, by kind; a loop whose trips XLA does not know counts once, a branch as if all were taken.
+    """Bytes that a device receives in the collectives of a compiled program's text, by kind; a loop
+    whose trips XLA does not know counts once, a branch as if all were taken.
 
-    Of n devices in a group: an all-gather's result x (n - 1) / n, twice that for an all-reduce, a reduce-scatter's result x (n - 1), all of a permute.
+    Of n devices in a group: an all-gather's result x (n - 1) / n, twice that for an all-reduce, a
+    reduce-scatter's result x (n - 1), all of a permute.
     """
     own: dict[str, Counter[str]] = {}
     calls: dict[str, list[tuple[str, int]]] = {}
@@ -90,7 +110,8 @@ def _moved(operation: str, shape: str, line: str, devices: int) -> int:
 
 
 def _group(line: str, devices: int) -> int:
-    """Devices that exchange with one another, in any of the three forms that XLA writes; all of them where it names no groups."""
+    """Devices that exchange with one another, in any of the three forms that XLA writes; all of
+    them where it names no groups."""
     if found := re.search(r"replica_groups=\[(\d+),(\d+)\]", line):
         return int(found[2])
     if found := re.search(r"replica_groups=\{\{([\d,]*)\}", line):
@@ -105,7 +126,8 @@ def _group(line: str, devices: int) -> int:
 
 
 def least(parameters: int, devices: int, fsdp: int = 1) -> float:
-    """Bytes that a device has to receive in a step: gradients summed, and, split over ``fsdp``, parameters gathered."""
+    """Bytes that a device has to receive in a step: gradients summed, and, split over ``fsdp``,
+    parameters gathered."""
     return 8 * (devices - 1) / devices * parameters + 4 * (fsdp - 1) / fsdp * parameters
 
 
@@ -134,7 +156,9 @@ def shallow(config: Config, blocks: int) -> Config:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)  # fmt: skip
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--config", type=Path, default=Path("configs/paper.py"))
     parser.add_argument("--networks", nargs="+", choices=ALL, default=list(NETWORKS))
     parser.add_argument("--devices", type=int, default=8)

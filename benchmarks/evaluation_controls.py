@@ -1,10 +1,12 @@
-"""Which figure sees which mistake: controls (the truth with one planted mistake) under the field's figures and under ours.
+"""Which figure sees which mistake: controls (the truth with one planted mistake) under the field's
+figures and under ours.
 
     python benchmarks/evaluation_controls.py [--count 64] [--unseen] [--processes 2]
 
-Every control of ``evaluation.controls`` of held-out procedural objects, measured against the object itself. An object in which a control
-finds nothing to plant (no hinge at a side) is left out of that control's means; intervals are 95 % bootstraps over objects. First of all
-a toy: a unit box and a door of 1 x 1 x .05 that opens by 90 degrees about its left edge.
+Every control of ``evaluation.controls`` of held-out procedural objects, measured against the object
+itself. An object in which a control finds nothing to plant (no hinge at a side) is left out of that
+control's means; intervals are 95 % bootstraps over objects. First of all a toy: a unit box and a
+door of 1 x 1 x .05 that opens by 90 degrees about its left edge.
 
 Writes docs/evaluation.png (not with --unseen) and prints the tables of docs/evaluation.md.
 """
@@ -87,7 +89,8 @@ def main():
 
 
 def toy_door() -> ArticulatedObject:
-    """A unit box and a door in front of it (-x) that opens outwards by 90 degrees about its left edge (+y, seen from the front at -x), where it touches the box."""
+    """A unit box and a door in front of it (-x) that opens outwards by 90 degrees about its left
+    edge (+y, seen from the front at -x), where it touches the box."""
     body = trimesh.creation.box((1, 1, 1))
     door = trimesh.creation.box(
         (0.05, 1, 1), trimesh.transformations.translation_matrix((-0.525, 0, 0))
@@ -97,7 +100,8 @@ def toy_door() -> ArticulatedObject:
 
 
 def measure_held_out(index: int, unseen: bool) -> dict[str, Figures]:
-    """In the grid's units, the longest side about 1, as the toy is; ``compat`` would count metres."""
+    """In the grid's units, the longest side about 1, as the toy is; ``compat`` would count
+    metres."""
     return measure_controls(dataclasses.replace(held_out(index, unseen=unseen).obj, scale=1.0))
 
 
@@ -122,7 +126,9 @@ def noise(obj: ArticulatedObject) -> str:
     shown = own[0].normalized(), own[1].normalized()
     found = [singapo.measure(*shown, seed=seed, own=own) for seed in range(20)]
     spread = {key: np.std([f[key] for f in found], ddof=1) for key in NOISY}
-    return "Standard deviation over 20 seeds, rest_only: " + ", ".join(f"{key} {value:.1e}" for key, value in spread.items())  # fmt: skip
+    return "Standard deviation over 20 seeds, rest_only: " + ", ".join(
+        f"{key} {value:.1e}" for key, value in spread.items()
+    )
 
 
 def table(rows: Rows) -> str:

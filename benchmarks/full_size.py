@@ -1,9 +1,12 @@
-"""One forward pass of TRELLIS's networks at their real size, beside PyTorch with the same weights, in one run.
+"""One forward pass of TRELLIS's networks at their real size, beside PyTorch with the same weights,
+in one run.
 
-    python benchmarks/full_size.py [structure_flow latent_flow slat_encoder dinov2] [--repeats 3] [--out out/bench]
+    python benchmarks/full_size.py [structure_flow latent_flow slat_encoder dinov2] [--repeats 3]
+    [--out out/bench]
 
-Random weights, one object of about 11,600 voxels, float32. Our parameters are the peer's, through the converter, so the largest difference of the
-two outputs shows that both computed the same thing. Seconds are medians of the repeats, taken in turn. Gate: ratio <= 1.
+Random weights, one object of about 11,600 voxels, float32. Our parameters are the peer's, through
+the converter, so the largest difference of the two outputs shows that both computed the same thing.
+Seconds are medians of the repeats, taken in turn. Gate: ratio <= 1.
 """
 
 from __future__ import annotations
@@ -36,7 +39,8 @@ Case = tuple[Any, Callable[..., Any], tuple, Callable[[], Any], int]
 
 
 def randomise(module: torch.nn.Module) -> dict[str, np.ndarray]:
-    """Every parameter drawn (zero-initialised layers would hide what flows through them); the state dict."""
+    """Every parameter drawn (zero-initialised layers would hide what flows through them); the state
+    dict."""
     generator = torch.Generator().manual_seed(0)
     for parameter in module.parameters():
         fan = parameter[0].numel() if parameter.ndim > 1 else 0
@@ -60,13 +64,21 @@ def structure_flow() -> Case:
     x, context = normal(4096, 8), normal(1374, 1024)
     inputs = (x.reshape(1, 16, 16, 16, 8), np.float32([TIME]), context[None])
     ours = lambda p, *a: network.apply(p, *a).reshape(4096, 8)  # noqa: E731
-    return converted.params, ours, inputs, lambda: peer(torch.tensor(x), TIME, torch.tensor(context)), 4096  # fmt: skip
+    return (
+        converted.params,
+        ours,
+        inputs,
+        lambda: peer(torch.tensor(x), TIME, torch.tensor(context)),
+        4096,
+    )
 
 
 def latent_flow() -> Case:
     coords = surface_of(VOXELS)
     peer = peers.LatentFlow(8, 1024, 1024, 24, 16, 128)
-    args = dict(resolution=64, in_channels=8, out_channels=8, patch_size=2, io_block_channels=[128], **FLOW)  # fmt: skip
+    args = dict(
+        resolution=64, in_channels=8, out_channels=8, patch_size=2, io_block_channels=[128], **FLOW
+    )
     converted = convert_trellis("SLatFlowModel", args, randomise(peer))
     model = converted.model
     network, count = build("latent_flow", model), np.array([len(coords)], np.int32)
@@ -74,7 +86,10 @@ def latent_flow() -> Case:
     (pool,) = plan.pools
     x, context = normal(len(coords), 8), normal(1374, 1024)
     cells = torch.as_tensor(pool.parent[0].astype(np.int64) // 8)
-    fine, coarse = (peers.conv_pairs(n[0, :c]) for n, c in zip(plan.neighbors, (len(coords), pool.counts[0]), strict=True))  # fmt: skip
+    fine, coarse = (
+        peers.conv_pairs(n[0, :c])
+        for n, c in zip(plan.neighbors, (len(coords), pool.counts[0]), strict=True)
+    )
     cell_coords = torch.as_tensor(pool.coords[0, : pool.counts[0]])
     inputs = (x[None], np.float32([TIME]), context[None], coords[None], count, plan)
 
@@ -90,7 +105,14 @@ def latent_flow() -> Case:
 def slat() -> Case:
     coords = surface_of(VOXELS)
     peer = peers.SlatEncoder(1024, 768, 8, 12, 12)
-    args = dict(resolution=64, in_channels=1024, model_channels=768, latent_channels=8, num_blocks=12, num_heads=12)  # fmt: skip
+    args = dict(
+        resolution=64,
+        in_channels=1024,
+        model_channels=768,
+        latent_channels=8,
+        num_blocks=12,
+        num_heads=12,
+    )
     converted = convert_trellis("SLatEncoder", args, randomise(peer))
     model, network = converted.model, slat_encoder(converted.model)
     x = normal(len(coords), 1024)
@@ -112,7 +134,12 @@ def dinov2() -> Case:
     return params, ours, (image,), theirs, 1374
 
 
-CASES = {"structure_flow": structure_flow, "latent_flow": latent_flow, "slat_encoder": slat, "dinov2": dinov2}  # fmt: skip
+CASES = {
+    "structure_flow": structure_flow,
+    "latent_flow": latent_flow,
+    "slat_encoder": slat,
+    "dinov2": dinov2,
+}
 
 
 def measure(name: str, repeats: int) -> dict[str, Any]:
@@ -147,7 +174,9 @@ def main() -> None:
     rows = []
     for name in arguments.networks or CASES:
         rows.append(measure(name, arguments.repeats))
-        print(f"{name}: {rows[-1]['ours s']:.1f} s, PyTorch {rows[-1]['torch s']:.1f} s", flush=True)  # fmt: skip
+        print(
+            f"{name}: {rows[-1]['ours s']:.1f} s, PyTorch {rows[-1]['torch s']:.1f} s", flush=True
+        )
         gc.collect()
     report("full_size", rows, arguments.out)
 

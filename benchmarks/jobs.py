@@ -1,7 +1,9 @@
-"""Measurements in a process of their own: one that runs out of memory, hangs or breaks the device loses its own result and no other.
+"""Measurements in a process of their own: one that runs out of memory, hangs or breaks the device
+loses its own result and no other.
 
-A script hands jobs (plain dictionaries) to itself started again with ``--worker``; the worker writes one line of JSON a job. The parent never touches
-the accelerator, so that a worker has all of it.
+A script hands jobs (plain dictionaries) to itself started again with ``--worker``; the worker
+writes one line of JSON a job. The parent never touches the accelerator, so that a worker has all of
+it.
 """
 
 from __future__ import annotations
@@ -41,7 +43,8 @@ def compile_quickly() -> None:
 def run_jobs(
     jobs: Sequence[Job], seconds: float, *, each: float = 180
 ) -> Iterator[tuple[Job, dict[str, Any]]]:
-    """Each job with its result, in order, as they come; ``{"raised": why}`` where it has none. Jobs that ``seconds`` leave no time for are left out.
+    """Each job with its result, in order, as they come; ``{"raised": why}`` where it has none. Jobs
+    that ``seconds`` leave no time for are left out.
 
     Args:
       each: seconds that one job may take, its worker's start included.

@@ -1,14 +1,17 @@
-"""How much noise the joint code bears: share of trees recovered and joint errors against the noise's standard deviation.
+"""How much noise the joint code bears: share of trees recovered and joint errors against the
+noise's standard deviation.
 
     python benchmarks/joint_code_noise.py [--objects 40]
 
-Gaussian noise of standard deviation sigma is added to every number of every voxel's 21 (joint code 9, own box 6, parent box 6); a part
-has as many voxels as in its grid (random trees: 4 to 200), its joint is decoded as in ``assemble`` (gauge-aligned median), its boxes by
-the median, and the tree by the arborescence. "shared" adds one draw to all voxels of a part instead, against which no median helps;
-"both" adds one draw to the part and one to each voxel, as a network does that is as wrong about the part as it is unsure within it;
-"network" is the same, read with the tolerance that the pipeline uses for predicted codes.
-Parts are given: clustering is measured apart (voxels/segment.py). Random screws turn once to twice and travel .004, .01 or .03 a
-radian; the first is a bottle cap.
+Gaussian noise of standard deviation sigma is added to every number of every voxel's 21 (joint code
+9, own box 6, parent box 6); a part has as many voxels as in its grid (random trees: 4 to 200), its
+joint is decoded as in ``assemble`` (gauge-aligned median), its boxes by the median, and the tree by
+the arborescence. "shared" adds one draw to all voxels of a part instead, against which no median
+helps; "both" adds one draw to the part and one to each voxel, as a network does that is as wrong
+about the part as it is unsure within it; "network" is the same, read with the tolerance that the
+pipeline uses for predicted codes. Parts are given: clustering is measured apart
+(voxels/segment.py). Random screws turn once to twice and travel .004, .01 or .03 a radian; the
+first is a bottle cap.
 
 Writes docs/joint_code_noise.png and docs/joint_code_noise.md.
 """
@@ -67,7 +70,8 @@ def main():
 
 
 def procedural_cases(count: int):
-    """(joints, boxes, codes, parents, voxels per part) of held-out procedural objects at random states, families in turn."""
+    """(joints, boxes, codes, parents, voxels per part) of held-out procedural objects at random
+    states, families in turn."""
     families = SEEN_FAMILIES + UNSEEN_FAMILIES
     seed = HELD_OUT_SEED
     while count:
@@ -118,7 +122,8 @@ def random_case(rng: np.random.Generator):
 
 
 def measure(cases, kind: str, sigma: float, rng: np.random.Generator) -> dict:
-    """Per type: share of right types, axis error (degrees), pivot distance, limit error; and the share of whole trees."""
+    """Per type: share of right types, axis error (degrees), pivot distance, limit error; and the
+    share of whole trees."""
     rows, trees = defaultdict(list), []
     tolerance = NETWORK_TOLERANCE if kind == "network" else 0.0
     for joints, boxes, codes, parents, voxels in cases:
@@ -147,7 +152,8 @@ def measure(cases, kind: str, sigma: float, rng: np.random.Generator) -> dict:
 
 
 def errors(true: Joint, got: Joint) -> tuple[float, float, float, float]:
-    """(type right, axis error in degrees, distance of the axes, error of the limits as a share of the span); NaN: undefined."""
+    """(type right, axis error in degrees, distance of the axes, error of the limits as a share of
+    the span); NaN: undefined."""
     if got.type != true.type or true.type == "fixed":
         return float(got.type == true.type), np.nan, np.nan, np.nan
     cosine = float(got.direction @ true.direction)
@@ -162,8 +168,10 @@ def table(results, count: int) -> str:
     lines = [
         "# The joint code under noise",
         "",
-        f"{count} objects, half of them held-out procedural ones, half random trees. Written by `benchmarks/joint_code_noise.py`,",
-        "whose header says what is measured. Medians are over the joints whose type is right; a limit's error is a share of the span.",
+        f"{count} objects, half of them held-out procedural ones, half random trees. Written by "
+        "`benchmarks/joint_code_noise.py`,",
+        "whose header says what is measured. Medians are over the joints whose type is right; a "
+        "limit's error is a share of the span.",
         "",
     ]
     for kind in KINDS:

@@ -1,8 +1,11 @@
-"""Time of one training step (value and gradient) of every network at nano size, on this machine, with synthetic data.
+"""Time of one training step (value and gradient) of every network at nano size, on this machine,
+with synthetic data.
 
-    OMP_NUM_THREADS=1 XLA_FLAGS=--xla_cpu_multi_thread_eigen=false taskset -c 0 python benchmarks/networks.py [network ...]
+    OMP_NUM_THREADS=1 XLA_FLAGS=--xla_cpu_multi_thread_eigen=false taskset -c 0 python
+    benchmarks/networks.py [network ...]
 
-Prints compile seconds, CPU ms a step (on one core of an idle machine: wall ms), samples a second, and the rate by XLA's flop count.
+Prints compile seconds, CPU ms a step (on one core of an idle machine: wall ms), samples a second,
+and the rate by XLA's flop count.
 """
 
 from __future__ import annotations
@@ -36,7 +39,8 @@ def nano() -> ModelConfig:
 
 
 def voxel_batch(model: ModelConfig, items: int, width: int, count: int, seed: int = 0) -> dict:
-    """A batch of ``items`` solid-ish objects of ``count`` voxels padded to ``width``, parts cut by x."""
+    """A batch of ``items`` solid-ish objects of ``count`` voxels padded to ``width``, parts cut by
+    x."""
     rng = np.random.default_rng(seed)
     side, cells = model.grid.resolution, model.grid.subdivisions**3
     coords = np.zeros((items, width, 3), np.int32)
@@ -150,8 +154,9 @@ def measure(name: str, model: ModelConfig, items: int, repeats: int = 3) -> None
     flops = (step.cost_analysis() or {}).get("flops", 0.0)
     best = min(times)
     print(
-        f"{name:15s} {size:6.2f} M parameters   compile {compiled:5.1f} s   {1e3 * best:8.1f} ms/step   "
-        f"{samples / best:7.1f} samples/s   {flops / samples / 1e9:6.2f} GFLOP/sample   {flops / best / 1e9:6.1f} GF/s",
+        f"{name:15s} {size:6.2f} M parameters   compile {compiled:5.1f} s   {1e3 * best:8.1f} "
+        f"ms/step   {samples / best:7.1f} samples/s   {flops / samples / 1e9:6.2f} GFLOP/sample   "
+        f"{flops / best / 1e9:6.1f} GF/s",
         flush=True,
     )
 

@@ -1,19 +1,25 @@
-"""How long a training would take, and how much memory, on machines that are not here: from the compiled step and a share of peak.
+"""How long a training would take, and how much memory, on machines that are not here: from the
+compiled step and a share of peak.
 
-    python benchmarks/predict_training.py [--config configs/paper.py] [--networks latent_flow ...] [--share .35] [--measured out/bench/accelerator_steps.json]
+    python benchmarks/predict_training.py [--config configs/paper.py] [--networks latent_flow ...]
+    [--share .35] [--measured out/bench/accelerator_steps.json]
 
-Of every network that a config trains, at its own size and batch, on synthetic objects of 16,384 voxels (``synthetic.py``); nothing is run.
+Of every network that a config trains, at its own size and batch, on synthetic objects of 16,384
+voxels (``synthetic.py``); nothing is run.
 
-* products: FLOP of the forward pass's matrix products counted in its jaxpr (loops multiplied out, ``training.flops``), times three. What remat computes
-  again is not useful work and does not count; it lies in the share.
-* share of peak: ``--share``, an assumption, unless ``--measured`` gives the file of ``accelerator_steps.py`` from a real device: the products a second of the
-  same network (scan and remat as in the config) by the peak in that device's data sheet, as the machines' are.
-* a flow's step looks at images first: DINOv2's forward pass over the batch, counted the same way, is in its products, and its parameters in the memory;
-  what the pass holds for a moment is not.
-* step: products / (devices x peak x share), or the gradients' all-reduce in float32 at the links' rate, whichever is longer. Reading data, evaluating
-  and saving come on top.
-* memory of a device: state (16 bytes a parameter, gradients 4 more, / fsdp) and what the step's program needs beside it, from XLA's memory analysis of
-  the compiled step at one and two items. XLA for CPUs keeps bfloat16 products' operands in float32, so this errs on the large side.
+* products: FLOP of the forward pass's matrix products counted in its jaxpr (loops multiplied out,
+  ``training.flops``), times three. What remat computes again is not useful work and does not count;
+  it lies in the share.
+* share of peak: ``--share``, an assumption, unless ``--measured`` gives the file of
+  ``accelerator_steps.py`` from a real device: the products a second of the same network (scan and
+    remat as in the config) by the peak in that device's data sheet, as the machines' are.
+* a flow's step looks at images first: DINOv2's forward pass over the batch, counted the same way,
+  is in its products, and its parameters in the memory; what the pass holds for a moment is not.
+* step: products / (devices x peak x share), or the gradients' all-reduce in float32 at the links'
+  rate, whichever is longer. Reading data, evaluating and saving come on top.
+* memory of a device: state (16 bytes a parameter, gradients 4 more, / fsdp) and what the step's
+  program needs beside it, from XLA's memory analysis of the compiled step at one and two items. XLA
+  for CPUs keeps bfloat16 products' operands in float32, so this errs on the large side.
 """
 
 from __future__ import annotations
@@ -45,7 +51,8 @@ STATE, GRADIENT = 16, 4  # bytes a parameter: itself, two moments, the average; 
 
 @dataclasses.dataclass(frozen=True)
 class Machine:
-    """Devices that train together. ``peak``: dense bfloat16 FLOP/s of one, ``memory`` its GiB, ``link``: bytes/s in one direction. From the vendors' data sheets."""
+    """Devices that train together. ``peak``: dense bfloat16 FLOP/s of one, ``memory`` its GiB,
+    ``link``: bytes/s in one direction. From the vendors' data sheets."""
 
     name: str
     devices: int
@@ -85,7 +92,8 @@ def useful_flops(name: str, config: Config) -> float:
 
 
 def looking(config: Config) -> tuple[float, int]:
-    """Of the frozen image encoder, which a flow's step begins with: FLOP of its matrix products for one image, forward alone, and bytes of its parameters."""
+    """Of the frozen image encoder, which a flow's step begins with: FLOP of its matrix products for
+    one image, forward alone, and bytes of its parameters."""
     model = dataclasses.replace(config.model, kernel="xla", remat=False)
     network, size = build("image_encoder", model), model.image_encoder.image_size
     image = jax.ShapeDtypeStruct((1, size, size, 3), "float32")
@@ -132,14 +140,15 @@ def predict(
         "all-reduce s": exchange,
         "GiB": memory[1],
         "GiB, fsdp": memory[machine.devices],
-        "fits": "yes" if memory[1] <= machine.memory else "with fsdp" if memory[machine.devices] <= machine.memory else "accumulate",
+        "fits": "yes" if memory[1] <= machine.memory else "with fsdp" if memory[machine.devices] <= machine.memory else "accumulate",  # noqa: E501
         "steps": stage.steps,
         "days": step * stage.steps / 86_400,
     }  # fmt: skip
 
 
 def measured_shares(path: Path, config: Config) -> dict[str, float]:
-    """{network: share of the data sheet's peak} of ``accelerator_steps.py``'s rows with the config's scan and remat.
+    """{network: share of the data sheet's peak} of ``accelerator_steps.py``'s rows with the
+    config's scan and remat.
 
     Raises:
       ValueError: measured on a device whose peak is not known here.
@@ -157,7 +166,9 @@ def measured_shares(path: Path, config: Config) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)  # fmt: skip
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--config", type=Path, default=Path("configs/paper.py"))
     parser.add_argument("--networks", nargs="+", choices=TRAINED, default=list(TRAINED))
     parser.add_argument("--share", type=float, default=0.35)
@@ -171,9 +182,20 @@ def main() -> None:
         parameters, first = program(name, config, 1)
         _, second = program(name, config, 2)
         seeing, held = looking(config) if name.endswith("_flow") else (0.0, 0)
-        cost = {"flops": useful_flops(name, config) + seeing, "parameters": parameters, "first": first + held, "more": max(second - first, 0)}  # fmt: skip
-        print(f"{name}: {parameters / 1e6:.0f} M parameters, {cost['flops'] / 1e12:.3g} TFLOP an item, {first / 2**30:.2f} GiB for one item, {cost['more'] / 2**30:.2f} for each more", flush=True)  # fmt: skip
-        rows += [predict(name, config, m, cost, shares.get(name, arguments.share)) for m in MACHINES]  # fmt: skip
+        cost = {
+            "flops": useful_flops(name, config) + seeing,
+            "parameters": parameters,
+            "first": first + held,
+            "more": max(second - first, 0),
+        }
+        print(
+            f"{name}: {parameters / 1e6:.0f} M parameters, {cost['flops'] / 1e12:.3g} TFLOP an "
+            f"item, {first / 2**30:.2f} GiB for one item, {cost['more'] / 2**30:.2f} for each more",
+            flush=True,
+        )
+        rows += [
+            predict(name, config, m, cost, shares.get(name, arguments.share)) for m in MACHINES
+        ]
     rows.sort(key=lambda row: [m.name for m in MACHINES].index(row["machine"]))
     report("predict_training", rows, arguments.out)
     for machine in MACHINES:

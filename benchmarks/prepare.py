@@ -1,13 +1,20 @@
-"""What making records costs, and what reading them back gives: the steps of ``uniart prepare`` and of the input pipeline, beside others' voxels in one run.
+"""What making records costs, and what reading them back gives: the steps of ``uniart prepare`` and
+of the input pipeline, beside others' voxels in one run.
 
-    OMP_NUM_THREADS=1 python benchmarks/prepare.py [--assets FOLDER] [--front=-x] [--count 12] [--repeats 3] [--out out/bench]
+    OMP_NUM_THREADS=1 python benchmarks/prepare.py [--assets FOLDER] [--front=-x] [--count 12]
+    [--repeats 3] [--out out/bench]
 
-* ``objects``: reading, repairing, normalising and voxelising one object at R = 64, r = 4 in one process, without pictures. Gate: 0.5 objects/s a core.
-  With ``--assets``, a folder of URDF, MJCF or PartNet-Mobility objects; otherwise the procedural ones (which cost no reading). Peak memory is the worker's. Gate: 1 GiB. ``objects_per_cpu_second`` is the rate on a core that nothing else uses.
-* peers, for their active voxels alone: ``open3d`` (``VoxelGrid.create_from_triangle_mesh_within_bounds``, if installed) and ``trimesh`` (``voxelized``), and the
-  share of the exact voxels that each misses.
+* ``objects``: reading, repairing, normalising and voxelising one object at R = 64, r = 4 in one
+  process, without pictures. Gate: 0.5 objects/s a core. With ``--assets``, a folder of URDF, MJCF
+    or PartNet-Mobility objects; otherwise the procedural ones (which cost no reading). Peak memory
+    is the worker's. Gate: 1 GiB. ``objects_per_cpu_second`` is the rate on a core that nothing else
+      uses.
+* peers, for their active voxels alone: ``open3d``
+  (``VoxelGrid.create_from_triangle_mesh_within_bounds``, if installed) and ``trimesh``
+  (``voxelized``), and the share of the exact voxels that each misses.
 * ``views``: pictures of 256^2 with 2 x 2 samples a pixel, two processes. Gate: 10 a second.
-* ``batches``: of 16 records at R = 32, r = 4 from ArrayRecord shards through Grain, padded, with attention plans. Gate: 20 a second.
+* ``batches``: of 16 records at R = 32, r = 4 from ArrayRecord shards through Grain, padded, with
+  attention plans. Gate: 20 a second.
 """
 
 from __future__ import annotations
@@ -99,7 +106,8 @@ def some_views(settings: Settings, entry: Entry, count: int) -> int:
 
 
 def views_per_second(settings: Settings, entries, count: int) -> float:
-    """Two processes; reading the objects is not counted: it is measured with no views and taken off."""
+    """Two processes; reading the objects is not counted: it is measured with no views and taken
+    off."""
     with process_pool(2) as submit:
         seconds = []
         for views in (1, 0, count):  # the first time imports are counted too
@@ -138,7 +146,9 @@ def main() -> None:
         settings = Settings(families=SEEN_FAMILIES, start_seed=HELD_OUT_SEED, resolution=64)
         entries = list(ProceduralEntries(SEEN_FAMILIES, HELD_OUT_SEED, options.count))
     else:
-        settings = Settings("urdf", root=str(options.assets), front=options.front, resolution=64, allow_outside=True)  # fmt: skip
+        settings = Settings(
+            "urdf", root=str(options.assets), front=options.front, resolution=64, allow_outside=True
+        )
         found = find_entries(options.assets, "urdf")
         step = max(1, len(found) // options.count)
         entries = found[::step][: options.count]

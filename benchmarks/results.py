@@ -1,4 +1,5 @@
-"""What a benchmark leaves: a table on the screen, the same as JSON, and a picture of cost against size."""
+"""What a benchmark leaves: a table on the screen, the same as JSON, and a picture of cost against
+size."""
 
 from __future__ import annotations
 
@@ -22,7 +23,8 @@ import matplotlib.pyplot as plt
 
 
 def in_turn(functions: dict[str, Callable[[], Any]], repeats: int) -> dict[str, float]:
-    """Median seconds of each function: one warm-up, then all of them ``repeats`` times in turn, so that a noisy machine is noisy for all."""
+    """Median seconds of each function: one warm-up, then all of them ``repeats`` times in turn, so
+    that a noisy machine is noisy for all."""
     times: dict[str, list[float]] = {name: [] for name in functions}
     for round_ in range(repeats + 1):
         for name, function in functions.items():
@@ -39,7 +41,8 @@ def steady(
     wait: Callable[[Any], Any] = jax.block_until_ready,
     seconds: float = 0.3,
 ) -> float:
-    """Median seconds a call of calls queued one after another, for an accelerator that the host must stay ahead of. The first call compiles."""
+    """Median seconds a call of calls queued one after another, for an accelerator that the host
+    must stay ahead of. The first call compiles."""
     wait(function())
     begin = time.perf_counter()
     wait(function())
@@ -55,14 +58,16 @@ def steady(
 
 
 def matmul_peak(size: int = 2048, repeats: int = 7) -> float:
-    """GFLOP/s of a float32 product of two ``size``^2 matrices here: the limit that is measured, not the one on the box."""
+    """GFLOP/s of a float32 product of two ``size``^2 matrices here: the limit that is measured, not
+    the one on the box."""
     a = jax.numpy.ones((size, size))
     product = jax.jit(lambda a: a @ a)
     return 2 * size**3 / in_turn({"": lambda: product(a)}, repeats)[""] / 1e9
 
 
 def matmul_peaks(size: int) -> dict[str, float]:
-    """GFLOP/s of random matrices' products in what networks compute in; float32 as JAX does it unless told otherwise (TF32 on NVIDIA), and exactly."""
+    """GFLOP/s of random matrices' products in what networks compute in; float32 as JAX does it
+    unless told otherwise (TF32 on NVIDIA), and exactly."""
     peaks = {}
     for name, dtype, precision in (
         ("bfloat16", "bfloat16", None),

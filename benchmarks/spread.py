@@ -1,12 +1,15 @@
-"""Does the spread that report.json gives tell which joints are wrong? Several samples of held-out images, each joint against the truth.
+"""Does the spread that report.json gives tell which joints are wrong? Several samples of held-out
+images, each joint against the truth.
 
-    python benchmarks/spread.py [--count 28] [--samples 4] [--unseen] [--checkpoint nano] [--out out/bench]
+    python benchmarks/spread.py [--count 28] [--samples 4] [--unseen] [--checkpoint nano] [--out
+    out/bench]
 
-For every moving joint of every sample: the share of the samples that have a part there with a joint of the same type (``matched`` x ``type_share`` /
-``samples`` of ``evaluation.spread``), and whether the joint is right (``evaluation.parts``). One row for each number of samples that agree:
+For every moving joint of every sample: the share of the samples that have a part there with a joint
+of the same type (``matched`` x ``type_share`` / ``samples`` of ``evaluation.spread``), and whether
+the joint is right (``evaluation.parts``). One row for each number of samples that agree:
 
-- ``joints``: how many there are. ``right``: the share of them that is right; ``least``, ``most``: its 95 % bootstrap over objects, since the joints of an object
-  stand or fall together.
+- ``joints``: how many there are. ``right``: the share of them that is right; ``least``, ``most``:
+  its 95 % bootstrap over objects, since the joints of an object stand or fall together.
 """
 
 from __future__ import annotations
@@ -29,7 +32,8 @@ RESAMPLES = 2000
 
 
 def agreement(samples: list[ArticulatedObject], truth: ArticulatedObject) -> np.ndarray:
-    """[J, 2] of all moving joints of the samples: how many samples have it, and whether it is right."""
+    """[J, 2] of all moving joints of the samples: how many samples have it, and whether it is
+    right."""
     rows = []
     for index, sample in enumerate(samples):
         spread, scores = joint_spread(samples, index), compare_parts(sample, truth)
@@ -42,7 +46,8 @@ def agreement(samples: list[ArticulatedObject], truth: ArticulatedObject) -> np.
 
 
 def by_agreement(objects: list[np.ndarray], samples: int) -> list[dict[str, Any]]:
-    """A row for each number of samples that agree, from 1 to all of them; ``objects``: of ``agreement``."""
+    """A row for each number of samples that agree, from 1 to all of them; ``objects``: of
+    ``agreement``."""
     rng = np.random.default_rng(0)
     draws = rng.integers(len(objects), size=(RESAMPLES, len(objects)))
     rows = []

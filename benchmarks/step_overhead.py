@@ -1,18 +1,25 @@
-"""How much of a training run's time is not the jitted step: input, sending, logging, saving, at ``configs/nano.py``'s size on this machine.
+"""How much of a training run's time is not the jitted step: input, sending, logging, saving, at
+``configs/nano.py``'s size on this machine.
 
-    python benchmarks/step_overhead.py [uniart_vae latent_flow] [--records data-cache/nano] [--objects 64] [--steps 100] [--rounds 3] [--out out/bench]
+    python benchmarks/step_overhead.py [uniart_vae latent_flow] [--records data-cache/nano]
+    [--objects 64] [--steps 100] [--rounds 3] [--out out/bench]
 
-The loop is ``training.loop.run_stage`` as ``train.py`` runs it (Grain pipelines, logs, asynchronous Orbax saves), after everything is compiled; beside it,
-in turns, the bare step on the same batches, made and sent before.
+The loop is ``training.loop.run_stage`` as ``train.py`` runs it (Grain pipelines, logs, asynchronous
+Orbax saves), after everything is compiled; beside it, in turns, the bare step on the same batches,
+made and sent before.
 
-- ``overhead``: 1 - (seconds of the bare steps) / (seconds of the loop), each round by itself; the median, ``least`` and ``most`` of the rounds. On a CPU the
-  pipeline also takes cores from the step, and this counts it. The saves of a round that begin between its first and last measured step are more than a
-  run has: the time that they hold the loop up is taken out, and that of as many as the config's ``save_every`` makes is put in. What a save writes behind
+- ``overhead``: 1 - (seconds of the bare steps) / (seconds of the loop), each round by itself; the
+  median, ``least`` and ``most`` of the rounds. On a CPU the pipeline also takes cores from the
+  step, and this counts it. The saves of a round that begin between its first and last measured step
+  are more than a
+  run has: the time that they hold the loop up is taken out, and that of as many as the config's
+    ``save_every`` makes is put in. What a save writes behind
   the loop's back stays in, so a run's overhead is rather less.
-- ``starved``: the share of steps that were dispatched when the device had already finished the one before; those after a log or a save are.
+- ``starved``: the share of steps that were dispatched when the device had already finished the one
+  before; those after a log or a save are.
 
-Gate: overhead <= 5 %. Without ``--records``, ``--objects`` procedural ones are made in a temporary folder; the flow stands on the shipped model's
-encoder and VAEs.
+Gate: overhead <= 5 %. Without ``--records``, ``--objects`` procedural ones are made in a temporary
+folder; the flow stands on the shipped model's encoder and VAEs.
 """
 
 from __future__ import annotations
@@ -56,7 +63,8 @@ def nano(records: Path) -> Config:
 
 
 class Watched:
-    """A train step that notes when it is dispatched, and whether and when the step before was done by then."""
+    """A train step that notes when it is dispatched, and whether and when the step before was done
+    by then."""
 
     def __init__(self, step: Any):
         self._step, self._last = step, None
@@ -91,10 +99,12 @@ class WatchedCheckpoints(Checkpoints):
 def in_run(
     times: list[float], held: list[tuple[float, float]], save_every: int
 ) -> tuple[float, float]:
-    """Seconds of the loop between dispatches ``times`` [n + 1] as a run has them that saves every ``save_every`` steps, and of a save.
+    """Seconds of the loop between dispatches ``times`` [n + 1] as a run has them that saves every
+    ``save_every`` steps, and of a save.
 
     Args:
-      held: (when it began, how long it held the loop up) of each save; those outside of ``times`` are not in them.
+      held: (when it began, how long it held the loop up) of each save; those outside of ``times``
+        are not in them.
     """
     inside = [seconds for begin, seconds in held if times[0] <= begin < times[-1]]
     save = statistics.mean(inside) if inside else 0.0
@@ -161,7 +171,11 @@ def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -
             each.append(np.diff(times))
             bares.append(alone)
             idles.append(sum(ready for _, ready in watched.marks[2 : steps + 2]) / steps)
-            print(f"{name}: loop {loop / steps:.3f} s a step, bare {alone / steps:.3f}, starved {idles[-1]:.2f}, a save {saves[-1]:.2f}", flush=True)  # fmt: skip
+            print(
+                f"{name}: loop {loop / steps:.3f} s a step, bare {alone / steps:.3f}, starved "
+                f"{idles[-1]:.2f}, a save {saves[-1]:.2f}",
+                flush=True,
+            )
     overheads = [1 - alone / loop for alone, loop in zip(bares, loops, strict=True)]
     alone, loop, save = (statistics.median(v) for v in (bares, loops, saves))
     return {

@@ -17,6 +17,7 @@ def surface(family: str, seed: int, resolution: int = 64) -> np.ndarray:
 
 
 def surface_of(voxels: int, resolution: int = 64) -> np.ndarray:
-    """[V, 3] of the object, of the first seeds of each family, whose number of voxels is nearest to ``voxels``."""
+    """[V, 3] of the object, of the first seeds of each family, whose number of voxels is nearest to
+    ``voxels``."""
     found = [surface(family, seed, resolution) for family in SEEN_FAMILIES for seed in range(4)]
     return min(found, key=lambda coords: abs(len(coords) - voxels))

@@ -1,7 +1,9 @@
-"""Batches of the right shapes for every network, by numpy alone: what the benchmarks use where the procedural objects' packages are absent.
+"""Batches of the right shapes for every network, by numpy alone: what the benchmarks use where the
+procedural objects' packages are absent.
 
-An object is a union of boxes' and balls' shells, each shell a part, so that windows, parts and cells are filled about as a real surface fills them.
-Objects differ in their number of voxels; what networks only read (features, latents, colours) is random.
+An object is a union of boxes' and balls' shells, each shell a part, so that windows, parts and
+cells are filled about as a real surface fills them. Objects differ in their number of voxels; what
+networks only read (features, latents, colours) is random.
 """
 
 from __future__ import annotations
@@ -38,7 +40,8 @@ def make_loss(name: str, network: Network, config: Config) -> Any:
 
 
 def shells(voxels: int, resolution: int = 64, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Voxel indices [V, 3] int32, sorted, and the shell that each is first on [V] int32; V is ``voxels`` unless the grid is too small for that."""
+    """Voxel indices [V, 3] int32, sorted, and the shell that each is first on [V] int32; V is
+    ``voxels`` unless the grid is too small for that."""
     rng = np.random.default_rng(seed)
     part = np.full((resolution,) * 3, -1, np.int32)
     grid = np.stack(np.meshgrid(*[np.arange(resolution)] * 3, indexing="ij"), -1)
@@ -62,7 +65,8 @@ def shells(voxels: int, resolution: int = 64, seed: int = 0) -> tuple[np.ndarray
 def objects(
     items: int, width: int, resolution: int = 64, parts: int = 64
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """coords [B, V, 3], counts [B] from about 60 % of ``width`` to all of it, voxel_part [B, V]; padding zero."""
+    """coords [B, V, 3], counts [B] from about 60 % of ``width`` to all of it, voxel_part [B, V];
+    padding zero."""
     coords = np.zeros((items, width, 3), np.int32)
     voxel_part = np.zeros((items, width), np.int32)
     counts = np.zeros(items, np.int32)
@@ -82,7 +86,8 @@ def row_lengths(rows: int, longest: int) -> np.ndarray:
 
 
 def normal(*shape: int) -> np.ndarray:
-    """Standard normal float32; items beyond ``DISTINCT`` repeat, as drawing a large batch takes minutes."""
+    """Standard normal float32; items beyond ``DISTINCT`` repeat, as drawing a large batch takes
+    minutes."""
     rng = np.random.default_rng(len(shape))
     drawn = rng.standard_normal((min(shape[0], DISTINCT), *shape[1:]), np.float32)
     return np.resize(drawn, shape)
@@ -97,7 +102,8 @@ def segment_ids(
 
 
 def segment_plan(kind: str, fitted: bool, ids: np.ndarray, counts: np.ndarray) -> Segments:
-    """Their plan as ``voxel_plans`` makes it: for training (windows in rows of 512, an item's parts in one row) or fitted to these segments."""
+    """Their plan as ``voxel_plans`` makes it: for training (windows in rows of 512, an item's parts
+    in one row) or fitted to these segments."""
     items, width = ids.shape
     longest = 512 if kind == "windows" else width
     if fitted:
@@ -134,7 +140,8 @@ def voxel_batch(model: ModelConfig, items: int, width: int, shares: int = 1) -> 
 
 
 def dense(items: int, width: int, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Occupancy [B, R, R, R] bool of ``objects``, and the part of each voxel, -1 where there is none."""
+    """Occupancy [B, R, R, R] bool of ``objects``, and the part of each voxel, -1 where there is
+    none."""
     part = np.full((items, side, side, side), -1, np.int32)
     coords, counts, voxel_part = objects(items, width, side)
     for filled, where, own, count in zip(part, coords, voxel_part, counts, strict=True):
@@ -163,7 +170,8 @@ def image_batch(model: ModelConfig, items: int, width: int) -> dict[str, Any]:
 def training_batch(
     name: str, model: ModelConfig, items: int, width: int, shares: int = 1
 ) -> dict[str, Any]:
-    """A batch of a network's loss (``make_loss``); ``width``: voxels of an item where they are a list; ``shares``: the devices that share it."""
+    """A batch of a network's loss (``make_loss``); ``width``: voxels of an item where they are a
+    list; ``shares``: the devices that share it."""
     if name == "image_encoder":
         return image_batch(model, items, width)
     if name == "uniart_vae":

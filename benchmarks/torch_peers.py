@@ -1,7 +1,9 @@
-"""The peers of the benchmarks: TRELLIS's and DINOv2's networks in plain PyTorch for a CPU, with upstream's parameter names.
+"""The peers of the benchmarks: TRELLIS's and DINOv2's networks in plain PyTorch for a CPU, with
+upstream's parameter names.
 
-Attention over windows is the faster of two ways at each call: a loop over the windows with their exact lengths, or all windows padded to the longest.
-Sparse convolutions multiply, tap by tap, only the pairs of voxels that exist. Sources as in ``docs/paper.md``; written for these benchmarks.
+Attention over windows is the faster of two ways at each call: a loop over the windows with their
+exact lengths, or all windows padded to the longest. Sparse convolutions multiply, tap by tap, only
+the pairs of voxels that exist. Sources as in ``docs/paper.md``; written for these benchmarks.
 """
 
 from __future__ import annotations
@@ -63,7 +65,10 @@ class SelfAttention(nn.Module):
         self.heads = heads
         self.to_qkv, self.to_out = nn.Linear(width, 3 * width), nn.Linear(width, width)
         if rms:
-            self.q_rms_norm, self.k_rms_norm = RMS(heads, width // heads), RMS(heads, width // heads)  # fmt: skip
+            self.q_rms_norm, self.k_rms_norm = (
+                RMS(heads, width // heads),
+                RMS(heads, width // heads),
+            )
         self.rms = rms
 
     def forward(self, x, windows: Windows | None = None):
@@ -94,7 +99,9 @@ class CrossAttention(nn.Module):
 
 
 def mlp(width: int) -> nn.Module:
-    layers = nn.Sequential(nn.Linear(width, 4 * width), nn.GELU("tanh"), nn.Linear(4 * width, width))  # fmt: skip
+    layers = nn.Sequential(
+        nn.Linear(width, 4 * width), nn.GELU("tanh"), nn.Linear(4 * width, width)
+    )
     return nn.ModuleDict({"mlp": layers})
 
 
@@ -206,15 +213,20 @@ class ResBlock(nn.Module):
 
 
 class LatentFlow(nn.Module):
-    """x [T, C] on one object's voxels; pairs of both levels, the cell of each voxel, and the cells' coords."""
+    """x [T, C] on one object's voxels; pairs of both levels, the cell of each voxel, and the cells'
+    coords."""
 
     def __init__(self, channels, width, context, blocks, heads, io):
         super().__init__()
         self.t_embedder = Time(width)
         self.input_layer, self.out_layer = nn.Linear(channels, io), nn.Linear(io, channels)
-        self.input_blocks = nn.ModuleList([ResBlock(io, io, width, 0), ResBlock(io, width, width, 1)])  # fmt: skip
+        self.input_blocks = nn.ModuleList(
+            [ResBlock(io, io, width, 0), ResBlock(io, width, width, 1)]
+        )
         self.blocks = nn.ModuleList(ModulatedBlock(width, context, heads) for _ in range(blocks))
-        self.out_blocks = nn.ModuleList([ResBlock(2 * width, io, width, -1), ResBlock(2 * io, io, width, 0)])  # fmt: skip
+        self.out_blocks = nn.ModuleList(
+            [ResBlock(2 * width, io, width, -1), ResBlock(2 * io, io, width, 0)]
+        )
 
     def forward(self, x, t, context, fine, coarse, cells, cell_coords):
         time = self.t_embedder(t)
@@ -258,8 +270,12 @@ class ViTBlock(nn.Module):
         super().__init__()
         self.heads = heads
         self.norm1, self.norm2 = nn.LayerNorm(width, eps=1e-6), nn.LayerNorm(width, eps=1e-6)
-        self.attn = nn.ModuleDict({"qkv": nn.Linear(width, 3 * width), "proj": nn.Linear(width, width)})  # fmt: skip
-        self.mlp = nn.ModuleDict({"fc1": nn.Linear(width, 4 * width), "fc2": nn.Linear(4 * width, width)})  # fmt: skip
+        self.attn = nn.ModuleDict(
+            {"qkv": nn.Linear(width, 3 * width), "proj": nn.Linear(width, width)}
+        )
+        self.mlp = nn.ModuleDict(
+            {"fc1": nn.Linear(width, 4 * width), "fc2": nn.Linear(4 * width, width)}
+        )
         self.ls1 = nn.ParameterDict({"gamma": torch.ones(width)})
         self.ls2 = nn.ParameterDict({"gamma": torch.ones(width)})
 

@@ -1,14 +1,18 @@
-"""One training step of ``configs/small.py``'s latent flow on a CPU, beside the same network in PyTorch, in one run.
+"""One training step of ``configs/small.py``'s latent flow on a CPU, beside the same network in
+PyTorch, in one run.
 
     python benchmarks/training_step.py [--items 2] [--repeats 3] [--out out/bench]
 
-Forward, backward, clipping, AdamW and the moving average of the weights, float32; procedural objects of about 13,000 to 15,000 voxels at 64^3.
-The peer works object by object on exact lengths; ours is padded to the config's voxel bucket. The share of the peak counts only the useful operations,
-as PyTorch's own counter sees them in the peer (no padding, only pairs of voxels that exist), over our time and the measured rate of a large product.
-Gates: ratio <= 1, share >= 50 %. With ``--profile`` the trace of one step is written for ``xprof`` or Perfetto.
+Forward, backward, clipping, AdamW and the moving average of the weights, float32; procedural
+objects of about 13,000 to 15,000 voxels at 64^3. The peer works object by object on exact lengths;
+ours is padded to the config's voxel bucket. The share of the peak counts only the useful
+operations, as PyTorch's own counter sees them in the peer (no padding, only pairs of voxels that
+exist), over our time and the measured rate of a large product. Gates: ratio <= 1, share >= 50 %.
+With ``--profile`` the trace of one step is written for ``xprof`` or Perfetto.
 
-XLA gives a step's memory back and takes it anew; where fresh pages are dear (virtual machines), MALLOC_MMAP_MAX_=0 MALLOC_TRIM_THRESHOLD_=100000000000
-MALLOC_ARENA_MAX=1 in the environment keeps it.
+XLA gives a step's memory back and takes it anew; where fresh pages are dear (virtual machines),
+MALLOC_MMAP_MAX_=0 MALLOC_TRIM_THRESHOLD_=100000000000 MALLOC_ARENA_MAX=1 in the environment keeps
+it.
 """
 
 from __future__ import annotations
@@ -50,7 +54,9 @@ def small() -> Config:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     config = module.config()
-    model = dataclasses.replace(config.model, compute_dtype="float32", scan_blocks=False, remat=False)  # fmt: skip
+    model = dataclasses.replace(
+        config.model, compute_dtype="float32", scan_blocks=False, remat=False
+    )
     return dataclasses.replace(config, model=model)
 
 
@@ -58,7 +64,9 @@ class Peer(peers.LatentFlow):
     """With the aligned volume, and predicting the clean sample."""
 
     def __init__(self, c, latent: int):
-        super().__init__(latent, c.model_channels, c.cond_channels, c.num_blocks, c.num_heads, c.io_channels[0])  # fmt: skip
+        super().__init__(
+            latent, c.model_channels, c.cond_channels, c.num_blocks, c.num_heads, c.io_channels[0]
+        )
         self.volume_layer = torch.nn.Linear(c.volume_channels, c.model_channels)
 
     def forward(self, x, t, context, volume, fine, coarse, cells, cell_coords, side):
@@ -79,13 +87,17 @@ class Peer(peers.LatentFlow):
 
 
 def batch_of(config: Config, items: int) -> dict[str, Any]:
-    """Objects padded to the smallest bucket that holds them, with random latents, conditions and times."""
+    """Objects padded to the smallest bucket that holds them, with random latents, conditions and
+    times."""
     found = [surface(*name) for name in itertools.islice(itertools.cycle(OBJECTS), items)]
     longest = max(map(len, found))
     width = min(b for b in config.data.voxel_buckets if b >= longest)
     rng, model = np.random.default_rng(0), config.model
     normal = lambda *s: rng.normal(size=s).astype(np.float32)  # noqa: E731
-    coords, counts = np.zeros((items, width, 3), np.int32), np.array([len(c) for c in found], np.int32)  # fmt: skip
+    coords, counts = (
+        np.zeros((items, width, 3), np.int32),
+        np.array([len(c) for c in found], np.int32),
+    )
     for row, voxels in zip(coords, found, strict=True):
         row[: len(voxels)] = voxels
     flow, side = model.latent_flow, model.latent_flow.volume_resolution
@@ -105,7 +117,14 @@ def our_loss(network):
     def loss(params, batch, key):
         x0, noise, t = batch["x0"], batch["noise"], batch["t"][:, None, None]
         x = (1 - t) * x0 + t * noise
-        v = network.apply(params, x, batch["t"], batch["tokens"], batch["volume"], **{k: batch[k] for k in ("coords", "counts", "plan")})  # fmt: skip
+        v = network.apply(
+            params,
+            x,
+            batch["t"],
+            batch["tokens"],
+            batch["volume"],
+            **{k: batch[k] for k in ("coords", "counts", "plan")},
+        )
         mask = (jnp.arange(x.shape[1]) < batch["counts"][:, None]).astype(jnp.float32)
         error = jnp.square(v - (noise - x0)).mean(-1) * mask
         return (error.sum(1) / batch["counts"]).mean(), {}
@@ -116,7 +135,13 @@ def our_loss(network):
 def peer_step(peer: Peer, batch: dict[str, Any], config: Config):
     """A function that makes one update and returns the loss, and the tensors it reads."""
     stage = config.latent_flow
-    optimizer = torch.optim.AdamW(peer.parameters(), stage.learning_rate, stage.betas, weight_decay=stage.weight_decay, foreach=True)  # fmt: skip
+    optimizer = torch.optim.AdamW(
+        peer.parameters(),
+        stage.learning_rate,
+        stage.betas,
+        weight_decay=stage.weight_decay,
+        foreach=True,
+    )
     parameters = list(peer.parameters())
     average = [p.detach().clone() for p in parameters]
     items = []

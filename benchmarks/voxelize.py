@@ -1,13 +1,17 @@
-"""Time of the prepare step of one object, and what exactness costs: our voxeliser beside a box tree and trimesh's voxels, same run.
+"""Time of the prepare step of one object, and what exactness costs: our voxeliser beside a box tree
+and trimesh's voxels, same run.
 
     OMP_NUM_THREADS=1 taskset -c 0 python benchmarks/voxelize.py [--count 14] [--resolution 32]
 
 Prints CPU milliseconds per object (median; on one idle core: wall milliseconds) of
 
-* ``voxelize``: everything, and two pictures of 128^2 at 4 samples a pixel, which records hold beside it;
-* ``box tree``: only distances and signs of the same sub-cells from ``igl`` (squared distance and fast winding number of every part),
-  the direct way, without thin parts, owners' shares or colours, and the largest difference of the distances from ours;
-* ``trimesh``: only the active voxels, by ``Trimesh.voxelized`` (subdivision), and the share of the exact ones that it misses.
+* ``voxelize``: everything, and two pictures of 128^2 at 4 samples a pixel, which records hold
+  beside it;
+* ``box tree``: only distances and signs of the same sub-cells from ``igl`` (squared distance and
+  fast winding number of every part), the direct way, without thin parts, owners' shares or colours,
+  and the largest difference of the distances from ours;
+* ``trimesh``: only the active voxels, by ``Trimesh.voxelized`` (subdivision), and the share of the
+  exact ones that it misses.
 """
 
 from __future__ import annotations
@@ -55,7 +59,8 @@ def by_tree(obj: ArticulatedObject, grid: PartGrid) -> np.ndarray:
 
 
 def by_trimesh(obj: ArticulatedObject, resolution: int) -> set[tuple[int, ...]]:
-    """Voxels by trimesh, whose voxel (i, j, k) is centred at (i, j, k) pitches: the mesh is moved so that the two grids agree."""
+    """Voxels by trimesh, whose voxel (i, j, k) is centred at (i, j, k) pitches: the mesh is moved
+    so that the two grids agree."""
     found = set()
     for part in obj.parts:
         mesh = part.mesh.copy()
@@ -88,14 +93,16 @@ def main() -> None:
         missed = len(exact - active) / len(exact)
         rows.append((len(grid.coords), ours, views, tree, peer, missed, same, larger))
         print(
-            f"{family:18s} {len(obj.parts):2d} parts {len(grid.coords):6d} voxels: voxelize {ours:5.0f} ms, 2 views {views:4.0f} ms, "
-            f"box tree {tree:6.0f} ms, trimesh {peer:5.0f} ms (misses {missed:.1%}), "
-            f"equal {same:.1%}, above by at most {larger:.1e}"
+            f"{family:18s} {len(obj.parts):2d} parts {len(grid.coords):6d} voxels: voxelize "
+            f"{ours:5.0f} ms, 2 views {views:4.0f} ms, box tree {tree:6.0f} ms, trimesh "
+            f"{peer:5.0f} ms (misses {missed:.1%}), equal {same:.1%}, above by at most "
+            f"{larger:.1e}"
         )
     voxels, ours, views, tree, peer, missed, _, _ = np.median(np.array(rows), axis=0)
     print(
-        f"median: {voxels:.0f} voxels, voxelize {ours:.0f} ms + 2 views {views:.0f} ms = {1e3 / (ours + views):.2f} objects/s a core; "
-        f"box tree / voxelize {tree / ours:.1f}x; trimesh {peer:.0f} ms, misses {missed:.1%} of the exact voxels"
+        f"median: {voxels:.0f} voxels, voxelize {ours:.0f} ms + 2 views {views:.0f} ms = "
+        f"{1e3 / (ours + views):.2f} objects/s a core; box tree / voxelize {tree / ours:.1f}x; "
+        f"trimesh {peer:.0f} ms, misses {missed:.1%} of the exact voxels"
     )
 
 

@@ -1,6 +1,7 @@
 """A headless Chromium for tests: the DevTools protocol over a pipe, no package needed.
 
-Found as $CHROMIUM, ``chromium``, ``chromium-browser``, ``google-chrome`` or ``chrome``; without one a test is skipped with the command that installs it.
+Found as $CHROMIUM, ``chromium``, ``chromium-browser``, ``google-chrome`` or ``chrome``; without one
+a test is skipped with the command that installs it.
 """
 
 from __future__ import annotations
@@ -53,7 +54,8 @@ def find_chromium() -> str:
 
 
 class Page:
-    """One browser tab. ``errors`` gathers what goes wrong in it, ``requests`` every address that it asks for."""
+    """One browser tab. ``errors`` gathers what goes wrong in it, ``requests`` every address that it
+    asks for."""
 
     def __init__(self, write: int, read: int):
         self.write, self.read = write, read
@@ -170,7 +172,10 @@ def chromium(profile: Path) -> Iterator[Page]:
     inherited = [fcntl.fcntl(number, fcntl.F_DUPFD, 10) for number in (their_read, their_write)]
     os.close(their_read)
     os.close(their_write)
-    move = f"import os, sys; os.dup2({inherited[0]}, 3); os.dup2({inherited[1]}, 4); os.execv(sys.argv[1], sys.argv[1:])"
+    move = (
+        f"import os, sys; os.dup2({inherited[0]}, 3); os.dup2({inherited[1]}, 4); "
+        "os.execv(sys.argv[1], sys.argv[1:])"
+    )
     command = [sys.executable, "-S", "-c", move, program, *FLAGS, f"--user-data-dir={profile}"]
     process = subprocess.Popen(
         command,

@@ -1,4 +1,5 @@
-"""Freed memory stays with the process where glibc says so, and nothing happens where it is switched off."""
+"""Freed memory stays with the process where glibc says so, and nothing happens where it is switched
+off."""
 
 import platform
 import subprocess

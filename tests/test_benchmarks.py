@@ -127,7 +127,7 @@ ENTRY %main (p: f32[100]) -> f32[100] {
   %r = (f32[100]{0}, f32[4]{0}) all-reduce(f32[100]{0} %p, f32[4]{0} %q), replica_groups={{0,1,2,3},{4,5,6,7}}, to_apply=%add
   ROOT %s = f32[25]{0} reduce-scatter(f32[100]{0} %p), replica_groups=[2,4]<=[8], dimensions={0}, to_apply=%add
 }
-"""
+"""  # noqa: E501
 
 
 def test_what_a_device_receives_is_read_off_a_program():
@@ -150,8 +150,11 @@ print(dict(received(step.lower(weights, rows).compile().as_text(), 8)))
 
 
 def test_the_gradient_by_whole_weights_of_split_rows_is_one_sum():
-    """As XLA writes its programs: of two devices at a time, as the rows are split over one axis of the mesh."""
+    """As XLA writes its programs: of two devices at a time, as the rows are split over one axis of
+    the mesh."""
     env = {**os.environ, "JAX_PLATFORMS": "cpu", "JAX_NUM_CPU_DEVICES": "8"}
     where = Path(__file__).parent.parent / "benchmarks"
-    ran = subprocess.run([sys.executable, "-c", SPLIT], env=env, cwd=where, text=True, capture_output=True)  # fmt: skip
+    ran = subprocess.run(
+        [sys.executable, "-c", SPLIT], env=env, cwd=where, text=True, capture_output=True
+    )
     assert ran.stdout.strip() == str({"all-reduce": 2 * 64 * 1 // 2}), ran.stderr

@@ -92,7 +92,13 @@ def test_the_paper_is_trelliss_size_and_starts_from_its_weights():
     assert config.init and config.model.image_encoder.architecture == "dinov2"
     stage = StageConfig(steps=800_000, batch_size=64, ema_decay=0.9995, skip_not_finite=10)
     assert config.latent_flow == config.structure_flow == config.uniart_vae == stage
-    for network, millions in (("structure_flow", 555.5), ("latent_flow", 600.4), ("image_encoder", 304.4)):  # fmt: skip
+    for network, millions in (
+        ("structure_flow", 555.5),
+        ("latent_flow", 600.4),
+        ("image_encoder", 304.4),
+    ):
         params = build(network, config.model).abstract()
-        assert sum(leaf.size for leaf in jax.tree.leaves(params)) / 1e6 == pytest.approx(millions, abs=0.1)  # fmt: skip
+        assert sum(leaf.size for leaf in jax.tree.leaves(params)) / 1e6 == pytest.approx(
+            millions, abs=0.1
+        )
     assert jnp.dtype(config.model.compute_dtype) == jnp.bfloat16

@@ -109,7 +109,10 @@ def test_the_commands_of_the_documents_are_found_and_most_of_them_run():
     sys.path.insert(0, str(ROOT / "tools"))
     import try_docs
 
-    text = "a\n\n```\nuniart prepare x \\\n  --out y   # why\nsome output\n```\n\n```python\nprint(1)\n```\n"
+    text = (
+        "a\n\n```\nuniart prepare x \\\n  --out y   # why\nsome "
+        "output\n```\n\n```python\nprint(1)\n```\n"
+    )
     shell, python = try_docs.commands("d.md", text)
     assert shell == ("d.md", 4, "uniart prepare x --out y", False)
     assert python == ("d.md", 10, "print(1)\n", True)

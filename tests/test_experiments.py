@@ -1,4 +1,5 @@
-"""The paper's experiments: every file's arms, the queue at toy size, what its table says, and what may go wrong."""
+"""The paper's experiments: every file's arms, the queue at toy size, what its table says, and what
+may go wrong."""
 
 import contextlib
 import dataclasses
@@ -83,7 +84,8 @@ def test_arms_differ_in_what_they_say_and_nothing_else():
 
 
 def test_the_papers_configuration_is_trained_once():
-    """Of all experiments but main, the arms that are main's are main's; each network is trained in one place."""
+    """Of all experiments but main, the arms that are main's are main's; each network is trained in
+    one place."""
     trained = {}
     for path in FILES:
         if path.stem in NANO_ONLY:
@@ -94,9 +96,7 @@ def test_the_papers_configuration_is_trained_once():
             made = experiment.trained(name)
             assert trained.setdefault(folder, made.config) == made.config
             assert arm.config == made.config
-    configs = [
-        (c.data.records, c.data.condition_views, c.init, c.model) for c in trained.values()
-    ]
+    configs = [(c.data.records, c.data.condition_views, c.init, c.model) for c in trained.values()]
     assert all(configs.count(c) == 1 for c in configs)
     assert Path("runs/main-paper/uniart") in trained and len(trained) == 9
 
@@ -123,7 +123,8 @@ def test_what_arms_share_begins_alike(tmp_path):
 
 
 def toy(folder: Path) -> Experiment:
-    """Two aggregations of ``configs/debug.py`` on a coarser grid; "again" judges the first's networks on other objects."""
+    """Two aggregations of ``configs/debug.py`` on a coarser grid; "again" judges the first's
+    networks on other objects."""
     debug = load_config(ROOT / "configs/debug.py")
     model = debug.model
     data = dataclasses.replace(
@@ -150,7 +151,8 @@ def toy(folder: Path) -> Experiment:
 
 
 def test_settings_are_what_figures_depend_on(tmp_path):
-    """Another weight of a checkpoint, or another of its options, is another arm; so are other records."""
+    """Another weight of a checkpoint, or another of its options, is another arm; so are other
+    records."""
     arm = toy(tmp_path).arms["uniart"]
     with pytest.raises(FileNotFoundError, match=r"no metadata\.json"):
         described(arm)
@@ -204,7 +206,8 @@ def test_the_queue_leaves_a_table_of_all_arms(done):
 
 @TRAINS
 def test_a_queue_goes_on_where_it_was_stopped(done, monkeypatch):
-    """What is trained is not trained again, what is judged is not judged again, and what is missing comes out the same."""
+    """What is trained is not trained again, what is judged is not judged again, and what is missing
+    comes out the same."""
     experiment, out = done
 
     def kept():
@@ -229,10 +232,18 @@ def test_an_arm_of_other_settings_is_refused_before_any_work(done):
     experiment, out = done
     arm = experiment.arms["concat"]
     longer = dataclasses.replace(arm.config.uniart_vae, steps=3)
-    arms = {**experiment.arms, "concat": dataclasses.replace(arm, config=dataclasses.replace(arm.config, uniart_vae=longer))}  # fmt: skip
+    arms = {
+        **experiment.arms,
+        "concat": dataclasses.replace(
+            arm, config=dataclasses.replace(arm.config, uniart_vae=longer)
+        ),
+    }
     changed = dataclasses.replace(experiment, arms=arms)
     for chosen in ([], ["uniart"]):  # what lies there enters the table, whatever is asked for
-        with pytest.raises(ValueError, match=r"arm concat there are of other settings .config.uniart_vae.steps 2 instead of 3"):  # fmt: skip
+        with pytest.raises(
+            ValueError,
+            match=r"arm concat there are of other settings .config.uniart_vae.steps 2 instead of 3",
+        ):
             run.run_experiment(changed, out, arms=chosen)
     with pytest.raises(ValueError, match="no arm 'sum'; there are uniart, concat, again"):
         run.run_experiment(experiment, out, arms=["sum"])
@@ -282,7 +293,10 @@ def test_records_without_a_joint_type(done, tmp_path):
     with pytest.raises(ValueError, match="0 of 3 records have a joint 'helical'"):
         inputs.leave_out(source, tmp_path / "none", "helical")
     inputs.leave_out(source, tmp_path / "few", "screw", matched=True)
-    both = [sorted(row["category"] for row in record_rows(tmp_path / name) if row["split"] == "train") for name in ("rest", "few")]  # fmt: skip
+    both = [
+        sorted(row["category"] for row in record_rows(tmp_path / name) if row["split"] == "train")
+        for name in ("rest", "few")
+    ]
     assert both[0] == both[1] == ["door"]
     before = {p: p.lstat().st_mtime_ns for p in (tmp_path / "rest").iterdir()}
     inputs.leave_out(source, tmp_path / "rest", "screw")  # others may read it
@@ -291,7 +305,8 @@ def test_records_without_a_joint_type(done, tmp_path):
 
 @TRAINS
 def test_another_front_keeps_everything_behind_it(done, tmp_path):
-    """A VAE with visual features, as TRELLIS's weights make it: the trunk's input keeps their rows and the rest begins at zero."""
+    """A VAE with visual features, as TRELLIS's weights make it: the trunk's input keeps their rows
+    and the rest begins at zero."""
     experiment, _ = done
     config = experiment.arms["uniart"].config
     vae = dataclasses.replace(config.model.uniart_vae, visual_channels=8)
@@ -372,7 +387,10 @@ def test_a_half_judged_seed_is_not_in_the_table(done, tmp_path):
             keep(file, {"figures": {"as_chamfer": 0.5}, "failure": "none found"})
     content = write_tables(experiment, tmp_path, 2)
     assert list(content["arms"]) == ["uniart"]
-    assert "something failed, counted with the worst values: uniart 2" in (tmp_path / "table.md").read_text()  # fmt: skip
+    assert (
+        "something failed, counted with the worst values: uniart 2"
+        in (tmp_path / "table.md").read_text()
+    )
 
 
 @pytest.mark.parametrize(
@@ -425,10 +443,16 @@ def test_what_is_missing_is_said_before_any_training(done, monkeypatch, tmp_path
     experiment, out = done
     monkeypatch.setattr(run, "train_arm", lambda *_: pytest.fail("trained"))
     source = experiment.records[0].folder
-    shown = Arm(experiment.arms["uniart"].config, (), "vae", Objects(records=source), of="uniart", views=2)  # fmt: skip
+    shown = Arm(
+        experiment.arms["uniart"].config, (), "vae", Objects(records=source), of="uniart", views=2
+    )
     more = dataclasses.replace(experiment, arms={**experiment.arms, "two": shown})
-    with pytest.raises(ValueError, match=r"arm two: .*1 images, 2 are shown; prepare it with --views 2"):  # fmt: skip
+    with pytest.raises(
+        ValueError, match=r"arm two: .*1 images, 2 are shown; prepare it with --views 2"
+    ):
         run.run_experiment(more, out)
-    with pytest.raises(ValueError, match=r"'again' judges the networks of 'uniart', .* --arms uniart again"):  # fmt: skip
+    with pytest.raises(
+        ValueError, match=r"'again' judges the networks of 'uniart', .* --arms uniart again"
+    ):
         run.run_experiment(experiment, tmp_path / "out", arms=["again"])
     run.missing_networks(experiment, out, ["again"], 1)  # trained before

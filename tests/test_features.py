@@ -1,4 +1,5 @@
-"""``uniart features``: features of voxels against a plain computation, killed runs, refusals, and training that reads them."""
+"""``uniart features``: features of voxels against a plain computation, killed runs, refusals, and
+training that reads them."""
 
 from __future__ import annotations
 
@@ -41,7 +42,7 @@ from uniart_jax.render import Camera, orbit_cameras
 from uniart_jax.training.export import export_network, flat_names, load_network, write_config
 
 ENCODER = ImageEncoderConfig(
-    architecture="dinov2", image_size=16, patch_size=4, registers=2, width=12, num_blocks=1, num_heads=1, mlp_ratio=2.0,
+    architecture="dinov2", image_size=16, patch_size=4, registers=2, width=12, num_blocks=1, num_heads=1, mlp_ratio=2.0,  # noqa: E501
 )  # fmt: skip
 NETWORK = build("image_encoder", ModelConfig(image_encoder=ENCODER))
 ENCODE = jax.jit(NETWORK.apply)
@@ -50,7 +51,9 @@ VIEWS, COUNT = 7, 6
 
 def weights(folder, seed=0, network=NETWORK):
     rng = np.random.default_rng(seed)
-    drawn = jax.tree.map(lambda s: rng.normal(0, 0.3, s.shape).astype(np.float32), network.abstract())  # fmt: skip
+    drawn = jax.tree.map(
+        lambda s: rng.normal(0, 0.3, s.shape).astype(np.float32), network.abstract()
+    )
     return export_network(folder, network.name, drawn, "stored")
 
 
@@ -89,19 +92,24 @@ def column(folder, name="visual"):
 
 
 def reference(record, images, cameras, params):
-    """Pixel by pixel: the renderer's own projection, four corners of the patch map, zeros beyond it, the mean over all views."""
+    """Pixel by pixel: the renderer's own projection, four corners of the patch map, zeros beyond
+    it, the mean over all views."""
     centers = (record.coords + 0.5) / record.resolution - 0.5
     total = np.zeros((len(centers), ENCODER.width))
     for image, camera in zip(images, cameras, strict=True):
         if len(image) != 16:
             image = np.asarray(Image.fromarray(image).resize((16, 16), Image.Resampling.LANCZOS))
         picture = image / np.float32(255)
-        patches = np.asarray(ENCODE(params, (picture[..., :3] * picture[..., 3:])[None])["patches"][0])  # fmt: skip
+        patches = np.asarray(
+            ENCODE(params, (picture[..., :3] * picture[..., 3:])[None])["patches"][0]
+        )
         for v, (x, y) in enumerate(Camera(*camera).project(centers, 16) / 4 - 0.5):
             for column in (int(np.floor(x)), int(np.floor(x)) + 1):
                 for row in (int(np.floor(y)), int(np.floor(y)) + 1):
                     if 0 <= column < 4 and 0 <= row < 4:
-                        total[v] += (1 - abs(x - column)) * (1 - abs(y - row)) * patches[row, column]  # fmt: skip
+                        total[v] += (
+                            (1 - abs(x - column)) * (1 - abs(y - row)) * patches[row, column]
+                        )
     return total / len(images)
 
 
@@ -171,7 +179,10 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(folder, tmp_path):
 
     whole = prepared(tmp_path / "whole")
     features.fill_column(whole, "visual", {"weights": "x"}, make, progress=False)
-    run = subprocess.run([sys.executable, "-c", KILLED, folder, Path(__file__).parent / "data"], env={"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(Path(__file__).parents[1])})  # fmt: skip
+    run = subprocess.run(
+        [sys.executable, "-c", KILLED, folder, Path(__file__).parent / "data"],
+        env={"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(Path(__file__).parents[1])},
+    )
     assert run.returncode == -signal.SIGKILL
     assert set(column(folder)) == {"visual-00000.arrayrecord", "visual.json"}
     with pytest.raises(ValueError, match=r"unfinished column 'visual' \(1 of 2"):
@@ -181,7 +192,9 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(folder, tmp_path):
     assert (folder / "visual-00000.arrayrecord").stat().st_mtime_ns == kept
     assert column(folder) == column(whole)
     # prepare may have made a last shard longer since: it is made again
-    records.write_shard(folder / "visual-00001.arrayrecord", [records.pack_arrays({}, {"id": "hand-4"})])  # fmt: skip
+    records.write_shard(
+        folder / "visual-00001.arrayrecord", [records.pack_arrays({}, {"id": "hand-4"})]
+    )
     features.fill_column(folder, "visual", {"weights": "x"}, make, progress=False)
     assert column(folder) == column(whole)
 
@@ -213,7 +226,9 @@ def test_refusals_are_one_line(folder, tmp_path, capsys):
     (tmp_path / "bad.safetensors").write_bytes(b"nonsense")
     assert "bad.safetensors" in complaint(folder, weights=tmp_path / "bad.safetensors")
     export_network(tmp_path, "vae", {"x": np.zeros(3)}, "stored")
-    assert "not a converted DINOv2: it lacks pos_embed" in complaint(folder, weights=tmp_path / "vae.safetensors")  # fmt: skip
+    assert "not a converted DINOv2: it lacks pos_embed" in complaint(
+        folder, weights=tmp_path / "vae.safetensors"
+    )
     features.write_visual(folder, file, part=(0, 2), progress=False)
     assert "made from something else: weights" in complaint(folder, weights=other)
     assert "views 7 (now: 5)" in complaint(folder, weights=file, views=5)
@@ -243,8 +258,13 @@ def test_part_features_from_partfields_own_files(folder, tmp_path):
     for k, name in enumerate(names):  # what PartField does with a point cloud
         points = surface_points(source[k])
         low, high = points.min(0), points.max(0)
-        (results / f"feat_pca_{name}_0.ply").write_bytes((tmp_path / "points" / f"{name}.ply").read_bytes())  # fmt: skip
-        features.write_points(results / f"feat_pca_{name}_0.ply", (points - (low + high) / 2) * (1.8 / (high - low).max()))  # fmt: skip
+        (results / f"feat_pca_{name}_0.ply").write_bytes(
+            (tmp_path / "points" / f"{name}.ply").read_bytes()
+        )
+        features.write_points(
+            results / f"feat_pca_{name}_0.ply",
+            (points - (low + high) / 2) * (1.8 / (high - low).max()),
+        )
         np.save(results / f"part_feat_{name}_0.npy", np.repeat(points.sum(1)[:, None], CHANNELS, 1))
     cli.features(folder, part_features=results)
     before = column(folder, "part_feature")
@@ -261,7 +281,9 @@ def test_part_features_from_partfields_own_files(folder, tmp_path):
 
     other = tmp_path / "other"
     shutil.copytree(results, other)
-    np.save(other / f"part_feat_{names[0]}_0.npy", np.zeros((len(surface_points(source[0])), CHANNELS)))  # fmt: skip
+    np.save(
+        other / f"part_feat_{names[0]}_0.npy", np.zeros((len(surface_points(source[0])), CHANNELS))
+    )
     with pytest.raises(ValueError, match="made from other files"):
         cli.features(folder, part_features=other)
     assert column(folder, "part_feature") == before
@@ -288,13 +310,15 @@ def test_a_column_that_was_cut_off_is_made_again(folder, tmp_path):
 
 
 def toy(folder, **data):
-    stage = StageConfig(steps=2, batch_size=2, warmup_steps=1, log_every=1, evaluate_every=2, save_every=2)  # fmt: skip
+    stage = StageConfig(
+        steps=2, batch_size=2, warmup_steps=1, log_every=1, evaluate_every=2, save_every=2
+    )
     return Config(
         model=ModelConfig(
             grid=GridConfig(8, 2, 8),
             image_encoder=dataclasses.replace(ENCODER, target_resolution=4),
-            structure_vae=StructureVAEConfig(channels=(4, 8), latent_channels=2, num_res_blocks=1, num_res_blocks_middle=1),
-            uniart_vae=UniArtVAEConfig(width=16, num_blocks=1, num_heads=2, latent_channels=4, attention="serial", window=16, visual_channels=12, part_feature_channels=3, geometry_channels=8, articulation_channels=8),
+            structure_vae=StructureVAEConfig(channels=(4, 8), latent_channels=2, num_res_blocks=1, num_res_blocks_middle=1),  # noqa: E501
+            uniart_vae=UniArtVAEConfig(width=16, num_blocks=1, num_heads=2, latent_channels=4, attention="serial", window=16, visual_channels=12, part_feature_channels=3, geometry_channels=8, articulation_channels=8),  # noqa: E501
         ),
         data=DataConfig(records=str(folder), validation=str(folder), voxel_buckets=(96,), **data),
         uniart_vae=stage,
@@ -306,18 +330,26 @@ def test_training_and_encoding_read_the_columns_of_their_split(tmp_path):
     folder = prepared(tmp_path / "records", splits=splits)
     config = toy(folder, split="train", validation_split="test")
     work = tmp_path / "work"
-    with pytest.raises(ValueError, match=r"no column 'visual' .*make it with: uniart features .* --weights"):  # fmt: skip
+    with pytest.raises(
+        ValueError, match=r"no column 'visual' .*make it with: uniart features .* --weights"
+    ):
         stages.run(config, ("uniart_vae",), work)
     assert not work.exists()
     features.write_visual(folder, weights(tmp_path), progress=False)
-    items = [(f"hand-{k}", {"values": features_of(make_record(k, voxels=20 + 9 * k), 3)}) for k in range(COUNT)]  # fmt: skip
+    items = [
+        (f"hand-{k}", {"values": features_of(make_record(k, voxels=20 + 9 * k), 3)})
+        for k in range(COUNT)
+    ]
     write_items(folder, "part_feature", items)
     stages.run(config, ("uniart_vae",), work)
     for name in ("structure_vae", "uniart_vae"):  # two steps from zeros leave little to compare
         weights(work / "export", network=build(name, config.model))
     before = encoding.digest(config, work, folder, "train")
     encoding.encode_all(config, work)
-    latents, source = LatentSource(work / "latents"), RecordSource(folder, "train", ("visual", "part_feature"))  # fmt: skip
+    latents, source = (
+        LatentSource(work / "latents"),
+        RecordSource(folder, "train", ("visual", "part_feature")),
+    )
     assert [latents[i]["mirrored"] for i in range(len(latents))] == [False] * 4
     network = build("uniart_vae", config.model)
     params = load_network(work, "uniart_vae", network.abstract())
@@ -345,7 +377,10 @@ def test_geometric_part_features_need_no_files(folder):
     source = RecordSource(folder, columns=("part_feature",))
     for k in range(COUNT):
         np.testing.assert_array_equal(source[k].part_feature, geometric_features(source[k]))
-    assert json.loads((folder / "part_feature.json").read_text()) == {"source": "geometric", "channels": 23}  # fmt: skip
+    assert json.loads((folder / "part_feature.json").read_text()) == {
+        "source": "geometric",
+        "channels": 23,
+    }
     made = column(folder, "part_feature")
     cli.features(folder, part_features=Path("geometric"))
     assert column(folder, "part_feature") == made
@@ -364,16 +399,22 @@ def test_prepare_makes_the_column_too(tmp_path):
 
 
 def test_a_vae_that_read_no_part_features_goes_on_with_them(tmp_path):
-    """It begins with the function that it was, trains on the features and their loss, and decodes."""
+    """It begins with the function that it was, trains on the features and their loss, and
+    decodes."""
     folder = prepared(tmp_path / "records")
-    items = [(f"hand-{k}", {"values": features_of(make_record(k, voxels=20 + 9 * k), 3)}) for k in range(COUNT)]  # fmt: skip
+    items = [
+        (f"hand-{k}", {"values": features_of(make_record(k, voxels=20 + 9 * k), 3)})
+        for k in range(COUNT)
+    ]
     write_items(folder, "part_feature", items)
     config = toy(folder)
     config = dataclasses.replace(config, data=dataclasses.replace(config.data, validation=""))
     reads = dataclasses.replace(config.model.uniart_vae, visual_channels=0)
     model = dataclasses.replace(config.model, uniart_vae=reads)
     config = dataclasses.replace(config, model=model)
-    blind = dataclasses.replace(model, uniart_vae=dataclasses.replace(reads, part_feature_channels=0))  # fmt: skip
+    blind = dataclasses.replace(
+        model, uniart_vae=dataclasses.replace(reads, part_feature_channels=0)
+    )
     source, work = tmp_path / "source", tmp_path / "work"
     weights(source, network=build("uniart_vae", blind))
     write_config(source, dataclasses.replace(config, model=blind))
@@ -384,15 +425,19 @@ def test_a_vae_that_read_no_part_features_goes_on_with_them(tmp_path):
     given = {**network.init(jax.random.key(1)), **first}
     given["front"] = {**network.init(jax.random.key(1))["front"], **first["front"]}
     means = [
-        Pipeline(dataclasses.replace(config, model=m), {"uniart_vae": p}, {}).encode_voxels(record.grid(), **more)
-        for m, p, more in ((blind, first, {}), (model, given, {"part_feature": record.part_feature}))
+        Pipeline(dataclasses.replace(config, model=m), {"uniart_vae": p}, {}).encode_voxels(record.grid(), **more)  # noqa: E501
+        for m, p, more in ((blind, first, {}), (model, given, {"part_feature": record.part_feature}))  # noqa: E501
     ]  # fmt: skip
     np.testing.assert_allclose(means[1], means[0], atol=1e-5)
 
     stages.run(config, ("uniart_vae",), work, init=source)
     after = load_network(work, "uniart_vae", network.abstract())
     new = {name for name in flat_names(after) if name not in flat_names(first)}
-    assert new == {f"{layer}.{leaf}" for layer in ("front.part_feature", "part_feature_head") for leaf in ("kernel", "bias")}  # fmt: skip
+    assert new == {
+        f"{layer}.{leaf}"
+        for layer in ("front.part_feature", "part_feature_head")
+        for leaf in ("kernel", "bias")
+    }
     assert np.asarray(after["front"]["part_feature"]["kernel"]).any()  # it has learnt from them
     assert "part_feature" in (work / "metrics" / "uniart_vae.jsonl").read_text()
     pipeline = Pipeline(config, {"uniart_vae": after}, {})

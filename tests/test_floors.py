@@ -34,7 +34,8 @@ FLOORS = [
     {"__main__"},
 ]
 FLOOR = {name: level for level, names in enumerate(FLOORS) for name in names}
-# Methods that people expect on an object import upwards inside their bodies; the comparison of a stage's latents likewise.
+# Methods that people expect on an object import upwards inside their bodies; the comparison of a
+# stage's latents likewise.
 LAZY = {
     ("objects/object.py", f"uniart_jax.{module}")
     for module in ("export.asset", "simulation.validate", "viewer")

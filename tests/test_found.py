@@ -1,4 +1,5 @@
-"""Records on other voxels: what they say of the true ones stays, the others are inside or outside, at a distance."""
+"""Records on other voxels: what they say of the true ones stays, the others are inside or outside,
+at a distance."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -87,7 +88,9 @@ def test_a_folder_holds_each_picture_with_the_voxels_found_in_it(ball, tmp_path,
     monkeypatch.setattr(found, "SHARD", 2)
     found.prepare_found(tmp_path / "in", tmp_path / "out", "nano", 2)
     source = RecordSource(tmp_path / "out")
-    assert [source[i].meta["id"] for i in range(6)] == [f"ball-{k}-view{v}" for k in range(3) for v in range(2)]  # fmt: skip
+    assert [source[i].meta["id"] for i in range(6)] == [
+        f"ball-{k}-view{v}" for k in range(3) for v in range(2)
+    ]
     bright, dark = source[0], source[1]
     np.testing.assert_array_equal(bright.coords, ball.coords)  # nothing found: its own
     assert len(dark.coords) == R**3 // 2 and (dark.coords[:, 2] >= R // 2).all()

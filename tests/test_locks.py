@@ -21,7 +21,10 @@ def test_a_second_process_is_refused_until_the_first_is_gone(tmp_path):
     command = [sys.executable, "-c", HOLD, str(tmp_path / "run")]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as first:
         assert first.stdout is not None and first.stdout.readline() == b"held\n"
-        with pytest.raises(ValueError, match="another process works on it"), locks.alone(tmp_path / "run"):  # fmt: skip
+        with (
+            pytest.raises(ValueError, match="another process works on it"),
+            locks.alone(tmp_path / "run"),
+        ):
             pass
         first.kill()
     with locks.alone(tmp_path / "run"):  # a killed process keeps nothing
@@ -30,7 +33,9 @@ def test_a_second_process_is_refused_until_the_first_is_gone(tmp_path):
 
 @pytest.mark.parametrize("kind", ["alone", "in_turn"])
 def test_who_comes_second_waits_until_the_first_is_gone(tmp_path, kind):
-    code = HOLD.replace("alone(Path(sys.argv[1]))", f"{kind}(Path(sys.argv[1]), print)").replace("import alone", f"import {kind}")  # fmt: skip
+    code = HOLD.replace("alone(Path(sys.argv[1]))", f"{kind}(Path(sys.argv[1]), print)").replace(
+        "import alone", f"import {kind}"
+    )
     command = [sys.executable, "-c", code, str(tmp_path / "records")]
     held = getattr(locks, kind)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as first:

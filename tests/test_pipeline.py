@@ -38,7 +38,8 @@ GUIDED = SampleConfig(steps=2, guidance=1.5, rescale_t=3.0)
 
 
 def disturbed(params):
-    """Noise on all weights: layers that begin at zero, or are constant before a norm, must not hide mistakes."""
+    """Noise on all weights: layers that begin at zero, or are constant before a norm, must not hide
+    mistakes."""
     rng = np.random.default_rng(0)
     noise = lambda x: 0.02 * rng.normal(size=x.shape).astype(np.float32)  # noqa: E731
     return jax.tree.map(lambda x: jnp.asarray(np.asarray(x) + noise(x)), params)
@@ -93,7 +94,8 @@ def test_a_batch_is_its_items_also_when_guided(pipeline, condition):
     noise = pipeline.sample_latents(coords[::-1], condition, key, GUIDED)
     assert [len(z) for z in both] == [len(c) for c in coords]
     assert not np.allclose(both[0], noise[1][: len(both[0])])
-    # the first item's noise is the same in a batch of one only if drawn so: compare through decoding of given latents instead
+    # the first item's noise is the same in a batch of one only if drawn so: compare through
+    # decoding of given latents instead
     together = pipeline.decode(coords, both)
     alone = [pipeline.decode([c], [z])[0] for c, z in zip(coords, both, strict=True)]
     for a, b in zip(together, alone, strict=True):
@@ -174,7 +176,16 @@ def test_every_view_is_looked_at(pipeline, monkeypatch):
         pipeline.sample([])
 
 
-@pytest.mark.parametrize(("changes", "says"), [({"solver": "Heun"}, "solver must be euler or heun"), ({"solvr": "heun"}, "no option 'solvr'; there are solver, adaptive"), ({"guidance": float("nan")}, "guidance must be"), ({"steps": 0}, "at least 1 step"), ({"tolerance": 5.0}, "tolerance must be in")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"solver": "Heun"}, "solver must be euler or heun"),
+        ({"solvr": "heun"}, "no option 'solvr'; there are solver, adaptive"),
+        ({"guidance": float("nan")}, "guidance must be"),
+        ({"steps": 0}, "at least 1 step"),
+        ({"tolerance": 5.0}, "tolerance must be in"),
+    ],
+)
 def test_options_that_cannot_be_are_told(pipeline, changes, says):
     with pytest.raises(ValueError, match=says):
         pipeline.options(**changes)
@@ -253,7 +264,8 @@ def test_wrong_arrays(pipeline, pixels):
 
 @pytest.fixture(scope="module")
 def trellis():
-    """A pipeline of TRELLIS's form with random weights: DINOv2 without a volume, convolutional stems, a Gaussian decoder."""
+    """A pipeline of TRELLIS's form with random weights: DINOv2 without a volume, convolutional
+    stems, a Gaussian decoder."""
     flow = FlowConfig(model_channels=24, num_blocks=1, num_heads=2, cond_channels=16)
     model = ModelConfig(
         grid=GridConfig(resolution=8, subdivisions=2, max_parts=4),

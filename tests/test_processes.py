@@ -1,4 +1,5 @@
-"""Worker processes: same results as in this process, errors told, surroundings left as they were."""
+"""Worker processes: same results as in this process, errors told, surroundings left as they
+were."""
 
 import contextlib
 import operator

@@ -88,7 +88,8 @@ def test_front_of_a_red_cube_is_where_geometry_says():
 
 
 def test_colors_are_averaged_in_linear_light():
-    # A face whose left half is black and right half white, its seam through the middle of a pixel column.
+    # A face whose left half is black and right half white, its seam through the middle of a pixel
+    # column.
     left, right = (
         block([-0.5, 0, -0.5], [0.5, 0.5, 0.5], (0, 0, 0)),
         block([-0.5, -0.5, -0.5], [0.5, 0, 0.5], WHITE),
@@ -124,7 +125,8 @@ def test_mirrored_object_from_the_mirrored_side_is_the_flipped_picture(samples):
 
 
 def _same_motion(obj, mirrored, q):
-    """Coordinates that bring the mirrored object to the mirrored state, whichever way its limits now run."""
+    """Coordinates that bring the mirrored object to the mirrored state, whichever way its limits
+    now run."""
     out = {}
     for name, value in q.items():
         before, after = obj.parts[obj.index(name)].joint, mirrored.parts[obj.index(name)].joint
@@ -133,7 +135,8 @@ def _same_motion(obj, mirrored, q):
 
 
 def test_texture_is_the_right_way_up():
-    # A square in the plane x = 0, seen from the front (-x): +y is left, +z is up. v runs up, images run down.
+    # A square in the plane x = 0, seen from the front (-x): +y is left, +z is up. v runs up, images
+    # run down.
     corners = [[0, 0.5, -0.5], [0, -0.5, -0.5], [0, -0.5, 0.5], [0, 0.5, 0.5]]
     image = np.array([[RED, GREEN], [BLUE, WHITE]], np.uint8).repeat(32, 0).repeat(32, 1)
     visual = trimesh.visual.TextureVisuals(

@@ -180,7 +180,11 @@ class Finder:
 def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, capsys, seeds, code):
     finder = Finder(seeds)
     monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: finder)
-    found = guarded(lambda: sample_command((EXAMPLE,), tmp_path, num_samples=3, check=False, refine=False, formats=("urdf",)))  # fmt: skip
+    found = guarded(
+        lambda: sample_command(
+            (EXAMPLE,), tmp_path, num_samples=3, check=False, refine=False, formats=("urdf",)
+        )
+    )
     assert found == code and finder.asked == {4}  # as one step would make them alike
     made = {i for i in range(3) if (tmp_path / f"cabinet/sample-{i}/object.urdf").is_file()}
     assert made == set(seeds)
@@ -197,13 +201,18 @@ def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, cap
     assert (" ".join((printed.out + printed.err).split())).count(said) == len(seeds)
     errors = [line for line in printed.err.splitlines() if line.startswith("error: ")]
     if code == 1:
-        assert errors == [f"error: cabinet.png, seed {i}: cabinet: the model found no object ({i})" for i in range(3) if i not in seeds]  # fmt: skip
+        assert errors == [
+            f"error: cabinet.png, seed {i}: cabinet: the model found no object ({i})"
+            for i in range(3)
+            if i not in seeds
+        ]
     elif code == 2:
         assert errors == ["error: cabinet: the model found no object (0)"]
 
 
 class Looker(Finder):
-    """Remembers the pictures that it is shown, by their mean, and fails as a bug would where it is told to."""
+    """Remembers the pictures that it is shown, by their mean, and fails as a bug would where it is
+    told to."""
 
     def __init__(self, fails=()):
         super().__init__(range(9))
@@ -227,10 +236,14 @@ def two_images(tmp_path):
 
 
 @pytest.mark.parametrize("multi_view", [False, True])
-def test_each_image_is_an_object_of_its_own_unless_they_are_views(tmp_path, monkeypatch, two_images, multi_view):  # fmt: skip
+def test_each_image_is_an_object_of_its_own_unless_they_are_views(
+    tmp_path, monkeypatch, two_images, multi_view
+):
     looker, out = Looker(), tmp_path / "out"
     monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: looker)
-    sample_command(two_images, out, seed=4, multi_view=multi_view, check=False, refine=False, formats=("urdf",))  # fmt: skip
+    sample_command(
+        two_images, out, seed=4, multi_view=multi_view, check=False, refine=False, formats=("urdf",)
+    )
     means = [means for means, _ in looker.shown]
     assert [seed for _, seed in looker.shown] == [4] * len(looker.shown)
     if multi_view:

@@ -1,4 +1,5 @@
-"""The two samplers at toy size, with weights that answer to everything: batches, padding, views, costs."""
+"""The two samplers at toy size, with weights that answer to everything: batches, padding, views,
+costs."""
 
 import dataclasses
 
@@ -107,7 +108,8 @@ def test_tighter_tolerances_cost_more_and_agree_more():
 
 @pytest.mark.parametrize("solver", ["euler", "heun"])
 def test_an_items_adaptive_steps_know_nothing_of_its_neighbours(solver):
-    """Guided within an interval, that items enter at times of their own; the other item of the batch is exchanged."""
+    """Guided within an interval, that items enter at times of their own; the other item of the
+    batch is exchanged."""
     sampler = make_latent_sampler(MODEL, with_solver(solver, True))
     coords = [np.argwhere(rng.random((8,) * 3) < s).astype(np.int32) for s in (0.2, 0.3, 0.4)]
     condition = seen(3)
@@ -144,8 +146,11 @@ def test_padding_does_not_count_as_error():
 
 
 def test_guidance_leads_away_from_no_picture_at_all():
-    """One Euler step from noise by hand: v_c + w (v_c - v_u), where v_u sees zeros for tokens, volume, pictures and cameras."""
-    model = dataclasses.replace(MODEL, latent_flow=dataclasses.replace(MODEL.latent_flow, pixel_channels=6))  # fmt: skip
+    """One Euler step from noise by hand: v_c + w (v_c - v_u), where v_u sees zeros for tokens,
+    volume, pictures and cameras."""
+    model = dataclasses.replace(
+        MODEL, latent_flow=dataclasses.replace(MODEL.latent_flow, pixel_channels=6)
+    )
     network, params = build("latent_flow", model), weights("latent_flow", model)
     params |= {k: jax.tree.map(lambda a: 4 * a, v) for k, v in params.items() if "pixel" in k}
     maps = rng.normal(size=(1, 1, 8, 8, pixel_width(model.image_encoder))).astype("f4")
@@ -160,7 +165,9 @@ def test_guidance_leads_away_from_no_picture_at_all():
 
     def velocity(c):
         one = np.ones(1, np.float32)
-        return network.apply(params, noise, one, c.tokens, c.volume, views=(c.pixels, c.cameras), **voxels)  # fmt: skip
+        return network.apply(
+            params, noise, one, c.tokens, c.volume, views=(c.pixels, c.cameras), **voxels
+        )
 
     nothing = jax.tree.map(np.zeros_like, condition)
     with_image, without = velocity(condition), velocity(nothing)
@@ -192,12 +199,15 @@ def test_samples_are_given_the_latents_mean_and_deviation(kind):
 
 
 def test_outside_its_interval_guidance_changes_nothing():
-    """Of three steps the first is at t = 1 and the last at .6: an interval that holds none, or one."""
+    """Of three steps the first is at t = 1 and the last at .6: an interval that holds none, or
+    one."""
     condition = seen(1)
 
     def sampled(guidance, interval):
         options = dataclasses.replace(OPTIONS, guidance=guidance, guidance_interval=interval)
-        return np.asarray(make_structure_sampler(MODEL, options)(STRUCTURE, PLAIN, condition, KEY).x)  # fmt: skip
+        return np.asarray(
+            make_structure_sampler(MODEL, options)(STRUCTURE, PLAIN, condition, KEY).x
+        )
 
     plain = sampled(0.0, (0.0, 1.0))
     np.testing.assert_allclose(sampled(5.0, (0.1, 0.5)), plain, atol=1e-5)
@@ -206,8 +216,11 @@ def test_outside_its_interval_guidance_changes_nothing():
 
 
 def test_the_supplements_direction_is_the_mirror_image():
-    """z_0 prior, z_1 data: z_s = (1 - s) z_0 + s z_1, velocity z_1 - z_0, sampled from s = 0 to 1; written out here, with the same network."""
-    text = dataclasses.replace(MODEL, structure_flow=dataclasses.replace(FLOW, prediction="velocity"))  # fmt: skip
+    """z_0 prior, z_1 data: z_s = (1 - s) z_0 + s z_1, velocity z_1 - z_0, sampled from s = 0 to 1;
+    written out here, with the same network."""
+    text = dataclasses.replace(
+        MODEL, structure_flow=dataclasses.replace(FLOW, prediction="velocity")
+    )
     flow = dataclasses.replace(text.structure_flow, direction="noise_to_data")
     mirror = dataclasses.replace(text, structure_flow=flow)
     raw, ours = build("structure_flow", text), build("structure_flow", mirror)
@@ -244,9 +257,12 @@ def test_the_supplements_direction_is_the_mirror_image():
 
 @pytest.mark.parametrize("views", [2, 3])
 def test_several_views_are_one_condition(views):
-    """Tokens and maps side by side, volumes averaged; their order does not matter, and none is left out."""
+    """Tokens and maps side by side, volumes averaged; their order does not matter, and none is left
+    out."""
     condition = seen(views)
-    closely = condition._replace(pixels=rng.normal(size=(views, 1, 8, 8, 3)), cameras=rng.normal(size=(views, 1, 7)))  # fmt: skip
+    closely = condition._replace(
+        pixels=rng.normal(size=(views, 1, 8, 8, 3)), cameras=rng.normal(size=(views, 1, 7))
+    )
     together = join_views(closely)
     np.testing.assert_array_equal(together.pixels[0], closely.pixels[:, 0])
     np.testing.assert_array_equal(together.cameras[0], closely.cameras[:, 0])
@@ -290,7 +306,12 @@ def test_found_layouts_are_the_parts_that_exist_the_surest_first():
     table = found_table(parts, parents, 4)
     assert table.counts.tolist() == [3, 1]  # one part there is always
     for b, rows in enumerate(([2, 4, 1], [3])):
-        layout = read_layout({name: v[b] for name, v in (parts | {"parents": parents, "camera": parents[:, 0]}).items()})  # fmt: skip
+        layout = read_layout(
+            {
+                name: v[b]
+                for name, v in (parts | {"parents": parents, "camera": parents[:, 0]}).items()
+            }
+        )
         at = np.argsort(rows)  # rows of ``layout`` are in the order of the queries
         np.testing.assert_allclose(table.boxes[b, : len(rows)][at], layout.boxes, atol=1e-6)
         np.testing.assert_allclose(table.colors[b, : len(rows)][at], layout.colors, atol=1e-6)

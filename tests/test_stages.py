@@ -49,7 +49,8 @@ DEBUG = Path(__file__).parent.parent / "configs/debug.py"
 
 
 def toy(folder: Path) -> Config:
-    """``configs/debug.py`` on a coarser grid, with what only nano sets: no mirrored latents, flows that see layouts, losses per part, on readouts, on pure noise, on what is decoded."""
+    """``configs/debug.py`` on a coarser grid, with what only nano sets: no mirrored latents, flows
+    that see layouts, losses per part, on readouts, on pure noise, on what is decoded."""
     debug = load_config(DEBUG)
     model, smaller = debug.model, dataclasses.replace
     encoder = smaller(
@@ -141,7 +142,10 @@ def test_a_resumed_stage_makes_no_second_state(trained, tmp_path, monkeypatch):
     assert str(longer.steps) in {p.name for p in (work / "checkpoints/structure_vae").iterdir()}
 
 
-@pytest.mark.parametrize(("field", "value", "least"), [("accumulate", 0, 1), ("log_every", 0, 1), ("batch_size", -1, 1), ("skip_not_finite", -1, 0)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("field", "value", "least"),
+    [("accumulate", 0, 1), ("log_every", 0, 1), ("batch_size", -1, 1), ("skip_not_finite", -1, 0)],
+)
 def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, value, least):
     config = toy(tmp_path)
     stage = dataclasses.replace(config.uniart_vae, **{field: value})
@@ -190,7 +194,8 @@ def test_the_metric_of_the_latents_found_is_positive_definite(trained):
 
 
 def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
-    """Learning rate 0: the trained stage ends with the weights that it began with; the others are taken as they are, and all of it loads."""
+    """Learning rate 0: the trained stage ends with the weights that it began with; the others are
+    taken as they are, and all of it loads."""
     config, workdir = trained
     still = dataclasses.replace(config.structure_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
     frozen = dataclasses.replace(config, structure_flow=still)
@@ -202,7 +207,8 @@ def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
 
 
 def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys):
-    """Its weights are kept and the new layers add nothing yet, so the network begins with the function that it was."""
+    """Its weights are kept and the new layers add nothing yet, so the network begins with the
+    function that it was."""
     config, workdir = trained
     reads = dataclasses.replace(config.model.latent_flow, voxel_channels=8)  # as nano has it
     blind = dataclasses.replace(reads, pixel_channels=0)
@@ -217,7 +223,11 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys)
     with pytest.raises(ValueError, match=r"does not fit this config; missing: pixel_cube\.bias"):
         stages.run(config, ["latent_flow"], tmp_path / "work", init=source)  # it should have them
     write_config(source, dataclasses.replace(config, model=model))
-    assert adoption.adoptable(config, source, ["structure_flow"], tmp_path / "work") == ["image_encoder", "structure_vae", "uniart_vae"]  # fmt: skip
+    assert adoption.adoptable(config, source, ["structure_flow"], tmp_path / "work") == [
+        "image_encoder",
+        "structure_vae",
+        "uniart_vae",
+    ]
     assert "latent_flow has no pixel_channels" in capsys.readouterr().err.replace("\n", " ")
     stages.run(config, ["latent_flow"], tmp_path / "work", init=source)
     after = load_file(tmp_path / "work/export/latent_flow.safetensors")
@@ -245,7 +255,9 @@ def test_a_flows_step_sees_by_the_exported_encoder(trained):
 
     def init(key):  # a fresh flow hears nothing yet
         leaves, tree = jax.tree.flatten(network.init(key))
-        return jax.tree.unflatten(tree, [leaf + 0.1 * jax.random.normal(key, leaf.shape) for leaf in leaves])  # fmt: skip
+        return jax.tree.unflatten(
+            tree, [leaf + 0.1 * jax.random.normal(key, leaf.shape) for leaf in leaves]
+        )
 
     state = create_state(init, optimizer, key, mesh)
     with contextlib.closing(iter(stage_batches(STAGES["structure_flow"], config, workdir))) as it:
@@ -276,7 +288,10 @@ def test_a_checkpoint_that_does_not_fit_leaves_nothing(trained, tmp_path, name):
 
 def test_flows_are_taken_over_only_with_their_encoder_and_vaes(trained, tmp_path):
     config, workdir = trained
-    assert adoption.adoptable(config, workdir, ["image_encoder"], tmp_path / "empty") == ["structure_vae", "uniart_vae"]  # fmt: skip
+    assert adoption.adoptable(config, workdir, ["image_encoder"], tmp_path / "empty") == [
+        "structure_vae",
+        "uniart_vae",
+    ]
     rest = adoption.adoptable(config, workdir, ["latent_flow"], tmp_path / "empty")
     assert rest == ["image_encoder", "structure_vae", "uniart_vae", "structure_flow"]
     adoption.adopt(workdir, rest, tmp_path / "empty")
@@ -325,7 +340,9 @@ def test_layouts_are_found_only_for_flows_that_see_them(trained, tmp_path, share
     config, workdir = trained
     loss = dataclasses.replace(config.loss, found=share)
     with pytest.raises(ValueError, match=rf"loss\.found.*{message}"):
-        stages.run(dataclasses.replace(config, loss=loss), ["latent_flow"], tmp_path / "w", init=workdir)  # fmt: skip
+        stages.run(
+            dataclasses.replace(config, loss=loss), ["latent_flow"], tmp_path / "w", init=workdir
+        )
     assert not (tmp_path / "w").exists()
 
 
@@ -423,7 +440,8 @@ def test_records_of_other_settings_are_refused(trained, tmp_path):
 
 
 def test_evaluation_is_the_same_in_workers(trained, tmp_path):
-    """Every row of the table, with pictures and assets; the weights are noise, so only their being there is looked at."""
+    """Every row of the table, with pictures and assets; the weights are noise, so only their being
+    there is looked at."""
     config, workdir = trained
     for processes in (1, 2):
         evaluate_checkpoint(
@@ -447,7 +465,7 @@ def test_evaluation_is_the_same_in_workers(trained, tmp_path):
 def test_retrieval_among_held_out_objects_is_refused(trained, tmp_path):
     config, workdir = trained
     prepare_procedural(
-        tmp_path / "records", 1, start_seed=procedural.HELD_OUT_SEED, grid=config.model.grid, image_size=32, processes=1
+        tmp_path / "records", 1, start_seed=procedural.HELD_OUT_SEED, grid=config.model.grid, image_size=32, processes=1  # noqa: E501
     )  # fmt: skip
     with pytest.raises(ValueError, match="holds held-out objects"):
         make_retrieval(uniart_jax.load(workdir), tmp_path / "records")

@@ -39,7 +39,10 @@ def test_every_mutant_has_its_line_and_its_test():
 def test_a_mutant_that_no_test_fails_survives(tmp_path):
     tool = runpy.run_path(str(ROOT / "tools/mutants.py"))
     (tmp_path / "half.py").write_text("def half(x):\n    return x / 2\n")
-    (tmp_path / "test_half.py").write_text("from half import half\n\n\ndef test_half():\n    assert half(4) == 2\n\n\ndef test_zero():\n    assert half(0) == 0\n")  # fmt: skip
+    (tmp_path / "test_half.py").write_text(
+        "from half import half\n\n\ndef test_half():\n    assert half(4) == 2\n\n\ndef "
+        "test_zero():\n    assert half(0) == 0\n"
+    )
     for test, alive in (("test_half", False), ("test_zero", True)):
         mutant = tool["Mutant"]("half.py", "x / 2", "x / 3", f"test_half.py::{test}")
         assert tool["survives"](tmp_path, mutant) == alive

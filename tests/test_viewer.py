@@ -1,4 +1,5 @@
-"""The served viewer: what it shows is the object, its sliders move it, and it ends when it is told to."""
+"""The served viewer: what it shows is the object, its sliders move it, and it ends when it is told
+to."""
 
 from __future__ import annotations
 
@@ -106,9 +107,10 @@ def test_play_moves_and_pause_holds(shown, chest):
 @needs_viser
 def test_ctrl_c_ends_it():
     code = (  # a suite that runs in a shell's background has the signal ignored
-        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from uniart_jax.viewer import view; import trimesh; from uniart_jax.objects.object import *\n"
-        "view(ArticulatedObject((Part('a', trimesh.creation.box()),), name='box'), port=8411, open_browser=False)"
+        "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\nfrom "
+        "uniart_jax.viewer import view; import trimesh; from uniart_jax.objects.object import *\n"
+        "view(ArticulatedObject((Part('a', trimesh.creation.box()),), name='box'), port=8411, "
+        "open_browser=False)"
     )
     process = subprocess.Popen(
         [sys.executable, "-u", "-c", code],
@@ -139,7 +141,8 @@ def test_no_such_asset(tmp_path):
 
 
 def test_collision_shapes_of_a_file_are_where_its_parts_are(tmp_path):
-    """Other shapes than the visuals, on two of three links; all in the object frame at the shown state."""
+    """Other shapes than the visuals, on two of three links; all in the object frame at the shown
+    state."""
     text = """<robot name="r"><link name="a"><visual><geometry><box size="1 1 1"/></geometry></visual>
       <collision><origin xyz="0 0 .1"/><geometry><box size=".5 .6 .7"/></geometry></collision></link>
       <link name="b"><visual><geometry><box size=".1 .1 .1"/></geometry></visual>
@@ -147,7 +150,7 @@ def test_collision_shapes_of_a_file_are_where_its_parts_are(tmp_path):
       <link name="c"><visual><geometry><box size=".1 .1 .1"/></geometry></visual></link>
       <joint name="j" type="prismatic"><parent link="a"/><child link="b"/><origin xyz="0 1 0"/><axis xyz="1 0 0"/>
       <limit lower=".3" upper=".6" effort="1" velocity="1"/></joint>
-      <joint name="k" type="fixed"><parent link="b"/><child link="c"/></joint></robot>"""
+      <joint name="k" type="fixed"><parent link="b"/><child link="c"/></joint></robot>"""  # noqa: E501
     path = tmp_path / "x.urdf"
     path.write_text(text)
     a, b, c = viewer.read_shapes(path, load_object(path))
@@ -161,7 +164,8 @@ def test_collision_shapes_of_a_file_are_where_its_parts_are(tmp_path):
 def test_a_file_without_collision_shapes_has_none(tmp_path):
     path = tmp_path / "x.urdf"
     path.write_text(
-        '<robot name="r"><link name="a"><visual><geometry><box size="1 1 1"/></geometry></visual></link></robot>'
+        '<robot name="r"><link name="a"><visual><geometry><box size="1 1 '
+        '1"/></geometry></visual></link></robot>'
     )
     assert viewer.read_shapes(path, load_object(path)) == [[]]
 
@@ -201,7 +205,9 @@ def test_a_slider_moves_a_part_on_the_page(shown, tmp_path):
             blue = _blue(before).sum()
         page.evaluate("document.querySelectorAll('[role=slider]')[0].focus()")
         for kind in ("keyDown", "keyUp"):
-            page.call("Input.dispatchKeyEvent", type=kind, key="End", code="End", windowsVirtualKeyCode=35)  # fmt: skip
+            page.call(
+                "Input.dispatchKeyEvent", type=kind, key="End", code="End", windowsVirtualKeyCode=35
+            )
         while shown.state[1] != 0.5:
             assert time.monotonic() < end
             time.sleep(0.05)

@@ -2,9 +2,9 @@
 
     python tools/average_weights.py layout FIRST SECOND --share .7 --out CHECKPOINT
 
-SECOND went on from FIRST on other data. On such a line between the two, a network is often better on
-both kinds of data than either end (Wortsman et al. 2022, "Robust fine-tuning of zero-shot models").
-CHECKPOINT must exist; its file of that network is replaced. Judge it before it is used.
+SECOND went on from FIRST on other data. On such a line between the two, a network is often better
+on both kinds of data than either end (Wortsman et al. 2022, "Robust fine-tuning of zero-shot
+models"). CHECKPOINT must exist; its file of that network is replaced. Judge it before it is used.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
     python tools/mutants.py [NAME ...]      NAME: part of a mutant's text; none: all
 
-A mutant is (file, text, replacement, test that must fail); the text stands once in its file. First all
-of the tests are run on the copy as it is, and must pass. Ends with 1 where a mutant survives.
+A mutant is (file, text, replacement, test that must fail); the text stands once in its file. First
+all of the tests are run on the copy as it is, and must pass. Ends with 1 where a mutant survives.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ LIMIT = 600  # seconds a run
 
 
 class Mutant(NamedTuple):
-    """``text`` of ``file`` becomes ``replacement``; ``test`` (pytest's name for it) must then fail."""
+    """``text`` of ``file`` becomes ``replacement``; ``test`` (pytest's name for it) must then
+    fail."""
 
     file: str
     text: str
@@ -52,7 +53,7 @@ INTERVAL = (
 MUTANTS = (
     Mutant(VAE, "(self.to_q(articulation), k, v)", "(0 * self.to_q(articulation), k, v)", EQUATION),
     Mutant(VAE, "[geometry, fused + articulation]", "[geometry, fused]", EQUATION),
-    Mutant(VAE, "articulation + self.part_feature(", "articulation + 0 * self.part_feature(", EQUATION),
+    Mutant(VAE, "articulation + self.part_feature(", "articulation + 0 * self.part_feature(", EQUATION),  # noqa: E501
     Mutant(VAE_LOSSES, "weights.articulation * sum(", "1.0 * sum(", SUM),
     Mutant(VAE_LOSSES, "+ weights.kl * kl", "+ kl", SUM),
     Mutant(VAE_LOSSES, "weights.part_feature * restored", "0 * restored", SUM),
@@ -114,8 +115,11 @@ MUTANTS = (
     ),
     Mutant(
         SAMPLERS,
-        "guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)\n        found = _solve(guided, noise, options, model.structure_flow)",
-        "guided = guide(velocity, condition, nothing, options.guidance)\n        found = _solve(guided, noise, options, model.structure_flow)",
+        "guided = guide(velocity, condition, nothing, options.guidance, "
+        "options.guidance_interval)\n        found = _solve(guided, noise, options, "
+        "model.structure_flow)",
+        "guided = guide(velocity, condition, nothing, options.guidance)\n        found = "
+        "_solve(guided, noise, options, model.structure_flow)",
         "tests/test_samplers.py::test_outside_its_interval_guidance_changes_nothing",
     ),
     Mutant(LAYOUT, "back, forth = forth, back", "pass", f"{KNOBS}_a_knob_turns_clockwise"),
@@ -163,7 +167,9 @@ def passes(folder: Path, tests: list[str]) -> bool:
     except subprocess.TimeoutExpired:  # a broken line may make a test run on for ever
         return False
     if run.returncode not in (0, 1):
-        raise RuntimeError(f"pytest ended with {run.returncode}: {(run.stdout + run.stderr)[-600:]}")  # fmt: skip
+        raise RuntimeError(
+            f"pytest ended with {run.returncode}: {(run.stdout + run.stderr)[-600:]}"
+        )
     return run.returncode == 0
 
 
@@ -176,7 +182,10 @@ def survives(folder: Path, mutant: Mutant) -> bool:
     path = folder / mutant.file
     before = path.read_text()
     if (found := before.count(mutant.text)) != 1:
-        raise ValueError(f"{mutant.file}: '{mutant.text}' is there {found} times; write it so that it is there once")  # fmt: skip
+        raise ValueError(
+            f"{mutant.file}: '{mutant.text}' is there {found} times; write it so that it is there "
+            "once"
+        )
     path.write_text(before.replace(mutant.text, mutant.replacement))
     try:
         return passes(folder, [mutant.test])

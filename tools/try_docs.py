@@ -1,4 +1,5 @@
-"""Runs the commands and the Python of README and tutorial, in their order, in a copy of the repository.
+"""Runs the commands and the Python of README and tutorial, in their order, in a copy of the
+repository.
 
     make try-docs        (or: python tools/try_docs.py [README.md docs/tutorial.md …] [--list])
 
@@ -23,11 +24,11 @@ ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = ("README.md", "docs/quickstart.md", "docs/tutorial.md", "docs/app.md")
 PROGRAMS = ("make", "python", "python3", "uniart", "git", "pip")
 LEFT_OUT = (  # what a command holds, and why it is not run
-    (r"\b(URL|ROOT|PRED|ASSET|OUT|TRELLIS-image-large/ckpts|dinov2\w*\.pth)\b", "a name to replace"),
+    (r"\b(URL|ROOT|PRED|ASSET|OUT|TRELLIS-image-large/ckpts|dinov2\w*\.pth)\b", "a name to replace"),  # noqa: E501
     (r"\bphoto\.png\b", "a picture of one's own"),
     (r"\b(pip|venv)\b", "changes the environment"),
     (r"^make (test|docs)\b", "has a command of its own"),
-    (r"configs/nano\.py|runs/nano|data-cache/mine|evaluate procedural", "takes hours, or needs what hours made"),
+    (r"configs/nano\.py|runs/nano|data-cache/mine|evaluate procedural", "takes hours, or needs what hours made"),  # noqa: E501
     (r"^make sample", "sets up an environment; sample.py is run"),
     (r"^uniart app", "runs until it is stopped; tests/app"),
 )  # fmt: skip
@@ -106,7 +107,10 @@ def main() -> None:
                 print(f"{'-':>8}  {where}  {text}  ({command.left_out or 'is run'})", flush=True)
                 continue
             code, seconds, said = run(command, copy, environment)
-            print(f"{seconds:6.1f} s  {where}  {text}" + ("" if not code else f"  ({code})\n{said}"), flush=True)  # fmt: skip
+            print(
+                f"{seconds:6.1f} s  {where}  {text}" + ("" if not code else f"  ({code})\n{said}"),
+                flush=True,
+            )
             failed += bool(code)
     sys.exit(min(failed, 1))
 

@@ -1,6 +1,8 @@
-"""uniart_jax: one RGB image in, a complete articulated 3D object out. JAX implementation of the paper UniArt.
+"""uniart_jax: one RGB image in, a complete articulated 3D object out. JAX implementation of the
+paper UniArt.
 
-Public names are imported on first use, so that ``import uniart_jax`` is instant and sub-packages stay independent.
+Public names are imported on first use, so that ``import uniart_jax`` is instant and sub-packages
+stay independent.
 """
 
 from __future__ import annotations

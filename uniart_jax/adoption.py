@@ -1,4 +1,5 @@
-"""Networks of another checkpoint that a WORKDIR goes on from: first weights, which fit, their copies, and what of them is untrained yet."""
+"""Networks of another checkpoint that a WORKDIR goes on from: first weights, which fit, their
+copies, and what of them is untrained yet."""
 
 from __future__ import annotations
 
@@ -34,7 +35,8 @@ console = messages()
 
 
 def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
-    """The networks of checkpoint ``source`` that WORKDIR takes (``taken``), looked at. A flow that is left for want of layers is named on the console.
+    """The networks of checkpoint ``source`` that WORKDIR takes (``taken``), looked at. A flow that
+    is left for want of layers is named on the console.
 
     Raises:
       ValueError: one of them does not fit the config.
@@ -46,15 +48,21 @@ def adoptable(config: Config, source: Path, stages: Sequence[str], workdir: Path
         if name in stages or exported(workdir, name) or not distributed.is_first():
             continue
         for option in lacking(source, name, config.model):
-            console.print(f"{source}: its {name} has no {option}, the config's has, so it is not taken; train it: --stage {name}", style="yellow", markup=False)  # fmt: skip
+            console.print(
+                f"{source}: its {name} has no {option}, the config's has, so it is not taken; "
+                f"train it: --stage {name}",
+                style="yellow",
+                markup=False,
+            )
     return found
 
 
 def taken(config: Config, source: Path, stages: Sequence[str], workdir: Path) -> list[str]:
     """The networks that checkpoint ``source`` has, WORKDIR lacks and that are not trained now.
 
-    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained on: elsewhere it would speak of other latents. A
-    flow that lacks layers to read pixels or a layout with is only something to train on from (``first_weights``), not to take.
+    A flow is taken only if it will stand in WORKDIR on the encoder and the VAEs that it was trained
+    on: elsewhere it would speak of other latents. A flow that lacks layers to read pixels or a
+    layout with is only something to train on from (``first_weights``), not to take.
     """
     return [
         name
@@ -68,11 +76,13 @@ def taken(config: Config, source: Path, stages: Sequence[str], workdir: Path) ->
 
 
 def first_weights(source: Path, name: str, model: ModelConfig) -> Any:
-    """Weights of checkpoint ``source`` that a training of network ``name`` begins with (nested dict, float32).
+    """Weights of checkpoint ``source`` that a training of network ``name`` begins with (nested
+    dict, float32).
 
-    A flow that had no ``pixel_channels``, ``layout_channels`` or ``refine_channels``, or a UniArt VAE
-    that had no ``layout_channels`` or ``part_feature_channels``, may get them: what is returned lacks their layers, which stay as drawn and
-    begin by adding nothing, so that the network begins with the function that it was.
+    A flow that had no ``pixel_channels``, ``layout_channels`` or ``refine_channels``, or a UniArt
+    VAE that had no ``layout_channels`` or ``part_feature_channels``, may get them: what is returned
+    lacks their layers, which stay as drawn and begin by adding nothing, so that the network begins
+    with the function that it was.
 
     Raises:
       FileNotFoundError, ValueError: as ``load_network``.
@@ -95,7 +105,8 @@ def lacking(source: Path, name: str, model: ModelConfig) -> list[str]:
 
 
 def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:
-    """Copy networks of checkpoint ``source`` into WORKDIR, a flow with the statistics of its latent."""
+    """Copy networks of checkpoint ``source`` into WORKDIR, a flow with the statistics of its
+    latent."""
     for name in names:
         copy_export(source, workdir / "export", f"{name}.safetensors")
         if name in LATENT_OF and distributed.is_first():
@@ -107,7 +118,8 @@ def adopt(source: Path, names: Sequence[str], workdir: Path) -> None:
 
 
 def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
-    """Whether flows of ``source`` fit WORKDIR: none of image encoder and VAEs is trained now, and WORKDIR has the source's, or will take them."""
+    """Whether flows of ``source`` fit WORKDIR: none of image encoder and VAEs is trained now, and
+    WORKDIR has the source's, or will take them."""
     return all(
         name not in stages
         and has_export(source, f"{name}.safetensors")
@@ -121,7 +133,8 @@ def same_ground(source: Path, stages: Sequence[str], workdir: Path) -> bool:
 
 
 def untrained(folder: Path) -> tuple[str, ...]:
-    """What the exported networks of a WORKDIR, or of a checkpoint, still hold as it was drawn (``Config.untrained``)."""
+    """What the exported networks of a WORKDIR, or of a checkpoint, still hold as it was drawn
+    (``Config.untrained``)."""
     return read_config(folder).untrained if has_export(folder, "config.json") else ()
 
 

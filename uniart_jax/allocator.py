@@ -1,7 +1,9 @@
-"""glibc keeps the memory that XLA's CPU programs free, instead of giving it back to the system after every step.
+"""glibc keeps the memory that XLA's CPU programs free, instead of giving it back to the system
+after every step.
 
-A training step of nano faulted in 60,000 to 117,000 pages that the step before had given back: a quarter to a third of its
-time. Kept, they cost .3 GB of resident memory at most. Other C libraries are left as they are.
+A training step of nano faulted in 60,000 to 117,000 pages that the step before had given back: a
+quarter to a third of its time. Kept, they cost .3 GB of resident memory at most. Other C libraries
+are left as they are.
 """
 
 from __future__ import annotations
@@ -18,9 +20,11 @@ NEVER = 2**31 - 1
 
 
 def keep_freed_memory() -> bool:
-    """Set glibc's allocator for training; whether it was done. Any time will do, best before threads start.
+    """Set glibc's allocator for training; whether it was done. Any time will do, best before
+    threads start.
 
-    Large blocks come from the heap, not from mappings of their own; the heap is not trimmed; all threads share one.
+    Large blocks come from the heap, not from mappings of their own; the heap is not trimmed; all
+    threads share one.
     """
     if os.environ.get(SWITCH) == "0" or sys.platform != "linux":
         return False

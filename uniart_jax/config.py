@@ -1,7 +1,9 @@
-"""Every setting of the library as frozen dataclasses. No jax here, so that data workers and command lines stay light.
+"""Every setting of the library as frozen dataclasses. No jax here, so that data workers and command
+lines stay light.
 
-``configs/*.py`` build a ``Config``; the command line overrides any field by its dotted name. Defaults are the paper's sizes, which
-are TRELLIS's where TRELLIS has the same network (docs/architecture.md).
+``configs/*.py`` build a ``Config``; the command line overrides any field by its dotted name.
+Defaults are the paper's sizes, which are TRELLIS's where TRELLIS has the same network
+(docs/architecture.md).
 """
 
 from __future__ import annotations
@@ -55,24 +57,28 @@ IMAGE_ENCODERS = {
 
 @dataclasses.dataclass(frozen=True)
 class ImageEncoderConfig:
-    """``architecture`` 'volume': a small convolutional network with tokens and a volume decoder, pre-trained by regressing the camera, coarse occupancy,
-    boxes and joints from the image. It gives ``tokens`` for cross-attention and a ``volume`` of features aligned with the object's grid.
+    """``architecture`` 'volume': a small convolutional network with tokens and a volume decoder,
+    pre-trained by regressing the camera, coarse occupancy, boxes and joints from the image. It
+    gives ``tokens`` for cross-attention and a ``volume`` of features aligned with the object's
+    grid.
 
-    'dinov2': the vision transformer of DINOv2 with registers, frozen, as TRELLIS conditions on it; ``tokens`` only. Of the fields it reads
-    image_size, crop_margin, patch_size, registers, width, num_blocks, num_heads and mlp_ratio.
+    'dinov2': the vision transformer of DINOv2 with registers, frozen, as TRELLIS conditions on it;
+    ``tokens`` only. Of the fields it reads image_size, crop_margin, patch_size, registers, width,
+    num_blocks, num_heads and mlp_ratio.
     """
 
     architecture: Literal["volume", "dinov2"] = "volume"
     patch_size: int = 14  # 'dinov2'
     registers: int = 4  # 'dinov2'
-    crop_margin: float = 1.1  # side of the crop over the object's longer side (TRELLIS: 1.2); records hold crops of 1.1
+    # side of the crop over the object's longer side (TRELLIS: 1.2); records hold crops of 1.1
+    crop_margin: float = 1.1
     image_size: int = 128  # pixels a side of the images in the records
     stem_stride: int = 4  # of the first stage
     stem_channels: tuple[int, ...] = (
         32,
         64,
         128,
-    )  # each further stage halves; the last gives the tokens, the one before it what volume cells read
+    )  # each further stage halves; the last gives the tokens, the one before it what volume cells read  # noqa: E501
     width: int = 256
     num_blocks: int = 4
     num_heads: int = 4
@@ -92,12 +98,14 @@ class ImageEncoderConfig:
 
 @dataclasses.dataclass(frozen=True)
 class LayoutConfig:
-    """Parts as a set from one image (``models.layout``). ``queries`` 0: no such network (the paper).
+    """Parts as a set from one image (``models.layout``). ``queries`` 0: no such network (the
+    paper).
 
-    ``backbone``: 'efficientnet_lite0' begins with ImageNet weights (extra ``lite0``), 'convolutions' from scratch.
-    ``queries``: at most so many parts; objects that are trained on have no more. ``heads``: of attention.
-    ``image_size``: pixels a side of the crops it sees, a multiple of 32; its weights fit every size.
-    ``repeats``: how often the last layer is run once more, with the same weights.
+    ``backbone``: 'efficientnet_lite0' begins with ImageNet weights (extra ``lite0``),
+    'convolutions' from scratch. ``queries``: at most so many parts; objects that are trained on
+    have no more. ``heads``: of attention. ``image_size``: pixels a side of the crops it sees, a
+    multiple of 32; its weights fit every size. ``repeats``: how often the last layer is run once
+    more, with the same weights.
     """
 
     queries: int = 0
@@ -114,10 +122,12 @@ class LayoutConfig:
 
 @dataclasses.dataclass(frozen=True)
 class StructureVAEConfig:
-    """Dense convolutional VAE, occupancy [R^3] <-> latent [(R / patch_size / 2^(levels-1))^3, C]. Upstream: TRELLIS sparse_structure_vae.
+    """Dense convolutional VAE, occupancy [R^3] <-> latent [(R / patch_size / 2^(levels-1))^3, C].
+    Upstream: TRELLIS sparse_structure_vae.
 
-    ``patch_size`` folds cubes of voxels into channels before the first convolution; 1 = none (TRELLIS).
-    ``norm``: of the last layer only ('group': 32 groups), as in TRELLIS, whose residual blocks ignore the option.
+    ``patch_size`` folds cubes of voxels into channels before the first convolution; 1 = none
+    (TRELLIS). ``norm``: of the last layer only ('group': 32 groups), as in TRELLIS, whose residual
+    blocks ignore the option.
     """
 
     patch_size: int = 1
@@ -132,11 +142,12 @@ class StructureVAEConfig:
 class UniArtVAEConfig:
     """Voxel features <-> latent per voxel. Trunks as TRELLIS's SLAT encoder and decoder.
 
-    ``attention``: 'swin' cuts shifted windows of ``window`` voxels a side; 'full' does not cut; 'serial' cuts the Morton order of the voxels into runs
-    of exactly ``window`` tokens, shifted by half a run in every other block (no padding waste: the laptop's choice).
-    ``part_segment``: parts longer than this are attended in pieces of this many voxels; 0 = never cut.
-    ``linear_path``: a linear layer past each trunk (TRELLIS has none).
-    ``layout_channels``: width of what the decoder's voxels see of a layout, whose rows its
+    ``attention``: 'swin' cuts shifted windows of ``window`` voxels a side; 'full' does not cut;
+    'serial' cuts the Morton order of the voxels into runs of exactly ``window`` tokens, shifted by
+    half a run in every other block (no padding waste: the laptop's choice). ``part_segment``: parts
+    longer than this are attended in pieces of this many voxels; 0 = never cut. ``linear_path``: a
+    linear layer past each trunk (TRELLIS has none). ``layout_channels``: width of what the
+    decoder's voxels see of a layout, whose rows its
       sub-cells
     then point at (``models.layout_decoder``); 0 = none (the paper).
     """
@@ -160,7 +171,8 @@ class UniArtVAEConfig:
 
     @property
     def feature_channels(self) -> dict[str, int]:
-        """Features that are read with each voxel, by the name of their column (``data.columns``), and their channels."""
+        """Features that are read with each voxel, by the name of their column (``data.columns``),
+        and their channels."""
         both = {"visual": self.visual_channels, "part_feature": self.part_feature_channels}
         return {name: channels for name, channels in both.items() if channels}
 
@@ -169,20 +181,25 @@ class UniArtVAEConfig:
 class FlowConfig:
     """Rectified-flow transformer; TRELLIS's DiT with cross-attention to image tokens.
 
-    ``patch_size``: side of the cube of latents that makes one token. Structure flow: patchify. Latent flow: ``stem`` 'conv' goes
-    down to it by TRELLIS's sparse residual blocks (``io_channels`` a level), 'patch' by one linear layer on the cube, and back by another,
-    followed, with ``voxel_channels`` > 0, by an MLP of this width on each voxel that also sees the voxel's own noisy latent.
-    ``volume_channels``: the first so many of the image encoder's volume (its features, then 3 of colour) added to the tokens they are
-    aligned with; 0 = none (TRELLIS).
-    ``pixel_channels``: width of what each voxel reads off the pictures where the camera sees it (``nn.lifting.read_pixels``); latent flow of stem 'patch'; 0 = none.
-    ``layout_channels``: width of what each voxel (structure flow: each cell of its latent) sees of a layout (``models.layout_features``); latent flow of
-    stem 'patch'; 0 = none (TRELLIS).
-    ``refine_channels``: structure flow: width of a refiner of what the structure VAE decodes, at full resolution (``models.occupancy_refiner``); 0 = none (TRELLIS).
-    ``position_table``: the structure flow holds its position embedding as a frozen table instead of computing it (weights whose table differs).
-    ``prediction``: the network's output is the velocity (TRELLIS) or the clean sample, from which the velocity follows.
-    ``direction``: which way the network's own time runs. 'data_to_noise': x_0 data, velocity eps - x_0 (the paper's text, TRELLIS). 'noise_to_data': z_0
-    prior, z_1 data, velocity z_1 - z_0 (the paper's supplement), the mirror image: inside, t is 1 - t and v is -v; times of losses, solvers and
-    guidance stay as in the text.
+    ``patch_size``: side of the cube of latents that makes one token. Structure flow: patchify.
+    Latent flow: ``stem`` 'conv' goes down to it by TRELLIS's sparse residual blocks
+    (``io_channels`` a level), 'patch' by one linear layer on the cube, and back by another,
+    followed, with ``voxel_channels`` > 0, by an MLP of this width on each voxel that also sees the
+    voxel's own noisy latent. ``volume_channels``: the first so many of the image encoder's volume
+    (its features, then 3 of colour) added to the tokens they are aligned with; 0 = none (TRELLIS).
+    ``pixel_channels``: width of what each voxel reads off the pictures where the camera sees it
+    (``nn.lifting.read_pixels``); latent flow of stem 'patch'; 0 = none. ``layout_channels``: width
+    of what each voxel (structure flow: each cell of its latent) sees of a layout
+    (``models.layout_features``); latent flow of stem 'patch'; 0 = none (TRELLIS).
+    ``refine_channels``: structure flow: width of a refiner of what the structure VAE decodes, at
+    full resolution (``models.occupancy_refiner``); 0 = none (TRELLIS). ``position_table``: the
+    structure flow holds its position embedding as a frozen table instead of computing it (weights
+    whose table differs). ``prediction``: the network's output is the velocity (TRELLIS) or the
+    clean sample, from which the velocity follows. ``direction``: which way the network's own time
+    runs. 'data_to_noise': x_0 data, velocity eps - x_0 (the paper's text, TRELLIS).
+    'noise_to_data': z_0 prior, z_1 data, velocity z_1 - z_0 (the paper's supplement), the mirror
+    image: inside, t is 1 - t and v is -v; times of losses, solvers and guidance stay as in the
+    text.
     """
 
     model_channels: int = 1024
@@ -211,7 +228,8 @@ class FlowConfig:
 
 @dataclasses.dataclass(frozen=True)
 class GaussianConfig:
-    """TRELLIS's own head on a UniArt-shaped latent: 3D Gaussians a voxel. Optional; names as in its ``representation_config``."""
+    """TRELLIS's own head on a UniArt-shaped latent: 3D Gaussians a voxel. Optional; names as in its
+    ``representation_config``."""
 
     num_gaussians: int = 32
     voxel_size: float = 1.5  # how far a Gaussian may lie from its voxel's centre, in half voxels
@@ -231,9 +249,11 @@ class GaussianConfig:
 class ModelConfig:
     """The networks of one checkpoint, and how they are run.
 
-    ``kernel``: of attention (``nn.attention``); 'plain' also leaves the derivatives of gathers and convolutions to JAX, so that ``jax.jvp`` and
-    Hessian-vector products go through every network. ``scan_blocks`` compiles a stack of equal blocks once and loops over it; ``remat`` computes a
-    block's activations again in the backward pass: compile time and memory then do not grow with depth.
+    ``kernel``: of attention (``nn.attention``); 'plain' also leaves the derivatives of gathers and
+    convolutions to JAX, so that ``jax.jvp`` and Hessian-vector products go through every network.
+    ``scan_blocks`` compiles a stack of equal blocks once and loops over it; ``remat`` computes a
+    block's activations again in the backward pass: compile time and memory then do not grow with
+    depth.
     """
 
     grid: GridConfig = GridConfig()
@@ -254,10 +274,12 @@ class ModelConfig:
 class StageConfig:
     """How one network is trained.
 
-    ``accumulate``: micro-batches that a batch is cut into; their gradients are averaged before one update. ``gradient_clip``: largest global norm, 0 = any.
-    ``clip_percentile``: of the last ``clip_window`` gradients' norms, if that is less (TRELLIS: 95 of 1000); 0 = not. ``freeze``: parameters that stay
-    as they are, by dotted name or prefix. ``skip_not_finite``: so many steps in a row may have a loss or gradients that are not finite, and are passed
-    over, which the learning rate's schedule does not count; one more ends the run.
+    ``accumulate``: micro-batches that a batch is cut into; their gradients are averaged before one
+    update. ``gradient_clip``: largest global norm, 0 = any. ``clip_percentile``: of the last
+    ``clip_window`` gradients' norms, if that is less (TRELLIS: 95 of 1000); 0 = not. ``freeze``:
+    parameters that stay as they are, by dotted name or prefix. ``skip_not_finite``: so many steps
+    in a row may have a loss or gradients that are not finite, and are passed over, which the
+    learning rate's schedule does not count; one more ends the run.
     """
 
     steps: int = 800_000
@@ -296,7 +318,8 @@ class LossConfig:
     alignment: float = 0.0  # the supplement's reading of L_kl; its lambda_2 = 0.5
     color: float = 1.0
     huber_delta: float = 0.3
-    # UniArt VAE: loss voxels drawn equally from all parts; 0 = all voxels, unbalanced. Image encoder: coarse cells drawn half so.
+    # UniArt VAE: loss voxels drawn equally from all parts; 0 = all voxels, unbalanced. Image
+    # encoder: coarse cells drawn half so.
     voxels_per_object: int = 0
     part_share: float = (
         0.0  # of the latent flow's loss spread evenly over parts, the rest over voxels
@@ -304,7 +327,8 @@ class LossConfig:
     readout_share: float = (
         0.0  # of the latent flow's loss measured on what the latent says (``training.readout``)
     )
-    # latent flow: weight of what the frozen UniArt VAE makes of its x_0 (distances, colours) against what it makes of the true latent
+    # latent flow: weight of what the frozen UniArt VAE makes of its x_0 (distances, colours)
+    # against what it makes of the true latent
     decoded: float = 0.0
     # structure flow: weight of what the frozen structure VAE makes of its x_0 against the true
     # occupancy (cross-entropy and Dice)
@@ -317,7 +341,8 @@ class LossConfig:
     time_std: float = 1.0
     noise_share: float = 0.0  # share of draws taken uniformly from t in (.9, 1)
     condition_drop: float = 0.1
-    # structure flow: share of the loss that is the refiner's, on what the flow samples in one step; 1:
+    # structure flow: share of the loss that is the refiner's, on what the flow samples in one step;
+    # 1:
     # the flow's own is left out (``freeze`` its layers)
     refined: float = 0.0
     # flows, and a UniArt VAE with ``sampled``: share of the items that are shown the layout which
@@ -330,9 +355,11 @@ class LossConfig:
 class DataConfig:
     """Where records are and how batches are made of them.
 
-    ``split``, ``validation_split``: of each folder, only the records of this split, or of several joined by commas, as its manifest says; "" = all. So one
-    folder can serve for both. ``mirror``, ``mirror_latents``: not for a UniArt VAE that reads features of voxels (``visual_channels``,
-    ``part_feature_channels``): they come from networks that see a mirrored object otherwise, so its features are not known.
+    ``split``, ``validation_split``: of each folder, only the records of this split, or of several
+    joined by commas, as its manifest says; "" = all. So one folder can serve for both. ``mirror``,
+    ``mirror_latents``: not for a UniArt VAE that reads features of voxels (``visual_channels``,
+    ``part_feature_channels``): they come from networks that see a mirrored object otherwise, so its
+    features are not known.
     """
 
     records: str = ""
@@ -369,10 +396,13 @@ class DataConfig:
     layouts: str = "data-cache/layouts"  # blocks of pictures and part tables (``data.layouts``)
     reuse: int = 3  # of those: how often training shows each object
     first_block: int = 0  # of those: where training begins; later ones see what earlier did not
-    # flows that see a layout: share of the side by which pictures are bent at most, so that the layout says where things are
+    # flows that see a layout: share of the side by which pictures are bent at most, so that the
+    # layout says where things are
     image_warp: float = 0.0
     layout_errors: float = 0.0  # and the strength of the errors in it (``data.layout_errors``)
-    new_joints: float = 0.0  # UniArt VAE: share of the parts whose joint and parent are drawn anew (``objects.perturb.draw_joint``)
+    # UniArt VAE: share of the parts whose joint and parent are drawn anew
+    # (``objects.perturb.draw_joint``)
+    new_joints: float = 0.0
     seed: int = 0
     workers: int = 0
 
@@ -389,8 +419,8 @@ class MeshConfig:
 class SampleConfig:
     """Sampling defaults that belong to a checkpoint.
 
-    ``adaptive``: each item in steps of its own, of an error of about ``tolerance`` (``flow.solvers``); ``steps`` and ``rescale_t`` then give the
-    first step's length alone.
+    ``adaptive``: each item in steps of its own, of an error of about ``tolerance``
+    (``flow.solvers``); ``steps`` and ``rescale_t`` then give the first step's length alone.
     """
 
     solver: Literal["euler", "heun"] = "euler"
@@ -415,7 +445,8 @@ class SampleConfig:
 
 @dataclasses.dataclass(frozen=True)
 class StructureSampleConfig(SampleConfig):
-    """A voxel is active above ``threshold``, a logit. What is sampled in few steps is close to a mean, from which thin things fade."""
+    """A voxel is active above ``threshold``, a logit. What is sampled in few steps is close to a
+    mean, from which thin things fade."""
 
     threshold: float = 0.0
 
@@ -434,8 +465,9 @@ class LatentSampleConfig(SampleConfig):
 class Config:
     """One experiment.
 
-    ``init``: a checkpoint that training goes on from (``--init`` overrides it). ``untrained``: parameters of a checkpoint that are still as they
-    were drawn, by dotted name or prefix (what a conversion could not fill).
+    ``init``: a checkpoint that training goes on from (``--init`` overrides it). ``untrained``:
+    parameters of a checkpoint that are still as they were drawn, by dotted name or prefix (what a
+    conversion could not fill).
     """
 
     name: str = "paper"
@@ -491,7 +523,8 @@ def from_json(cls: type, text: str) -> Any:
     """Rebuild a config dataclass from ``to_json``'s text.
 
     Raises:
-      ValueError: the text is not JSON, or its fields are not those of ``cls`` (all strange names are listed).
+      ValueError: the text is not JSON, or its fields are not those of ``cls`` (all strange names
+        are listed).
     """
     try:
         data = json.loads(text)

@@ -1,11 +1,13 @@
-"""``uniart convert``: published checkpoints of TRELLIS and DINOv2 -> a checkpoint folder of ours (``training.export``); OpenShape's encoders.
+"""``uniart convert``: published checkpoints of TRELLIS and DINOv2 -> a checkpoint folder of ours
+(``training.export``); OpenShape's encoders.
 
     CKPT_DIR/[ckpts/]<name>.json, <name>.safetensors, pipeline.json  ->  DIR/config.json, <network>.safetensors, latent_stats.safetensors
     dinov2_vit?14_reg….pth                                           ->  image_encoder.safetensors
     OPENSHAPE_DIR/model.pt, open_clip_*.safetensors                  ->  DIR/openshape.json, … (``weights.openshape``)
 
-What the files are is read off their content (``weights``); here they are found, written and reported.
-"""
+What the files are is read off their content (``weights``); here they are found, written and
+reported.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -34,8 +36,14 @@ from uniart_jax.weights.trellis_options import OUT_OF_SCOPE, class_name, out_of_
 
 MARKS = ("config.json",)  # what a folder must hold to be replaced
 # Names of the published files, and where they are; the first that is there is taken.
-POINT_ENCODER = (("model.pt", "model.safetensors"), "model.pt of huggingface.co/OpenShape/openshape-pointbert-vitg14-rgb")  # fmt: skip
-IMAGE_TOWER = (("open_clip_*.safetensors", "open_clip_*.bin"), "open_clip_model.safetensors of huggingface.co/laion/CLIP-ViT-bigG-14-laion2B-39B-b160k")  # fmt: skip
+POINT_ENCODER = (
+    ("model.pt", "model.safetensors"),
+    "model.pt of huggingface.co/OpenShape/openshape-pointbert-vitg14-rgb",
+)
+IMAGE_TOWER = (
+    ("open_clip_*.safetensors", "open_clip_*.bin"),
+    "open_clip_model.safetensors of huggingface.co/laion/CLIP-ViT-bigG-14-laion2B-39B-b160k",
+)
 console = messages()
 
 
@@ -52,19 +60,28 @@ def convert_trellis_folder(source: Path, out: Path, overwrite: bool = False) -> 
 
     Raises:
       FileNotFoundError: no such folder.
-      ValueError: ``out`` is not empty, no network of TRELLIS that has a place here, files that do not fit each other or their config.
+      ValueError: ``out`` is not empty, no network of TRELLIS that has a place here, files that do
+        not fit each other or their config.
     """
     check_target(out, overwrite, [source], marks=MARKS)
     sources = find_networks(source)
-    skipped = [(s, reason) for s in sources if (reason := out_of_scope(s.name, s.args, s.weights.stem))]  # fmt: skip
+    skipped = [
+        (s, reason) for s in sources if (reason := out_of_scope(s.name, s.args, s.weights.stem))
+    ]
     chosen = [s for s in sources if s not in [s for s, _ in skipped]]
     if not chosen:
-        raise ValueError(f"'{source}': none of its networks has a place here; there must be one of {', '.join(PLACES)}")  # fmt: skip
+        raise ValueError(
+            f"'{source}': none of its networks has a place here; there must be one of "
+            f"{', '.join(PLACES)}"
+        )
     by_class: dict[str, Source] = {}
     for s in chosen:
         other = by_class.setdefault(class_name(s.name), s)
         if other is not s:
-            raise ValueError(f"'{source}': {other.weights.name} and {s.weights.name} are both a {class_name(s.name)}; leave one of them out")  # fmt: skip
+            raise ValueError(
+                f"'{source}': {other.weights.name} and {s.weights.name} are both a "
+                f"{class_name(s.name)}; leave one of them out"
+            )
     sampling = find_sampling(source)
     pieces = []
     for s in chosen:
@@ -99,15 +116,20 @@ def convert_dinov2_file(source: Path, out: Path, overwrite: bool = False) -> Pat
     """A state dict of DINOv2 with registers as ``image_encoder.safetensors``.
 
     Args:
-      out: the file to write, or a folder that gets ``image_encoder.safetensors``. If a ``config.json`` is beside it, its image encoder is set.
+      out: the file to write, or a folder that gets ``image_encoder.safetensors``. If a
+        ``config.json`` is beside it, its image encoder is set.
 
     Raises:
       FileNotFoundError: no such file.
-      ValueError: ``out`` exists, the file is no DINOv2 with registers, or the folder's flows are conditioned on another width.
+      ValueError: ``out`` exists, the file is no DINOv2 with registers, or the folder's flows are
+        conditioned on another width.
     """
     out = out / "image_encoder.safetensors" if out.is_dir() else out
     if out.name != "image_encoder.safetensors":
-        raise ValueError(f"output '{out}': a checkpoint's file is called image_encoder.safetensors; give that, or a folder")  # fmt: skip
+        raise ValueError(
+            f"output '{out}': a checkpoint's file is called image_encoder.safetensors; give that, "
+            "or a folder"
+        )
     if out.exists() and not overwrite:
         raise ValueError(f"output '{out}' exists; choose another --out, or --overwrite")
     try:
@@ -120,7 +142,10 @@ def convert_dinov2_file(source: Path, out: Path, overwrite: bool = False) -> Pat
         for flow in ("structure_flow", "latent_flow"):
             width = getattr(config.model, flow).cond_channels
             if (out.parent / f"{flow}.safetensors").is_file() and width != encoder.width:
-                raise ValueError(f"'{source}': its width {encoder.width} is not the {width} that {flow} in '{out.parent}' is conditioned on; take another size of DINOv2")  # fmt: skip
+                raise ValueError(
+                    f"'{source}': its width {encoder.width} is not the {width} that {flow} in "
+                    f"'{out.parent}' is conditioned on; take another size of DINOv2"
+                )
     before = out.read_bytes() if config is not None and out.is_file() else None
     export_network(out.parent, "image_encoder", params, "stored")
     if config is not None:
@@ -134,7 +159,10 @@ def convert_dinov2_file(source: Path, out: Path, overwrite: bool = False) -> Pat
             raise
     count = len(jax.tree.leaves(params))
     report(out.parent, {"image_encoder": Filled(params, ("DINOv2",), count)}, [], [])
-    size = f"{encoder.image_size} pixels, patches of {encoder.patch_size}, {encoder.registers} registers, width {encoder.width}, {encoder.num_blocks} blocks"
+    size = (
+        f"{encoder.image_size} pixels, patches of {encoder.patch_size}, {encoder.registers} "
+        f"registers, width {encoder.width}, {encoder.num_blocks} blocks"
+    )
     console.print(f"image encoder: {size}{'' if config is None else '; config.json says so now'}")
     return out
 
@@ -142,7 +170,8 @@ def convert_dinov2_file(source: Path, out: Path, overwrite: bool = False) -> Pat
 def convert_openshape_folder(
     source: Path, out: Path, overwrite: bool = False, config: OpenShapeConfig | None = None
 ) -> Path:
-    """OpenShape's point encoder and OpenCLIP's image tower for evaluation; ``out`` appears complete or not at all.
+    """OpenShape's point encoder and OpenCLIP's image tower for evaluation; ``out`` appears complete
+    or not at all.
 
     Args:
       source: a folder with both published files.
@@ -180,7 +209,8 @@ def convert_openshape_folder(
 
 
 def find_networks(folder: Path) -> list[Source]:
-    """The networks in a folder, or in its ``ckpts``: every ``<name>.safetensors`` with a ``<name>.json`` beside it.
+    """The networks in a folder, or in its ``ckpts``: every ``<name>.safetensors`` with a
+    ``<name>.json`` beside it.
 
     Raises:
       FileNotFoundError: no such folder.
@@ -192,21 +222,31 @@ def find_networks(folder: Path) -> list[Source]:
     for path in sorted([*folder.glob("*.safetensors"), *folder.glob("ckpts/*.safetensors")]):
         card = path.with_suffix(".json")
         if not card.is_file():
-            raise ValueError(f"'{path}': {card.name} is not beside it; it says which network this is, download it too")  # fmt: skip
+            raise ValueError(
+                f"'{path}': {card.name} is not beside it; it says which network this is, download "
+                "it too"
+            )
         content = _json(card)
-        name, args = (content.get(k) for k in ("name", "args")) if isinstance(content, Mapping) else (None, None)  # fmt: skip
+        name, args = (
+            (content.get(k) for k in ("name", "args"))
+            if isinstance(content, Mapping)
+            else (None, None)
+        )
         if not isinstance(name, str) or not isinstance(args, Mapping):
             raise ValueError(f"'{card}': it must hold a name and args, as TRELLIS's do")
         if class_name(name) not in (*PLACES, *OUT_OF_SCOPE):
             raise ValueError(f"'{card}': {name} is not a network of TRELLIS; leave it out")
         found.append(Source(path, name, args))
     if not found:
-        raise ValueError(f"'{folder}': no .safetensors in it or in its ckpts; give TRELLIS's checkpoint folder")  # fmt: skip
+        raise ValueError(
+            f"'{folder}': no .safetensors in it or in its ckpts; give TRELLIS's checkpoint folder"
+        )
     return found
 
 
 def find_sampling(folder: Path) -> Sampling:
-    """Of ``pipeline.json`` in the folder, or in its parent if this is ``ckpts``, else TRELLIS's defaults.
+    """Of ``pipeline.json`` in the folder, or in its parent if this is ``ckpts``, else TRELLIS's
+    defaults.
 
     Raises:
       ValueError: it is malformed.
@@ -230,7 +270,10 @@ def check_latents(model: ModelConfig, networks: Mapping[str, Filled], sampling: 
     """
     channels = model.uniart_vae.latent_channels
     if "latent_flow" in networks and len(sampling.mean) != channels:
-        raise ValueError(f"the latent flow has {channels} channels, its normalisation {len(sampling.mean)}; put the pipeline.json that belongs to it beside it")  # fmt: skip
+        raise ValueError(
+            f"the latent flow has {channels} channels, its normalisation {len(sampling.mean)}; put "
+            "the pipeline.json that belongs to it beside it"
+        )
 
 
 def untrained(networks: Mapping[str, Filled]) -> tuple[str, ...]:
@@ -265,7 +308,9 @@ def report(
 
 def _published(folder: Path, names: Sequence[str], origin: str) -> Path:
     if not folder.is_dir():
-        raise FileNotFoundError(f"'{folder}': no such folder; give one with OpenShape's and OpenCLIP's files")  # fmt: skip
+        raise FileNotFoundError(
+            f"'{folder}': no such folder; give one with OpenShape's and OpenCLIP's files"
+        )
     found = [path for name in names for path in sorted(folder.glob(name))]
     if not found:
         raise FileNotFoundError(f"'{folder}': no {' or '.join(names)} in it; put {origin} there")

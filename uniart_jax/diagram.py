@@ -1,4 +1,5 @@
-"""Joints drawn over pictures: where axes lie, which way parts go. For people who check data and results at a glance."""
+"""Joints drawn over pictures: where axes lie, which way parts go. For people who check data and
+results at a glance."""
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ def picture(
 
 
 def over(rgba: np.ndarray, background: tuple[int, int, int] = (255, 255, 255)) -> Image.Image:
-    """A straight-alpha picture [n, n, 4] in [0, 1] over a plain sRGB colour, mixed in sRGB as image viewers do."""
+    """A straight-alpha picture [n, n, 4] in [0, 1] over a plain sRGB colour, mixed in sRGB as image
+    viewers do."""
     alpha = rgba[..., 3:]
     color = rgba[..., :3] * alpha + np.array(background) / 255 * (1 - alpha)
     return Image.fromarray((color * 255 + 0.5).astype(np.uint8))
@@ -44,7 +46,8 @@ def over(rgba: np.ndarray, background: tuple[int, int, int] = (255, 255, 255)) -
 def draw_axes(
     image: Image.Image, shown: ArticulatedObject, moved: np.ndarray, camera: Camera
 ) -> None:
-    """Draw every joint's axis over a square picture: an arrow along its opening travel, a ring about rotation, in the part's colour.
+    """Draw every joint's axis over a square picture: an arrow along its opening travel, a ring
+    about rotation, in the part's colour.
 
     Args:
       shown: the object at the state that the picture shows.
@@ -65,7 +68,8 @@ def draw_axes(
 
 
 def _axis_lines(joint: Joint, box: np.ndarray, moved: float) -> list[np.ndarray]:
-    """[n, 3] polylines of the symbol, beside its part, of a joint that went through ``moved`` from rest to open."""
+    """[n, 3] polylines of the symbol, beside its part, of a joint that went through ``moved`` from
+    rest to open."""
     d = joint.direction
     middle = joint.origin + d * float(d @ (box[:3] - joint.origin)) if joint.rotates else box[:3]
     half = 0.5 * float(np.abs(d) @ box[3:]) + 0.06

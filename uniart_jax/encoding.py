@@ -52,7 +52,8 @@ console = messages()
 
 
 def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """All records, and their mirror images if asked for and known (``DataConfig``), through both VAEs; again only if weights or records changed.
+    """All records, and their mirror images if asked for and known (``DataConfig``), through both
+    VAEs; again only if weights or records changed.
 
     Several processes share the work; all return when it is done.
     """
@@ -63,7 +64,9 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
     both = (False, True) if data.mirror_latents and may_mirror(config.model) else (False,)
     jobs = [(data.records, data.split, workdir / "latents", both)]
     if data.validation:
-        jobs.append((data.validation, data.validation_split, workdir / "latents-validation", (False,)))  # fmt: skip
+        jobs.append(
+            (data.validation, data.validation_split, workdir / "latents-validation", (False,))
+        )
     for records, split, out, mirrors in jobs:
         key = digest(config, workdir, Path(records), split)
         if distributed.told(latent_store.latents_key(out) != key):
@@ -103,7 +106,8 @@ def latent_metric(latents: Path, records: str | Path, share: float, split: str =
 
 
 def digest(config: Config, workdir: Path, records: Path, split: str = "") -> str:
-    """What latents depend on: both VAEs' sizes and exported weights, the records, their split and columns, which of them fit, and mirroring."""
+    """What latents depend on: both VAEs' sizes and exported weights, the records, their split and
+    columns, which of them fit, and mirroring."""
     model = config.model
     sizes = (model.grid, model.structure_vae, model.uniart_vae)
     which = (config.data.mirror_latents, max(config.data.voxel_buckets))
@@ -134,9 +138,11 @@ def encode_records(
     out: Path,
     key: str,
 ) -> None:
-    """Latent means and pictures of every record to the folder ``out``, complete or absent; a pass that was cut off goes on at the next shard of 256 items.
+    """Latent means and pictures of every record to the folder ``out``, complete or absent; a pass
+    that was cut off goes on at the next shard of 256 items.
 
-    A process encodes each n-th shard on its first device; the folder is the same whatever their number.
+    A process encodes each n-th shard on its first device; the folder is the same whatever their
+    number.
 
     Args:
       mirrors: which passes to make, of the records as they are and of their mirror images.

@@ -1,13 +1,15 @@
-"""``uniart features``: columns of per-voxel features beside prepared records (``data.columns``), a pass of its own.
+"""``uniart features``: columns of per-voxel features beside prepared records (``data.columns``), a
+pass of its own.
 
     visual        orbit pictures -> DINOv2 -> patch maps -> read at each voxel's centre -> mean over views     (``models.multiview``)
     part_feature  PartField's files -> nearest point of each voxel                                             (``data.part_features``)
                   or the shape around each voxel, without weights                                      (``data.geometric_features``)
 
-Shard by shard, one record at a time: memory grows neither with the records nor with the views. A column's shard gets its name when it is complete, so a
-run may be killed at any moment; run again, it keeps the finished shards and ends with the same bytes. ``<column>.json`` says what a column is made
-from; another source is refused.
-"""
+Shard by shard, one record at a time: memory grows neither with the records nor with the views. A
+column's shard gets its name when it is complete, so a run may be killed at any moment; run again,
+it keeps the finished shards and ends with the same bytes. ``<column>.json`` says what a column is
+made from; another source is refused.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -93,7 +95,8 @@ def write_visual(
 
     Raises:
       FileNotFoundError: no records, no weights.
-      ValueError: no orbit pictures, fewer than ``views``, other weights than those of an unfinished column, a file that is no DINOv2.
+      ValueError: no orbit pictures, fewer than ``views``, other weights than those of an unfinished
+        column, a file that is no DINOv2.
     """
     if batch < 1 or (views is not None and views < 1):
         raise ValueError("features: --batch and --views must be at least 1")
@@ -107,7 +110,10 @@ def write_visual(
     else:
         held = int(note_held.get("views", 0))
     if not held or (views or 0) > held:
-        raise ValueError(f"{folder}: records have {held} orbit pictures, --views asks for {views or 'all'}; prepare with more --orbit-views")  # fmt: skip
+        raise ValueError(
+            f"{folder}: records have {held} orbit pictures, --views asks for {views or 'all'}; "
+            "prepare with more --orbit-views"
+        )
     encoder = load_encoder(Path(weights))
     note = {
         "weights": encoder.digest,
@@ -128,15 +134,21 @@ def write_part_features(
     """The column ``part_feature`` of a prepared folder, of PartField's files.
 
     Raises:
-      FileNotFoundError, ValueError: no records, a record without its file, files that are not PartField's.
+      FileNotFoundError, ValueError: no records, a record without its file, files that are not
+        PartField's.
     """
     if not source.is_dir():
-        raise FileNotFoundError(f"'{source}': no such folder; give the one that PartField wrote its results to")  # fmt: skip
+        raise FileNotFoundError(
+            f"'{source}': no such folder; give the one that PartField wrote its results to"
+        )
     note = {"source": "PartField", "channels": CHANNELS}
 
     def make(shard: Path) -> Columns:
         for row, record in _records(shard):
-            yield record, on_voxels(record, *read_partfield(source, _input_name(shard, row, record)))  # fmt: skip
+            yield (
+                record,
+                on_voxels(record, *read_partfield(source, _input_name(shard, row, record))),
+            )
 
     def origin(shard: Path, row: int, record: Record) -> str:
         return result_digest(source, _input_name(shard, row, record))
@@ -196,7 +208,8 @@ def fill_column(
     Args:
       note: what it is made from; kept in ``<name>.json``.
       make: shard of records -> each of them, in order, with its values [V, C] float16.
-      origin: digest of what one record's values are made from, where every record has a file of its own; kept in its item.
+      origin: digest of what one record's values are made from, where every record has a file of its
+        own; kept in its item.
 
     Raises:
       ValueError: the column that is there, or begun, was made from something else.
@@ -233,7 +246,10 @@ def _check_origin(shard: Path, name: str, origin: Callable[[Path, int, Record], 
         return
     first = from_bytes(open_shards([shard])[0])
     if unpack_arrays(items[0])[1].get("origin") != origin(shard, 0, first):
-        raise ValueError(f"{column_path(shard, name)}: made from other files than those given now; remove {name}.json and {name}-*.arrayrecord to make the column again")  # fmt: skip
+        raise ValueError(
+            f"{column_path(shard, name)}: made from other files than those given now; remove "
+            f"{name}.json and {name}-*.arrayrecord to make the column again"
+        )
 
 
 def _held_note(folder: str | Path, name: str) -> dict[str, Any]:
@@ -250,20 +266,31 @@ def claim_column(folder: str | Path, name: str, note: dict[str, Any]) -> None:
     path = column_note(folder, name)
     if not path.is_file():
         if next(Path(folder).glob(f"{name}-*.arrayrecord"), None) is not None:
-            raise ValueError(f"{folder}: holds a column '{name}' without {path.name}, so its source is unknown; remove {name}-*.arrayrecord")  # fmt: skip
+            raise ValueError(
+                f"{folder}: holds a column '{name}' without {path.name}, so its source is unknown; "
+                f"remove {name}-*.arrayrecord"
+            )
         write_text(path, json.dumps(note, indent=2) + "\n")
         return
     try:
         held = json.loads(path.read_text())
-        different = [f"{key} {held.get(key)} (now: {note.get(key)})" for key in sorted({*held, *note}) if held.get(key) != note.get(key)]  # fmt: skip
+        different = [
+            f"{key} {held.get(key)} (now: {note.get(key)})"
+            for key in sorted({*held, *note})
+            if held.get(key) != note.get(key)
+        ]
     except (ValueError, AttributeError, TypeError):
         raise ValueError(f"{path}: damaged; remove it and {name}-*.arrayrecord") from None
     if different:
-        raise ValueError(f"{folder}: its column '{name}' was made from something else: {'; '.join(different)}; remove {path.name} and {name}-*.arrayrecord to make it again")  # fmt: skip
+        raise ValueError(
+            f"{folder}: its column '{name}' was made from something else: {'; '.join(different)}; "
+            f"remove {path.name} and {name}-*.arrayrecord to make it again"
+        )
 
 
 def finished(shard: Path, name: str) -> bool:
-    """Whether a column has its part of this shard: as many items, the first and the last of the same records (prepare may have extended a shard since)."""
+    """Whether a column has its part of this shard: as many items, the first and the last of the
+    same records (prepare may have extended a shard since)."""
     path = column_path(shard, name)
     if not path.is_file():
         return False
@@ -281,7 +308,8 @@ def finished(shard: Path, name: str) -> bool:
 
 
 def visual_of_shard(shard: Path, encoder: Encoder, views: int, batch: int) -> Columns:
-    """Each record of a shard with the mean over ``views`` of its orbit pictures of what its voxels read in them: [V, F] float16.
+    """Each record of a shard with the mean over ``views`` of its orbit pictures of what its voxels
+    read in them: [V, F] float16.
 
     Raises:
       ValueError: a record's orbit is another's, damaged or smaller than ``views``.
@@ -292,7 +320,10 @@ def visual_of_shard(shard: Path, encoder: Encoder, views: int, batch: int) -> Co
         record = from_bytes(records[row])
         images, cameras = read_orbit(orbits[row], record.meta.get("id"))
         if len(images) < views:
-            raise ValueError(f"column 'orbit' of '{record.meta.get('id')}': {len(images)} pictures, not {views}; prepare again")  # fmt: skip
+            raise ValueError(
+                f"column 'orbit' of '{record.meta.get('id')}': {len(images)} pictures, not "
+                f"{views}; prepare again"
+            )
         return record, images, cameras
 
     for record, images, cameras in _ahead(load, range(len(records))):
@@ -303,10 +334,12 @@ def visual_of_shard(shard: Path, encoder: Encoder, views: int, batch: int) -> Co
 def visual(
     record: Record, images: Iterable[np.ndarray], cameras: np.ndarray, encoder: Encoder, batch: int
 ) -> np.ndarray:
-    """[V, F] float16: mean over views of the patch features that each voxel's centre reads; no visibility test (``models.multiview``).
+    """[V, F] float16: mean over views of the patch features that each voxel's centre reads; no
+    visibility test (``models.multiview``).
 
     Args:
-      images: M pictures [S, S, 4] uint8, straight alpha, sRGB; resized to what the encoder was trained on. cameras: [M, 4].
+      images: M pictures [S, S, 4] uint8, straight alpha, sRGB; resized to what the encoder was
+        trained on. cameras: [M, 4].
     """
     size, count = encoder.config.image_size, len(record.coords)
     positions = np.zeros((-(-count // VOXEL_STEP) * VOXEL_STEP, 3), np.float32)
@@ -325,7 +358,8 @@ def visual(
 
 
 def view_matrices(cameras: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cameras [M, 4] of records as ``models.multiview`` takes them: extrinsics [M, 4, 4] (object to camera), intrinsics [M, 3, 3]."""
+    """Cameras [M, 4] of records as ``models.multiview`` takes them: extrinsics [M, 4, 4] (object to
+    camera), intrinsics [M, 3, 3]."""
     extrinsics = np.stack([Camera(*row).matrix() for row in np.asarray(cameras, np.float64)])
     return extrinsics.astype(np.float32), intrinsic_matrices(np.deg2rad(cameras[:, 2]))
 
@@ -338,9 +372,11 @@ def resized(image: np.ndarray, size: int) -> np.ndarray:
 
 
 def spread_views(cameras: np.ndarray, number: int) -> np.ndarray:
-    """Sorted indices of ``number`` cameras [M, 4] that look from directions far from each other: the first, then always the farthest from those chosen.
+    """Sorted indices of ``number`` cameras [M, 4] that look from directions far from each other:
+    the first, then always the farthest from those chosen.
 
-    Every k-th of an even spread need not be even: of a Fibonacci sphere it is a few arms of a spiral.
+    Every k-th of an even spread need not be even: of a Fibonacci sphere it is a few arms of a
+    spiral.
     """
     if number >= len(cameras):
         return np.arange(len(cameras))
@@ -356,14 +392,18 @@ def spread_views(cameras: np.ndarray, number: int) -> np.ndarray:
 
 
 def load_encoder(path: Path) -> Encoder:
-    """A converted DINOv2 on the default device. Sizes are those of its tensors; heads are 64 wide unless a ``config.json`` beside it says otherwise.
+    """A converted DINOv2 on the default device. Sizes are those of its tensors; heads are 64 wide
+    unless a ``config.json`` beside it says otherwise.
 
     Raises:
       FileNotFoundError: no such file. ValueError: it is truncated, not finite, or no DINOv2.
     """
     path = find_export(path, "image_encoder.safetensors") if path.is_dir() else path
     if not path.is_file():
-        raise FileNotFoundError(f"weights '{path}': no such file; make it with: uniart convert dinov2 FILE --out image_encoder.safetensors")  # fmt: skip
+        raise FileNotFoundError(
+            f"weights '{path}': no such file; make it with: uniart convert dinov2 FILE --out "
+            "image_encoder.safetensors"
+        )
     try:
         with safe_open(path, "numpy") as file:
             shapes = {name: tuple(file.get_slice(name).get_shape()) for name in file.keys()}  # noqa: SIM118  not a dict

@@ -1,4 +1,5 @@
-"""A layout drawn over the picture that it was found in: boxes, axes, and how far each part travels or turns."""
+"""A layout drawn over the picture that it was found in: boxes, axes, and how far each part travels
+or turns."""
 
 from __future__ import annotations
 
@@ -26,8 +27,8 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
     Args:
       crop: [S, S, 3] uint8, what the network saw. layout: with its camera.
 
-    Each part has a colour: its box, the confidence at its centre, its axis (white) and the path of its centre or, where it
-    turns, of the corner farthest from the axis.
+    Each part has a colour: its box, the confidence at its centre, its axis (white) and the path of
+    its centre or, where it turns, of the corner farthest from the axis.
     """
     image = Image.fromarray(crop).resize((side, side), Image.Resampling.BICUBIC)
     image = Image.blend(image, Image.new("RGB", image.size, (40, 40, 40)), 0.25)

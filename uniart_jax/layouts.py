@@ -1,7 +1,8 @@
 """The layout network in use: its first weights, and pictures -> parts as numpy arrays.
 
-A picture is looked at twice, as it is and mirrored; the mirrored parts are mirrored back, matched to the others by their boxes
-and averaged (``joined``). That costs a second pass and is more often right than either.
+A picture is looked at twice, as it is and mirrored; the mirrored parts are mirrored back, matched
+to the others by their boxes and averaged (``joined``). That costs a second pass and is more often
+right than either.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ BATCH = 8  # pictures at once, always padded to so many: one program
 
 
 def first_layout_weights(config: Config) -> dict[str, Any]:
-    """What a layout network begins with: typical boxes as its queries' anchors, and published weights of its backbone."""
+    """What a layout network begins with: typical boxes as its queries' anchors, and published
+    weights of its backbone."""
     first: dict[str, Any] = {"anchors": typical_boxes(config)}
     if config.model.layout.backbone == "efficientnet_lite0":
         from uniart_jax.weights.efficientnet_lite import find_published, read_efficientnet_lite0
@@ -45,7 +47,8 @@ def check_backbone(model: ModelConfig) -> None:
 
 
 def typical_boxes(config: Config, rounds: int = 20) -> np.ndarray:
-    """[queries, 6] corners that k-means finds among the parts of the first block of training objects."""
+    """[queries, 6] corners that k-means finds among the parts of the first block of training
+    objects."""
     table = load_block(config.data.layouts, 0, settings_of(config.data, config.model))
     known = np.arange(table["boxes"].shape[1]) < table["part_counts"][:, None]
     corners = box_corners(table["boxes"][known])
@@ -59,7 +62,8 @@ def typical_boxes(config: Config, rounds: int = 20) -> np.ndarray:
 
 
 class LayoutPredictor:
-    """Pictures -> outputs of the layout network, of both looks together; ``mirrored`` False: of the picture as it is alone.
+    """Pictures -> outputs of the layout network, of both looks together; ``mirrored`` False: of the
+    picture as it is alone.
 
     Attributes:
       image_size: pixels a side. crop_margin: side of the crop over the object's longer side.
@@ -79,8 +83,9 @@ class LayoutPredictor:
         self._run = jax.jit(run)
 
     def __call__(self, images: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
-        """Crops [S, S, 3] uint8 over black -> for each corners [Q, 6] (lower, upper), codes [Q, 9], exists [Q] logits, colors
-        [Q, 3] linear RGB, parents [Q, Q] logits child -> parent (diagonal: root), camera [7]."""
+        """Crops [S, S, 3] uint8 over black -> for each corners [Q, 6] (lower, upper), codes [Q, 9],
+        exists [Q] logits, colors [Q, 3] linear RGB, parents [Q, Q] logits child -> parent
+        (diagonal: root), camera [7]."""
         found = self._look(images)
         if not self.mirrored:
             return found
@@ -111,10 +116,12 @@ def mirror_parts(outputs: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Two outputs for one picture as one: rows matched by their boxes and averaged, weighted by how sure each is.
+    """Two outputs for one picture as one: rows matched by their boxes and averaged, weighted by how
+    sure each is.
 
-    Rows whose corners lie more than ``APART`` apart are not of one part: the surer one's box, code and colour stand. Their
-    existence is averaged all the same, so that a part which one look alone finds has to be the surer.
+    Rows whose corners lie more than ``APART`` apart are not of one part: the surer one's box, code
+    and colour stand. Their existence is averaged all the same, so that a part which one look alone
+    finds has to be the surer.
     """
     apart = np.abs(one["corners"][:, None] - other["corners"]).max(-1)
     sure = [1 / (1 + np.exp(-np.asarray(o["exists"], np.float64))) for o in (one, other)]
@@ -143,5 +150,7 @@ def load_layout_predictor(checkpoint: str) -> LayoutPredictor:
     folder = checkpoint_folder(checkpoint)
     model = read_config(folder).model
     if not model.layout.queries:
-        raise ValueError(f"checkpoint '{checkpoint}': it has no layout network; train one with --stage layout")  # fmt: skip
+        raise ValueError(
+            f"checkpoint '{checkpoint}': it has no layout network; train one with --stage layout"
+        )
     return LayoutPredictor(model, load_network(folder, "layout", build("layout", model).abstract()))

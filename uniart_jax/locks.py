@@ -1,4 +1,5 @@
-"""Folders that only one process at a time may work in. A lock goes with its process, however that ends."""
+"""Folders that only one process at a time may work in. A lock goes with its process, however that
+ends."""
 
 from __future__ import annotations
 
@@ -11,7 +12,8 @@ from typing import TextIO
 
 @contextlib.contextmanager
 def alone(folder: Path, wait: Callable[[], None] | None = None) -> Iterator[None]:
-    """One process at a time in ``folder``: two would write each other's files. Where the file system knows no locks, nothing is held.
+    """One process at a time in ``folder``: two would write each other's files. Where the file
+    system knows no locks, nothing is held.
 
     Args:
       wait: called if another process has it, which is then waited for.
@@ -23,7 +25,9 @@ def alone(folder: Path, wait: Callable[[], None] | None = None) -> Iterator[None
     with (folder / "lock").open("w") as file:
         if not taken(file):
             if wait is None:
-                raise ValueError(f"{folder}: another process works on it; wait for it, or stop it first")  # fmt: skip
+                raise ValueError(
+                    f"{folder}: another process works on it; wait for it, or stop it first"
+                )
             wait()
             fcntl.flock(file, fcntl.LOCK_EX)
         yield
@@ -31,7 +35,8 @@ def alone(folder: Path, wait: Callable[[], None] | None = None) -> Iterator[None
 
 @contextlib.contextmanager
 def in_turn(folder: Path, wait: Callable[[], None]) -> Iterator[None]:
-    """One process at a time makes ``folder``, which several need; the others call ``wait``, and wait."""
+    """One process at a time makes ``folder``, which several need; the others call ``wait``, and
+    wait."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     with folder.with_name(f".{folder.name}.lock").open("w") as file:
         if not taken(file):

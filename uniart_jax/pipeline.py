@@ -2,7 +2,8 @@
 
     image -> crop -> image encoder -> tokens, volume, pixels and camera (samplers.Condition)
     structure flow -> structure VAE decoder -> active voxels
-    latent flow on them -> UniArt VAE decoder -> voxels with everything on them -> assemble -> object
+    latent flow on them -> UniArt VAE decoder -> voxels with everything on them -> assemble ->
+    object
 
 Each step is a method, so that evaluation can start from the truth at any of them.
 """
@@ -66,7 +67,8 @@ GAUSSIANS = "gaussian_decoder.safetensors"
 
 
 class SamplingOptions(TypedDict, total=False):
-    """Fields of ``config.SampleConfig`` to sample with; None, or absent: as the checkpoint has them."""
+    """Fields of ``config.SampleConfig`` to sample with; None, or absent: as the checkpoint has
+    them."""
 
     steps: int | None
     guidance: float | None
@@ -79,8 +81,10 @@ class SamplingOptions(TypedDict, total=False):
 
 @dataclasses.dataclass(frozen=True)
 class Sample:
-    """A sampled object and how. ``picture``: the (first) image with the camera that was estimated for it. Of both flows ("structure", "latent") the options, the velocities that were asked for (with guidance each is one call
-    of the network on twice the batch) and the adaptive steps whose error was above the tolerance (``flow.solvers.Solution``). ``background``: how the object was
+    """A sampled object and how. ``picture``: the (first) image with the camera that was estimated
+    for it. Of both flows ("structure", "latent") the options, the velocities that were asked for
+    (with guidance each is one call of the network on twice the batch) and the adaptive steps whose
+    error was above the tolerance (``flow.solvers.Solution``). ``background``: how the object was
     cut out of each image (``data.background``)."""
 
     obj: ArticulatedObject
@@ -98,7 +102,8 @@ class Pipeline:
       config: of the checkpoint.
       parameters: network name -> nested dict of float32 arrays.
       statistics: "structure", "latent" -> (mean, std).
-      folder: where the checkpoint lies; optional networks are read from it when they are first asked for.
+      folder: where the checkpoint lies; optional networks are read from it when they are first
+        asked for.
     """
 
     def __init__(
@@ -158,21 +163,23 @@ class Pipeline:
         Args:
           image: path, or [H, W, 3 or 4] uint8 sRGB; a sequence of them = several views.
           seed: same seed, same object. Flows that take one step give their mean, whatever the seed.
-          layout: parts, joints and tree that the object follows (``voxels.follow``): a layout in the image's frame and state; True =
-            what the checkpoint's layout network finds in the (first) image, where it has one; False = they are read off the voxels.
+          layout: parts, joints and tree that the object follows (``voxels.follow``): a layout in
+            the image's frame and state; True = what the checkpoint's layout network finds in the
+            (first) image, where it has one; False = they are read off the voxels.
           background: how the object is cut out of the image (``data.background.cut_out``).
           progress: called with the name of each step.
           steps, guidance, guidance_interval, rescale_t, solver, adaptive, tolerance: of both flows
             (``config.SampleConfig``); None = as the checkpoint has them.
 
         Raises:
-          FileNotFoundError, ValueError: an image cannot be used, no object was found in it, or the checkpoint is not trained so far.
+          FileNotFoundError, ValueError: an image cannot be used, no object was found in it, or the
+            checkpoint is not trained so far.
         """
         if untrained := self.config.untrained:
             more = "" if len(untrained) <= 3 else f" and {len(untrained) - 3} more"
             raise ValueError(
-                f"this checkpoint is not trained yet ({', '.join(untrained[:3])}{more}): train it first (--init), "
-                "or use sample_structure, sample_latents and gaussians"
+                f"this checkpoint is not trained yet ({', '.join(untrained[:3])}{more}): train it "
+                "first (--init), or use sample_structure, sample_latents and gaussians"
             )
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
@@ -219,7 +226,8 @@ class Pipeline:
     def _picture(
         self, cut_out: np.ndarray, layout: Layout | None, condition: Condition
     ) -> Picture | None:
-        """An image [H, W, 4] with its camera: the layout's, else the image encoder's; None where neither has one."""
+        """An image [H, W, 4] with its camera: the layout's, else the image encoder's; None where
+        neither has one."""
         if layout is not None and layout.camera is not None:
             camera = layout.camera
         elif condition.cameras is not None:
@@ -230,16 +238,21 @@ class Pipeline:
         return Picture.of(cut_out, camera, margin)
 
     def layout(self, image: str | Path | np.ndarray, threshold: float = THRESHOLD) -> Layout:
-        """The object's parts as a table, found by the checkpoint's layout network (``voxels.layout``).
+        """The object's parts as a table, found by the checkpoint's layout network
+        (``voxels.layout``).
 
         Args:
-          image: path, or [H, W, 3 or 4] uint8 sRGB. threshold: least confidence of a part that is kept.
+          image: path, or [H, W, 3 or 4] uint8 sRGB. threshold: least confidence of a part that is
+            kept.
 
         Raises:
-          FileNotFoundError, ValueError: the image cannot be used, or the checkpoint has no layout network.
+          FileNotFoundError, ValueError: the image cannot be used, or the checkpoint has no layout
+            network.
         """
         if not self.config.model.layout.queries:
-            raise ValueError("layout: this checkpoint has no layout network; train one with --stage layout")  # fmt: skip
+            raise ValueError(
+                "layout: this checkpoint has no layout network; train one with --stage layout"
+            )
         return self._read_layout(self._cut_out(image)[0], threshold)
 
     def find_layout(
@@ -256,7 +269,8 @@ class Pipeline:
         return self._read_layout(cut_out)
 
     def following(self, condition: Condition, layouts: Sequence[Layout | None]) -> Condition:
-        """The condition of B images with their layouts for flows that see them (``FlowConfig.layout_channels``); None: flows are to do without."""
+        """The condition of B images with their layouts for flows that see them
+        (``FlowConfig.layout_channels``); None: flows are to do without."""
         model = self.config.model
         if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
             return condition
@@ -285,7 +299,8 @@ class Pipeline:
     def options(
         self, **changes: Unpack[SamplingOptions]
     ) -> tuple[StructureSampleConfig, LatentSampleConfig]:
-        """The checkpoint's sampling options, changed where asked (``SampleConfig``'s fields); None = as they are.
+        """The checkpoint's sampling options, changed where asked (``SampleConfig``'s fields); None
+        = as they are.
 
         Raises:
           ValueError: no option of both flows, or a value that cannot be.
@@ -347,7 +362,8 @@ class Pipeline:
         condition: Condition,
         options: StructureSampleConfig | None = None,
     ) -> list[np.ndarray]:
-        """Structure latents, and the condition that they were sampled with -> active voxels [V_i, 3] of each item; at most as many as the largest bucket holds, the most certain first."""
+        """Structure latents, and the condition that they were sampled with -> active voxels [V_i,
+        3] of each item; at most as many as the largest bucket holds, the most certain first."""
         options = options or self.config.sample_structure
         parameters = (self.parameters[name] for name in ("structure_vae", "structure_flow"))
         logits = np.asarray(self._decode_structure(*parameters, latent, condition))
@@ -377,7 +393,8 @@ class Pipeline:
         key: jax.Array,
         options: SampleConfig | None = None,
     ) -> Solution:
-        """UniArt latents [B, V, C] on the active voxels of each item, padded, and what they cost."""
+        """UniArt latents [B, V, C] on the active voxels of each item, padded, and what they
+        cost."""
         padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
         voxels = flow_inputs(padded, counts, self.config.model)
         sampler = self._latent_sampler(options or self.config.sample_latent)
@@ -393,10 +410,12 @@ class Pipeline:
         """UniArt latent mean [V, C] of a true grid.
 
         Args:
-          visual, part_feature: [V, F], [V, P] features of its voxels, where the model reads them (``data.columns``).
+          visual, part_feature: [V, F], [V, P] features of its voxels, where the model reads them
+            (``data.columns``).
 
         Raises:
-          ValueError: the grid has more parts than the model holds, or features are missing or of another shape.
+          ValueError: the grid has more parts than the model holds, or features are missing or of
+            another shape.
         """
         model = self.config.model
         given = {"visual": visual, "part_feature": part_feature}
@@ -405,7 +424,10 @@ class Pipeline:
             values = given[name]
             if values is None or values.shape != (len(grid.coords), channels):
                 got = "none" if values is None else list(values.shape)
-                raise ValueError(f"voxels: this model reads {name} [{len(grid.coords)}, {channels}] with them, got {got}")  # fmt: skip
+                raise ValueError(
+                    f"voxels: this model reads {name} [{len(grid.coords)}, {channels}] with them, "
+                    f"got {got}"
+                )
             features[name] = values
         coords, counts = pad_coords([grid.coords], self.config.data.voxel_buckets)
         width, count = coords.shape[1], counts[0]
@@ -449,7 +471,8 @@ class Pipeline:
     def gaussians(
         self, coords: Sequence[np.ndarray], latents: Sequence[np.ndarray]
     ) -> list[dict[str, np.ndarray]]:
-        """Latents [V_i, C] on voxels [V_i, 3] -> raw 3D Gaussians of each item (``models.gaussian_decoder.gaussian_parameters``).
+        """Latents [V_i, C] on voxels [V_i, 3] -> raw 3D Gaussians of each item
+        (``models.gaussian_decoder.gaussian_parameters``).
 
         Raises:
           FileNotFoundError: the checkpoint has no Gaussian decoder.
@@ -458,7 +481,8 @@ class Pipeline:
         if "gaussian_decoder" not in self.parameters:
             if self.folder is None or not has_export(self.folder, GAUSSIANS):
                 raise FileNotFoundError(
-                    f"checkpoint {self.folder or 'in memory'}: no {GAUSSIANS}; only checkpoints converted from TRELLIS have one"
+                    f"checkpoint {self.folder or 'in memory'}: no {GAUSSIANS}; only checkpoints "
+                    "converted from TRELLIS have one"
                 )
             expected = build("gaussian_decoder", self.config.model).abstract()
             self.parameters["gaussian_decoder"] = load_network(
@@ -543,7 +567,8 @@ class Pipeline:
 def voxel_grid(
     decoded: dict[str, np.ndarray], item: int, coords: np.ndarray, grid: GridConfig
 ) -> VoxelGrid:
-    """One item of what the UniArt VAE decodes (padded arrays, on the host), on its voxels [V, 3]."""
+    """One item of what the UniArt VAE decodes (padded arrays, on the host), on its voxels [V,
+    3]."""
     names = ("sdf", "color", "own_box", "joint_code", "parent_box")
     values = (decoded[name][item, : len(coords)] for name in names)
     return VoxelGrid(grid.resolution, grid.subdivisions, coords, *values)
@@ -560,7 +585,8 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
     config = read_config(folder)
     if missing := [f for f in map("{}.safetensors".format, NETWORKS) if not has_export(folder, f)]:
         raise FileNotFoundError(
-            f"checkpoint '{checkpoint}': no {', '.join(missing)} in it; finish the training stages that write them, or convert them too"
+            f"checkpoint '{checkpoint}': no {', '.join(missing)} in it; finish the training stages "
+            "that write them, or convert them too"
         )
     parameters = {
         name: load_network(folder, name, build(name, config.model).abstract()) for name in NETWORKS
@@ -570,7 +596,8 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
 
 
 def enable_compilation_cache() -> None:
-    """Keep compiled programs between runs, in the user's cache folder; programs call this, the library does not."""
+    """Keep compiled programs between runs, in the user's cache folder; programs call this, the
+    library does not."""
     if jax.config.jax_compilation_cache_dir is None:
         base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
         jax.config.update("jax_compilation_cache_dir", str(base / "uniart_jax" / "xla"))

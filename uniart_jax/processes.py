@@ -23,9 +23,11 @@ _is_worker = False
 
 @contextlib.contextmanager
 def process_pool(processes: int) -> Iterator[Submit]:
-    """``submit(function, *args, **kwargs)`` -> Future, run by one of ``processes`` spawned workers; 1 = by this process, at once.
+    """``submit(function, *args, **kwargs)`` -> Future, run by one of ``processes`` spawned workers;
+    1 = by this process, at once.
 
-    Workers import the function by its module, so the caller's main module must be importable. Leaving cancels what has not begun.
+    Workers import the function by its module, so the caller's main module must be importable.
+    Leaving cancels what has not begun.
 
     Raises:
       ValueError: a worker died.
@@ -45,7 +47,8 @@ def process_pool(processes: int) -> Iterator[Submit]:
 
 @contextlib.contextmanager
 def _workers(processes: int) -> Iterator[Submit]:
-    # Workers read these when numpy is imported: with one BLAS thread each, processes do not fight for cores.
+    # Workers read these when numpy is imported: with one BLAS thread each, processes do not fight
+    # for cores.
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     spawn = multiprocessing.get_context("spawn")
     pool = ProcessPoolExecutor(processes, mp_context=spawn, initializer=_begin)
@@ -64,7 +67,8 @@ def _workers(processes: int) -> Iterator[Submit]:
 def in_order(
     submit: Submit, function: Callable[..., Any], items: Iterable[Any], ahead: int
 ) -> Generator[Any, None, None]:
-    """Results of ``function(item)`` in the items' order, at most ``ahead`` of them begun before they are asked for."""
+    """Results of ``function(item)`` in the items' order, at most ``ahead`` of them begun before
+    they are asked for."""
     pending: collections.deque[Future[Any]] = collections.deque()
     for item in items:
         if len(pending) >= ahead:
@@ -81,10 +85,11 @@ def each(
     ahead: int,
     died: Callable[[Any], Any],
 ) -> Generator[Any, None, None]:
-    """Results of ``function(item)`` in the items' order; ``died(item)`` for an item that kills its worker (memory, a crash in C).
+    """Results of ``function(item)`` in the items' order; ``died(item)`` for an item that kills its
+    worker (memory, a crash in C).
 
-    When a worker dies, the items that were under way are done again, each by a worker of its own, to learn which of them it was.
-    With ``processes`` = 1 this process does them, and dies itself.
+    When a worker dies, the items that were under way are done again, each by a worker of its own,
+    to learn which of them it was. With ``processes`` = 1 this process does them, and dies itself.
 
     Raises:
       ValueError: no worker can start.
@@ -117,12 +122,16 @@ class _OutOfTimeError(BaseException):
 
 @contextlib.contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """TimeoutError at the latest on leaving if what is inside takes longer, and as soon as the main thread runs a line of Python again. Not nested.
+    """TimeoutError at the latest on leaving if what is inside takes longer, and as soon as the main
+    thread runs a line of Python again. Not nested.
 
-    A worker of ``process_pool`` or ``each`` that a call in C still holds after twice as long is ended; ``each`` then names its item. In this process
-    such a call cannot be stopped; outside of main threads, and where there are no alarms (Windows), nothing is.
+    A worker of ``process_pool`` or ``each`` that a call in C still holds after twice as long is
+    ended; ``each`` then names its item. In this process such a call cannot be stopped; outside of
+    main threads, and where there are no alarms (Windows), nothing is.
     """
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):  # fmt: skip
+    if threading.current_thread() is not threading.main_thread() or not hasattr(
+        signal, "setitimer"
+    ):
         yield
         return
     fired = []
@@ -156,7 +165,8 @@ def _check_start(submit: Submit) -> None:
         submit(os.getpid).result()
     except BrokenProcessPool:
         raise ValueError(
-            "worker processes cannot start: run from a file whose main module can be imported (if __name__ == '__main__'), or with one process"
+            "worker processes cannot start: run from a file whose main module can be imported (if "
+            "__name__ == '__main__'), or with one process"
         ) from None
 
 
@@ -170,7 +180,8 @@ def _at_once(function: Callable[..., Any], *args: Any, **kwargs: Any) -> Future[
 
 
 def _begin() -> None:
-    """Leave Ctrl-C to the parent, and end when the parent is gone: one killed outright cannot tell its workers."""
+    """Leave Ctrl-C to the parent, and end when the parent is gone: one killed outright cannot tell
+    its workers."""
     global _is_worker
     _is_worker = True
     signal.signal(signal.SIGINT, signal.SIG_IGN)

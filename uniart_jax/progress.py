@@ -52,7 +52,8 @@ class _Rate(ProgressColumn):
 def advancing(
     what: str, total: int, *, done: int = 0, unit: str = "objects"
 ) -> Iterator[Callable[[], None]]:
-    """A function to call after each of ``total`` pieces of work, ``done`` of which were there before."""
+    """A function to call after each of ``total`` pieces of work, ``done`` of which were there
+    before."""
     console = messages(soft_wrap=True)
     if not console.is_terminal:
         yield _plain(console, what, total, done, unit)

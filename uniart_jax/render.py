@@ -1,9 +1,12 @@
-"""One CPU ray caster for training images, previews and PSNR: embree for the rays, numpy for the light.
+"""One CPU ray caster for training images, previews and PSNR: embree for the rays, numpy for the
+light.
 
-Deterministic, without system libraries. Colours are averaged in linear RGB and encoded to sRGB at the end. The light is a key light
-in the x-z plane (from the front and above) with soft shadows, and a sky, brighter from above, with ambient occlusion. Light, sub-pixel
-samples and the directions of secondary rays are all symmetric in y, so that the picture of a mirrored object (y -> -y) taken from
-the mirrored azimuth is the flipped picture: training mirrors pictures instead of rendering them again.
+Deterministic, without system libraries. Colours are averaged in linear RGB and encoded to sRGB at
+the end. The light is a key light in the x-z plane (from the front and above) with soft shadows, and
+a sky, brighter from above, with ambient occlusion. Light, sub-pixel samples and the directions of
+secondary rays are all symmetric in y, so that the picture of a mirrored object (y -> -y) taken from
+the mirrored azimuth is the flipped picture: training mirrors pictures instead of rendering them
+again.
 
 Image frame: x right, y down; camera frame: x right, y down, z forward (OpenCV).
 """
@@ -49,7 +52,8 @@ class Camera:
     """A pinhole that looks at the origin, z up, square frame.
 
     Attributes:
-      azimuth: radians about +z; 0 looks at the front (camera on the -x side), pi/2 stands on the -y side.
+      azimuth: radians about +z; 0 looks at the front (camera on the -x side), pi/2 stands on the -y
+        side.
       elevation: radians above the x-y plane, within (-pi/2, pi/2).
       fov_degrees: full angle of view, in degrees as every camera maker gives it.
       distance: from the origin, object units.
@@ -100,13 +104,15 @@ class Camera:
         return matrix
 
     def project(self, points: np.ndarray, size: int) -> np.ndarray:
-        """[..., 2] pixel coordinates (x right, y down; pixel (0, 0) spans [0, 1]) of [..., 3] points; NaN behind the pinhole."""
+        """[..., 2] pixel coordinates (x right, y down; pixel (0, 0) spans [0, 1]) of [..., 3]
+        points; NaN behind the pinhole."""
         seen = np.asarray(points) @ self._axes().T + [0, 0, self.distance]
         depth = np.where(seen[..., 2:] > 0, seen[..., 2:], np.nan)
         return size / 2 * (1 + seen[..., :2] / (depth * self._tangent))
 
     def rays(self, size: int, offset: tuple[float, float] = (0.5, 0.5)) -> np.ndarray:
-        """[size, size, 3] float32 unit directions in the object frame, through the point ``offset`` (x, y) of each pixel."""
+        """[size, size, 3] float32 unit directions in the object frame, through the point ``offset``
+        (x, y) of each pixel."""
         steps = np.arange(size)
         x = (2 * (steps + offset[0]) / size - 1) * self._tangent
         y = (2 * (steps + offset[1]) / size - 1) * self._tangent
@@ -136,7 +142,8 @@ def fit(target: ArticulatedObject | np.ndarray, camera: Camera, margin: float = 
 
 
 def sample_camera(rng: np.random.Generator, bounds: np.ndarray = UNIT_BOX) -> Camera:
-    """A random front view: azimuth within +-50 degrees, elevation 5 to 40, field of view 25 to 45, margin 1.05 to 1.35 about ``bounds``."""
+    """A random front view: azimuth within +-50 degrees, elevation 5 to 40, field of view 25 to 45,
+    margin 1.05 to 1.35 about ``bounds``."""
     camera = Camera(
         azimuth=np.deg2rad(rng.uniform(-50, 50)),
         elevation=np.deg2rad(rng.uniform(5, 40)),
@@ -146,7 +153,8 @@ def sample_camera(rng: np.random.Generator, bounds: np.ndarray = UNIT_BOX) -> Ca
 
 
 def orbit_cameras(count: int) -> list[Camera]:
-    """Cameras all around, evenly over the sphere (Fibonacci), that see the unit ball: 40 degrees of view at distance 2, as TRELLIS takes its feature views."""
+    """Cameras all around, evenly over the sphere (Fibonacci), that see the unit ball: 40 degrees of
+    view at distance 2, as TRELLIS takes its feature views."""
     index = np.arange(count) + 0.5
     elevation = np.arcsin(1 - 2 * index / count)
     azimuth = (np.pi * (1 + 5**0.5) * index + np.pi) % (2 * np.pi) - np.pi
@@ -219,7 +227,8 @@ def render(
 
 
 def build_scene(obj: ArticulatedObject, q: np.ndarray | dict[str, float] | None = None) -> Scene:
-    """Embree scene of all parts at state q; [F, 4, 3] corner, two edges and unit normal of each triangle; [F] part; [K] first face."""
+    """Embree scene of all parts at state q; [F, 4, 3] corner, two edges and unit normal of each
+    triangle; [F] part; [K] first face."""
     corners, part, first = [], [], []
     for k, (p, matrix) in enumerate(zip(obj.parts, obj.forward_kinematics(q), strict=True)):
         vertices = p.mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
@@ -278,7 +287,8 @@ def _key_direction(row: int, column: int, side: int) -> np.ndarray:
 
 
 def _sky_directions(row: int, column: int, side: int) -> np.ndarray:
-    """[SKY_RAYS, 3] float32 unit directions (each stands for its opposite too) of a sub-pixel sample, mirrored like the samples."""
+    """[SKY_RAYS, 3] float32 unit directions (each stands for its opposite too) of a sub-pixel
+    sample, mirrored like the samples."""
     mirrored = side - 1 - column
     if column > mirrored:
         return _sky_directions(row, mirrored, side) * np.array([1, -1, 1], np.float32)

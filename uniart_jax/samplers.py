@@ -1,6 +1,8 @@
-"""The steps of sampling as jitted functions: image -> condition, condition -> structure latent, condition and voxels -> UniArt latents.
+"""The steps of sampling as jitted functions: image -> condition, condition -> structure latent,
+condition and voxels -> UniArt latents.
 
-``pipeline.Pipeline`` puts them together; ``validation`` runs them on a network that is still training.
+``pipeline.Pipeline`` puts them together; ``validation`` runs them on a network that is still
+training.
 """
 
 from __future__ import annotations
@@ -29,8 +31,10 @@ class Condition(NamedTuple):
 
     Attributes:
       tokens: [B, L, D]. volume: [B, Rv, Rv, Rv, C]; None where the image encoder has none (DINOv2).
-      pixels, cameras: [B, N, S, S, C], [B, N, 7] maps of N views and where they were taken from (``nn.lifting.read_pixels``); None where the flows read none.
-      layout: part tables [B, ...] (``voxels.part_table``) that the flows follow; None where they see none.
+      pixels, cameras: [B, N, S, S, C], [B, N, 7] maps of N views and where they were taken from
+        (``nn.lifting.read_pixels``); None where the flows read none.
+      layout: part tables [B, ...] (``voxels.part_table``) that the flows follow; None where they
+        see none.
     """
 
     tokens: Any
@@ -41,7 +45,8 @@ class Condition(NamedTuple):
 
 
 def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
-    """Jitted (image encoder's params, images [B, S, S, 3] in [0, 1]) -> what the flows see of them."""
+    """Jitted (image encoder's params, images [B, S, S, 3] in [0, 1]) -> what the flows see of
+    them."""
     network = build("image_encoder", model)
     closely = model.latent_flow.pixel_channels + model.structure_flow.refine_channels > 0
 
@@ -110,7 +115,8 @@ def found_table(parts: dict[str, jax.Array], parents: jax.Array, most: int) -> P
 
 
 def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., Solution]:
-    """Jitted (params, (mean, std), condition, key) -> structure latents [B, s, s, s, C] and what they cost."""
+    """Jitted (params, (mean, std), condition, key) -> structure latents [B, s, s, s, C] and what
+    they cost."""
     network = build("structure_flow", model)
     vae = model.structure_vae
     side = model.grid.resolution // vae.patch_size // 2 ** (len(vae.channels) - 1)
@@ -150,7 +156,8 @@ def make_structure_decoder(model: ModelConfig) -> Callable[..., jax.Array]:
 
 
 def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., Solution]:
-    """Jitted (params, (mean, std), condition, key, voxels) -> UniArt latents [B, V, C], padding zero, and what they cost; ``voxels`` of ``flow_inputs``."""
+    """Jitted (params, (mean, std), condition, key, voxels) -> UniArt latents [B, V, C], padding
+    zero, and what they cost; ``voxels`` of ``flow_inputs``."""
     network = build("latent_flow", model)
     channels = model.uniart_vae.latent_channels
 
@@ -195,8 +202,8 @@ def _solve(
 def pad_coords(
     coords: Sequence[np.ndarray], buckets: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Voxel lists [V_i, 3] as padded coords [B, V, 3] and counts [B]; V is the smallest bucket that holds all, or beyond the largest
-    the next multiple of ``WIDTH_STEP``."""
+    """Voxel lists [V_i, 3] as padded coords [B, V, 3] and counts [B]; V is the smallest bucket that
+    holds all, or beyond the largest the next multiple of ``WIDTH_STEP``."""
     longest = max(len(c) for c in coords)
     beyond = -(-longest // WIDTH_STEP) * WIDTH_STEP
     width = min((b for b in buckets if b >= longest), default=beyond)
@@ -213,8 +220,8 @@ def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> d
 
 
 def join_views(condition: Condition, items: int = 1) -> Condition:
-    """Several views [B N, ...], N of each of B ``items``, as one condition [B, ...] of each, without
-    a layout: tokens and maps side by side, volumes (aligned with the object) averaged."""
+    """Several views [B N, ...], N of each of B ``items``, as one condition [B, ...] of each,
+    without a layout: tokens and maps side by side, volumes (aligned with the object) averaged."""
     tokens, volume, *views = condition[:4]
     mean = None if volume is None else volume.reshape(items, -1, *volume.shape[1:]).mean(1)
     views = [None if v is None else v.reshape(items, -1, *v.shape[2:]) for v in views]

@@ -1,7 +1,8 @@
-"""An articulated object in the browser, served by viser: a slider a joint, axes with limits, collision shapes, part colours, play.
+"""An articulated object in the browser, served by viser: a slider a joint, axes with limits,
+collision shapes, part colours, play.
 
-``view.html`` in an asset's folder (``export.page``) needs no server and shows what was written; this shows any object that can be
-read, ours or another's, and one that lies only in memory.
+``view.html`` in an asset's folder (``export.page``) needs no server and shows what was written;
+this shows any object that can be read, ours or another's, and one that lies only in memory.
 """
 
 from __future__ import annotations
@@ -59,7 +60,8 @@ def view(
       With ``block=False`` the viewer, to be stopped by the caller.
 
     Raises:
-      ValueError: viser is not installed, or the asset cannot be read. FileNotFoundError: there is none.
+      ValueError: viser is not installed, or the asset cannot be read. FileNotFoundError: there is
+        none.
     """
     if not has_viser():
         raise ValueError("view: needs viser: pip install 'uniart-jax[view]'")
@@ -90,7 +92,8 @@ def has_viser() -> bool:
 
 
 def made_shapes(obj: ArticulatedObject) -> list[list[trimesh.Trimesh]]:
-    """[K] convex pieces that an export of the object would hold, metres, object frame at the shown state."""
+    """[K] convex pieces that an export of the object would hold, metres, object frame at the shown
+    state."""
     from uniart_jax.export.bodies import make_bodies
 
     bodies = make_bodies(obj, [p.mesh for p in obj.parts])
@@ -100,10 +103,12 @@ def made_shapes(obj: ArticulatedObject) -> list[list[trimesh.Trimesh]]:
 def read_shapes(
     path: str | Path, obj: ArticulatedObject, *, allow_outside: bool = False
 ) -> list[list[trimesh.Trimesh]]:
-    """[K] collision geometry that an asset's file holds for the parts of ``obj``, which was read from it; metres, object frame.
+    """[K] collision geometry that an asset's file holds for the parts of ``obj``, which was read
+    from it; metres, object frame.
 
-    Every link is read once more with its collision geometry in place of its visuals: where parts stand at the shown state does not
-    depend on what they look like. A part without any gets an empty list.
+    Every link is read once more with its collision geometry in place of its visuals: where parts
+    stand at the shown state does not depend on what they look like. A part without any gets an
+    empty list.
 
     Raises:
       ValueError: it cannot be read.
@@ -134,7 +139,8 @@ class Viewer:
 
     Args:
       obj: the object.
-      load_shapes: its collision shapes, asked for when they are first looked at (a decomposition takes seconds).
+      load_shapes: its collision shapes, asked for when they are first looked at (a decomposition
+        takes seconds).
       port: the first to try.
 
     Attributes:
@@ -235,7 +241,8 @@ class Viewer:
             self._add_axis(k, obj.parts[k], symbol, 0.0035 * size)
 
     def _add_axis(self, k: int, part: Part, symbol: JointSymbol, thick: float) -> None:
-        """The axis and the anchor's way from limit to limit stand with the parent; a bead shows where the part is."""
+        """The axis and the anchor's way from limit to limit stand with the parent; a bead shows
+        where the part is."""
         scene, scale, color = self.server.scene, self.obj.scale, _color(k, 0.72)
         stem = f"/parts/{part.parent}/axis{k}"
         way = anchor_way(part.joint, symbol.anchor) * scale
@@ -363,7 +370,11 @@ class Viewer:
                     shapes = self.load_shapes()
                 except (ValueError, OSError) as error:
                     self._collision.hint, shapes = str(error), []
-                self._shapes = [self._add_shape(k, i, mesh) for k, meshes in enumerate(shapes) for i, mesh in enumerate(meshes)]  # fmt: skip
+                self._shapes = [
+                    self._add_shape(k, i, mesh)
+                    for k, meshes in enumerate(shapes)
+                    for i, mesh in enumerate(meshes)
+                ]
                 if not shapes or not self._shapes:
                     self._collision.label = "Collision (there is none)"
                     self._collision.value, self._collision.disabled = False, True
@@ -383,7 +394,8 @@ class Viewer:
 
 
 def anchor_way(joint: Joint, anchor: np.ndarray) -> np.ndarray:
-    """[n, 3] where a point of a moving part goes from one limit to the other: a segment, an arc or a helix."""
+    """[n, 3] where a point of a moving part goes from one limit to the other: a segment, an arc or
+    a helix."""
     lo, hi = joint.limits
     count = max(8, int(np.ceil((hi - lo) / 0.07))) + 1 if joint.rotates else 2
     moved = np.stack([joint.motion(q) for q in np.linspace(lo, hi, count)])
@@ -396,7 +408,8 @@ def _color(k: int, share: float = 1.0) -> tuple[int, int, int]:
 
 
 def _shaded(mesh: trimesh.Trimesh, scale: float) -> trimesh.Trimesh:
-    """A copy in metres, colours kept, with its vertices split along sharp edges, so that they are drawn sharp."""
+    """A copy in metres, colours kept, with its vertices split along sharp edges, so that they are
+    drawn sharp."""
     out = mesh.copy()
     if hasattr(mesh.visual, "material"):
         out.visual.material = copy.copy(mesh.visual.material)

@@ -34,7 +34,7 @@ def experiment(size: str) -> Experiment:
     config = load_config(CONFIGS / "paper.py")
     tests = Objects(records=config.data.validation, split="test")
     arms = {
-        name: Arm(config, PAPER_STAGES if at == "object" else (), at, tests, of="" if at == "object" else "uniart")
+        name: Arm(config, PAPER_STAGES if at == "object" else (), at, tests, of="" if at == "object" else "uniart")  # noqa: E501
         for name, at in STATIONS.items()
     }  # fmt: skip
     return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=1, count=200)

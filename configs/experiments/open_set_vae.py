@@ -34,7 +34,9 @@ ARMS = (  # channels, share of joints drawn anew, held against
 
 def experiment(size: str) -> Experiment:
     if size != "nano":
-        raise ValueError("experiment open_set_vae: it has no paper size, the paper has no such table")  # fmt: skip
+        raise ValueError(
+            "experiment open_set_vae: it has no paper size, the paper has no such table"
+        )
     base = load_config(CONFIGS / "nano.py")
     stage = dataclasses.replace(
         base.uniart_vae,

@@ -50,7 +50,7 @@ def experiment(size: str) -> Experiment:
     if size == "nano":
         base = nano()
         arms = {
-            kind: Arm(with_aggregation(base, kind), ("uniart_vae", "latent_flow"), "latent_flow", beside="nano")
+            kind: Arm(with_aggregation(base, kind), ("uniart_vae", "latent_flow"), "latent_flow", beside="nano")  # noqa: E501
             for kind in KINDS
         }  # fmt: skip
         return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=3, count=28, records=(RECORDS,))

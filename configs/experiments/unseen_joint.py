@@ -36,7 +36,9 @@ COLUMNS = (
 
 def experiment(size: str) -> Experiment:
     if size != "nano":
-        raise ValueError("experiment unseen_joint: it has no paper size, the paper has no such table")  # fmt: skip
+        raise ValueError(
+            "experiment unseen_joint: it has no paper size, the paper has no such table"
+        )
     base = load_config(CONFIGS / "nano.py")
     stage = dataclasses.replace(
         base.uniart_vae, steps=450, warmup_steps=50, ema_decay=0.99, save_every=100

@@ -1,4 +1,5 @@
-"""The page in a browser: a picture in, an object with sliders and a zip out; nothing else is asked."""
+"""The page in a browser: a picture in, an object with sliders and a zip out; nothing else is
+asked."""
 
 from __future__ import annotations
 
@@ -152,7 +153,9 @@ def move_slider(page, name):
     frame = "document.querySelector('#objects iframe').contentWindow"
     page.evaluate(f"{frame}.document.querySelector('input[name={name}]').focus()")
     for kind in ("keyDown", "keyUp"):
-        page.call("Input.dispatchKeyEvent", type=kind, key="End", code="End", windowsVirtualKeyCode=35)  # fmt: skip
+        page.call(
+            "Input.dispatchKeyEvent", type=kind, key="End", code="End", windowsVirtualKeyCode=35
+        )
     return page.evaluate(f"{frame}.viewer.joints().{name}")
 
 
@@ -293,7 +296,8 @@ def test_files_of_the_machine_are_not_given(toy, tmp_path):
 @pytest.mark.browser
 @pytest.mark.slow
 def test_the_program_from_a_picture_to_a_simulator(tmp_path):
-    """``uniart app`` with the shipped weights: upload, object, slider, zip, MuJoCo; then its end."""
+    """``uniart app`` with the shipped weights: upload, object, slider, zip, MuJoCo; then its
+    end."""
     command = [sys.executable, "-m", "uniart_jax", "app", "--port", "7950", "--no-browser"]
     files = tmp_path / "tmp"
     files.mkdir()

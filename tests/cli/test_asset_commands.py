@@ -19,7 +19,8 @@ from uniart_jax.objects.object import ArticulatedObject, Part
 
 
 def chest(angle: float = 1.4) -> ArticulatedObject:
-    """A closed block with a lid hinged at its back edge; a negative angle turns the lid into the block."""
+    """A closed block with a lid hinged at its back edge; a negative angle turns the lid into the
+    block."""
     block = trimesh.creation.box(bounds=[[-0.3, -0.4, -0.3], [0.3, 0.4, 0.2]])
     lid = trimesh.creation.box(bounds=[[-0.3, -0.4, 0.205], [0.3, 0.4, 0.25]])
     joint = Joint([0.3, 0, 0.205], [0, 1, 0], (min(angle, 0), max(angle, 0)))

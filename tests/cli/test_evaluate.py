@@ -84,7 +84,9 @@ def test_a_folder_of_predictions(run, folders, tmp_path, monkeypatch):
         (("procedural", "ref"), "it has no images"),
     ],
 )
-def test_mistakes_are_one_line_and_write_nothing(run, folders, tmp_path, monkeypatch, arguments, said):  # fmt: skip
+def test_mistakes_are_one_line_and_write_nothing(
+    run, folders, tmp_path, monkeypatch, arguments, said
+):
     monkeypatch.chdir(folders)
     code, out, err = run(*arguments, "--out", tmp_path / "out")
     assert code == 2 and said in err and err.count("\n") == 1 and not out

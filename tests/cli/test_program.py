@@ -90,7 +90,15 @@ def test_readable_help_changes_nothing_that_is_parsed(capsys, monkeypatch):
     with pytest.raises(SystemExit):
         tyro.cli(plain, args=["--help"])
     said = capsys.readouterr().out
-    for line in ("PATH [PATH ...]", "--formats {a,b} ...", "--steps INT ", "--size METRES", "--names STR ...", "(default: 3)", "(required)"):  # fmt: skip
+    for line in (
+        "PATH [PATH ...]",
+        "--formats {a,b} ...",
+        "--steps INT ",
+        "--size METRES",
+        "--names STR ...",
+        "(default: 3)",
+        "(required)",
+    ):
         assert line in said
     assert said.count("(default: ") == 2  # of --seed and --clean
 

@@ -27,8 +27,13 @@ def thing(*parts):
 
 
 def cooker():
-    door = trimesh.creation.box((0.02, 0.9, 0.5), trimesh.transformations.translation_matrix((-0.5, 0, -0.2)))  # fmt: skip
-    knobs = [Part(f"b{i}", disc(y), 0, Joint((-0.5, y, 0.3), KNOB.direction, KNOB.angle, KNOB.travel)) for i, y in enumerate((-0.2, 0.2))]  # fmt: skip
+    door = trimesh.creation.box(
+        (0.02, 0.9, 0.5), trimesh.transformations.translation_matrix((-0.5, 0, -0.2))
+    )
+    knobs = [
+        Part(f"b{i}", disc(y), 0, Joint((-0.5, y, 0.3), KNOB.direction, KNOB.angle, KNOB.travel))
+        for i, y in enumerate((-0.2, 0.2))
+    ]
     return thing(*knobs, Part("door", door, 0, HINGE), Part("foot", door, 0))
 
 
@@ -42,7 +47,10 @@ def test_moving_parts_in_words():
     assert moving_words(cooker()) == "1 hinge, 2 knobs"
     assert moving_words(thing()) == "no moving part"
     drawer = trimesh.creation.box((0.5, 0.5, 0.2))
-    assert moving_words(thing(Part("a", drawer, 0, SLIDER), Part("b", drawer, 0, SLIDER))) == "2 sliders"  # fmt: skip
+    assert (
+        moving_words(thing(Part("a", drawer, 0, SLIDER), Part("b", drawer, 0, SLIDER)))
+        == "2 sliders"
+    )
 
 
 def test_the_last_line_says_what_was_found_and_where_to_click(tmp_path):
@@ -50,7 +58,10 @@ def test_the_last_line_says_what_was_found_and_where_to_click(tmp_path):
     assert last == "found: 1 hinge, 2 knobs"  # no page was asked for
     (tmp_path / "view.html").touch()
     last = list(lines("x.png", one(cooker()), tmp_path, []))[-1]
-    assert last == f"found: 1 hinge, 2 knobs; open {tmp_path / 'view.html'} in a browser: a slider for every joint"  # fmt: skip
+    assert last == (
+        f"found: 1 hinge, 2 knobs; open {tmp_path / 'view.html'} in a browser: a slider for every "
+        "joint"
+    )
 
 
 @pytest.mark.parametrize(("ways", "said"), [(("alpha", "plain"), False), (("grabcut",), True)])

@@ -15,7 +15,8 @@ def record():
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
-    """A folder with 11 records in three shards; voxel counts 20..120 at R = 8, r = 2, images 16^2."""
+    """A folder with 11 records in three shards; voxel counts 20..120 at R = 8, r = 2, images
+    16^2."""
     path = tmp_path_factory.mktemp("records")
     made = [make_record(k, voxels=20 + 10 * k, parts=2 + k % 3) for k in range(11)]
     for shard, start in enumerate(range(0, len(made), 4)):

@@ -1,4 +1,5 @@
-"""Hand-made records: no generator, voxeliser or renderer is needed to test what moves records around."""
+"""Hand-made records: no generator, voxeliser or renderer is needed to test what moves records
+around."""
 
 from __future__ import annotations
 
@@ -63,7 +64,8 @@ def make_record(
 
 
 def write_folder(path, made, splits=None, shard_size: int = 4, rows: str = "manifest") -> None:
-    """A prepared folder of these records, with their splits in a manifest ("manifest"), beside their shards ("rows") or nowhere ("")."""
+    """A prepared folder of these records, with their splits in a manifest ("manifest"), beside
+    their shards ("rows") or nowhere ("")."""
     lines = []
     for shard, start in enumerate(range(0, len(made), shard_size)):
         chunk = made[start : start + shard_size]
@@ -71,7 +73,10 @@ def write_folder(path, made, splits=None, shard_size: int = 4, rows: str = "mani
             path / f"records-{shard:05d}.arrayrecord", [records.to_bytes(r) for r in chunk]
         )
         split = (splits or ["train"] * len(made))[start : start + shard_size]
-        own = [f"{r.meta['id']},{s},{len(r.coords)},{len(r.boxes)},\n" for r, s in zip(chunk, split, strict=True)]  # fmt: skip
+        own = [
+            f"{r.meta['id']},{s},{len(r.coords)},{len(r.boxes)},\n"
+            for r, s in zip(chunk, split, strict=True)
+        ]
         own.append(f"failed-{shard},{split[0]},,,broken\n")
         lines += own
         if rows == "rows":
@@ -87,7 +92,10 @@ _HEADER = "id,split,voxels,parts,error\n"
 def write_items(path, name: str, items, shard_size: int = 4) -> None:
     """A column of (record id, arrays) items."""
     for shard, start in enumerate(range(0, len(items), shard_size)):
-        packed = [records.pack_arrays(arrays, {"id": i}) for i, arrays in items[start : start + shard_size]]  # fmt: skip
+        packed = [
+            records.pack_arrays(arrays, {"id": i})
+            for i, arrays in items[start : start + shard_size]
+        ]
         records.write_shard(path / f"{name}-{shard:05d}.arrayrecord", packed)
 
 

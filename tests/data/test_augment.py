@@ -45,9 +45,16 @@ def joints(draw, rng, directions):
         return Joint(origin, direction, (-np.pi, np.pi))
     size = draw(st.sampled_from([0.01, 0.1, 1.0]))
     hand = draw(st.sampled_from([-1, 1]))
-    turn = draw(st.sampled_from([1.0, 3.0, 9.0])) * ends if kind in ("revolute", "screw") else ends * 0  # fmt: skip
+    turn = (
+        draw(st.sampled_from([1.0, 3.0, 9.0])) * ends if kind in ("revolute", "screw") else ends * 0
+    )
     travel = size * ends * (hand if kind == "screw" else 1)
-    return Joint(origin, direction, tuple(turn), tuple(travel if kind in ("prismatic", "screw") else ends * 0))  # fmt: skip
+    return Joint(
+        origin,
+        direction,
+        tuple(turn),
+        tuple(travel if kind in ("prismatic", "screw") else ends * 0),
+    )
 
 
 @st.composite

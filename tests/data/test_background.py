@@ -91,7 +91,10 @@ def test_keep_cuts_nothing_away(rembg):
 
 def test_without_the_extra_it_is_named(monkeypatch):
     installed(monkeypatch)
-    with pytest.raises(ValueError, match=r"^image: --background rembg needs rembg: pip install 'uniart_jax\[photo\]'$"):  # fmt: skip
+    with pytest.raises(
+        ValueError,
+        match=r"^image: --background rembg needs rembg: pip install 'uniart_jax\[photo\]'$",
+    ):
         cut_out(plain(), "rembg")
     with pytest.warns(UserWarning, match=r"the whole image .*uniart_jax\[photo\]"):
         cut, way = cut_out(photograph()[0])

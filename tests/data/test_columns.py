@@ -49,7 +49,9 @@ def test_a_split_is_read_in_the_folders_order(folder, made, tmp_path):
     under_way.mkdir()
     write_folder(under_way, made, SPLITS, rows="rows")
     assert seeds(RecordSource(under_way, "test")) == [2, 5]
-    with pytest.raises(ValueError, match=r"no record of split 'tset'; it has test \(2\), train \(6\), unseen \(1\)"):  # fmt: skip
+    with pytest.raises(
+        ValueError, match=r"no record of split 'tset'; it has test \(2\), train \(6\), unseen \(1\)"
+    ):
         RecordSource(folder, "train,tset")
     bare = tmp_path / "bare"
     bare.mkdir()
@@ -120,7 +122,10 @@ def test_batches_hold_the_features_that_the_model_reads_and_mirror_nothing(folde
 
 def test_other_channels_than_the_models(folder):
     vae = dataclasses.replace(READS.uniart_vae, visual_channels=1024)
-    with pytest.raises(ValueError, match=r"column 'visual' has 3 channels, but model\.uniart_vae\.visual_channels is 1024"):  # fmt: skip
+    with pytest.raises(
+        ValueError,
+        match=r"column 'visual' has 3 channels, but model\.uniart_vae\.visual_channels is 1024",
+    ):
         batches.voxel_batches(folder, DATA, dataclasses.replace(READS, uniart_vae=vae), 2)
 
 
@@ -157,7 +162,11 @@ def test_live_records_are_of_the_split_too(folder, monkeypatch):
             asked.append(place)
 
     monkeypatch.setattr(batches, "LiveRecords", Live)
-    stream = iter(batches.voxel_batches(folder, dataclasses.replace(DATA, live=1.0), MODEL, 3, split="test,unseen"))  # fmt: skip
+    stream = iter(
+        batches.voxel_batches(
+            folder, dataclasses.replace(DATA, live=1.0), MODEL, 3, split="test,unseen"
+        )
+    )
     next(stream)
     assert set(asked) == {2, 4, 5}
 

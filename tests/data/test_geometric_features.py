@@ -1,4 +1,5 @@
-"""Geometric part features: what they say of plates, rods and cubes, and what they may not depend on."""
+"""Geometric part features: what they say of plates, rods and cubes, and what they may not depend
+on."""
 
 from __future__ import annotations
 

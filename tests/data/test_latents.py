@@ -165,7 +165,10 @@ def test_a_pass_that_was_cut_off_goes_on_with_its_shards(tmp_path):
     with pytest.raises(ValueError, match="4 of 6 latents were there"):
         latents.finish_latents(out, "b", 6)
     assert latents.written_shards(out) == {}  # or it would be met again for ever
-    assert latents.latents_key(out) == "a" and {p.suffix for p in out.iterdir()} == {".json", ".arrayrecord"}  # fmt: skip
+    assert latents.latents_key(out) == "a" and {p.suffix for p in out.iterdir()} == {
+        ".json",
+        ".arrayrecord",
+    }
 
 
 def test_errors(cache, tmp_path):

@@ -1,4 +1,5 @@
-"""Blocks of pictures and part tables: functions of their number, never of a held-out seed, and batches that resume."""
+"""Blocks of pictures and part tables: functions of their number, never of a held-out seed, and
+batches that resume."""
 
 import dataclasses
 import itertools
@@ -122,7 +123,8 @@ def test_prepare_takes_a_world(tmp_path, monkeypatch):
 
 
 def test_a_training_begins_at_its_first_block(data):
-    """What it shows in a window is those blocks' objects, each ``reuse`` times; none is of others."""
+    """What it shows in a window is those blocks' objects, each ``reuse`` times; none is of
+    others."""
     later = dataclasses.replace(data, first_block=4, mirror=False)
     batches = itertools.islice(layouts.layout_batches(later, MODEL, 4), 3)  # 12: a whole window
     shown = np.concatenate([batch["boxes"] for batch in batches])

@@ -63,18 +63,25 @@ def contents(batch):
 
 def test_a_remade_record_is_whole(prepared):
     source, settings = records.RecordSource(prepared), read_settings(prepared)
-    assert settings == Settings(**{**json.loads((prepared / "metadata.json").read_text()), "families": FAMILIES})  # fmt: skip
+    assert settings == Settings(
+        **{**json.loads((prepared / "metadata.json").read_text()), "families": FAMILIES}
+    )
     maker = LiveRecords(prepared, DATA, GRID)
     for index in range(4):
         stored = source[index]
         made = maker.record(index, 4096, np.random.default_rng(index))
-        assert made is not None and (made.images.shape, made.cameras.shape) == ((0, 16, 16, 4), (0, 4))  # fmt: skip
+        assert made is not None and (made.images.shape, made.cameras.shape) == (
+            (0, 16, 16, 4),
+            (0, 4),
+        )
         back = records.from_bytes(records.to_bytes(made))  # types, shapes, ids
         assert np.array_equal(back.sdf, made.sdf)
         assert made.meta["joint_types"] == stored.meta["joint_types"]
         assert np.array_equal(made.parents, stored.parents)
         assert not np.array_equal(made.boxes, stored.boxes)
-        corners = np.concatenate([made.boxes[:, :3] - made.boxes[:, 3:] / 2, made.boxes[:, :3] + made.boxes[:, 3:] / 2])  # fmt: skip
+        corners = np.concatenate(
+            [made.boxes[:, :3] - made.boxes[:, 3:] / 2, made.boxes[:, :3] + made.boxes[:, 3:] / 2]
+        )
         assert np.abs(corners).max() == pytest.approx(0.5, abs=1e-6)
     assert (maker.made, maker.kept) == (4, 0)
 
@@ -102,7 +109,9 @@ def test_batches_are_a_function_of_seed_and_number(prepared):
 
 
 def test_a_share_is_remade(prepared):
-    stored = {c for b in take(prepared, dataclasses.replace(DATA, live=0.0), 2) for c in contents(b)}  # fmt: skip
+    stored = {
+        c for b in take(prepared, dataclasses.replace(DATA, live=0.0), 2) for c in contents(b)
+    }
     half = take(prepared, dataclasses.replace(DATA, live=0.5), 8)
     kept = sum(c in stored for batch in half for c in contents(batch))
     assert 2 <= kept <= 14
@@ -184,7 +193,9 @@ def test_another_draw_follows_a_refused_one(prepared, monkeypatch):
 def test_a_split_is_remade_from_its_own_objects(tmp_path, monkeypatch):
     start = procedural.HELD_OUT_SEED - 2
     options = dict(grid=GRID, views=1, image_size=16, processes=1, progress=False)
-    out = prepare.prepare_procedural(tmp_path / "r", 4, families=FAMILIES, start_seed=start, **options)  # fmt: skip
+    out = prepare.prepare_procedural(
+        tmp_path / "r", 4, families=FAMILIES, start_seed=start, **options
+    )
     asked = []
 
     def record(self, index, voxels, rng):
@@ -215,7 +226,7 @@ URDF = """<robot name="thing">
 <link name="body"><visual><geometry><box size="1 .6 .8"/></geometry></visual></link>
 <link name="door"><visual><origin xyz="0 .3 0"/><geometry><box size=".1 .6 .8"/></geometry></visual></link>
 <joint name="hinge" type="revolute"><parent link="body"/><child link="door"/><origin xyz="-.55 -.3 0"/><axis xyz="0 0 1"/><limit lower="0" upper="{}"/></joint>
-</robot>"""
+</robot>"""  # noqa: E501
 
 
 def test_assets_are_loaded_where_they_were(tmp_path):
@@ -223,7 +234,15 @@ def test_assets_are_loaded_where_they_were(tmp_path):
     for k, upper in enumerate((1.0, 1.5)):
         (root / f"door-{k}").mkdir(parents=True)
         (root / f"door-{k}" / "object.urdf").write_text(URDF.format(upper))
-    settings = Settings(source="urdf", root=str(root), resolution=16, subdivisions=2, views=1, image_size=16, states=2)  # fmt: skip
+    settings = Settings(
+        source="urdf",
+        root=str(root),
+        resolution=16,
+        subdivisions=2,
+        views=1,
+        image_size=16,
+        states=2,
+    )
     prepare.prepare(out, find_entries(root, "urdf"), settings, processes=1, progress=False)
     assert len(read_manifest(out)) == 4
     maker = LiveRecords(out, DATA, GRID)
@@ -245,7 +264,9 @@ def test_one_line_errors(prepared):
             LiveRecords(prepared, dataclasses.replace(DATA, **wrong), GRID)
     with pytest.raises(ValueError, match=r"new_joints must be in 0\.\.1, got 1\.5"):
         take(prepared, dataclasses.replace(DATA, new_joints=1.5), 1)
-    featured = dataclasses.replace(PLAIN, uniart_vae=dataclasses.replace(PLAIN.uniart_vae, visual_channels=4))  # fmt: skip
+    featured = dataclasses.replace(
+        PLAIN, uniart_vae=dataclasses.replace(PLAIN.uniart_vae, visual_channels=4)
+    )
     with pytest.raises(ValueError, match="live and part_color need visual_channels"):
         take(prepared, DATA, 1, model=featured)
 
@@ -253,6 +274,8 @@ def test_one_line_errors(prepared):
 @pytest.mark.slow
 def test_worker_processes_make_the_same_batches(prepared):
     straight = take(prepared, DATA, 4)
-    worked = iter(batches.voxel_batches(prepared, dataclasses.replace(DATA, workers=2), PLAIN, 2, seed=5))  # fmt: skip
+    worked = iter(
+        batches.voxel_batches(prepared, dataclasses.replace(DATA, workers=2), PLAIN, 2, seed=5)
+    )
     assert all(same(next(worked), expected) for expected in straight)
     worked.close()

@@ -45,7 +45,8 @@ def test_codes_follow_the_mirrored_joint(origin, direction, center, kind, hand, 
     code = encode_joint(joint, np.array(center))
     mirrored = encode_joint(joint.transformed(MIRROR), np.array(center) * [1, -1, 1])
     found = mirror_codes(code.astype(np.float32))
-    # equal, but for which of two components within 1e-6 of each other leads: float32 may see a tie where float64 does not
+    # equal, but for which of two components within 1e-6 of each other leads: float32 may see a tie
+    # where float64 does not
     distance = np.abs(gauge_variants(found) - mirrored).max(-1).min()
     assert distance < 2e-6
     size = np.sort(np.abs(joint.direction))
@@ -88,7 +89,8 @@ def test_record_of_the_mirrored_object(family, seed):
     np.testing.assert_allclose(found.codes, expected.codes, atol=1e-5)
     np.testing.assert_allclose(found.cameras, expected.cameras, atol=1e-6)
     assert np.array_equal(found.parents, expected.parents)
-    # equally near surfaces are told apart by rounding: a few sub-cells may differ, never their distance
+    # equally near surfaces are told apart by rounding: a few sub-cells may differ, never their
+    # distance
     assert np.abs(found.sdf.astype(int) - expected.sdf).max() <= 1
     assert ((found.sdf < 0) != (expected.sdf < 0)).mean() < 1e-3
     assert (found.owner != expected.owner).mean() < 0.01

@@ -1,4 +1,5 @@
-"""PartField's files, made by hand: where its points lie in our frame, and every file that is not its own."""
+"""PartField's files, made by hand: where its points lie in our frame, and every file that is not
+its own."""
 
 from __future__ import annotations
 
@@ -28,7 +29,20 @@ def rows(count):
 
 def write_cloud(folder, features, points, name=NAME):
     np.save(folder / f"part_feat_{name}_0.npy", features)
-    text = "\n".join(["ply", "format ascii 1.0", f"element vertex {len(points)}", "property float x", "property float y", "property float z", "property uchar red", "property uchar green", "property uchar blue", "end_header"])  # fmt: skip
+    text = "\n".join(
+        [
+            "ply",
+            "format ascii 1.0",
+            f"element vertex {len(points)}",
+            "property float x",
+            "property float y",
+            "property float z",
+            "property uchar red",
+            "property uchar green",
+            "property uchar blue",
+            "end_header",
+        ]
+    )
     text += "".join(f"\n{x:.9g} {y:.9g} {z:.9g} 1 2 3" for x, y, z in points) + "\n"
     (folder / f"feat_pca_{name}_0.ply").write_text(text)
 
@@ -65,7 +79,8 @@ def test_exported_points_lie_on_the_surface_and_come_back(tmp_path):
     part_features.write_points(tmp_path / "a.ply", points)
     cloud = trimesh.load(tmp_path / "a.ply", process=False)
     np.testing.assert_array_equal(np.asarray(cloud.vertices, np.float32), points)
-    # through PartField's frame and back: the voxel's feature is that of the point nearest to its centre
+    # through PartField's frame and back: the voxel's feature is that of the point nearest to its
+    # centre
     write_cloud(tmp_path, rows(len(points)), framed(points))
     values = on_voxels(record, *read_partfield(tmp_path, NAME))
     assert values.dtype == np.float16 and values.shape == (60, CHANNELS)
@@ -73,7 +88,8 @@ def test_exported_points_lie_on_the_surface_and_come_back(tmp_path):
 
 
 def test_meshes_of_faces_or_vertices(tmp_path):
-    """A mesh of another scale and place: its frame is found by its own bounding box and the record's."""
+    """A mesh of another scale and place: its frame is found by its own bounding box and the
+    record's."""
     whole = make_record(3, voxels=200)
     half = whole.coords[:, 0] >= 4  # so that its centre is not the frame's
     record = dataclasses.replace(whole, coords=whole.coords[half], sdf=whole.sdf[half])
@@ -98,12 +114,19 @@ def test_refusals_are_one_line(tmp_path):
         write_cloud(tmp_path, rows(len(at)) if features is None else features, at)
         with pytest.raises(ValueError) as error:
             on_voxels(make_record(2), *read_partfield(tmp_path, NAME))
-        assert "\n" not in str(error.value) and (NAME in str(error.value) or "hand-2" in str(error.value))  # fmt: skip
+        assert "\n" not in str(error.value) and (
+            NAME in str(error.value) or "hand-2" in str(error.value)
+        )
         return str(error.value)
 
-    with pytest.raises(FileNotFoundError, match=f"neither part_feat_{NAME}_0.npy nor part_feat_{NAME}_0_batch.npy; run PartField"):  # fmt: skip
+    with pytest.raises(
+        FileNotFoundError,
+        match=f"neither part_feat_{NAME}_0.npy nor part_feat_{NAME}_0_batch.npy; run PartField",
+    ):
         read_partfield(tmp_path, NAME)
-    assert "float32 [40, 64], but PartField's features are float [n, 448]" in complaint(rows(40)[:, :64])  # fmt: skip
+    assert "float32 [40, 64], but PartField's features are float [n, 448]" in complaint(
+        rows(40)[:, :64]
+    )
     assert "int64 [40, 448]" in complaint(np.zeros((40, CHANNELS), int))
     assert "39 features, but" in complaint(rows(39))
     assert "not finite" in complaint(np.full((40, CHANNELS), np.nan, np.float32))

@@ -38,7 +38,9 @@ def fake(monkeypatch):
                 out.append((b"", b"", failed))
                 continue
             data = records.to_bytes(make_record(100 * index + state))
-            orbit = records.pack_arrays({"x": np.arange(index)}, {}) if settings.orbit_views else b""  # fmt: skip
+            orbit = (
+                records.pack_arrays({"x": np.arange(index)}, {}) if settings.orbit_views else b""
+            )
             facts = {"joints": "revolute:2", "parts": 3, "voxels": 40, "refused": 0, "error": ""}
             out.append((data, orbit, {**row, **facts, "id": f"{index}-{state}", "state": state}))
         return out
@@ -274,7 +276,9 @@ def test_two_runs_may_begin_at_once(tmp_path, fake, monkeypatch):
     monkeypatch.setattr(folder, "_begin", late)
     run(out)
     assert len(records.RecordSource(out)) == 18
-    monkeypatch.setattr(folder, "_begin", lambda path, text: late(path, text.replace('"views": 2', '"views": 5')))  # fmt: skip
+    monkeypatch.setattr(
+        folder, "_begin", lambda path, text: late(path, text.replace('"views": 2', '"views": 5'))
+    )
     with pytest.raises(ValueError, match=r"another setting: views 5 \(asked: 2\)"):
         run(tmp_path / "b")
 

@@ -1,4 +1,5 @@
-"""Folders of assets: what is found in them, prepared like anything else, whatever is wrong with one of them."""
+"""Folders of assets: what is found in them, prepared like anything else, whatever is wrong with one
+of them."""
 
 from __future__ import annotations
 
@@ -21,7 +22,8 @@ SETTINGS = folder.Settings(
 
 @pytest.fixture(scope="session")
 def assets(tmp_path_factory):
-    """<root>/<category>/<name>/object.urdf, one of them broken and one that names a missing mesh."""
+    """<root>/<category>/<name>/object.urdf, one of them broken and one that names a missing
+    mesh."""
     root = tmp_path_factory.mktemp("assets")
     for k, family in enumerate(("microwave", "table", "door")):
         procedural.generate(family, k).save(root / family / f"{k}", motion=False)
@@ -30,7 +32,9 @@ def assets(tmp_path_factory):
     shutil.copytree(root / "table" / "1", root / "table" / "2")
     text = (root / "table" / "2" / "object.urdf").read_text()
     visual = '<visual><geometry><mesh filename="gone.obj"/></geometry></visual>'
-    (root / "table" / "2" / "object.urdf").write_text(text.replace("<visual", f"{visual}<visual", 1))  # fmt: skip
+    (root / "table" / "2" / "object.urdf").write_text(
+        text.replace("<visual", f"{visual}<visual", 1)
+    )
     return root
 
 
@@ -105,7 +109,9 @@ def test_runs_that_share_a_folder_end_as_one(assets, tmp_path):
 
 
 def test_beam_makes_the_same_folder(assets, tmp_path):
-    pytest.importorskip("apache_beam", reason="Apache Beam is absent: pip install 'uniart_jax[beam]'")  # fmt: skip
+    pytest.importorskip(
+        "apache_beam", reason="Apache Beam is absent: pip install 'uniart_jax[beam]'"
+    )
     from uniart_jax.data.beam import run_beam
 
     entries, settings = found(assets), settled(assets)
@@ -174,7 +180,9 @@ def test_stretched_parts_keep_their_joints(assets, tmp_path):
     plain, *stretched = (records.RecordSource(out)[i] for i in range(3))
     for record in stretched:
         assert record.meta["joint_types"] == plain.meta["joint_types"]
-        shape = record.boxes[:, 3:] * record.meta["scale"] / (plain.boxes[:, 3:] * plain.meta["scale"])  # fmt: skip
+        shape = (
+            record.boxes[:, 3:] * record.meta["scale"] / (plain.boxes[:, 3:] * plain.meta["scale"])
+        )
         assert np.abs(shape - 1).max() > 0.02
         turns = record.codes[1:, 0] == 0
         np.testing.assert_allclose(

@@ -50,7 +50,15 @@ def test_official_lists(tmp_path):
     assert "1 ids" in warnings[0] and "in both halves" in warnings[0] and ": 2" in warnings[0]
     assert "1 of 3 test ids" in warnings[1] and "base of augmented" in warnings[1]
     made = splits.assign([*entries("Oven", 6, 1), *entries("Mouse", 1)], "closed", listed)
-    assert [e.split for e in made] == ["train", "test", "test", "train", "unlisted", "unlisted", "other"]  # fmt: skip
+    assert [e.split for e in made] == [
+        "train",
+        "test",
+        "test",
+        "train",
+        "unlisted",
+        "unlisted",
+        "other",
+    ]
     assert splits.rule_digest("closed", path) != splits.rule_digest("closed", None) == "closed"
 
 

@@ -47,6 +47,15 @@ def test_a_pass_ends():
     assert seen == [[0, 1], [2, 3], [4, -1]]
 
 
-@pytest.mark.parametrize(("number", "most", "found"), [(5, None, [0, 1, 2, 3, 4]), (5, 9, [0, 1, 2, 3, 4]), (5, 3, [0, 2, 4]), (5, 1, [0]), (0, 3, [])])  # fmt: skip
+@pytest.mark.parametrize(
+    ("number", "most", "found"),
+    [
+        (5, None, [0, 1, 2, 3, 4]),
+        (5, 9, [0, 1, 2, 3, 4]),
+        (5, 3, [0, 2, 4]),
+        (5, 1, [0]),
+        (0, 3, []),
+    ],
+)
 def test_spread(number, most, found):
     assert spread(number, most) == found

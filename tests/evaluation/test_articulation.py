@@ -39,8 +39,16 @@ def cabinet(door: Joint = DOOR, drawer: Joint = DRAWER) -> ArticulatedObject:
 
 
 def bottle(turn: float, travel: float) -> ArticulatedObject:
-    cap = Joint([0, 0, 0], [0, 0, 1], (min(turn, 0), max(turn, 0)), (min(turn, 0) / turn * travel, max(turn, 0) / turn * travel))  # fmt: skip
-    parts = Part("body", box((0.4, 0.4, 0.8), (0, 0, -0.1))), Part("cap", box((0.2, 0.2, 0.2), (0, 0, 0.4)), 0, cap)  # fmt: skip
+    cap = Joint(
+        [0, 0, 0],
+        [0, 0, 1],
+        (min(turn, 0), max(turn, 0)),
+        (min(turn, 0) / turn * travel, max(turn, 0) / turn * travel),
+    )
+    parts = (
+        Part("body", box((0.4, 0.4, 0.8), (0, 0, -0.1))),
+        Part("cap", box((0.2, 0.2, 0.2), (0, 0, 0.4)), 0, cap),
+    )
     return ArticulatedObject(parts)
 
 
@@ -76,7 +84,9 @@ def check(pred: ArticulatedObject, ref: ArticulatedObject, **expected) -> None:
 def test_every_family_against_itself_is_perfect(family):
     obj = at_rest(procedural.generate(family, 1))
     moving = [p.joint for p in obj.parts if p.joint.type != "fixed"]
-    nothing = {} if any(j.rotates for j in moving) else {"pivot": math.nan, "pivot_at_part": math.nan}  # fmt: skip
+    nothing = (
+        {} if any(j.rotates for j in moving) else {"pivot": math.nan, "pivot_at_part": math.nan}
+    )
     assert moving
     check(obj, obj, **nothing)
     table = confusion(obj, obj)
@@ -104,13 +114,14 @@ def test_a_drawer_that_goes_into_the_wall():
 
 @pytest.mark.parametrize("degrees", [5, 12, 80, 100, 170])
 def test_tilted_axes(degrees):
-    """In the door's plane, about the hinge's middle: the lines cross there, .25 below the middle of the door."""
+    """In the door's plane, about the hinge's middle: the lines cross there, .25 below the middle of
+    the door."""
     a = np.radians(degrees)
     tilted = Joint(DOOR.origin, [0, np.sin(a), np.cos(a)], angle=(0, 1.5))
     wrong = degrees > 90
     check(
         cabinet(tilted), cabinet(),
-        axis_mean=degrees / 2, axis_median=degrees / 2, wrong_way=wrong / 2, range_iou=1 - wrong / 2,
+        axis_mean=degrees / 2, axis_median=degrees / 2, wrong_way=wrong / 2, range_iou=1 - wrong / 2,  # noqa: E501
         pivot=0, pivot_at_part=0.25 * np.sin(a),
         parts_right=0.5 + (degrees < 10) / 2, all_right=float(degrees < 10),
     )  # fmt: skip
@@ -119,7 +130,8 @@ def test_tilted_axes(degrees):
 def test_a_hinge_beside_its_place():
     shifted = Joint(DOOR.origin - [0, 0.08, 0], DOOR.direction, angle=(0, 1.5))
     check(cabinet(shifted), cabinet(), pivot=0.08, pivot_at_part=0.08, parts_right=0.5, all_right=0)
-    # the least tilt makes the lines cross somewhere: what the field measures is blind, at the part it is not
+    # the least tilt makes the lines cross somewhere: what the field measures is blind, at the part
+    # it is not
     tilted = Joint(shifted.origin, [0, 1e-4, 1], angle=(0, 1.5))
     figures = measure(cabinet(tilted), cabinet())
     assert figures["pivot"] < 1e-9
@@ -138,19 +150,37 @@ def test_a_door_that_never_moves():
     still = cabinet(Joint.fixed())
     check(
         still, cabinet(),
-        type_accuracy=0.5, pivot=1, pivot_at_part=1, tree_edges=2 / 3, tree_exact=0, parts_right=0.5, all_right=0,
+        type_accuracy=0.5, pivot=1, pivot_at_part=1, tree_edges=2 / 3, tree_exact=0, parts_right=0.5, all_right=0,  # noqa: E501
     )  # fmt: skip
     assert confusion(still, cabinet())["revolute", "fixed"] == 1
     # motion that is made up
-    check(cabinet(), still, type_accuracy=0.5, tree_edges=2 / 3, tree_exact=0, all_right=0, pivot=math.nan, pivot_at_part=math.nan)  # fmt: skip
+    check(
+        cabinet(),
+        still,
+        type_accuracy=0.5,
+        tree_edges=2 / 3,
+        tree_exact=0,
+        all_right=0,
+        pivot=math.nan,
+        pivot_at_part=math.nan,
+    )
 
 
 def test_nothing_right_is_worst_and_nothing_to_compare_is_nan():
     frozen = cabinet(Joint.fixed(), Joint.fixed())
-    joints = "type_accuracy", "axis_median", "axis_mean", "wrong_way", "pivot", "pivot_at_part", "range_iou", "parts_right"  # fmt: skip
+    joints = (
+        "type_accuracy",
+        "axis_median",
+        "axis_mean",
+        "wrong_way",
+        "pivot",
+        "pivot_at_part",
+        "range_iou",
+        "parts_right",
+    )
     check(
         frozen, cabinet(),
-        **{name: METRICS[name].worst for name in joints}, tree_edges=1 / 3, tree_exact=0, all_right=0,
+        **{name: METRICS[name].worst for name in joints}, tree_edges=1 / 3, tree_exact=0, all_right=0,  # noqa: E501
     )  # fmt: skip
     check(frozen, frozen, **dict.fromkeys(joints, math.nan))
     one = dataclasses.replace(frozen, parts=frozen.parts[:1])
@@ -163,7 +193,7 @@ def test_a_missing_and_a_surplus_part():
     less = without(cabinet(), "drawer")
     check(
         less, cabinet(),
-        part_count=0, part_recall=0.75, tree_edges=2 / 3, tree_exact=0, parts_right=0.5, all_right=0, part_iou=0.75,
+        part_count=0, part_recall=0.75, tree_edges=2 / 3, tree_exact=0, parts_right=0.5, all_right=0, part_iou=0.75,  # noqa: E501
     )  # fmt: skip
     assert confusion(less, cabinet())["prismatic", "missing"] == 1
     check(cabinet(), less, part_count=0, part_precision=0.75, tree_exact=0, all_right=0)
@@ -176,7 +206,7 @@ def test_a_part_in_another_place_is_both_missing_and_surplus():
     pred = replaced(cabinet(), "handle", mesh=moved)
     check(
         pred, cabinet(),
-        part_recall=0.75, part_precision=0.75, tree_edges=2 / 3, tree_exact=0, all_right=0, part_iou=0.75,
+        part_recall=0.75, part_precision=0.75, tree_edges=2 / 3, tree_exact=0, all_right=0, part_iou=0.75,  # noqa: E501
     )  # fmt: skip
     table = confusion(pred, cabinet())
     assert table["fixed", "missing"] == table["surplus", "fixed"] == 1
@@ -190,25 +220,38 @@ def test_another_parent():
     small = replaced(cabinet(), "body", mesh=box((0.5, 0.5, 0.5), (0.05, 0, 0)))
     check(
         small, cabinet(),
-        part_recall=0.75, part_precision=0.75, tree_edges=1 / 3, tree_exact=0, all_right=0, part_iou=...,
+        part_recall=0.75, part_precision=0.75, tree_edges=1 / 3, tree_exact=0, all_right=0, part_iou=...,  # noqa: E501
     )  # fmt: skip
     # turned round: the door is the root and carries the body
     door, body = cabinet().parts[1], cabinet().parts[0]
     ref = ArticulatedObject((body, door))
-    turned = ArticulatedObject((dataclasses.replace(body, parent=1, joint=DOOR), dataclasses.replace(door, parent=-1, joint=Joint.fixed())))  # fmt: skip
+    turned = ArticulatedObject(
+        (
+            dataclasses.replace(body, parent=1, joint=DOOR),
+            dataclasses.replace(door, parent=-1, joint=Joint.fixed()),
+        )
+    )
     figures = measure(turned, ref)
     assert figures["tree_edges"] == figures["tree_exact"] == figures["type_accuracy"] == 0
 
 
 def test_screws():
-    """Turn and travel both count, and so does the hand: it goes the wrong way with the one or the other."""
+    """Turn and travel both count, and so does the hand: it goes the wrong way with the one or the
+    other."""
     right = bottle(4 * np.pi, 0.1)
     check(right, right)
     check(bottle(4 * np.pi, 0.2), right, range_iou=0.5)
     check(bottle(3 * np.pi, 0.075), right, range_iou=0.75)
     check(bottle(-4 * np.pi, 0.1), bottle(-4 * np.pi, 0.1))  # left-handed
     check(bottle(-4 * np.pi, 0.05), bottle(-4 * np.pi, 0.1), range_iou=0.5)
-    wrong = {"axis_median": 180, "axis_mean": 180, "wrong_way": 1, "range_iou": 0, "parts_right": 0, "all_right": 0}  # fmt: skip
+    wrong = {
+        "axis_median": 180,
+        "axis_mean": 180,
+        "wrong_way": 1,
+        "range_iou": 0,
+        "parts_right": 0,
+        "all_right": 0,
+    }
     check(bottle(4 * np.pi, -0.1), right, **wrong)  # turns right, goes into the bottle
     check(bottle(-4 * np.pi, 0.1), right, **wrong)  # comes out, turning the other way
     check(bottle(-4 * np.pi, -0.1), right, **wrong)  # right-handed, but screws itself in
@@ -228,7 +271,8 @@ def test_joints_that_turn_for_ever_have_no_wrong_way():
 
 
 def test_part_overlap():
-    """A drawer's front half as high within the reference's box: IoU 1/2, up to the sampling of the box's 3,000 points."""
+    """A drawer's front half as high within the reference's box: IoU 1/2, up to the sampling of the
+    box's 3,000 points."""
     low = box((0.04, 1, 0.2), (-0.25, 0, -0.25))
     figures = measure(replaced(cabinet(), "drawer", mesh=low), cabinet())
     assert figures["part_iou"] == pytest.approx((3 + 0.5) / 4, abs=0.03 / 4)
@@ -257,7 +301,8 @@ def test_monotone(a, b):
 
 
 def test_invariances():
-    """Moved, turned by quarters, mirrored and shuffled together, the figures stay; so do the joints' under any rotation of both."""
+    """Moved, turned by quarters, mirrored and shuffled together, the figures stay; so do the
+    joints' under any rotation of both."""
     ref = cabinet()
     tilted = Joint([-0.27, 0.46, 0], [0.1, 0.05, 1], angle=(0, 1.1))
     pred = replaced(cabinet(tilted), "handle", parent=0)
@@ -271,7 +316,10 @@ def test_invariances():
         assert {**moved, "part_iou": 0} == pytest.approx({**expected, "part_iou": 0}, abs=1e-9)
     for order in itertools.permutations((1, 2, 3)):
         position = {old: new for new, old in enumerate((0, *order))}
-        shuffled = [dataclasses.replace(pred.parts[k], parent=position.get(pred.parts[k].parent, -1)) for k in (0, *order)]  # fmt: skip
+        shuffled = [
+            dataclasses.replace(pred.parts[k], parent=position.get(pred.parts[k].parent, -1))
+            for k in (0, *order)
+        ]
         found = measure(dataclasses.replace(pred, parts=tuple(shuffled)), ref)
         assert found == pytest.approx(expected, abs=1e-9)
     free = np.eye(4)

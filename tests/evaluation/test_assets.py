@@ -15,7 +15,9 @@ def test_round_trip_of_a_folder(tmp_path, capsys):
         procedural.generate(family, seed).save(tmp_path / "in" / family / "0", motion=False)
     (tmp_path / "in" / "broken.urdf").write_text("<robot/>")
     made = evaluate_assets(tmp_path / "in", tmp_path / "out", resolutions=(16, 32))
-    assert set(made["objects"]) == {"microwave/0", "table/0"} and set(made["errors"]) == {"broken.urdf"}  # fmt: skip
+    assert set(made["objects"]) == {"microwave/0", "table/0"} and set(made["errors"]) == {
+        "broken.urdf"
+    }
     rows = made["rows"]
     assert [name.split(",")[0] for name in rows][-1] == "all"
     for category in ("microwave", "table", "all"):

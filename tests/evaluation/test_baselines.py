@@ -28,7 +28,8 @@ METHODS = ["model", "retrieval_true_boxes", "retrieval_predicted_boxes", "rest_o
 
 
 class Networks:
-    """Stands for a checkpoint: of image ``seed`` it makes a microwave; in those of ``empty`` it finds nothing."""
+    """Stands for a checkpoint: of image ``seed`` it makes a microwave; in those of ``empty`` it
+    finds nothing."""
 
     def __init__(self, *empty: int):
         grid = types.SimpleNamespace(resolution=32, subdivisions=4)
@@ -107,7 +108,11 @@ def test_what_every_method_is_made_of(networks, folder, monkeypatch):
 
 def same_meshes(a: ArticulatedObject, b: ArticulatedObject) -> bool:
     pairs = zip(a.parts, b.parts, strict=True)
-    return all(p.mesh.vertices.shape == q.mesh.vertices.shape and np.allclose(p.mesh.vertices, q.mesh.vertices) for p, q in pairs)  # fmt: skip
+    return all(
+        p.mesh.vertices.shape == q.mesh.vertices.shape
+        and np.allclose(p.mesh.vertices, q.mesh.vertices)
+        for p, q in pairs
+    )
 
 
 def test_all_methods_are_measured(networks, folder, monkeypatch):

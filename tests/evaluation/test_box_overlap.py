@@ -1,4 +1,5 @@
-"""Overlap of boxes: gIoU by hand, solids that have a formula, and the sampled estimate against the exact one."""
+"""Overlap of boxes: gIoU by hand, solids that have a formula, and the sampled estimate against the
+exact one."""
 
 import math
 
@@ -37,7 +38,8 @@ def test_generalized_iou_of_unit_boxes(offset, expected):
     assert generalized_iou(
         aligned_intersection(a, b), a, b, aligned_enclosure(a, b)
     ) == pytest.approx(expected)
-    # The same pair with the place in the matrix, and turned by so little that only the exact overlap of solids can tell.
+    # The same pair with the place in the matrix, and turned by so little that only the exact
+    # overlap of solids can tell.
     place = np.eye(4)
     place[:3, :3] = rotation(np.array([2, 3, 6]) / 7, 1e-7)
     place[:3, 3] = np.negative(offset)

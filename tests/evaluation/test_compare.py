@@ -1,4 +1,5 @@
-"""``uniart evaluate PRED REF`` from folders to files: every object counts, what was done stays done, two runs are equal."""
+"""``uniart evaluate PRED REF`` from folders to files: every object counts, what was done stays
+done, two runs are equal."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ def report(monkeypatch):
 
 @pytest.fixture
 def folders(tmp_path):
-    """Five references; a right prediction, a wrong one with two samples, one that cannot be read, none, and one without colours."""
+    """Five references; a right prediction, a wrong one with two samples, one that cannot be read,
+    none, and one without colours."""
     pred, ref = tmp_path / "pred", tmp_path / "ref"
     for name in ("right", "two samples", "bad", "missing", "gray"):
         toy_assets.write(ref / name, "body", "lid")
@@ -49,7 +51,11 @@ def run(folders, **options):
 
 
 def files(out):
-    return {p.relative_to(out): p.read_bytes() for p in out.rglob("*") if p.is_file() and "results" not in p.parts}  # fmt: skip
+    return {
+        p.relative_to(out): p.read_bytes()
+        for p in out.rglob("*")
+        if p.is_file() and "results" not in p.parts
+    }
 
 
 def test_a_folder_with_everything_that_goes_wrong(folders):
@@ -57,7 +63,17 @@ def test_a_folder_with_everything_that_goes_wrong(folders):
     ours = content["methods"]["ours"]
     objects = ours["objects"]
     assert list(objects) == sorted(["right", "two samples", "bad", "missing", "gray"])
-    assert objects["right"] == pytest.approx({"pose_error": 0, "overlap": 1, "hinges": 0, "sound": np.nan, "joints_work": np.nan, "failed": 0}, nan_ok=True)  # fmt: skip
+    assert objects["right"] == pytest.approx(
+        {
+            "pose_error": 0,
+            "overlap": 1,
+            "hinges": 0,
+            "sound": np.nan,
+            "joints_work": np.nan,
+            "failed": 0,
+        },
+        nan_ok=True,
+    )
     assert objects["two samples"]["pose_error"] == pytest.approx(0.05)  # 0.1 and 0
     assert objects["two samples"]["overlap"] == pytest.approx(0.75)  # 1 and .5
     for name in ("bad", "missing"):
@@ -74,7 +90,8 @@ def test_a_folder_with_everything_that_goes_wrong(folders):
     assert ours["uncolored"] == ["gray"]
     assert ours["sets"]["closed"]["pose_error"]["mean"] == pytest.approx(0.5)
     assert ours["sets"]["open"]["pose_error"]["count"] == 1
-    # right 2, two samples (3 + 2) / 2, gray 2; of the others the reference's parts are missing: a root and a lid each
+    # right 2, two samples (3 + 2) / 2, gray 2; of the others the reference's parts are missing: a
+    # root and a lid each
     assert ours["confusion"]["revolute"] == {"fixed": 6.5, "missing": 2}
     kept = json.loads((folders[2] / "metrics.json").read_text())
     assert kept["methods"]["ours"]["objects"]["right"]["sound"] is None
@@ -100,14 +117,18 @@ def test_the_report_draws_what_was_measured(folders, report):
     best = run(folders, samples="best")
     assert best["methods"]["ours"]["drawn"] == {"two samples": "sample-1"}
     assert len(report[-1][2]("ours", "two samples")[0].parts) == 2
-    content["methods"]["ours"]["objects"] = {"right": content["methods"]["ours"]["objects"]["right"]}  # fmt: skip
+    content["methods"]["ours"]["objects"] = {
+        "right": content["methods"]["ours"]["objects"]["right"]
+    }
     write_report(out, content, load_pair)
     page = (out / "report.html").read_text()
     assert "data:image" in page and "two samples" not in page.split("Failures")[0]
 
 
 def test_which_samples_count(folders):
-    assert run(folders, samples="first")["methods"]["ours"]["objects"]["two samples"]["overlap"] == 1  # fmt: skip
+    assert (
+        run(folders, samples="first")["methods"]["ours"]["objects"]["two samples"]["overlap"] == 1
+    )
     best = run(folders, samples="best")["methods"]["ours"]["objects"]["two samples"]
     assert best["pose_error"] == 0 and best["overlap"] == 0.5  # one sample for all figures
     with pytest.raises(ValueError, match="add pose_error"):
@@ -132,7 +153,9 @@ def test_it_goes_on_where_it_was_stopped_and_computes_anew_what_changed(folders)
     again = run(folders)["methods"]["ours"]
     assert again["objects"]["right"]["overlap"] == 1.0 and set(again["failures"]) == {"bad"}
     (folders[0] / "missing" / "object.urdf").unlink()
-    np.testing.assert_equal(run(folders)["methods"]["ours"]["rows"], before["methods"]["ours"]["rows"])  # fmt: skip
+    np.testing.assert_equal(
+        run(folders)["methods"]["ours"]["rows"], before["methods"]["ours"]["rows"]
+    )
     (folders[0] / "missing").rmdir()
     run(folders)
     assert files(out) == written
@@ -140,8 +163,15 @@ def test_it_goes_on_where_it_was_stopped_and_computes_anew_what_changed(folders)
 
 def test_results_of_something_else_are_refused(folders):
     run(folders)
-    with pytest.raises(ValueError, match="other predictions, references or figures; choose another"):  # fmt: skip
-        compare({"ours": folders[0] / "two samples"}, folders[1] / "right", folders[2], families=FAMILIES)  # fmt: skip
+    with pytest.raises(
+        ValueError, match="other predictions, references or figures; choose another"
+    ):
+        compare(
+            {"ours": folders[0] / "two samples"},
+            folders[1] / "right",
+            folders[2],
+            families=FAMILIES,
+        )
     with pytest.raises(ValueError, match="choose another --out"):
         run(folders, only=["pose_error"])
 
@@ -178,14 +208,20 @@ def test_a_figure_that_falls_over(folders, part, said):
 def one_trial(folders, setup, name="right"):
     pred, ref, out = folders
     reference = trial.Reference(name, ref / name, "")
-    return trial.run_trial(setup, trial.Trial("ours", 0, pred / name, reference, "", out / "0.json"))  # fmt: skip
+    return trial.run_trial(
+        setup, trial.Trial("ours", 0, pred / name, reference, "", out / "0.json")
+    )
 
 
-@pytest.mark.parametrize(("part", "said"), [("slow", "longer than 0.2 seconds"), ("greedy", "MemoryError")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("part", "said"), [("slow", "longer than 0.2 seconds"), ("greedy", "MemoryError")]
+)
 def test_a_failure_that_may_not_come_again_is_not_kept(folders, part, said):
     toy_assets.write(folders[0] / "right", "body", part)
     found = one_trial(folders, trial.Setup(FAMILIES, {}, limit=0.2))
-    assert said in found["failure"] and not found["figures"] and not (folders[2] / "0.json").exists()  # fmt: skip
+    assert (
+        said in found["failure"] and not found["figures"] and not (folders[2] / "0.json").exists()
+    )
     toy_assets.write(folders[0] / "right", "body", "lid")
     assert not one_trial(folders, trial.Setup(FAMILIES, {}))["failure"]
     assert (folders[2] / "0.json").is_file()
@@ -226,7 +262,9 @@ def test_reading_has_a_limit_that_no_reader_swallows(folders, monkeypatch):
     pred, ref, out = folders
     truth = trial.Reference("right", load_object(ref / "right"), "")
     setup = trial.Setup(FAMILIES, {}, limit=0.1)
-    found = trial.run_trial(setup, trial.Trial("ours", 0, pred / "right", truth, "", out / "0.json"))  # fmt: skip
+    found = trial.run_trial(
+        setup, trial.Trial("ours", 0, pred / "right", truth, "", out / "0.json")
+    )
     assert found["failure"] == "it took longer than 0.1 seconds" and not out.exists()
 
 
@@ -234,7 +272,9 @@ def test_an_object_without_extent_is_a_failure(folders, tmp_path):
     obj = load_object(folders[1] / "right")
     dot = trimesh.Trimesh(np.zeros((3, 3)), [[0, 1, 2]], process=False)
     point = ArticulatedObject((Part("dot", dot),))
-    ours = compare({"ours": {"a": point}}, {"a": obj}, tmp_path / "out", families=FAMILIES)["methods"]["ours"]  # fmt: skip
+    ours = compare({"ours": {"a": point}}, {"a": obj}, tmp_path / "out", families=FAMILIES)[
+        "methods"
+    ]["ours"]
     assert "no extent" in ours["failures"]["a"] and ours["objects"]["a"]["overlap"] == 0
 
 
@@ -276,12 +316,14 @@ def test_validation_that_assets_bring(folders):
     said = {
         "engines": {"mujoco": {"loads": {"passed": True}}},
         "geometry": {"watertight": {"passed": False}},
-        "joints": {"mujoco": {"a": joint, "b": joint | {"reached": 0.5}, "c": joint | {"collision": None}}},
+        "joints": {"mujoco": {"a": joint, "b": joint | {"reached": 0.5}, "c": joint | {"collision": None}}},  # noqa: E501
     }  # fmt: skip
     (pred / "right" / "validation.json").write_text(json.dumps(said))
     report = {"validation": {"mujoco": {"loads": {"passed": True}}, "geometry": {}}}
     (pred / "gray" / "report.json").write_text(json.dumps(report))
-    (pred / "two samples" / "sample-0" / "validation.json").write_text('{"engines": [3], "joints": 7')  # fmt: skip
+    (pred / "two samples" / "sample-0" / "validation.json").write_text(
+        '{"engines": [3], "joints": 7'
+    )
     ours = run(folders)["methods"]["ours"]
     assert ours["objects"]["right"]["sound"] == 0
     assert ours["objects"]["right"]["joints_work"] == pytest.approx(1 / 3)

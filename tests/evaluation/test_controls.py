@@ -40,9 +40,13 @@ def block(size, at) -> trimesh.Trimesh:
 
 @pytest.fixture
 def cupboard() -> ArticulatedObject:
-    """Longest side 1, centred; a door with its hinge at y = -.5 that opens to -x, a knob on it, a drawer, a drum."""
+    """Longest side 1, centred; a door with its hinge at y = -.5 that opens to -x, a knob on it, a
+    drawer, a drum."""
     turn, pull = Joint((-0.4, -0.5, 0), UP, (0, 2)), Joint((0, 0, 0), (-1, 0, 0), travel=(0, 0.6))
-    knob, drum = (Joint(at, (1, 0, 0), (lo, hi)) for at, lo, hi in (((0, 0.4, 0.2), 0, 1), ((0, 0, 0.1), -np.pi, np.pi)))  # fmt: skip
+    knob, drum = (
+        Joint(at, (1, 0, 0), (lo, hi))
+        for at, lo, hi in (((0, 0.4, 0.2), 0, 1), ((0, 0, 0.1), -np.pi, np.pi))
+    )
     return at_rest(
         ArticulatedObject(
             (
@@ -96,7 +100,9 @@ def test_motions_reversed_twice_are_the_truth(obj):
 def test_nothing_moves_in_rest_only(obj):
     control = rest_only(obj)
     assert {part.joint.type for part in control.parts} == {"fixed"}
-    assert np.array_equal(control.forward_kinematics(control.open()), np.tile(np.eye(4), (len(control.parts), 1, 1)))  # fmt: skip
+    assert np.array_equal(
+        control.forward_kinematics(control.open()), np.tile(np.eye(4), (len(control.parts), 1, 1))
+    )
 
 
 def test_the_cupboards_door(cupboard):

@@ -54,7 +54,13 @@ def test_a_lost_part_costs_the_count(tests):
     def lose(one):
         rows = [k for k in range(len(one)) if k != len(one) - 1]
         pick = lambda values: tuple(values[k] for k in rows)  # noqa: E731
-        return Layout(one.boxes[rows], pick(one.joints), pick(one.parents), one.colors[rows], one.confidence[rows])  # fmt: skip
+        return Layout(
+            one.boxes[rows],
+            pick(one.joints),
+            pick(one.parents),
+            one.colors[rows],
+            one.confidence[rows],
+        )
 
     found = judge(tests, lose)
     assert found["count"] == 0 and found["recall"] < 1

@@ -18,7 +18,9 @@ def cart(joint: Joint) -> ArticulatedObject:
     body = trimesh.creation.box([1.0, 0.5, 0.4])
     wheel = trimesh.creation.box([0.3, 0.05, 0.2]).apply_translation([0.2, -0.3, -0.2])
     other = trimesh.creation.box([0.3, 0.05, 0.2]).apply_translation([0.2, 0.3, -0.2])
-    return ArticulatedObject((Part("body", body), Part("wheel", wheel, 0, joint), Part("fixed", other, 0)))  # fmt: skip
+    return ArticulatedObject(
+        (Part("body", body), Part("wheel", wheel, 0, joint), Part("fixed", other, 0))
+    )
 
 
 WHEEL = Joint([0.2, -0.3, -0.2], [0, 1, 0], (-np.pi, np.pi))
@@ -27,20 +29,33 @@ WHEEL = Joint([0.2, -0.3, -0.2], [0, 1, 0], (-np.pi, np.pi))
 def test_every_object_is_centred_at_rest_with_longest_side_one():
     door = Joint([-0.5, -0.25, 0], [0, 0, 1], (-1.0, 0.3))
     obj = at_rest(cart(door).transformed(np.diag([3.0, 3.0, 3.0, 1.0])))
-    assert np.allclose(obj.bounds.mean(0), 0) and np.ptp(obj.bounds, axis=0).max() == pytest.approx(1)  # fmt: skip
+    assert np.allclose(obj.bounds.mean(0), 0) and np.ptp(obj.bounds, axis=0).max() == pytest.approx(
+        1
+    )
     assert np.allclose(obj.rest(), 0)
 
 
 def test_own_units_are_metres():
     obj = cart(WHEEL).transformed(np.diag([3.0, 3.0, 3.0, 1.0]))
     for same in (obj, obj.normalized()):
-        assert np.ptp(resting(same).bounds, axis=0).max() == pytest.approx(3) and resting(same).scale == 1  # fmt: skip
+        assert (
+            np.ptp(resting(same).bounds, axis=0).max() == pytest.approx(3)
+            and resting(same).scale == 1
+        )
     shown = at_rest(obj.normalized())
-    assert singapo.measure(shown, shown, own=(resting(obj.normalized()), resting(obj)))["compat_rs_dcd"] < 0.05  # fmt: skip
+    assert (
+        singapo.measure(shown, shown, own=(resting(obj.normalized()), resting(obj)))[
+            "compat_rs_dcd"
+        ]
+        < 0.05
+    )
 
 
 def test_a_wheel_and_the_same_wheel_about_the_reversed_axis_are_one():
-    forward, backward = at_rest(cart(WHEEL)), at_rest(cart(dataclasses.replace(WHEEL, direction=-WHEEL.direction)))  # fmt: skip
+    forward, backward = (
+        at_rest(cart(WHEEL)),
+        at_rest(cart(dataclasses.replace(WHEEL, direction=-WHEEL.direction))),
+    )
     assert np.allclose(
         forward.forward_kinematics(forward.open(0.4)),
         backward.forward_kinematics(backward.open(0.4)),
@@ -64,7 +79,9 @@ def test_a_drawer_that_flies_away_counts_no_worse_than_none():
             if key.startswith(prefix) and metric.better == "lower" and np.isfinite(figures[key]):
                 assert figures[key] <= metric.worst, key
     # at rest nothing is wrong, in the four other states all that can be
-    assert surface.measure(pred, ref, 4096)["as_chamfer"] == pytest.approx(0.8 * surface.FARTHEST, rel=0.01)  # fmt: skip
+    assert surface.measure(pred, ref, 4096)["as_chamfer"] == pytest.approx(
+        0.8 * surface.FARTHEST, rel=0.01
+    )
 
 
 def test_siblings_that_were_not_found_are_the_worst_overlap():

@@ -49,7 +49,13 @@ def tree(a, b):
     return cKDTree(b.astype(np.float32)).query(a.astype(np.float32))[0]
 
 
-@given(st.sampled_from(KINDS), st.sampled_from(KINDS), st.integers(1, 1500), st.integers(1, 1500), st.integers(0, 99))  # fmt: skip
+@given(
+    st.sampled_from(KINDS),
+    st.sampled_from(KINDS),
+    st.integers(1, 1500),
+    st.integers(1, 1500),
+    st.integers(0, 99),
+)
 def test_equals_a_kd_tree(kind_a, kind_b, n, m, seed):
     a, b = point_set(kind_a, n, seed), point_set(kind_b, m, seed + 1)
     there, back = mutual_distances(a, b)
@@ -88,7 +94,10 @@ def test_padding_reaches_no_valid_result(together, n, m):
     a, b = (np.asarray(point_set("random", k, k), np.float32)[None] for k in (n, m))
     expected = tree(a[0], b[0]), tree(b[0], a[0])
     for rubbish in (np.nan, np.inf, -1e30, 0.0, rng.uniform(-0.5, 0.5, 3)):
-        padded = [np.concatenate([p, np.broadcast_to(np.float32(rubbish), (1, 1024 - p.shape[1], 3))], 1) for p in (a, b)]  # fmt: skip
+        padded = [
+            np.concatenate([p, np.broadcast_to(np.float32(rubbish), (1, 1024 - p.shape[1], 3))], 1)
+            for p in (a, b)
+        ]
         there, back = nearest._mutual(padded[0], n, padded[1], m, together=together)
         np.testing.assert_allclose(there[0, :n], expected[0], atol=TOLERANCE)
         np.testing.assert_allclose(back[0, :m], expected[1], atol=TOLERANCE)
@@ -103,7 +112,9 @@ def test_a_batch_equals_its_pairs():
         np.testing.assert_array_equal(there[i], one[0])
         np.testing.assert_array_equal(back[i], one[1])
     assert chamfer(a, b).shape == (2, 4)
-    assert chamfer(a, b)[1, 2] == pytest.approx((tree(a[1, 2], b[1, 2]).mean() + tree(b[1, 2], a[1, 2]).mean()) / 2, abs=1e-6)  # fmt: skip
+    assert chamfer(a, b)[1, 2] == pytest.approx(
+        (tree(a[1, 2], b[1, 2]).mean() + tree(b[1, 2], a[1, 2]).mean()) / 2, abs=1e-6
+    )
 
 
 def test_blocks_are_compact():

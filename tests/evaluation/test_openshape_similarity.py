@@ -1,4 +1,5 @@
-"""OpenShape similarity: what goes into the networks, and what is made of what comes out. Random networks of toy size stand in for the real ones."""
+"""OpenShape similarity: what goes into the networks, and what is made of what comes out. Random
+networks of toy size stand in for the real ones."""
 
 import dataclasses
 from pathlib import Path
@@ -29,7 +30,9 @@ def weights(tmp_path_factory):
     arrays = np.load(Path(__file__).parents[1] / "parity" / "openshape.npz", allow_pickle=False)
     config = from_json(OpenShapeConfig, str(arrays["config"]))
     state = {k[3:]: arrays[k] for k in arrays.files if k.startswith("sd/")}
-    points = convert_point_encoder({k: v for k, v in state.items() if k.startswith("module.")}, config.point_encoder)  # fmt: skip
+    points = convert_point_encoder(
+        {k: v for k, v in state.items() if k.startswith("module.")}, config.point_encoder
+    )
     tower = convert_image_tower(state, config.image_tower)
     folder = tmp_path_factory.mktemp("weights")
     for stem, tree in files_of(points, tower).items():
@@ -47,16 +50,24 @@ def box(extents, center, color=None):
 
 
 def cabinet(angle=(0.0, 1.5), colors=(RED, BLUE)):
-    """A red cube of side 1 and a blue door (1.0 x 1.0 x .05) before its front, hinged at y = -.5."""
+    """A red cube of side 1 and a blue door (1.0 x 1.0 x .05) before its front, hinged at y =
+    -.5."""
     body = Part("body", box((1, 1, 1), (0, 0, 0), colors[0]))
     hinge = Joint(np.array([-0.55, -0.5, 0.0]), np.array([0.0, 0, 1]), angle=angle)
-    door = Part("door", box((0.05, 1, 1), (-0.525, 0, 0), colors[1]), 0, hinge if angle != (0, 0) else Joint.fixed())  # fmt: skip
+    door = Part(
+        "door",
+        box((0.05, 1, 1), (-0.525, 0, 0), colors[1]),
+        0,
+        hinge if angle != (0, 0) else Joint.fixed(),
+    )
     return at_rest(ArticulatedObject((body, door), name="cabinet"))
 
 
 def test_without_weights_nothing_is_computed():
     assert openshape.measure(cabinet(), cabinet()) == {}
-    assert openshape.NOT_COMPUTED.startswith("not computed: no OpenShape weights (uniart convert openshape")  # fmt: skip
+    assert openshape.NOT_COMPUTED.startswith(
+        "not computed: no OpenShape weights (uniart convert openshape"
+    )
 
 
 def test_figures_are_the_cosines_of_the_embeddings(weights):
@@ -75,7 +86,9 @@ def test_figures_are_the_cosines_of_the_embeddings(weights):
 
 def test_the_given_image_counts_and_the_reference_does_not(weights):
     image = np.random.default_rng(0).integers(0, 256, (40, 30, 3), dtype=np.uint8)
-    one, other = (openshape.measure(cabinet(), ref, weights, image) for ref in (cabinet(), cabinet((0, 0))))  # fmt: skip
+    one, other = (
+        openshape.measure(cabinet(), ref, weights, image) for ref in (cabinet(), cabinet((0, 0)))
+    )
     assert one == other != openshape.measure(cabinet(), cabinet(), weights)
 
 
@@ -85,7 +98,8 @@ def test_what_does_not_move_is_the_same_in_every_state(weights):
 
 
 def test_one_image_an_object(weights, monkeypatch):
-    """The tower is by far the dearest step: it runs once for all samples of an object, again for the next object."""
+    """The tower is by far the dearest step: it runs once for all samples of an object, again for
+    the next object."""
     runs = []
     whole = openclip.embed
     monkeypatch.setattr(openclip, "embed", lambda *args: runs.append(1) or whole(*args))
@@ -130,7 +144,9 @@ def test_points_move_with_their_parts_and_the_cloud_is_a_mirror_image():
 
 
 def test_colours_that_are_missing_are_openshapes_gray():
-    np.testing.assert_array_equal(openshape.point_clouds(cabinet(colors=(None, None)))[..., 3:], np.float32(0.4))  # fmt: skip
+    np.testing.assert_array_equal(
+        openshape.point_clouds(cabinet(colors=(None, None)))[..., 3:], np.float32(0.4)
+    )
 
 
 def test_a_surface_without_area_is_named():
@@ -144,8 +160,11 @@ def test_a_surface_without_area_is_named():
 def test_size_and_place_do_not_matter(scale, shift):
     obj = cabinet()
     moved = obj.transformed(trimesh.transformations.scale_and_translate(scale, shift))
-    # the scaled joint may come to lie within a float's width of the first; a hundredth of a percent is seen
-    np.testing.assert_allclose(openshape.point_clouds(moved, 300), openshape.point_clouds(obj, 300), atol=1e-4)  # fmt: skip
+    # the scaled joint may come to lie within a float's width of the first; a hundredth of a percent
+    # is seen
+    np.testing.assert_allclose(
+        openshape.point_clouds(moved, 300), openshape.point_clouds(obj, 300), atol=1e-4
+    )
 
 
 def test_a_picture_is_prepared_as_openclip_does():
@@ -161,7 +180,9 @@ def test_a_picture_is_prepared_as_openclip_does():
     clear[..., 3] = 0
     np.testing.assert_allclose(openshape.prepare(clear, 10) * std + mean, 0, atol=1e-6)
     gray = np.full((7, 9, 3), 51, np.uint8)  # enlarged where it must be
-    np.testing.assert_allclose(openshape.prepare(gray, 10), np.broadcast_to((0.2 - mean) / std, (10, 10, 3)), atol=1e-6)  # fmt: skip
+    np.testing.assert_allclose(
+        openshape.prepare(gray, 10), np.broadcast_to((0.2 - mean) / std, (10, 10, 3)), atol=1e-6
+    )
 
 
 def test_the_reference_is_seen_from_its_front():

@@ -124,7 +124,12 @@ def test_sets(tmp_path):
     assert read_sets(tmp_path, ["a", "b"]) == {}
     file.write_text('{"a": "closed", "b": "open", "elsewhere": "open"}')
     assert read_sets(tmp_path, ["a", "b", "c"]) == {"a": "closed", "b": "open"}
-    for bad, said in (('{"a": "ajar"}', "closed"), ("[1]", "closed"), ("{", "not JSON"), ('{"z": "open"}', "none of")):  # fmt: skip
+    for bad, said in (
+        ('{"a": "ajar"}', "closed"),
+        ("[1]", "closed"),
+        ("{", "not JSON"),
+        ('{"z": "open"}', "none of"),
+    ):
         file.write_text(bad)
         with pytest.raises(ValueError, match=said):
             read_sets(tmp_path, ["a"])

@@ -71,7 +71,9 @@ def test_screws_count_turn_travel_and_hand():
     assert signed_axis_error(steep, right) == 0
     assert range_iou(steep, right) == pytest.approx(0.75)
     mirrored = right.transformed(np.diag([1.0, 1, -1, 1]))
-    assert signed_axis_error(mirrored, left.transformed(np.diag([1.0, 1, -1, 1]))) == pytest.approx(180)  # fmt: skip
+    assert signed_axis_error(mirrored, left.transformed(np.diag([1.0, 1, -1, 1]))) == pytest.approx(
+        180
+    )
     half = right.shown_at(3.0)
     assert range_iou(half, left.shown_at(3.0)) == pytest.approx(
         1
@@ -81,7 +83,8 @@ def test_screws_count_turn_travel_and_hand():
 
 
 def test_pivot_at_the_part():
-    """Two axes that cross at z = 1, 45 degrees apart: at z = 0.2 the nearest point of the tilted one is 0.8 / sqrt 2 away."""
+    """Two axes that cross at z = 1, 45 degrees apart: at z = 0.2 the nearest point of the tilted
+    one is 0.8 / sqrt 2 away."""
     upright, tilted = (Joint([0, 0, 1], d, angle=(0, 1)) for d in ([0, 0, 1], [0, 1, 1]))
     assert pivot_at_part(tilted, upright, np.array([0.3, 0.4, 0.2])) == pytest.approx(0.8 / 2**0.5)
     assert pivot_at_part(upright, upright, np.array([0.3, 0.4, 0.2])) == 0

@@ -1,4 +1,5 @@
-"""``uniart evaluate physics``: every object counts, what was done stays done, what cannot be tried is a failure."""
+"""``uniart evaluate physics``: every object counts, what was done stays done, what cannot be tried
+is a failure."""
 
 from __future__ import annotations
 
@@ -69,11 +70,18 @@ def test_both_sources_at_once_are_refused(tmp_path):
 
 def test_figures_of_a_row():
     good = {
-        "name": "a", "moving": ["x", "y"], "sound": True, "failed": [], "yourdfpy": True, "watertight": True,
-        "engines": {"mujoco": {"loads": True, "stands": True}}, "joints": {"mujoco": {"x": True, "y": False}},
+        "name": "a", "moving": ["x", "y"], "sound": True, "failed": [], "yourdfpy": True, "watertight": True,  # noqa: E501
+        "engines": {"mujoco": {"loads": True, "stands": True}}, "joints": {"mujoco": {"x": True, "y": False}},  # noqa: E501
         "seconds": {"export": 2.0, "validate": 3.0},
     }  # fmt: skip
-    bad = good | {"name": "b", "sound": False, "engines": {}, "joints": {}, "seconds": {}, "yourdfpy": False}  # fmt: skip
+    bad = good | {
+        "name": "b",
+        "sound": False,
+        "engines": {},
+        "joints": {},
+        "seconds": {},
+        "yourdfpy": False,
+    }
     row = summarize_trials([good, bad])
     assert row["loads mujoco"] == 0.5 and row["stands mujoco"] == 0.5 and row["sound"] == 0.5
     assert row["joints mujoco"] == 4 and row["70 % mujoco"] == 0.25 and row["export s"] == 2.0

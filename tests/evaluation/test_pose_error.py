@@ -1,4 +1,5 @@
-"""Pose error: closed formulas for a door, and that every planted error is seen, the more the larger it is."""
+"""Pose error: closed formulas for a door, and that every planted error is seen, the more the larger
+it is."""
 
 import dataclasses
 import itertools
@@ -28,7 +29,8 @@ def box(size, center):
 
 
 def cabinet(*joints: Joint, number: int = 1) -> ArticulatedObject:
-    """A body and, GAP before it, doors without thickness one above the other, each REACH wide with its hinge along HINGE + z."""
+    """A body and, GAP before it, doors without thickness one above the other, each REACH wide with
+    its hinge along HINGE + z."""
     high = HEIGHT / number
     doors = [
         Part(
@@ -43,7 +45,8 @@ def cabinet(*joints: Joint, number: int = 1) -> ArticulatedObject:
 
 
 def door(angle=np.pi / 2, tilt=0.0, shift=0.0) -> Joint:
-    """A hinge that opens by ``angle``; its axis tilts in the door's plane, about the door's middle height, and shifts away from the door."""
+    """A hinge that opens by ``angle``; its axis tilts in the door's plane, about the door's middle
+    height, and shifts away from the door."""
     span = (0.0, angle) if angle >= 0 else (angle, 0.0)
     return Joint(HINGE - [0, shift, 0], [0, np.sin(tilt), np.cos(tilt)], span)
 
@@ -53,17 +56,20 @@ def error(pred, ref) -> float:
 
 
 def chord(angle: float) -> float:
-    """Mean over STATES of the distance between a point at the mean radius and itself turned by ``angle`` times the state."""
+    """Mean over STATES of the distance between a point at the mean radius and itself turned by
+    ``angle`` times the state."""
     return float(np.mean(2 * (REACH / 2) * np.sin(angle * STATES / 2)))
 
 
 def test_doors_in_closed_form():
-    """Every point of the door is at a radius r uniform in [0, REACH], so its mean is REACH / 2; two parts, the body right: half of that."""
+    """Every point of the door is at a radius r uniform in [0, REACH], so its mean is REACH / 2; two
+    parts, the body right: half of that."""
     ref = cabinet(door(np.pi / 2))
     assert error(cabinet(Joint.fixed()), ref) == pytest.approx(chord(np.pi / 2) / 2, rel=SAMPLING)
     assert error(cabinet(door(-np.pi / 2)), ref) == pytest.approx(chord(np.pi) / 2, rel=SAMPLING)
     assert error(cabinet(door(np.pi / 4)), ref) == pytest.approx(chord(np.pi / 4) / 2, rel=SAMPLING)
-    # a hinge beside its place: T_pred T_ref^-1 is a travel of 2 |shift| sin(angle / 2), whatever the point
+    # a hinge beside its place: T_pred T_ref^-1 is a travel of 2 |shift| sin(angle / 2), whatever
+    # the point
     shifted = np.mean(2 * 0.1 * np.sin(np.pi / 2 * STATES / 2)) / 2
     assert error(cabinet(door(shift=0.1)), ref) == pytest.approx(shifted, rel=1e-9)
     drawer = cabinet(Joint([0, 0, 0], [-1, 0, 0], travel=(0, 0.4)))
@@ -71,7 +77,8 @@ def test_doors_in_closed_form():
 
 
 def test_the_farthest_so_far_does_not_fold_back():
-    """Half a turn: inwards it is across the circle from half way on, while a door that never moves gets there at the end."""
+    """Half a turn: inwards it is across the circle from half way on, while a door that never moves
+    gets there at the end."""
     ref = cabinet(door(np.pi))
     inwards = np.mean(REACH * np.sin(np.pi * np.minimum(STATES, 0.5))) / 2
     assert error(cabinet(door(-np.pi)), ref) == pytest.approx(inwards, rel=SAMPLING)
@@ -180,7 +187,7 @@ def test_children_ride_on_their_parents():
     """A handle on a door shares the door's error, though its own joint is right."""
     handle = Part("handle", box((0.02, 0.02, 0.2), (-0.02, 0.2, 0)), 1, Joint.fixed())
     ref, pred = (
-        dataclasses.replace(o, parts=(*o.parts, handle)) for o in (cabinet(door()), cabinet(door(-1.0)))
+        dataclasses.replace(o, parts=(*o.parts, handle)) for o in (cabinet(door()), cabinet(door(-1.0)))  # noqa: E501
     )  # fmt: skip
     assert error(pred, ref) > 1.2 * error(cabinet(door(-1.0)), cabinet(door())) * 2 / 3 > 0.1
 
@@ -214,7 +221,8 @@ def test_any_rotation_of_one_part():
 
 
 def test_two_parts_with_nearly_one_box_may_be_swapped():
-    """As the module says: by boxes alone the nearer one is taken, and the figure is that of swapped parts."""
+    """As the module says: by boxes alone the nearer one is taken, and the figure is that of swapped
+    parts."""
     first, second = door(1.0), door(-1.0)
     ref = cabinet(first, second)
     slab = box((0, REACH, HEIGHT), (0, REACH / 2 - 0.5, 0))

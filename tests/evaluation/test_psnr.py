@@ -1,4 +1,5 @@
-"""Pictures compared: golden PSNR, the frame of the views, motion seen by AS alone, materials for predictions without any."""
+"""Pictures compared: golden PSNR, the frame of the views, motion seen by AS alone, materials for
+predictions without any."""
 
 from __future__ import annotations
 
@@ -44,7 +45,8 @@ def box(lo, hi, color=None) -> trimesh.Trimesh:
 
 
 def cupboard(angle: float = np.pi / 2, body=BODY, door=DOOR, side: int = 1) -> ArticulatedObject:
-    """A block with a door before its front, hinged at y = .4 * side, that turns by ``angle``; the front is -x."""
+    """A block with a door before its front, hinged at y = .4 * side, that turns by ``angle``; the
+    front is -x."""
     joint = Joint([-0.32, 0.4 * side, 0], [0, 0, 1], (min(0, angle), max(0, angle)))
     parts = (
         Part("body", box([-0.3, -0.4, -0.5], [0.3, 0.4, 0.5], body)),
@@ -229,7 +231,9 @@ def test_materials_go_to_the_matched_part_and_to_surplus_parts_from_the_nearest(
     extra = Part("knob", box([-0.4, -0.4, -0.05], [-0.33, -0.3, 0.05]), 1)
     pred = stripped(truth)
     pred = dataclasses.replace(pred, parts=(*pred.parts, extra))
-    given_colors = [tuple(p.mesh.visual.face_colors[0, :3]) for p in with_materials(pred, truth).parts]  # fmt: skip
+    given_colors = [
+        tuple(p.mesh.visual.face_colors[0, :3]) for p in with_materials(pred, truth).parts
+    ]
     assert given_colors == [BODY, DOOR, DOOR]
 
 

@@ -1,4 +1,5 @@
-"""report.html: every number it was given, in one file that runs and fetches nothing, whatever an object is called."""
+"""report.html: every number it was given, in one file that runs and fetches nothing, whatever an
+object is called."""
 
 from __future__ import annotations
 
@@ -84,7 +85,8 @@ def make_content(objects: int = 14, methods=("ours", "other"), seed: int = 0) ->
 
 
 class Page(HTMLParser):
-    """Elements as (tag, attributes), rows of cells' texts, and whether every element is closed in its order."""
+    """Elements as (tag, attributes), rows of cells' texts, and whether every element is closed in
+    its order."""
 
     def __init__(self, text: str):
         super().__init__(convert_charrefs=True)
@@ -193,7 +195,9 @@ def test_it_stands_alone_and_its_policy_fits(tmp_path):
     links = [a["href"][1:] for t, a in page.elements if t == "a"]
     assert links and set(links) <= ids
     style = re.search(r"<style>(.*?)</style>", text, re.S)
-    policy = next(a["content"] for t, a in page.elements if "policy" in a.get("http-equiv", "").lower())  # fmt: skip
+    policy = next(
+        a["content"] for t, a in page.elements if "policy" in a.get("http-equiv", "").lower()
+    )
     assert style is not None
     digest = base64.b64encode(hashlib.sha256(style[1].encode()).digest()).decode()
     rest = "img-src data:; base-uri 'none'; form-action 'none'"

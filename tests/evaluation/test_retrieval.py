@@ -153,12 +153,17 @@ def test_the_library_holds_training_objects_in_the_order_they_are_prepared(libra
 
 
 def test_of_whole_objects_the_one_whose_picture_was_shown_is_found(tmp_path):
-    """Features are the pictures themselves: what is tested is the index, and which record a view belongs to."""
+    """Features are the pictures themselves: what is tested is the index, and which record a view
+    belongs to."""
     grid, size = GridConfig(16, 2, max_parts=16), 32
-    prepare_procedural(tmp_path, 3, grid=grid, views=2, image_size=size, processes=1, progress=False)  # fmt: skip
+    prepare_procedural(
+        tmp_path, 3, grid=grid, views=2, image_size=size, processes=1, progress=False
+    )
 
     class Pictures:
-        config = Config(model=ModelConfig(grid=grid, image_encoder=ImageEncoderConfig(image_size=size)))  # fmt: skip
+        config = Config(
+            model=ModelConfig(grid=grid, image_encoder=ImageEncoderConfig(image_size=size))
+        )
 
         def encode_images(self, images):
             tokens = images.reshape(len(images), size, -1) - 0.5

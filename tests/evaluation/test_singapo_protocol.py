@@ -1,8 +1,10 @@
-"""SINGAPO's protocol: the numbers that it is known for, cases done by hand, and what the corrected figures must see.
+"""SINGAPO's protocol: the numbers that it is known for, cases done by hand, and what the corrected
+figures must see.
 
-The toy is a unit cube with a door of .05 on its front (-x), hinged at the cube's left front edge. In the published code's own frame (y up,
-front +z): base at 0, door at z = .525, axis at (-.5, 0, .5). Only with the axis there, not in the door's middle or its face, do all eight
-published numbers come out.
+The toy is a unit cube with a door of .05 on its front (-x), hinged at the cube's left front edge.
+In the published code's own frame (y up, front +z): base at 0, door at z = .525, axis at (-.5, 0,
+.5). Only with the axis there, not in the door's middle or its face, do all eight published numbers
+come out.
 """
 
 import dataclasses
@@ -37,7 +39,8 @@ def toy_door(joint: Joint) -> ArticulatedObject:
 
 
 def hinge(left=True, outwards=True, limit=QUARTER) -> Joint:
-    """The left, seen from the front (-x), is +y. A door hinged there opens outwards when it turns about -z."""
+    """The left, seen from the front (-x), is +y. A door hinged there opens outwards when it turns
+    about -z."""
     side = 1 if left else -1
     angle = (0, limit) if outwards else (-limit, 0)
     return Joint([-0.5, side * 0.5, 0], [0, 0, -side], angle=angle)
@@ -82,7 +85,8 @@ def test_fixed_tells_the_doors_apart(doors):
 
 
 def test_chamfers_scale_was_upside_down():
-    """The published pair is the toy's, the mean of cube and door; the cube alone scores .0263 where .0019 is its noise."""
+    """The published pair is the toy's, the mean of cube and door; the cube alone scores .0263 where
+    .0019 is its noise."""
     larger = TRUTH.transformed(np.diag([1.1, 1.1, 1.1, 1.0]))
     figures = measure(larger, TRUTH)
     assert figures["compat_rs_dcd"] == pytest.approx(0.0160, abs=0.001)
@@ -127,7 +131,8 @@ def test_overlap_of_siblings():
     figures = measure(still, still)
     assert figures["compat_aor"] == pytest.approx(1 / 3)
     assert figures["fixed_aor"] == pytest.approx(1 / 3)
-    # one slides through the other from a distance of .45 to 0: overlap starts at .2, ten states of .05
+    # one slides through the other from a distance of .45 to 0: overlap starts at .2, ten states of
+    # .05
     through = cabinet(((-0.05, 0, 0), Joint.fixed()), ((0.4, 0, 0), drawer(0.45)))
     gaps = 0.45 * (1 - np.linspace(0, 1, 10))
     shared = np.clip(0.2 - gaps, 0, None)
@@ -157,7 +162,8 @@ def test_compat_forgives_wrong_proportions():
 
 
 def test_compats_overlap_depends_on_the_truth():
-    """Their Chamfer distance scales the prediction that AOR then sees; what they compare it with should not matter."""
+    """Their Chamfer distance scales the prediction that AOR then sees; what they compare it with
+    should not matter."""
     two = cabinet(((-0.4, 0.4, 0), hinge()), ((-0.6, -0.2, 0), Joint.fixed()))
     pair = (Part(f"part{i}", box((0.1, 0.1, 0.1)), 0) for i in range(2))
     wide = ArticulatedObject((Part("base", box((1, 3, 1))), *pair))
@@ -197,8 +203,8 @@ def test_compat_moves_as_their_code_does():
             Part("door", box((0.1, 1, 1), (-0.55, 0, 0)), 0, hinge(limit=0.5)),
             Part("lid", box((0.1, 0.1, 0.1), (-0.65, 0, 0)), 1, drawer(0.2)),
             Part("pin", box((0.02, 0.02, 0.02), (-0.71, 0, 0)), 2),
-            Part("cap", box((0.1, 0.1, 0.1), (0.55, 0, 0)), 0, Joint([0, 0, 0], [1, 0, 0], (0, 3), (0, 1))),
-            Part("wheel", box((0.1, 0.1, 0.1), (0, 0, 0.55)), 0, Joint([0, 0, 0], [0, 0, 1], (-4, 4))),
+            Part("cap", box((0.1, 0.1, 0.1), (0.55, 0, 0)), 0, Joint([0, 0, 0], [1, 0, 0], (0, 3), (0, 1))),  # noqa: E501
+            Part("wheel", box((0.1, 0.1, 0.1), (0, 0, 0.55)), 0, Joint([0, 0, 0], [0, 0, 1], (-4, 4))),  # noqa: E501
         )
     )  # fmt: skip
     name = [p.name for p in chain.parts].index
@@ -272,7 +278,8 @@ def test_a_flat_pane_overlaps_itself():
 
 
 def assert_same(a, b):
-    """Equal but for what is drawn: surface points everywhere, box points in compat (both far above their noise)."""
+    """Equal but for what is drawn: surface points everywhere, box points in compat (both far above
+    their noise)."""
     for key in METRICS:
         if key.endswith("dcd"):
             assert a[key] == pytest.approx(b[key], rel=0.1, abs=3e-4), key
@@ -299,7 +306,10 @@ def test_the_order_of_parts_does_not_matter(pair):
         count = len(obj.parts)
         order = [0, *range(count - 1, 0, -1)]
         place = {old: new for new, old in enumerate(order)}
-        parts = [dataclasses.replace(obj.parts[k], parent=place.get(obj.parts[k].parent, -1)) for k in order]  # fmt: skip
+        parts = [
+            dataclasses.replace(obj.parts[k], parent=place.get(obj.parts[k].parent, -1))
+            for k in order
+        ]
         return dataclasses.replace(obj, parts=tuple(parts))
 
     assert_same(measure(reversed_order(pred), reversed_order(ref)), figures)

@@ -1,7 +1,9 @@
-"""Figures of SINGAPO's own code, on 18 pairs of objects whose parts are boxes, kept in ``singapo_figures.json``.
+"""Figures of SINGAPO's own code, on 18 pairs of objects whose parts are boxes, kept in
+``singapo_figures.json``.
 
-Made once by running 3dlg-hcvc/singapo's ``metrics/`` (CD, AOR, IoU_cDist; three seeds, their mean) on procedural objects with a planted mistake
-each, every part replaced by its box. Sampling leaves a standard deviation of up to 3e-4 (AS-dgIoU, AOR) and 4 % (dCD) in theirs.
+Made once by running 3dlg-hcvc/singapo's ``metrics/`` (CD, AOR, IoU_cDist; three seeds, their mean)
+on procedural objects with a planted mistake each, every part replaced by its box. Sampling leaves a
+standard deviation of up to 3e-4 (AS-dgIoU, AOR) and 4 % (dCD) in theirs.
 """
 
 import json

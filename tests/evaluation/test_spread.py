@@ -31,7 +31,8 @@ def cabinet(door: Joint, shift=0.0, extra=()):
 
 
 def hinge(tilt=0.0, y=-0.35, limits=(0.0, RIGHT), sign=1.0):
-    """About z, leaning by ``tilt`` radians in the plane of the front; ``sign`` -1 writes the same motion the other way round."""
+    """About z, leaning by ``tilt`` radians in the plane of the front; ``sign`` -1 writes the same
+    motion the other way round."""
     lo, hi = limits
     d = rotation(np.array([1.0, 0, 0]), tilt) @ np.array([0, 0, 1.0])
     return Joint((-0.35, y, 0), sign * d, (lo, hi) if sign > 0 else (-hi, -lo))
@@ -122,7 +123,10 @@ def test_screws_of_other_handedness_differ():
 
     found = door_of([screw((0.0, 0.1)), screw((0.0, -0.3))])
     pitches = [screw(t).pitch for t in ((0.0, 0.1), (0.0, -0.3))]
-    assert found["pitch_object_units"] == pytest.approx(np.std(pitches, ddof=1)) and abs(found["pitch_object_units"]) > 0.05  # fmt: skip
+    assert (
+        found["pitch_object_units"] == pytest.approx(np.std(pitches, ddof=1))
+        and abs(found["pitch_object_units"]) > 0.05
+    )
     assert door_of([screw((0.0, 0.1))] * 2)["pitch_object_units"] == pytest.approx(0)
 
 

@@ -71,13 +71,22 @@ def test_a_family_that_fell_over_leaves_the_others():
 
 def test_the_picture_is_of_a_sample_that_counts():
     rows = [r | {"sample": i} for i, r in enumerate([A, B, BAD])]
-    drawn = {s: drawn_sample(chosen_samples(rows, METRICS, s, "pose_error"), METRICS, "pose_error") for s in ("mean", "best", "first")}  # fmt: skip
+    drawn = {
+        s: drawn_sample(chosen_samples(rows, METRICS, s, "pose_error"), METRICS, "pose_error")
+        for s in ("mean", "best", "first")
+    }
     assert drawn == {"mean": 0, "best": 1, "first": 0}
-    assert drawn_sample(rows[2:], METRICS, "pose_error") == 2 and drawn_sample(rows, METRICS, "") == 0  # fmt: skip
+    assert (
+        drawn_sample(rows[2:], METRICS, "pose_error") == 2 and drawn_sample(rows, METRICS, "") == 0
+    )
 
 
 def test_what_does_not_apply_is_left_out_and_counted():
-    objects = {"a": {"x": 1.0, "y": np.nan}, "b": {"x": 3.0, "y": np.nan}, "c": {"x": np.nan, "y": np.nan}}  # fmt: skip
+    objects = {
+        "a": {"x": 1.0, "y": np.nan},
+        "b": {"x": 3.0, "y": np.nan},
+        "c": {"x": np.nan, "y": np.nan},
+    }
     rows = summarize_objects(objects, list(objects))
     assert rows["x"]["mean"] == 2.0 and rows["x"]["count"] == 2
     assert rows["y"]["count"] == 0 and np.isnan(rows["y"]["mean"])
@@ -110,7 +119,9 @@ def test_the_interval_is_the_known_one():
 
 def test_about_19_of_20_intervals_hold_the_truth():
     rng = np.random.default_rng(0)
-    hits = [low <= 0.3 <= high for low, high in (interval(rng.random(50) < 0.3) for _ in range(200))]  # fmt: skip
+    hits = [
+        low <= 0.3 <= high for low, high in (interval(rng.random(50) < 0.3) for _ in range(200))
+    ]
     assert 0.90 <= np.mean(hits) <= 0.985
 
 

@@ -61,9 +61,10 @@ def test_keys_and_a_perfect_copy():
 def test_one_axis_ten_per_cent_too_large():
     """A cube and one of 1.1 x 1 x 1, centred. Exact distances, by hand:
 
-    from the large one: two ends of area 1 at .05; of four sides of area 1.1 the outer .1 at .025 on average, the rest at 0.
-    from the small one: four sides at 0; at the two ends the nearer of the end (.05) and the side (e, distance from the edge), on average
-    .05 - integral over t < .05 of 1 - (1 - 2t)^2 = .05 - (2 t^2 - 4/3 t^3)(.05).
+    from the large one: two ends of area 1 at .05; of four sides of area 1.1 the outer .1 at .025 on
+    average, the rest at 0. from the small one: four sides at 0; at the two ends the nearer of the
+    end (.05) and the side (e, distance from the edge), on average .05 - integral over t < .05 of 1
+    - (1 - 2t)^2 = .05 - (2 t^2 - 4/3 t^3)(.05).
     """
     from_large = (2 * 0.05 + 4 * 0.1 * 0.025) / (2 + 4 * 1.1)
     end = 0.05 - (2 * 0.05**2 - 4 / 3 * 0.05**3)
@@ -74,9 +75,12 @@ def test_one_axis_ten_per_cent_too_large():
     )  # what lies on the other surface is at the distance of its samples
     assert exact < figures["rs_chamfer"] < exact + 1.1 * floor * (4 / 6)
     assert figures["as_chamfer"] == pytest.approx(figures["rs_chamfer"], abs=1e-6)
-    # within .02: of the large one the sides up to .02 beyond the cube's ends; of the small one the sides, and .02 along the ends' edges
+    # within .02: of the large one the sides up to .02 beyond the cube's ends; of the small one the
+    # sides, and .02 along the ends' edges
     precision, recall = 4 * 1.04 / 6.4, (4 + 2 * (1 - 0.96**2)) / 6
-    assert figures["rs_f_score"] == pytest.approx(2 * precision * recall / (precision + recall), abs=0.02)  # fmt: skip
+    assert figures["rs_f_score"] == pytest.approx(
+        2 * precision * recall / (precision + recall), abs=0.02
+    )
 
 
 def test_what_is_hidden_counts():
@@ -111,7 +115,9 @@ def test_chamfer_over_states_grows_with_wrong_limits():
 
 def test_right_is_better_than_shut_is_better_than_inwards():
     ref = cabinet()
-    shut = dataclasses.replace(ref, parts=(ref.parts[0], dataclasses.replace(ref.parts[1], joint=Joint.fixed())))  # fmt: skip
+    shut = dataclasses.replace(
+        ref, parts=(ref.parts[0], dataclasses.replace(ref.parts[1], joint=Joint.fixed()))
+    )
     objects = (ref, shut, cabinet((-np.pi / 2, 0)))
     chamfer = [measure(obj, ref, FEW)["as_chamfer"] for obj in objects]
     assert grows(chamfer, 0.01)
@@ -127,7 +133,8 @@ def test_a_missing_and_a_surplus_part_count_in_part_f_score():
 
 
 def test_parts_are_compared_with_their_match_alone():
-    """Three plates, the middle one given to the wrong part: the surfaces are the same, the parts are not."""
+    """Three plates, the middle one given to the wrong part: the surfaces are the same, the parts
+    are not."""
     low, middle, high = (box((1, 1, 0.01), (0, 0, z)) for z in (-0.3, 0, 0.3))
     join = trimesh.util.concatenate
     ref = ArticulatedObject((Part("a", join([low, middle])), Part("b", high, 0)))
@@ -145,7 +152,9 @@ def test_rigid_motion_of_both_and_order_of_parts():
     moved = measure(pred.transformed(turn), ref.transformed(turn), FEW)
     for key in ("rs_chamfer", "as_chamfer", "rs_f_score", "as_f_score"):
         assert moved[key] == pytest.approx(same[key], abs=1e-5)
-    three = dataclasses.replace(ref, parts=(*ref.parts, Part("knob", box((0.1, 0.1, 0.1), (0, 0, 0.55)), 0)))  # fmt: skip
+    three = dataclasses.replace(
+        ref, parts=(*ref.parts, Part("knob", box((0.1, 0.1, 0.1), (0, 0, 0.55)), 0))
+    )
     turned = dataclasses.replace(three, parts=(three.parts[0], three.parts[2], three.parts[1]))
     one, other = measure(three, ref), measure(turned, ref)
     for key in METRICS:

@@ -1,4 +1,5 @@
-"""A family of figures that costs nothing, for tests of the frame; the names of parts make it go wrong."""
+"""A family of figures that costs nothing, for tests of the frame; the names of parts make it go
+wrong."""
 
 import os
 import time

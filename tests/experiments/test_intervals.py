@@ -87,7 +87,15 @@ def test_a_table_says_what_its_intervals_are_over():
     told = [over(arms[name]) for name in kinds]
     assert told == ["2 trainings", "objects, one training", "objects", "other objects"]
     metric = {"title": "X", "better": "higher", "about": ""}
-    content = {"columns": ["x"], "level": 0.95, "arms": arms, "metrics": {"x": metric}, "broken": {"one": {1: "loss is nan"}}, "unfinished": {}, "objects": 3}  # fmt: skip
+    content = {
+        "columns": ["x"],
+        "level": 0.95,
+        "arms": arms,
+        "metrics": {"x": metric},
+        "broken": {"one": {1: "loss is nan"}},
+        "unfinished": {},
+        "objects": 3,
+    }
     arms["many"] |= {"failures": 2, "faulty": 1}
     text = "\n".join(lines(content))
     assert "counted with the worst values: many 2." in text and "is at fault: many 1." in text

@@ -1,4 +1,5 @@
-"""``kill -9`` in the middle of a training: the same command goes on, and ends with what an undisturbed one ends with, to the last digit."""
+"""``kill -9`` in the middle of a training: the same command goes on, and ends with what an
+undisturbed one ends with, to the last digit."""
 
 import os
 import subprocess
@@ -24,7 +25,7 @@ def experiment(size):
     records = Records({records!r}, families=("bottle",), count=2, views=1)
     arms = {{"uniart": Arm(config, ("uniart_vae",), "vae")}}
     return Experiment(arms, "uniart", ("as_chamfer",), seeds=1, count=1, records=(records,))
-"""
+"""  # noqa: E501
 
 
 def start(file: Path, out: Path, log: Path) -> subprocess.Popen:

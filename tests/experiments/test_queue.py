@@ -1,4 +1,5 @@
-"""What goes wrong in a queue: objects and trainings that fail, settings that changed, a test set by objects; nothing is trained here."""
+"""What goes wrong in a queue: objects and trainings that fail, settings that changed, a test set by
+objects; nothing is trained here."""
 
 import csv
 import dataclasses
@@ -56,9 +57,16 @@ def test_a_training_that_diverges_is_a_result_and_tried_again(fakes, tmp_path):
     failing.add(("two", 1))
     run.run_experiment(QUEUE, tmp_path)
     content = json.loads((tmp_path / "metrics.json").read_text())
-    assert {name: arm["seeds"] for name, arm in content["arms"].items()} == {"one": [0, 1], "two": [0], "again": [0]}  # fmt: skip
+    assert {name: arm["seeds"] for name, arm in content["arms"].items()} == {
+        "one": [0, 1],
+        "two": [0],
+        "again": [0],
+    }
     assert set(content["broken"]) == {"two", "again"}
-    assert "of two without a result, in no figure above: seed 1: uniart_vae: loss is nan" in (tmp_path / "table.md").read_text()  # fmt: skip
+    assert (
+        "of two without a result, in no figure above: seed 1: uniart_vae: loss is nan"
+        in (tmp_path / "table.md").read_text()
+    )
     failing.clear()
     trained.clear()
     run.run_experiment(QUEUE, tmp_path)
@@ -95,7 +103,9 @@ def test_settings_that_differ_are_named(monkeypatch, tmp_path):
     check_kept(QUEUE, "two", folder)
     kept["config"]["uniart_vae"]["learning_rate"] = 7.0
     keep(folder / FILE, kept)
-    with pytest.raises(ValueError, match=r"results of arm two .*uniart_vae.learning_rate 7.0 instead"):  # fmt: skip
+    with pytest.raises(
+        ValueError, match=r"results of arm two .*uniart_vae.learning_rate 7.0 instead"
+    ):
         check_kept(QUEUE, "two", folder)
     (folder / "seed-0").mkdir()
     (folder / FILE).unlink()
@@ -103,7 +113,9 @@ def test_settings_that_differ_are_named(monkeypatch, tmp_path):
         check_kept(QUEUE, "two", folder)
     assert settings.settings(QUEUE, "again")["of"] == settings.settings(QUEUE, "two")
     assert differences({"a": {"b": 1}}, {"a": {"b": 1, "c": 2}}, {"a": {"c": 2}}) == []
-    assert differences({"a": {"b": 1}}, {"a": {"b": 1, "c": 3}}, {"a": {"c": 2}}) == ["a.c 2 instead of 3"]  # fmt: skip
+    assert differences({"a": {"b": 1}}, {"a": {"b": 1, "c": 3}}, {"a": {"c": 2}}) == [
+        "a.c 2 instead of 3"
+    ]
 
 
 @pytest.mark.parametrize("field", ["init", "beside", "config.init", "there before"])
@@ -136,24 +148,33 @@ def test_an_arm_that_lacks_a_network_is_named_before_anything_is_made(monkeypatc
     shutil.copytree(PRETRAINED / "nano", blind)
     kept = read_config(blind)
     flow = dataclasses.replace(kept.model.latent_flow, pixel_channels=0)
-    write_config(blind, dataclasses.replace(kept, model=dataclasses.replace(kept.model, latent_flow=flow)))  # fmt: skip
+    write_config(
+        blind, dataclasses.replace(kept, model=dataclasses.replace(kept.model, latent_flow=flow))
+    )
     arms = {
         "flows, encoder": Arm(kept, ("structure_flow",), "object"),
         "latent_flow": Arm(kept, ("structure_flow",), "object", init=str(blind)),
         "structure_flow, latent_flow": Arm(kept, ("uniart_vae",), "object", init="nano"),
         "structure_flow": Arm(kept, ("latent_flow",), "object", beside="nano"),
     }
-    lacking = {**{name: name for name in arms}, "flows, encoder": "image_encoder, structure_vae, uniart_vae, latent_flow"}  # fmt: skip
+    lacking = {
+        **{name: name for name in arms},
+        "flows, encoder": "image_encoder, structure_vae, uniart_vae, latent_flow",
+    }
     for name, arm in arms.items():
         experiment = Experiment({name: arm}, name, ("rs_chamfer",), records=records)
         with pytest.raises(ValueError, match=f"is judged by {lacking[name]}, which it neither"):
             run.prepare(experiment, tmp_path / "out", [name], 1, 1)
-    for arm in (Arm(kept, ("structure_flow",), "object", init="nano"), Arm(kept, (), "object", init=str(blind))):  # fmt: skip
+    for arm in (
+        Arm(kept, ("structure_flow",), "object", init="nano"),
+        Arm(kept, (), "object", init=str(blind)),
+    ):
         check_networks("fine", arm, arm)
 
 
 def test_of_each_object_one_record_is_tested(tmp_path):
-    """Records are object by object, five states each; the test split is some of the objects, and a state may have failed."""
+    """Records are object by object, five states each; the test split is some of the objects, and a
+    state may have failed."""
     with (tmp_path / "manifest.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS)
         writer.writeheader()
@@ -182,7 +203,9 @@ def test_an_object_without_a_truth_counts_for_nobody(monkeypatch, tmp_path):
 
 def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
     (name,) = judge.test_names(ARM.tests, 1)
-    model = dataclasses.replace(Config().model, grid=dataclasses.replace(Config().model.grid, resolution=8))  # fmt: skip
+    model = dataclasses.replace(
+        Config().model, grid=dataclasses.replace(Config().model.grid, resolution=8)
+    )
     test = judge.test_object(ARM, name, model)
 
     def broken(*_):
@@ -213,7 +236,12 @@ def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
 
 def test_a_failure_counts_for_nothing_where_the_truth_has_nothing_to_compare():
     slide = Joint((0, 0, 0), (1.0, 0, 0), travel=(0.0, 0.3))
-    chest = ArticulatedObject([Part("case", trimesh.creation.box((1, 1, 1)), -1), Part("drawer", trimesh.creation.box((0.5, 0.5, 0.2)), 0, slide)])  # fmt: skip
+    chest = ArticulatedObject(
+        [
+            Part("case", trimesh.creation.box((1, 1, 1)), -1),
+            Part("drawer", trimesh.creation.box((0.5, 0.5, 0.2)), 0, slide),
+        ]
+    )
     figures = judge.worst("articulation", at_rest(chest))
     assert np.isnan(figures["pivot"]) and figures["axis_median"] == 180  # nothing turns
 
@@ -230,6 +258,9 @@ def test_an_unfinished_training_is_named_and_copies_beside_it_are_not_read(monke
     assert content["arms"]["one"]["rows"]["rs_chamfer"]["mean"] == pytest.approx(0.1)
     assert "in no figure above: one (seed 1: 2 of 3)." in (tmp_path / "table.md").read_text()
     # of a newer version, which knows more figures
-    keep(tmp_path / f"one/seed-0/figures/{names[2]}.json", {"figures": {"rs_chamfer": 0.4, "as_chamfer": 1.0}, "failure": ""})  # fmt: skip
+    keep(
+        tmp_path / f"one/seed-0/figures/{names[2]}.json",
+        {"figures": {"rs_chamfer": 0.4, "as_chamfer": 1.0}, "failure": ""},
+    )
     with pytest.raises(ValueError, match="seed-0: figures of several versions"):
         table.write_tables(QUEUE, tmp_path, 3)

@@ -64,7 +64,8 @@ def marching_cubes_block(cells: int) -> trimesh.Trimesh:
 
 
 def make_cabinet() -> ArticulatedObject:
-    """Body, hinged door, drawer, screw on the door, fixed foot, wheel: three deep, all joint types, half a metre large."""
+    """Body, hinged door, drawer, screw on the door, fixed foot, wheel: three deep, all joint types,
+    half a metre large."""
     body = hollow_box([-0.3, -0.4, -0.5], [0.3, 0.4, 0.5], 0.04)
     door = painted_box([-0.34, -0.38, 0.02], [-0.301, 0.38, 0.48])
     drawer = textured_plate([-0.34, -0.35, -0.45], [0.2, 0.35, -0.02])

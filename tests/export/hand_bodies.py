@@ -1,4 +1,5 @@
-"""Bodies, surfaces and mesh files of a small object, made by hand: what writers take, without the code that makes them."""
+"""Bodies, surfaces and mesh files of a small object, made by hand: what writers take, without the
+code that makes them."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ def make_surface(mesh: trimesh.Trimesh) -> Surface:
 
 
 def make_bodies(obj: ArticulatedObject) -> list[Body]:
-    """A turned box and a hull for every part (flat ones: a box), some mass with a slanted tensor, dynamics told apart by part."""
+    """A turned box and a hull for every part (flat ones: a box), some mass with a slanted tensor,
+    dynamics told apart by part."""
     bodies = []
     for k, part in enumerate(obj.parts):
         lo, hi = part.mesh.bounds * obj.scale

@@ -1,4 +1,5 @@
-"""The asset folder: complete or absent, and what other people's loaders read from it is what we meant."""
+"""The asset folder: complete or absent, and what other people's loaders read from it is what we
+meant."""
 
 from __future__ import annotations
 

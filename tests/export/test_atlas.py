@@ -25,7 +25,8 @@ def as_object(*meshes: trimesh.Trimesh) -> ArticulatedObject:
 
 
 def color_errors(source: trimesh.Trimesh, result: trimesh.Trimesh) -> np.ndarray:
-    """[n, 3] sRGB differences, in [0, 1], between points of the result and the source surface nearest to them."""
+    """[n, 3] sRGB differences, in [0, 1], between points of the result and the source surface
+    nearest to them."""
     points, faces = trimesh.sample.sample_surface(result, 2000, seed=0)
     weights = trimesh.triangles.points_to_barycentric(result.triangles[faces], points)
     nearest, _, triangle = trimesh.proximity.closest_point(source, points)

@@ -65,7 +65,8 @@ def test_bodies_are_the_same_every_time():
 
 
 def test_an_open_drawer_catches_a_ball(tmp_path):
-    """Dropped into a drawer that is pulled out of its cabinet while it falls, a ball comes to rest in it."""
+    """Dropped into a drawer that is pulled out of its cabinet while it falls, a ball comes to rest
+    in it."""
     cabinet = hollow_box([-0.2, -0.25, -0.2], [0.2, 0.25, 0.2], 0.02)
     outer = trimesh.creation.box(bounds=[[-0.2, -0.2, -0.15], [0.1, 0.2, 0.1]])
     inner = trimesh.creation.box(bounds=[[-0.18, -0.18, -0.13], [0.08, 0.18, 0.2]])

@@ -1,4 +1,5 @@
-"""Sheets with a thickness: every edge has two faces, what is seen stays where it was, what was closed is untouched."""
+"""Sheets with a thickness: every edge has two faces, what is seen stays where it was, what was
+closed is untouched."""
 
 from __future__ import annotations
 
@@ -30,9 +31,9 @@ def tube(radius: float) -> trimesh.Trimesh:
 SHEETS = {
     "square": ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]]),
     "faces that disagree": ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 3, 2]]),
-    "three on an edge": ([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 0.2, 0], [0.1, 1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]]),
-    "two that meet in a point": ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], [[0, 1, 2], [0, 3, 4]]),
-    "back to back": ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]),
+    "three on an edge": ([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 0.2, 0], [0.1, 1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]]),  # noqa: E501
+    "two that meet in a point": ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], [[0, 1, 2], [0, 3, 4]]),  # noqa: E501
+    "back to back": ([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3], [2, 1, 0], [3, 2, 0]]),  # noqa: E501
     "box without a face": (BOX.vertices, BOX.faces[2:]),
     "tube": (tube(0.05).vertices, tube(0.05).faces),
     "narrow tube": (tube(0.002).vertices, tube(0.002).faces),

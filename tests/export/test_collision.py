@@ -168,7 +168,10 @@ def test_round_solids_of_any_flatness_keep_their_shape(kind, sections, radius, f
     else:
         rings = np.linspace(0.02, np.pi - 0.02, max(3, min(sections // 2, 24)))
         heights, widths = -np.cos(rings) / 2, np.sin(rings)
-    points = [np.column_stack([w * rim, np.full(sections, h)]) for h, w in zip(heights, widths, strict=True)]  # fmt: skip
+    points = [
+        np.column_stack([w * rim, np.full(sections, h)])
+        for h, w in zip(heights, widths, strict=True)
+    ]
     points = np.concatenate(points) * [r, r, r * 10**flat]
     mesh = trimesh.convex.convex_hull(points)
     whole = Manifold.hull_points(points)
@@ -201,16 +204,15 @@ SPECKS = [9e-6, 1e-6, 1e-8, 1e-9, 1e-12]
 
 @pytest.fixture(scope="module")
 def specks():
-    """What becomes of specks and needles, by extent, in a process of its own: manifold3d would end it."""
+    """What becomes of specks and needles, by extent, in a process of its own: manifold3d would end
+    it."""
     script = (
-        "import trimesh\n"
-        "from uniart_jax.export.collision import collision_shapes\n"
-        f"for extent in {SPECKS}:\n"
-        "    speck = trimesh.creation.icosphere(2, extent / 2)\n"
-        "    needle = trimesh.creation.box([1, extent, extent])\n"
-        "    found = collision_shapes([trimesh.creation.box([1, 1, 1]), speck, needle])\n"
-        "    boxes = [(type(s).__name__, bool(s.size.min() >= .99e-5)) for own in found for s in own]\n"
-        "    print(boxes, flush=True)\n"
+        "import trimesh\nfrom uniart_jax.export.collision import collision_shapes\nfor extent in "
+        f"{SPECKS}:\n    speck = trimesh.creation.icosphere(2, extent / 2)\n    needle = "
+        "trimesh.creation.box([1, extent, extent])\n    found = "
+        "collision_shapes([trimesh.creation.box([1, 1, 1]), speck, needle])\n    boxes = "
+        "[(type(s).__name__, bool(s.size.min() >= .99e-5)) for own in found for s in own]\n    "
+        "print(boxes, flush=True)\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     return dict(zip(SPECKS, done.stdout.splitlines(), strict=False)), done.stderr
@@ -235,7 +237,8 @@ def test_a_sealed_box_is_hollow_and_an_inverted_one_is_solid():
 
 
 def test_a_bolt_in_a_narrow_hole_makes_both_finer():
-    """Alone, the hole is within the tolerance of a large plate and is filled; with the bolt in it, it is not."""
+    """Alone, the hole is within the tolerance of a large plate and is filled; with the bolt in it,
+    it is not."""
     plate = trimesh.creation.box([1, 1, 0.05])
     hole = trimesh.creation.cylinder(0.0045, 1, sections=16)
     plate = trimesh.boolean.difference([plate, hole], engine="manifold")

@@ -115,7 +115,10 @@ def test_files_and_report_have_what_was_asked_for(tmp_path, collision):
     )  # fmt: skip
     report = json.loads((tmp_path / "a" / "report.json").read_text())
     assert report["collision"] == collision
-    shapes = [len(link.findall("collision")) for link in ElementTree.parse(tmp_path / "a" / "object.urdf").iter("link")]  # fmt: skip
+    shapes = [
+        len(link.findall("collision"))
+        for link in ElementTree.parse(tmp_path / "a" / "object.urdf").iter("link")
+    ]
     assert shapes == [part["shapes"] for part in report["parts"]]
     assert sum(shapes) == (3 if collision == "hull" else 6)
     assert bool(list((tmp_path / "a/meshes/collision").iterdir())) == (collision == "hull")

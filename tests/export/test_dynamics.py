@@ -185,7 +185,8 @@ def test_a_long_chain_asks_for_few_states(links, monkeypatch):
 
 
 def test_nothing_falls_or_explodes_in_mujoco(tmp_path):
-    """A heavy flap half open, a lift and a loose wheel, two seconds at 2 ms; then a hand at the rim moves the flap."""
+    """A heavy flap half open, a lift and a loose wheel, two seconds at 2 ms; then a hand at the rim
+    moves the flap."""
     lid = trimesh.creation.box(bounds=[[0, -0.5, 0.1], [1, 0.5, 0.15]])
     lift = trimesh.creation.box(bounds=[[0, 2, 0], [1, 3, 1]])
     bead = trimesh.creation.box(bounds=[[-0.01, -2.01, -0.01], [0.01, -2, 0.01]])
@@ -207,8 +208,10 @@ def test_nothing_falls_or_explodes_in_mujoco(tmp_path):
     data = mujoco.MjData(model)
     for _ in range(1000):
         mujoco.mj_step(model, data)
-    # MuJoCo's dry friction is soft and URDF cannot say otherwise: at its default impedance d = .9 and time constant .02 s a joint
-    # creeps at (1 - d) / d * a * .95 * .02 / 2 under a load that alone would accelerate it by a. That for two seconds, twice.
+    # MuJoCo's dry friction is soft and URDF cannot say otherwise: at its default impedance d = .9
+    # and time constant .02 s a joint
+    # creeps at (1 - d) / d * a * .95 * .02 / 2 under a load that alone would accelerate it by a.
+    # That for two seconds, twice.
     creep = 0.1 / 0.9 * 0.0095 * 2 * 2
     assert abs(data.joint("lid_joint").qpos[0]) < creep * 9.81 / 0.5 * 1.5
     assert abs(data.joint("lift_joint").qpos[0]) < creep * 9.81

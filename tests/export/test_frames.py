@@ -24,7 +24,8 @@ BOX = trimesh.creation.box()
 
 @pytest.fixture
 def chain() -> ArticulatedObject:
-    """base - door (hinge) - handle (fixed) - key (left-handed screw); shelf fixed to the base. 2 m a unit."""
+    """base - door (hinge) - handle (fixed) - key (left-handed screw); shelf fixed to the base. 2 m
+    a unit."""
     return ArticulatedObject(
         (
             Part("base", BOX, -1, Joint([9, 9, 9], [0, 0, 1], (-1, 1))),

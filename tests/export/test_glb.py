@@ -38,7 +38,8 @@ def contents(path: Path) -> tuple[dict, bytes]:
 
 
 def floats(tree: dict, buffer: bytes, index: int) -> np.ndarray:
-    """An accessor's values [count, width]; its view must fit and its least and largest values be true."""
+    """An accessor's values [count, width]; its view must fit and its least and largest values be
+    true."""
     accessor = tree["accessors"][index]
     view = tree["bufferViews"][accessor["bufferView"]]
     width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[accessor["type"]]
@@ -75,7 +76,8 @@ def world_matrices(tree: dict, changed: dict[int, dict]) -> dict[str, np.ndarray
 
 
 def played(tree: dict, buffer: bytes, clip: dict, time: float) -> dict[int, dict]:
-    """Node -> properties at a time, interpolated as the poorest player does: component by component, then normalised."""
+    """Node -> properties at a time, interpolated as the poorest player does: component by
+    component, then normalised."""
     changed: dict[int, dict] = {}
     for channel in clip["channels"]:
         sampler = clip["samplers"][channel["sampler"]]
@@ -91,7 +93,8 @@ def played(tree: dict, buffer: bytes, clip: dict, time: float) -> dict[int, dict
 
 
 def clip_error(obj: ArticulatedObject, path: Path) -> float:
-    """Largest distance, in sizes of the object, of any part's box corners from where the object has them, over all clips and many times."""
+    """Largest distance, in sizes of the object, of any part's box corners from where the object has
+    them, over all clips and many times."""
     tree, buffer = contents(path)
     moving = [k for k, p in enumerate(obj.parts) if p.parent >= 0 and p.joint.type != "fixed"]
     clips = {clip["name"]: clip for clip in tree.get("animations", [])}
@@ -280,7 +283,8 @@ def test_a_mesh_for_every_part(tmp_path):
 
 
 def validator() -> str:
-    """Where Khronos's validator lies: GLTF_VALIDATOR names its folder, or npm has it globally; else the test is skipped."""
+    """Where Khronos's validator lies: GLTF_VALIDATOR names its folder, or npm has it globally; else
+    the test is skipped."""
     install = f"npm install -g {VALIDATOR} (or GLTF_VALIDATOR=<its folder>)"
     if shutil.which("node") is None:
         pytest.skip(f"needs Node.js, then: {install}")
@@ -296,7 +300,8 @@ def validator() -> str:
 @pytest.mark.node
 @pytest.mark.parametrize("case", ["cabinet", "odd", "still"])
 def test_khronos_finds_no_fault(cabinet, glb, tmp_path, case):
-    """No error and no warning, also of triangles without area, of names that need escapes and of what does not move."""
+    """No error and no warning, also of triangles without area, of names that need escapes and of
+    what does not move."""
     folder = validator()
     if case == "cabinet":
         path = glb

@@ -1,4 +1,5 @@
-"""The MJCF: MuJoCo compiles it without a word, moves it as we do, and it reads back as the object that was written."""
+"""The MJCF: MuJoCo compiles it without a word, moves it as we do, and it reads back as the object
+that was written."""
 
 from __future__ import annotations
 
@@ -71,7 +72,8 @@ def set_state(model: mujoco.MjModel, data: mujoco.MjData, obj: ArticulatedObject
 
 
 def largest_error(obj: ArticulatedObject, model: mujoco.MjModel, seed: int) -> float:
-    """Largest distance of a part's box corners from where the object has them, in sizes of the object, over random states."""
+    """Largest distance of a part's box corners from where the object has them, in sizes of the
+    object, over random states."""
     rng, data = np.random.default_rng(seed), mujoco.MjData(model)
     at_start, worst = {}, 0.0
     set_state(model, data, obj, np.zeros(len(obj.parts)))
@@ -136,7 +138,8 @@ def test_it_reads_back_as_the_same_object(cabinet_files):
 
 
 def test_masses_and_inertia(cabinet_files, model):
-    """About the centre of mass, in the object's axes: MuJoCo's main axes and moments give the tensor back."""
+    """About the centre of mass, in the object's axes: MuJoCo's main axes and moments give the
+    tensor back."""
     obj, given, _ = cabinet_files
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -247,11 +250,12 @@ def test_keyframes_are_rest_and_open(tmp_path, name):
 
 
 def test_it_works_moved_included_and_attached(cabinet_files, tmp_path):
-    """Mesh paths hold where the folder goes, in a scene beside it or above it, and through MjSpec."""
+    """Mesh paths hold where the folder goes, in a scene beside it or above it, and through
+    MjSpec."""
     home = tmp_path / "elsewhere" / "cabinet"
     shutil.copytree(cabinet_files[1].folder, home)
     alone = compiled(home / "object.xml")
-    scene = '<mujoco><include file="{}"/><worldbody><geom type="plane" size="2 2 1" pos="0 0 -1"/></worldbody></mujoco>'
+    scene = '<mujoco><include file="{}"/><worldbody><geom type="plane" size="2 2 1" pos="0 0 -1"/></worldbody></mujoco>'  # noqa: E501
     for folder, name in ((home, "object.xml"), (home.parent, "cabinet/object.xml")):
         (folder / "scene.xml").write_text(scene.format(name))
         included = compiled(folder / "scene.xml")
@@ -342,7 +346,8 @@ NAMES = st.lists(
 
 @given(names=NAMES, data=st.data())
 def test_any_tree_and_names(tmp_path_factory, names, data):
-    """Random joints of every kind under random names: compiled, and the same motion by body index."""
+    """Random joints of every kind under random names: compiled, and the same motion by body
+    index."""
     folder = tmp_path_factory.mktemp("any")
     number = st.floats(-1, 1)
     parts = [Part(names[0], box([0, 0, 0], [1, 2, 3]))]

@@ -1,4 +1,5 @@
-"""view.html: complete in one file, nothing fetched, nobody's name executed, and joints that move as in Python."""
+"""view.html: complete in one file, nothing fetched, nobody's name executed, and joints that move as
+in Python."""
 
 from __future__ import annotations
 
@@ -232,7 +233,8 @@ def browser(tmp_path_factory):
 
 @pytest.fixture
 def opened(browser, page_file):
-    """The cabinet's page, freshly loaded. Nothing may go wrong in it, and nothing may be asked for."""
+    """The cabinet's page, freshly loaded. Nothing may go wrong in it, and nothing may be asked
+    for."""
     show(browser, page_file)
     yield browser
     assert browser.errors == []
@@ -260,7 +262,8 @@ def set_joints(browser, obj, q):
 
 
 def part_mask(picture, k):
-    """Pixels of a picture that have the flat colour of part ``k``, whatever white or gray is mixed into it."""
+    """Pixels of a picture that have the flat colour of part ``k``, whatever white or gray is mixed
+    into it."""
     color = np.array([int(part_color(k)[i : i + 2], 16) for i in (1, 3, 5)], float)
     color, seen = (c - c.mean(-1, keepdims=True) for c in (color, picture.astype(float)))
     strength = np.linalg.norm(seen, axis=-1)
@@ -342,11 +345,17 @@ def test_sliders_buttons_and_play(opened, cabinet):
     state = "viewer.joints()"
     opened.evaluate("document.querySelector('input[name=drawer]').focus()")
     for kind in ("keyDown", "keyUp"):
-        opened.call("Input.dispatchKeyEvent", type=kind, key="End", code="End", windowsVirtualKeyCode=35)  # fmt: skip
+        opened.call(
+            "Input.dispatchKeyEvent", type=kind, key="End", code="End", windowsVirtualKeyCode=35
+        )
     assert opened.evaluate(state)["drawer"] == pytest.approx(0.4 * cabinet.scale)
     readings = "[...document.querySelectorAll('.part')].map(r => r.textContent)"
     assert any("drawer" in r and "200 mm" in r for r in opened.evaluate(readings))
-    for name, q in (("open", cabinet.open()), ("rest", cabinet.rest()), ("shown", 0 * cabinet.rest())):  # fmt: skip
+    for name, q in (
+        ("open", cabinet.open()),
+        ("rest", cabinet.rest()),
+        ("shown", 0 * cabinet.rest()),
+    ):
         click(opened, f"[data-state={name}]")
         opened.wait(f"document.querySelector('[data-state={name}]').ariaCurrent === 'true'")
         meant = float(q[cabinet.index("door")])

@@ -1,4 +1,5 @@
-"""A picture's colours on the surface that it shows: what is seen takes them, what is hidden does not, light is divided out."""
+"""A picture's colours on the surface that it shows: what is seen takes them, what is hidden does
+not, light is divided out."""
 
 import dataclasses
 
@@ -25,7 +26,9 @@ FRONT, SIDE, HIDDEN = (
 
 def painted(mesh, colors):
     rgba = np.round(255 * np.append(linear_to_srgb(colors), np.ones((len(colors), 1)), 1))
-    return trimesh.Trimesh(mesh.vertices, mesh.faces, face_colors=rgba.astype(np.uint8), process=False)  # fmt: skip
+    return trimesh.Trimesh(
+        mesh.vertices, mesh.faces, face_colors=rgba.astype(np.uint8), process=False
+    )
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +79,9 @@ def test_what_is_seen_is_believed_and_what_is_hidden_is_not(scene):
     _, belief = look(picture, obj, points, normals)
     front = (own == 1) & (normals[:, 0] < -0.5)
     assert np.median(belief[front]) == 1 and not belief[normals[:, 0] > 0.5].any()
-    shadowed = (own == 0) & (np.abs(points[:, 1:] - [0.1, -0.12]).max(1) < 0.06) & (normals[:, 0] < -0.5)  # fmt: skip
+    shadowed = (
+        (own == 0) & (np.abs(points[:, 1:] - [0.1, -0.12]).max(1) < 0.06) & (normals[:, 0] < -0.5)
+    )
     assert shadowed.sum() > 5 and not belief[shadowed].any()  # behind the box
 
 
@@ -89,7 +94,10 @@ def test_colours_come_from_the_picture_and_light_does_not(scene):
     sure = belief > 0.9
     before, after = np.abs(gray - true)[sure].mean(), np.abs(found - true)[sure].mean()
     assert after < 0.4 * before
-    lit = [np.median(found[(belief > 0.5) & (own == 1) & mine].sum(-1)) for mine in (normals[:, 0] < -0.5, normals[:, 2] > 0.5)]  # fmt: skip
+    lit = [
+        np.median(found[(belief > 0.5) & (own == 1) & mine].sum(-1))
+        for mine in (normals[:, 0] < -0.5, normals[:, 2] > 0.5)
+    ]
     true_lit = FRONT.sum() / SIDE.sum()
     assert abs(np.log(lit[0] / lit[1] / true_lit)) < 0.35
     # the far side of the box mirrors the near one
@@ -97,7 +105,11 @@ def test_colours_come_from_the_picture_and_light_does_not(scene):
     assert not belief[far].any()
     np.testing.assert_allclose(np.median(found[far], 0), np.median(found[near], 0), atol=0.05)
     back = (own == 0) & (normals[:, 0] > 0.5)
-    np.testing.assert_allclose(found[back & (np.abs(points[:, 1]) < 0.2) & (np.abs(points[:, 2]) < 0.2)], true.mean(), atol=0.08)  # fmt: skip
+    np.testing.assert_allclose(
+        found[back & (np.abs(points[:, 1]) < 0.2) & (np.abs(points[:, 2]) < 0.2)],
+        true.mean(),
+        atol=0.08,
+    )
 
 
 def test_a_picture_of_nothing_changes_nothing(scene):

@@ -35,7 +35,9 @@ def shapes() -> dict[str, trimesh.Trimesh]:
     beside = box().apply_translation([1, 1, 0])
     bowl = box(extents=[1, 1, 1])
     bowl.update_faces(bowl.triangles_center[:, 2] < 0.49)
-    soup = trimesh.Trimesh(box().triangles.reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False)  # fmt: skip
+    soup = trimesh.Trimesh(
+        box().triangles.reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False
+    )
     small = trimesh.creation.icosphere(2, 1e-2).apply_translation([9, 9, 9])
     return {
         "box": box(),
@@ -48,9 +50,16 @@ def shapes() -> dict[str, trimesh.Trimesh]:
 
 @pytest.mark.parametrize("scale", [1.0, 1e-3])
 def test_watertight_is_what_the_edges_of_the_written_file_say(tmp_path, scale):
-    parts = [Part(name, mesh.apply_translation([3 * k, 0, 0]), min(k, 1) - 1) for k, (name, mesh) in enumerate(shapes().items())]  # fmt: skip
-    out = save_asset(ArticulatedObject(tuple(parts), scale), tmp_path / "a", formats=(), motion=False)  # fmt: skip
-    told = {p["name"]: p["watertight"] for p in json.loads((out / "report.json").read_text())["parts"]}  # fmt: skip
+    parts = [
+        Part(name, mesh.apply_translation([3 * k, 0, 0]), min(k, 1) - 1)
+        for k, (name, mesh) in enumerate(shapes().items())
+    ]
+    out = save_asset(
+        ArticulatedObject(tuple(parts), scale), tmp_path / "a", formats=(), motion=False
+    )
+    told = {
+        p["name"]: p["watertight"] for p in json.loads((out / "report.json").read_text())["parts"]
+    }
     counted = {name: bool((edge_counts(out / f"meshes/{name}.obj") == 2).all()) for name in told}
     assert told == counted
     assert told["box"] and told["soup"] and not told["joined"]

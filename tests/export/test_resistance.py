@@ -42,7 +42,8 @@ def lid(scale: float = 1.0) -> ArticulatedObject:
 
 
 def numbers(folder) -> dict[str, dict[str, tuple[float, float]]]:
-    """{format: {joint: (friction, damping)}} of a written asset, N m and N m s / rad or N and N s / m."""
+    """{format: {joint: (friction, damping)}} of a written asset, N m and N m s / rad or N and N s /
+    m."""
     found: dict[str, dict[str, tuple[float, float]]] = {"urdf": {}, "mjcf": {}, "report": {}}
     for joint in ElementTree.parse(folder / "object.urdf").getroot().iter("joint"):
         said = joint.find("dynamics")

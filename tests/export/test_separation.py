@@ -46,7 +46,11 @@ def test_what_does_not_overlap_is_left_as_it_is():
         (box([1.0, 0, 0], [1, 1, 1]), box([0, 0, 2], [1, 1, 1])),
     ]
     apart = separated(shapes, LEAST, hull)
-    assert all(a is b for one, two in zip(shapes, apart, strict=True) for a, b in zip(one, two, strict=True))  # fmt: skip
+    assert all(
+        a is b
+        for one, two in zip(shapes, apart, strict=True)
+        for a, b in zip(one, two, strict=True)
+    )
 
 
 def test_shapes_of_one_part_may_overlap():
@@ -114,13 +118,16 @@ def refused(one, two, first: float, second: float) -> bool:
         for side in (0, 1):
             kept, other = pieces[0][side].volume(), pieces[1][1 - side].volume()
             lost = (a.volume() - kept) / first + (b.volume() - other) / second
-            if lost < 0.999 * MOST_LOST and min(kept / first, other / second) > 1.001 * (1 - MOST_LOST):  # fmt: skip
+            if lost < 0.999 * MOST_LOST and min(kept / first, other / second) > 1.001 * (
+                1 - MOST_LOST
+            ):
                 return False
     return True
 
 
 def test_cuts_of_several_neighbours_add_up():
-    """A bar that six plates reach into by an eighth each, from both ends: it gives no more than half."""
+    """A bar that six plates reach into by an eighth each, from both ends: it gives no more than
+    half."""
     bar = box([0, 0, 0], [4, 1, 1])
     plates = []
     for step in range(3):
@@ -151,7 +158,8 @@ def test_width_is_the_thinnest_extent():
 
 
 def test_rough_parts_that_cross_do_not_push_each_other():
-    """Two noisy blocks whose surfaces cross along a seam, of many faces each, as a network gives them."""
+    """Two noisy blocks whose surfaces cross along a seam, of many faces each, as a network gives
+    them."""
     rng = np.random.default_rng(0)
     meshes = []
     for at in (-0.25, 0.24):

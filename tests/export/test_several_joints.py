@@ -1,4 +1,5 @@
-"""A body with several joints: none is lost between an MJCF by others and the files that we write."""
+"""A body with several joints: none is lost between an MJCF by others and the files that we
+write."""
 
 from __future__ import annotations
 
@@ -16,7 +17,8 @@ from uniart_jax.objects.load import load_object
 from uniart_jax.simulation.planning import plan_asset
 from uniart_jax.simulation.reading import Description
 
-# A tap: its lever is lifted and swung by two hinges on one body, its sieve is pulled out and turned.
+# A tap: its lever is lifted and swung by two hinges on one body, its sieve is pulled out and
+# turned.
 TAP = """<mujoco model="tap"><compiler angle="radian"/><worldbody><body name="spout">
   <geom type="box" size=".03 .03 .1" pos="0 0 .1"/>
   <body name="lever" pos="0 0 .22" euler=".1 0 .3">
@@ -152,7 +154,8 @@ def test_what_was_written_reads_back_with_every_joint_and_in_its_place(tap):
 
 
 def test_validation_moves_every_joint_about_its_own_axis(tap):
-    """Also those beside a part's first: each is swept over its own range, from where it is shown."""
+    """Also those beside a part's first: each is swept over its own range, from where it is
+    shown."""
     for file in ("object.urdf", "object.xml"):
         description = Description(tap[1] / file, False)
         description.read()

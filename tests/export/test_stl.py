@@ -112,7 +112,8 @@ def test_an_edge_shorter_than_rounding_is_closed(tmp_path):
     sections=st.integers(8, 60),
 )
 def test_rounding_to_floats_leaves_no_hole(tmp_path_factory, scale, away, name, sections):
-    """Far from the origin short edges fall together: the file is closed nevertheless, or the part is named."""
+    """Far from the origin short edges fall together: the file is closed nevertheless, or the part
+    is named."""
     mesh = trimesh.creation.torus(0.4, 0.1, major_sections=sections, minor_sections=8)
     mesh.apply_translation([away, away / 3, 0])
     folder = tmp_path_factory.mktemp("far")

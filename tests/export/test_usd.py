@@ -1,4 +1,5 @@
-"""The USD: usd-core's own validators find nothing, its physics parser finds our articulation, and its joints move as ours."""
+"""The USD: usd-core's own validators find nothing, its physics parser finds our articulation, and
+its joints move as ours."""
 
 from __future__ import annotations
 
@@ -86,7 +87,8 @@ def local_poses(joint) -> list[np.ndarray]:
 
 
 def moved_bodies(stage, state: dict[str, float]) -> dict[str, np.ndarray]:
-    """Path -> [4, 4] of every body at joint coordinates in degrees and metres, by the joints alone."""
+    """Path -> [4, 4] of every body at joint coordinates in degrees and metres, by the joints
+    alone."""
     placed: dict[str, np.ndarray] = {}
     waiting = list(joints_of(stage).items())
     while waiting:
@@ -115,7 +117,8 @@ def moved_bodies(stage, state: dict[str, float]) -> dict[str, np.ndarray]:
 
 
 def largest_error(obj: ArticulatedObject, stage, seed: int) -> float:
-    """Largest distance of a part's box corners from where the object has them, in sizes of the object, over random states."""
+    """Largest distance of a part's box corners from where the object has them, in sizes of the
+    object, over random states."""
     rng, worst, bodies = np.random.default_rng(seed), 0.0, named(stage)
     assert set(bodies) >= {p.name for p in obj.parts}
     for _ in range(STATES):
@@ -248,7 +251,8 @@ def test_collision_shapes_are_those_given(cabinet, files, stage):
 
 
 def test_visual_meshes_are_closed_and_textured(cabinet, files, stage):
-    """Every corner has the place and the texture coordinates of the surface; no vertex is doubled along a seam."""
+    """Every corner has the place and the texture coordinates of the surface; no vertex is doubled
+    along a seam."""
     bodies = named(stage)
     for part, surface in zip(cabinet.parts, files[0].surfaces, strict=True):
         mesh = UsdGeom.Mesh(stage.GetPrimAtPath(bodies[part.name].GetPath().AppendChild("visual")))

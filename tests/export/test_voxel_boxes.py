@@ -1,4 +1,5 @@
-"""Rough parts as boxes of lattice cells: cavities stay, parts do not cross, smooth objects are not taken for rough."""
+"""Rough parts as boxes of lattice cells: cavities stay, parts do not cross, smooth objects are not
+taken for rough."""
 
 from __future__ import annotations
 
@@ -44,12 +45,16 @@ def block(*ranges: tuple[float, float]) -> np.ndarray:
 
 
 def tray() -> np.ndarray:
-    return block((-0.4, 0.1), (-0.3, 0.3), (-0.2, 0.1)) & ~block((-0.37, 0.07), (-0.27, 0.27), (-0.16, 0.2))  # fmt: skip
+    return block((-0.4, 0.1), (-0.3, 0.3), (-0.2, 0.1)) & ~block(
+        (-0.37, 0.07), (-0.27, 0.27), (-0.16, 0.2)
+    )
 
 
 def chest(drawn: float = 0.0) -> ArticulatedObject:
     """A rough case around a rough tray that slides out by .4; ``drawn``: where it is shown."""
-    case = block((-0.4, 0.3), (-0.4, 0.4), (-0.3, 0.25)) & ~block((-0.5, 0.2), (-0.33, 0.33), (-0.23, 0.2))  # fmt: skip
+    case = block((-0.4, 0.3), (-0.4, 0.4), (-0.3, 0.25)) & ~block(
+        (-0.5, 0.2), (-0.33, 0.33), (-0.23, 0.2)
+    )
     slide = Joint([0, 0, 0], [-1, 0, 0], (0, 0), (0, 0.4))
     parts = Part("case", rough(case)), Part("tray", rough(tray(), 1), 0, slide)
     obj = ArticulatedObject(parts, scale=2.0)
@@ -132,7 +137,9 @@ def test_boxes_hold_the_cells_and_nothing_that_is_not_allowed(seed, share):
         cells = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
         assert (full | spare)[cells].all()
         held[cells] = True
-    assert any(len(boxes) <= most and (full & ~held).sum() <= left * full.sum() for most, left in ENOUGH)  # fmt: skip
+    assert any(
+        len(boxes) <= most and (full & ~held).sum() <= left * full.sum() for most, left in ENOUGH
+    )
     assert all(np.array_equal(a, b) for a, b in zip(cover(full, spare), boxes, strict=True))
 
 
@@ -151,7 +158,9 @@ def test_a_block_is_one_box_and_layers_of_bumps_are_not_followed():
 
 def test_surfaces_that_are_inside_out_count_as_well():
     obj = chest()
-    turned = [trimesh.Trimesh(p.mesh.vertices, p.mesh.faces[:, ::-1], process=False) for p in obj.parts]  # fmt: skip
+    turned = [
+        trimesh.Trimesh(p.mesh.vertices, p.mesh.faces[:, ::-1], process=False) for p in obj.parts
+    ]
     same, other = as_cells(obj, [p.mesh for p in obj.parts]), as_cells(obj, turned)
     assert np.array_equal(same.full, other.full) and obj.parts[1].mesh.volume > 0
 

@@ -28,7 +28,9 @@ def test_a_box_keeps_its_edges_and_a_ball_is_smooth():
 
 
 def test_flat_and_degenerate_faces_have_finite_normals():
-    mesh = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]], [[0, 1, 2], [0, 1, 3]], process=False)  # fmt: skip
+    mesh = trimesh.Trimesh(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0]], [[0, 1, 2], [0, 1, 3]], process=False
+    )
     normals, index = corner_normals(surface(mesh))
     assert np.isfinite(normals).all() and index.shape == (2, 3)
     np.testing.assert_allclose(normals[index[0]], [[0, 0, 1]] * 3, atol=1e-4)

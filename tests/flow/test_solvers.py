@@ -115,7 +115,8 @@ def test_velocities_are_counted(solver, tolerance):
 
 
 def test_a_batch_is_its_items():
-    """Neither result nor count of an item depends on what else is in the batch, bit for bit where the velocity's own do not."""
+    """Neither result nor count of an item depends on what else is in the batch, bit for bit where
+    the velocity's own do not."""
     for solver in SOLVERS:
         together = adaptive(ones(), decay, solver, 0.03)
         others = adaptive(jnp.ones((3, 2)).at[2].set(1e3), decay, solver, 0.03)
@@ -169,7 +170,8 @@ def test_the_same_again():
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("tolerance", [None, 0.1])
 def test_below_the_end_one_euler_step_and_no_velocity(solver, tolerance):
-    """As a network that predicts x_0 needs it: there its velocity is a small difference over a small t."""
+    """As a network that predicts x_0 needs it: there its velocity is a small difference over a
+    small t."""
     x0 = jnp.full((1, 2), 0.25)
 
     def of_data(x, t):
@@ -203,7 +205,8 @@ def test_many_fixed_steps_leave_out_the_times_below_the_end(solver):
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("end", [0.0, 0.05])
 def test_a_jump_close_to_the_end_is_passed(solver, end, monkeypatch):
-    """As at the edge of a guidance interval. A least step stretched to the end is taken: otherwise it is rejected and tried again for ever."""
+    """As at the edge of a guidance interval. A least step stretched to the end is taken: otherwise
+    it is rejected and tried again for ever."""
     monkeypatch.setattr(solvers, "MOST", 10**6)  # without help
     edges = end + jnp.linspace(1e-4, 1.2e-3, 64)
 

@@ -1,4 +1,5 @@
-"""Forward mode, Hessian-vector products and vmap over parameters, through the networks of ``kernel`` 'plain' at toy size."""
+"""Forward mode, Hessian-vector products and vmap over parameters, through the networks of
+``kernel`` 'plain' at toy size."""
 
 import dataclasses
 
@@ -68,7 +69,8 @@ def derivatives(outputs, loss, params, v):
 
 
 def test_forward_mode_and_hessian_vector_products():
-    """A slope along v by forward mode is the gradient's, H is symmetric, and the function is that of the usual kernel."""
+    """A slope along v by forward mode is the gradient's, H is symmetric, and the function is that
+    of the usual kernel."""
     outputs, loss, draw = made("patch", "plain")
     usual = made("patch", "xla")[0]
     params, u, v = (draw(seed) for seed in range(3))
@@ -90,7 +92,8 @@ def test_forward_mode_and_hessian_vector_products():
 
 
 def refusals(jaxpr):
-    """How often a program holds what JAX refuses to run forward: the tangent of a gradient of its own."""
+    """How often a program holds what JAX refuses to run forward: the tangent of a gradient of its
+    own."""
     number = 0
     for equation in jaxpr.eqns:
         number += equation.primitive.name == "custom_lin"

@@ -1,4 +1,5 @@
-"""DINOv2 at toy size: order of the tokens, what the condition is, pictures of other sizes, masks. Parity with upstream: tests of the fixtures."""
+"""DINOv2 at toy size: order of the tokens, what the condition is, pictures of other sizes, masks.
+Parity with upstream: tests of the fixtures."""
 
 import dataclasses
 
@@ -39,7 +40,11 @@ def test_names_are_upstreams(params):
         for path, _ in jax.tree_util.tree_leaves_with_path(params)
     }
     block = ["norm1.scale", "norm1.bias", "norm2.scale", "norm2.bias", "ls1.gamma", "ls2.gamma"]
-    block += [f"{layer}.{leaf}" for layer in ("attn.qkv", "attn.proj", "mlp.fc1", "mlp.fc2") for leaf in ("kernel", "bias")]  # fmt: skip
+    block += [
+        f"{layer}.{leaf}"
+        for layer in ("attn.qkv", "attn.proj", "mlp.fc1", "mlp.fc2")
+        for leaf in ("kernel", "bias")
+    ]
     assert names == {
         "cls_token", "pos_embed", "register_tokens", "mask_token", "norm.scale", "norm.bias",
         "patch_embed.proj.kernel", "patch_embed.proj.bias",
@@ -100,9 +105,11 @@ def test_other_picture_sizes(params):
 
 
 def bicubic_antialiased(length, new):
-    """[new, length] float64 weights of PyTorch's ``interpolate(mode="bicubic", antialias=True)`` along an axis.
+    """[new, length] float64 weights of PyTorch's ``interpolate(mode="bicubic", antialias=True)``
+    along an axis.
 
-    Keys' cubic with a = -.5, as wide as the output's pitch where that is the coarser one; half-pixel centres; cut at the border and scaled to sum 1.
+    Keys' cubic with a = -.5, as wide as the output's pitch where that is the coarser one;
+    half-pixel centres; cut at the border and scaled to sum 1.
     """
     pitch = max(length / new, 1)
     weights = np.zeros((new, length))
@@ -117,7 +124,8 @@ def bicubic_antialiased(length, new):
 
 @pytest.mark.parametrize("shape", [(6, 7), (3, 2), (2, 6)], ids=["larger", "smaller", "both"])
 def test_positions_are_interpolated_as_pytorch_does(params, shape):
-    """The fixture dinov2_interp holds upstream's own larger table; antialiasing shows in smaller ones."""
+    """The fixture dinov2_interp holds upstream's own larger table; antialiasing shows in smaller
+    ones."""
     first, table = NETWORK.apply(params, *shape, method="position_table")
     places = np.asarray(params["pos_embed"], np.float64)[0, 1:].reshape(4, 4, 24)
     rows, columns = (bicubic_antialiased(4, n) for n in shape)

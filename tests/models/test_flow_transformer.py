@@ -1,4 +1,5 @@
-"""Both flows at toy size: padding never matters, draws share their image, what prediction of the sample means."""
+"""Both flows at toy size: padding never matters, draws share their image, what prediction of the
+sample means."""
 
 import dataclasses
 
@@ -97,7 +98,8 @@ def test_latent_flow_ignores_padding(changes):
 
 @pytest.mark.parametrize("prediction", ["velocity", "data"])
 def test_a_latent_flow_of_the_other_direction_is_its_mirror_image(prediction):
-    """v'(x, t) = -v(x, 1 - t) where velocities are predicted; a clean sample is the same whichever way time runs."""
+    """v'(x, t) = -v(x, 1 - t) where velocities are predicted; a clean sample is the same whichever
+    way time runs."""
     model = latent_config(prediction=prediction, num_blocks=1, volume_channels=0)
     flow = dataclasses.replace(model.latent_flow, direction="noise_to_data")
     both = [build("latent_flow", m) for m in (model, dataclasses.replace(model, latent_flow=flow))]
@@ -200,7 +202,8 @@ def test_reading_pixels_begins_at_nothing():
 
 
 def test_a_flow_sees_the_layout_of_its_own_picture_and_begins_without():
-    """Both flows: new layers add nothing yet; once they do, a part moves its own object alone, and the table's order and padding do not matter."""
+    """Both flows: new layers add nothing yet; once they do, a part moves its own object alone, and
+    the table's order and padding do not matter."""
     tokens, volume, t = flow_arguments()
     batch = voxel_batch(MODEL)
     rng = np.random.default_rng(0)
@@ -216,7 +219,9 @@ def test_a_flow_sees_the_layout_of_its_own_picture_and_begins_without():
             x = batch["latent"]
             voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
         flow = dataclasses.replace(getattr(model, name), layout_channels=0)
-        plain, network = (build(name, m) for m in (dataclasses.replace(model, **{name: flow}), model))  # fmt: skip
+        plain, network = (
+            build(name, m) for m in (dataclasses.replace(model, **{name: flow}), model)
+        )
         params, table = init(plain), flow_table()
         fresh = network.init(jax.random.key(0))
         params |= {key: fresh[key] for key in fresh.keys() - params.keys()}
@@ -233,7 +238,9 @@ def test_a_flow_sees_the_layout_of_its_own_picture_and_begins_without():
         with pytest.raises(ValueError, match="part table"):
             network.apply(params, x, t, tokens, volume, **voxels)
     with pytest.raises(ValueError, match="layout_channels"):
-        build("latent_flow", latent_config(stem="conv", io_channels=(6,), layout_channels=6)).abstract()  # fmt: skip
+        build(
+            "latent_flow", latent_config(stem="conv", io_channels=(6,), layout_channels=6)
+        ).abstract()
 
 
 def test_a_flow_that_reads_pixels_says_where_it_cannot():
@@ -245,10 +252,14 @@ def test_a_flow_that_reads_pixels_says_where_it_cannot():
     with pytest.raises(ValueError, match="views"):
         network.apply(init(network), batch["latent"], t, tokens, volume, **voxels)
     with pytest.raises(ValueError, match="pixel_channels"):
-        build("latent_flow", latent_config(stem="conv", io_channels=(6,), pixel_channels=6)).abstract()  # fmt: skip
+        build(
+            "latent_flow", latent_config(stem="conv", io_channels=(6,), pixel_channels=6)
+        ).abstract()
     dino = dataclasses.replace(MODEL.image_encoder, architecture="dinov2")
     with pytest.raises(ValueError, match="pixel_channels"):
-        build("latent_flow", dataclasses.replace(latent_config(pixel_channels=6), image_encoder=dino)).abstract()  # fmt: skip
+        build(
+            "latent_flow", dataclasses.replace(latent_config(pixel_channels=6), image_encoder=dino)
+        ).abstract()
     structure = dataclasses.replace(MODEL.structure_flow, pixel_channels=6)
     with pytest.raises(ValueError, match="pixel_channels"):
         build("structure_flow", dataclasses.replace(MODEL, structure_flow=structure)).abstract()
@@ -325,7 +336,8 @@ def test_patches_hold_channels_before_positions():
 
 @pytest.mark.parametrize("share_mod", [False, True])
 def test_structure_flow_in_patches(share_mod):
-    """Each velocity belongs to its own cell: with the output layer alone, moving one cell's input moves nothing but its patch."""
+    """Each velocity belongs to its own cell: with the output layer alone, moving one cell's input
+    moves nothing but its patch."""
     flow = dataclasses.replace(
         MODEL.structure_flow,
         patch_size=2,

@@ -1,4 +1,5 @@
-"""The layout network: one set of weights for every picture size, and a last layer that is run again."""
+"""The layout network: one set of weights for every picture size, and a last layer that is run
+again."""
 
 import dataclasses
 

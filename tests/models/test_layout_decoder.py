@@ -1,7 +1,7 @@
 """A UniArt VAE whose decoder sees a layout: begins as it was, ignores padding, copies what its
 pointers name."""
 
-import jax
+import jax  # noqa: I001
 import jax.numpy as jnp
 import numpy as np
 import pytest

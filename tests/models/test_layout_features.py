@@ -1,4 +1,5 @@
-"""What cells see of a layout: order and padding of its table do not matter, depths are those of the boxes."""
+"""What cells see of a layout: order and padding of its table do not matter, depths are those of the
+boxes."""
 
 import itertools
 
@@ -24,7 +25,10 @@ def test_order_and_padding_of_the_table_do_not_matter():
     assert whole.shape == (2, 30, 64 + 14 + 64 + 2 * 64) and np.isfinite(whole).all()
     order = np.array([[3, 1, 0, 2, 4], [2, 0, 1, 3, 4]])
     place = np.argsort(order, 1)
-    rows = [np.take_along_axis(np.asarray(a), order[..., None], 1) for a in (table.boxes, table.codes, table.colors)]  # fmt: skip
+    rows = [
+        np.take_along_axis(np.asarray(a), order[..., None], 1)
+        for a in (table.boxes, table.codes, table.colors)
+    ]
     parents = np.take_along_axis(place, np.take_along_axis(np.asarray(table.parents), order, 1), 1)
     mixed = PartTable(rows[0], rows[1], parents, rows[2], table.counts)
     np.testing.assert_allclose(run(mixed, COORDS), whole, atol=1e-5)
@@ -45,7 +49,9 @@ def test_candidates_are_the_smallest_box_that_holds_a_place_then_the_nearest():
     boxes[0, 0] = [0, 0, 0, 0.8, 0.8, 0.8]
     boxes[0, 1] = [0, 0, 0, 0.2, 0.2, 0.2]
     boxes[0, 2] = [0.45, 0, 0, 0.06, 0.1, 0.1]
-    table = PartTable(boxes, np.zeros((1, 5, 9)), np.zeros((1, 5), int), np.zeros((1, 5, 3)), np.array([3]))  # fmt: skip
+    table = PartTable(
+        boxes, np.zeros((1, 5, 9)), np.zeros((1, 5), int), np.zeros((1, 5, 3)), np.array([3])
+    )
     lower, upper = boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2
     at = np.array([[[0.01, 0.0, 0.0], [0.3, 0.0, 0.0], [0.45, 0.0, 0.01], [0.41, 0.3, 0.0]]])
     picks = np.asarray(candidates(table, lower, upper, at, R))

@@ -1,4 +1,5 @@
-"""Image features on voxels: projections and samples checked by hand, views averaged, memory that does not grow with them."""
+"""Image features on voxels: projections and samples checked by hand, views averaged, memory that
+does not grow with them."""
 
 import dataclasses
 
@@ -62,7 +63,8 @@ def test_bilinear_samples_by_hand():
     np.testing.assert_allclose(at_centers, patches.reshape(-1, 1), atol=1e-5)
     middle = sample_patches(patches, jnp.zeros((1, 2)))  # row 1, between columns 1 and 2
     np.testing.assert_allclose(middle, [[5.5]], atol=1e-6)
-    # a quarter of a cell beyond the first column's centre and half a cell above the first row's: the corner (0, 0), fading
+    # a quarter of a cell beyond the first column's centre and half a cell above the first row's:
+    # the corner (0, 0), fading
     outside = jnp.array([[0.25 / 4 * 2 - 1, 0.0 - 1], [-1.5, 0.0], [1e3, 1e3]])
     ones = sample_patches(jnp.ones((3, 4, 1)), outside)
     np.testing.assert_allclose(ones, [[0.75 * 0.5], [0.0], [0.0]], atol=1e-5)
@@ -97,7 +99,8 @@ def test_the_mean_is_of_all_views_and_padding_is_zero():
 
 
 def test_memory_does_not_grow_with_the_views():
-    """Temporaries of the compiled program, for the arrays that it is given and nothing beside them."""
+    """Temporaries of the compiled program, for the arrays that it is given and nothing beside
+    them."""
 
     def temporaries(views):
         shape = jax.ShapeDtypeStruct

@@ -1,4 +1,5 @@
-"""The refiner at toy size: it begins with the logits it is given, and reads its own item's picture, layout and logits."""
+"""The refiner at toy size: it begins with the logits it is given, and reads its own item's picture,
+layout and logits."""
 
 import dataclasses
 import functools
@@ -64,7 +65,9 @@ def test_it_reads_logits_pictures_and_layout_of_its_own_item_alone(refine, param
 def test_rows_beyond_a_layouts_parts_and_views_without_a_camera_do_not_matter(refine, params):
     logits, pixels, cameras, table = arguments()
     whole = refine(params, logits, pixels, cameras, table)
-    padded = table._replace(boxes=table.boxes.at[1, 3:].set(7.0), codes=table.codes.at[1, 3:].set(7.0))  # fmt: skip
+    padded = table._replace(
+        boxes=table.boxes.at[1, 3:].set(7.0), codes=table.codes.at[1, 3:].set(7.0)
+    )
     np.testing.assert_array_equal(refine(params, logits, pixels, cameras, padded), whole)
     blind = cameras.at[:, 1].set(0)
     one, other = (refine(params, logits, p, blind, table) for p in (pixels, pixels.at[:, 1].set(9)))
@@ -72,7 +75,8 @@ def test_rows_beyond_a_layouts_parts_and_views_without_a_camera_do_not_matter(re
 
 
 def test_what_is_likely_hides_what_lies_behind(refine, params):
-    """A wall of certain voxels, which are no candidates, before the others changes what those read."""
+    """A wall of certain voxels, which are no candidates, before the others changes what those
+    read."""
     logits, pixels, cameras, table = arguments()
     logits = -2 + 0.01 * logits
     walls = (logits.at[:, 0].set(value) for value in (-9.0, 9.0))  # none, and one: as certain
@@ -109,11 +113,15 @@ def test_its_loss_trains_the_refiner_alone_and_falls():
     zero = np.zeros(3, np.float32)
     loss_fn = make_structure_flow_loss(network, config, zero, zero + 1)
     vae_params = init(vae)
-    step = jax.jit(jax.value_and_grad(lambda p: loss_fn(p, batch, jax.random.key(0), vae_params), has_aux=True))  # fmt: skip
+    step = jax.jit(
+        jax.value_and_grad(lambda p: loss_fn(p, batch, jax.random.key(0), vae_params), has_aux=True)
+    )
     params = network.init(jax.random.key(0))
     (first, metrics), gradient = step(params)
     assert metrics["iou"] == metrics["iou_before"]
-    moved = {name for name, part in gradient.items() if any(np.any(g) for g in jax.tree.leaves(part))}  # fmt: skip
+    moved = {
+        name for name, part in gradient.items() if any(np.any(g) for g in jax.tree.leaves(part))
+    }
     assert moved == {"refiner"}
     optimizer = optax.adam(1e-2)
     state = optimizer.init(params)
@@ -125,7 +133,8 @@ def test_its_loss_trains_the_refiner_alone_and_falls():
 
 
 def test_the_flow_learns_from_what_its_sample_decodes_to():
-    """``loss.decoded_structure`` adds cross-entropy and Dice of the decoded x_0, times its weight."""
+    """``loss.decoded_structure`` adds cross-entropy and Dice of the decoded x_0, times its
+    weight."""
     model = dataclasses.replace(
         MODEL, structure_flow=dataclasses.replace(MODEL.structure_flow, refine_channels=0)
     )
@@ -155,7 +164,9 @@ def test_the_flow_learns_from_what_its_sample_decodes_to():
     added = 0.5 * (terms["decoded_entropy"] + terms["decoded_dice"])
     np.testing.assert_allclose(decoded, plain + added, rtol=1e-5)
     assert added > 0.1
-    moved = [np.abs(a - b).max() for a, b in zip(*map(jax.tree.leaves, (gradient, other)), strict=True)]  # fmt: skip
+    moved = [
+        np.abs(a - b).max() for a, b in zip(*map(jax.tree.leaves, (gradient, other)), strict=True)
+    ]
     assert max(moved) > 1e-6
 
 

@@ -1,9 +1,12 @@
-"""OpenShape's and OpenCLIP's encoders against upstream's own outputs, their full sizes, and how centres and balls are found.
+"""OpenShape's and OpenCLIP's encoders against upstream's own outputs, their full sizes, and how
+centres and balls are found.
 
-``tests/parity/openshape.npz`` was made with PyTorch on a CPU by upstream's own modules (Colin97/OpenShape_code ``ppat.py``, mlfoundations/open_clip
-``transformer.py``, both as of 2025) in tiny sizes with random weights: every tensor was drawn (norms' scales in [.5, 1.5], running
-variances in [.3, 2]) and rounded to float16, so that it is stored as such. DGL's farthest point sampler was a plain loop that starts at
-point 0. Keys as in ``parity/fixtures/README.md``; no point is nearer than 4e-5 to a ball's surface, so rounding cannot decide.
+``tests/parity/openshape.npz`` was made with PyTorch on a CPU by upstream's own modules
+(Colin97/OpenShape_code ``ppat.py``, mlfoundations/open_clip ``transformer.py``, both as of 2025) in
+tiny sizes with random weights: every tensor was drawn (norms' scales in [.5, 1.5], running
+variances in [.3, 2]) and rounded to float16, so that it is stored as such. DGL's farthest point
+sampler was a plain loop that starts at point 0. Keys as in ``parity/fixtures/README.md``; no point
+is nearer than 4e-5 to a ball's surface, so rounding cannot decide.
 """
 
 import dataclasses
@@ -89,7 +92,8 @@ def test_a_wrong_weight_is_seen(case, name):
 
 
 def test_point_order_matters_only_by_the_first_point(case, point_encoder):
-    """Fewer points in every ball than are taken: then the cloud is a set, but for where the centres start."""
+    """Fewer points in every ball than are taken: then the cloud is a set, but for where the centres
+    start."""
     config = dataclasses.replace(case[0].point_encoder, neighbors=200, radius=0.25)
     cloud = case[1]["in/points"][1]
     order = np.concatenate([[0], 1 + np.random.default_rng(0).permutation(len(cloud) - 1)])
@@ -144,19 +148,26 @@ def test_balls_and_centres_against_plain_loops(seed, radius):
 
 
 def test_full_sizes():
-    """What the published names mean in numbers: embeddings of 1280, 32 million and 1.84 billion parameters."""
+    """What the published names mean in numbers: embeddings of 1280, 32 million and 1.84 billion
+    parameters."""
     points, tower = openshape.PointEncoderConfig(), openclip.ImageTowerConfig()
     cloud = jax.ShapeDtypeStruct((2, 10_000, 6), jnp.float32)
     image = jax.ShapeDtypeStruct((2, 224, 224, 3), jnp.float32)
     embeddings = (
-        jax.eval_shape(lambda p, x: openshape.embed(p, x, points), openshape.abstract(points), cloud),
+        jax.eval_shape(lambda p, x: openshape.embed(p, x, points), openshape.abstract(points), cloud),  # noqa: E501
         jax.eval_shape(lambda p, x: openclip.embed(p, x, tower), openclip.abstract(tower), image),
     )  # fmt: skip
     assert [e.shape for e in embeddings] == [(2, 1280), (2, 1280)]
-    counts = [sum(leaf.size for leaf in flatten(tree).values()) for tree in (openshape.abstract(points), openclip.abstract(tower))]  # fmt: skip
-    # PyTorch's count of the first, and its batch norms' statistics; of the second by hand, 1844.91 M in open_clip's model_profile.csv
+    counts = [
+        sum(leaf.size for leaf in flatten(tree).values())
+        for tree in (openshape.abstract(points), openclip.abstract(tower))
+    ]
+    # PyTorch's count of the first, and its batch norms' statistics; of the second by hand, 1844.91
+    # M in open_clip's model_profile.csv
     assert counts == [32_326_080 + 2 * (64 + 64 + 256), 1_844_907_264]
-    assert openclip.abstract(tower)["transformer"]["resblocks"]["47"]["mlp"]["c_fc"]["kernel"].shape == (1664, 8192)  # fmt: skip
+    assert openclip.abstract(tower)["transformer"]["resblocks"]["47"]["mlp"]["c_fc"][
+        "kernel"
+    ].shape == (1664, 8192)
 
 
 def test_configs_survive_json():

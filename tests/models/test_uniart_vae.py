@@ -1,6 +1,7 @@
-"""The UniArt VAE at toy size: padding, its width and its content never matter; parts keep to themselves."""
+"""The UniArt VAE at toy size: padding, its width and its content never matter; parts keep to
+themselves."""
 
-import jax
+import jax  # noqa: I001
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -95,7 +96,10 @@ def test_part_attention_stays_within_the_part():
 
 def front_by_loops(p, batch, heads):
     """V_geo, V_art and V of every voxel in float64, part by part and head by head."""
-    p, batch = (jax.tree.map(lambda a: np.asarray(a, np.float64), x) for x in (p, {k: v for k, v in batch.items() if k != "plans"}))  # fmt: skip
+    p, batch = (
+        jax.tree.map(lambda a: np.asarray(a, np.float64), x)
+        for x in (p, {k: v for k, v in batch.items() if k != "plans"})
+    )
 
     def layer(name, x):
         return x @ p[name]["kernel"] + p[name]["bias"]
@@ -107,7 +111,9 @@ def front_by_loops(p, batch, heads):
         cells = np.concatenate([batch["sdf"][b, :count], color, own], -1)
         geometry = np.concatenate([batch["visual"][b, :count], layer("geometry", cells)], -1)
         boxes, parent = batch["boxes"][b], batch["parents"][b].astype(int)[part]
-        code = layer("code_in", np.concatenate([batch["codes"][b][part], boxes[part], boxes[parent]], -1))  # fmt: skip
+        code = layer(
+            "code_in", np.concatenate([batch["codes"][b][part], boxes[part], boxes[parent]], -1)
+        )
         articulation = layer("code_out", code / (1 + np.exp(-code)))
         articulation = articulation + layer("part_feature", batch["part_feature"][b, :count])
         q, (k, v) = layer("to_q", articulation), np.split(layer("to_kv", geometry), 2, -1)
@@ -125,7 +131,8 @@ def front_by_loops(p, batch, heads):
 
 
 def test_the_attention_is_the_papers_equation_in_float64():
-    """F_art = Attention(Q = V_art, K = V = V_geo) + V_art within a part, V = Concat(V_geo, F_art)."""
+    """F_art = Attention(Q = V_art, K = V = V_geo) + V_art within a part, V = Concat(V_geo,
+    F_art)."""
     model = vae_config(
         part_segment=0, articulation_channels=24, visual_channels=3, part_feature_channels=5
     )
@@ -183,7 +190,8 @@ def test_query_and_key_norms_are_parameters_of_both_trunks():
 
 
 def test_stored_cells_are_decoded_on_the_device():
-    """What batches hold as bytes means the same as what ``data.records`` decodes; floats pass as they are."""
+    """What batches hold as bytes means the same as what ``data.records`` decodes; floats pass as
+    they are."""
     steps = np.arange(-127, 128).astype(np.int8)
     np.testing.assert_allclose(cell_sdf(jnp.asarray(steps)), decode_sdf(steps), rtol=1e-6)
     bytes_ = np.arange(256).astype(np.uint8)

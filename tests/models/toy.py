@@ -133,7 +133,9 @@ def flow_views(views=2, seed=0):
 def flow_table(seed=0):
     """Part tables of two items (``layout_channels``): four parts and three of five rows."""
     rng = np.random.default_rng(seed)
-    boxes = np.concatenate([rng.uniform(-0.3, 0.3, (2, 5, 3)), rng.uniform(0.05, 0.5, (2, 5, 3))], -1)  # fmt: skip
+    boxes = np.concatenate(
+        [rng.uniform(-0.3, 0.3, (2, 5, 3)), rng.uniform(0.05, 0.5, (2, 5, 3))], -1
+    )
     floats = (boxes, rng.normal(size=(2, 5, 9)), rng.random((2, 5, 3)))
     boxes, codes, colors = (jnp.asarray(a, jnp.float32) for a in floats)
     parents = jnp.asarray(rng.integers(0, 3, (2, 5)), jnp.int32)

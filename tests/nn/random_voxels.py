@@ -16,7 +16,8 @@ def voxels(seed, items, width, side):
 
 
 def members(plan, total):
-    """Every segment of a plan of one share as a list of flat tokens; checks the plan's own consistency on the way."""
+    """Every segment of a plan of one share as a list of flat tokens; checks the plan's own
+    consistency on the way."""
     plan = jax.tree.map(lambda a: a[0], plan)
     flat = np.concatenate([bucket.index.reshape(-1) for bucket in plan.buckets])
     tokens = np.flatnonzero(plan.inverse < len(flat))

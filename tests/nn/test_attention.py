@@ -115,12 +115,14 @@ def plans(width=150, kinds=5):
         "whole": whole_rows(ids, counts),
         "empty rows": pack_segments(ids, counts, (130,), rows=(7,)),
     }, (ids[:, :, None] == ids[:, None, :]) & (
-        (np.arange(width) < counts[:, None])[:, None] & (np.arange(width) < counts[:, None])[..., None]
+        (np.arange(width) < counts[:, None])[:, None] & (np.arange(width) < counts[:, None])[..., None]  # noqa: E501
     )  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", plans()[0])
-@pytest.mark.parametrize(("kernel", "logits"), [*[("xla", n) for n in LOGITS], *[(k, 0) for k in OTHERS]])  # fmt: skip
+@pytest.mark.parametrize(
+    ("kernel", "logits"), [*[("xla", n) for n in LOGITS], *[(k, 0) for k in OTHERS]]
+)
 def test_segments_are_masked_attention(monkeypatch, kind, kernel, logits):
     """Every plan and kernel, forward and gradient, NaN in the padding; lengths are odd."""
     monkeypatch.setattr(attention_xla, "CPU_LOGITS", logits)
@@ -153,7 +155,9 @@ def test_long_attention_never_holds_all_logits():
 def test_auto_is_the_rule_that_is_written():
     f32, bf16 = jnp.dtype("float32"), jnp.dtype("bfloat16")
     assert choose("auto", f32, 4096, "cpu") == choose("auto", bf16, 4096, "cpu") == "xla"
-    assert choose("auto", bf16, 4096, "gpu") == "cudnn" and choose("auto", f32, 4096, "gpu") == "xla"  # fmt: skip
+    assert (
+        choose("auto", bf16, 4096, "gpu") == "cudnn" and choose("auto", f32, 4096, "gpu") == "xla"
+    )
     assert choose("auto", f32, 4096, "tpu", True) == "splash"
     assert choose("auto", f32, 8, "tpu", True) == choose("auto", f32, 4096, "tpu", False) == "xla"
     assert choose("splash", f32, 8, "cpu") == "splash"

@@ -1,4 +1,5 @@
-"""On many devices, what gathers by positions stays where its items are: the same numbers, and nothing is sent but gradients."""
+"""On many devices, what gathers by positions stays where its items are: the same numbers, and
+nothing is sent but gradients."""
 
 import os
 import subprocess
@@ -76,14 +77,16 @@ with jax.set_mesh(mesh):
             with jax.set_mesh(mesh):
                 np.testing.assert_allclose(mine, jax.jit(lambda a, p: attend_segments(a, p))(qkv, plan), atol=1e-5)
 print(program.as_text())
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.parametrize("fsdp", [1, 4])
 def test_eight_devices_send_nothing_but_sums(fsdp):
     env = {**os.environ, "JAX_PLATFORMS": "cpu"}
     program = [sys.executable, "-c", PROGRAM, str(fsdp)]
-    ran = subprocess.run(program, env=env, text=True, capture_output=True, cwd=Path(__file__).parents[2])  # fmt: skip
+    ran = subprocess.run(
+        program, env=env, text=True, capture_output=True, cwd=Path(__file__).parents[2]
+    )
     assert not ran.returncode, ran.stderr[-2000:]
     moved = received(ran.stdout, 8)
     assert set(moved) <= {"all-reduce"}

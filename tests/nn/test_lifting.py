@@ -12,7 +12,8 @@ SIZE = 64
 
 
 def _seen(rng, rows, columns):
-    """A camera, the code of its picture whose foreground spans these pixels, and the crop's corner and side."""
+    """A camera, the code of its picture whose foreground spans these pixels, and the crop's corner
+    and side."""
     camera = sample_camera(rng)
     image = np.zeros((1, SIZE, SIZE, 4), np.uint8)
     image[0, slice(*rows), slice(*columns), 3] = 255

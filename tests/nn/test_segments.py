@@ -73,7 +73,8 @@ def test_rows_are_rounded_by_at_most_an_eighth():
 
 @given(st.lists(st.integers(1, 16), min_size=1, max_size=40))
 def test_the_largest_choice_of_rows_is_always_enough(lengths):
-    """Also for windows that hardly fit together: two of nine tokens never share a row of sixteen."""
+    """Also for windows that hardly fit together: two of nine tokens never share a row of
+    sixteen."""
     ids = np.repeat(np.arange(len(lengths)), lengths)[None]
     rows = row_choices(1, ids.shape[1], 16)
     assert list(rows) == sorted(rows)

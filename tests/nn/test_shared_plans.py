@@ -1,4 +1,5 @@
-"""Plans of several shares, by one process or by many: what the shares say, whatever they are padded to."""
+"""Plans of several shares, by one process or by many: what the shares say, whatever they are padded
+to."""
 
 import jax
 import numpy as np
@@ -15,7 +16,8 @@ ITEMS, WIDTH = 6, 48
 
 
 def make_batch(seed: int = 0) -> dict[str, np.ndarray]:
-    """Items of very different sizes, the large ones last, so that the shares need different shapes."""
+    """Items of very different sizes, the large ones last, so that the shares need different
+    shapes."""
     rng = np.random.default_rng(seed)
     counts = np.array([1, 5, 9, 20, 44, 48], np.int32)
     coords = np.zeros((ITEMS, WIDTH, 3), np.int32)
@@ -30,7 +32,8 @@ def make_batch(seed: int = 0) -> dict[str, np.ndarray]:
 
 
 def shares_of(batch, make, processes: int):
-    """Every process's plans, and all rows together as ``jax.make_array_from_process_local_data`` puts them."""
+    """Every process's plans, and all rows together as ``jax.make_array_from_process_local_data``
+    puts them."""
     size = ITEMS // processes
     plans = [make({k: v[i : i + size] for k, v in batch.items()}) for i in range(0, ITEMS, size)]
     sizes = np.max([plan_sizes(plan) for plan in plans], 0).tolist()
@@ -40,7 +43,8 @@ def shares_of(batch, make, processes: int):
 
 
 def together(plan) -> dict[int, frozenset[int]]:
-    """With whom each token of the whole batch shares a segment; checks on the way that every share's inverse finds its tokens."""
+    """With whom each token of the whole batch shares a segment; checks on the way that every
+    share's inverse finds its tokens."""
     found = {}
     shares, tokens = plan.inverse.shape
     for share in range(shares):
@@ -74,7 +78,7 @@ def cut(batch):
     serial = serial_ids(batch["coords"], batch["counts"], 16)
     some = len(batch["counts"])
     return {
-        "parts": plan_segments(batch["voxel_part"], batch["counts"], ((some * 8, 4), (some * 20, 8))),
+        "parts": plan_segments(batch["voxel_part"], batch["counts"], ((some * 8, 4), (some * 20, 8))),  # noqa: E501
         "window_0": plan_segments(serial, batch["counts"], ((some * 3, 16),)),
     }  # fmt: skip
 

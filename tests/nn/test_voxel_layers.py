@@ -1,4 +1,5 @@
-"""Convolutions and pooling against XLA's and against loops (TRELLIS's single operations: tests/parity)."""
+"""Convolutions and pooling against XLA's and against loops (TRELLIS's single operations:
+tests/parity)."""
 
 import jax
 import jax.numpy as jnp
@@ -123,7 +124,9 @@ def test_submanifold_gradients_are_those_of_gathered_columns(outputs):
         return (submanifold(rows, kernel, neighbors) * weights).sum()
 
     valid = (np.arange(60) < counts[:, None]).reshape(-1)
-    for a, b, which in zip(*(jax.grad(f, (0, 1))(rows, kernel) for f in (ours, columns)), (valid, ...), strict=True):  # fmt: skip
+    for a, b, which in zip(
+        *(jax.grad(f, (0, 1))(rows, kernel) for f in (ours, columns)), (valid, ...), strict=True
+    ):
         np.testing.assert_allclose(a[which], b[which], **CLOSE)
 
 

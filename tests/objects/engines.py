@@ -1,4 +1,5 @@
-"""What other programs say about a description: link frames at any joint state, from yourdfpy and MuJoCo, to compare ours with."""
+"""What other programs say about a description: link frames at any joint state, from yourdfpy and
+MuJoCo, to compare ours with."""
 
 from __future__ import annotations
 
@@ -72,7 +73,8 @@ def mujoco_engine(path: Path) -> Engine:
 
 
 def mujoco_points(path: Path, state: dict[str, float]) -> dict[str, np.ndarray]:
-    """Body -> [n, 3] world points that lie on the surface of its visible geoms that collide with nothing, at a joint state."""
+    """Body -> [n, 3] world points that lie on the surface of its visible geoms that collide with
+    nothing, at a joint state."""
     import mujoco
 
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -102,14 +104,16 @@ def mujoco_points(path: Path, state: dict[str, float]) -> dict[str, np.ndarray]:
 
 
 def mujoco_misplaced(obj: ArticulatedObject, path: Path, state: dict[str, float]) -> float:
-    """The largest distance from those points to the part of that name in the object, which is shown at that state."""
+    """The largest distance from those points to the part of that name in the object, which is shown
+    at that state."""
     by_name = {p.name: p.mesh.vertices for p in obj.parts}
     points = mujoco_points(path, state)
     return max(float(cKDTree(by_name[n]).query(p)[0].max()) for n, p in points.items())
 
 
 def urdf_engine(path: Path) -> Engine:
-    """yourdfpy's view of a URDF, every joint independent; a file that it cannot read raises whatever yourdfpy raises."""
+    """yourdfpy's view of a URDF, every joint independent; a file that it cannot read raises
+    whatever yourdfpy raises."""
     import yourdfpy
 
     options = {"load_meshes": False, "build_scene_graph": True, "load_collision_meshes": False}
@@ -173,7 +177,8 @@ class Comparison:
 
 
 def compared(obj: ArticulatedObject, engine: Engine, seed: int, states: int = 20) -> Comparison:
-    """Forward kinematics of an object against an engine's at random joint states, every compared joint within its limits."""
+    """Forward kinematics of an object against an engine's at random joint states, every compared
+    joint within its limits."""
     moved, excepted = {}, []
     for k, part in enumerate(obj.parts):
         if part.parent < 0:
@@ -214,7 +219,8 @@ def _said(obj: ArticulatedObject, joint: str, *words: str) -> bool:
 def _moves_alike(
     obj: ArticulatedObject, part: Part, engine: Engine, name: str, size: float
 ) -> bool:
-    """Whether a part's joint has the engine's direction, and its ends counted from the shown state."""
+    """Whether a part's joint has the engine's direction, and its ends counted from the shown
+    state."""
     joint, turns = part.joint, engine.turns[name]
     lo, hi = engine.limits[name]
     if turns and _said(obj, name, "can only be degrees"):
@@ -234,7 +240,8 @@ def _moves_alike(
 
 
 def _held_rightly(obj: ArticulatedObject, engine: Engine, name: str) -> bool:
-    """Whether a joint that no part has moves none, or all of them as one, or too little to count, or a repair tells why not."""
+    """Whether a joint that no part has moves none, or all of them as one, or too little to count,
+    or a repair tells why not."""
     below = next(link for link, (_, joints) in engine.above.items() if name in joints)
     carried = [p for p in obj.parts if _hangs_on(engine, p.name, below)]
     if not carried or len(carried) == len(obj.parts):

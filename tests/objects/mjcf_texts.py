@@ -12,7 +12,10 @@ def body(name: str, inner: str = BOX, place: str = "") -> str:
 
 
 def mjcf(world: str, above: str = "", model: str = "thing") -> str:
-    return f'<mujoco model="{model}"><compiler angle="radian"/>{above}<worldbody>{world}</worldbody></mujoco>'
+    return (
+        f'<mujoco model="{model}"><compiler '
+        f'angle="radian"/>{above}<worldbody>{world}</worldbody></mujoco>'
+    )
 
 
 def door(joint: str, inner: str = "") -> str:

@@ -1,9 +1,10 @@
-"""Folders laid out as PartNet-Mobility's, from a made-up cabinet, with the defects that real ones have; and where its parts truly go.
+"""Folders laid out as PartNet-Mobility's, from a made-up cabinet, with the defects that real ones
+have; and where its parts truly go.
 
     write_cabinet(folder, "backwards", "missing_texture")  ->  Cabinet
 
-Everything true is in the raw frame (y up, +z front), as ``mobility_v2.json`` is; ``WORLD`` turns it z up, front -x. Nothing of
-PartNet-Mobility's is copied.
+Everything true is in the raw frame (y up, +z front), as ``mobility_v2.json`` is; ``WORLD`` turns it
+z up, front -x. Nothing of PartNet-Mobility's is copied.
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ class Cabinet:
         return self.pieces[name].urdf.get("link", f"link_{number}")
 
     def pose(self, name: str | None, state: dict[str, float]) -> np.ndarray:
-        """[4, 4] raw frame: where a piece has gone at ``state`` (name -> degrees or length; of a cap, its travel)."""
+        """[4, 4] raw frame: where a piece has gone at ``state`` (name -> degrees or length; of a
+        cap, its travel)."""
         if name is None:
             return np.eye(4)
         piece = self.pieces[name]
@@ -98,13 +100,14 @@ class Cabinet:
 
 
 def cabinet() -> dict[str, Piece]:
-    """A body with a drawer, a door that bears a knob and a flap, and a cap that turns as it rises; the body last, as it often is."""
+    """A body with a drawer, a door that bears a knob and a flap, and a cap that turns as it rises;
+    the body last, as it often is."""
     found = [
         Piece("drawer", "body", "slider", (0.05, 0, -0.4), (0.45, 0.3, 0.4), limits=(0, 0.5)),
-        Piece("door", "body", "hinge", (-0.5, -0.5, 0.4), (0, 0.5, 0.45), (-0.5, 0, 0.4), (0, -1, 0), (0, 90)),
-        Piece("knob", "door", "hinge", (-0.1, 0, 0.45), (-0.05, 0.05, 0.5), (-0.075, 0.025, 0), (0, 0, 1), ENDLESS),
-        Piece("flap", "door", "hinge", (-0.4, 0.2, 0.45), (-0.2, 0.4, 0.47), (-0.3, 0.2, 0.45), (1, 0, 0), (0, 120)),
-        Piece("cap", "body", "slider", (-0.1, 0.5, -0.1), (0.1, 0.6, 0.1), (0, 0, 0), (0, 1, 0), (0, 0.2), turn=180.0),
+        Piece("door", "body", "hinge", (-0.5, -0.5, 0.4), (0, 0.5, 0.45), (-0.5, 0, 0.4), (0, -1, 0), (0, 90)),  # noqa: E501
+        Piece("knob", "door", "hinge", (-0.1, 0, 0.45), (-0.05, 0.05, 0.5), (-0.075, 0.025, 0), (0, 0, 1), ENDLESS),  # noqa: E501
+        Piece("flap", "door", "hinge", (-0.4, 0.2, 0.45), (-0.2, 0.4, 0.47), (-0.3, 0.2, 0.45), (1, 0, 0), (0, 120)),  # noqa: E501
+        Piece("cap", "body", "slider", (-0.1, 0.5, -0.1), (0.1, 0.6, 0.1), (0, 0, 0), (0, 1, 0), (0, 0.2), turn=180.0),  # noqa: E501
         Piece("body", None, "heavy", (-0.5, -0.5, -0.5), (0.5, 0.5, 0.4)),
     ]  # fmt: skip
     return {p.name: p for p in found}
@@ -166,7 +169,8 @@ def _joint_data(piece: Piece) -> dict:
 
 
 def _urdf(made: Cabinet) -> str:
-    """As PartNet-Mobility writes it: link frames at the joints' origins, visuals moved back by them, neither inertia nor effort."""
+    """As PartNet-Mobility writes it: link frames at the joints' origins, visuals moved back by
+    them, neither inertia nor effort."""
     lines = ['<?xml version="1.0" ?>', '<robot name="partnet_0a1b">', '<link name="base"/>']
     for number, (name, piece) in enumerate(made.pieces.items()):
         if piece.kind == "junk":
@@ -233,7 +237,10 @@ def _obj(number: int, piece: Piece) -> str:
     flat = [i for i in range(3) if piece.low[i] == piece.high[i]]
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     if flat:  # a sheet: the two faces that have an area lie on one another; one is written
-        area = [np.linalg.norm(np.cross(corners[q[1]] - corners[q[0]], corners[q[3]] - corners[q[0]])) for q in quads]  # fmt: skip
+        area = [
+            np.linalg.norm(np.cross(corners[q[1]] - corners[q[0]], corners[q[3]] - corners[q[0]]))
+            for q in quads
+        ]
         quads = [quads[int(np.argmax(area))]]
     lines = [f"mtllib original-{number}.mtl", *(f"v {_text(c)}" for c in corners)]
     lines += ["vt 0 0", "vt 1 0", "vt 1 1", "vt 0 1", "usemtl m"]
@@ -311,7 +318,8 @@ def _pushed_in(made: Cabinet) -> None:
 
 
 def _axis_at_origin(made: Cabinet) -> None:
-    """A host set the joint's origin to 0 and the visual's with it: the shape is right, the axis is not."""
+    """A host set the joint's origin to 0 and the visual's with it: the shape is right, the axis is
+    not."""
     made.pieces["door"].urdf["origin"] = (0, 0, 0)
 
 

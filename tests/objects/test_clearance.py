@@ -63,7 +63,8 @@ def test_shown_states_are_clear():
 
 @pytest.mark.parametrize("family", ["storage_furniture", "washer", "laptop", "sliding_window"])
 def test_what_moves_freely_is_left_alone(family):
-    """Parts that touch, or stand in one another, where they are at rest: hinges, drums, panes on tracks of their own."""
+    """Parts that touch, or stand in one another, where they are at rest: hinges, drums, panes on
+    tracks of their own."""
     rng = np.random.default_rng(1)
     for seed in range(3):
         obj = generate(family, seed)
@@ -79,7 +80,8 @@ def test_what_moves_freely_is_left_alone(family):
 
 @pytest.mark.parametrize("points", [1, 2, 3])
 def test_parts_without_extent_and_stray_vertices(points):
-    """A point, a line and a sliver are as thick as a sheet; a vertex that no face touches is nowhere."""
+    """A point, a line and a sliver are as thick as a sheet; a vertex that no face touches is
+    nowhere."""
     corners = np.array([[-0.52, 0, 0], [-0.52, 0.5, 0], [-0.52, -0.5, 0]])[:points]
     stray = np.concatenate([np.resize(corners, (3, 3)), [[50.0, 50, 50]]])
     speck = trimesh.Trimesh(stray, [[0, 1, 2]], process=False)

@@ -1,4 +1,5 @@
-"""Back-to-back faces: the outer one is kept, solids are solid again, and nothing else is touched."""
+"""Back-to-back faces: the outer one is kept, solids are solid again, and nothing else is
+touched."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ RED, BLUE = (200, 30, 30, 255), (30, 30, 200, 255)
 
 
 def doubled(mesh: trimesh.Trimesh, seed: int = 0) -> trimesh.Trimesh:
-    """Every face a second time, turned and with vertices of its own: outer faces red, inner ones blue; in any order, corners rolled."""
+    """Every face a second time, turned and with vertices of its own: outer faces red, inner ones
+    blue; in any order, corners rolled."""
     rng = np.random.default_rng(seed)
     count = len(mesh.vertices)
     faces = np.concatenate([mesh.faces, count + mesh.faces[:, ::-1]])
@@ -52,7 +54,7 @@ def nested() -> trimesh.Trimesh:
         trimesh.creation.box((1, 0.5, 0.02)),
         trimesh.creation.torus(0.5, 0.1, major_sections=12, minor_sections=8),
         trimesh.util.concatenate(
-            [trimesh.creation.box((1, 1, 0.1)), trimesh.creation.box((0.1, 0.1, 0.1), trimesh.transformations.translation_matrix((0, 0, 0.3)))]
+            [trimesh.creation.box((1, 1, 0.1)), trimesh.creation.box((0.1, 0.1, 0.1), trimesh.transformations.translation_matrix((0, 0, 0.3)))]  # noqa: E501
         ),
         open_box(),
     ],
@@ -98,7 +100,8 @@ def test_others_are_left_alone():
 
 
 def test_each_piece_is_judged_by_itself():
-    """A doubled box beside a dense ball that is not; the ball's inside is turned out on purpose, and stays so."""
+    """A doubled box beside a dense ball that is not; the ball's inside is turned out on purpose,
+    and stays so."""
     ball = trimesh.creation.icosphere(4, 0.3).apply_translation((2, 0, 0))
     ball.invert()
     ball.visual = ColorVisuals(ball, face_colors=np.tile(BLUE, (len(ball.faces), 1)))
@@ -124,7 +127,9 @@ def test_faces_without_area_do_not_count():
 
 
 def test_no_patch_is_asked_more_often_than_it_should():
-    points, faces = (np.asarray(x) for x in (lambda b: (b.vertices, b.faces))(trimesh.creation.icosphere(2)))  # fmt: skip
+    points, faces = (
+        np.asarray(x) for x in (lambda b: (b.vertices, b.faces))(trimesh.creation.icosphere(2))
+    )
     for count in (63, 64, 65, 100, 127, 128, 200):
         asked = _spread(points, faces[:count], np.zeros(count, int))
         assert POINTS / 2 <= len(asked) <= POINTS
@@ -149,7 +154,8 @@ def test_objects_are_read_so(tmp_path):
     mesh = doubled(trimesh.creation.box((1, 1, 1)))
     mesh.export(tmp_path / "box.ply")
     (tmp_path / "a.urdf").write_text(
-        '<robot name="r"><link name="a"><visual><geometry><mesh filename="box.ply"/></geometry></visual></link></robot>'
+        '<robot name="r"><link name="a"><visual><geometry><mesh '
+        'filename="box.ply"/></geometry></visual></link></robot>'
     )
     obj = load_object(tmp_path)
     assert obj.parts[0].mesh.volume == pytest.approx(1)

@@ -60,7 +60,8 @@ def random_similarity(rng: np.random.Generator, mirror: bool) -> np.ndarray:
 
 
 def mujoco_transforms(parents: list[int], joints: list[Joint], q: np.ndarray) -> np.ndarray:
-    """The same tree in MuJoCo: every body's frame is the object frame at q = 0, a screw is a slide and a hinge."""
+    """The same tree in MuJoCo: every body's frame is the object frame at q = 0, a screw is a slide
+    and a hinge."""
     spec = mujoco.MjSpec()
     bodies, names = [], []
     for k, parent in enumerate(parents):
@@ -116,7 +117,8 @@ def test_screws_have_a_hand(hand):
 
 @given(seeds, st.sampled_from(KINDS[1:]), st.booleans())
 def test_a_moved_joint_moves_what_was_moved(seed, kind, mirror):
-    """transformed(M) conjugates the motion by M, up to the direction of q, which a mirror keeps too."""
+    """transformed(M) conjugates the motion by M, up to the direction of q, which a mirror keeps
+    too."""
     rng = np.random.default_rng(seed)
     joint, matrix = random_joint(rng, kind), random_similarity(rng, mirror)
     moved = joint.transformed(matrix)

@@ -1,4 +1,5 @@
-"""Reading MJCF: joints and frames against MuJoCo, colours, and what is refused before MuJoCo sees it."""
+"""Reading MJCF: joints and frames against MuJoCo, colours, and what is refused before MuJoCo sees
+it."""
 
 from __future__ import annotations
 
@@ -73,7 +74,10 @@ def test_the_world_s_own_geoms_are_the_root(load_mjcf):
 
 def test_several_joints_on_a_body_are_one_where_an_equality_couples_them(load_mjcf):
     """A turn and a travel coupled by an equality are a screw; independent ones stay apart."""
-    two = '<joint name="turn" axis="0 0 1" range="0 6"/><joint name="go" type="slide" axis="0 0 1" range="0 1"/>'
+    two = (
+        '<joint name="turn" axis="0 0 1" range="0 6"/><joint name="go" type="slide" axis="0 0 1" '
+        'range="0 1"/>'
+    )
     text = door(two)
     couple = (
         '<equality><joint joint1="go" joint2="turn" polycoef="0 .05 0 0 0"/></equality></mujoco>'
@@ -113,7 +117,8 @@ def pose(rng: np.random.Generator) -> str:
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), count=st.integers(2, 6))
 def test_forward_kinematics_is_mujoco_s(tmp_path_factory, seed, count):
-    """Chains and trees of bodies with turned frames, off-centre anchors, oblique axes, refs and any limits."""
+    """Chains and trees of bodies with turned frames, off-centre anchors, oblique axes, refs and any
+    limits."""
     rng = np.random.default_rng(seed)
     below: dict[int, list[int]] = {}
     for i in range(1, count):
@@ -158,15 +163,16 @@ def test_primitives_have_half_sizes(load_mjcf):
 
 
 def test_a_mesh_stands_where_it_was_written_with_its_texture(load_mjcf, tmp_path):
-    """MuJoCo re-centres and turns meshes; texture coordinates are those of the OBJ read without MuJoCo."""
+    """MuJoCo re-centres and turns meshes; texture coordinates are those of the OBJ read without
+    MuJoCo."""
     rng = np.random.default_rng(0)
     image = Image.fromarray(rng.integers(0, 255, (5, 7, 3), dtype=np.uint8))
     (tmp_path / "assets").mkdir()
     image.save(tmp_path / "assets" / "t.png")
     (tmp_path / "assets" / "m.obj").write_text(TETRAHEDRON)
     above = (
-        '<compiler assetdir="assets"/><asset><mesh file="m.obj" scale="2 1 1"/><texture name="t" type="2d" file="t.png"/>'
-        '<material name="m" texture="t"/></asset>'
+        '<compiler assetdir="assets"/><asset><mesh file="m.obj" scale="2 1 1"/><texture name="t" '
+        'type="2d" file="t.png"/><material name="m" texture="t"/></asset>'
     )
     obj = load_mjcf(
         mjcf(body("a", '<geom type="mesh" mesh="m" material="m"/>', 'pos="0 0 1"'), above)
@@ -189,8 +195,8 @@ def test_a_mesh_stands_where_it_was_written_with_its_texture(load_mjcf, tmp_path
 def test_colours_of_geom_and_material(load_mjcf, tmp_path):
     Image.new("RGB", (2, 2), (200, 100, 50)).save(tmp_path / "c.png")
     above = (
-        '<asset><texture name="c" type="cube" file="c.png"/><material name="wood" texture="c" rgba="1 .5 1 1"/>'
-        '<material name="red" rgba="1 0 0 1"/></asset>'
+        '<asset><texture name="c" type="cube" file="c.png"/><material name="wood" texture="c" '
+        'rgba="1 .5 1 1"/><material name="red" rgba="1 0 0 1"/></asset>'
     )
     for geom, rgb in (
         ('rgba="0 0 1 1"', (0, 0, 1)),

@@ -1,4 +1,5 @@
-"""What of an MJCF is refused before MuJoCo sees it: files outside, what is too large, plugins, models without end."""
+"""What of an MJCF is refused before MuJoCo sees it: files outside, what is too large, plugins,
+models without end."""
 
 from __future__ import annotations
 
@@ -34,14 +35,16 @@ pytest.importorskip("mujoco", reason="pip install mujoco")
         ("<mujocoinclude/>", "root element is <mujocoinclude>"),
         (mjcf("", "<extension><plugin plugin='x'/></extension>"), "plugins are never run"),
         (mjcf(body("a", BOX + '<plugin plugin="x"/>')), "plugins are never run"),
-        (mjcf(f'<replicate count="1000"><replicate count="1000">{BOX}</replicate></replicate>'), "elements, counted"),
-        (mjcf("", '<asset><texture name="t" builtin="flat" type="2d" width="90000" height="90000"/></asset>'), "too large"),
-        (mjcf("", '<asset><texture name="t" builtin="flat" type="cube" width="12000" height="1"/></asset>'), "too large"),
-        (mjcf("", '<asset><texture name="t" builtin="flat" type="skybox" width="12000"/></asset>'), "too large"),
+        (mjcf(f'<replicate count="1000"><replicate count="1000">{BOX}</replicate></replicate>'), "elements, counted"),  # noqa: E501
+        (mjcf("", '<asset><texture name="t" builtin="flat" type="2d" width="90000" '
+            'height="90000"/></asset>'), "too large"),
+        (mjcf("", '<asset><texture name="t" builtin="flat" type="cube" width="12000" '
+            'height="1"/></asset>'), "too large"),
+        (mjcf("", '<asset><texture name="t" builtin="flat" type="skybox" width="12000"/></asset>'), "too large"),  # noqa: E501
         (mjcf("", '<asset><texture name="t" builtin="flat" width="12000"/></asset>'), "too large"),
-        (mjcf("", '<asset>' + "".join(f'<texture name="t{i}" builtin="flat" type="2d" width="9000" height="9000"/>' for i in range(5)) + '</asset>'), "pixels of textures"),
-        (mjcf("", '<asset><hfield name="t" nrow="90000" ncol="90000" size="1 1 1 1"/></asset>'), "too large"),
-        (mjcf("", '<asset><mesh name="t" builtin="supertorus" params="99999 .1 1 1"/></asset>'), "too large"),
+        (mjcf("", '<asset>' + "".join(f'<texture name="t{i}" builtin="flat" type="2d" width="9000" height="9000"/>' for i in range(5)) + '</asset>'), "pixels of textures"),  # noqa: E501
+        (mjcf("", '<asset><hfield name="t" nrow="90000" ncol="90000" size="1 1 1 1"/></asset>'), "too large"),  # noqa: E501
+        (mjcf("", '<asset><mesh name="t" builtin="supertorus" params="99999 .1 1 1"/></asset>'), "too large"),  # noqa: E501
     ],
 )  # fmt: skip
 def test_what_is_refused(refuse_mjcf, text, words):
@@ -94,7 +97,8 @@ def test_nothing_outside_the_folder_is_read(tmp_path, monkeypatch):
     texts += [
         mjcf(
             body("a"),
-            f'<compiler texturedir="../other"/><asset><texture name="t" type="cube" {kind}="t.png"/></asset>',
+            '<compiler texturedir="../other"/><asset><texture name="t" type="cube" '
+            f'{kind}="t.png"/></asset>',
         )
         for kind in ("file", "fileback")
     ]

@@ -41,12 +41,12 @@ NOTED = {
     "tilted": [("joint 'joint_1': its axis in the URDF is 11.3 degrees and", 1)],
     "movable": [("joint 'joint_5': a slider without limits in the URDF, a root in mobility_v2", 1)],
     "free part": [("'flap' (id 3) is free of its parent; held fixed", 1)],
-    "other parent": [("link 'link_3': on 'link_5' in the URDF, on 'link_1' in mobility_v2.json", 1)],
+    "other parent": [("link 'link_3': on 'link_5' in the URDF, on 'link_1' in mobility_v2.json", 1)],  # noqa: E501
     "renamed": [("'drawer' (id 0, slider) has no link in the URDF", 1),
-                ("joint 'joint_0': mobility_v2.json does not know link 'my_drawer'; the URDF's", 1)],
+                ("joint 'joint_0': mobility_v2.json does not know link 'my_drawer'; the URDF's", 1)],  # noqa: E501
     "stale names": [],
     "flat sheet": [],
-    "missing mesh": [("link 'link_5': mesh 'textured_objs/original-77.obj' is missing; left out", 1)],
+    "missing mesh": [("link 'link_5': mesh 'textured_objs/original-77.obj' is missing; left out", 1)],  # noqa: E501
     "extra obj": [],
     "missing texture": [("its file '../images/texture_0.jpg' is missing", 6)],
     "escaping texture": [("lies outside the asset's folder and was not read", 6)],
@@ -54,7 +54,8 @@ NOTED = {
     "scaled": [],
     "endless cap": [("link 'link_4' move it independently; all are kept", 1)],
 }  # fmt: skip
-ALWAYS = (  # said of every cabinet: its root without a mesh, the cap's two motions and the URDF's endless one
+# said of every cabinet: its root without a mesh, the cap's two motions and the URDF's endless one
+ALWAYS = (
     "links without a mesh were collapsed: 'base', 'link_4_helper'",
     "'joint_4_helper' and 'joint_4' of link 'link_4' move it independently; all are kept",
     "joint 'joint_4': a slider from 0 to 0.2 and a hinge without limits in the URDF, a slider from",
@@ -63,7 +64,8 @@ ALWAYS = (  # said of every cabinet: its root without a mesh, the cap's two moti
 
 @pytest.mark.parametrize("defect", ["", *DEFECTS])
 def test_a_cabinet_with_a_defect_is_the_cabinet(tmp_path, defect):
-    """Shape, forward kinematics at random states and limits are the truth's, and the repair is recorded."""
+    """Shape, forward kinematics at random states and limits are the truth's, and the repair is
+    recorded."""
     assert set(NOTED) == set(DEFECTS)
     made = write_cabinet(tmp_path / "4711", *[defect] * bool(defect))
     obj = load_object(made.folder)
@@ -139,7 +141,8 @@ def test_links_that_the_json_does_not_know_keep_the_urdfs_joint(tmp_path):
 
 
 def test_a_tree_that_the_urdf_hangs_upside_down(tmp_path):
-    """The door as the URDF's root with the body on it: the JSON's root is the root, and the hinge turns the door."""
+    """The door as the URDF's root with the body on it: the JSON's root is the root, and the hinge
+    turns the door."""
     box = '<visual><origin xyz="{}"/><geometry><box size=".5 .5 .5"/></geometry></visual>'
     (tmp_path / "mobility.urdf").write_text(
         f'<robot name="r"><link name="base"/><link name="link_0">{box.format("1 0 0")}</link>'
@@ -209,7 +212,7 @@ SHORT_AXIS = {"axis": {"origin": [0, 0], "direction": [0, 1, 0]}, "limit": {"noL
         ([_entry(jointData={"axis": 3}), ROOT], "part 0: jointData should hold"),
         ([_entry(jointData=BAD_AXIS), ROOT], "part 0: 'x' is not a finite number"),
         ([_entry(jointData=SHORT_AXIS), ROOT], "an axis needs three numbers"),
-        (b'[{"id": 0, "parent": 1, "joint": "hinge", "jointData": {"axis": {"origin": [0, 0, 1e400]}}}, '
+        (b'[{"id": 0, "parent": 1, "joint": "hinge", "jointData": {"axis": {"origin": [0, 0, 1e400]}}}, '  # noqa: E501
          b'{"id": 1, "parent": -1, "joint": "heavy"}]', "not a finite number"),
     ],
 )  # fmt: skip
@@ -311,7 +314,8 @@ def test_unknown_kinds_and_urdfs_that_are_no_tree(tmp_path):
 
 
 def _check_kinematics(obj: ArticulatedObject, made: Cabinet) -> None:
-    """All parts of the truth, placed, moving and limited as it says, to 1e-6 of the object's size."""
+    """All parts of the truth, placed, moving and limited as it says, to 1e-6 of the object's
+    size."""
     side = float(np.ptp(obj.bounds, axis=0).max())
     names = {obj.index(made.link(n)): n for n in made.linked}
     assert sorted(names) == list(range(len(obj.parts)))

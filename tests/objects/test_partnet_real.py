@@ -19,15 +19,17 @@ from uniart_jax.objects.object import ArticulatedObject
 
 
 def test_real_folders():
-    """Every folder below ``$UNIART_PARTNET_DIR``: no error of an unknown kind; shapes, axes and limits as mobility_v2.json has them.
+    """Every folder below ``$UNIART_PARTNET_DIR``: no error of an unknown kind; shapes, axes and
+    limits as mobility_v2.json has them.
 
     What is expected is worked out here from the raw files, by another road than the reader's.
     """
     place = os.environ.get("UNIART_PARTNET_DIR")
     if not place:
         pytest.skip(
-            "set UNIART_PARTNET_DIR to a folder of PartNet-Mobility objects: the data set (an account at sapien.ucsd.edu), "
-            "or tests/testdata of github.com/r-pad/partnet_mobility_utils, which holds two"
+            "set UNIART_PARTNET_DIR to a folder of PartNet-Mobility objects: the data set (an "
+            "account at sapien.ucsd.edu), or tests/testdata of "
+            "github.com/r-pad/partnet_mobility_utils, which holds two"
         )
     folders = sorted(p.parent for p in Path(place).rglob("mobility_v2.json"))
     assert folders, f"{place} holds no mobility_v2.json"
@@ -48,7 +50,8 @@ def test_real_folders():
     for what, count in seen.most_common():
         print(f"{count:6d}  {what}")
     assert seen["objects"] and seen["parts compared"]
-    # Hosts have pushed, turned and scaled some; a reader that puts parts elsewhere would move most of them.
+    # Hosts have pushed, turned and scaled some; a reader that puts parts elsewhere would move most
+    # of them.
     assert seen["parts that a host moved"] <= 0.05 * seen["parts compared"] + 1
 
 
@@ -85,7 +88,8 @@ def _compare(folder: Path, obj: ArticulatedObject, seen: collections.Counter) ->
 
 
 def _motion(node: dict, obj: ArticulatedObject, part) -> tuple[float, float] | None:
-    """(lo, hi) of a hinge or slider as its JSON has it; (0, 0) of other parts; None where 0 is excluded and the part moved."""
+    """(lo, hi) of a hinge or slider as its JSON has it; (0, 0) of other parts; None where 0 is
+    excluded and the part moved."""
     data = node["jointData"]
     above = part
     while above.parent >= 0:

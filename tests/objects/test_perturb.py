@@ -33,7 +33,8 @@ def perturbed(family, seed=0, strength=0.3):
 
 
 def carried(obj, scaled, k, points):
-    """Where material points of part k went, read off its own box: part k was stretched along the axes."""
+    """Where material points of part k went, read off its own box: part k was stretched along the
+    axes."""
     old, new = obj.boxes[k], scaled.boxes[k]
     return new[:3] + (points - old[:3]) / old[3:] * new[3:]
 
@@ -89,8 +90,12 @@ def test_parts_stay_solid(family):
 
 def two_boxes(joint) -> ArticulatedObject:
     body = trimesh.creation.box([1, 0.6, 0.8])
-    lid = trimesh.creation.box([0.2, 0.6, 0.1], trimesh.transformations.translation_matrix([0.1, 0, 0.45]))  # fmt: skip
-    knob = trimesh.creation.box([0.1, 0.1, 0.1], trimesh.transformations.translation_matrix([0.1, 0, 0.55]))  # fmt: skip
+    lid = trimesh.creation.box(
+        [0.2, 0.6, 0.1], trimesh.transformations.translation_matrix([0.1, 0, 0.45])
+    )
+    knob = trimesh.creation.box(
+        [0.1, 0.1, 0.1], trimesh.transformations.translation_matrix([0.1, 0, 0.55])
+    )
     parts = Part("body", body), Part("lid", lid, 0, joint), Part("knob", knob, 1)
     return ArticulatedObject(parts).normalized()
 
@@ -101,7 +106,9 @@ def test_a_part_takes_along_what_it_carries():
     scaled = scale_parts(obj, [1, 0.5, 1])
     assert scaled.scale == pytest.approx(obj.scale * np.ptp(scaled.bounds[:, 0]) * 1.0)
     grown = 1 / (scaled.scale / obj.scale)
-    assert np.allclose(scaled.boxes[:, 3:], obj.boxes[:, 3:] * grown * np.array([[1], [0.5], [0.5]]))  # fmt: skip
+    assert np.allclose(
+        scaled.boxes[:, 3:], obj.boxes[:, 3:] * grown * np.array([[1], [0.5], [0.5]])
+    )
     assert np.allclose(scaled.joints[1].travel, np.array(obj.joints[1].travel) * 0.5 * grown)
     # the lid still lies on the body, the knob on the lid
     floor = scaled.boxes[:, 2] - scaled.boxes[:, 5] / 2

@@ -1,6 +1,8 @@
-"""Real files, made by others: forward kinematics against the program that each was made for, and broken files.
+"""Real files, made by others: forward kinematics against the program that each was made for, and
+broken files.
 
-The files are not in this repository: give a folder of URDFs and MJCFs as $UNIART_REAL_DIR, one of broken ones as $UNIART_MALFORMED_DIR.
+The files are not in this repository: give a folder of URDFs and MJCFs as $UNIART_REAL_DIR, one of
+broken ones as $UNIART_MALFORMED_DIR.
 """
 
 from __future__ import annotations

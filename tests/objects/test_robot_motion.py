@@ -142,7 +142,13 @@ def test_lowering_joins_what_a_code_can_hold_and_nothing_else():
     assert one_joint((), turn, (slide, slide)) is turn
 
 
-RANGES = [((0, 2), (0, 0.5)), ((0, 2), (-0.5, 0)), ((-2, 0), (0, 0.5)), ((-2, 0), (-0.5, 0)), ((-0.5, 2), (-0.4, 0.1))]  # fmt: skip
+RANGES = [
+    ((0, 2), (0, 0.5)),
+    ((0, 2), (-0.5, 0)),
+    ((-2, 0), (0, 0.5)),
+    ((-2, 0), (-0.5, 0)),
+    ((-0.5, 2), (-0.4, 0.1)),
+]
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -261,7 +267,7 @@ def test_a_mimic_of_another_link_is_independent_but_shown_where_it_belongs(load)
     obj = load(
         link("base"), link("a"), link("b"),
         joint("prismatic", "a", limit(1, 2)),
-        joint("prismatic", "b", f'{limit(-9, 9)}<mimic joint="a_joint" multiplier="2" offset="1"/>'),
+        joint("prismatic", "b", f'{limit(-9, 9)}<mimic joint="a_joint" multiplier="2" offset="1"/>'),  # noqa: E501
     )  # fmt: skip
     np.testing.assert_allclose([p.box[0] for p in obj.parts], [0, 1, 3])
     np.testing.assert_allclose(obj.parts[2].joint.travel, (-12, 6))

@@ -1,4 +1,5 @@
-"""Reading SINGAPO's object.json and CAGE's train.json: frame, joints, meshes, and what is refused."""
+"""Reading SINGAPO's object.json and CAGE's train.json: frame, joints, meshes, and what is
+refused."""
 
 from __future__ import annotations
 
@@ -28,17 +29,25 @@ def node(number, parent, name, center, size, kind="fixed", axis=(), span=(0, 0),
     if axis:
         joint["axis"] = {"origin": list(axis[0]), "direction": list(axis[1])}
     box = {"center": list(center), "size": list(size)}
-    return {"id": number, "parent": parent, "name": name, "children": [], "joint": joint, "aabb": box, **more}  # fmt: skip
+    return {
+        "id": number,
+        "parent": parent,
+        "name": name,
+        "children": [],
+        "joint": joint,
+        "aabb": box,
+        **more,
+    }
 
 
 def cabinet() -> dict:
     """A body, a door hinged on its right front edge, a handle on it, a drawer and a knob."""
     tree = [
         node(0, -1, "base", (0, 0, 0), (1, 1, 1)),
-        node(1, 0, "door", (0, 0.2, 0.6), (1, 0.6, 0.1), "revolute", ((0.5, 0, 0.6), (0, 1, 0)), (0, 90)),
+        node(1, 0, "door", (0, 0.2, 0.6), (1, 0.6, 0.1), "revolute", ((0.5, 0, 0.6), (0, 1, 0)), (0, 90)),  # noqa: E501
         node(2, 1, "handle", (-0.4, 0.2, 0.7), (0.1, 0.1, 0.1)),
-        node(3, 0, "door", (0, -0.3, 0.6), (1, 0.3, 0.1), "prismatic", ((9, 9, 9), (0, 0, 2)), (0, 0.4)),
-        node(4, 1, "knob", (0.3, 0.2, 0.7), (0.1, 0.1, 0.1), "continuous", ((0.3, 0.2, 0), (0, 0, 1))),
+        node(3, 0, "door", (0, -0.3, 0.6), (1, 0.3, 0.1), "prismatic", ((9, 9, 9), (0, 0, 2)), (0, 0.4)),  # noqa: E501
+        node(4, 1, "knob", (0.3, 0.2, 0.7), (0.1, 0.1, 0.1), "continuous", ((0.3, 0.2, 0), (0, 0, 1))),  # noqa: E501
     ]  # fmt: skip
     for child, parent in ((1, 0), (2, 1), (3, 0), (4, 1)):
         tree[parent]["children"].append(child)
@@ -167,12 +176,12 @@ def changed(*keys, value):
         (changed("diffuse_tree", 1, "joint", value=None), "node 'door': it has no joint"),
         (changed("diffuse_tree", 1, "joint", "type", value="hinge"), "unknown joint type 'hinge'"),
         (changed("diffuse_tree", 1, "joint", "axis", value=None), "its joint has no axis"),
-        (changed("diffuse_tree", 1, "joint", "range", value=[0]), "the joint's range should be 2 numbers"),
+        (changed("diffuse_tree", 1, "joint", "range", value=[0]), "the joint's range should be 2 numbers"),  # noqa: E501
         (changed("diffuse_tree", 1, "joint", "range", value=[0, float("nan")]), "NaN is no number"),
-        (changed("diffuse_tree", 1, "joint", "range", value=[0, 10**400]), "should be 2 finite numbers"),
-        (changed("diffuse_tree", 1, "joint", "axis", "origin", value=["a", 0, 0]), "the axis' origin should be 3"),
+        (changed("diffuse_tree", 1, "joint", "range", value=[0, 10**400]), "should be 2 finite numbers"),  # noqa: E501
+        (changed("diffuse_tree", 1, "joint", "axis", "origin", value=["a", 0, 0]), "the axis' origin should be 3"),  # noqa: E501
         (changed("diffuse_tree", 1, "objs", value="m.obj"), "'objs' should be a list"),
-        (changed("diffuse_tree", 1, "aabb", "size", value=[1, 2]), "the size of its aabb should be 3"),
+        (changed("diffuse_tree", 1, "aabb", "size", value=[1, 2]), "the size of its aabb should be 3"),  # noqa: E501
     ],
 )  # fmt: skip
 def test_what_is_refused(load, document, words):

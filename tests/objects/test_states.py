@@ -1,4 +1,5 @@
-"""Random shown states keep the contract: 0 within every joint's limits, normalised, the same tree."""
+"""Random shown states keep the contract: 0 within every joint's limits, normalised, the same
+tree."""
 
 from __future__ import annotations
 

@@ -15,9 +15,11 @@ from uniart_jax.objects.load import find_asset, load_object
 def test_origins_scales_and_primitives(load, tmp_path):
     trimesh.creation.box().export(tmp_path / "unit cube.stl")
     shapes = [
-        '<visual><origin xyz="0 0 2" rpy="0 1.5707963267948966 0"/><geometry><cylinder radius="1" length="6"/></geometry></visual>',
+        '<visual><origin xyz="0 0 2" rpy="0 1.5707963267948966 0"/><geometry><cylinder radius="1" '
+        'length="6"/></geometry></visual>',
         '<visual><origin xyz="0 5 0"/><geometry><sphere radius="0.5"/></geometry></visual>',
-        '<visual><origin xyz="0 -5 0"/><geometry><mesh filename="unit%20cube.stl" scale="1 -2 3"/></geometry></visual>',
+        '<visual><origin xyz="0 -5 0"/><geometry><mesh filename="unit%20cube.stl" scale="1 -2 '
+        '3"/></geometry></visual>',
     ]
     obj = load(link("base", "".join(shapes)))
     np.testing.assert_allclose(obj.bounds, [[-3, -6, -1.5], [3, 5.5, 3]], atol=1e-6)

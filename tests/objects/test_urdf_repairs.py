@@ -365,7 +365,8 @@ def test_what_is_lost_is_told_by_the_words_of_a_repair_not_by_names():
     kept = [
         "link 'the lid is missing': it names no mesh; shown by its box",
         "link 'left out': no visual geometry; shown by its collision geometry",
-        "link 'a': on 'not read' in the URDF, on 'left out' in mobility_v2.json; the latter is used",
+        "link 'a': on 'not read' in the URDF, on 'left out' in mobility_v2.json; the latter is "
+        "used",
         "links without a mesh were collapsed: 'link left out'",
         "joint 'is missing': its axis is zero; held fixed",
     ]

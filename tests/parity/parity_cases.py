@@ -1,7 +1,8 @@
 """The parity fixtures: upstream's own inputs and outputs for random weights.
 
-Every ``.npz`` of a folder is a case: ``fixtures`` beside this file, or the folder that ``$UNIART_PARITY_DIR`` names. Keys: ``config`` (JSON of
-constructor arguments), ``in/…``, ``out/…``, ``sd/<upstream's parameter>``; gradients are ``out/grad/<parameter>``.
+Every ``.npz`` of a folder is a case: ``fixtures`` beside this file, or the folder that
+``$UNIART_PARITY_DIR`` names. Keys: ``config`` (JSON of constructor arguments), ``in/…``, ``out/…``,
+``sd/<upstream's parameter>``; gradients are ``out/grad/<parameter>``.
 """
 
 import json
@@ -23,9 +24,14 @@ class Case(NamedTuple):
     gradients: dict  # of them
 
     def sparse(self):
-        """(batch of coords [B, V, 3] and counts [B], feats [B, V, C], the rows' (item, position)); padded by a few voxels."""
+        """(batch of coords [B, V, 3] and counts [B], feats [B, V, C], the rows' (item, position));
+        padded by a few voxels."""
         coords, counts, rows = pad(self.inputs["coords"])
-        return {"coords": coords, "counts": counts}, spread(self.inputs["feats"], coords, rows), rows  # fmt: skip
+        return (
+            {"coords": coords, "counts": counts},
+            spread(self.inputs["feats"], coords, rows),
+            rows,
+        )
 
 
 def cases(folder):

@@ -1,7 +1,7 @@
 """One check a kind of fixture; the weights go through the converter that users go through.
 
-Tolerances were fixed by the fixtures' makers before anything of ours ran: rtol 1e-4, atol 1e-5, 5e-5 for the flows; gradients rtol 1e-4 and
-atol 1e-4 of the largest entry.
+Tolerances were fixed by the fixtures' makers before anything of ours ran: rtol 1e-4, atol 1e-5,
+5e-5 for the flows; gradients rtol 1e-4 and atol 1e-4 of the largest entry.
 """
 
 import dataclasses
@@ -82,12 +82,19 @@ def run_slat_encoder(piece, case):
 
 
 def check_widened_encoder(piece, case, expected):
-    """The UniArt VAE filled from the same weights gives TRELLIS's latents, whatever geometry and joints the voxels have besides."""
+    """The UniArt VAE filled from the same weights gives TRELLIS's latents, whatever geometry and
+    joints the voxels have besides."""
     narrow = dataclasses.replace(
         ModelConfig(), uniart_vae=UniArtVAEConfig(geometry_channels=8, articulation_channels=8)
     )
     model, networks = compose([piece], base=narrow)
-    assert set(networks["uniart_vae"].new) == {"front", "decoder", "geometry_head", "segmentation_head", "articulation_head"}  # fmt: skip
+    assert set(networks["uniart_vae"].new) == {
+        "front",
+        "decoder",
+        "geometry_head",
+        "segmentation_head",
+        "articulation_head",
+    }
     batch, feats, rows = case.sparse()
     rng = np.random.default_rng(0)
     shape, cells, parts = feats.shape[:2], model.grid.subdivisions**3, 3
@@ -158,11 +165,16 @@ def check_dinov2(case):
 
 
 def check_features(case):
-    cameras, positions = (case.inputs["extrinsics"], case.inputs["intrinsics"]), case.inputs["positions"]  # fmt: skip
+    cameras, positions = (
+        (case.inputs["extrinsics"], case.inputs["intrinsics"]),
+        case.inputs["positions"],
+    )
     side = case.config["patches"]
     patches = case.inputs["patchtokens"].reshape(len(cameras[0]), side, side, -1)
     for m, (extrinsic, intrinsic) in enumerate(zip(*cameras, strict=True)):
-        np.testing.assert_allclose(project(positions, extrinsic, intrinsic), case.outputs["uv"][m], **CLOSE)  # fmt: skip
+        np.testing.assert_allclose(
+            project(positions, extrinsic, intrinsic), case.outputs["uv"][m], **CLOSE
+        )
         one = average_views(patches[m : m + 1], extrinsic[None], intrinsic[None], positions)
         np.testing.assert_allclose(one, case.outputs["per_view"][m], **CLOSE)
     mean = average_views(patches, *cameras, positions)
@@ -201,7 +213,8 @@ def check_slat_encoder_gradients(case):
 
 
 def compare_gradients(name, loss, piece, case):
-    # gradients have the parameters' names and layouts, so the converter takes them too; buffers have none
+    # gradients have the parameters' names and layouts, so the converter takes them too; buffers
+    # have none
     expected = flatten(convert_trellis(name, case.config, case.gradients).params)
     params = jax.tree.map(jnp.asarray, piece.params)
     value, gradients = jax.jit(jax.value_and_grad(loss))(params)

@@ -1,7 +1,8 @@
 """TRELLIS's single operations (``ops.npz``).
 
-Not checked, because nothing here has them: subdivision, 1^3 submanifold convolution and sparse group norm (``subdiv_*``, ``conv1``, ``gn``: the
-mesh decoder's up-path) and the dice loss (``dice``: TRELLIS's training of the structure VAE; ours is a cross-entropy).
+Not checked, because nothing here has them: subdivision, 1^3 submanifold convolution and sparse
+group norm (``subdiv_*``, ``conv1``, ``gn``: the mesh decoder's up-path) and the dice loss
+(``dice``: TRELLIS's training of the structure VAE; ours is a cross-entropy).
 """
 
 import jax
@@ -105,7 +106,8 @@ def check_sparse(given, out):
 
 
 def check_sampler(given, out):
-    """12 steps, rescale 3, guidance 5 within [.5, 1], of the velocity .3 x + t + condition, condition 1 or 0."""
+    """12 steps, rescale 3, guidance 5 within [.5, 1], of the velocity .3 x + t + condition,
+    condition 1 or 0."""
     x0, noise, t = (given[f"fm_{name}"] for name in ("x0", "eps", "t"))
     np.testing.assert_allclose(interpolate(x0, noise, t, SIGMA), out["fm_xt"], **CLOSE)
     np.testing.assert_allclose(velocity_target(x0, noise, SIGMA), out["fm_v"], **CLOSE)

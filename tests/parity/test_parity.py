@@ -1,4 +1,5 @@
-"""Our networks against upstream's own outputs: every fixture of a folder (``parity_cases``), each by the check of its kind (``parity_checks``)."""
+"""Our networks against upstream's own outputs: every fixture of a folder (``parity_cases``), each
+by the check of its kind (``parity_checks``)."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,8 @@
-"""What every parametric family promises: closed parts, sound trees, nothing inside anything, parts that can move.
+"""What every parametric family promises: closed parts, sound trees, nothing inside anything, parts
+that can move.
 
-Intersections are measured as the exact volume of the boolean intersection (manifold3d) relative to the smaller part's volume.
+Intersections are measured as the exact volume of the boolean intersection (manifold3d) relative to
+the smaller part's volume.
 """
 
 from __future__ import annotations

@@ -81,7 +81,8 @@ def test_the_voxels_keep_parts_and_joints(family):
 
 
 def test_a_bay_lower_than_its_clearances_takes_a_front_alone():
-    """Seed 1037 made a drawer's box of negative height; its lowest drawer is no deeper than a front."""
+    """Seed 1037 made a drawer's box of negative height; its lowest drawer is no deeper than a
+    front."""
     obj = generate("trolley", 1037)
     depths = [np.ptp(p.mesh.bounds[:, 0]) for p in obj.parts if p.name.startswith("drawer")]
     assert min(depths) < 0.15 and max(depths) > 0.7

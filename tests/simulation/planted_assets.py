@@ -1,4 +1,5 @@
-"""Small assets written by hand as URDF and MJCF text: sound ones, and the same with one fault each."""
+"""Small assets written by hand as URDF and MJCF text: sound ones, and the same with one fault
+each."""
 
 from __future__ import annotations
 
@@ -14,7 +15,10 @@ DENSITY = 300.0
 
 def solid(blocks: Sequence[Block]) -> tuple[float, np.ndarray, np.ndarray]:
     """(kg, centre of mass, inertia about it) of blocks in a link's frame."""
-    meshes = [trimesh.creation.box(size, trimesh.transformations.translation_matrix(c)) for c, size in blocks]  # fmt: skip
+    meshes = [
+        trimesh.creation.box(size, trimesh.transformations.translation_matrix(c))
+        for c, size in blocks
+    ]
     whole = trimesh.util.concatenate(meshes)
     whole.density = DENSITY
     return float(whole.mass), np.asarray(whole.center_mass), np.asarray(whole.moment_inertia)
@@ -28,8 +32,16 @@ def link(name: str, blocks: Sequence[Block], *, visual: str = "", shown: bool = 
     """A link of solid blocks; ``visual`` replaces what is seen of it."""
     shape = '<{tag}><origin xyz="{at}"/><geometry><box size="{size}"/></geometry></{tag}>'
     mass, center, tensor = solid(blocks) if blocks else (0.02, np.zeros(3), 1e-5 * np.eye(3))
-    entries = " ".join(f'i{a}{b}="{tensor[i, j]:.9g}"' for a, i, b, j in [(a, i, b, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if i <= j])  # fmt: skip
-    body = f'<inertial><origin xyz="{text(center)}"/><mass value="{mass:.9g}"/><inertia {entries}/></inertial>'
+    entries = " ".join(
+        f'i{a}{b}="{tensor[i, j]:.9g}"'
+        for a, i, b, j in [
+            (a, i, b, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if i <= j
+        ]
+    )
+    body = (
+        f'<inertial><origin xyz="{text(center)}"/><mass value="{mass:.9g}"/><inertia '
+        f"{entries}/></inertial>"
+    )
     for tag in ("visual", "collision"):
         if tag == "visual" and (visual or not shown):
             body += visual
@@ -43,8 +55,18 @@ def joint(
     damping: float = 0.0, friction: float = 0.0, extra: str = "",
 ) -> str:  # fmt: skip
     limit = "" if limits is None else f'lower="{limits[0]}" upper="{limits[1]}" '
-    motion = "" if kind == "fixed" else f'<axis xyz="{text(axis)}"/><limit {limit}effort="100" velocity="5"/><dynamics damping="{damping}" friction="{friction}"/>'  # fmt: skip
-    return f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/><origin xyz="{text(at)}"/>{motion}{extra}</joint>'
+    motion = (
+        ""
+        if kind == "fixed"
+        else (
+            f'<axis xyz="{text(axis)}"/><limit {limit}effort="100" velocity="5"/><dynamics '
+            f'damping="{damping}" friction="{friction}"/>'
+        )
+    )
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child '
+        f'link="{child}"/><origin xyz="{text(at)}"/>{motion}{extra}</joint>'
+    )
 
 
 def robot(*parts: str) -> str:
@@ -86,17 +108,18 @@ HINGE = [-0.31, -0.375, 0]
 
 
 def cabinet(
-    folder: Path, *, axis=(0, 0, 1), limits=(0, 2.0), body=BODY, door=DOOR, at=HINGE, drawer=(0, 0.35),
+    folder: Path, *, axis=(0, 0, 1), limits=(0, 2.0), body=BODY, door=DOOR, at=HINGE, drawer=(0, 0.35),  # noqa: E501
     visual: str = "", change: tuple[str, str] = ("", ""),
 ) -> Path:  # fmt: skip
-    """Body, hinged door above, drawer with a fixed handle below, 1 m high; ``change`` replaces one piece of its text."""
+    """Body, hinged door above, drawer with a fixed handle below, 1 m high; ``change`` replaces one
+    piece of its text."""
     urdf = robot(
         link("body", body),
         link("door", door, visual=visual),
         link("drawer", TRAY),
         link("drawer_handle", HANDLE),
         joint("door_hinge", "revolute", "body", "door", at, axis, limits, friction=0.05),
-        joint("drawer_slide", "prismatic", "body", "drawer", [0, 0, -0.25], [-1, 0, 0], drawer, friction=0.5),
+        joint("drawer_slide", "prismatic", "body", "drawer", [0, 0, -0.25], [-1, 0, 0], drawer, friction=0.5),  # noqa: E501
         joint("handle_fixed", "fixed", "drawer", "drawer_handle", [0, 0, 0], None),
     )  # fmt: skip
     assert not change[0] or change[0] in urdf
@@ -112,29 +135,31 @@ def pantry(folder: Path, *, locked: bool = False) -> Path:
             link("body", BODY),
             link("door", DOOR),
             link("tray", tray),
-            joint("door_hinge", "revolute", "body", "door", HINGE, [0, 0, 1], (0, 0.2 if locked else 2.0), friction=0.05),
-            joint("tray_slide", "prismatic", "body", "tray", [0, 0, 0.2], [-1, 0, 0], (0, 0.3), friction=0.5),
+            joint("door_hinge", "revolute", "body", "door", HINGE, [0, 0, 1], (0, 0.2 if locked else 2.0), friction=0.05),  # noqa: E501
+            joint("tray_slide", "prismatic", "body", "tray", [0, 0, 0.2], [-1, 0, 0], (0, 0.3), friction=0.5),  # noqa: E501
         ),
     )  # fmt: skip
 
 
 def corner(folder: Path) -> Path:
-    """Two blocks that slide into the same corner from two sides, where there is room for one, and a third that slides elsewhere."""
+    """Two blocks that slide into the same corner from two sides, where there is room for one, and a
+    third that slides elsewhere."""
     cube = [([0, 0, 0], [0.2, 0.2, 0.2])]
     return write(
         folder,
         robot(
             link("body", [([0, 0, -0.15], [1, 1, 0.05])]),
             *(link(name, cube) for name in ("first", "second", "third")),
-            joint("first_slide", "prismatic", "body", "first", [-0.3, 0.3, 0], [1, 0, 0], (0, 0.6), friction=0.5),
-            joint("second_slide", "prismatic", "body", "second", [0.3, -0.3, 0], [0, 1, 0], (0, 0.6), friction=0.5),
-            joint("third_slide", "prismatic", "body", "third", [-0.3, -0.3, 0], [0, 1, 0], (0, 0.2), friction=0.5),
+            joint("first_slide", "prismatic", "body", "first", [-0.3, 0.3, 0], [1, 0, 0], (0, 0.6), friction=0.5),  # noqa: E501
+            joint("second_slide", "prismatic", "body", "second", [0.3, -0.3, 0], [0, 1, 0], (0, 0.6), friction=0.5),  # noqa: E501
+            joint("third_slide", "prismatic", "body", "third", [-0.3, -0.3, 0], [0, 1, 0], (0, 0.2), friction=0.5),  # noqa: E501
         ),
     )  # fmt: skip
 
 
 def chest(folder: Path, *, friction: float = 8.0) -> Path:
-    """A box with a lid that flips about a horizontal hinge, and a dial on the lid that rotates without end."""
+    """A box with a lid that flips about a horizontal hinge, and a dial on the lid that rotates
+    without end."""
     body = [(c, s) for c, s in shell([-0.3, -0.4, 0], [0.3, 0.4, 0.3], 0.02)[:4]]
     front = ([-0.29, 0, 0.15], [0.02, 0.8, 0.3])
     lid = [([-0.3, 0, 0.0225], [0.6, 0.8, 0.025])]
@@ -145,21 +170,22 @@ def chest(folder: Path, *, friction: float = 8.0) -> Path:
             link("box", [*body, front]),
             link("lid", lid),
             link("dial", dial),
-            joint("flip", "revolute", "box", "lid", [0.3, 0, 0.3], [0, 1, 0], (0, 1.3), friction=friction),
-            joint("rotate", "continuous", "lid", "dial", [-0.3, 0, 0.04], [0, 0, 1], friction=0.002),
+            joint("flip", "revolute", "box", "lid", [0.3, 0, 0.3], [0, 1, 0], (0, 1.3), friction=friction),  # noqa: E501
+            joint("rotate", "continuous", "lid", "dial", [-0.3, 0, 0.04], [0, 0, 1], friction=0.002),  # noqa: E501
         ),
     )  # fmt: skip
 
 
 def jar(folder: Path, *, pitch: float = 0.02) -> Path:
-    """A cap that turns and rises: a revolute joint, a link without shapes, and a prismatic joint that mimics the first."""
+    """A cap that turns and rises: a revolute joint, a link without shapes, and a prismatic joint
+    that mimics the first."""
     return write(
         folder,
         robot(
             link("jar", [([0, 0, 0.1], [0.12, 0.12, 0.2])]),
             link("cap_turn", []),
             link("cap", [([0, 0, 0.022], [0.13, 0.13, 0.04])]),
-            joint("turn", "revolute", "jar", "cap_turn", [0, 0, 0.2], [0, 0, 1], (0, 5.0), friction=0.1),
+            joint("turn", "revolute", "jar", "cap_turn", [0, 0, 0.2], [0, 0, 1], (0, 5.0), friction=0.1),  # noqa: E501
             joint(
                 "rise", "prismatic", "cap_turn", "cap", [0, 0, 0], [0, 0, 1], (0, 5.0 * pitch),
                 extra=f'<mimic joint="turn" multiplier="{pitch}" offset="0"/>',
@@ -168,19 +194,35 @@ def jar(folder: Path, *, pitch: float = 0.02) -> Path:
     )  # fmt: skip
 
 
-def slider(folder: Path, *, friction: float = 0.0, damping: float = 0.0, axis=(1, 0, 0), wall: float = 0.1, travel: float = 0.2) -> Path:  # fmt: skip
-    """A block of 10 cm that slides towards a wall ``wall`` metres away; its body, with the wall, is a metre long."""
+def slider(
+    folder: Path,
+    *,
+    friction: float = 0.0,
+    damping: float = 0.0,
+    axis=(1, 0, 0),
+    wall: float = 0.1,
+    travel: float = 0.2,
+) -> Path:
+    """A block of 10 cm that slides towards a wall ``wall`` metres away; its body, with the wall, is
+    a metre long."""
     return write(
         folder,
         robot(
-            link("rail", [([0, 0, -0.05], [1.0, 0.2, 0.02]), ([0.1 + wall, 0, 0.1], [0.1, 0.2, 0.27])]),
+            link("rail", [([0, 0, -0.05], [1.0, 0.2, 0.02]), ([0.1 + wall, 0, 0.1], [0.1, 0.2, 0.27])]),  # noqa: E501
             link("block", [([0, 0, 0.02], [0.1, 0.1, 0.1])]),
-            joint("slide", "prismatic", "rail", "block", [0, 0, 0], axis, (0, travel), friction=friction, damping=damping),
+            joint("slide", "prismatic", "rail", "block", [0, 0, 0], axis, (0, travel), friction=friction, damping=damping),  # noqa: E501
         ),
     )  # fmt: skip
 
 
-def door_mesh(folder: Path, *, flipped: bool = False, hole: bool = False, nan: bool = False, absent: bool = False) -> str:  # fmt: skip
+def door_mesh(
+    folder: Path,
+    *,
+    flipped: bool = False,
+    hole: bool = False,
+    nan: bool = False,
+    absent: bool = False,
+) -> str:
     """The door as a mesh file; what a URDF says to show it."""
     (center, size) = DOOR[0]
     mesh = trimesh.creation.box(size, trimesh.transformations.translation_matrix(center))
@@ -230,4 +272,4 @@ MJCF = """<mujoco model="planted">
   </worldbody>
   <actuator><position joint="flap_hinge" kp="1000"/></actuator>
 </mujoco>
-"""
+"""  # noqa: E501

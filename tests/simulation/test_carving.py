@@ -1,4 +1,5 @@
-"""Rough parts that run into each other on a joint's way lose cells; doors that only have to be opened do not."""
+"""Rough parts that run into each other on a joint's way lose cells; doors that only have to be
+opened do not."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ def shelf(sill: float, scale: float = 1.0) -> ArticulatedObject:
 
 
 def cupboard() -> ArticulatedObject:
-    """A case without a front, a door before it, and a rack that slides out once the door is open."""
+    """A case without a front, a door before it, and a rack that slides out once the door is
+    open."""
     case = boxes(
         [[-0.4, -0.45, -0.45], [0.4, -0.42, 0.45]],
         [[-0.4, 0.42, -0.45], [0.4, 0.45, 0.45]],
@@ -48,7 +50,8 @@ def cupboard() -> ArticulatedObject:
 
 
 def depths(obj: ArticulatedObject, cells, state) -> dict:
-    bodies = [Body(1.0, np.zeros(3), np.eye(3), own, None) for own in cells.shapes(obj.scale)]  # ty: ignore
+    # ty: ignore
+    bodies = [Body(1.0, np.zeros(3), np.eye(3), own, None) for own in cells.shapes(obj.scale)]
     return Collider(obj, bodies).depths(obj.forward_kinematics(state))
 
 
@@ -112,7 +115,9 @@ def test_parts_side_by_side_do_not_touch_where_one_is_turned():
     turn = Joint([-0.1, -0.1, 0], [1, 0, 0], (0.0, 1.5))
     knob = boxes([[-0.1, -0.2, -0.1], [-0.05, 0.0, 0.1]])
     other = boxes([[-0.1, 0.01, -0.1], [-0.05, 0.2, 0.1]])
-    obj = ArticulatedObject((Part("wall", wall), Part("knob", knob, 0, turn), Part("other", other, 0)))  # fmt: skip
+    obj = ArticulatedObject(
+        (Part("wall", wall), Part("knob", knob, 0, turn), Part("other", other, 0))
+    )
     cells = as_cells(obj, [p.mesh for p in obj.parts])
     first = max(depths(obj, cells, [0, q, 0]).get((1, 2), 0.0) for q in np.linspace(0, 1.5, 40))
     cut, _ = carve(obj, cells)

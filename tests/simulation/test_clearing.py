@@ -20,7 +20,7 @@ DRAWER = Joint([0, 0, 0], [-1, 0, 0], (0, 0), (0.0, 0.4))
 def shelf(bump: float, scale: float = 1.0):
     """A floor with a sill of height ``bump`` before a block that slides over it."""
     boxes = {
-        "floor": [box([-0.5, -0.4, -0.1], [0.5, 0.4, 0.0]), box([-0.3, -0.4, 0.0], [-0.2, 0.4, bump])],
+        "floor": [box([-0.5, -0.4, -0.1], [0.5, 0.4, 0.0]), box([-0.3, -0.4, 0.0], [-0.2, 0.4, bump])],  # noqa: E501
         "block": [box([-0.15, -0.3, 0.002], [0.45, 0.3, 0.3])],
     }  # fmt: skip
     return make(boxes, {"block": DRAWER}, {"block": "floor"}, scale)
@@ -46,7 +46,11 @@ def test_a_low_sill_no_longer_catches(scale):
 def test_a_high_sill_stays_and_draws_the_limit_in():
     obj, bodies = shelf(3 * SHALLOW)
     cut, lines = clear(obj, bodies)
-    assert lines == () and all(a is b for one, two in zip(bodies, cut, strict=True) for a, b in zip(one.shapes, two.shapes, strict=True))  # fmt: skip
+    assert lines == () and all(
+        a is b
+        for one, two in zip(bodies, cut, strict=True)
+        for a, b in zip(one.shapes, two.shapes, strict=True)
+    )
     # the sill is met after .05 of .4: too little to keep
     same, _ = mend(obj, bodies, [part.mesh for part in obj.parts])
     assert "left as it is" in same.provenance[-1]

@@ -1,4 +1,5 @@
-"""A drawer holds a ball that is dropped into it while it opens, and carries it along: cavities survive in the collision shapes."""
+"""A drawer holds a ball that is dropped into it while it opens, and carries it along: cavities
+survive in the collision shapes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Each engine against what mechanics says, on assets whose numbers are known: depths, friction, damping, screws, energy, the hand."""
+"""Each engine against what mechanics says, on assets whose numbers are known: depths, friction,
+damping, screws, energy, the hand."""
 
 from __future__ import annotations
 
@@ -49,7 +50,10 @@ def test_depths_are_those_of_the_boxes(name, tmp_path):
     assert engine.plan.size == pytest.approx(1.0)
     expected = np.maximum(0, way.values - 0.1)  # metres, of an object one metre long
     assert way.depth == pytest.approx(expected, abs=1e-3)
-    assert way.free == pytest.approx(0.5, abs=1e-6) and set(way.pairs[-1] or ()) == {"block", "rail"}  # fmt: skip
+    assert way.free == pytest.approx(0.5, abs=1e-6) and set(way.pairs[-1] or ()) == {
+        "block",
+        "rail",
+    }
 
 
 @both
@@ -99,8 +103,13 @@ def test_masses_are_those_of_the_file(name, tmp_path):
 @both
 @pytest.mark.parametrize("parts", [1, 2])
 def test_an_asset_without_a_moving_joint_stands(name, tmp_path, parts):
-    foot = [link("foot", [([0, 0, 0], [0.1, 0.1, 0.1])]), joint("held", "fixed", "top", "foot", [0, 0, -0.1], None)]  # fmt: skip
-    asset = write(tmp_path / "a", robot(link("top", [([0, 0, 0], [0.3, 0.3, 0.1])]), *foot[: 2 * parts - 2]))  # fmt: skip
+    foot = [
+        link("foot", [([0, 0, 0], [0.1, 0.1, 0.1])]),
+        joint("held", "fixed", "top", "foot", [0, 0, -0.1], None),
+    ]
+    asset = write(
+        tmp_path / "a", robot(link("top", [([0, 0, 0], [0.3, 0.3, 0.1])]), *foot[: 2 * parts - 2])
+    )
     result = validate(asset, engines=[name])
     assert is_sound(result), result
     assert {"loads", "overlap", "stands"} <= set(result["engines"][name])

@@ -1,4 +1,5 @@
-"""The published gate: a sound asset passes, and every rule catches the fault that it is there for, by name."""
+"""The published gate: a sound asset passes, and every rule catches the fault that it is there for,
+by name."""
 
 from __future__ import annotations
 
@@ -21,7 +22,10 @@ RULES = {
     "self_penetration", "support", "settle_shift", "settle_turn", "floor",
 }  # fmt: skip
 BLOCK = '<geom type="box" size=".2 .2 .2"/>'
-DOOR = '<joint name="hinge" axis="0 0 1" pos="0 .2 0" range="0 1.5"/><geom type="box" size=".02 .19 .15"/>'
+DOOR = (
+    '<joint name="hinge" axis="0 0 1" pos="0 .2 0" range="0 1.5"/><geom type="box" size=".02 .19 '
+    '.15"/>'
+)
 
 
 def body(name: str, inner: str, place: str = "") -> str:
@@ -77,8 +81,12 @@ def test_where_the_file_has_its_origin_and_its_own_floor_do_not_matter(judge):
 ROUND = (
     '<geom type="sphere" size=".2"/><inertial pos=".15 0 0" mass="5" diaginertia=".05 .05 .05"/>'
 )
-TWO = body("a", '<geom type="box" size=".1 .1 .1"/><joint type="slide" range="0 .1"/>', 'pos=".5 0 0"')  # fmt: skip
-OTHER = body("b", '<geom type="box" size=".1 .1 .1"/><joint type="slide" range="0 .1"/>', 'pos=".5 .{} 0"')  # fmt: skip
+TWO = body(
+    "a", '<geom type="box" size=".1 .1 .1"/><joint type="slide" range="0 .1"/>', 'pos=".5 0 0"'
+)
+OTHER = body(
+    "b", '<geom type="box" size=".1 .1 .1"/><joint type="slide" range="0 .1"/>', 'pos=".5 .{} 0"'
+)
 
 
 @pytest.mark.parametrize(
@@ -121,13 +129,13 @@ OTHER = body("b", '<geom type="box" size=".1 .1 .1"/><joint type="slide" range="
         ),
         (
             model(
-                body("block", BLOCK.replace("/>", ' solref=".6 1" solimp=".01 .01 1" priority="1"/>'))
+                body("block", BLOCK.replace("/>", ' solref=".6 1" solimp=".01 .01 1" priority="1"/>'))  # noqa: E501
             ),
             {"floor"},
             "",
         ),
         (
-            chest(door=DOOR.replace("hinge", "slide", 1).replace('axis', 'type="slide" axis').replace('range="0 1.5"', "")),
+            chest(door=DOOR.replace("hinge", "slide", 1).replace('axis', 'type="slide" axis').replace('range="0 1.5"', "")),  # noqa: E501
             {"mobility"},
             "joint 'slide' slides without an end",
         ),

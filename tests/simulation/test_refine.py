@@ -1,4 +1,5 @@
-"""Joints that run into the object are drawn in or shifted, within bounds, and others are left alone."""
+"""Joints that run into the object are drawn in or shifted, within bounds, and others are left
+alone."""
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ def make(boxes: dict, joints: dict, parents: dict, scale: float = 1.0):
 
 
 def cabinet(door: Joint, drawer: Joint | None = None, scale: float = 1.0):
-    """A box open to the front (-x) with a door before it and a drawer inside; the left wall stands out by .3 as a screen."""
+    """A box open to the front (-x) with a door before it and a drawer inside; the left wall stands
+    out by .3 as a screen."""
     walls = [
         box([-0.3, -0.42, -0.4], [0.3, -0.38, 0.4]),
         box([-0.3, 0.38, -0.4], [0.3, 0.42, 0.4]),
@@ -75,7 +77,8 @@ def test_free_joints_are_left_alone_bit_for_bit():
 
 @pytest.mark.parametrize("scale", [1.0, 0.02, 30.0])
 def test_a_range_that_ends_in_a_wall_is_drawn_in(scale):
-    # the screen stands .08 to .12 beside the hinge: a door of .76 that turns by 160 degrees meets it a little after 90
+    # the screen stands .08 to .12 beside the hinge: a door of .76 that turns by 160 degrees meets
+    # it a little after 90
     obj, bodies = cabinet(Joint(DOOR_AXIS, [0, 0, 1], (0, np.deg2rad(160))), DRAWER, scale)
     better, (done,) = refine(obj, bodies)
     door = better.parts[1].joint

@@ -19,8 +19,8 @@ from uniart_jax.simulation.measure import impossible, number
 from uniart_jax.simulation.soundness import finite_check, gaps, mesh_checks, surface
 
 SHAPES = st.one_of(
-    st.builds(lambda s: trimesh.creation.box(s), st.lists(st.floats(0.01, 100), min_size=3, max_size=3)),
-    st.builds(lambda r, n: trimesh.creation.icosphere(n, r), st.floats(0.01, 10), st.integers(0, 2)),
+    st.builds(lambda s: trimesh.creation.box(s), st.lists(st.floats(0.01, 100), min_size=3, max_size=3)),  # noqa: E501
+    st.builds(lambda r, n: trimesh.creation.icosphere(n, r), st.floats(0.01, 10), st.integers(0, 2)),  # noqa: E501
     st.builds(lambda r: trimesh.creation.annulus(r, 2 * r, r), st.floats(0.01, 10)),
 )  # fmt: skip
 
@@ -28,7 +28,11 @@ SHAPES = st.one_of(
 @settings(max_examples=40, deadline=None)
 @given(SHAPES, st.integers(0, 10_000))
 def test_a_closed_surface_is_told_from_one_with_a_hole_or_a_turned_face(mesh, pick):
-    seams = trimesh.Trimesh(mesh.vertices[mesh.faces].reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3), process=False)  # fmt: skip
+    seams = trimesh.Trimesh(
+        mesh.vertices[mesh.faces].reshape(-1, 3),
+        np.arange(3 * len(mesh.faces)).reshape(-1, 3),
+        process=False,
+    )
     for closed in (mesh, seams):
         found = surface(closed)
         assert (found.open, found.turned) == (0, 0)
@@ -50,7 +54,8 @@ def test_two_blocks_that_share_an_edge_are_closed():
 
 
 def test_a_wall_inside_leaves_a_surface_open():
-    """Two tetrahedra on either side of one triangle: three faces at each of its edges, two at all others."""
+    """Two tetrahedra on either side of one triangle: three faces at each of its edges, two at all
+    others."""
     vertices = [[1, 0, 0], [-1, 1, 0], [-1, -1, 0], [0, 0, 1], [0, 0, -1]]
     upper = [[i, (i + 1) % 3, 3] for i in range(3)]
     lower = [[(i + 1) % 3, i, 4] for i in range(3)]

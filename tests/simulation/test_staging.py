@@ -19,7 +19,9 @@ FOLDERS = ("meshdir", "assetdir", "texturedir")
 
 
 def meshed(*names: str, extra: str = "", xmlns: str = "") -> bytes:
-    shapes = "".join(f'<collision><geometry><mesh {xmlns} filename="{n}"/></geometry></collision>' for n in names)  # fmt: skip
+    shapes = "".join(
+        f'<collision><geometry><mesh {xmlns} filename="{n}"/></geometry></collision>' for n in names
+    )
     return robot(f"{extra}<link name='a'>{shapes}</link>").encode()
 
 
@@ -45,7 +47,9 @@ def names_said(path: Path) -> list[str]:
 
 def led_out(path: Path) -> list[str]:
     here = {p.name for p in path.parent.iterdir()}
-    return [n for n in names_said(path) if n not in here and not re.fullmatch(r"missing-\d+\.obj", n)]  # fmt: skip
+    return [
+        n for n in names_said(path) if n not in here and not re.fullmatch(r"missing-\d+\.obj", n)
+    ]
 
 
 @pytest.fixture
@@ -59,7 +63,14 @@ def asset(tmp_path) -> Path:
 
 @pytest.mark.parametrize("xmlns", ["", 'xmlns="urn:x"'])
 def test_a_mesh_that_is_not_there_gets_a_name_that_is_nowhere(tmp_path, asset, xmlns):
-    names = ["m.obj", "elsewhere/m.obj", "package://elsewhere/n.obj", "elsewhere/m.obj", "http://x/m.obj", ""]  # fmt: skip
+    names = [
+        "m.obj",
+        "elsewhere/m.obj",
+        "package://elsewhere/n.obj",
+        "elsewhere/m.obj",
+        "http://x/m.obj",
+        "",
+    ]
     path = staged(tmp_path, meshed(*names, xmlns=xmlns))
     assert names_said(path) == ["0.obj", *(f"missing-{n}.obj" for n in (0, 1, 0, 2, 3))]
     assert (path.parent / "0.obj").read_text() == TET and not led_out(path)
@@ -69,8 +80,10 @@ def test_a_mesh_that_is_not_there_gets_a_name_that_is_nowhere(tmp_path, asset, x
 @pytest.mark.parametrize("extra", [
     "<material name='t'><texture filename='elsewhere/t.png'/></material>",
     "<material name='t'><texture xmlns='urn:x' filename='elsewhere/t.png'/></material>",
-    "<deformable name='d'><visual filename='elsewhere/m.obj'/><collision filename='m.vtk'/></deformable>",
-    "<link name='b'><collision><geometry><cdf filename='elsewhere/m.cdf'/></geometry></collision></link>",
+    "<deformable name='d'><visual filename='elsewhere/m.obj'/><collision "
+    "filename='m.vtk'/></deformable>",
+    "<link name='b'><collision><geometry><cdf "
+    "filename='elsewhere/m.cdf'/></geometry></collision></link>",
     "<mujoco><include file='elsewhere/x.xml'/></mujoco>",
 ])  # fmt: skip
 def test_nothing_else_names_a_file(tmp_path, asset, extra, shown):
@@ -101,7 +114,7 @@ def test_no_folder_is_left_for_mujoco_to_look_into(tmp_path, asset, name):
 
 @pytest.mark.parametrize("name", FOLDERS)
 def test_the_same_of_an_mjcf(tmp_path, asset, name):
-    text = '<mujoco model="x"><compiler {}="{}"/><asset><mesh name="m" file="m.obj"/></asset><worldbody><geom type="mesh" mesh="m"/></worldbody></mujoco>'
+    text = '<mujoco model="x"><compiler {}="{}"/><asset><mesh name="m" file="m.obj"/></asset><worldbody><geom type="mesh" mesh="m"/></worldbody></mujoco>'  # noqa: E501
     path = staged(tmp_path, text.format(name, "parts").encode())
     assert names_said(path) == ["0.obj"] and (path.parent / "0.obj").read_text() == TET
     (tmp_path / "staged").rename(tmp_path / "first")

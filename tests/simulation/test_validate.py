@@ -1,4 +1,5 @@
-"""Whole assets through ``validate``: sound ones pass, every planted fault is caught by the name of its check and of its joint or part."""
+"""Whole assets through ``validate``: sound ones pass, every planted fault is caught by the name of
+its check and of its joint or part."""
 
 from __future__ import annotations
 
@@ -88,24 +89,24 @@ def meshed(**fault):
 
 ZERO = link("door", DOOR)[link("door", DOOR).index("<inertia ") :].partition("/>")[0]
 FAULTS = {
-    "inverted axis": (lambda f: cabinet(f, axis=(0, 0, -1)), {"sweep": "'door_hinge'", "hinge_opening": "'door_hinge'"}),
+    "inverted axis": (lambda f: cabinet(f, axis=(0, 0, -1)), {"sweep": "'door_hinge'", "hinge_opening": "'door_hinge'"}),  # noqa: E501
     "blocked door": (blocked, {"sweep": "'body' and 'door'", "hinge_opening": "'door_hinge'"}),
     "zero inertia": (
-        lambda f: cabinet(f, change=(ZERO, '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"')),
+        lambda f: cabinet(f, change=(ZERO, '<inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"')),  # noqa: E501
         {"inertia": "link 'door'"},
     ),
-    "zero mass": (lambda f: cabinet(f, change=(f'value="{solid_mass():.9g}"', 'value="0"')), {"inertia": "link 'door'"}),
+    "zero mass": (lambda f: cabinet(f, change=(f'value="{solid_mass():.9g}"', 'value="0"')), {"inertia": "link 'door'"}),  # noqa: E501
     "gap": (lambda f: cabinet(f, at=[HINGE[0] - 0.1, *HINGE[1:]]), {"gaps": "part 'door'"}),
     "flipped normals": (meshed(flipped=True), {"normals": "link 'door'"}),
     "open mesh": (meshed(hole=True), {"watertight": "link 'door'"}),
     "limit beyond collision": (lambda f: cabinet(f, limits=(0, 4.2)), {"sweep": "'door_hinge'"}),
-    "drawer through the back": (lambda f: cabinet(f, drawer=(-0.2, 0.3)), {"overlap": "'body' and 'drawer'"}),
+    "drawer through the back": (lambda f: cabinet(f, drawer=(-0.2, 0.3)), {"overlap": "'body' and 'drawer'"}),  # noqa: E501
     "missing mesh": (meshed(absent=True), {"meshes": "'door.obj'"}),
     "self-intersecting collision": (buried, {"overlap": "'body' and 'door'"}),
-    "NaN in the file": (lambda f: cabinet(f, limits=(0, "nan")), {"finite": "joint 'door_hinge'", "reads": "door_hinge"}),
+    "NaN in the file": (lambda f: cabinet(f, limits=(0, "nan")), {"finite": "joint 'door_hinge'", "reads": "door_hinge"}),  # noqa: E501
     "NaN in a mesh": (meshed(nan=True), {"finite_meshes": "door.obj"}),
     "no collision shape": (
-        lambda f: cabinet(f, change=(link("door", DOOR).partition("<collision>")[2].partition("</link>")[0], "<geometry/></collision>")),
+        lambda f: cabinet(f, change=(link("door", DOOR).partition("<collision>")[2].partition("</link>")[0], "<geometry/></collision>")),  # noqa: E501
         {"collision": "link 'door'"},
     ),
     "falls open": (lambda f: cabinet(f, axis=(0, -1, 0)), {"stands": "door_hinge"}),
@@ -131,7 +132,18 @@ def test_a_planted_fault_is_caught_by_name(tmp_path, fault):
 
 @pytest.mark.slow
 @pytest.mark.pybullet
-@pytest.mark.parametrize("fault", ["inverted axis", "blocked door", "zero mass", "limit beyond collision", "self-intersecting collision", "NaN in the file", "falls open"])  # fmt: skip
+@pytest.mark.parametrize(
+    "fault",
+    [
+        "inverted axis",
+        "blocked door",
+        "zero mass",
+        "limit beyond collision",
+        "self-intersecting collision",
+        "NaN in the file",
+        "falls open",
+    ],
+)
 def test_pybullet_catches_it_too(tmp_path, fault):
     make, expected = FAULTS[fault]
     result = validate(make(tmp_path / "a"), engines=["pybullet"])
@@ -142,7 +154,9 @@ def test_pybullet_catches_it_too(tmp_path, fault):
 
 @pytest.mark.slow
 @pytest.mark.pybullet
-@pytest.mark.parametrize("make", [cabinet, chest, jar, FAULTS["inverted axis"][0], FAULTS["limit beyond collision"][0]])  # fmt: skip
+@pytest.mark.parametrize(
+    "make", [cabinet, chest, jar, FAULTS["inverted axis"][0], FAULTS["limit beyond collision"][0]]
+)
 def test_both_engines_tell_the_same_numbers(tmp_path, make):
     joints = validate(make(tmp_path / "a"), engines=["mujoco", "pybullet"])["joints"]
     assert joints["mujoco"] and set(joints["mujoco"]) == set(joints["pybullet"])
@@ -172,7 +186,13 @@ def test_a_file_that_breaks_an_engine_is_a_failed_check(tmp_path, monkeypatch):
         patch.setattr(sys, "executable", str(broken))
         patch.setattr(module, "SECONDS", 0.02)
         assert "not done after" in failed(validate(asset, engines=["mujoco"]))["loads"]
-    refused = write(tmp_path / "b", robot(link("a", DOOR), '<joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint>'))  # fmt: skip
+    refused = write(
+        tmp_path / "b",
+        robot(
+            link("a", DOOR),
+            '<joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint>',
+        ),
+    )
     assert "'b'" in failed(validate(refused, engines=["mujoco"]))["reads"]
 
 
@@ -204,13 +224,20 @@ def test_an_engine_is_stopped_by_the_time_that_it_computes_not_by_the_clock(tmp_
 @pytest.mark.skipif(sys.platform == "win32", reason="no named pipes")
 @pytest.mark.parametrize("end", ["parent", "pipe"])
 def test_a_worker_that_blocks_ends_with_its_parent(tmp_path, end):
-    """``parent``: it is killed while the worker's input stays open; ``pipe``: the input ends, the parent lives."""
+    """``parent``: it is killed while the worker's input stays open; ``pipe``: the input ends, the
+    parent lives."""
     if end == "parent" and sys.platform != "linux":
         pytest.skip("by prctl")
     job = tmp_path / "job"
     os.mkfifo(job)
     taken, held = os.pipe()
-    worker = [sys.executable, "-m", "uniart_jax.simulation.worker", str(job), str(tmp_path / "result")]  # fmt: skip
+    worker = [
+        sys.executable,
+        "-m",
+        "uniart_jax.simulation.worker",
+        str(job),
+        str(tmp_path / "result"),
+    ]
     code = f"import subprocess; subprocess.Popen({worker}, stdin={taken}).wait()"
     parent = subprocess.Popen([sys.executable, "-c", code], pass_fds=[taken])
     os.close(taken)
@@ -243,7 +270,11 @@ def test_an_mjcf_is_simulated_and_pybullet_says_why_not(tmp_path):
     path.write_text(MJCF.format(sign=1, upper=1.57))
     found = failed(validate(path, engines=["mujoco"]))
     assert "'flap' and 'frame'" in found["sweep"]
-    both = validate(path, engines=["mujoco", "pybullet"]) if module.importlib.util.find_spec("pybullet") else None  # fmt: skip
+    both = (
+        validate(path, engines=["mujoco", "pybullet"])
+        if module.importlib.util.find_spec("pybullet")
+        else None
+    )
     assert both is None or "URDF" in both["not_run"]["pybullet"]
 
 
@@ -277,15 +308,25 @@ def test_nothing_outside_the_folder_is_read(tmp_path):
     with pytest.raises(ValueError, match="allow_outside=True"):
         validate(asset, engines=["mujoco"])
     assert is_sound(validate(asset, engines=["mujoco"], allow_outside=True))
-    collides = cabinet(tmp_path / "b", change=("</link>", '<collision><geometry><mesh filename="../door.obj"/></geometry></collision></link>'))  # fmt: skip
+    collides = cabinet(
+        tmp_path / "b",
+        change=(
+            "</link>",
+            '<collision><geometry><mesh filename="../door.obj"/></geometry></collision></link>',
+        ),
+    )
     with pytest.raises(ValueError, match="allow_outside=True"):
         validate(collides, engines=["mujoco"])
-    (tmp_path / "c.xml").write_text('<mujoco><asset><mesh name="m" file="../x/door.obj"/></asset><worldbody/></mujoco>')  # fmt: skip
+    (tmp_path / "c.xml").write_text(
+        '<mujoco><asset><mesh name="m" file="../x/door.obj"/></asset><worldbody/></mujoco>'
+    )
     with pytest.raises(ValueError, match="allow_outside=True"):
         validate(tmp_path / "c.xml", engines=["mujoco"])
 
 
-@pytest.mark.parametrize(("content", "words"), [("", "empty"), ("<robot", "not XML"), ("<a/>", "<a>")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("content", "words"), [("", "empty"), ("<robot", "not XML"), ("<a/>", "<a>")]
+)
 def test_what_is_no_asset_is_one_line(tmp_path, content, words):
     path = tmp_path / "object.urdf"
     path.write_text(content)
@@ -311,7 +352,10 @@ def test_what_is_written_is_complete_and_the_same_twice(tmp_path):
     second = validate(asset, engines=["mujoco"])
     assert first == second
     assert json.loads((tmp_path / "out/validation.json").read_text()) == first
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["validation.json", "validation.png"]  # fmt: skip
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == [
+        "validation.json",
+        "validation.png",
+    ]
     (tmp_path / "file").write_text("")
     with pytest.raises(ValueError, match="cannot write there"):
         validate(asset, engines=["mujoco"], out=tmp_path / "file")

@@ -44,7 +44,11 @@ class Network:
         if first.ndim == 5 or (first.ndim == 4 and first.shape[-1] != 3):
             return {"logits": first * 2.0 - 1.0}
         side = (len(first), *(self.target,) * 3)
-        return {"occupancy": jnp.ones((len(first), *(self.grid.resolution,) * 3)), "camera": jnp.zeros((len(first), 7)), "codes": jnp.zeros((*side, 15))}  # fmt: skip
+        return {
+            "occupancy": jnp.ones((len(first), *(self.grid.resolution,) * 3)),
+            "camera": jnp.zeros((len(first), 7)),
+            "codes": jnp.zeros((*side, 15)),
+        }
 
 
 @pytest.fixture(scope="module")

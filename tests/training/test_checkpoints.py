@@ -28,7 +28,10 @@ class Counter:
 
 
 def make_state(value: float):
-    return {"params": {0: {"kernel": jnp.full((64, 48), value), "bias": jnp.arange(3) + value}}, "step": jnp.int32(value)}  # fmt: skip
+    return {
+        "params": {0: {"kernel": jnp.full((64, 48), value), "bias": jnp.arange(3) + value}},
+        "step": jnp.int32(value),
+    }
 
 
 def fill(folder, steps):
@@ -76,7 +79,8 @@ def test_a_state_changed_after_save_is_saved_as_it_was(tmp_path):
 
 
 def test_saving_does_not_wait_for_the_disk_and_reads_no_donated_buffer(tmp_path, monkeypatch):
-    """The disk is slow without end; the loop goes on all the same, and what it then does to the state is not what is saved."""
+    """The disk is slow without end; the loop goes on all the same, and what it then does to the
+    state is not what is saved."""
     written, released = checkpoints_module._Position.save, threading.Event()
 
     async def slow(self, directory):

@@ -1,4 +1,5 @@
-"""What a run says about itself: where time went, what a step computes, what was compiled, a trace when it is asked for."""
+"""What a run says about itself: where time went, what a step computes, what was compiled, a trace
+when it is asked for."""
 
 import json
 import os
@@ -54,7 +55,8 @@ def test_a_row_holds_rates_and_waits(run):
     assert last["samples_per_second"] == pytest.approx(8 * last["steps_per_second"])
     assert last["data_wait_seconds"] >= 0
     saves = {row["step"]: row["save_seconds"] for row in rows(run)}
-    # a row is written before its step is saved: the saves after steps 4 and 8 stand in the next rows
+    # a row is written before its step is saved: the saves after steps 4 and 8 stand in the next
+    # rows
     assert [step for step, seconds in saves.items() if seconds > 0] == [6, 10]
     assert 0 < last["peak_share"] < 1.5
     assert last["programs"] == 1
@@ -154,9 +156,13 @@ def test_compiling_is_charged_to_no_program(tmp_path, monkeypatch):
     toy_run.program.cache_clear()
     (row,) = rows(tmp_path)
     assert ahead[0] == 200 and row["programs"] == 2
-    labels = [key.split("_")[1] for key in row if key.startswith("program_") and key.endswith("_steps")]  # fmt: skip
+    labels = [
+        key.split("_")[1] for key in row if key.startswith("program_") and key.endswith("_steps")
+    ]
     assert sorted(row[f"program_{n}_steps"] for n in labels) == [2, 5]
-    seconds = [row[f"program_{n}_steps"] * 8 / row[f"program_{n}_samples_per_second"] for n in labels]  # fmt: skip
+    seconds = [
+        row[f"program_{n}_steps"] * 8 / row[f"program_{n}_samples_per_second"] for n in labels
+    ]
     assert sum(seconds) < 100 and 7 / row["steps_per_second"] < 100
 
 
@@ -175,7 +181,11 @@ def test_products_are_counted_with_their_loops():
     counts = matmul_flops(jax.make_jaxpr(f)(x))
     assert counts == {"float32": (5 + 2 + 1) * 2 * n**3, "bfloat16": 2 * n**3}
     kernel, image = jnp.ones((3, 3, 4, 6)), jnp.ones((1, 10, 10, 4))
-    conv = jax.make_jaxpr(lambda i, k: jax.lax.conv_general_dilated(i, k, (1, 1), "SAME", dimension_numbers=("NHWC", "HWIO", "NHWC")))  # fmt: skip
+    conv = jax.make_jaxpr(
+        lambda i, k: jax.lax.conv_general_dilated(
+            i, k, (1, 1), "SAME", dimension_numbers=("NHWC", "HWIO", "NHWC")
+        )
+    )
     assert matmul_flops(conv(image, kernel)).total() == 2 * 100 * 6 * 9 * 4
 
 

@@ -1,4 +1,5 @@
-"""Several processes on this computer: they find one another, train what one does, agree, resume in another number, and say what is wrong."""
+"""Several processes on this computer: they find one another, train what one does, agree, resume in
+another number, and say what is wrong."""
 
 import contextlib
 import signal
@@ -72,7 +73,8 @@ def check(expected: Path, found: Path) -> None:
 
 
 def without_key_bias(name: str, value: np.ndarray) -> np.ndarray:
-    """A softmax does not see its keys' bias, so that its gradient is rounding alone, and Adam makes steps of it."""
+    """A softmax does not see its keys' bias, so that its gradient is rounding alone, and Adam makes
+    steps of it."""
     if name.endswith(("to_qkv.bias", "to_kv.bias")):
         parts = np.split(value, 3 if name.endswith("to_qkv.bias") else 2)
         del parts[-2]
@@ -87,7 +89,9 @@ def toy(*options) -> list:
 def test_two_processes_equal_one_and_either_goes_on_from_the_other(tmp_path):
     work, out = tmp_path / "work", tmp_path / "state.npz"
     straight = toy_run.train(tmp_path, toy_run.make_stage(6, 100), toy_run.make_batches())
-    np.savez(tmp_path / "straight.npz", **{n: np.asarray(v) for n, v in flat_names(straight).items()})  # fmt: skip
+    np.savez(
+        tmp_path / "straight.npz", **{n: np.asarray(v) for n, v in flat_names(straight).items()}
+    )
     assert finished(toy(work, 2, 100, "--devices", 2, "--fsdp", 2))[0][0] == 0
     two = one_each(toy(work, 4, 100, "--devices", 4, "--fsdp", 4, "--out", tmp_path / "4.npz"), 2)
     assert [code for code, _ in finished(*two)] == [0, 0]
@@ -117,7 +121,8 @@ def test_sigterm_to_one_process_saves_the_same_step_of_both(tmp_path):
 
 
 def test_a_record_that_one_process_cannot_read_ends_both_at_once(tmp_path):
-    """It comes while a step that is saved computes: nobody waits in a save for the one that has failed."""
+    """It comes while a step that is saved computes: nobody waits in a save for the one that has
+    failed."""
     work = tmp_path / "work"
     first, second = one_each(toy(work, 100, 3), 2)
     begin = time.monotonic()
@@ -144,7 +149,10 @@ def test_a_part_that_one_process_cannot_read_sets_the_checkpoint_aside_for_both(
     assert time.monotonic() - begin < 250  # Orbax's barriers wait for 300
     assert [code for code, _ in found] == [0, 0], found
     assert found[0][1].count("4 is damaged (") == 1 and "resumed at step 2" in found[0][1]
-    assert "damaged" not in found[1][1] and "handler" not in found[0][1].split("4 is damaged")[1].split(");")[0]  # fmt: skip
+    assert (
+        "damaged" not in found[1][1]
+        and "handler" not in found[0][1].split("4 is damaged")[1].split(");")[0]
+    )
     assert {p.name for p in (work / "checkpoints/toy").iterdir()} == {"2", "damaged-4", "4", "6"}
 
 
@@ -248,9 +256,9 @@ SLURM = {"SLURM_STEP_TASKS_PER_NODE": "1(x2)", "SLURM_NODEID": "1", "SLURM_LOCAL
     [
         ({"SLURM_GPUS_ON_NODE": "8"}, list(range(8))),  # one task a node takes all
         ({"CUDA_VISIBLE_DEVICES": "0,1,2,3"}, [0, 1, 2, 3]),
-        ({"SLURM_GPUS_ON_NODE": "8", "SLURM_STEP_TASKS_PER_NODE": "4,2", "SLURM_LOCALID": "1"}, [4, 5, 6, 7]),
-        ({"SLURM_GPUS_ON_NODE": "8", "SLURM_STEP_TASKS_PER_NODE": "8(x2)", "SLURM_LOCALID": "3"}, [3]),
-        ({"SLURM_STEP_TASKS_PER_NODE": "8(x2)", "SLURM_GPUS_PER_TASK": "1", "CUDA_VISIBLE_DEVICES": "5", "SLURM_LOCALID": "3"}, [0]),
+        ({"SLURM_GPUS_ON_NODE": "8", "SLURM_STEP_TASKS_PER_NODE": "4,2", "SLURM_LOCALID": "1"}, [4, 5, 6, 7]),  # noqa: E501
+        ({"SLURM_GPUS_ON_NODE": "8", "SLURM_STEP_TASKS_PER_NODE": "8(x2)", "SLURM_LOCALID": "3"}, [3]),  # noqa: E501
+        ({"SLURM_STEP_TASKS_PER_NODE": "8(x2)", "SLURM_GPUS_PER_TASK": "1", "CUDA_VISIBLE_DEVICES": "5", "SLURM_LOCALID": "3"}, [0]),  # noqa: E501
         ({}, None),  # no GPUs
         ({"SLURM_GPUS_ON_NODE": "3", "SLURM_STEP_TASKS_PER_NODE": "2(x2)"}, None),
     ],
@@ -290,7 +298,8 @@ def base(tmp_path_factory):
 
 
 def check_sums_alone(run, name, devices):
-    """Gradients and figures are summed, once, and nothing else is sent: no tokens, no pictures, not as sums either."""
+    """Gradients and figures are summed, once, and nothing else is sent: no tokens, no pictures, not
+    as sums either."""
     leaves = np.load(run / f"{name}.npz")
     parameters = sum(leaves[leaf].size for leaf in leaves if leaf.startswith("params."))
     programs = list(run.glob(f"{name}-*.hlo"))
@@ -325,7 +334,9 @@ def test_every_stage_on_two_processes_with_evaluation(base):
     assert [code for code, _ in found] == [0, 0], found
     for name in tiny_run.STAGES:
         check(base / "base" / f"{name}.npz", base / "shared" / f"{name}.npz")
-        assert '"kind": "evaluation"' in (base / "shared" / name / f"metrics/{name}.jsonl").read_text()  # fmt: skip
+        assert (
+            '"kind": "evaluation"' in (base / "shared" / name / f"metrics/{name}.jsonl").read_text()
+        )
     assert "evaluation" not in found[1][1]  # the second says nothing
 
 

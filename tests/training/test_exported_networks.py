@@ -1,4 +1,5 @@
-"""The exported folder: exact names, float16 on disk, float32 in memory, one error that lists what differs."""
+"""The exported folder: exact names, float16 on disk, float32 in memory, one error that lists what
+differs."""
 
 import jax
 import jax.numpy as jnp

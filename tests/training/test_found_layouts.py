@@ -35,11 +35,15 @@ FROZEN = tuple(init(build(name, MODEL)) for name in ("image_encoder", "latent_fl
 def make_batch(seed=0):
     batch = voxel_batch(MODEL)
     table = flow_table(seed)
-    rows = table._replace(**{n: getattr(table, n)[:, :4] for n in ("boxes", "codes", "parents", "colors")})  # fmt: skip
+    rows = table._replace(
+        **{n: getattr(table, n)[:, :4] for n in ("boxes", "codes", "parents", "colors")}
+    )
     batch |= {"layout": rows, "layout_rows": np.tile(np.arange(4, dtype=np.int32), (2, 1))}
     batch["part_counts"] = np.array([4, 4], np.int32)
     batch["image"] = np.random.default_rng(0).random((2, 32, 32, 3)).astype(np.float32)
-    batch["plans"]["flow"] = flow_plan(batch["coords"], batch["counts"], MODEL.latent_flow, MODEL.grid)  # fmt: skip
+    batch["plans"]["flow"] = flow_plan(
+        batch["coords"], batch["counts"], MODEL.latent_flow, MODEL.grid
+    )
     return batch
 
 

@@ -23,7 +23,9 @@ def hub(tmp_path, monkeypatch):
         asked.append((repo_id, revision))
         if repo_id != "some/model":
             raise RuntimeError("404 Client Error.\n\nRepository Not Found")
-        found = [p for p in remote.iterdir() if any(fnmatch.fnmatch(p.name, a) for a in allow_patterns)]  # fmt: skip
+        found = [
+            p for p in remote.iterdir() if any(fnmatch.fnmatch(p.name, a) for a in allow_patterns)
+        ]
         cache = tmp_path / "cache"
         cache.mkdir()
         for path in found:
@@ -49,7 +51,10 @@ def test_without_a_revision_the_newest_is_asked_for(hub):
 
 
 def test_what_is_not_there_is_one_line(hub):
-    with pytest.raises(FileNotFoundError, match=r"checkpoint 'hf:some/other': not on the hub or not reachable \(404 Client Error.\)$"):  # fmt: skip
+    with pytest.raises(
+        FileNotFoundError,
+        match=r"checkpoint 'hf:some/other': not on the hub or not reachable \(404 Client Error.\)$",
+    ):
         checkpoint_folder("hf:some/other")
 
 

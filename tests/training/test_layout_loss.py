@@ -126,7 +126,7 @@ def test_a_prediction_without_error_costs_next_to_nothing(setting):
 def test_muon_moves_hidden_matrices_and_a_small_network_learns():
     model = ModelConfig(
         layout=LayoutConfig(
-            queries=Q, image_size=32, backbone="convolutions", map_channels=32, width=32, layers=1, heads=2,
+            queries=Q, image_size=32, backbone="convolutions", map_channels=32, width=32, layers=1, heads=2,  # noqa: E501
             sketch_width=32, head_width=32,
         ),
     )  # fmt: skip

@@ -1,4 +1,5 @@
-"""A stage's loop: resuming is exact, it stops on what is not finite, on a signal and at the end, and says so."""
+"""A stage's loop: resuming is exact, it stops on what is not finite, on a signal and at the end,
+and says so."""
 
 import json
 import os
@@ -195,7 +196,8 @@ def evaluation(calls):
 
 @pytest.mark.parametrize("stopped", [3, 6])
 def test_an_evaluation_that_a_signal_forestalls_is_made_up_for(tmp_path, stopped):
-    """At the last step too, which has only been saved then: the rows are those of a run without a break."""
+    """At the last step too, which has only been saved then: the rows are those of a run without a
+    break."""
     stage = toy_run.make_stage(6, 100, evaluate_every=3)
     batches = toy_run.make_batches()
 
@@ -259,7 +261,7 @@ def test_a_last_step_that_was_killed_while_it_was_evaluated_is_evaluated_later(t
 
 def start(workdir: Path, *arguments: str) -> subprocess.Popen:
     return subprocess.Popen(
-        [*PROGRAM, str(workdir), *arguments], stderr=subprocess.PIPE, text=True, env=dict(os.environ)
+        [*PROGRAM, str(workdir), *arguments], stderr=subprocess.PIPE, text=True, env=dict(os.environ)  # noqa: E501
     )  # fmt: skip
 
 

@@ -87,7 +87,19 @@ def vae_case():
     """(network, batch) of one object of two parts and five voxels, the last of them padding."""
     rng = np.random.default_rng(4)
     f = lambda *s: rng.normal(size=(1, 5, *s)).astype(np.float32)  # noqa: E731
-    answers = {"mean": f(2), "logvar": f(2), "geometry": f(3), "articulation": f(4), "sdf": f(8), "color": f(8, 3), "box_pair": f(2, 6), "foreign": f(8), "joint_code": f(9), "parent_box": f(6), "part_feature": f(7)}  # fmt: skip
+    answers = {
+        "mean": f(2),
+        "logvar": f(2),
+        "geometry": f(3),
+        "articulation": f(4),
+        "sdf": f(8),
+        "color": f(8, 3),
+        "box_pair": f(2, 6),
+        "foreign": f(8),
+        "joint_code": f(9),
+        "parent_box": f(6),
+        "part_feature": f(7),
+    }
     batch = {
         "coords": np.zeros((1, 5, 3), np.int32),
         "counts": np.array([4], np.int32),
@@ -134,7 +146,10 @@ def test_the_vaes_loss_is_the_weighted_sum_of_its_terms():
     gauges = np.asarray(gauge_variants(batch["codes"][0, part]))
     joint = huber(joint[:, None] - gauges).min(1).mean()
     assert terms["joint_code"] == pytest.approx(joint, rel=1e-4)
-    corners = [np.concatenate([b[..., :3] - b[..., 3:] / 2, b[..., :3] + b[..., 3:] / 2], -1) for b in (parent, batch["boxes"][0, :1])]  # fmt: skip
+    corners = [
+        np.concatenate([b[..., :3] - b[..., 3:] / 2, b[..., :3] + b[..., 3:] / 2], -1)
+        for b in (parent, batch["boxes"][0, :1])
+    ]
     assert terms["parent_box"] == pytest.approx(huber(corners[0] - corners[1]).mean(), rel=1e-4)
 
 
@@ -222,10 +237,18 @@ def test_part_share_says_how_much_of_the_weight_is_the_parts():
 
 
 def test_a_dropped_condition_is_nothing_in_all_its_parts():
-    """Of an item that is shown no image, tokens, volume, pictures and cameras are zero together; of the others all are as they were."""
-    shapes = {"tokens": (64, 3, 4), "volume": (64, 2, 2, 2, 3), "pixels": (64, 2, 4, 4, 3), "cameras": (64, 2, 7)}  # fmt: skip
+    """Of an item that is shown no image, tokens, volume, pictures and cameras are zero together; of
+    the others all are as they were."""
+    shapes = {
+        "tokens": (64, 3, 4),
+        "volume": (64, 2, 2, 2, 3),
+        "pixels": (64, 2, 4, 4, 3),
+        "cameras": (64, 2, 7),
+    }
     batch = {name: jnp.ones(shape) for name, shape in shapes.items()}
-    batch["layout"] = PartTable(*(jnp.ones((64, *n), jnp.int32) for n in ((2, 6), (2, 9), (2,), (2, 3), ())))  # fmt: skip
+    batch["layout"] = PartTable(
+        *(jnp.ones((64, *n), jnp.int32) for n in ((2, 6), (2, 9), (2,), (2, 3), ()))
+    )
     for share in (0.0, 0.4, 1.0):
         config = dataclasses.replace(Config(), loss=LossConfig(condition_drop=share))
         *_, seen = draw(batch, jnp.zeros((64, 5, 4)), jax.random.key(0), config)
@@ -243,9 +266,13 @@ def test_a_loss_of_pictures_is_that_of_what_the_encoder_sees_in_them():
     def condition(encoder, images):
         return Condition(tokens=encoder * images)
 
-    found, metrics = of_pictures(loss, condition)(2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0,))  # fmt: skip
+    found, metrics = of_pictures(loss, condition)(
+        2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0,)
+    )
     assert found == 2 * 5 * 3 and metrics["fields"] == {"x", *Condition._fields}
-    given = of_pictures(loss, condition)(2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0, 7))  # fmt: skip
+    given = of_pictures(loss, condition)(
+        2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0, 7)
+    )
     assert given[0] == 7 * found
 
 
@@ -302,10 +329,15 @@ def test_a_share_of_the_items_is_shown_the_layout_found_in_its_picture(share):
 
     condition = lambda encoder, images: Condition(images)  # noqa: E731
     seeing = of_pictures(loss, condition, find, share)
-    frozen, batch = ("encoder's", "vae's", "layout's"), {"image": jnp.ones((items, 3)), "layout": own}  # fmt: skip
+    frozen, batch = (
+        ("encoder's", "vae's", "layout's"),
+        {"image": jnp.ones((items, 3)), "layout": own},
+    )
     table = seeing(None, batch, jax.random.key(3), frozen)[1]["layout"]
     chosen = np.asarray(table.counts) == 2
-    assert {0.0: 0, 0.5: 32, 1.0: items}[share] == pytest.approx(chosen.sum(), abs=items * share * (1 - share))  # fmt: skip
+    assert {0.0: 0, 0.5: 32, 1.0: items}[share] == pytest.approx(
+        chosen.sum(), abs=items * share * (1 - share)
+    )
     for values in table:  # all of a table or nothing
         rows = np.asarray(values).reshape(items, -1)
         np.testing.assert_array_equal(rows, np.where(chosen, 2.0, 1.0)[:, None] + 0 * rows)

@@ -1,4 +1,5 @@
-"""Gradient accumulation: micro-batches make the update of the whole batch, on one device and on several."""
+"""Gradient accumulation: micro-batches make the update of the whole batch, on one device and on
+several."""
 
 import subprocess
 import sys
@@ -55,7 +56,9 @@ def trained(batches, accumulate):
 def close(a, b):
     assert a.keys() == b.keys()
     for name in a:
-        np.testing.assert_allclose(np.asarray(a[name]), np.asarray(b[name]), rtol=0, atol=TOLERANCE, err_msg=name)  # fmt: skip
+        np.testing.assert_allclose(
+            np.asarray(a[name]), np.asarray(b[name]), rtol=0, atol=TOLERANCE, err_msg=name
+        )
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +93,9 @@ def test_micro_batches_of_other_shapes_too(batches):
 
 def test_one_loop_holds_all_micro_batches(batches):
     """The program does not grow with their number, and its products are all counted."""
-    flops = [trained([split_batch(batches[0], n, MODEL)], n)[2].latest.flops.total() for n in (2, 8)]  # fmt: skip
+    flops = [
+        trained([split_batch(batches[0], n, MODEL)], n)[2].latest.flops.total() for n in (2, 8)
+    ]
     assert flops[0] == flops[1] == trained(batches[:1], 1)[2].latest.flops.total()
 
 
@@ -100,7 +105,7 @@ def test_sharded_micro_batches_equal_those_of_one_device(tmp_path):
     for devices, fsdp in ((1, 1), (4, 2)):
         out = tmp_path / f"{devices}.npz"
         subprocess.run(
-            [sys.executable, toy_run.__file__, str(tmp_path / str(devices)), "5", "100", "--accumulate", "2",
+            [sys.executable, toy_run.__file__, str(tmp_path / str(devices)), "5", "100", "--accumulate", "2",  # noqa: E501
              "--devices", str(devices), "--fsdp", str(fsdp), "--out", str(out)],
             check=True,
         )  # fmt: skip
@@ -121,29 +126,48 @@ def voxels(items=4, width=64):
         chosen = np.sort(rng.choice(8**3, n, replace=False))
         coords[b, :n] = np.stack(np.unravel_index(chosen, (8, 8, 8)), -1)
     valid = np.arange(width) < counts[:, None]
-    normal = lambda *s: np.where(valid[..., None], rng.normal(size=(items, width, *s)), 0).astype(np.float32)  # noqa: E731  # fmt: skip
+    normal = lambda *s: np.where(valid[..., None], rng.normal(size=(items, width, *s)), 0).astype(  # noqa: E731
+        np.float32
+    )  # noqa: E731, RUF100
     part = np.where(valid, rng.integers(0, 4, (items, width)), 0).astype(np.int32)
     return {"coords": coords, "counts": counts, "voxel_part": part, "latent": normal(4)}
 
 
 def test_parts_of_a_batch_of_voxels_mean_what_the_whole_means():
-    """Positions in plans are those of the micro-batch: a decoder and a flow give each item what they give it in the whole batch."""
+    """Positions in plans are those of the micro-batch: a decoder and a flow give each item what
+    they give it in the whole batch."""
     batch = voxels()
     plans = voxel_plans(batch, MODEL.uniart_vae, MODEL.grid, parts=False)
-    flow = flow_plan(batch["coords"], batch["counts"], MODEL.latent_flow, MODEL.grid, round_to=CELL_STEP)  # fmt: skip
+    flow = flow_plan(
+        batch["coords"], batch["counts"], MODEL.latent_flow, MODEL.grid, round_to=CELL_STEP
+    )
     network = build("latent_flow", MODEL)
-    params = jax.tree.map(lambda s: jnp.asarray(np.random.default_rng(1).normal(0, 0.2, s.shape), jnp.float32), network.abstract())  # fmt: skip
+    params = jax.tree.map(
+        lambda s: jnp.asarray(np.random.default_rng(1).normal(0, 0.2, s.shape), jnp.float32),
+        network.abstract(),
+    )
     tokens = np.random.default_rng(2).normal(size=(4, 3, 8)).astype(np.float32)
 
     def velocity(part, tokens):
         t = jnp.full(len(tokens), 0.5)
-        return network.apply(params, part["latent"], t, tokens, None, coords=part["coords"], counts=part["counts"], plan=part["plans"]["flow"])  # fmt: skip
+        return network.apply(
+            params,
+            part["latent"],
+            t,
+            tokens,
+            None,
+            coords=part["coords"],
+            counts=part["counts"],
+            plan=part["plans"]["flow"],
+        )
 
     whole = velocity({**batch, "plans": {"flow": flow}}, tokens)
     parts = split_batch({**batch, "plans": {"flow": flow}}, 2, MODEL)
     shapes = [jax.tree.map(np.shape, part) for part in parts]
     assert shapes[0] == shapes[1]
-    found = jnp.concatenate([velocity(p, tokens[i : i + 2]) for p, i in zip(parts, (0, 2), strict=True)])  # fmt: skip
+    found = jnp.concatenate(
+        [velocity(p, tokens[i : i + 2]) for p, i in zip(parts, (0, 2), strict=True)]
+    )
     np.testing.assert_allclose(found, whole, atol=TOLERANCE)
 
     for part, at in zip(split_batch({**batch, "plans": plans}, 2, MODEL), (0, 2), strict=True):

@@ -1,4 +1,5 @@
-"""bfloat16 is what products run in, and nothing else: parameters, norms, softmax, losses, gradients and moments are float32."""
+"""bfloat16 is what products run in, and nothing else: parameters, norms, softmax, losses, gradients
+and moments are float32."""
 
 import dataclasses
 
@@ -30,7 +31,7 @@ FLOW = FlowConfig(
 MODEL = ModelConfig(
     grid=GridConfig(resolution=8, subdivisions=2, max_parts=4),
     structure_vae=StructureVAEConfig(
-        patch_size=2, channels=(32, 64), latent_channels=3, num_res_blocks=1, num_res_blocks_middle=1
+        patch_size=2, channels=(32, 64), latent_channels=3, num_res_blocks=1, num_res_blocks_middle=1  # noqa: E501
     ),
     uniart_vae=UniArtVAEConfig(
         width=32, num_blocks=2, num_heads=2, latent_channels=4, attention="serial", window=16,
@@ -59,11 +60,11 @@ def batch(items=2, width=64):
     counts = np.full(items, width, np.int32)
     voxels = {
         "coords": coords, "counts": counts, "voxel_part": zero((items, width), np.int32),
-        "sdf": zero((items, width, cells), np.int8), "color": zero((items, width, cells, 3), np.uint8),
+        "sdf": zero((items, width, cells), np.int8), "color": zero((items, width, cells, 3), np.uint8),  # noqa: E501
         "owner": zero((items, width, cells), np.uint8), "boxes": zero((items, 4, 6), np.float32),
         "codes": zero((items, 4, 9), np.float32), "parents": zero((items, 4), np.int32),
         "latent": zero((items, width, 4), np.float32), "tokens": zero((items, 9, 32), np.float32),
-        "occupancy": zero((items, 8, 8, 8), np.uint8), "structure": zero((items, 2, 2, 2, 3), np.float32),
+        "occupancy": zero((items, 8, 8, 8), np.uint8), "structure": zero((items, 2, 2, 2, 3), np.float32),  # noqa: E501
     }  # fmt: skip
     plans = voxel_plans(voxels, MODEL.uniart_vae, MODEL.grid)
     return {**voxels, "plans": {**plans, "flow": flow_plan(coords, counts, FLOW, MODEL.grid)}}
@@ -102,7 +103,11 @@ def test_only_products_run_in_bfloat16(name):
     assert {leaf.dtype for leaf in jax.tree.leaves((loss, metrics, grads))} == {np.dtype("float32")}
     products = matmul_flops(jaxpr)
     assert products["bfloat16"] > 0.8 * products.total(), products
-    narrow = [e for e in equations(jaxpr) if e.primitive.name in SUMS and any(v.aval.dtype == jnp.bfloat16 for v in e.invars)]  # fmt: skip
+    narrow = [
+        e
+        for e in equations(jaxpr)
+        if e.primitive.name in SUMS and any(v.aval.dtype == jnp.bfloat16 for v in e.invars)
+    ]
     assert not narrow, narrow
     assert any(e.primitive.name == "rsqrt" for e in equations(jaxpr))  # that a norm would be seen
     optimizer = make_optimizer(StageConfig())

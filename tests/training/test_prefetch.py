@@ -69,7 +69,8 @@ def test_an_error_waits_for_its_turn(where):
 
 
 def test_a_run_draws_ahead_and_saves_where_it_is(tmp_path):
-    """In the middle of a run the batch after the saved one has been drawn; the checkpoint does not count it."""
+    """In the middle of a run the batch after the saved one has been drawn; the checkpoint does not
+    count it."""
     seen, drawn = [], {}
 
     class Watched(Checkpoints):

@@ -1,4 +1,5 @@
-"""How many programs a stage compiles: one for each set of batch shapes, and those come from a short list."""
+"""How many programs a stage compiles: one for each set of batch shapes, and those come from a short
+list."""
 
 import dataclasses
 import json
@@ -44,7 +45,8 @@ def test_runs_of_voxels_have_one_set_of_shapes_a_width(tmp_path):
 
 @pytest.mark.parametrize("shares", [1, 2])
 def test_cubic_windows_have_nine_at_most(tmp_path, shares):
-    """Three numbers of rows for each of the two plans, and the most that there can be is among them."""
+    """Three numbers of rows for each of the two plans, and the most that there can be is among
+    them."""
     write_folder(tmp_path, [make_record(k, voxels=n) for k, n in enumerate(SIZES)])
     config = tiny_run.make_config(tmp_path)
     widths = len(config.data.voxel_buckets)
@@ -89,7 +91,8 @@ def test_batches_of_latents_have_a_few_sets_of_shapes_a_width(tmp_path, stem):
 
 @pytest.mark.slow
 def test_a_stage_compiles_no_more_than_that_and_its_log_tells_how_many(tmp_path):
-    """XLA's own account of what it compiles, of every stage as ``train.py`` runs it, over 60 steps."""
+    """XLA's own account of what it compiles, of every stage as ``train.py`` runs it, over 60
+    steps."""
     for name, sizes in (("records", SIZES[:24]), ("validation", SIZES[:3])):
         (tmp_path / name).mkdir()
         write_folder(tmp_path / name, [make_record(k, voxels=n) for k, n in enumerate(sizes)])

@@ -12,7 +12,8 @@ WIDTHS = {"own_box": 6, "joint_code": 9, "parent_box": 6, "color": 3, "sdf": 8}
 
 
 def _world(n=4000, channels=8):
-    """Latents of uneven channels whose last one says nothing, and attributes that are linear in the others."""
+    """Latents of uneven channels whose last one says nothing, and attributes that are linear in the
+    others."""
     z = RNG.normal(size=(n, channels)) * np.linspace(0.2, 3, channels) + 5
     maps = {name: RNG.normal(size=(channels - 1, d)) for name, d in WIDTHS.items()}
     return z, {name: z[:, :-1] @ w + 2 for name, w in maps.items()}

@@ -76,7 +76,7 @@ for array in jax.live_arrays():  # whatever was left behind counts too
 whole = sum(leaf.nbytes for leaf in jax.tree.leaves(state))
 assert whole > 4 * 3 * 512 * 256 * 4  # weights, two moments, average
 print(held.max() / whole)
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.parametrize("fsdp", [2, 8])
@@ -113,12 +113,13 @@ step = make_step(STAGES["uniart_vae"], network, optimizer, config, folder, mesh,
 state = create_state(network.init, optimizer, jax.random.key(0), mesh)
 print(sum(leaf.size for leaf in jax.tree.leaves(state.params)))
 print(step.compile(state, batch, jax.random.key(0)).call.as_text())
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.parametrize("accumulate", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_step_as_train_makes_it_sends_no_tokens(tmp_path, accumulate):
-    """From the batches that a stage reads to its compiled program: plans of a share a device, traced where the mesh is known."""
+    """From the batches that a stage reads to its compiled program: plans of a share a device,
+    traced where the mesh is known."""
     where = [str(Path(toy_run.__file__).parent), str(Path(__file__).parents[1] / "data")]
     program = [sys.executable, "-c", STEP, str(tmp_path), str(accumulate), *where]
     text = subprocess.run(program, check=True, text=True, capture_output=True).stdout

@@ -1,4 +1,5 @@
-"""Adaptive clipping and frozen parameters: what the optimizer remembers, and what it leaves alone."""
+"""Adaptive clipping and frozen parameters: what the optimizer remembers, and what it leaves
+alone."""
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +22,8 @@ WIDTH = 400  # so many numbers that an average of equals shows its rounding
 
 
 class Peer:
-    """TRELLIS's AdaptiveGradClipper in numpy: the norm is recorded before clipping, the threshold follows once the buffer is full."""
+    """TRELLIS's AdaptiveGradClipper in numpy: the norm is recorded before clipping, the threshold
+    follows once the buffer is full."""
 
     def __init__(self, most, percentile, window):
         self.most, self.percentile, self.window = most, percentile, window
@@ -97,7 +99,11 @@ def test_frozen_parameters_stay_bit_for_bit_and_have_no_moments():
     after = {name: np.asarray(leaf).tobytes() for name, leaf in flat_names(state).items()}
     kept = ["trunk.kernel", "trunk.bias", "head.0.bias"]
     for part in ("params", "ema"):
-        same = {n.removeprefix(f"{part}.") for n in after if n.startswith(part) and after[n] == before[n]}  # fmt: skip
+        same = {
+            n.removeprefix(f"{part}.")
+            for n in after
+            if n.startswith(part) and after[n] == before[n]
+        }
         assert same == set(kept), part
     # the norm is that of what is trained
     grads = jax.grad(lambda p: loss_fn(p, batch, None)[0])(init(jax.random.key(0)))
@@ -123,7 +129,7 @@ def test_nothing_is_differentiated_by_frozen_parameters():
     [
         (("trunks",), "freeze: no parameter is named 'trunks'; there are: head, trunk"),
         (("head.1",), "freeze: no parameter is named 'head.1'; there are below 'head': 0"),
-        (("head.0.kern",), "no parameter is named 'head.0.kern'; there are below 'head.0': bias, kernel"),
+        (("head.0.kern",), "no parameter is named 'head.0.kern'; there are below 'head.0': bias, kernel"),  # noqa: E501
         (("head", "trunk"), "freeze: head, trunk leaves nothing to train"),
     ],
 )  # fmt: skip
@@ -152,7 +158,11 @@ def test_the_norms_are_checkpointed_and_reported(tmp_path):
         back = checkpoints.restore(fresh(clip_percentile=50.0, clip_window=2, freeze=("trunk",))[0])
     for ours, theirs in zip(jax.tree.leaves(back), jax.tree.leaves(state), strict=True):
         np.testing.assert_array_equal(np.asarray(ours), np.asarray(theirs))
-    norms = [s for s in jax.tree.leaves(back.opt_state, is_leaf=lambda n: isinstance(n, RecentNorms)) if isinstance(s, RecentNorms)]  # fmt: skip
+    norms = [
+        s
+        for s in jax.tree.leaves(back.opt_state, is_leaf=lambda n: isinstance(n, RecentNorms))
+        if isinstance(s, RecentNorms)
+    ]
     assert float(norms[0].norms[0]) == pytest.approx(seen[2][0], rel=1e-6)
 
 

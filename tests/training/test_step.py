@@ -1,4 +1,5 @@
-"""State, optimizer and one step: schedules, what decays, what moves, the key, the average, values that are not finite."""
+"""State, optimizer and one step: schedules, what decays, what moves, the key, the average, values
+that are not finite."""
 
 import jax
 import jax.numpy as jnp
@@ -59,7 +60,9 @@ def test_gradients_are_clipped_by_their_global_norm():
     def moment(clip, scale):
         optimizer = make_optimizer(StageConfig(gradient_clip=clip, betas=(0.0, 0.999)))
         params = {"kernel": jnp.ones((2, 2))}
-        _, state = optimizer.update({"kernel": jnp.full((2, 2), scale)}, optimizer.init(params), params)  # fmt: skip
+        _, state = optimizer.update(
+            {"kernel": jnp.full((2, 2), scale)}, optimizer.init(params), params
+        )
         (mu,) = [leaf for leaf in jax.tree.leaves(state) if leaf.shape == (2, 2)][:1]
         return float(jnp.linalg.norm(mu))
 
@@ -134,7 +137,9 @@ def test_what_is_given_is_read_by_every_part_of_every_step_and_stays():
     for _ in range(2):
         state, _ = plain(state, batch @ given["mix"], jax.random.key(2))
     for accumulate, batches in ((1, batch), (2, (batch[:2], batch[2:]))):
-        other, step = fresh(StageConfig(warmup_steps=0), through, accumulate=accumulate, given=given)  # fmt: skip
+        other, step = fresh(
+            StageConfig(warmup_steps=0), through, accumulate=accumulate, given=given
+        )
         for _ in range(2):
             other, _ = step(other, batches, jax.random.key(2))
         for a, b in zip(jax.tree.leaves(state.params), jax.tree.leaves(other.params), strict=True):

@@ -1,8 +1,11 @@
-"""Tiny networks of all stages on hand-made records. Run as a program, one or several processes train stages on fake devices and write what they end with:
+"""Tiny networks of all stages on hand-made records. Run as a program, one or several processes
+train stages on fake devices and write what they end with:
 
-python tiny_run.py FOLDER RUN STAGE… [--devices N --fsdp M] [--steps 5] [--encode BATCHES] [--processes N --process I --port P] [--validation] [--pixels]
+python tiny_run.py FOLDER RUN STAGE… [--devices N --fsdp M] [--steps 5] [--encode BATCHES]
+[--processes N --process I --port P] [--validation] [--pixels]
 
-Records are in FOLDER/records. A stage trains in FOLDER/RUN/<stage>, a flow on the networks and (without --encode, so many batches a shard) latents of FOLDER/base, and leaves
+Records are in FOLDER/records. A stage trains in FOLDER/RUN/<stage>, a flow on the networks and
+(without --encode, so many batches a shard) latents of FOLDER/base, and leaves
 FOLDER/RUN/<stage>.npz, and the text of its compiled steps in FOLDER/RUN/<stage>-<i>.hlo.
 """
 
@@ -33,13 +36,15 @@ def make_records(folder: Path) -> None:
 
 
 def make_config(folder: Path, steps: int = 5, **mesh):
-    """Cubic windows, parts that are never cut, a convolutional stem: all plans whose shapes depend on the data."""
+    """Cubic windows, parts that are never cut, a convolutional stem: all plans whose shapes depend
+    on the data."""
     from uniart_jax import config as c
 
     stage = c.StageConfig(
         steps=steps,
         batch_size=8,
-        learning_rate=1e-4,  # the paper's; Adam makes up to this of the rounding in a gradient near zero
+        # the paper's; Adam makes up to this of the rounding in a gradient near zero
+        learning_rate=1e-4,
         warmup_steps=1,
         log_every=1,
         evaluate_every=10**9,
@@ -99,13 +104,15 @@ def make_config(folder: Path, steps: int = 5, **mesh):
 
 
 def with_pixels(model):
-    """The latent flow's stem and what it reads off pictures as nano has them; the other networks as they are."""
+    """The latent flow's stem and what it reads off pictures as nano has them; the other networks as
+    they are."""
     nano = {"stem": "patch", "io_channels": (), "voxel_channels": 8, "pixel_channels": 6}
     return dataclasses.replace(model, latent_flow=dataclasses.replace(model.latent_flow, **nano))
 
 
 def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
-    """One stage in a workdir of its own; its last state, whole, to FOLDER/RUN/<stage>.npz, its programs to <stage>-<i>.hlo."""
+    """One stage in a workdir of its own; its last state, whole, to FOLDER/RUN/<stage>.npz, its
+    programs to <stage>-<i>.hlo."""
     import jax
     import numpy as np
     from jax.experimental import multihost_utils

@@ -1,6 +1,8 @@
-"""A toy stage for the tests: a two-layer network, Grain batches with their order recorded. Run as a program it trains in its own process:
+"""A toy stage for the tests: a two-layer network, Grain batches with their order recorded. Run as a
+program it trains in its own process:
 
-python toy_run.py WORKDIR STEPS SAVE_EVERY [--devices N --fsdp M] [--accumulate N] [--slow SECONDS] [--nan STEP] [--out FILE] [--processes N --process I --port P] [--fail STEP] [--width W]
+python toy_run.py WORKDIR STEPS SAVE_EVERY [--devices N --fsdp M] [--accumulate N] [--slow SECONDS]
+[--nan STEP] [--out FILE] [--processes N --process I --port P] [--fail STEP] [--width W]
 """
 
 from __future__ import annotations
@@ -100,7 +102,7 @@ def make_stage(steps: int, save_every: int, **changes):
     from uniart_jax.config import StageConfig
 
     settings = {
-        "steps": steps, "save_every": save_every, "batch_size": 8, "learning_rate": 1e-2, "warmup_steps": 1, "log_every": 1,
+        "steps": steps, "save_every": save_every, "batch_size": 8, "learning_rate": 1e-2, "warmup_steps": 1, "log_every": 1,  # noqa: E501
         "evaluate_every": 10**9, "keep_checkpoints": 3, "ema_decay": 0.9,
     }  # fmt: skip
     return StageConfig(**{**settings, **changes})
@@ -108,7 +110,8 @@ def make_stage(steps: int, save_every: int, **changes):
 
 @functools.cache
 def program(stage, fsdp):
-    """Mesh, optimizer and step; made once for all runs of a process, since compiling is most of a toy run's time."""
+    """Mesh, optimizer and step; made once for all runs of a process, since compiling is most of a
+    toy run's time."""
     from uniart_jax.config import MeshConfig
     from uniart_jax.training.sharding import make_mesh
     from uniart_jax.training.state import make_optimizer

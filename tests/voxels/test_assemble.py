@@ -1,4 +1,5 @@
-"""Voxels back to objects: solid is solid, hollow is hollow, contact leaves no gap, and every mesh is closed whatever comes in."""
+"""Voxels back to objects: solid is solid, hollow is hollow, contact leaves no gap, and every mesh
+is closed whatever comes in."""
 
 import dataclasses
 
@@ -23,7 +24,8 @@ CELL = 1 / 32  # of the small grids here
 
 
 def assert_closed(mesh: trimesh.Trimesh):
-    """Every edge has exactly two triangles of opposite sense, also once a reader has merged corners that coincide."""
+    """Every edge has exactly two triangles of opposite sense, also once a reader has merged corners
+    that coincide."""
     assert mesh.is_watertight and mesh.is_winding_consistent
     assert trimesh.Trimesh(mesh.vertices, mesh.faces, process=True).is_watertight
     assert mesh.volume > 0
@@ -166,7 +168,8 @@ def test_boxes_that_are_not_finite_cut_nothing():
 
 
 def with_loose_pieces(box: list[float]) -> VoxelGrid:
-    """A block that ends at z = .1, a stray cell and a solid voxel far above it; all of them say they belong to ``box``."""
+    """A block that ends at z = .1, a stray cell and a solid voxel far above it; all of them say
+    they belong to ``box``."""
     low, high = (-0.5, -0.4, -0.4), (0.5, 0.4, 0.1)
     grid = grid_of([lambda p: box_sdf(p, low, high)], [box]).gather()
     coords = np.concatenate([grid.coords, [[1, 1, 7], [6, 6, 7]]]).astype(np.int32)
@@ -245,7 +248,8 @@ def test_garbage_gives_closed_parts(resolution, r, share, parts, noise, kind, se
 
 @pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.7])
 def test_every_ambiguous_cube_is_closed(share):
-    """Random signs hold every way in which a cube's corners can lie; before anything is simplified."""
+    """Random signs hold every way in which a cube's corners can lie; before anything is
+    simplified."""
     rng = np.random.default_rng(0)
     for trial in range(8):
         size = (

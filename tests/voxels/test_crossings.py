@@ -27,7 +27,8 @@ def exact(triangles, points):
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**31), st.integers(1, 30), st.booleans())
 def test_any_triangles_with_their_lid_bound_a_volume(seed, count, welded):
-    """Soups, fans, edges of three faces, repeated and turned faces: with the lid every winding number is an integer, the counted one."""
+    """Soups, fans, edges of three faces, repeated and turned faces: with the lid every winding
+    number is an integer, the counted one."""
     rng = np.random.default_rng(seed)
     vertices = rng.uniform(-0.5, 0.5, (12 if welded else 3 * count, 3))
     faces = rng.integers(0, len(vertices), (count, 3))

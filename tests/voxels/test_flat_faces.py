@@ -63,7 +63,8 @@ def test_small_holes_are_closed_and_large_ones_stay():
 
 
 def test_handles_and_knobs_stay():
-    """On a drawer 40 deep, of which a tenth is more than they stand out; on planes as on the box."""
+    """On a drawer 40 deep, of which a tenth is more than they stand out; on planes as on the
+    box."""
     handle = block((17.3, 24, 30), (21.3, 40, 33))
     knob = block((17.8, 14, 14), (21.3, 20, 20))
     drawer = np.min([block((20.3, 8.2, 8.2), (60.3, 56.4, 56.4)), handle, knob], 0)
@@ -173,7 +174,8 @@ def opened(degrees, closed=CLOSED, hinge=HINGE, wavy=False, torn=False):
 
 
 def share_that_differs(field, part, distance, beyond=0.0):
-    """Of a solid's cells: those where a part is not as it, further than ``beyond`` off its faces."""
+    """Of a solid's cells: those where a part is not as it, further than ``beyond`` off its
+    faces."""
     differ = (solid_of(field, part) != (distance < 0)) & (np.abs(distance) > beyond)
     return differ.sum() / (distance < 0).sum()
 

@@ -1,4 +1,5 @@
-"""Objects that follow a layout: the table's joints and tree, closed meshes, rows without voxels left out."""
+"""Objects that follow a layout: the table's joints and tree, closed meshes, rows without voxels
+left out."""
 
 import dataclasses
 
@@ -164,7 +165,8 @@ def solid(*blocks, but=()):
 
 
 def cabinet(door, box, joint, lip):
-    """Voxels and the layout of a case and its door; with ``lip``, its frame reaches into the way."""
+    """Voxels and the layout of a case and its door; with ``lip``, its frame reaches into the
+    way."""
     gap = np.array(DOOR) + [[-0.006] * 3, [0.006] * 3]
     body = solid(CASE, LIP, but=(HOLLOW, gap)) if lip else solid(CASE, but=(HOLLOW,))
     boxes = np.array([box_of(LIP[0] if lip else CASE[0], CASE[1]), box_of(*box)])

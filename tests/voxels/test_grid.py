@@ -56,7 +56,9 @@ def test_fairing_averages_active_sub_cells_only_and_thickens():
     coords = np.argwhere(rng.random((4, 4, 4)) < 0.5).astype(np.int32)
     number = len(coords)
     rest = (np.zeros((number, 8, 3)), np.zeros((number, 8, 6)), np.zeros((number, 9)))
-    flat = VoxelGrid(4, 2, coords, np.full((number, 8), 0.7, np.float32), *rest, np.zeros((number, 6)))  # fmt: skip
+    flat = VoxelGrid(
+        4, 2, coords, np.full((number, 8), 0.7, np.float32), *rest, np.zeros((number, 6))
+    )
     assert smoothed(flat, 0.0, 0.0) is flat
     # holes beside active voxels weigh nothing: a constant stays one
     np.testing.assert_allclose(smoothed(flat, 0.2, 1.0).sdf, 0.5, atol=1e-5)

@@ -21,7 +21,8 @@ from uniart_jax.voxels.joint_code import (
     gauge_variants,
 )
 
-# axis-aligned of both signs, diagonals whose components tie, and directions a rounding error away from a tie
+# axis-aligned of both signs, diagonals whose components tie, and directions a rounding error away
+# from a tie
 AWKWARD = [np.array([x, y, z], float) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
 AWKWARD = [d for d in AWKWARD if d.any()] + [
     np.array([1, -1 - 1e-9, 0.2]),
@@ -61,7 +62,8 @@ def joints(draw, kinds=JOINT_TYPES):
 
 
 def assert_same_motion(a: Joint, b: Joint, center: np.ndarray):
-    """Equal as motions: every state of one is a state of the other, at the same place in the span."""
+    """Equal as motions: every state of one is a state of the other, at the same place in the
+    span."""
     assert a.type == b.type
     same_way = a.direction @ b.direction > 0
     for share in (0.0, 0.3, 1.0):

@@ -15,7 +15,8 @@ from uniart_jax.voxels.layout import Layout, read_layout
 
 
 def outputs_of(obj, queries=16, order=None):
-    """What a network without error would say of an object: its parts on rows ``order`` of ``queries``."""
+    """What a network without error would say of an object: its parts on rows ``order`` of
+    ``queries``."""
     boxes, codes, parents = encode_object(obj)
     rows = np.arange(len(boxes)) if order is None else np.asarray(order)
     out = {

@@ -55,7 +55,9 @@ def test_nothing_is_taken_from_legs_that_lean_nor_boards_between_them():
 
 
 def test_a_cabinet_stays_as_it_is():
-    hollow = np.maximum(block((14.3, 8.3, 8.3), (56.3, 56.3, 56.3)), -block((13, 12, 12), (50, 52, 52)))  # fmt: skip
+    hollow = np.maximum(
+        block((14.3, 8.3, 8.3), (56.3, 56.3, 56.3)), -block((13, 12, 12), (50, 52, 52))
+    )
     field = field_of(np.where(torn(1) & (hollow > -1.5), 2.0, hollow))
     assert_same(with_whole_legs(field, [0]), field)
     assert_same(with_whole_legs(field, []), field)

@@ -1,4 +1,5 @@
-"""Specks in the air are left out; what is near is moved until it touches; parts that touch, carry something or are large stay."""
+"""Specks in the air are left out; what is near is moved until it touches; parts that touch, carry
+something or are large stay."""
 
 from __future__ import annotations
 
@@ -33,14 +34,18 @@ BASE = ("base", cube(0.6, (0, 0, 0)), -1)
 
 
 def test_a_speck_in_the_air_is_left_out_and_the_others_are_counted_anew():
-    obj = make(BASE, ("link_1", cube(0.05, (-0.45, 0, 0)), 0), ("link_2", cube(0.05, (0.325, 0, 0)), 0))  # fmt: skip
+    obj = make(
+        BASE, ("link_1", cube(0.05, (-0.45, 0, 0)), 0), ("link_2", cube(0.05, (0.325, 0, 0)), 0)
+    )
     left = without_debris(obj)
     assert [p.name for p in left.parts] == ["base", "link_1"]
     assert left.parts[1].mesh is obj.parts[2].mesh and left.parts[1].parent == 0
 
 
 def test_a_speck_that_carries_only_specks_goes_with_them():
-    obj = make(BASE, ("link_1", cube(0.05, (-0.45, 0, 0)), 0), ("link_2", cube(0.05, (-0.45, 0.2, 0)), 1))  # fmt: skip
+    obj = make(
+        BASE, ("link_1", cube(0.05, (-0.45, 0, 0)), 0), ("link_2", cube(0.05, (-0.45, 0.2, 0)), 1)
+    )
     assert len(without_debris(obj).parts) == 1
 
 
@@ -51,7 +56,9 @@ def test_what_touches_or_carries_or_is_large_stays():
     ):
         obj = make(BASE, part)
         assert without_debris(obj) is obj
-    carrier = make(BASE, ("link_1", cube(0.05, (-0.45, 0, 0)), 0), ("link_2", cube(0.5, (1, 0, 0)), 1))  # fmt: skip
+    carrier = make(
+        BASE, ("link_1", cube(0.05, (-0.45, 0, 0)), 0), ("link_2", cube(0.5, (1, 0, 0)), 1)
+    )
     assert without_debris(carrier) is carrier
     alone = make(BASE)
     assert without_debris(alone) is alone
@@ -61,7 +68,7 @@ def turned(part: str, at: tuple[float, float, float], parent: int, **joint) -> t
     return part, cube(0.2, at), parent, Joint((at[0] - 0.1, at[1] - 0.1, at[2]), (0, 0, 1), **joint)
 
 
-def test_a_part_that_hangs_near_the_others_is_moved_until_it_touches_with_its_joint_and_what_it_carries():
+def test_a_part_that_hangs_near_the_others_is_moved_until_it_touches_with_its_joint_and_what_it_carries():  # noqa: E501
     door = turned("link_1", (-0.45, 0, 0), 0, angle=(0, 1.5))
     knob = ("link_2", cube(0.05, (-0.575, 0, 0)), 1)
     obj = make(BASE, door, knob)
@@ -76,7 +83,8 @@ def test_a_part_that_hangs_near_the_others_is_moved_until_it_touches_with_its_jo
 
 
 def test_the_way_is_that_at_rest_though_doors_are_shown_open():
-    """A box that slides out of a door, the door shown open: what it lacks at rest lies along another axis of the object as shown."""
+    """A box that slides out of a door, the door shown open: what it lacks at rest lies along
+    another axis of the object as shown."""
     door = turned("link_1", (-0.4, 0, 0), 0, angle=(0, np.pi / 2))
     box = "link_2", cube(0.1, (-0.605, 0, 0)), 1, Joint((0, 0, 0), (0, 0, 1), travel=(0, 0.4))
     shown = make(BASE, door, box).shown_at(np.array([0, np.pi / 4, 0.3]))

@@ -12,7 +12,9 @@ from uniart_jax.voxels.part_table import EMPTY, ROWS, part_table, surface_colors
 def make_layout():
     joint = Joint(np.array([0.1, 0.2, 0.0]), np.array([0.0, 0.0, 1.0]), angle=(0.0, 1.0))
     boxes = np.array([[0, 0.2, 0, 0.1, 0.2, 0.3], [0, 0, 0, 1, 1, 1], [0.1, 0, 0, 0.2, 0.1, 0.1]])
-    return Layout(boxes, (joint, Joint.fixed(), joint), (1, -1, 0), np.eye(3), np.array([0.4, 0.2, 0.9]))  # fmt: skip
+    return Layout(
+        boxes, (joint, Joint.fixed(), joint), (1, -1, 0), np.eye(3), np.array([0.4, 0.2, 0.9])
+    )
 
 
 def test_tables_are_padded_with_zeros():
@@ -30,7 +32,9 @@ def test_the_surest_parts_of_a_layout_are_kept_with_the_root():
     layout = make_layout()
     rows = layout.rows(3)
     assert rows["parents"].tolist() == [1, 1, 0]
-    np.testing.assert_allclose(rows["codes"][0], encode_joint(layout.joints[0], layout.boxes[0, :3]))  # fmt: skip
+    np.testing.assert_allclose(
+        rows["codes"][0], encode_joint(layout.joints[0], layout.boxes[0, :3])
+    )
     rows = layout.rows(2)  # the first goes, and the third hangs on the root
     np.testing.assert_array_equal(rows["boxes"], layout.boxes[[1, 2]])
     assert rows["parents"].tolist() == [0, 0]

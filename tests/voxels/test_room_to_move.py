@@ -213,7 +213,8 @@ def test_a_round_disc_takes_nothing():
 
 @pytest.mark.parametrize(("length", "stays"), [(2, False), (22, True)])
 def test_small_pieces_that_a_way_cuts_off_go(length, stays):
-    """An arm reaches across a drawer's way; what is left beyond it is a crumb, or a part's share."""
+    """An arm reaches across a drawer's way; what is left beyond it is a crumb, or a part's
+    share."""
     drawer = ((30.3, 20.3, 20.3), (50.3, 44.3, 44.3))
     top = 44.3 + length
     arm = block((18.3, 28.3, 8.3), (24.3, 36.3, 20))

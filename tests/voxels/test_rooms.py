@@ -136,7 +136,9 @@ PULLS = Joint(np.zeros(3), (-1.0, 0, 0), travel=(0.0, 0.4))
 
 
 def drawer(torn=None, body=None):
-    case = np.maximum(block((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), -block((13, 14, 24), (46, 51, 41)))  # fmt: skip
+    case = np.maximum(
+        block((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), -block((13, 14, 24), (46, 51, 41))
+    )
     tray = np.maximum(block(*BOX), -block(*TRAY))
     if torn is not None:
         tray = np.where(torn, 2.0, tray)

@@ -65,7 +65,8 @@ def test_one_sub_cell_is_enough_on_true_codes(count, seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_network_like_votes_give_the_same_parts(seed):
-    """Bias per part, noise per voxel and sub-cell, and border voxels whose boxes lie between their parts'."""
+    """Bias per part, noise per voxel and sub-cell, and border voxels whose boxes lie between their
+    parts'."""
     rng = np.random.default_rng(seed)
     grid = make_cabinet()
     true = grid.boxes[grid.owner].astype(float)
@@ -82,7 +83,8 @@ def test_network_like_votes_give_the_same_parts(seed):
 
 
 def test_voxels_on_a_border_do_not_vote():
-    """All border voxels say the same wrong thing, half way between their parts: many, dense, and no part."""
+    """All border voxels say the same wrong thing, half way between their parts: many, dense, and no
+    part."""
     rng = np.random.default_rng(0)
     grid = make_cabinet()
     true = grid.boxes[grid.owner].astype(float)
@@ -117,7 +119,8 @@ def make_drawers(number: int = 3) -> PartGrid:
 
 @pytest.mark.parametrize("noise", [0.003, 0.02])
 def test_low_drawers_stay_apart_where_votes_are_good(noise):
-    """Neighbours' boxes differ by little in two of six corners; under votes as wrong as a flow's they would be one."""
+    """Neighbours' boxes differ by little in two of six corners; under votes as wrong as a flow's
+    they would be one."""
     rng = np.random.default_rng(0)
     grid = make_drawers(7)
     votes = grid.boxes[grid.owner] + rng.normal(0, noise, (len(grid.coords), 1, 6))
@@ -130,7 +133,8 @@ def test_low_drawers_stay_apart_where_votes_are_good(noise):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_votes_that_are_wrong_together_give_the_same_parts(seed):
-    """As out of a flow: each cube of 4^3 voxels is off by its own error, and drifts towards what its neighbours say."""
+    """As out of a flow: each cube of 4^3 voxels is off by its own error, and drifts towards what
+    its neighbours say."""
     rng = np.random.default_rng(seed)
     grid = make_drawers()
     true = box_corners(grid.boxes[grid.owner].astype(float))
@@ -149,7 +153,8 @@ def test_votes_that_are_wrong_together_give_the_same_parts(seed):
 
 
 def test_crumbs_join_what_is_around_them():
-    """Some voxels of the body vote for the door before them and lie within its box: no piece of the door flies about, and a large one stays."""
+    """Some voxels of the body vote for the door before them and lie within its box: no piece of the
+    door flies about, and a large one stays."""
     grid = make_cabinet()
     owner = grid.owner.astype(int).reshape(-1).copy()
     before = owner.copy()
@@ -200,7 +205,8 @@ def test_nearest_minds_the_place():
 
 
 def test_knobs_beside_each_other_stay_two():
-    """Knobs smaller than a voxel, in border voxels only, whose votes are further off than the knobs are apart."""
+    """Knobs smaller than a voxel, in border voxels only, whose votes are further off than the knobs
+    are apart."""
     rng = np.random.default_rng(0)
     solids = [
         ((-0.4, -0.5, -0.5), (0.4, 0.5, 0.5)),

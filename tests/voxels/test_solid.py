@@ -16,7 +16,8 @@ def boxes(*bounds):
 
 
 def overlapping():
-    # flush bottoms, a shared side, one box within another: every coincidence that breaks ray counting
+    # flush bottoms, a shared side, one box within another: every coincidence that breaks ray
+    # counting
     return boxes(
         [[-0.4, -0.4, -0.5], [0.1, 0.4, 0.2]],
         [[-0.1, -0.4, -0.5], [0.4, 0.4, 0.4]],
@@ -71,7 +72,8 @@ def test_inside_is_where_the_winding_number_says(make, closed, outward):
 
 @pytest.mark.parametrize("block", [1e-3, 0.02, 0.3])
 def test_what_is_asked_of_cubes_holds_at_their_points(block):
-    """Through and around the openings of a tube: winding numbers of all sizes, borders near and far."""
+    """Through and around the openings of a tube: winding numbers of all sizes, borders near and
+    far."""
     tube = trimesh.creation.icosphere(3, 0.45)
     tube.update_faces(np.abs(tube.triangles_center[:, 2]) < 0.3)
     part = solid(tube)
@@ -84,7 +86,8 @@ def test_what_is_asked_of_cubes_holds_at_their_points(block):
 
 @pytest.mark.parametrize("copies", [1, 3])
 def test_winding_numbers_that_pass_a_half_far_from_any_border(copies):
-    """Between two sheets that look away from each other; three of each within a box turned inside out: 3/2 - 1."""
+    """Between two sheets that look away from each other; three of each within a box turned inside
+    out: 3/2 - 1."""
     ends = []
     for z, turned in ((0.25, 1), (-0.25, -1)):
         corners = [[-0.4, -0.4, z], [0.4, -0.4, z], [0.4, 0.4, z], [-0.4, 0.4, z]]

@@ -1,4 +1,5 @@
-"""A checkpoint folder as TRELLIS publishes one, at toy size, with random weights; and PyTorch files written without PyTorch."""
+"""A checkpoint folder as TRELLIS publishes one, at toy size, with random weights; and PyTorch files
+written without PyTorch."""
 
 import io
 import json
@@ -50,7 +51,8 @@ UNDO = {LINEAR: (1, 0), CONV3D: (4, 3, 0, 1, 2), SUBMANIFOLD: (4, 0, 1, 2, 3)}
 
 
 def upstream(name, args, seed=0):
-    """A random state dict under upstream's names, half precision within the blocks as its checkpoints are; no buffers."""
+    """A random state dict under upstream's names, half precision within the blocks as its
+    checkpoints are; no buffers."""
     rng = np.random.default_rng(seed)
     rules = PLACES[name.removeprefix("Elastic")].rules
     state = {}
@@ -109,7 +111,10 @@ EMPTY_ORDERED = symbol("collections", "OrderedDict") + b")R"
 
 def tensor(storage, key, size, offset, shape, strides):
     """The instructions that rebuild one tensor."""
-    reference = tuple_of(text("storage"), symbol("torch", storage), text(key), text("cpu"), number(size)) + b"Q"  # fmt: skip
+    reference = (
+        tuple_of(text("storage"), symbol("torch", storage), text(key), text("cpu"), number(size))
+        + b"Q"
+    )
     arguments = tuple_of(
         reference,
         number(offset),
@@ -147,4 +152,6 @@ def torch_state(path, state, wrap=None):
         items[name] = tensor(kind, str(key), value.size, 0, value.shape, strides)
         storages[str(key)] = value.tobytes()
     program = dictionary(items)
-    return torch_file(path, dictionary({wrap: program, "epoch": number(3)}) if wrap else program, storages)  # fmt: skip
+    return torch_file(
+        path, dictionary({wrap: program, "epoch": number(3)}) if wrap else program, storages
+    )

@@ -28,7 +28,7 @@ BUFFERS = {"ss_flow_img": {"pos_emb": TABLE_32}, "slat_dec_gs": {"offset_perturb
 PIPELINE = {
     "name": "TrellisImageTo3DPipeline",
     "args": {
-        "sparse_structure_sampler": {"params": {"steps": 12, "cfg_strength": 7.5, "cfg_interval": [0.5, 0.95], "rescale_t": 3}},
+        "sparse_structure_sampler": {"params": {"steps": 12, "cfg_strength": 7.5, "cfg_interval": [0.5, 0.95], "rescale_t": 3}},  # noqa: E501
         "slat_normalization": {"mean": [0.5] * 8, "std": [2] * 8},
     },
 }  # fmt: skip
@@ -46,7 +46,10 @@ def run(capsys, monkeypatch, *arguments):
 def published(tmp_path_factory):
     folder = tmp_path_factory.mktemp("trellis")
     write_folder(folder, buffers=BUFFERS)
-    for name, kind in (("slat_dec_mesh", "ElasticSLatMeshDecoder"), ("ss_flow_txt", "SparseStructureFlowModel")):  # fmt: skip
+    for name, kind in (
+        ("slat_dec_mesh", "ElasticSLatMeshDecoder"),
+        ("ss_flow_txt", "SparseStructureFlowModel"),
+    ):
         write_network(folder / "ckpts" / name, kind, {"cond_channels": 768}, {"w": np.zeros(2)})
     return folder
 
@@ -55,7 +58,9 @@ def published(tmp_path_factory):
 def converted(published, tmp_path_factory):
     out = tmp_path_factory.mktemp("out") / "checkpoint"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["uniart", "convert", "trellis", str(published), "--out", str(out)])  # fmt: skip
+        patch.setattr(
+            sys, "argv", ["uniart", "convert", "trellis", str(published), "--out", str(out)]
+        )
         with pytest.raises(SystemExit) as error:
             cli.main()
     assert error.value.code == 0
@@ -72,7 +77,10 @@ def test_a_folder_becomes_a_checkpoint(converted):
         load_network(converted, name, build(name, model).abstract())
     assert model.grid.resolution == 16 and model.latent_flow.io_channels == (16,)
     assert model.image_encoder.architecture == "dinov2" and model.image_encoder.width == 24
-    assert set(config.untrained) == {f"uniart_vae.{name}" for name in ("front", "geometry_head", "segmentation_head", "articulation_head")}  # fmt: skip
+    assert set(config.untrained) == {
+        f"uniart_vae.{name}"
+        for name in ("front", "geometry_head", "segmentation_head", "articulation_head")
+    }
     assert config.sample_structure.guidance == config.sample_latent.guidance == 5.0
     assert config.sample_latent.steps == 25 and config.sample_latent.rescale_t == 3.0
     assert config.sample_latent.guidance_interval == (0.5, 1.0)
@@ -112,16 +120,23 @@ def test_the_report(published, tmp_path, capsys, monkeypatch):
 def test_parts_of_it_and_its_pipeline(tmp_path, capsys, monkeypatch):
     write_folder(tmp_path / "in", ["ss_dec", "slat_flow_img"], pipeline=PIPELINE)
     # the folder of the files themselves will do: pipeline.json is looked for above it too
-    code, told = run(capsys, monkeypatch, "trellis", tmp_path / "in" / "ckpts", "--out", tmp_path / "out")  # fmt: skip
+    code, told = run(
+        capsys, monkeypatch, "trellis", tmp_path / "in" / "ckpts", "--out", tmp_path / "out"
+    )
     assert code == 0
-    assert "not there: SparseStructureEncoder, SparseStructureFlowModel, SLatEncoder, SLatGaussianDecoder" in told  # fmt: skip
+    assert (
+        "not there: SparseStructureEncoder, SparseStructureFlowModel, SLatEncoder, "
+        "SLatGaussianDecoder"
+    ) in told
     config = read_config(tmp_path / "out")
     assert config.untrained == ("structure_vae.encoder",)
     assert config.sample_structure.steps == 12 and config.sample_structure.guidance == 7.5
     assert config.sample_structure.guidance_interval == (0.5, 0.95)
     assert config.sample_latent.steps == 25
     np.testing.assert_array_equal(read_statistics(tmp_path / "out", "latent"), [[0.5] * 8, [2] * 8])
-    params = load_network(tmp_path / "out", "structure_vae", build("structure_vae", config.model).abstract())  # fmt: skip
+    params = load_network(
+        tmp_path / "out", "structure_vae", build("structure_vae", config.model).abstract()
+    )
     assert np.asarray(params["encoder"]["input_layer"]["kernel"]).any()
 
 
@@ -135,7 +150,9 @@ def test_a_full_output_folder(published, tmp_path, capsys, monkeypatch):
     assert code == 2 and "not replaced" in told and (out / "notes.txt").exists()
     (out / "config.json").write_text("{}")
     code, _ = run(capsys, monkeypatch, "trellis", published, "--out", out, "--overwrite")
-    assert code == 0 and not (out / "notes.txt").exists() and (out / "uniart_vae.safetensors").exists()  # fmt: skip
+    assert (
+        code == 0 and not (out / "notes.txt").exists() and (out / "uniart_vae.safetensors").exists()
+    )
 
 
 def wrong(folder, name, change):
@@ -164,7 +181,9 @@ def wrong(folder, name, change):
     elif change == "pipeline":
         (folder / "pipeline.json").write_text('{"args": {"slat_normalization": {"mean": [1, 2]}}}')
     elif change == "channels":
-        (folder / "pipeline.json").write_text('{"args": {"slat_normalization": {"mean": [1, 2], "std": [1, 2]}}}')  # fmt: skip
+        (folder / "pipeline.json").write_text(
+            '{"args": {"slat_normalization": {"mean": [1, 2], "std": [1, 2]}}}'
+        )
 
 
 @pytest.mark.parametrize(
@@ -230,12 +249,18 @@ def test_dinov2_from_a_pickled_file_and_from_safetensors(tmp_path, capsys, monke
         code, told = run(capsys, monkeypatch, "dinov2", tmp_path / f"dinov2.{suffix}", "--out", out)
         assert code == 0 and "28 pixels, patches of 14, 4 registers, width 64, 2 blocks" in told
         found.append(out.read_bytes())
-        params = load_network(out.parent, "image_encoder", build("image_encoder", ModelConfig(image_encoder=ENCODER)).abstract())  # fmt: skip
+        params = load_network(
+            out.parent,
+            "image_encoder",
+            build("image_encoder", ModelConfig(image_encoder=ENCODER)).abstract(),
+        )
         np.testing.assert_array_equal(
-            params["patch_embed"]["proj"]["kernel"][3, 5, 1], state["patch_embed.proj.weight"][:, 1, 3, 5]
+            params["patch_embed"]["proj"]["kernel"][3, 5, 1], state["patch_embed.proj.weight"][:, 1, 3, 5]  # noqa: E501
         )  # fmt: skip
     assert found[0] == found[1]
-    code, told = run(capsys, monkeypatch, "dinov2", tmp_path / "dinov2.pth", "--out", tmp_path / "pth")  # fmt: skip
+    code, told = run(
+        capsys, monkeypatch, "dinov2", tmp_path / "dinov2.pth", "--out", tmp_path / "pth"
+    )
     assert code == 2 and "exists" in told and "--overwrite" in told
 
 
@@ -278,7 +303,19 @@ def samples_as_the_docs_say(folder, tmp_path, capsys, monkeypatch):
     assert names["latent"].shape == (len(voxels), 8) and np.isfinite(names["latent"]).all()
     shapes = {name: values.shape for name, values in names["gaussians"].items()}
     assert shapes["xyz"] == (4 * len(voxels), 3) and shapes["opacity"][0] == 4 * len(voxels)
-    monkeypatch.setattr(sys, "argv", ["uniart", "sample", str(picture), "--out", str(tmp_path / "object"), "--checkpoint", str(folder)])  # fmt: skip
+    monkeypatch.setattr(
+        sys,
+        "argv",
+        [
+            "uniart",
+            "sample",
+            str(picture),
+            "--out",
+            str(tmp_path / "object"),
+            "--checkpoint",
+            str(folder),
+        ],
+    )
     with pytest.raises(SystemExit) as error:
         cli.main()
     told = capsys.readouterr().err
@@ -291,7 +328,9 @@ def test_not_dinov2(tmp_path, capsys, monkeypatch):
     state = dinov2_state()
     del state["register_tokens"]
     save_file(state, tmp_path / "plain.safetensors")
-    code, told = run(capsys, monkeypatch, "dinov2", tmp_path / "plain.safetensors", "--out", tmp_path / "out")  # fmt: skip
+    code, told = run(
+        capsys, monkeypatch, "dinov2", tmp_path / "plain.safetensors", "--out", tmp_path / "out"
+    )
     assert code == 2 and "image_encoder.safetensors" in told
     out = tmp_path / "image_encoder.safetensors"
     code, told = run(capsys, monkeypatch, "dinov2", tmp_path / "plain.safetensors", "--out", out)

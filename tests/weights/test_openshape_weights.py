@@ -1,4 +1,5 @@
-"""OpenShape's and OpenCLIP's published files -> our encoders: names and shapes at full size, ``uniart convert openshape`` at toy size."""
+"""OpenShape's and OpenCLIP's published files -> our encoders: names and shapes at full size,
+``uniart convert openshape`` at toy size."""
 
 import json
 import re
@@ -20,7 +21,8 @@ from uniart_jax.weights.openshape import OpenShapeConfig, convert_point_encoder,
 
 
 def published_point_encoder():
-    """Names and shapes of ``model.pt``'s state dict, as Colin97/OpenShape_code's ``ppat.make`` with scaling 4 builds it."""
+    """Names and shapes of ``model.pt``'s state dict, as Colin97/OpenShape_code's ``ppat.make`` with
+    scaling 4 builds it."""
     shapes = {"ppat.cls_token": (512,)}
     for i, (inputs, outputs) in enumerate([(9, 64), (64, 64), (64, 256)]):
         shapes[f"ppat.sa.mlp_convs.{i}.weight"] = (outputs, inputs, 1, 1)
@@ -35,7 +37,10 @@ def published_point_encoder():
         for j in (0, 1):
             shapes |= {f"{layer}.{j}.norm.weight": (512,), f"{layer}.{j}.norm.bias": (512,)}
         shapes[f"{layer}.0.fn.to_qkv.weight"] = (1536, 512)
-        shapes |= {f"{layer}.0.fn.to_out.0.weight": (512, 512), f"{layer}.0.fn.to_out.0.bias": (512,)}  # fmt: skip
+        shapes |= {
+            f"{layer}.0.fn.to_out.0.weight": (512, 512),
+            f"{layer}.0.fn.to_out.0.bias": (512,),
+        }
         shapes |= {f"{layer}.1.fn.net.0.weight": (1536, 512), f"{layer}.1.fn.net.0.bias": (1536,)}
         shapes |= {f"{layer}.1.fn.net.3.weight": (512, 1536), f"{layer}.1.fn.net.3.bias": (512,)}
     shapes |= {"proj.weight": (1280, 512), "proj.bias": (1280,)}
@@ -43,7 +48,8 @@ def published_point_encoder():
 
 
 def published_image_tower():
-    """Names and shapes of open_clip's ViT-bigG-14 (``model_configs``, ``VisionTransformer``), and some of its text tower."""
+    """Names and shapes of open_clip's ViT-bigG-14 (``model_configs``, ``VisionTransformer``), and
+    some of its text tower."""
     shapes = {
         "class_embedding": (1664,),
         "positional_embedding": (257, 1664),
@@ -56,8 +62,14 @@ def published_image_tower():
         block = f"transformer.resblocks.{i}"
         for norm in ("ln_1", "ln_2"):
             shapes |= {f"{block}.{norm}.weight": (1664,), f"{block}.{norm}.bias": (1664,)}
-        shapes |= {f"{block}.attn.in_proj_weight": (4992, 1664), f"{block}.attn.in_proj_bias": (4992,)}  # fmt: skip
-        shapes |= {f"{block}.attn.out_proj.weight": (1664, 1664), f"{block}.attn.out_proj.bias": (1664,)}  # fmt: skip
+        shapes |= {
+            f"{block}.attn.in_proj_weight": (4992, 1664),
+            f"{block}.attn.in_proj_bias": (4992,),
+        }
+        shapes |= {
+            f"{block}.attn.out_proj.weight": (1664, 1664),
+            f"{block}.attn.out_proj.bias": (1664,),
+        }
         shapes |= {f"{block}.mlp.c_fc.weight": (8192, 1664), f"{block}.mlp.c_fc.bias": (8192,)}
         shapes |= {f"{block}.mlp.c_proj.weight": (1664, 8192), f"{block}.mlp.c_proj.bias": (1664,)}
     visual = {f"visual.{name}": shape for name, shape in shapes.items()}
@@ -74,8 +86,8 @@ def weightless(shapes):
 @pytest.mark.parametrize(
     ("published", "converter", "abstract"),
     [
-        (published_point_encoder(), convert_point_encoder, openshape.abstract(openshape.PointEncoderConfig())),
-        (published_image_tower(), convert_image_tower, openclip.abstract(openclip.ImageTowerConfig())),
+        (published_point_encoder(), convert_point_encoder, openshape.abstract(openshape.PointEncoderConfig())),  # noqa: E501
+        (published_image_tower(), convert_image_tower, openclip.abstract(openclip.ImageTowerConfig())),  # noqa: E501
     ],
     ids=["point encoder", "image tower"],
 )  # fmt: skip
@@ -90,9 +102,16 @@ def test_what_does_not_fit_is_listed():
     shapes["module.ppat.extra"] = (3,)
     shapes["module.proj.weight"] = (768, 512)  # the one for CLIP ViT-L/14
     shapes["module.ppat.sa.mlp_convs.0.weight"] = (64, 9, 3, 3)
-    with pytest.raises(ValueError, match="OpenShape's point encoder: the tensors do not fit") as error:  # fmt: skip
+    with pytest.raises(
+        ValueError, match="OpenShape's point encoder: the tensors do not fit"
+    ) as error:
         convert_point_encoder(weightless(shapes))
-    for part in ("missing: ppat.lift.0.bias", "extra: ppat.extra", "proj.weight [768, 512]", "mlp_convs.0.weight [64, 9, 3, 3]"):  # fmt: skip
+    for part in (
+        "missing: ppat.lift.0.bias",
+        "extra: ppat.extra",
+        "proj.weight [768, 512]",
+        "mlp_convs.0.weight [64, 9, 3, 3]",
+    ):
         assert part in str(error.value)
     with pytest.raises(ValueError, match="no tensor is called visual"):
         convert_image_tower({"vision_model.embeddings.class_embedding": np.zeros(1664)})
@@ -122,10 +141,19 @@ def test_a_folder_of_both_is_converted_and_read(toy, published, tmp_path):
     config, points, tower = toy
     out = conversion.convert_openshape_folder(published, tmp_path / "weights", config=config)
     names = {"openshape.json", "point_encoder.safetensors", "image_tower.safetensors"}
-    assert {p.name for p in out.iterdir()} == names | {f"image_tower-0{i}.safetensors" for i in (0, 1)}  # fmt: skip
+    assert {p.name for p in out.iterdir()} == names | {
+        f"image_tower-0{i}.safetensors" for i in (0, 1)
+    }
     read = read_encoders(out)
     assert read[0] == config
-    for found, expected in zip(read[1:], (convert_point_encoder(points, config.point_encoder), convert_image_tower(tower, config.image_tower)), strict=True):  # fmt: skip
+    for found, expected in zip(
+        read[1:],
+        (
+            convert_point_encoder(points, config.point_encoder),
+            convert_image_tower(tower, config.image_tower),
+        ),
+        strict=True,
+    ):
         found, expected = flatten(found), flatten(expected)
         assert found.keys() == expected.keys()
         for name, value in expected.items():
@@ -139,8 +167,12 @@ def test_a_folder_of_both_is_converted_and_read(toy, published, tmp_path):
 def test_damaged_weights(toy, published, tmp_path):
     out = conversion.convert_openshape_folder(published, tmp_path / "weights", config=toy[0])
     card = json.loads((out / "openshape.json").read_text())
-    (out / "openshape.json").write_text(json.dumps(card | {"point_encoder": card["point_encoder"] | {"width": 33}}))  # fmt: skip
-    with pytest.raises(ValueError, match=r"point_encoder\.safetensors': not as openshape\.json says: .*cls_token"):  # fmt: skip
+    (out / "openshape.json").write_text(
+        json.dumps(card | {"point_encoder": card["point_encoder"] | {"width": 33}})
+    )
+    with pytest.raises(
+        ValueError, match=r"point_encoder\.safetensors': not as openshape\.json says: .*cls_token"
+    ):
         read_encoders(out)
     (out / "openshape.json").write_text(json.dumps(card | {"colour": 1}))
     with pytest.raises(ValueError, match=r"openshape\.json': .*colour"):
@@ -161,13 +193,18 @@ def run(capsys, monkeypatch, *arguments):
     return error.value.code, " ".join(capsys.readouterr().err.split())
 
 
-def test_the_command_says_what_is_wrong_and_leaves_nothing(published, tmp_path, capsys, monkeypatch):  # fmt: skip
+def test_the_command_says_what_is_wrong_and_leaves_nothing(
+    published, tmp_path, capsys, monkeypatch
+):
     out = tmp_path / "weights"
     code, said = run(capsys, monkeypatch, published, "--out", out)
     assert code == 2 and "model.pt" in said and "do not fit" in said  # a toy is not the real one
     (published / "model.pt").unlink()
     code, said = run(capsys, monkeypatch, published, "--out", out)
-    assert code == 2 and re.search(r"no model\.pt or model\.safetensors in it; put model\.pt of huggingface\.co/OpenShape", said)  # fmt: skip
+    assert code == 2 and re.search(
+        r"no model\.pt or model\.safetensors in it; put model\.pt of huggingface\.co/OpenShape",
+        said,
+    )
     code, said = run(capsys, monkeypatch, tmp_path / "nowhere", "--out", out)
     assert code == 2 and "no such folder" in said
     assert not out.exists() and not list(tmp_path.glob(".weights*"))

@@ -1,4 +1,5 @@
-"""From a folder in TRELLIS's layout to networks trained on: convert, read features, train with parts frozen, load. Random weights, toy size."""
+"""From a folder in TRELLIS's layout to networks trained on: convert, read features, train with
+parts frozen, load. Random weights, toy size."""
 
 import dataclasses
 import sys
@@ -51,7 +52,15 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
     write_orbits(folder, [(r.meta["id"], orbit(r, size)) for r in made])
     features.write_visual(folder, checkpoint / "image_encoder.safetensors", progress=False)
 
-    stage = StageConfig(steps=2, batch_size=2, warmup_steps=0, learning_rate=1e-3, log_every=1, evaluate_every=2, save_every=2)  # fmt: skip
+    stage = StageConfig(
+        steps=2,
+        batch_size=2,
+        warmup_steps=0,
+        learning_rate=1e-3,
+        log_every=1,
+        evaluate_every=2,
+        save_every=2,
+    )
     config = dataclasses.replace(
         read_config(checkpoint),
         untrained=(),
@@ -65,14 +74,20 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
         # what is exported is rounded to half precision
         before, after = (
             {key: value.astype(np.float16) for key, value in load_file(file).items()}
-            for file in (checkpoint / f"{name}.safetensors", work / "export" / f"{name}.safetensors")
+            for file in (checkpoint / f"{name}.safetensors", work / "export" / f"{name}.safetensors")  # noqa: E501
         )  # fmt: skip
         assert before.keys() <= after.keys()
         frozen = {key for key in before if key.startswith(tuple(f"{k}." for k in kept))}
         same = {key for key in before if np.array_equal(after[key], before[key])}
         assert frozen and frozen <= same, name
         assert len(same - frozen) < 0.2 * len(before), name  # all else was trained on
-    encoder = [p.read_bytes() for p in (checkpoint / "image_encoder.safetensors", work / "export" / "image_encoder.safetensors")]  # fmt: skip
+    encoder = [
+        p.read_bytes()
+        for p in (
+            checkpoint / "image_encoder.safetensors",
+            work / "export" / "image_encoder.safetensors",
+        )
+    ]
     assert encoder[0] == encoder[1]
     assert not adoption.untrained(work / "export")
     assert uniart_jax.load(work).config.model == model

@@ -1,4 +1,5 @@
-"""Reading weight files: what is stored comes back; what could run, or is broken, is refused with one line."""
+"""Reading weight files: what is stored comes back; what could run, or is broken, is refused with
+one line."""
 
 import builtins
 import os
@@ -85,7 +86,11 @@ def test_a_state_dict_comes_back(tmp_path, wrap):
 def test_views_parameters_versions_and_bfloat16(tmp_path):
     bits = (VALUES.view(np.uint32) >> 16).astype("<u2").tobytes()
     whole = tensor("FloatStorage", "0", 12, 0, (3, 4), (4, 1))
-    parameter = symbol("torch._utils", "_rebuild_parameter") + tuple_of(whole, b"\x88", EMPTY_ORDERED) + b"R"  # fmt: skip
+    parameter = (
+        symbol("torch._utils", "_rebuild_parameter")
+        + tuple_of(whole, b"\x88", EMPTY_ORDERED)
+        + b"R"
+    )
     items = {
         "whole": parameter,
         "turned": tensor("FloatStorage", "0", 12, 0, (4, 3), (1, 4)),
@@ -103,7 +108,10 @@ def test_views_parameters_versions_and_bfloat16(tmp_path):
     np.testing.assert_array_equal(found["part"], square[1:, 2:])
     assert np.shares_memory(found["whole"], found["part"]) and not found["part"].flags.writeable
     assert found["none"].shape == (0, 2) and found["brain"] == 2
-    swapped = {"0": VALUES.astype(">f4").tobytes(), "1": np.frombuffer(bits, "<u2").astype(">u2").tobytes()}  # fmt: skip
+    swapped = {
+        "0": VALUES.astype(">f4").tobytes(),
+        "1": np.frombuffer(bits, "<u2").astype(">u2").tobytes(),
+    }
     path = torch_file(tmp_path / "big.pt", ordered, swapped, order="big")
     for name, value in read_tensors(path).items():
         np.testing.assert_array_equal(value, found[name])
@@ -112,15 +120,15 @@ def test_views_parameters_versions_and_bfloat16(tmp_path):
 GOOD = tensor("FloatStorage", "0", 12, 0, (3, 4), (4, 1))
 HOSTILE = {
     "system": (symbol("os", "system") + tuple_of(text("touch PROOF")) + b"R", r"names os\.system"),
-    "builtin": (symbol("builtins", "eval") + tuple_of(text("touch PROOF")) + b"R", r"names builtins\.eval"),
-    "hidden": (text("os") + text("system") + b"\x93" + tuple_of(text("touch PROOF")) + b"R", "instruction STACK_GLOBAL"),
+    "builtin": (symbol("builtins", "eval") + tuple_of(text("touch PROOF")) + b"R", r"names builtins\.eval"),  # noqa: E501
+    "hidden": (text("os") + text("system") + b"\x93" + tuple_of(text("touch PROOF")) + b"R", "instruction STACK_GLOBAL"),  # noqa: E501
     "instance": (b"(" + text("touch PROOF") + b"ios\nsystem\n", "instruction INST"),
     "object": (symbol("torch", "FloatStorage") + b")\x81", "instruction NEWOBJ"),
     "extension": (b"\x82\x01", "instruction EXT1"),
-    "called storage": (symbol("torch", "FloatStorage") + tuple_of(number(9)) + b"R", r"calls torch\.FloatStorage"),
-    "called dict": (symbol("collections", "OrderedDict") + tuple_of(b"]") + b"R", r"calls collections\.OrderedDict"),
+    "called storage": (symbol("torch", "FloatStorage") + tuple_of(number(9)) + b"R", r"calls torch\.FloatStorage"),  # noqa: E501
+    "called dict": (symbol("collections", "OrderedDict") + tuple_of(b"]") + b"R", r"calls collections\.OrderedDict"),  # noqa: E501
     "attributes": (EMPTY_ORDERED + dictionary({"__class__": number(1)}) + b"b", "sets attributes"),
-    "module": (symbol("torch.nn.modules.linear", "Linear") + b")R", r"names torch\.nn\.modules\.linear\.Linear"),
+    "module": (symbol("torch.nn.modules.linear", "Linear") + b")R", r"names torch\.nn\.modules\.linear\.Linear"),  # noqa: E501
     "strange reference": (tuple_of(text("module")) + b"Q", "refers to something"),
     "list": (b"]", "holds a list"),
     "mixed": (dictionary({"w": GOOD, "lr": number(1)}), "beside tensors it holds lr"),
@@ -148,7 +156,7 @@ def test_a_pickle_runs_nothing(tmp_path, name, monkeypatch):
 
 @pytest.mark.parametrize(
     "view",
-    [(1, (3, 4), (4, 1)), (0, (3, 4), (-4, 1)), (0, (2**40, 2**40), (0, 0)), (-1, (2,), (1,)), (0, (3, 4), (1,))],
+    [(1, (3, 4), (4, 1)), (0, (3, 4), (-4, 1)), (0, (2**40, 2**40), (0, 0)), (-1, (2,), (1,)), (0, (3, 4), (1,))],  # noqa: E501
 )  # fmt: skip
 def test_views_stay_within_their_storage(tmp_path, view):
     if max(view[1]) > 2**31:  # larger than the writer's numbers
@@ -156,7 +164,9 @@ def test_views_stay_within_their_storage(tmp_path, view):
         program = tensor("FloatStorage", "0", 12, 0, (1, 1), (0, 0)).replace(number(1), big)
     else:
         program = tensor("FloatStorage", "0", 12, *view)
-    refused(torch_file(tmp_path / "a.pth", dictionary({"w": program}), {"0": VALUES.tobytes()}), "w: ")  # fmt: skip
+    refused(
+        torch_file(tmp_path / "a.pth", dictionary({"w": program}), {"0": VALUES.tobytes()}), "w: "
+    )
 
 
 def legacy_file(path, program, *storages):
@@ -201,7 +211,7 @@ def test_damaged_zips(tmp_path):
     zeros = np.zeros(1 << 20, np.float32)
     bomb = dictionary({"w": tensor("FloatStorage", "0", zeros.size, 0, (zeros.size,), (1,))})
     refused(
-        torch_file(tmp_path / "a.pth", bomb, {"0": zeros.tobytes()}, compression=zipfile.ZIP_DEFLATED),
+        torch_file(tmp_path / "a.pth", bomb, {"0": zeros.tobytes()}, compression=zipfile.ZIP_DEFLATED),  # noqa: E501
         "compressed",
     )  # fmt: skip
     with zipfile.ZipFile(tmp_path / "b.pth", "w") as archive:

@@ -23,8 +23,22 @@ from uniart_jax.weights.trellis_options import out_of_scope, settings_of
 NAMES = Path(__file__).parent / "names"
 
 # the published configs (configs/vae, configs/generation)
-LARGE = {"num_blocks": 24, "num_heads": 16, "model_channels": 1024, "cond_channels": 1024, "in_channels": 8, "out_channels": 8, "qk_rms_norm": True}  # fmt: skip
-BASE = {"resolution": 64, "num_blocks": 12, "num_heads": 12, "model_channels": 768, "latent_channels": 8}  # fmt: skip
+LARGE = {
+    "num_blocks": 24,
+    "num_heads": 16,
+    "model_channels": 1024,
+    "cond_channels": 1024,
+    "in_channels": 8,
+    "out_channels": 8,
+    "qk_rms_norm": True,
+}
+BASE = {
+    "resolution": 64,
+    "num_blocks": 12,
+    "num_heads": 12,
+    "model_channels": 768,
+    "latent_channels": 8,
+}
 CONVOLUTIONS = {"latent_channels": 8, "num_res_blocks": 2, "num_res_blocks_middle": 2}
 PUBLISHED = {
     "SparseStructureEncoder": {"in_channels": 1, "channels": [32, 128, 512], **CONVOLUTIONS},
@@ -96,7 +110,9 @@ def test_every_published_name_has_its_place(file):
     piece = convert_trellis(name, PUBLISHED[name], tensors)
     found = flatten(piece.params)
     assert len(found) == len(tensors) - len(buffers)
-    assert sum(v.size for v in found.values()) == sum(v.size for k, v in tensors.items() if k not in buffers)  # fmt: skip
+    assert sum(v.size for v in found.values()) == sum(
+        v.size for k, v in tensors.items() if k not in buffers
+    )
     if piece.network != "uniart_vae":  # of the encoder, TRELLIS's is narrower than ours
         tree = build(piece.network, ModelConfig()).abstract()
         ours = flatten(tree[piece.part] if piece.part else tree)
@@ -104,7 +120,10 @@ def test_every_published_name_has_its_place(file):
     else:
         tree = flatten(build("uniart_vae", ModelConfig()).abstract()[piece.part])
         differing = {k for k in found if k not in tree or tree[k].shape != found[k].shape}
-        widened = {"encoder": {"input_layer.kernel"}, "decoder": {"out_layer.kernel", "out_layer.bias"}}  # fmt: skip
+        widened = {
+            "encoder": {"input_layer.kernel"},
+            "decoder": {"out_layer.kernel", "out_layer.bias"},
+        }
         assert differing == widened[piece.part] and tree.keys() <= found.keys()
 
 
@@ -133,14 +152,14 @@ def test_text_flows_are_told_from_image_flows():
     ("name", "change", "message"),
     [
         ("slat_flow_img", {"pe_mode": "rope"}, r"pe_mode='rope' is not supported, only 'ape'"),
-        ("slat_enc", {"attn_mode": "shift_window"}, r"attn_mode='shift_window' is not supported, only 'full' or 'swin'"),
+        ("slat_enc", {"attn_mode": "shift_window"}, r"attn_mode='shift_window' is not supported, only 'full' or 'swin'"),  # noqa: E501
         ("ss_flow_img", {"out_channels": 16}, r"out_channels 16 differs from in_channels 8"),
         ("ss_enc", {"in_channels": 3}, r"in_channels=3 is not supported, only 1"),
         ("ss_enc", {"norm_type": "batch"}, r"norm_type='batch' is not supported"),
         ("ss_dec", {"channels": "8,4"}, r"channels='8,4' is malformed"),
         ("ss_dec", {"num_res_blocks": True}, r"num_res_blocks=True is malformed"),
         ("slat_enc", {"num_experts": 4}, r"unknown: num_experts"),
-        ("slat_dec_gs", {"representation_config": {"num_gaussians": 4}}, r"missing: voxel_size, perturb_offset"),
+        ("slat_dec_gs", {"representation_config": {"num_gaussians": 4}}, r"missing: voxel_size, perturb_offset"),  # noqa: E501
         ("slat_dec_gs", {"representation_config": 3}, r"representation_config=3 is malformed"),
     ],
 )  # fmt: skip
@@ -186,8 +205,16 @@ def test_networks_of_different_models_do_not_mix():
         kind, args = NETWORKS[name]
         return convert_trellis(kind, args | change, upstream(kind, args | change))
 
-    with pytest.raises(ValueError, match=r"grid\.resolution is 16 in SLatEncoder and 32 in SLatF.*; uniart_vae\.latent_channels is 8"):  # fmt: skip
-        compose([piece("slat_enc"), piece("slat_flow_img", resolution=32, in_channels=4, out_channels=4)])  # fmt: skip
+    with pytest.raises(
+        ValueError,
+        match=r"grid\.resolution is 16 in SLatEncoder and 32 in SLatF.*; uniart_vae\.latent_channels is 8",  # noqa: E501
+    ):
+        compose(
+            [
+                piece("slat_enc"),
+                piece("slat_flow_img", resolution=32, in_channels=4, out_channels=4),
+            ]
+        )
     with pytest.raises(ValueError, match=r"has 8 cells a side, a grid of 16 halved 2 times has 4"):
         compose([piece("slat_enc"), piece("ss_flow_img", resolution=8)])
     with pytest.raises(ValueError, match=r"different widths \[16, 24\]"):
@@ -200,7 +227,11 @@ def test_a_filled_network_is_upstreams_where_it_can_be():
     pieces = []
     for name in ("slat_enc", "slat_dec_gs"):
         kind, args = NETWORKS[name]
-        buffers = {"offset_perturbation": offset_perturbation(convert_settings(args))} if "gs" in name else {}  # fmt: skip
+        buffers = (
+            {"offset_perturbation": offset_perturbation(convert_settings(args))}
+            if "gs" in name
+            else {}
+        )
         pieces.append(convert_trellis(kind, args, upstream(kind, args) | buffers))
     model, networks = compose(pieces, seed=3)
     filled, own = flatten(networks["uniart_vae"].params), flatten(pieces[1].params)
@@ -215,7 +246,12 @@ def test_a_filled_network_is_upstreams_where_it_can_be():
     for key in filled:
         if key.startswith(("front.", "geometry_head.", "segmentation_head.", "articulation_head.")):
             np.testing.assert_allclose(filled[key], drawn[key], rtol=1e-6)
-    assert set(networks["uniart_vae"].new) == {"front", "geometry_head", "segmentation_head", "articulation_head"}  # fmt: skip
+    assert set(networks["uniart_vae"].new) == {
+        "front",
+        "geometry_head",
+        "segmentation_head",
+        "articulation_head",
+    }
     assert networks["gaussian_decoder"].params is pieces[1].params
     assert filled.keys() == flatten(build("uniart_vae", model).abstract()).keys()
     assert abstract("SLatGaussianDecoder", NETWORKS["slat_dec_gs"][1]).keys() == own.keys()

@@ -1,6 +1,7 @@
 """Command lines: ``uniart …``, ``train.py`` and ``sample.py``.
 
-Every mistake a user can make ends in one line on stderr and exit code 2. Heavy imports happen inside the commands.
+Every mistake a user can make ends in one line on stderr and exit code 2. Heavy imports happen
+inside the commands.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""What the commands share: options that several have, user errors as one line, and a look at the output folder before any work."""
+"""What the commands share: options that several have, user errors as one line, and a look at the
+output folder before any work."""
 
 from __future__ import annotations
 
@@ -27,7 +28,8 @@ Overwrite = Annotated[
 Formats = Annotated[
     tuple[Format, ...] | None,
     tyro.conf.arg(
-        help="What to write beside the URDF (default: all but stl; usd if usd-core is installed). stl: for printing, millimetres."
+        help="What to write beside the URDF (default: all but stl; usd if usd-core is installed). "
+        "stl: for printing, millimetres."
     ),
 ]
 Size = Annotated[
@@ -45,26 +47,32 @@ CollisionBudget = Annotated[
 CollisionKind = Annotated[
     Collision,
     tyro.conf.arg(
-        help="Collision shapes: boxes and hulls as close to the surface as the budget allows (merged); boxes alone; a hull a part; coacd's pieces (pip install 'uniart_jax[coacd]')."
+        help="Collision shapes: boxes and hulls as close to the surface as the budget allows "
+        "(merged); boxes alone; a hull a part; coacd's pieces (pip install "
+        "'uniart_jax[coacd]')."
     ),
 ]
 Friction = Annotated[
     tuple[str, ...],
     tyro.conf.arg(
-        help="Dry friction: a factor for all joints (.5), or JOINT=VALUE for each that is meant (hinge_1_joint=2), N m or N."
+        help="Dry friction: a factor for all joints (.5), or JOINT=VALUE for each that is meant "
+        "(hinge_1_joint=2), N m or N."
     ),
 ]
 Damping = Annotated[
     tuple[str, ...],
     tyro.conf.arg(
-        help="Damping: a factor for all joints, or JOINT=VALUE for each that is meant, N m s / rad or N s / m."
+        help="Damping: a factor for all joints, or JOINT=VALUE for each that is meant, N m s / rad "
+        "or N s / m."
     ),
 ]
 
 CutOut = Annotated[
     Background,
     tyro.conf.arg(
-        help="How the object is cut out. auto: alpha, else a plain background, else rembg where installed, else GrabCut (pip install 'uniart_jax[photo]'). keep: nothing is cut away. rembg: by rembg."
+        help="How the object is cut out. auto: alpha, else a plain background, else rembg where "
+        "installed, else GrabCut (pip install 'uniart_jax[photo]'). keep: nothing is cut "
+        "away. rembg: by rembg."
     ),
 ]
 Stand = Annotated[
@@ -108,7 +116,8 @@ def print_settings(
 
 
 def guarded(command: Callable[[], int | None]) -> int:
-    """Run a command; user errors become one line and exit code 2, Ctrl-C becomes 130, SIGTERM 143 with temporary folders removed."""
+    """Run a command; user errors become one line and exit code 2, Ctrl-C becomes 130, SIGTERM 143
+    with temporary folders removed."""
 
     def show(message, category, filename, lineno, file=None, line=None):
         if issubclass(category, UserWarning):
@@ -166,7 +175,8 @@ def tried(folder: Path, found: list[dict]) -> dict:
 
 
 def validation_lines(verdicts: dict[str, dict]) -> Iterator[str]:
-    """What a person wants to know of a report's ``validation``: a line an engine, one for each check that failed, and the sum of it."""
+    """What a person wants to know of a report's ``validation``: a line an engine, one for each
+    check that failed, and the sum of it."""
     from uniart_jax.simulation.summary import summary
 
     for where, checks in verdicts.items():

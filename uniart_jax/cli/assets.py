@@ -1,4 +1,5 @@
-"""``uniart export | validate | view | reconstruct | convert``: assets and checkpoints that exist already."""
+"""``uniart export | validate | view | reconstruct | convert``: assets and checkpoints that exist
+already."""
 
 from __future__ import annotations
 
@@ -63,7 +64,8 @@ def export(
     allow_outside: bool = False,
     overwrite: Overwrite = False,
 ) -> int:
-    """Write anybody's object as an asset that simulators load as it is: collision shapes, masses, limits, every format.
+    """Write anybody's object as an asset that simulators load as it is: collision shapes, masses,
+    limits, every format.
 
     Args:
         asset: A URDF, an MJCF, SINGAPO's object.json, or a folder with one.
@@ -116,7 +118,8 @@ def export(
 
 
 def is_metric(asset: Path, allow_outside: bool) -> bool:
-    """Whether a file's lengths are metres: PartNet-Mobility's and SINGAPO's objects are normalised."""
+    """Whether a file's lengths are metres: PartNet-Mobility's and SINGAPO's objects are
+    normalised."""
     from uniart_jax.objects.load import find_asset, kind_of
 
     path = find_asset(asset, allow_outside=allow_outside)
@@ -135,12 +138,16 @@ def validate(
     allow_outside: bool = False,
     overwrite: Overwrite = False,
 ) -> int:
-    """Load an asset in physics engines, drive its joints, judge it. Exit code 0 if it is sound, 1 if not, 2 if it cannot be read.
+    """Load an asset in physics engines, drive its joints, judge it. Exit code 0 if it is sound, 1
+    if not, 2 if it cannot be read.
 
     Args:
-        asset: A URDF, an MJCF, or a folder with object.urdf (ours or anybody's). --gate: or a folder of many.
-        engines: Default: MuJoCo and, where it is installed, PyBullet (pip install 'uniart_jax[pybullet]').
-        refine: Also write the object with joints drawn in or shifted where they run into it, to OUT/refined, and judge that.
+        asset: A URDF, an MJCF, or a folder with object.urdf (ours or anybody's). --gate: or a
+          folder of many.
+        engines: Default: MuJoCo and, where it is installed, PyBullet (pip install
+          'uniart_jax[pybullet]').
+        refine: Also write the object with joints drawn in or shifted where they run into it, to
+          OUT/refined, and judge that.
         gate: Judge it by this published rule instead, in MuJoCo (docs/simulation.md).
         allow_outside: Let the asset name files outside its own folder.
     """
@@ -207,7 +214,8 @@ VALIDATION_MARKS = ("validation.json",)
 
 
 def view(asset: Asset, /, port: int = 8080, allow_outside: bool = False) -> None:
-    """Open a page with a slider for every joint of an asset (pip install 'uniart_jax[view]'). Ctrl-C ends it.
+    """Open a page with a slider for every joint of an asset (pip install 'uniart_jax[view]').
+    Ctrl-C ends it.
 
     Args:
         asset: A URDF, an MJCF, SINGAPO's object.json, or a folder with one.
@@ -239,7 +247,8 @@ def reconstruct(
     check_out(out, overwrite, (asset,))
     if not 1 <= resolution <= 256 or not 1 <= subdivisions <= 8:
         raise ValueError(
-            f"reconstruct: --resolution must be in 1..256 and --subdivisions in 1..8, got {resolution}, {subdivisions}"
+            "reconstruct: --resolution must be in 1..256 and --subdivisions in 1..8, got "
+            f"{resolution}, {subdivisions}"
         )
     from uniart_jax.evaluation.reconstruction import reconstruct_asset
 
@@ -255,10 +264,13 @@ def convert(
     out: Annotated[Path, tyro.conf.arg(help="Folder to write; 'dinov2': the file, or its folder.")],
     overwrite: Overwrite = False,
 ) -> None:
-    """Make a checkpoint of published weights, to sample with or to train on from. Nothing is downloaded and nothing unpickled.
+    """Make a checkpoint of published weights, to sample with or to train on from. Nothing is
+    downloaded and nothing unpickled.
 
     Args:
-        kind: "trellis": a folder with <name>.json and <name>.safetensors, or with them in ckpts. "dinov2": a file of dinov2_vit{s,b,l}14_reg. "openshape": a folder with OpenShape's model.pt and OpenCLIP's open_clip_model.safetensors, for "uniart evaluate".
+        kind: "trellis": a folder with <name>.json and <name>.safetensors, or with them in ckpts.
+          "dinov2": a file of dinov2_vit{s,b,l}14_reg. "openshape": a folder with OpenShape's
+            model.pt and OpenCLIP's open_clip_model.safetensors, for "uniart evaluate".
         path: The folder or file.
     """
     from uniart_jax import conversion

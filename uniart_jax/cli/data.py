@@ -54,35 +54,47 @@ def prepare(
     """Make training records. Can be killed and run again: finished shards are kept.
 
     Args:
-        source: "layouts": pictures and part tables of procedural objects, for --stage layout, without voxels; of the options --count, --world, --image-size and --processes. "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF, MJCF and object.json under ROOT.
-            "found": records of the folder ROOT once more, on the voxels that a checkpoint finds in their first --views pictures, for a decoder that learns from them (--loss.sampled, --loss.found).
+        source: "layouts": pictures and part tables of procedural objects, for --stage layout,
+          without voxels; of the options --count, --world, --image-size and --processes.
+          "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF,
+            MJCF and object.json under ROOT.
+            "found": records of the folder ROOT once more, on the voxels that a checkpoint finds in
+              their first --views pictures, for a decoder that learns from them (--loss.sampled,
+              --loss.found).
         root: Folder of assets, or of records.
         count: Objects (default: procedural 1000, else all).
-        start_seed: procedural: seed of the first object; seeds from 1,000,000 on are held out and never trained on.
-        first_block: layouts: number of the first block of 256 objects (--data.first-block of a training).
+        start_seed: procedural: seed of the first object; seeds from 1,000,000 on are held out and
+          never trained on.
+        first_block: layouts: number of the first block of 256 objects (--data.first-block of a
+          training).
         families: procedural: which families, in turn, in place of a world's.
-        world: procedural, layouts: "seven": the paper's seven seen categories. "wide": half of the objects are of those, half of the other families that are trained on (docs/data.md).
+        world: procedural, layouts: "seven": the paper's seven seen categories. "wide": half of the
+          objects are of those, half of the other families that are trained on (docs/data.md).
         resolution: Voxels a side.
         subdivisions: Sub-cells a voxel side.
         max_parts: Objects with more parts are left out.
         views: Rendered images a record, from random front views.
         image_size: Pixels a side of each picture (default: 128; layouts: 256).
         states: Shown states an object.
-        part_scale: Stretch parts at random, by about this share, in every state but the first (.1 is plausible).
+        part_scale: Stretch parts at random, by about this share, in every state but the first (.1
+          is plausible).
         orbit_views: Pictures from all around a record, for `uniart features` (TRELLIS: 150).
         orbit_size: Pixels a side of those.
-        split: Names each object's split. "holdout": a tenth is test. "closed": so in the paper's seven categories; "open": other large ones are unseen.
+        split: Names each object's split. "holdout": a tenth is test. "closed": so in the paper's
+          seven categories; "open": other large ones are unseen.
         split_list: JSON with "train" and "test" names (SINGAPO's or CAGE's list).
         strict: Leave out objects that lost a mesh or a texture.
         allow_outside: Let assets name files outside their own folders.
-        front: Which way the assets face in their own frame (ours and PartNet-Mobility's: -x; many robots' furniture: +x).
+        front: Which way the assets face in their own frame (ours and PartNet-Mobility's: -x; many
+          robots' furniture: +x).
         shard: "i/n": this run is number i (from 0) of n that share OUT.
         shard_size: Objects a shard.
         processes: Worker processes (default: one a core).
         runner: "beam": by Apache Beam (pip install 'uniart_jax[beam]').
         beam_options: Options of the Beam pipeline, as one string.
         checkpoint: found: the model that finds the voxels.
-        part_features: "geometric": also the column "part_feature", of the shape around each voxel, as `uniart features --part-features geometric` makes it.
+        part_features: "geometric": also the column "part_feature", of the shape around each voxel,
+          as `uniart features --part-features geometric` makes it.
     """
     from uniart_jax.data import prepare as records
     from uniart_jax.data.folder import Settings
@@ -158,11 +170,18 @@ def prepare(
     )
     if source == "procedural":
         if root is not None or split != "none" or split_list is not None:
-            raise ValueError("prepare: procedural objects have no ROOT and no --split; their seeds and families are their split")  # fmt: skip
-        entries, settings = records.procedural_entries(settings, 1000 if count is None else count, drawn)  # fmt: skip
+            raise ValueError(
+                "prepare: procedural objects have no ROOT and no --split; their seeds and "
+                "families are their split"
+            )
+        entries, settings = records.procedural_entries(
+            settings, 1000 if count is None else count, drawn
+        )
     else:
         if root is None:
-            raise ValueError(f"prepare: give the folder of assets: uniart prepare {source} ROOT --out OUT")  # fmt: skip
+            raise ValueError(
+                f"prepare: give the folder of assets: uniart prepare {source} ROOT --out OUT"
+            )
         from uniart_jax.data import sources, splits
 
         found = sources.find_entries(root, source)
@@ -190,12 +209,16 @@ def features(
     batch: int = 8,
     shard: str = "0/1",
 ) -> None:
-    """Add features of voxels to prepared records, as columns beside them. Can be killed and run again: finished shards are kept.
+    """Add features of voxels to prepared records, as columns beside them. Can be killed and run
+    again: finished shards are kept.
 
     Args:
         records: A folder made by ``uniart prepare`` (for --weights: with --orbit-views).
-        weights: image_encoder.safetensors of ``uniart convert dinov2``, or its folder: the column "visual", DINOv2's features averaged over the orbit.
-        part_features: Folder of PartField's results on the exported points: the column "part_feature". Or the word "geometric": the shape around each voxel, which needs no weights.
+        weights: image_encoder.safetensors of ``uniart convert dinov2``, or its folder: the column
+          "visual", DINOv2's features averaged over the orbit.
+        part_features: Folder of PartField's results on the exported points: the column
+          "part_feature". Or the word "geometric": the shape around each voxel, which needs no
+            weights.
         export_points: Folder to write one PLY a record to, for PartField.
         views: --weights: orbit pictures to use of each record (default: all).
         batch: --weights: pictures the network reads at a time.
@@ -225,7 +248,8 @@ def inspect(
     out: Annotated[Path | None, tyro.conf.arg(help="Folder to write.")] = None,
     overwrite: Overwrite = False,
 ) -> None:
-    """Show a record: its views, its voxels in the parts' colours with axes and limits (record.png), and the asset that they make.
+    """Show a record: its views, its voxels in the parts' colours with axes and limits (record.png),
+    and the asset that they make.
 
     Args:
         records: A folder made by `uniart prepare`.
@@ -250,7 +274,8 @@ def inspect(
 
 
 def stats(records: Annotated[Path, tyro.conf.Positional], /) -> None:
-    """Print what a folder of records holds: counts by category, split and joint type, ranges, repairs and errors by kind.
+    """Print what a folder of records holds: counts by category, split and joint type, ranges,
+    repairs and errors by kind.
 
     Args:
         records: A folder made by `uniart prepare`.

@@ -1,4 +1,5 @@
-"""``uniart evaluate``: predictions against references, and figures of checkpoints, of the representation, of assets in simulators."""
+"""``uniart evaluate``: predictions against references, and figures of checkpoints, of the
+representation, of assets in simulators."""
 
 from __future__ import annotations
 
@@ -43,30 +44,41 @@ def evaluate(
     front: Front | None = None,
     ref_front: Front | None = None,
 ) -> None:
-    """Hold anybody's predictions against references: uniart evaluate PRED REF --out DIR. Writes metrics.json, table.md, report.html.
+    """Hold anybody's predictions against references: uniart evaluate PRED REF --out DIR. Writes
+    metrics.json, table.md, report.html.
 
     PRED and REF are folders of assets (URDF, MJCF, object.json, nap.npz) matched by name, or one
     asset each; PRED/NAME may hold several samples.
-    Or measure a checkpoint on held-out procedural objects, beside retrieval and controls (baselines) or station by station (procedural), its layouts (layout), the
-    representation alone, or assets in simulators (physics).
+    Or measure a checkpoint on held-out procedural objects, beside retrieval and controls
+    (baselines) or station by station (procedural), its layouts (layout), the representation alone,
+    or assets in simulators (physics).
 
     Args:
-        what: A folder of predictions, or one of the five words baselines, procedural, layout, representation, physics; a folder of such a name is given as ./physics.
-        root: The references. representation, physics, layout: a folder of assets instead of procedural objects (representation: at 32 and 64 voxels a side).
-        samples: PRED REF: how several samples of an object count (default: mean; best: by pose error).
-        only: PRED REF: these figures of surface, articulation, pose_error, singapo, appearance, openshape, physics.
-        openshape: PRED REF, baselines: OpenShape's converted weights; without them that figure is not computed.
-        checkpoint: As for sample.py (default nano). physics: judge what it makes of held-out images; without one, the true objects.
-        count: Held-out objects, seeds from 1,000,000 on (default 128; physics 200, of a checkpoint 64), or assets (default all).
+        what: A folder of predictions, or one of the five words baselines, procedural, layout,
+          representation, physics; a folder of such a name is given as ./physics.
+        root: The references. representation, physics, layout: a folder of assets instead of
+          procedural objects (representation: at 32 and 64 voxels a side).
+        samples: PRED REF: how several samples of an object count (default: mean; best: by pose
+          error).
+        only: PRED REF: these figures of surface, articulation, pose_error, singapo, appearance,
+          openshape, physics.
+        openshape: PRED REF, baselines: OpenShape's converted weights; without them that figure is
+          not computed.
+        checkpoint: As for sample.py (default nano). physics: judge what it makes of held-out
+          images; without one, the true objects.
+        count: Held-out objects, seeds from 1,000,000 on (default 128; physics 200, of a checkpoint
+          64), or assets (default all).
         records: Training records for the retrieval baseline; without them it is left out.
         library: baselines: a folder of assets to retrieve from (PartNet-Mobility's, any URDFs).
         pictures: procedural: how many objects are drawn (default 16).
         pred: layout: a folder of layouts <index>.json instead of a checkpoint's.
-        cache: layout ROOT: where the assets' pictures are kept for the next run (default OUT/objects).
+        cache: layout ROOT: where the assets' pictures are kept for the next run (default
+          OUT/objects).
         unseen: The families that are never trained on, instead of the trained ones.
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
         engines: physics: MuJoCo and, where it is installed, PyBullet by default.
-        allow_outside: Let assets name files outside their own folders. PRED REF: also follow links that lead out of them.
+        allow_outside: Let assets name files outside their own folders. PRED REF: also follow links
+          that lead out of them.
         front: PRED REF, --library: which way predictions or assets face (default -x), as prepare's.
         ref_front: PRED REF: the same of references.
     """
@@ -116,7 +128,7 @@ def evaluate(
         from uniart_jax.evaluation.layout import evaluate_layout
 
         evaluate_layout(
-            checkpoint or "nano", out, root=root, count=count, unseen=unseen, pred=pred, cache=cache,
+            checkpoint or "nano", out, root=root, count=count, unseen=unseen, pred=pred, cache=cache,  # noqa: E501
             allow_outside=allow_outside, processes=workers,
         )  # fmt: skip
         return
@@ -126,7 +138,9 @@ def evaluate(
         if library is None:
             _refuse(f"{what} without --library", allow_outside=allow_outside)
         if root is not None:
-            raise ValueError("evaluate baselines: it takes no folder; REF are held-out procedural objects")  # fmt: skip
+            raise ValueError(
+                "evaluate baselines: it takes no folder; REF are held-out procedural objects"
+            )
         from uniart_jax.evaluation.baselines import evaluate_baselines
         from uniart_jax.evaluation.library import find_assets
         from uniart_jax.pipeline import enable_compilation_cache
@@ -149,7 +163,9 @@ def evaluate(
     _refuse(what, openshape=openshape)
     if what == "physics":
         if records is not None or (root is not None and unseen):
-            raise ValueError("evaluate physics: it takes no --records, and no --unseen with a folder of assets")  # fmt: skip
+            raise ValueError(
+                "evaluate physics: it takes no --records, and no --unseen with a folder of assets"
+            )
         from uniart_jax.evaluation.physics import evaluate_physics
 
         evaluate_physics(
@@ -165,7 +181,10 @@ def evaluate(
         return
     if root is not None:
         if what != "representation":
-            raise ValueError("evaluate: a folder of assets goes with 'representation' or 'physics'; it has no images")  # fmt: skip
+            raise ValueError(
+                "evaluate: a folder of assets goes with 'representation' or 'physics'; it has no "
+                "images"
+            )
         from uniart_jax.evaluation.assets import evaluate_assets
 
         evaluate_assets(root, out, count=count, processes=workers, allow_outside=allow_outside)

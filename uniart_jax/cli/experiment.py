@@ -18,15 +18,20 @@ def experiment(
     arms: tuple[str, ...] = (),
     out: Path | None = None,
 ) -> None:
-    """Train each arm of an experiment, judge it on held-out objects, and write OUT/table.md. Goes on where it was stopped.
+    """Train each arm of an experiment, judge it on held-out objects, and write OUT/table.md. Goes
+    on where it was stopped.
 
     Args:
-        name: Of configs/experiments (main, aggregation, ...), or such a file; its header says what varies, what to expect and how long it takes.
-        size: nano: on procedural objects, on a laptop. paper: on PartNet-Mobility, with what configs/paper.py asks for.
+        name: Of configs/experiments (main, aggregation, ...), or such a file; its header says what
+          varies, what to expect and how long it takes.
+        size: nano: on procedural objects, on a laptop. paper: on PartNet-Mobility, with what
+          configs/paper.py asks for.
         seeds: Trainings of each arm (default: the experiment's own).
         count: Test objects (default: the experiment's own).
-        arms: Only these; one whose networks another arm trains needs that one too, or trained before.
-        out: Where everything goes (default: runs/experiments/NAME, with -paper at that size). Arms that another experiment has too are trained in its folder beside.
+        arms: Only these; one whose networks another arm trains needs that one too, or trained
+          before.
+        out: Where everything goes (default: runs/experiments/NAME, with -paper at that size). Arms
+          that another experiment has too are trained in its folder beside.
     """
     from uniart_jax.experiments.design import find_experiment, folder_name, load_experiment
     from uniart_jax.experiments.run import run_experiment

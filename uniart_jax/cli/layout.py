@@ -23,11 +23,14 @@ def layout(
     background: CutOut = "auto",
     overwrite: Overwrite = False,
 ) -> None:
-    """Find an object's parts in each image: OUT/<stem>.json and OUT/<stem>.png, boxes, axes and travel drawn over it.
+    """Find an object's parts in each image: OUT/<stem>.json and OUT/<stem>.png, boxes, axes and
+    travel drawn over it.
 
     Args:
-        images: Image files. With an alpha channel or a plain background the object is cut out by itself.
-        checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR; with a layout network.
+        images: Image files. With an alpha channel or a plain background the object is cut out by
+          itself.
+        checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR; with a
+          layout network.
         threshold: Least confidence of a part that is kept, in 0..1.
     """
     if not images:

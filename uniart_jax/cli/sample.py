@@ -80,13 +80,17 @@ def sample(
 ) -> int:
     """One image in, a complete articulated object out.
 
-    A sample that fails, as where no object is found in the image, does not cost the others: exit code 1 if some failed, 2 if all did.
+    A sample that fails, as where no object is found in the image, does not cost the others: exit
+    code 1 if some failed, 2 if all did.
 
     Args:
-        images: Image files. With an alpha channel or a plain background the object is cut out by itself.
-        checkpoint: "nano" (shipped), a folder written by training, a training WORKDIR, or hf:ORG/NAME of the Hugging Face hub (pip install 'uniart_jax[hub]').
+        images: Image files. With an alpha channel or a plain background the object is cut out by
+          itself.
+        checkpoint: "nano" (shipped), a folder written by training, a training WORKDIR, or
+          hf:ORG/NAME of the Hugging Face hub (pip install 'uniart_jax[hub]').
         seed: Same seed, same object.
-        num_samples: Samples an image; with several, report.json says how much those that were made agree on each joint. Where the checkpoint takes one step, which
+        num_samples: Samples an image; with several, report.json says how much those that were made
+          agree on each joint. Where the checkpoint takes one step, which
             is the mean whatever the seed, several are made in four.
         steps: Solver steps of both flows (default: the checkpoint's).
         guidance: Classifier-free guidance of both flows, 0 = none (default: the checkpoint's).
@@ -94,11 +98,16 @@ def sample(
         adaptive: Steps as long as the error allows, instead of --steps of them.
         tolerance: Of --adaptive: error that is allowed (default: the checkpoint's).
         multi_view: The images are views of one object.
-        layout: JSON of `uniart layout`, perhaps edited: the parts, joints and tree that the object follows, instead of what is found in the image.
-        follow: Follow a layout, where the checkpoint finds one; else parts and joints are read off the voxels.
-        texture: Colours: "both" takes what the picture shows from the picture and the rest from the network; "network" all of it.
-        refine: Draw in limits and shift axes a little where a joint runs into the object (report.json says which).
-        check: Try the asset in the physics engines that are installed (report.json says how it went).
+        layout: JSON of `uniart layout`, perhaps edited: the parts, joints and tree that the object
+          follows, instead of what is found in the image.
+        follow: Follow a layout, where the checkpoint finds one; else parts and joints are read off
+          the voxels.
+        texture: Colours: "both" takes what the picture shows from the picture and the rest from the
+          network; "network" all of it.
+        refine: Draw in limits and shift axes a little where a joint runs into the object
+          (report.json says which).
+        check: Try the asset in the physics engines that are installed (report.json says how it
+          went).
     """
     if not images:
         raise ValueError("sample: give at least one image file")
@@ -232,7 +241,8 @@ def _layout(path: Path | None, follow: bool, single: bool) -> Any:
 def _noted(
     failed: list[tuple[str, Exception]], name: str, seed: int, wanted: int
 ) -> Iterator[None]:
-    """What goes wrong with one of several samples is noted: it does not cost the others. A lack of memory or a full disk would: it is raised."""
+    """What goes wrong with one of several samples is noted: it does not cost the others. A lack of
+    memory or a full disk would: it is raised."""
     import jax
 
     try:
@@ -252,12 +262,15 @@ def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[s
     moving = [p.joint.type for p in one.obj.parts if p.joint.type != "fixed"]
     kinds = ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving))) or "no moving joint"
     yield f"{name}: {len(one.obj.parts)} parts ({kinds}) -> {folder}"
-    yield f"  network evaluations: {', '.join(f'{flow} {n}' for flow, n in one.evaluations.items())}"
+    yield f"  network evaluations: {', '.join(f'{flow} {n}' for flow, n in one.evaluations.items())}"  # noqa: E501
     if guessed := sorted({"rembg", "grabcut"} & set(one.background)):
         yield f"  cut out of its background by {' and '.join(guessed)}: look at preview.png"
     for flow, steps in one.forced.items():
         if steps:
-            yield f"  {flow}: {steps} adaptive steps could not keep the tolerance of {one.options[flow].tolerance:g}; give a larger --tolerance, or fixed steps"
+            yield (
+                f"  {flow}: {steps} adaptive steps could not keep the tolerance of "
+                f"{one.options[flow].tolerance:g}; give a larger --tolerance, or fixed steps"
+            )
     for line in validation_lines(found[0]) if found else ():
         yield f"  {line}"
     from uniart_jax.cli.words import closing_line
@@ -280,7 +293,8 @@ def sample_folders(
     if len(set(stems)) != len(stems):
         repeated = next(s for s in stems if stems.count(s) > 1)
         raise ValueError(
-            f"sample: two images are called '{repeated}'; rename one, their folders would be the same"
+            f"sample: two images are called '{repeated}'; rename one, their folders would be the "
+            "same"
         )
     return {
         (g, i): Path(out) / stem / f"sample-{i}"

@@ -32,9 +32,9 @@ class TrainArguments:
     workdir: Path | None = None
     """Where checkpoints, logs and the export go (default: runs/<config name>)."""
     init: str | None = None
-    """A checkpoint ("nano", a folder) to go on from: the stage begins with its weights, the other networks are taken as they are."""
+    """A checkpoint ("nano", a folder) to go on from: the stage begins with its weights, the other networks are taken as they are."""  # noqa: E501
     distributed: bool = False
-    """One of several processes that train together; TPU pods, SLURM, Open MPI and Kubernetes are detected (docs/scaling.md)."""
+    """One of several processes that train together; TPU pods, SLURM, Open MPI and Kubernetes are detected (docs/scaling.md)."""  # noqa: E501
     coordinator: str | None = None
     """HOST:PORT of process 0, where nothing is detected; with --processes and --process."""
     processes: int | None = None
@@ -46,8 +46,13 @@ class TrainArguments:
 
 
 def settings(config: Config, stages: Sequence[str], init: str | Path | None) -> dict[str, Any]:
-    """What processes that train together must have in common, by name: every field of the config, what is asked for, versions."""
-    named = {"stages": list(stages), "init": str(init), "jax": version("jax"), "uniart_jax": uniart_jax.__version__}  # fmt: skip
+    """What processes that train together must have in common, by name: every field of the config, what is asked for, versions."""  # noqa: E501
+    named = {
+        "stages": list(stages),
+        "init": str(init),
+        "jax": version("jax"),
+        "uniart_jax": uniart_jax.__version__,
+    }
 
     def flatten(prefix: str, values: dict[str, Any]) -> None:
         for key, value in values.items():
@@ -98,4 +103,6 @@ def device_memory() -> Iterator[None]:
     except jax.errors.JaxRuntimeError as error:
         if "RESOURCE_EXHAUSTED" not in str(error):
             raise
-        raise MemoryError(f"a device is out of memory; raise <stage>.accumulate or mesh.fsdp, set model.remat True, or lower <stage>.batch_size ({str(error).splitlines()[0]})") from error  # fmt: skip
+        raise MemoryError(
+            f"a device is out of memory; raise <stage>.accumulate or mesh.fsdp, set model.remat True, or lower <stage>.batch_size ({str(error).splitlines()[0]})"  # noqa: E501
+        ) from error

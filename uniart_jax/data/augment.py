@@ -1,6 +1,8 @@
-"""Augmentation on stored types: of boxes and joint codes, so that it can be checked, and of whole records, so that it is cheap.
+"""Augmentation on stored types: of boxes and joint codes, so that it can be checked, and of whole
+records, so that it is cheap.
 
-Each function here and its twin on objects commute with recording, but for ``redraw_joints``, which has none: the mesh contradicts what it says.
+Each function here and its twin on objects commute with recording, but for ``redraw_joints``, which
+has none: the mesh contradicts what it says.
 
 | on objects | here | exact for |
 |---|---|---|
@@ -10,12 +12,13 @@ Each function here and its twin on objects commute with recording, but for ``red
 | ``ArticulatedObject.transformed`` (scale and shift), ``normalized`` | ``move_codes`` | boxes, codes |
 | ``ArticulatedObject.shown_at`` | ``shown_codes`` | codes, given the boxes' new centres: the box of a turned part does not follow from its box before |
 
-With phi = pi tau / 2, travel stretched by s turns the line of a code's motion in the plane (angle / pi, KAPPA * travel):
+With phi = pi tau / 2, travel stretched by s turns the line of a code's motion in the plane (angle /
+pi, KAPPA * travel):
 
     tau' = 2 / pi * atan2(s sin phi, cos phi),     (lo', hi') = (lo, hi) * sqrt(cos^2 phi + s^2 sin^2 phi)          (1)
 
 Units: object units, radians. No picture follows a record here: for batches that show none.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -43,8 +46,10 @@ def scale_codes(
     """Boxes and codes of ``scale_parts``'s object, normalised again.
 
     Args:
-      boxes: [K, 6]. codes: [K, 9] true, canonical codes. parents: [K], parents first; the root is its own parent.
-      factors: [K] or [K, 3]; such that no axis turns, as ``objects.perturb.part_factors`` draws them.
+      boxes: [K, 6]. codes: [K, 9] true, canonical codes. parents: [K], parents first; the root is
+        its own parent.
+      factors: [K] or [K, 3]; such that no axis turns, as ``objects.perturb.part_factors`` draws
+        them.
 
     Returns:
       boxes [K, 6], codes [K, 9], float64.
@@ -82,7 +87,8 @@ def move_codes(
 
 
 def snap_codes(codes: np.ndarray) -> np.ndarray:
-    """True codes [K, 9] after their object was normalised: travel below the dead zone is none, as ``Joint`` has it."""
+    """True codes [K, 9] after their object was normalised: travel below the dead zone is none, as
+    ``Joint`` has it."""
     codes = codes.copy()
     phi = codes[:, 0] * (np.pi / 2)
     span = codes[:, 8] - codes[:, 7]
@@ -104,7 +110,8 @@ def shown_codes(
     Args:
       boxes: [K, 6], codes: [K, 9], parents: [K] as in ``scale_codes``, of the state shown before.
       q: [K] coordinates of ``decode_joint``'s joints: along canonical directions.
-      centers: [K, 3] centres of the parts' own boxes at the new state; they anchor the lines of pure travel.
+      centers: [K, 3] centres of the parts' own boxes at the new state; they anchor the lines of
+        pure travel.
 
     Returns:
       [K, 9] float64.
@@ -121,15 +128,18 @@ def shown_codes(
 
 
 def recolor_record(record: Record, gains: np.ndarray) -> Record:
-    """The record of ``recolor_parts``'s object, without pictures of it: the linear RGB of each sub-cell times its part's ``gains`` [K, 3], clipped."""
+    """The record of ``recolor_parts``'s object, without pictures of it: the linear RGB of each
+    sub-cell times its part's ``gains`` [K, 3], clipped."""
     tables = gain_tables(gains)
     color = tables[record.owner[..., None], np.arange(3), record.color]
     return dataclasses.replace(record, color=color)
 
 
 def redraw_joints(record: Record, share: float, rng: np.random.Generator) -> Record:
-    """The record with other joints on each of its parts but the root with probability ``share``: any joint (``objects.perturb.draw_joint``) to any part
-    before it, whatever its mesh says. Voxels, boxes and ``meta`` stay. Of a record as ``records.from_object`` makes it: parents first, one root."""
+    """The record with other joints on each of its parts but the root with probability ``share``:
+    any joint (``objects.perturb.draw_joint``) to any part before it, whatever its mesh says.
+    Voxels, boxes and ``meta`` stay. Of a record as ``records.from_object`` makes it: parents first,
+    one root."""
     codes, parents = record.codes.copy(), record.parents.copy()
     for k in range(len(codes)):
         if parents[k] != k and rng.random() < share:

@@ -75,8 +75,8 @@ def cut_out(
     if _installed("cv2") and (mask := grabcut(rgba)) is not None:
         return with_alpha(rgba, mask), "grabcut"
     warnings.warn(
-        f"{name}: no alpha channel and no plain background, so the whole image is taken as the object; "
-        "cut the object out for a better result, or pip install 'uniart_jax[photo]'",
+        f"{name}: no alpha channel and no plain background, so the whole image is taken as the "
+        "object; cut the object out for a better result, or pip install 'uniart_jax[photo]'",
         stacklevel=2,
     )
     return rgba, "none"

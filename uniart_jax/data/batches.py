@@ -1,14 +1,17 @@
-"""Grain pipelines from records to batches of plain numpy dictionaries, padded to a few static widths. No jax.
+"""Grain pipelines from records to batches of plain numpy dictionaries, padded to a few static
+widths. No jax.
 
-A batch dictionary, B items of at most V voxels (a width of ``DataConfig.voxel_buckets``, the same for all items), K parts; valid
-entries first, padding zero:
+A batch dictionary, B items of at most V voxels (a width of ``DataConfig.voxel_buckets``, the same
+for all items), K parts; valid entries first, padding zero:
 
-    coords [B, V, 3] i4 · counts [B] i4 · sdf [B, V, r^3] i1 · color [B, V, r^3, 3] u1 · owner [B, V, r^3] u1, as stored
-    voxel_part [B, V] i4 · boxes [B, K, 6] f4 · codes [B, K, 9] f4 · parents [B, K] i4 · part_counts [B] i4
-    visual [B, V, F] f4 · part_feature [B, V, P] f4, where the UniArt VAE reads them
+    coords [B, V, 3] i4 · counts [B] i4 · sdf [B, V, r^3] i1 · color [B, V, r^3, 3] u1 · owner [B,
+    V, r^3] u1, as stored voxel_part [B, V] i4 · boxes [B, K, 6] f4 · codes [B, K, 9] f4 · parents
+    [B, K] i4 · part_counts [B] i4 visual [B, V, F] f4 · part_feature [B, V, P] f4, where the UniArt
+    VAE reads them
     plans: {name: nn.segments.Segments}
 
-They come as ``data.stream.Batches``: ``iter(...)`` gives an iterator with exact ``get_state`` and ``set_state``.
+They come as ``data.stream.Batches``: ``iter(...)`` gives an iterator with exact ``get_state`` and
+``set_state``.
 """
 
 from __future__ import annotations
@@ -66,16 +69,20 @@ def voxel_batches(
     shares: int = 1,
     shown: bool = False,
 ) -> Batches:
-    """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it reads features), with its attention plans;
-    of each object some windows where ``data.voxel_crop`` says so (``data.windows``), some objects made again,
-    recoloured and with other joints where ``data.live``, ``data.part_color`` and ``data.new_joints`` say so.
+    """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it
+    reads features), with its attention plans; of each object some windows where ``data.voxel_crop``
+    says so (``data.windows``), some objects made again, recoloured and with other joints where
+    ``data.live``, ``data.part_color`` and ``data.new_joints`` say so.
 
     Args:
       records: a prepared folder. split: of its records (``RecordSource``).
-      data: voxel buckets, mirror, live and its strengths, seed (unless ``seed`` is given) and workers (0: threads of this process).
-      batch_size: over all processes; each gets ``batch_size / process_count`` items, all of the same width.
+      data: voxel buckets, mirror, live and its strengths, seed (unless ``seed`` is given) and
+        workers (0: threads of this process).
+      batch_size: over all processes; each gets ``batch_size / process_count`` items, all of the
+        same width.
       accumulate: micro-batches that each process will cut its items into.
-      shares: parts of a process's items whose attention is planned apart, one for each of its devices (``nn.voxel_plans.voxel_plans``).
+      shares: parts of a process's items whose attention is planned apart, one for each of its
+        devices (``nn.voxel_plans.voxel_plans``).
       shown: with a random view ``image`` [B, H, W, 3] and ``plans["flow"]``, for ``loss.sampled``.
 
     A decoder that sees layouts gets ``layout``, a ``voxels.part_table.PartTable`` with
@@ -83,11 +90,15 @@ def voxel_batches(
     where it is lost.
 
     Raises:
-      FileNotFoundError, ValueError: no records, another grid than the model's, no features that the model reads, fewer records than a batch, a share out of range, or a
-        batch that the processes cannot share equally.
+      FileNotFoundError, ValueError: no records, another grid than the model's, no features that the
+        model reads, fewer records than a batch, a share out of range, or a batch that the processes
+        cannot share equally.
     """
     if (data.live or data.part_color) and model.uniart_vae.feature_channels:
-        raise ValueError("data: live and part_color need visual_channels and part_feature_channels 0: features from files do not follow what is changed")  # fmt: skip
+        raise ValueError(
+            "data: live and part_color need visual_channels and part_feature_channels 0: features "
+            "from files do not follow what is changed"
+        )
     if not 0 <= data.new_joints <= 1:
         raise ValueError(f"data: new_joints must be in 0..1, got {data.new_joints}")
     if shown and data.voxel_crop:
@@ -128,8 +139,9 @@ def record_batches(
 ) -> Batches:
     """Every record once, ordered by width: for encoding and for evaluation.
 
-    Batches hold, beside the voxels and their plans, ``images`` [B, N, H, W, 3] of all views and ``record`` [B] i4, the index of
-    each record in ``RecordSource(records, split)``; -1 marks items that only fill up a batch (their counts are 0).
+    Batches hold, beside the voxels and their plans, ``images`` [B, N, H, W, 3] of all views and
+    ``record`` [B] i4, the index of each record in ``RecordSource(records, split)``; -1 marks items
+    that only fill up a batch (their counts are 0).
 
     Args:
       mirrored: mirror every record. most: take so many records, at even distances.
@@ -228,7 +240,8 @@ def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirro
 
 
 def may_mirror(model: ModelConfig) -> bool:
-    """Whether the mirror image of a record is all known: features of a mirrored object are not the mirrored features."""
+    """Whether the mirror image of a record is all known: features of a mirrored object are not the
+    mirrored features."""
     return not model.uniart_vae.feature_channels
 
 
@@ -241,15 +254,17 @@ def collate(
 ) -> Batch:
     """Records as one padded batch of voxels and parts, without images and plans.
 
-    What is said of every sub-cell stays in its stored type, a quarter of the bytes to copy and to send; ``models.uniart_vae.cell_sdf`` and ``cell_color`` decode it
-    on the device.
+    What is said of every sub-cell stays in its stored type, a quarter of the bytes to copy and to
+    send; ``models.uniart_vae.cell_sdf`` and ``cell_color`` decode it on the device.
 
     Args:
-      width: V, at least the largest count. size: B, at least ``len(records)``; missing items are all padding.
+      width: V, at least the largest count. size: B, at least ``len(records)``; missing items are
+        all padding.
       features: ``UniArtVAEConfig.feature_channels``; the records must hold these.
 
     Raises:
-      ValueError: a record has more voxels than ``width``, more parts than ``grid.max_parts``, or lies on another grid.
+      ValueError: a record has more voxels than ``width``, more parts than ``grid.max_parts``, or
+        lies on another grid.
     """
     size = len(records) if size is None else size
     cells, parts = grid.subdivisions**3, grid.max_parts
@@ -273,7 +288,8 @@ def collate(
             raise ValueError(_other_grid(record, grid))
         if count > width or known > parts:
             raise ValueError(
-                f"data: a record has {count} voxels and {known} parts; the batch holds {width} and {parts}"
+                f"data: a record has {count} voxels and {known} parts; the batch holds {width} and "
+                f"{parts}"
             )
         batch["counts"][b], batch["part_counts"][b] = count, known
         for key in ("coords", "sdf", "color", "owner", "voxel_part", *features):
@@ -284,7 +300,8 @@ def collate(
 
 
 def seen_images(images: np.ndarray) -> np.ndarray:
-    """[N, S, S, 3] uint8: rendered views [N, S, S, 4] as networks see them, cropped to the object over black (``images.crop``)."""
+    """[N, S, S, 3] uint8: rendered views [N, S, S, 4] as networks see them, cropped to the object
+    over black (``images.crop``)."""
     return np.stack([crop(image, image.shape[0]) for image in images])
 
 
@@ -294,9 +311,11 @@ def open_records(
     split: str = "",
     features: Mapping[str, int] | None = None,
 ) -> tuple[RecordSource, np.ndarray]:
-    """The records of a folder, or of a split of it, and their sizes [N, 2] (voxels, parts), checked against the model's grid and ``UniArtVAEConfig.feature_channels``.
+    """The records of a folder, or of a split of it, and their sizes [N, 2] (voxels, parts), checked
+    against the model's grid and ``UniArtVAEConfig.feature_channels``.
 
-    Sizes come from the manifest; without one (a run of ``prepare`` still under way) every record is read once.
+    Sizes come from the manifest; without one (a run of ``prepare`` still under way) every record is
+    read once.
     """
     features = features or {}
     source = RecordSource(folder, split, tuple(features))
@@ -308,8 +327,9 @@ def open_records(
     for name, channels in features.items():
         if (held := getattr(first, name).shape[1]) != channels:
             raise ValueError(
-                f"{folder}: its column '{name}' has {held} channels, but model.uniart_vae.{name}_channels is {channels}; "
-                f"set that, or make the column again ({maker(name, folder)})"
+                f"{folder}: its column '{name}' has {held} channels, but "
+                f"model.uniart_vae.{name}_channels is {channels}; set that, or make the column "
+                f"again ({maker(name, folder)})"
             )
     rows = record_rows(folder)
     if len(rows) > source.places.max():
@@ -323,13 +343,15 @@ def open_records(
 
 def _other_grid(record: Record, grid: GridConfig) -> str:
     return (
-        f"records of {record.resolution} voxels a side with {record.subdivisions} sub-cells, "
-        f"but the config asks for {grid.resolution} with {grid.subdivisions}; prepare records of that grid"
+        f"records of {record.resolution} voxels a side with {record.subdivisions} sub-cells, but "
+        f"the config asks for {grid.resolution} with {grid.subdivisions}; prepare records of that "
+        "grid"
     )
 
 
 def usable(sizes: np.ndarray, data: DataConfig, grid: GridConfig) -> tuple[np.ndarray, np.ndarray]:
-    """Indices [n] and padded widths [n] of the records that fit the largest bucket and ``max_parts``; says how many do not."""
+    """Indices [n] and padded widths [n] of the records that fit the largest bucket and
+    ``max_parts``; says how many do not."""
     largest = max(data.voxel_buckets)
     records = np.flatnonzero(fitting(sizes, data, grid))
     if len(records) < len(sizes):

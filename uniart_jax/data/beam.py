@@ -1,6 +1,8 @@
-"""Prepared folders made by Apache Beam: one element a shard, so any runner gives the bytes that the workers here give.
+"""Prepared folders made by Apache Beam: one element a shard, so any runner gives the bytes that the
+workers here give.
 
-``OUT`` and the assets must be paths that every worker sees (a shared or mounted file system). The package must be installed on the workers.
+``OUT`` and the assets must be paths that every worker sees (a shared or mounted file system). The
+package must be installed on the workers.
 """
 
 from __future__ import annotations
@@ -24,10 +26,12 @@ def run_beam(
 ) -> None:
     """Make shards by a Beam pipeline and wait for it; give it to ``prepare(run=...)``.
 
-    An object that crashes its worker fails its shard, and with it the run, as the runner decides; the workers of ``prepare`` itself survive that.
+    An object that crashes its worker fails its shard, and with it the run, as the runner decides;
+    the workers of ``prepare`` itself survive that.
 
     Args:
-      options: of the pipeline, as Beam's own command lines take them (``--runner=FlinkRunner``, ...); default: the direct runner.
+      options: of the pipeline, as Beam's own command lines take them (``--runner=FlinkRunner``,
+        ...); default: the direct runner.
 
     Raises:
       ValueError: Beam is not installed.
@@ -57,7 +61,8 @@ def check_beam() -> None:
     """
     if importlib.util.find_spec("apache_beam") is None:
         raise ValueError(
-            "prepare: --runner beam needs Apache Beam; install it with: pip install 'uniart_jax[beam]'"
+            "prepare: --runner beam needs Apache Beam; install it with: pip install "
+            "'uniart_jax[beam]'"
         )
 
 

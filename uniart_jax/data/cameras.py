@@ -11,7 +11,8 @@ def camera_codes(cameras: np.ndarray, images: np.ndarray) -> np.ndarray:
     """[N, 7] float32 codes of rendered views once they are cropped (``images.crop``).
 
     Args:
-      cameras: [N, 4] azimuth, elevation (radians), field of view (degrees), distance, as in records.
+      cameras: [N, 4] azimuth, elevation (radians), field of view (degrees), distance, as in
+        records.
       images: [N, S, S, 4] uint8 as rendered: their alpha says where the crop lies.
     """
     azimuth, elevation, fov, distance = np.asarray(cameras, np.float64).T

@@ -39,7 +39,8 @@ def write_data_card(folder: str | Path, rows: Rows) -> Path:
 
 
 def data_card(folder: str | Path, rows: Rows) -> str:
-    """Counts per category, split and joint type, refused share, voxel percentiles, ranges, repairs and errors by kind, as Markdown.
+    """Counts per category, split and joint type, refused share, voxel percentiles, ranges, repairs
+    and errors by kind, as Markdown.
 
     Args:
       folder: a prepared folder.
@@ -155,9 +156,11 @@ def _near_boxes(boxes: np.ndarray) -> float:
 
 
 def write_contact_sheet(folder: str | Path, rows: Rows, settings: Settings) -> Path | None:
-    """Write ``contact-sheet.png``: objects of all categories in turn, at rest, and open with every part in its own colour and the joints' axes drawn.
+    """Write ``contact-sheet.png``: objects of all categories in turn, at rest, and open with every
+    part in its own colour and the joints' axes drawn.
 
-    The objects are made again from their sources; one that cannot be is left out. None where there is none.
+    The objects are made again from their sources; one that cannot be is left out. None where there
+    is none.
     """
     groups: dict[str, dict[str, dict[str, str]]] = collections.defaultdict(dict)
     for row in rows:

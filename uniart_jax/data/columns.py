@@ -1,13 +1,15 @@
-"""Columns: what belongs to each record of a prepared folder but is made by another command, in sidecar shards.
+"""Columns: what belongs to each record of a prepared folder but is made by another command, in
+sidecar shards.
 
     OUT/records-00000.arrayrecord     OUT/orbit-00000.arrayrecord     OUT/visual-00000.arrayrecord     OUT/part_feature-00000.arrayrecord
 
-A column's shard holds one item a record, in the records' order; an item is ``pack_arrays({...}, {"id": the record's})``.
+A column's shard holds one item a record, in the records' order; an item is ``pack_arrays({...},
+{"id": the record's})``.
 
     orbit         png, ends: M pictures [S, S, 4] straight alpha, sRGB, as PNG files one after another; cameras [M, 4] azimuth, elevation, field of view (degrees), distance
     visual        values [V, F] float16, mean over views of image features, in the order of the record's voxels
     part_feature  values [V, P] float16
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -56,12 +58,14 @@ def open_column(name: str, shards: Sequence[Path], records: int) -> Shards:
     if missing := sum(not path.is_file() for path in paths):
         held = "no" if missing == len(paths) else "an unfinished"
         raise ValueError(
-            f"{folder}: {held} column '{name}' ({missing} of {len(paths)} shards are missing); make it with: {maker(name, folder)}"
+            f"{folder}: {held} column '{name}' ({missing} of {len(paths)} shards are missing); "
+            f"make it with: {maker(name, folder)}"
         )
     items = open_shards(paths)
     if len(items) != records:
         raise ValueError(
-            f"{folder}: the column '{name}' has {len(items)} items for {records} records; make it again with: {maker(name, folder)}"
+            f"{folder}: the column '{name}' has {len(items)} items for {records} records; make it "
+            f"again with: {maker(name, folder)}"
         )
     return items
 
@@ -75,7 +79,8 @@ def read_item(name: str, data: bytes, record_id: Any) -> dict[str, np.ndarray]:
     arrays, meta = unpack_arrays(data, f"column '{name}'")
     if meta.get("id") != record_id:
         raise ValueError(
-            f"column '{name}': its item is of '{meta.get('id')}' where the record is '{record_id}'; remove the column's files and make it again"
+            f"column '{name}': its item is of '{meta.get('id')}' where the record is "
+            f"'{record_id}'; remove the column's files and make it again"
         )
     return arrays
 
@@ -104,7 +109,9 @@ def read_orbit(data: bytes, record_id: Any) -> tuple[list[np.ndarray], np.ndarra
         files = [item["png"][a:b].tobytes() for a, b in zip([0, *ends], ends, strict=False)]
         images = [np.asarray(Image.open(io.BytesIO(f), formats=["PNG"])) for f in files]
     except (KeyError, OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ValueError(f"column 'orbit' of '{record_id}': damaged ({error}); prepare it again") from None  # fmt: skip
+        raise ValueError(
+            f"column 'orbit' of '{record_id}': damaged ({error}); prepare it again"
+        ) from None
     if cameras.shape != (len(images), 4) or any(i.shape[2:] != (4,) for i in images):
         raise ValueError(f"column 'orbit' of '{record_id}': damaged; prepare it again")
     return images, cameras
@@ -120,7 +127,8 @@ def read_feature(name: str, data: bytes, record_id: Any, voxels: int) -> np.ndar
     if values is None or values.dtype != np.float16 or values.ndim != 2 or len(values) != voxels:
         found = "nothing" if values is None else f"{values.dtype} {list(values.shape)}"
         raise ValueError(
-            f"column '{name}' of '{record_id}': expected float16 [{voxels}, channels], found {found}; remove the column's files and make it again"
+            f"column '{name}' of '{record_id}': expected float16 [{voxels}, channels], found "
+            f"{found}; remove the column's files and make it again"
         )
     return values
 
@@ -134,5 +142,8 @@ def half(values: np.ndarray, record_id: str, column: str) -> np.ndarray:
     with np.errstate(over="ignore"):
         out = np.asarray(values).astype(np.float16)
     if not np.isfinite(out).all():
-        raise ValueError(f"{column} of '{record_id}' is not finite in half precision; check what it is computed from")  # fmt: skip
+        raise ValueError(
+            f"{column} of '{record_id}' is not finite in half precision; check what it is computed "
+            "from"
+        )
     return out

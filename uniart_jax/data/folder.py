@@ -7,7 +7,7 @@
     OUT/manifest.csv  data-card.md  contact-sheet.png     written when all shards are there
 
 Everything gets its name only when it is complete.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -52,10 +52,12 @@ class Settings:
       views, image_size: pictures for conditioning.
       states: shown states an object.
       shard_size: objects a shard.
-      split: rule that names each object's split (``data.splits``), with the digest of the list that it read.
+      split: rule that names each object's split (``data.splits``), with the digest of the list that
+        it read.
       strict: objects of which something was lost are failures.
       allow_outside: assets may name files outside their folders.
-      part_scale: strength of the random stretching of parts, drawn anew for every shown state but the first (``objects.perturb``).
+      part_scale: strength of the random stretching of parts, drawn anew for every shown state but
+        the first (``objects.perturb``).
       orbit_views, orbit_size: pictures all around, for multi-view features; 0 = none.
     """
 
@@ -102,7 +104,8 @@ def read_metadata(folder: str | Path) -> dict:
 
 
 def read_manifest(folder: str | Path) -> list[dict[str, str]]:
-    """Rows of ``manifest.csv`` in the order of the records; rows with an ``error`` have no record."""
+    """Rows of ``manifest.csv`` in the order of the records; rows with an ``error`` have no
+    record."""
     path = Path(folder) / "manifest.csv"
     if not Path(folder).is_dir():
         raise FileNotFoundError(f"{folder}: no such folder")
@@ -112,7 +115,8 @@ def read_manifest(folder: str | Path) -> list[dict[str, str]]:
         reader = csv.DictReader(file)
         if missing := [name for name in COLUMNS if name not in (reader.fieldnames or ())]:
             raise ValueError(
-                f"{path}: no column {', '.join(missing)}; an older version made it: prepare the records again, in another folder"
+                f"{path}: no column {', '.join(missing)}; an older version made it: prepare the "
+                "records again, in another folder"
             )
         return list(reader)
 
@@ -139,7 +143,8 @@ def claim(
     ]
     if different:
         raise ValueError(
-            f"{out}: holds records of another setting: {'; '.join(different)}; choose another folder"
+            f"{out}: holds records of another setting: {'; '.join(different)}; choose another "
+            "folder"
         )
     _check_held(out, settings, keys, splits)
 
@@ -177,16 +182,19 @@ def _check_held(
         start = number * size
         if (last := start + max(len(held), 1)) > len(keys):  # though its rows be lost
             raise ValueError(
-                f"{out}: holds {last} objects, more than the {len(keys)} asked for; ask for {last} or more, or choose another folder"
+                f"{out}: holds {last} objects, more than the {len(keys)} asked for; ask for {last} "
+                "or more, or choose another folder"
             )
         for k, (key, split) in enumerate(held.items(), start=start):
             if key != keys[k]:
                 raise ValueError(
-                    f"{out}: made of other objects than those asked for ('{key}' where '{keys[k]}' would be); choose another folder"
+                    f"{out}: made of other objects than those asked for ('{key}' where '{keys[k]}' "
+                    "would be); choose another folder"
                 )
             if splits is not None and split != splits[k]:
                 raise ValueError(
-                    f"{out}: '{key}' is '{split}' in it and would be '{splits[k]}' now; choose another folder"
+                    f"{out}: '{key}' is '{split}' in it and would be '{splits[k]}' now; choose "
+                    "another folder"
                 )
 
 
@@ -215,7 +223,8 @@ def write_rows(path: Path, rows: Sequence[Row | dict[str, str]]) -> None:
 
 
 def finished(out: Path, number: int, keys: Sequence[str], orbits: bool = False) -> bool:
-    """Whether the shard is there and covers just these objects (a smaller run may have left a short last shard).
+    """Whether the shard is there and covers just these objects (a smaller run may have left a short
+    last shard).
 
     Args:
       orbits: it must have its orbits too, or the features that are made of them.

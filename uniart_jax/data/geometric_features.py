@@ -12,7 +12,7 @@ for them where the question is what a network does with features that differ wit
 
 Eigenvalue features: Demantké et al. 2011, "Dimensionality based scale selection in 3D lidar point
 clouds": with singular values s1 >= s2 >= s3, (s1 - s2) / s1, (s2 - s3) / s1, s3 / s1.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 

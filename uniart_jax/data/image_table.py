@@ -1,6 +1,8 @@
-"""Pictures and coarse structure of all records in memory: what the image encoder and the structure VAE train on, at thousands a second.
+"""Pictures and coarse structure of all records in memory: what the image encoder and the structure
+VAE train on, at thousands a second.
 
-One record takes about 10 KB and 50 KB a view (128 pixels; packed occupancy at 32^3, part ids at 16^3), so 10,000 with two views fit in 1.1 GB.
+One record takes about 10 KB and 50 KB a view (128 pixels; packed occupancy at 32^3, part ids at
+16^3), so 10,000 with two views fit in 1.1 GB.
 """
 
 from __future__ import annotations
@@ -28,16 +30,19 @@ SURFACE = 0.87  # sub-cells: half the diagonal, so that a cell nearer than this 
 
 @dataclasses.dataclass(frozen=True)
 class ImageTable:
-    """All records of a folder, or of a split of it, small. Row i is record i of ``RecordSource(folder, split)``, whatever is left out.
+    """All records of a folder, or of a split of it, small. Row i is record i of
+    ``RecordSource(folder, split)``, whatever is left out.
 
     Attributes:
-      usable: [m] indices of the records that have at most ``max_parts`` parts; the others' tables of parts are empty.
+      usable: [m] indices of the records that have at most ``max_parts`` parts; the others' tables
+        of parts are empty.
       resolution: R; target_resolution: T, a divisor of it.
       images: [n, N, H, W, 3] uint8 sRGB over black.
       cameras: [n, N, 7] float32 codes of the views (``voxels.camera_code``).
       occupied: [n, R^3 / 8] uint8 packed bits.
       cell_parts: [n, T, T, T] uint8 part of each cell, ``NO_PART`` where no voxel is active.
-      boxes, codes, parents: [n, K, 6], [n, K, 9] float32 and [n, K] int32 tables of parts, zero beyond each record's own.
+      boxes, codes, parents: [n, K, 6], [n, K, 9] float32 and [n, K] int32 tables of parts, zero
+        beyond each record's own.
     """
 
     usable: np.ndarray
@@ -58,11 +63,13 @@ class ImageTable:
         return f"ImageTable({len(self)} records)"
 
     def take(self, records: np.ndarray, views: np.ndarray, mirrored: np.ndarray) -> Batch:
-        """A batch of these records: ``views`` [B] in [0, 1) choose among the images, ``mirrored`` [B] bool.
+        """A batch of these records: ``views`` [B] in [0, 1) choose among the images, ``mirrored``
+        [B] bool.
 
         Returns:
-          image [B, H, W, 3] float32 in [0, 1]; camera [B, 7]; occupancy [B, R, R, R] bool; cell_part [B, T, T, T] int32, the part that owns most
-          surface in the cell, -1 where no voxel is active; boxes [B, K, 6], codes [B, K, 9], parents [B, K] tables of the parts.
+          image [B, H, W, 3] float32 in [0, 1]; camera [B, 7]; occupancy [B, R, R, R] bool;
+          cell_part [B, T, T, T] int32, the part that owns most surface in the cell, -1 where no
+          voxel is active; boxes [B, K, 6], codes [B, K, 9], parents [B, K] tables of the parts.
         """
         view = (np.asarray(views) * self.images.shape[1]).astype(int)
         image, camera = self.images[records, view], self.cameras[records, view]
@@ -87,7 +94,8 @@ class ImageTable:
 
 
 def cell_parts(record: Record, target_resolution: int) -> np.ndarray:
-    """[T, T, T] uint8 part that owns most sub-cells on the surface of each cell; ``NO_PART`` where no voxel is active.
+    """[T, T, T] uint8 part that owns most sub-cells on the surface of each cell; ``NO_PART`` where
+    no voxel is active.
 
     A voxel whose sub-cells all miss the surface counts once for its own part.
     """
@@ -105,7 +113,8 @@ def cell_parts(record: Record, target_resolution: int) -> np.ndarray:
 
 
 def reads_pictures(model: ModelConfig) -> bool:
-    """Whether a network is trained on the table's pictures: with a frozen encoder only the structure VAE reads the table, and pictures of 518 pixels would fill the memory."""
+    """Whether a network is trained on the table's pictures: with a frozen encoder only the
+    structure VAE reads the table, and pictures of 518 pixels would fill the memory."""
     return model.image_encoder.kind.trained
 
 
@@ -113,13 +122,15 @@ def reads_pictures(model: ModelConfig) -> bool:
 def load_image_table(
     folder: str | Path, model: ModelConfig, split: str = "", pictures: bool = True
 ) -> ImageTable:
-    """Read every record of a folder, or of a split of it, once (about 8 ms each); says how many have more than ``max_parts`` parts.
+    """Read every record of a folder, or of a split of it, once (about 8 ms each); says how many
+    have more than ``max_parts`` parts.
 
     Args:
       pictures: False = none in the table (one of no pixels), whatever their size in the records.
 
     Raises:
-      FileNotFoundError, ValueError: no records, another grid or image size than the model's, or no record with so few parts.
+      FileNotFoundError, ValueError: no records, another grid or image size than the model's, or no
+        record with so few parts.
     """
     source, sizes = open_records(folder, model.grid, split)
     resolution, target = model.grid.resolution, model.image_encoder.target_resolution
@@ -137,7 +148,8 @@ def load_image_table(
     n, views = len(source), source[0].images.shape[:-1] if pictures else (1, 0, 0)
     if pictures and views[1:] != (model.image_encoder.image_size,) * 2:
         raise ValueError(
-            f"{folder}: images of {views[1]} pixels, but the config asks for {model.image_encoder.image_size}; prepare with that size"
+            f"{folder}: images of {views[1]} pixels, but the config asks for "
+            f"{model.image_encoder.image_size}; prepare with that size"
         )
     table = ImageTable(
         usable,
@@ -178,9 +190,11 @@ def image_batches(
     process_count: int = 1,
     accumulate: int = 1,
 ) -> Batches:
-    """Endless shuffled batches of ``ImageTable.take``, a random view each, mirrored with probability 1/2.
+    """Endless shuffled batches of ``ImageTable.take``, a random view each, mirrored with
+    probability 1/2.
 
-    Args and errors: as ``batches.voxel_batches``. ``data.workers`` is not used: the table is in this process.
+    Args and errors: as ``batches.voxel_batches``. ``data.workers`` is not used: the table is in
+    this process.
     """
     table = load_image_table(records, model, split, reads_pictures(model))
     seed = data.seed if seed is None else seed
@@ -204,7 +218,8 @@ def image_pass(
     split: str = "",
     most: int | None = None,
 ) -> Batches:
-    """Every usable record once, its first view, unmirrored, with ``record`` [B] i4, its index in ``RecordSource(records, split)``.
+    """Every usable record once, its first view, unmirrored, with ``record`` [B] i4, its index in
+    ``RecordSource(records, split)``.
 
     -1 marks items that fill up the last batch.
 

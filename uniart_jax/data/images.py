@@ -1,8 +1,10 @@
 """From an image file to what a network sees, one road for training, sampling and evaluation.
 
-    file -> RGBA (orientation, palettes, CMYK, 16 bit) -> background.cut_out -> square crop -> [size, size, 3] on black
+    file -> RGBA (orientation, palettes, CMYK, 16 bit) -> background.cut_out -> square crop ->
+    [size, size, 3] on black
 
-The crop is TRELLIS's (bounding box of the foreground, enlarged, resampled, multiplied by alpha); the enlargement is ``MARGIN``.
+The crop is TRELLIS's (bounding box of the foreground, enlarged, resampled, multiplied by alpha);
+the enlargement is ``MARGIN``.
 """
 
 from __future__ import annotations
@@ -103,7 +105,8 @@ def remove_plain_background(rgba: np.ndarray) -> np.ndarray | None:
     """Cut away a background of one colour, seen from the border inwards.
 
     Returns:
-      [H, W, 4] uint8 with alpha 0 on the background, or None if the border is not plain or nothing would be left.
+      [H, W, 4] uint8 with alpha 0 on the background, or None if the border is not plain or nothing
+      would be left.
     """
     rgb = rgba[..., :3].astype(np.int16)
     border = np.concatenate([rgb[0], rgb[-1], rgb[:, 0], rgb[:, -1]])
@@ -123,14 +126,16 @@ def remove_plain_background(rgba: np.ndarray) -> np.ndarray | None:
 
 
 def crop_window(alpha: np.ndarray) -> tuple[float, float, float]:
-    """Centre x, centre y and half side, in pixels, of the square around the foreground of alpha [H, W]: ``MARGIN`` times its longer side."""
+    """Centre x, centre y and half side, in pixels, of the square around the foreground of alpha [H,
+    W]: ``MARGIN`` times its longer side."""
     top, bottom, left, right = _extent(alpha)
     half = max(bottom - top, right - left) / 2 * MARGIN
     return (left + right) / 2, (top + bottom) / 2, half
 
 
 def _extent(alpha: np.ndarray) -> tuple[int, int, int, int]:
-    """First row, row after the last, first column, column after the last of what is more than half opaque; all if nothing is."""
+    """First row, row after the last, first column, column after the last of what is more than half
+    opaque; all if nothing is."""
     rows = np.flatnonzero((alpha > 127).any(1))
     columns = np.flatnonzero((alpha > 127).any(0))
     if len(rows) == 0:

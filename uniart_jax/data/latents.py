@@ -1,12 +1,16 @@
-"""Records through both VAEs, cached with their pictures, and the batches of both flow stages made of them.
+"""Records through both VAEs, cached with their pictures, and the batches of both flow stages made
+of them.
 
     OUT/latents-00000.arrayrecord   one item a (record, mirrored) pair, zip of .npy as records are
     OUT/metadata.json               key, number of items, mean and std of both latents
 
-An item: ``structure`` [s, s, s, C] f2 latent mean of the structure VAE; ``coords`` [V, 3] u1, ``voxel_part`` [V] u1 and ``latent`` [V, C'] f2
-latent mean of the UniArt VAE; ``boxes`` [K, 6], ``codes`` [K, 9], ``colors`` [K, 3] f4 and ``parents`` [K] i4, the layout; ``images`` [N, H, W, 3] u1 the N views as networks see them, which the image encoder reads in a flow's step: that costs
-a few percent of it, and a better encoder needs no new latents. A folder is complete or absent;
-one that is being made lies beside it under another name, and a pass that was cut off goes on at its next shard.
+An item: ``structure`` [s, s, s, C] f2 latent mean of the structure VAE; ``coords`` [V, 3] u1,
+``voxel_part`` [V] u1 and ``latent`` [V, C'] f2 latent mean of the UniArt VAE; ``boxes`` [K, 6],
+``codes`` [K, 9], ``colors`` [K, 3] f4 and ``parents`` [K] i4, the layout; ``images`` [N, H, W, 3]
+u1 the N views as networks see them, which the image encoder reads in a flow's step: that costs a
+few percent of it, and a better encoder needs no new latents. A folder is complete or absent; one
+that is being made lies beside it under another name, and a pass that was cut off goes on at its
+next shard.
 """
 
 from __future__ import annotations
@@ -39,7 +43,8 @@ SHARD_ITEMS = 256
 
 @dataclasses.dataclass(frozen=True)
 class LatentStatistics:
-    """Mean and standard deviation of each channel over all items (and voxels): what flows normalise by.
+    """Mean and standard deviation of each channel over all items (and voxels): what flows normalise
+    by.
 
     Attributes:
       structure_mean, structure_std: [C]. latent_mean, latent_std: [C'].
@@ -76,11 +81,14 @@ class _Moments:
 def write_latents(
     out: str | Path, items: Iterable[Mapping[str, Any]], *, key: str
 ) -> LatentStatistics:
-    """Write one item a (record, mirrored) pair and the statistics of all; replaces what an earlier pass left.
+    """Write one item a (record, mirrored) pair and the statistics of all; replaces what an earlier
+    pass left.
 
     Args:
-      items: mappings with ``FIELDS`` (latents of any float type) and ``record`` (index), ``mirrored`` (bool).
-      key: what the latents depend on, such as a digest of weights and records; ``latents_key`` reads it back.
+      items: mappings with ``FIELDS`` (latents of any float type) and ``record`` (index),
+        ``mirrored`` (bool).
+      key: what the latents depend on, such as a digest of weights and records; ``latents_key``
+        reads it back.
 
     Raises:
       ValueError: a value is not finite in half precision, or there are no items.
@@ -105,8 +113,9 @@ def _unfinished(out: str | Path) -> Path:
 
 
 def begin_latents(out: str | Path, key: str) -> None:
-    """Start a new folder of latents beside ``out``, or go on with one of the same key that was not finished; then ``write_latent_shard``, by any number of processes, and
-    ``finish_latents`` or ``drop_latents``."""
+    """Start a new folder of latents beside ``out``, or go on with one of the same key that was not
+    finished; then ``write_latent_shard``, by any number of processes, and ``finish_latents`` or
+    ``drop_latents``."""
     note = _unfinished(out) / "key"
     if note.is_file() and note.read_text() == key:
         return
@@ -118,7 +127,9 @@ def begin_latents(out: str | Path, key: str) -> None:
 def written_shards(out: str | Path) -> dict[str, int]:
     """Of a folder that is not finished: the items of each complete shard, by its name."""
     notes = sorted(_unfinished(out).glob("latents-*.json"))
-    return {p.stem.removeprefix("latents-"): len(json.loads(p.read_text())["voxels"]) for p in notes}  # fmt: skip
+    return {
+        p.stem.removeprefix("latents-"): len(json.loads(p.read_text())["voxels"]) for p in notes
+    }
 
 
 def drop_latents(out: str | Path) -> None:
@@ -127,7 +138,8 @@ def drop_latents(out: str | Path) -> None:
 
 
 def write_latent_shard(out: str | Path, name: str, items: Sequence[Mapping[str, Any]]) -> None:
-    """One file of items, and one with their sizes and moments, so that the statistics are the same whoever wrote which. Args and errors: as ``write_latents``.
+    """One file of items, and one with their sizes and moments, so that the statistics are the same
+    whoever wrote which. Args and errors: as ``write_latents``.
 
     Args:
       name: of the shard; items are ordered by it.
@@ -145,7 +157,8 @@ def write_latent_shard(out: str | Path, name: str, items: Sequence[Mapping[str, 
                 arrays[field] = arrays[field].astype(np.float16)
             if not np.isfinite(arrays[field]).all():
                 raise ValueError(
-                    f"latents: {field} of record {item['record']} is not finite in half precision; train its network longer"
+                    f"latents: {field} of record {item['record']} is not finite in half precision; "
+                    "train its network longer"
                 )
             moment.add(arrays[field])
         sizes.append(len(arrays["coords"]))
@@ -179,7 +192,10 @@ def finish_latents(out: str | Path, key: str, number: int) -> LatentStatistics:
         raise ValueError("latents: no items to write; are there records?")
     if len(sizes) != number:
         drop_latents(out)  # all was said to be there: going on would find the same
-        raise ValueError(f"{out}: {len(sizes)} of {number} latents were there; is it on a file system that all processes share? The same command encodes anew")  # fmt: skip
+        raise ValueError(
+            f"{out}: {len(sizes)} of {number} latents were there; is it on a file system that all "
+            "processes share? The same command encodes anew"
+        )
     structure_mean, structure_std = structure.mean_std()
     latent_mean, latent_std = latent.mean_std()
     metadata = {
@@ -220,7 +236,8 @@ def read_statistics(folder: str | Path) -> LatentStatistics:
 
 
 class LatentSource:
-    """Random access to the items of a folder of latents: ``source[i] -> {field: array}`` in stored types. Picklable.
+    """Random access to the items of a folder of latents: ``source[i] -> {field: array}`` in stored
+    types. Picklable.
 
     Args:
       without: fields to pass over.
@@ -232,7 +249,8 @@ class LatentSource:
         self._shards = open_shards(sorted(Path(folder).glob("latents-*.arrayrecord")))
         if len(self.voxels) != len(self._shards):
             raise ValueError(
-                f"{folder}: {len(self._shards)} items, {len(self.voxels)} expected; encode the records again"
+                f"{folder}: {len(self._shards)} items, {len(self.voxels)} expected; encode the "
+                "records again"
             )
 
     def __len__(self) -> int:
@@ -262,15 +280,17 @@ def latent_batches(
     """Endless shuffled batches for a flow stage, a random view of each item.
 
     Both stages: ``image`` [B, H, W, 3] float32 in [0, 1], with ``data.condition_views`` above 1
-    [B, N, H, W, 3], the first view at random. Structure flow: ``structure`` [B, s, s, s, C] float32 and, ``decoded``, ``occupancy``
-    [B, R, R, R] bool.
-    Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``voxel_part`` [B, V] int32, ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and
-    ``plans["flow"]``. A flow that sees layouts: ``layout``, a ``voxels.part_table.PartTable``, with ``data.layout_errors`` in it, and pictures bent by
-    ``data.image_warp``. Latents are as encoded; normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
-    ``data.mirror_latents`` is decided by what ``write_latents`` was given.
+    [B, N, H, W, 3], the first view at random. Structure flow: ``structure`` [B, s, s, s, C] float32
+    and, ``decoded``, ``occupancy`` [B, R, R, R] bool.
+    Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``voxel_part`` [B, V] int32,
+    ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and ``plans["flow"]``. A flow
+    that sees layouts: ``layout``, a ``voxels.part_table.PartTable``, with ``data.layout_errors`` in
+    it, and pictures bent by ``data.image_warp``. Latents are as encoded; normalise them by
+    ``read_statistics``. Mirrored items were encoded as such, so that ``data.mirror_latents`` is
+    decided by what ``write_latents`` was given.
 
-    Args and errors: as ``batches.voxel_batches``; ``decoded``: with what the loss holds a decoder's output against; of the latent flow
-    ``plans`` for the UniArt VAE's decoder too.
+    Args and errors: as ``batches.voxel_batches``; ``decoded``: with what the loss holds a decoder's
+    output against; of the latent flow ``plans`` for the UniArt VAE's decoder too.
     """
     unread = ["structure"] if stage == "latent_flow" else ["voxel_part", "latent"]
     if stage == "structure_flow" and not decoded:
@@ -333,13 +353,14 @@ def _draw_items(
 
 
 def _views(place: float, held: int, shown: int) -> list[int]:
-    """Which of ``held`` views a draw in [0, 1) shows: ``shown`` of them in turn, the first at random."""
+    """Which of ``held`` views a draw in [0, 1) shows: ``shown`` of them in turn, the first at
+    random."""
     first = int(place * held)
     return [(first + k) % held for k in range(shown)]
 
 
 def _load_structure(
-    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool  # noqa: E501
 ) -> Batch:  # fmt: skip
     flow, most = model.structure_flow, model.grid.max_parts
     items, batch = _draw_items(draw, source, seed, rows, data, flow, most)
@@ -352,7 +373,7 @@ def _load_structure(
 
 
 def _load_latents(
-    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool
+    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool  # noqa: E501
 ) -> Batch:  # fmt: skip
     flow, most = model.latent_flow, model.grid.max_parts
     items, batch = _draw_items(draw, source, seed, rows, data, flow, most)

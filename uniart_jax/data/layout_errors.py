@@ -1,7 +1,9 @@
-"""What training of a flow that follows a layout does to layouts and pictures, so that it leans on neither too much. numpy only.
+"""What training of a flow that follows a layout does to layouts and pictures, so that it leans on
+neither too much. numpy only.
 
-A layout that a network finds lacks parts, and boxes are a little off: ``with_errors``. It also disagrees with the picture about
-where things are. In training the picture is bent (``bend``) while layout and voxels agree, so that the flow goes by the layout.
+A layout that a network finds lacks parts, and boxes are a little off: ``with_errors``. It also
+disagrees with the picture about where things are. In training the picture is bent (``bend``) while
+layout and voxels agree, so that the flow goes by the layout.
 """
 
 from __future__ import annotations
@@ -23,10 +25,12 @@ COARSE = 5  # a side, of the displacements that pictures are bent by
 def with_errors(
     table: dict[str, np.ndarray], strength: float, rng: np.random.Generator
 ) -> dict[str, np.ndarray]:
-    """A layout as a network might find it, its parts in random order. A tenth of the draws, but none at strength 0, are empty: no layout is known.
+    """A layout as a network might find it, its parts in random order. A tenth of the draws, but
+    none at strength 0, are empty: no layout is known.
 
     Args:
-      table: boxes [K, 6], codes [K, 9], parents [K] (root: its own), colors [K, 3]. strength: 0 = the truth, in random order.
+      table: boxes [K, 6], codes [K, 9], parents [K] (root: its own), colors [K, 3]. strength: 0 =
+        the truth, in random order.
 
     Returns:
       The same fields, and part [n]: which row of ``table`` each row was.
@@ -62,7 +66,8 @@ def with_errors(
 
 
 def bend(image: np.ndarray, share: float, rng: np.random.Generator) -> np.ndarray:
-    """An image [S, S, 3] displaced smoothly by up to about ``share`` of its side, by a strength drawn from 0 to that."""
+    """An image [S, S, 3] displaced smoothly by up to about ``share`` of its side, by a strength
+    drawn from 0 to that."""
     side = image.shape[0]
     shift = rng.normal(0, 0.5 * share * rng.random() * side, (2, COARSE, COARSE))
     at = np.linspace(0, COARSE - 1, side)

@@ -1,8 +1,10 @@
-"""Pictures and part tables of procedural objects without end: what the part decoder trains on. No voxels, no jax.
+"""Pictures and part tables of procedural objects without end: what the part decoder trains on. No
+voxels, no jax.
 
-Objects are made in *blocks* of ``BLOCK``, one file a block in ``DataConfig.layouts``. A block is a pure function of its
-number and the settings, so whoever needs one that is not there makes it, several programs can share a folder, and training
-resumes at any batch. ``uniart prepare layouts`` makes them ahead.
+Objects are made in *blocks* of ``BLOCK``, one file a block in ``DataConfig.layouts``. A block is a
+pure function of its number and the settings, so whoever needs one that is not there makes it,
+several programs can share a folder, and training resumes at any batch. ``uniart prepare layouts``
+makes them ahead.
 
 Batches go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on; in a window
 each object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored
@@ -10,7 +12,8 @@ with probability 1/2:
 
     image [B, S, S, 3] f4 in [0, 1] over black · camera [B, 7] f4 (``voxels.camera_code``)
     boxes [B, K, 6] f4 (centre, size)
-    codes [B, K, 9] f4 · parents [B, K] i4 (root: its own) · colors [B, K, 3] f4 linear RGB · part_counts [B] i4
+    codes [B, K, 9] f4 · parents [B, K] i4 (root: its own) · colors [B, K, 3] f4 linear RGB ·
+    part_counts [B] i4
 """
 
 from __future__ import annotations
@@ -69,8 +72,8 @@ class LayoutSettings:
 def training_seed(number: int, start_seed: int = 0) -> int:
     """The procedural seed of object ``number``; never one that evaluation or validation reserves.
 
-    Seeds from ``DataConfig.validation_seed`` to ten times ``HELD_OUT_SEED`` are passed over, unless ``start_seed`` is the
-    validation's own.
+    Seeds from ``DataConfig.validation_seed`` to ten times ``HELD_OUT_SEED`` are passed over, unless
+    ``start_seed`` is the validation's own.
     """
     seed = start_seed + number
     reserved = DataConfig.validation_seed
@@ -83,7 +86,8 @@ def training_seed(number: int, start_seed: int = 0) -> int:
 
 
 def shown_object(seed: int, families: tuple[str, ...], rng: np.random.Generator):
-    """The object of a seed at a random shown state, and its ``encode_object``; None if no state can be encoded."""
+    """The object of a seed at a random shown state, and its ``encode_object``; None if no state can
+    be encoded."""
     return encodable_state(procedural.draw(seed, families), rng)
 
 
@@ -273,7 +277,8 @@ def layout_batches(
     process_count: int = 1,
     accumulate: int = 1,
 ) -> Batches:
-    """Endless batches (see the module's docstring) from ``data.layouts``; missing blocks are made on the way.
+    """Endless batches (see the module's docstring) from ``data.layouts``; missing blocks are made
+    on the way.
 
     Raises:
       ValueError: the folder holds other settings, the first block is below 0, or the batch cannot
@@ -294,7 +299,8 @@ def layout_batches(
 
 @dataclasses.dataclass(frozen=True)
 class LayoutOrder:
-    """Batch n takes items n B to (n + 1) B of the endless sequence of windows; ``records`` are places in it."""
+    """Batch n takes items n B to (n + 1) B of the endless sequence of windows; ``records`` are
+    places in it."""
 
     batch_size: int
     reuse: int

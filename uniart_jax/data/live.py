@@ -1,9 +1,12 @@
-"""Records made again while training: the objects of a prepared folder at new shown states and with parts of new sizes.
+"""Records made again while training: the objects of a prepared folder at new shown states and with
+parts of new sizes.
 
-    manifest row -> object -> scale_parts at rest -> sample_state -> voxelize -> record without pictures
+    manifest row -> object -> scale_parts at rest -> sample_state -> voxelize -> record without
+    pictures
 
-A pure function of (folder, row, random numbers), so batches with live records resume exactly. For stages that read no picture: the UniArt VAE, and only
-without multi-view features. Voxelising is what it costs (docs/data.md): ``data.workers`` shares it among processes.
+A pure function of (folder, row, random numbers), so batches with live records resume exactly. For
+stages that read no picture: the UniArt VAE, and only without multi-view features. Voxelising is
+what it costs (docs/data.md): ``data.workers`` shares it among processes.
 """
 
 from __future__ import annotations
@@ -32,37 +35,45 @@ logger = logging.getLogger(__name__)
 
 
 class LiveRecords:
-    """The objects behind all records of a folder, in their order: ``live.record(index, ...)`` makes one again. Picklable.
+    """The objects behind all records of a folder, in their order: ``live.record(index, ...)`` makes
+    one again. Picklable.
 
     Attributes:
-      made, kept: how many were made, and for how many the stored record has to serve, in this process.
+      made, kept: how many were made, and for how many the stored record has to serve, in this
+        process.
     """
 
     def __init__(self, folder: str | Path, data: DataConfig, grid: GridConfig):
         """
         Raises:
           ValueError: ``data.live`` or ``data.part_scale`` is out of range.
-          FileNotFoundError, ValueError: no metadata or manifest, or of an older version; the folder's assets are not where they were.
+          FileNotFoundError, ValueError: no metadata or manifest, or of an older version; the
+            folder's assets are not where they were.
         """
         if not 0 <= data.live <= 1 or data.part_scale < 0:
             raise ValueError(
-                f"data: live must be in 0..1 and part_scale at least 0, got {data.live} and {data.part_scale}"
+                f"data: live must be in 0..1 and part_scale at least 0, got {data.live} and "
+                f"{data.part_scale}"
             )
         self.settings = read_settings(folder)
         self.scale, self.max_parts = data.part_scale, grid.max_parts
         rows = [row for row in read_manifest(folder) if not row["error"]]
         if self.settings.source != "procedural" and not Path(self.settings.root).exists():
             raise FileNotFoundError(
-                f"{folder}: its assets are not at '{self.settings.root}' any more; put them there, start from where they were "
-                "prepared, or set data.live to 0"
+                f"{folder}: its assets are not at '{self.settings.root}' any more; put them there, "
+                "start from where they were prepared, or set data.live to 0"
             )
         if len(rows) != (held := len(RecordSource(folder))):
-            raise ValueError(f"{folder}: {held} records, but its manifest names {len(rows)}: run its prepare command to the end")  # fmt: skip
+            raise ValueError(
+                f"{folder}: {held} records, but its manifest names {len(rows)}: run its prepare "
+                "command to the end"
+            )
         self.entries = [entry_of(row, self.settings) for row in rows]
         self.made = self.kept = 0
 
     def record(self, index: int, voxels: int, rng: np.random.Generator) -> Record | None:
-        """Record ``index`` made again; None where its object cannot be loaded or gives none of at most ``voxels`` voxels and ``max_parts`` parts."""
+        """Record ``index`` made again; None where its object cannot be loaded or gives none of at
+        most ``voxels`` voxels and ``max_parts`` parts."""
         obj = loaded(self.entries[index], self.settings)
         for draw in rng.spawn(ATTEMPTS):
             try:
@@ -87,7 +98,8 @@ class LiveRecords:
 def remake(
     obj: ArticulatedObject, settings: Settings, scale: float, rng: np.random.Generator
 ) -> Record:
-    """A record of the object with parts of new sizes, at a new shown state; its ``images`` and ``cameras`` are empty.
+    """A record of the object with parts of new sizes, at a new shown state; its ``images`` and
+    ``cameras`` are empty.
 
     Args:
       scale: strength of ``objects.perturb.part_factors``.
@@ -123,5 +135,7 @@ def loaded(entry: Entry, settings: Settings) -> ArticulatedObject | None:
     try:
         return load_entry(entry, settings)
     except Exception as error:  # one bad object must not stop a run; as in ``data.prepare``
-        logger.warning("data: '%s' cannot be made again, its stored record is used: %s", entry.key, error)  # fmt: skip
+        logger.warning(
+            "data: '%s' cannot be made again, its stored record is used: %s", entry.key, error
+        )
         return None

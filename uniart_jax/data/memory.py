@@ -1,4 +1,5 @@
-"""Memory given back between objects, so that a worker needs what its largest object needs and not what all of them left behind."""
+"""Memory given back between objects, so that a worker needs what its largest object needs and not
+what all of them left behind."""
 
 from __future__ import annotations
 
@@ -7,7 +8,8 @@ import gc
 
 
 def release() -> None:
-    """Free what nobody uses: meshes and their colours point at each other, which keeps decoded textures until Python looks for such rings, and the C library keeps pages that are free."""
+    """Free what nobody uses: meshes and their colours point at each other, which keeps decoded
+    textures until Python looks for such rings, and the C library keeps pages that are free."""
     gc.collect()
     if _trim is not None:
         _trim(0)

@@ -1,7 +1,9 @@
-"""The left-right mirror y -> -y of a record: of its voxels, parts, joints, views and cameras. Exact on stored types.
+"""The left-right mirror y -> -y of a record: of its voxels, parts, joints, views and cameras. Exact
+on stored types.
 
-Codes (voxels.joint_code): a turn about p x d becomes the opposite turn about the mirrored line, travel stays travel along the
-mirrored direction, and a moment p x d is a pseudovector. With M = diag(1, -1, 1):
+Codes (voxels.joint_code): a turn about p x d becomes the opposite turn about the mirrored line,
+travel stays travel along the mirrored direction, and a moment p x d is a pseudovector. With M =
+diag(1, -1, 1):
 
     (tau, d, m, lo, hi)  ->  canonical(-tau, M d, -M m, -hi, -lo)
 """
@@ -39,15 +41,16 @@ def mirror_dense(grid: np.ndarray, first_axis: int = 0) -> np.ndarray:
 
 
 def mirror_images(images: np.ndarray) -> np.ndarray:
-    """A flipped view of images [..., H, W, C]: what the mirrored camera sees of the mirrored object."""
+    """A flipped view of images [..., H, W, C]: what the mirrored camera sees of the mirrored
+    object."""
     return images[..., ::-1, :]
 
 
 def mirror_record(record: Record) -> Record:
     """The record of the mirrored object, voxels in lexicographic order again.
 
-    Features of columns keep their voxels. They are not what their network would make of the mirrored object, so ``batches`` mirrors no record where a
-    model reads them.
+    Features of columns keep their voxels. They are not what their network would make of the
+    mirrored object, so ``batches`` mirrors no record where a model reads them.
     """
     resolution, r = record.resolution, record.subdivisions
     coords = record.coords.copy()
@@ -55,12 +58,15 @@ def mirror_record(record: Record) -> Record:
     order = np.lexsort(coords.T[::-1])
 
     def cells(values: np.ndarray) -> np.ndarray:
-        """Rows in the new order, their sub-cells mirrored; whole rows are moved, not single values."""
+        """Rows in the new order, their sub-cells mirrored; whole rows are moved, not single
+        values."""
         tail = values.shape[2:]
         return values[order].reshape(-1, r, r, r, *tail)[:, :, ::-1].reshape(-1, r**3, *tail)
 
     cameras = record.cameras * np.array([-1, 1, 1, 1], np.float32)
-    features = {name: values[order] for name in FEATURES if (values := getattr(record, name)) is not None}  # fmt: skip
+    features = {
+        name: values[order] for name in FEATURES if (values := getattr(record, name)) is not None
+    }
     return dataclasses.replace(
         record,
         coords=coords[order],

@@ -1,6 +1,8 @@
-"""Which records make which batch: shuffled every epoch, one padded width a batch, a pure function of (seed, batch number).
+"""Which records make which batch: shuffled every epoch, one padded width a batch, a pure function
+of (seed, batch number).
 
-So the whole state of a pipeline is one integer, resuming is exact, and every host computes the same order and takes its own rows.
+So the whole state of a pipeline is one integer, resuming is exact, and every host computes the same
+order and takes its own rows.
 """
 
 from __future__ import annotations
@@ -39,7 +41,8 @@ def fitting_width(voxels: np.ndarray, widths: Sequence[int]) -> np.ndarray:
 
 
 def spread(number: int, most: int | None) -> list[int]:
-    """At most ``most`` of ``number`` indices (None: all), at even distances: records come by category, stored items by size."""
+    """At most ``most`` of ``number`` indices (None: all), at even distances: records come by
+    category, stored items by size."""
     wanted = number if most is None else min(number, most)
     return np.unique(np.linspace(0, number - 1, wanted).astype(int)).tolist()
 
@@ -47,8 +50,9 @@ def spread(number: int, most: int | None) -> list[int]:
 class ShuffledOrder:
     """An endless sequence of ``Draw``: ``order[n]`` is batch n.
 
-    An epoch shuffles the records, cuts those of each width into batches, and shuffles the batches. What is left of a width joins
-    the next wider one; what is left of the widest (fewer records than a batch, others every epoch) waits for another epoch.
+    An epoch shuffles the records, cuts those of each width into batches, and shuffles the batches.
+    What is left of a width joins the next wider one; what is left of the widest (fewer records than
+    a batch, others every epoch) waits for another epoch.
     """
 
     def __init__(self, records: np.ndarray, widths: np.ndarray, batch_size: int, seed: int):
@@ -61,7 +65,8 @@ class ShuffledOrder:
         """
         if len(records) < batch_size:
             raise ValueError(
-                f"data: {len(records)} records are fewer than one batch of {batch_size}; prepare more or lower the batch size"
+                f"data: {len(records)} records are fewer than one batch of {batch_size}; prepare "
+                "more or lower the batch size"
             )
         self._records, self._widths = np.asarray(records), np.asarray(widths)
         self.batch_size, self._seed = batch_size, seed
@@ -96,7 +101,8 @@ class ShuffledOrder:
 
 
 class OnePass:
-    """Every record once, in order of width, then of index; the last batch of a width is filled up with -1."""
+    """Every record once, in order of width, then of index; the last batch of a width is filled up
+    with -1."""
 
     def __init__(
         self,

@@ -1,19 +1,22 @@
-"""PartField's features on voxels: what it is given, and how what it writes is carried over (nv-tlabs/PartField, ``partfield/dataloader.py`` and
-``model_trainer_pvcnn_only_demo.py``, read at 50d56ce). Its weights are non-commercial and need CUDA, so it runs by itself; here are only files.
+"""PartField's features on voxels: what it is given, and how what it writes is carried over
+(nv-tlabs/PartField, ``partfield/dataloader.py`` and ``model_trainer_pvcnn_only_demo.py``, read at
+50d56ce). Its weights are non-commercial and need CUDA, so it runs by itself; here are only files.
 
     uniart features RECORDS --export-points DIR       one point cloud a record, DIR/<name>.ply
     python partfield_inference.py … result_name NAME dataset.data_path DIR is_pc True
     uniart features RECORDS --part-features exp_results/NAME
 
-PartField moves its input to p' = (p - c) 1.8 / s, with c and s the centre and the longest side of the bounding box. For an input called ``<name>`` it writes
+PartField moves its input to p' = (p - c) 1.8 / s, with c and s the centre and the longest side of
+the bounding box. For an input called ``<name>`` it writes
 
     part_feat_<name>_0.npy         [n, 448] at the n points of a cloud
     part_feat_<name>_0_batch.npy   [n, 448] at the n faces (or vertices) of a mesh
     feat_pca_<name>_0.ply          the points or the mesh that these rows belong to, as p'; for a mesh ``input_<name>_0.ply`` too
 
-A part's feature depends on where the part is, so every record, which shows its object at a state of its own, has its own file. Meshes of one's own can
-take the place of the clouds if they show the same: the record's state, its axes (z up, front -x), its name; scale and centre do not matter.
-"""
+A part's feature depends on where the part is, so every record, which shows its object at a state of
+its own, has its own file. Meshes of one's own can take the place of the clouds if they show the
+same: the record's state, its axes (z up, front -x), its name; scale and centre do not matter.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -38,12 +41,14 @@ NEAR = 0.87  # sub-cells: half the diagonal, so that a cell nearer than this may
 
 
 def input_name(shard: int, row: int, record_id: str) -> str:
-    """The name of a record's file: unique, and without the dots and slashes that PartField cuts off."""
+    """The name of a record's file: unique, and without the dots and slashes that PartField cuts
+    off."""
     return f"{shard:05d}-{row:05d}-{re.sub(r'[^A-Za-z0-9_-]', '_', record_id)}"
 
 
 def surface_points(record: Record, limit: int = POINTS) -> np.ndarray:
-    """[n, 3] float32 points on the shown surface, object units: centres of the sub-cells that it crosses, at most ``limit`` of them at even distances."""
+    """[n, 3] float32 points on the shown surface, object units: centres of the sub-cells that it
+    crosses, at most ``limit`` of them at even distances."""
     voxel, cell = np.nonzero(np.abs(record.sdf) <= int(NEAR / SDF_CLIP * 127))
     if len(voxel) > limit:
         chosen = np.linspace(0, len(voxel) - 1, limit).astype(int)
@@ -83,22 +88,30 @@ def read_partfield(folder: Path, name: str) -> tuple[np.ndarray, np.ndarray]:
       points [n, 3] in its frame, and features [n, 448].
 
     Raises:
-      FileNotFoundError: it has no such file. ValueError: other channels, not as many rows as points, not finite, damaged.
+      FileNotFoundError: it has no such file. ValueError: other channels, not as many rows as
+        points, not finite, damaged.
     """
     path = _first(folder, f"part_feat_{name}_0.npy", f"part_feat_{name}_0_batch.npy")
     shape_path = _first(folder, f"feat_pca_{name}_0.ply", f"input_{name}_0.ply")
     try:
         features = np.load(path, allow_pickle=False)
     except (ValueError, EOFError, OSError) as error:
-        raise ValueError(f"'{path}': not an array that can be read ({error}); run PartField again") from None  # fmt: skip
+        raise ValueError(
+            f"'{path}': not an array that can be read ({error}); run PartField again"
+        ) from None
     if features.ndim != 2 or features.shape[1] != CHANNELS or features.dtype.kind != "f":
-        raise ValueError(f"'{path}': {features.dtype} {list(features.shape)}, but PartField's features are float [n, {CHANNELS}]")  # fmt: skip
+        raise ValueError(
+            f"'{path}': {features.dtype} {list(features.shape)}, but PartField's features are "
+            f"float [n, {CHANNELS}]"
+        )
     if not np.isfinite(features).all():
         raise ValueError(f"'{path}': holds values that are not finite; run PartField again")
     try:
         shape = trimesh.load(shape_path, process=False)
     except Exception as error:  # trimesh raises many kinds on damaged files
-        raise ValueError(f"'{shape_path}': cannot be read ({str(error) or type(error).__name__})") from None  # fmt: skip
+        raise ValueError(
+            f"'{shape_path}': cannot be read ({str(error) or type(error).__name__})"
+        ) from None
     vertices = np.asarray(getattr(shape, "vertices", np.zeros((0, 3))), np.float64)
     faces = np.asarray(getattr(shape, "faces", np.zeros((0, 3), int)))
     if len(features) == len(faces):
@@ -107,7 +120,8 @@ def read_partfield(folder: Path, name: str) -> tuple[np.ndarray, np.ndarray]:
         points = vertices
     else:
         raise ValueError(
-            f"'{path}': {len(features)} features, but '{shape_path.name}' has {len(faces)} faces and {len(vertices)} points; they are not of one run"
+            f"'{path}': {len(features)} features, but '{shape_path.name}' has {len(faces)} faces "
+            f"and {len(vertices)} points; they are not of one run"
         )
     if not len(points) or not np.abs(points).max() <= 1.1 * REACH:
         raise ValueError(f"'{shape_path}': not in PartField's frame, a box of +-{REACH}")
@@ -136,5 +150,6 @@ def _first(folder: Path, *names: str) -> Path:
         if (folder / name).is_file():
             return folder / name
     raise FileNotFoundError(
-        f"'{folder}': neither {' nor '.join(names)}; run PartField on what --export-points writes, and give the folder of its results"
+        f"'{folder}': neither {' nor '.join(names)}; run PartField on what --export-points writes, "
+        "and give the folder of its results"
     )

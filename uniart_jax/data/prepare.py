@@ -1,9 +1,13 @@
-"""Prepared folders: thousands of objects voxelised and rendered into ArrayRecord shards, by several processes, several machines or Beam.
+"""Prepared folders: thousands of objects voxelised and rendered into ArrayRecord shards, by several
+processes, several machines or Beam.
 
-    object -> shown states -> normalised -> voxels, views -> shard + rows -> manifest, card, contact sheet
+    object -> shown states -> normalised -> voxels, views -> shard + rows -> manifest, card, contact
+    sheet
 
-The folder's layout is in ``data.folder``, objects come from ``data.sources``. A shard gets its name only when it is complete (its rows first, then the
-shard itself), and depends on nothing but the settings and its objects. So a run may be killed at any moment; run again, it keeps the finished shards and ends with the same bytes.
+The folder's layout is in ``data.folder``, objects come from ``data.sources``. A shard gets its name
+only when it is complete (its rows first, then the shard itself), and depends on nothing but the
+settings and its objects. So a run may be killed at any moment; run again, it keeps the finished
+shards and ends with the same bytes.
 """
 
 from __future__ import annotations
@@ -66,11 +70,14 @@ def prepare_procedural(
     """Draw ``count`` procedural objects and write their records.
 
     Args:
-      out: folder to make, or one that an earlier run with the same settings left unfinished or smaller.
-      count: objects; each gives ``states`` records, with ``views`` images of ``image_size`` pixels a side.
+      out: folder to make, or one that an earlier run with the same settings left unfinished or
+        smaller.
+      count: objects; each gives ``states`` records, with ``views`` images of ``image_size`` pixels
+        a side.
       families: names of ``procedural`` families in turn; the seen ones by default.
       start_seed: object k uses seed ``start_seed + k``.
-      processes: workers; 1 works in this process. More need the caller's main module to be importable (as spawn does).
+      processes: workers; 1 works in this process. More need the caller's main module to be
+        importable (as spawn does).
       shard_size: objects a shard; what a killed run loses at most.
       progress: a bar on stderr, or lines now and then where stderr is no terminal.
 
@@ -78,8 +85,9 @@ def prepare_procedural(
       The folder.
 
     Raises:
-      ValueError: a setting is out of range or a family unknown; ``out`` holds records of other settings, more objects than
-        ``count``, or other files; a worker died; or no object succeeded.
+      ValueError: a setting is out of range or a family unknown; ``out`` holds records of other
+        settings, more objects than ``count``, or other files; a worker died; or no object
+        succeeded.
     """
     settings = Settings(
         start_seed=start_seed,
@@ -98,7 +106,8 @@ def prepare_procedural(
 def procedural_entries(
     settings: Settings, count: int, families: Sequence[str] | None
 ) -> tuple[ProceduralEntries, Settings]:
-    """``count`` procedural objects from the settings' first seed on, and the settings with their families.
+    """``count`` procedural objects from the settings' first seed on, and the settings with their
+    families.
 
     Raises:
       ValueError: no objects, or a family that does not exist.
@@ -112,7 +121,8 @@ def procedural_entries(
     unknown = [name for name in families if name not in known]
     if unknown or not families:
         raise ValueError(
-            f"prepare: unknown families {', '.join(unknown) or '(none given)'}; known: {', '.join(known)}"
+            f"prepare: unknown families {', '.join(unknown) or '(none given)'}; known: "
+            f"{', '.join(known)}"
         )
     entries = ProceduralEntries(families, settings.start_seed, count)
     return entries, dataclasses.replace(settings, families=families)
@@ -131,10 +141,13 @@ def prepare(
     """Make the records of objects.
 
     Args:
-      out: folder to make, or one that an earlier run with the same settings left unfinished or smaller.
+      out: folder to make, or one that an earlier run with the same settings left unfinished or
+        smaller.
       entries: the objects, in an order that stays as it is.
-      processes: workers; 1 works in this process, which an object that crashes takes along. More need the caller's main module to be importable (as spawn does).
-      part: (i, n): of n runs that share ``out``, this is number i and makes every n-th shard. The last to finish writes the manifest.
+      processes: workers; 1 works in this process, which an object that crashes takes along. More
+        need the caller's main module to be importable (as spawn does).
+      part: (i, n): of n runs that share ``out``, this is number i and makes every n-th shard. The
+        last to finish writes the manifest.
       progress: a bar on stderr, or lines now and then where stderr is no terminal.
       run: makes the shards (number, objects) in place of the workers here (``data.beam``).
 
@@ -142,7 +155,8 @@ def prepare(
       The folder.
 
     Raises:
-      ValueError: a setting is out of range; ``out`` holds records of other settings or objects, or other files; or no object succeeded.
+      ValueError: a setting is out of range; ``out`` holds records of other settings or objects, or
+        other files; or no object succeeded.
     """
     check(settings, processes, part)
     out = Path(out)
@@ -177,7 +191,10 @@ def check(settings: Settings, processes: int = 1, part: tuple[int, int] = (0, 1)
     if not 0 <= settings.part_scale <= 0.5:
         raise ValueError(f"prepare: part scale must be in 0..0.5, got {settings.part_scale}")
     if settings.orbit_views * settings.orbit_size**2 * 4 > MAX_RECORD_BYTES:
-        raise ValueError(f"prepare: {settings.orbit_views} orbit views of {settings.orbit_size} pixels are more than 1 GiB; make them fewer or smaller")  # fmt: skip
+        raise ValueError(
+            f"prepare: {settings.orbit_views} orbit views of {settings.orbit_size} pixels are more "
+            "than 1 GiB; make them fewer or smaller"
+        )
     for name, value, low, high in (
         ("start seed", settings.start_seed, 0, None),
         ("resolution", settings.resolution, 1, 256),
@@ -220,7 +237,8 @@ def write(
     count: int,
     advance: Callable[[], None],
 ) -> None:
-    """Write the next ``count`` objects as a shard, as they come: to names of its own, then its rows, then the shards get their names, the orbits' last."""
+    """Write the next ``count`` objects as a shard, as they come: to names of its own, then its
+    rows, then the shards get their names, the orbits' last."""
     rows: list[Row] = []
     path = shard_path(out, number)
     with contextlib.ExitStack() as stack:
@@ -242,7 +260,8 @@ def write(
 
 
 def make_records(settings: Settings, entry: Entry) -> Made:
-    """Records, orbits and manifest rows of an object at each of its shown states. Never raises ``Exception``."""
+    """Records, orbits and manifest rows of an object at each of its shown states. Never raises
+    ``Exception``."""
     base: Row = {
         "object": entry.key,
         "category": entry.category,
@@ -319,7 +338,8 @@ def _make_record(
 
 
 def _make_orbit(settings: Settings, shown: ArticulatedObject, name: str) -> bytes:
-    """Pictures from all around, evenly over the sphere, as an item of the column "orbit"; b"" if none are asked for."""
+    """Pictures from all around, evenly over the sphere, as an item of the column "orbit"; b"" if
+    none are asked for."""
     from uniart_jax.render import orbit_cameras, render
 
     if not settings.orbit_views:
@@ -365,7 +385,15 @@ def _make_all(
 
 def _died(entry: Entry) -> Made:
     reason = "its worker process died (out of memory?)"
-    row: Row = {"id": f"{entry.key}-0", "object": entry.key, "category": entry.category, "state": 0, "split": entry.split, "refused": 0, "error": reason}  # fmt: skip
+    row: Row = {
+        "id": f"{entry.key}-0",
+        "object": entry.key,
+        "category": entry.category,
+        "state": 0,
+        "split": entry.split,
+        "refused": 0,
+        "error": reason,
+    }
     return [(b"", b"", row)]
 
 
@@ -376,7 +404,8 @@ def _progress(show: bool, total: int, done: int):
 
 
 def _finish(out: Path, settings: Settings, shards: int) -> None:
-    """Manifest, data card and contact sheet of a complete folder; says on stderr how many objects failed.
+    """Manifest, data card and contact sheet of a complete folder; says on stderr how many objects
+    failed.
 
     Raises:
       ValueError: all of them.
@@ -393,8 +422,13 @@ def _finish(out: Path, settings: Settings, shards: int) -> None:
     count = len({row["object"] for row in rows})
     if len(failed) == len(rows):
         raise ValueError(
-            f"{out}: none of {count} objects succeeded, the first because: {failed[0]['error']}; choose other settings and another folder"
+            f"{out}: none of {count} objects succeeded, the first because: {failed[0]['error']}; "
+            "choose other settings and another folder"
         )
     first = {row["object"]: row for row in reversed(failed)}  # of each object
     kinds = "; ".join(f"{n} {kind}" for kind, n in error_kinds([*first.values()])[:5])
-    print(f"prepare: {len(first)} of {count} objects failed in some state ({kinds}); see the column error of {out}/manifest.csv", file=sys.stderr)  # fmt: skip
+    print(
+        f"prepare: {len(first)} of {count} objects failed in some state ({kinds}); see the column "
+        f"error of {out}/manifest.csv",
+        file=sys.stderr,
+    )

@@ -1,14 +1,18 @@
-"""Records: one object at one shown state with its voxels, parts and rendered views, as bytes and in ArrayRecord shards.
+"""Records: one object at one shown state with its voxels, parts and rendered views, as bytes and in
+ArrayRecord shards.
 
-A record's bytes are a zip of ``.npy`` arrays, stored without compression, plus ``meta.json``: readable by any numpy, never
-unpickled. Shards are ArrayRecord files with one record a group (random access) that compress each record with zstd: a record of
-7,000 voxels at r = 4 is 2.3 MB raw and inflates several times faster than a deflated zip.
+A record's bytes are a zip of ``.npy`` arrays, stored without compression, plus ``meta.json``:
+readable by any numpy, never unpickled. Shards are ArrayRecord files with one record a group (random
+access) that compress each record with zstd: a record of 7,000 voxels at r = 4 is 2.3 MB raw and
+inflates several times faster than a deflated zip.
 
 Quantisation, and what it costs:
 
-* ``sdf``: int8, 127 = ``SDF_CLIP`` sub-cells. Error at most 3/254 = .012 sub-cells; the sign is kept, so negative values above
+* ``sdf``: int8, 127 = ``SDF_CLIP`` sub-cells. Error at most 3/254 = .012 sub-cells; the sign is
+  kept, so negative values above
   -.012 are stored as -.024.
-* ``color``: uint8 of the sRGB-encoded value. Error at most 1/510 in sRGB, at most .0045 in linear RGB.
+* ``color``: uint8 of the sRGB-encoded value. Error at most 1/510 in sRGB, at most .0045 in linear
+  RGB.
 """
 
 from __future__ import annotations
@@ -58,12 +62,15 @@ class Record:
       color: [V, r^3, 3] uint8 sRGB; ``decode_color`` gives linear RGB.
       owner: [V, r^3] uint8 part id of each sub-cell.
       voxel_part: [V] uint8 part that owns most of the voxel's surface.
-      boxes: [K, 6] float32 own boxes; codes: [K, 9] float32; parents: [K] int32, the root is its own parent.
+      boxes: [K, 6] float32 own boxes; codes: [K, 9] float32; parents: [K] int32, the root is its
+        own parent.
       images: [N, H, W, 4] uint8 straight-alpha sRGB views of the shown state.
-      cameras: [N, 4] float32 azimuth and elevation (radians), field of view (degrees), distance (object units).
-      meta: schema_version, resolution, subdivisions, joint_types, and what the source says (id, category, seed, state).
-      visual, part_feature: [V, F], [V, P] float16 of the columns of these names (``data.columns``) where ``RecordSource`` is asked for them;
-        never part of the record's own bytes.
+      cameras: [N, 4] float32 azimuth and elevation (radians), field of view (degrees), distance
+        (object units).
+      meta: schema_version, resolution, subdivisions, joint_types, and what the source says (id,
+        category, seed, state).
+      visual, part_feature: [V, F], [V, P] float16 of the columns of these names (``data.columns``)
+        where ``RecordSource`` is asked for them; never part of the record's own bytes.
     """
 
     coords: np.ndarray
@@ -105,7 +112,8 @@ class Record:
 
 
 def encode_sdf(sdf: np.ndarray) -> np.ndarray:
-    """Distances in sub-cells to int8; values outside +-SDF_CLIP are clipped and negative stays negative."""
+    """Distances in sub-cells to int8; values outside +-SDF_CLIP are clipped and negative stays
+    negative."""
     scaled = np.clip(np.rint(np.asarray(sdf) * (127 / SDF_CLIP)), -127, 127).astype(np.int8)
     return np.where(sdf < 0, np.minimum(scaled, -1), scaled).astype(np.int8)
 
@@ -142,7 +150,8 @@ def from_object(
       obj: the normalised object at its shown state.
       images: [N, H, W, 4] straight-alpha sRGB, float in [0, 1] or uint8.
       cameras: [N, 4] azimuth, elevation, field of view in degrees, distance.
-      meta: what the source knows (id, category, seed, state); version, sizes, joint types and scale are added here.
+      meta: what the source knows (id, category, seed, state); version, sizes, joint types and scale
+        are added here.
       grid: ``voxelize(obj)``.
 
     Raises:
@@ -150,7 +159,8 @@ def from_object(
     """
     if grid.resolution > 256 or len(grid.boxes) > 255:
         raise ValueError(
-            f"record: at most 256 voxels a side and 255 parts, got {grid.resolution} and {len(grid.boxes)}"
+            f"record: at most 256 voxels a side and 255 parts, got {grid.resolution} and "
+            f"{len(grid.boxes)}"
         )
     if images.dtype != np.uint8:
         images = np.rint(np.clip(images, 0, 1) * 255).astype(np.uint8)
@@ -194,7 +204,8 @@ def from_bytes(data: bytes) -> Record:
     version = meta.get("schema_version")
     if version != SCHEMA_VERSION:
         raise ValueError(
-            f"record: schema_version is {version}, this version reads {SCHEMA_VERSION}; prepare the records again"
+            f"record: schema_version is {version}, this version reads {SCHEMA_VERSION}; prepare "
+            "the records again"
         )
     problems = [f"{key} missing" for key in _FIELDS if key not in arrays]
     problems += [f"{key} unknown" for key in arrays if key not in _FIELDS]
@@ -268,13 +279,15 @@ def shard_paths(folder: str | Path) -> list[Path]:
     if not paths:
         reason = "no records in it" if folder.is_dir() else "no such folder"
         raise FileNotFoundError(
-            f"{folder}: {reason}; make some with: uniart prepare procedural --out {folder} (or partnet-mobility ROOT, urdf ROOT)"
+            f"{folder}: {reason}; make some with: uniart prepare procedural --out {folder} (or "
+            "partnet-mobility ROOT, urdf ROOT)"
         )
     return paths
 
 
 def record_rows(folder: str | Path) -> list[dict[str, str]]:
-    """Manifest rows of a folder's records, in their order: of ``manifest.csv``, or of the finished shards while ``prepare`` is under way; [] without either."""
+    """Manifest rows of a folder's records, in their order: of ``manifest.csv``, or of the finished
+    shards while ``prepare`` is under way; [] without either."""
     folder = Path(folder)
     paths = [folder / "manifest.csv"]
     if not paths[0].is_file():
@@ -289,7 +302,8 @@ def record_rows(folder: str | Path) -> list[dict[str, str]]:
 
 
 class RecordSource:
-    """Random access to the records of a prepared folder, or of some of its splits: ``source[i] -> Record``. Picklable.
+    """Random access to the records of a prepared folder, or of some of its splits: ``source[i] ->
+    Record``. Picklable.
 
     Attributes:
       places: [n] index of each of them among all records of the folder.
@@ -298,14 +312,19 @@ class RecordSource:
     def __init__(self, folder: str | Path, split: str = "", columns: Sequence[str] = ()):
         """
         Args:
-          split: only records of this split, or of several joined by commas, as the manifest says; "" = all.
+          split: only records of this split, or of several joined by commas, as the manifest says;
+            "" = all.
           columns: of ``columns.FEATURES``, read as fields of each record.
 
         Raises:
-          FileNotFoundError: no records. ValueError: no such split or column; one line that says what to do.
+          FileNotFoundError: no records. ValueError: no such split or column; one line that says
+            what to do.
         """
         if unknown := [name for name in columns if name not in FEATURES]:
-            raise ValueError(f"records have no column {', '.join(unknown)} that can be joined; there are {', '.join(FEATURES)}")  # fmt: skip
+            raise ValueError(
+                f"records have no column {', '.join(unknown)} that can be joined; there are "
+                f"{', '.join(FEATURES)}"
+            )
         self._paths = shard_paths(folder)
         self._shards = open_shards(self._paths)
         count = len(self._shards)
@@ -323,7 +342,10 @@ class RecordSource:
         except ValueError as error:
             raise ValueError(f"{self._shards.where(place)}: {error}") from None
         name, voxels = record.meta.get("id"), len(record.coords)
-        features = {key: read_feature(key, items[place], name, voxels) for key, items in self._columns.items()}  # fmt: skip
+        features = {
+            key: read_feature(key, items[place], name, voxels)
+            for key, items in self._columns.items()
+        }
         return dataclasses.replace(record, **features) if features else record
 
     def __repr__(self) -> str:  # Grain puts it into messages and checkpoints
@@ -339,7 +361,8 @@ def split_places(folder: str | Path, split: str, count: int) -> np.ndarray:
     known = [row["split"] for row in record_rows(folder)]
     if len(known) != count:
         raise ValueError(
-            f"{folder}: its manifest names {len(known)} records of {count}, so their splits are unknown; run the same prepare command again to finish it"
+            f"{folder}: its manifest names {len(known)} records of {count}, so their splits are "
+            "unknown; run the same prepare command again to finish it"
         )
     asked = [name.strip() for name in split.split(",")]
     if absent := [name for name in asked if name not in known]:

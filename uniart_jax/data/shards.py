@@ -1,7 +1,9 @@
-"""Arrays as byte strings, and byte strings in ArrayRecord files: what records, their columns and cached latents are stored in.
+"""Arrays as byte strings, and byte strings in ArrayRecord files: what records, their columns and
+cached latents are stored in.
 
-A zip of ``.npy`` arrays, stored without compression, plus ``meta.json``: readable by any numpy, never unpickled. ArrayRecord files have one
-item a group (random access) and compress each with zstd.
+A zip of ``.npy`` arrays, stored without compression, plus ``meta.json``: readable by any numpy,
+never unpickled. ArrayRecord files have one item a group (random access) and compress each with
+zstd.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from array_record.python.array_record_data_source import ArrayRecordDataSource
 
 MAX_RECORD_BYTES = 1 << 30
 MIN_FILE_BYTES = 1 << 16  # of any ArrayRecord file
-# numpy parses a header with ``ast``, which CPython does not always survive in several threads at once ("AST constructor recursion depth
+# numpy parses a header with ``ast``, which CPython does not always survive in several threads at
+# once ("AST constructor recursion depth
 # mismatch"), and Grain reads records in several.
 HEADERS = threading.Lock()
 _HOST = re.sub(r"[^A-Za-z0-9]", "_", socket.gethostname())
@@ -62,7 +65,9 @@ def unpack_arrays(
             if sum(info.file_size for info in archive.infolist()) > MAX_RECORD_BYTES:
                 raise ValueError("it would be larger than 1 GiB")
             left = {f"{array}.npy" for array in without}
-            files = {i.filename: archive.read(i) for i in archive.infolist() if i.filename not in left}  # fmt: skip
+            files = {
+                i.filename: archive.read(i) for i in archive.infolist() if i.filename not in left
+            }
         with HEADERS:
             arrays = {
                 key[:-4]: np.lib.format.read_array(io.BytesIO(value), allow_pickle=False)
@@ -82,7 +87,8 @@ def unpack_arrays(
 
 @contextlib.contextmanager
 def shard_writer(path: str | Path) -> Iterator[Callable[[bytes], None]]:
-    """``write(item)`` adds a byte string to an ArrayRecord file, which gets its name at the end, if nothing was raised."""
+    """``write(item)`` adds a byte string to an ArrayRecord file, which gets its name at the end, if
+    nothing was raised."""
     path = Path(path)
     temporary = temporary_path(path)
     writer = array_record_module.ArrayRecordWriter(str(temporary), "group_size:1,zstd:3")
@@ -105,12 +111,14 @@ def write_shard(path: str | Path, items: Iterable[bytes]) -> None:
 
 
 def temporary_path(path: Path) -> Path:
-    """The name of a file of this process until it is complete: no other process, here or elsewhere, has the same."""
+    """The name of a file of this process until it is complete: no other process, here or elsewhere,
+    has the same."""
     return path.with_name(f".{path.name}.{_HOST}-{os.getpid()}.tmp")
 
 
 def sweep(folder: Path) -> None:
-    """Remove what processes of this machine that are gone left half-written; what others are writing stays."""
+    """Remove what processes of this machine that are gone left half-written; what others are
+    writing stays."""
     for path in folder.glob(f".*.{_HOST}-*.tmp"):
         number = path.name.removesuffix(".tmp").rpartition("-")[2]
         if number.isdecimal() and not _alive(int(number)):
@@ -165,10 +173,17 @@ def open_shards(paths: Sequence[str | Path]) -> Shards:
         return Shards(paths)
     except RuntimeError as error:
         small = [str(p) for p in paths if Path(p).stat().st_size < MIN_FILE_BYTES]
-        which = ", ".join(small) or (str(paths[0]) if len(paths) == 1 else f"one of {len(paths)} files in {Path(paths[0]).parent}")  # fmt: skip
+        which = ", ".join(small) or (
+            str(paths[0])
+            if len(paths) == 1
+            else f"one of {len(paths)} files in {Path(paths[0]).parent}"
+        )
         raise _damaged(which, error) from None
 
 
 def _damaged(which: str, error: RuntimeError) -> ValueError:
     reason = " ".join(str(error).split())[:120]
-    return ValueError(f"{which}: damaged or cut off ({reason}); remove the file and run the command that made it again")  # fmt: skip
+    return ValueError(
+        f"{which}: damaged or cut off ({reason}); remove the file and run the command that made it "
+        "again"
+    )

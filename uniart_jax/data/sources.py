@@ -1,4 +1,5 @@
-"""Where objects come from: procedural generators, PartNet-Mobility, or any folder of assets. Each object is an ``Entry``, made when it is needed."""
+"""Where objects come from: procedural generators, PartNet-Mobility, or any folder of assets. Each
+object is an ``Entry``, made when it is needed."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ class Entry:
     path: str = ""
 
     def generator(self, *stream: int) -> np.random.Generator:
-        """Random numbers of this object: of its seed or, for an asset, of its key, so that other objects of a folder do not matter."""
+        """Random numbers of this object: of its seed or, for an asset, of its key, so that other
+        objects of a folder do not matter."""
         own = self.seed
         if own < 0:
             own = int.from_bytes(hashlib.blake2b(self.key.encode(), digest_size=8).digest(), "big")
@@ -71,7 +73,8 @@ def find_entries(root: str | Path, source: str) -> list[Entry]:
     """The assets below a folder, sorted by path; their splits are not set.
 
     Args:
-      source: "partnet-mobility": every folder with a ``mobility.urdf``. "urdf": every folder or file that ``load_object`` takes.
+      source: "partnet-mobility": every folder with a ``mobility.urdf``. "urdf": every folder or
+        file that ``load_object`` takes.
 
     Raises:
       FileNotFoundError: no such folder, or nothing in it.
@@ -102,7 +105,8 @@ def find_entries(root: str | Path, source: str) -> list[Entry]:
 
 
 def clean(text: str) -> str:
-    """Text that any file can hold: without lone surrogates (names of files that are not UTF-8) and control characters."""
+    """Text that any file can hold: without lone surrogates (names of files that are not UTF-8) and
+    control characters."""
     text = text.encode("utf-8", "replace").decode()
     return "".join(c if c.isprintable() else " " for c in text)
 
@@ -116,7 +120,8 @@ def _first_time(folder: str, seen: set[str]) -> bool:
 
 
 def _assets(folder: Path, files: list[str], source: str) -> list[Path]:
-    """What of a folder is an asset: the folder, if one description in it is meant, or each of several files."""
+    """What of a folder is an asset: the folder, if one description in it is meant, or each of
+    several files."""
     if source == "partnet-mobility":
         return [folder] if "mobility.urdf" in files else []
     if {"object.urdf", "mobility.urdf", "object.json"} & {*files}:
@@ -131,7 +136,8 @@ def _is_mjcf(path: Path) -> bool:
 
 
 def _head(path: Path, count: int) -> bytes:
-    """The first bytes of a file; none where it is no file or cannot be read: its reader will say so."""
+    """The first bytes of a file; none where it is no file or cannot be read: its reader will say
+    so."""
     try:
         if not path.is_file():
             return b""
@@ -148,7 +154,8 @@ def _included(path: Path) -> list[Path]:
 
 
 def _category(path: Path, relative: Path) -> str:
-    """What the asset's ``meta.json`` says (PartNet-Mobility), else the folder of assets that it stands in, if that is not the root."""
+    """What the asset's ``meta.json`` says (PartNet-Mobility), else the folder of assets that it
+    stands in, if that is not the root."""
     meta = path / "meta.json"
     try:
         said = json.loads(_head(meta, META_BYTES) or b"{}")
@@ -163,7 +170,9 @@ def entry_of(row: Mapping[str, str], settings: Settings) -> Entry:
     """The entry that a manifest's row came from."""
     key, seed, root = row["object"], int(row["seed"] or -1), Path(settings.root)
     alone = key == root.resolve().name and not (root / key).exists()
-    return Entry(key, row["category"], row["split"], seed, "" if seed >= 0 else "." if alone else key)  # fmt: skip
+    return Entry(
+        key, row["category"], row["split"], seed, "" if seed >= 0 else "." if alone else key
+    )
 
 
 def load_entry(entry: Entry, settings: Settings) -> ArticulatedObject:

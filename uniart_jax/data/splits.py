@@ -5,10 +5,12 @@
     closed   the paper's seven categories: "train" or "test"; other categories are "other"
     open     those seven are "train" or "test"; a category of more than ``MIN_UNSEEN`` objects beside them is "unseen", a smaller one "other"
 
-"test" are the objects of an official list, read from a file that the user has (SINGAPO's or CAGE's), and objects that it does not name are
-"unlisted"; without a list, a tenth by the digest of the object's id: adding objects moves none, and augmented variants stay with their base. The paper names Bottle, Toilet, Chair, Laptop and TrashCan
-among its unseen categories, and "more than 10 objects" as the rule.
-"""
+"test" are the objects of an official list, read from a file that the user has (SINGAPO's or
+CAGE's), and objects that it does not name are "unlisted"; without a list, a tenth by the digest of
+the object's id: adding objects moves none, and augmented variants stay with their base. The paper
+names Bottle, Toilet, Chair, Laptop and TrashCan among its unseen categories, and "more than 10
+objects" as the rule.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -67,18 +69,23 @@ def assign(
             split = "test" if _digest(base_id(entry.key)) % TEST_SHARE == 0 else "train"
         out.append(dataclasses.replace(entry, split=split))
     if listed is not None and not any(entry.split in ("train", "test") for entry in out):
-        raise ValueError(f"split list: it names none of the {len(out)} objects; its names must end in their ids (first object: '{out[0].key}')")  # fmt: skip
+        raise ValueError(
+            f"split list: it names none of the {len(out)} objects; its names must end in their ids "
+            f"(first object: '{out[0].key}')"
+        )
     return out
 
 
 def read_list(path: str | Path) -> tuple[dict[str, str], list[str]]:
     """An official split: object id -> "train" or "test", and what is wrong with it.
 
-    The file is JSON, ``{"train": [name, ...], "test": [name, ...]}``; a name ends in the object's id (``StorageFurniture/45135``), which may be followed by
-    what an augmentation was called. An id in both halves counts as "test", so that nothing tested was trained on.
+    The file is JSON, ``{"train": [name, ...], "test": [name, ...]}``; a name ends in the object's
+    id (``StorageFurniture/45135``), which may be followed by what an augmentation was called. An id
+    in both halves counts as "test", so that nothing tested was trained on.
 
     Returns:
-      (ids, warnings): one warning for ids in both halves and one for test objects that are the base of augmented training entries.
+      (ids, warnings): one warning for ids in both halves and one for test objects that are the base
+        of augmented training entries.
 
     Raises:
       FileNotFoundError, ValueError: no such file, or another kind of file.
@@ -99,7 +106,8 @@ def read_list(path: str | Path) -> tuple[dict[str, str], list[str]]:
             names[half] = found
     if len(names) < 2:
         raise ValueError(
-            f'split list \'{path}\': expected {{"train": [names], "test": [names]}}, as SINGAPO and CAGE write it'
+            f'split list \'{path}\': expected {{"train": [names], "test": [names]}}, as SINGAPO '
+            "and CAGE write it"
         )
     train, test = ({object_id(n) for n in names[half]} for half in ("train", "test"))
     bases = {base for n in names["train"] if (base := base_id(n)) != object_id(n)}
@@ -110,8 +118,8 @@ def read_list(path: str | Path) -> tuple[dict[str, str], list[str]]:
         )
     if leaked := sorted(bases & test):
         warnings.append(
-            f"{len(leaked)} of {len(test)} test ids of '{path}' are the base of augmented training entries: {_some(leaked)}; "
-            "what is trained on those has seen them"
+            f"{len(leaked)} of {len(test)} test ids of '{path}' are the base of augmented training "
+            f"entries: {_some(leaked)}; what is trained on those has seen them"
         )
     return {**dict.fromkeys(train, "train"), **dict.fromkeys(test, "test")}, warnings
 
@@ -122,7 +130,8 @@ def object_id(name: str) -> str:
 
 
 def base_id(name: str) -> str:
-    """The PartNet-Mobility id that an augmented entry was made of: the digits that its id begins with (the id itself where there are none)."""
+    """The PartNet-Mobility id that an augmented entry was made of: the digits that its id begins
+    with (the id itself where there are none)."""
     own = object_id(name)
     digits = re.match(r"\d+", own)
     return digits[0] if digits else own

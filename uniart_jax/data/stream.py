@@ -58,7 +58,8 @@ class Batches:
 
 
 class BatchIterator:
-    """Knows its place exactly: how many batches it has given. A place holds for any number of processes and workers."""
+    """Knows its place exactly: how many batches it has given. A place holds for any number of
+    processes and workers."""
 
     def __init__(self, batches: Batches):
         self._batches, self._number = batches, 0
@@ -85,14 +86,21 @@ class BatchIterator:
         """
         here = self.get_state()
         if not isinstance(state, dict) or set(state) != set(here):
-            raise ValueError("data: the checkpoint's place in the data is of another version of this program; choose another --workdir")  # fmt: skip
+            raise ValueError(
+                "data: the checkpoint's place in the data is of another version of this program; "
+                "choose another --workdir"
+            )
         if state["batch_size"] != here["batch_size"]:
-            raise ValueError(f"data: the checkpoint counts batches of {state['batch_size']} items, the config has {here['batch_size']}; keep batch_size, or choose another --workdir")  # fmt: skip
+            raise ValueError(
+                f"data: the checkpoint counts batches of {state['batch_size']} items, the config "
+                f"has {here['batch_size']}; keep batch_size, or choose another --workdir"
+            )
         self.close()
         self._number = state["batch"]
 
     def close(self) -> None:
-        """End what makes batches ahead (worker processes at once, a thread once its batch is made); the next batch is still the one of this place."""
+        """End what makes batches ahead (worker processes at once, a thread once its batch is made);
+        the next batch is still the one of this place."""
         if self._ahead is not None:
             self._ahead.close()
         self._ahead = None

@@ -1,8 +1,10 @@
-"""Training on some windows of an object: runs of its Morton curve, chosen so that small parts are seen as often as large ones.
+"""Training on some windows of an object: runs of its Morton curve, chosen so that small parts are
+seen as often as large ones.
 
-The UniArt VAE reads a voxel with its neighbours only, so a few whole windows teach it what the whole object would, at a fraction of the
-cost and in one static shape. The windows are those that 'serial' attention cuts (``nn.voxel_plans.serial_ids``), so attention inside them
-is what it is on the whole object.
+The UniArt VAE reads a voxel with its neighbours only, so a few whole windows teach it what the
+whole object would, at a fraction of the cost and in one static shape. The windows are those that
+'serial' attention cuts (``nn.voxel_plans.serial_ids``), so attention inside them is what it is on
+the whole object.
 """
 
 from __future__ import annotations
@@ -17,9 +19,11 @@ from uniart_jax.nn.voxel_plans import morton
 
 
 def choose_windows(record: Record, voxels: int, window: int, rng: np.random.Generator) -> Record:
-    """The record with at most ``voxels`` of its voxels: whole windows of ``window``, drawn without replacement.
+    """The record with at most ``voxels`` of its voxels: whole windows of ``window``, drawn without
+    replacement.
 
-    A window's weight is half its share of the voxels and half its share of the parts, each part counting the same.
+    A window's weight is half its share of the voxels and half its share of the parts, each part
+    counting the same.
     """
     count = len(record.coords)
     if count <= voxels:

@@ -1,18 +1,24 @@
-"""How alike two objects look: PSNR and silhouettes of pictures by our own renderer, the same cameras for both.
+"""How alike two objects look: PSNR and silhouettes of pictures by our own renderer, the same
+cameras for both.
 
 The paper says neither views nor background nor how it treats them; here is what is done:
 
-* nine cameras about the object's box centre at rest, distance 3.5 (the longest side at rest is 1), 40 degrees of view, 112 x 112
-  pixels, one ray a pixel: eight around at azimuths 0 (the front, -x), 45, ... 315 degrees, at elevations of 10 and 30 degrees by turns,
+* nine cameras about the object's box centre at rest, distance 3.5 (the longest side at rest is 1),
+  40 degrees of view, 112 x 112
+  pixels, one ray a pixel: eight around at azimuths 0 (the front, -x), 45, ... 315 degrees, at
+    elevations of 10 and 30 degrees by turns,
   and one from above (azimuth 0, elevation 75). No camera follows what opens;
 * the renderer's fixed light, a white background, colours in sRGB in [0, 1], not rounded to 8 bits;
-* PSNR = -10 log10(mean squared difference over pixels and channels) of each picture, capped at 60 dB (8 bits cannot show less), then
-  the mean over cameras; RS is state 0, AS the mean over ``STATES``;
-* ``*_psnr`` is over whole pictures, as the field has it: white on both sides counts, so small and thin objects score higher, and
-  figures compare across methods but not across objects. ``*_psnr_object`` is over the union of the two silhouettes alone, per picture.
+* PSNR = -10 log10(mean squared difference over pixels and channels) of each picture, capped at 60
+  dB (8 bits cannot show less), then the mean over cameras; RS is state 0, AS the mean over
+  ``STATES``;
+* ``*_psnr`` is over whole pictures, as the field has it: white on both sides counts, so small and
+  thin objects score higher, and figures compare across methods but not across objects.
+  ``*_psnr_object`` is over the union of the two silhouettes alone, per picture.
 
-A missing prediction counts as 0 dB, black against white, below which no picture can fall. An empty picture scores 8 to 28 dB
-on procedural truths (median 17), more than a dark object in the wrong place: with that, failing would pay.
+A missing prediction counts as 0 dB, black against white, below which no picture can fall. An empty
+picture scores 8 to 28 dB on procedural truths (median 17), more than a dark object in the wrong
+place: with that, failing would pay.
 """
 
 from __future__ import annotations
@@ -72,7 +78,8 @@ def measure(pred: ArticulatedObject, ref: ArticulatedObject) -> Figures:
 
 
 def views(obj: ArticulatedObject, q: np.ndarray) -> np.ndarray:
-    """[9, SIZE, SIZE, 4] pictures from ``CAMERAS`` at state q: sRGB over white and the silhouette (0 or 1), float32."""
+    """[9, SIZE, SIZE, 4] pictures from ``CAMERAS`` at state q: sRGB over white and the silhouette
+    (0 or 1), float32."""
     sheet = _Sheet(CAMERAS, SIZE)
     rgba = render(obj, cast(Camera, sheet), sheet.side * SIZE, q, samples=1)
     rgba[..., :3] += 1 - rgba[..., 3:]  # a ray hits or not, and colour is 0 where it does not
@@ -80,10 +87,12 @@ def views(obj: ArticulatedObject, q: np.ndarray) -> np.ndarray:
 
 
 def compare(pred: np.ndarray, ref: np.ndarray) -> tuple[float, float, float]:
-    """(PSNR of whole pictures, PSNR over the union of silhouettes, IoU of silhouettes), means over pictures.
+    """(PSNR of whole pictures, PSNR over the union of silhouettes, IoU of silhouettes), means over
+    pictures.
 
     Args:
-      pred, ref: [n, h, w, 4] as ``views`` gives them. A picture that shows neither object has no silhouette to compare.
+      pred, ref: [n, h, w, 4] as ``views`` gives them. A picture that shows neither object has no
+        silhouette to compare.
     """
     one, other = pred[..., 3] > 0, ref[..., 3] > 0
     union = one | other
@@ -97,7 +106,8 @@ def compare(pred: np.ndarray, ref: np.ndarray) -> tuple[float, float, float]:
 
 
 def psnr(a: np.ndarray, b: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
-    """[n] peak signal-to-noise ratio of pictures [n, h, w, 3] in [0, 1], dB, at most ``CAP``; over the pixels in ``mask`` [n, h, w]."""
+    """[n] peak signal-to-noise ratio of pictures [n, h, w, 3] in [0, 1], dB, at most ``CAP``; over
+    the pixels in ``mask`` [n, h, w]."""
     error = np.square(a.astype(np.float64) - b).mean(-1)
     counted = np.ones(error.shape, bool) if mask is None else mask
     mean = (error * counted).sum((1, 2)) / counted.sum((1, 2))
@@ -106,7 +116,8 @@ def psnr(a: np.ndarray, b: np.ndarray, mask: np.ndarray | None = None) -> np.nda
 
 @dataclasses.dataclass(frozen=True)
 class _Sheet:
-    """Several cameras as one, their pictures side by side in a square: the renderer sorts the triangles once, not once a view.
+    """Several cameras as one, their pictures side by side in a square: the renderer sorts the
+    triangles once, not once a view.
 
     It has what ``render`` asks of a camera: ``position``, here one for each pixel, and ``rays``.
     """

@@ -1,15 +1,20 @@
-"""Are the parts there, do they move, and the right way: parts, joints and tree of a prediction against the reference.
+"""Are the parts there, do they move, and the right way: parts, joints and tree of a prediction
+against the reference.
 
-Parts are matched one to one by their boxes at rest (Hungarian, ``parts.match_parts``). A part is **matched** if its match is within
-``parts.FOUND``, and a **joint pair** is a moving reference part, matched, whose match has the same joint type. Two rules for all figures:
+Parts are matched one to one by their boxes at rest (Hungarian, ``parts.match_parts``). A part is
+**matched** if its match is within ``parts.FOUND``, and a **joint pair** is a moving reference part,
+matched, whose match has the same joint type. Two rules for all figures:
 
-* A missing part is 0 in every share of the reference's parts (recall, edges, parts right, part IoU). Axis, pivot and range are means
-  over the joint pairs, so they say how good the joints are that were found; read them beside recall and types.
-* NaN means that the *reference* has nothing to compare: it has no moving part (types, joints), no axis with a place (pivots), no edge. Where
-  it has, and no pair of the prediction qualifies, the figure is ``Metric.worst``: nobody gains by failing on a whole object.
+* A missing part is 0 in every share of the reference's parts (recall, edges, parts right, part
+  IoU). Axis, pivot and range are means over the joint pairs, so they say how good the joints are
+  that were found; read them beside recall and types.
+* NaN means that the *reference* has nothing to compare: it has no moving part (types, joints), no
+  axis with a place (pivots), no edge. Where it has, and no pair of the prediction qualifies, the
+  figure is ``Metric.worst``: nobody gains by failing on a whole object.
 
-Directions carry a sign: the axis angle is between the ways in which the two parts *open*, so a door that opens inwards is 180 degrees off.
-A screw that turns or travels the wrong way, opposite handedness included, is above 90; a joint that turns for ever has no wrong way.
+Directions carry a sign: the axis angle is between the ways in which the two parts *open*, so a door
+that opens inwards is 180 degrees off. A screw that turns or travels the wrong way, opposite
+handedness included, is above 90; a joint that turns for ever has no wrong way.
 """
 
 from __future__ import annotations
@@ -24,50 +29,59 @@ from uniart_jax.evaluation.parts import FOUND, PartScores, compare_parts
 from uniart_jax.objects.object import ArticulatedObject
 
 MISSING, SURPLUS = "missing", "surplus"
-# Noise over seeds, procedural objects moved and resized by 6 %: .012 a part, .008 an object (median; at most .026, .016). 40 ms a part.
+# Noise over seeds, procedural objects moved and resized by 6 %: .012 a part, .008 an object
+# (median; at most .026, .016). 40 ms a part.
 OVERLAP_POINTS = 3_000
 
 METRICS: dict[str, Metric] = {
-    "part_count": Metric("count", "higher", 0.0, "1 if there are as many parts as in the reference"),
+    "part_count": Metric("count", "higher", 0.0, "1 if there are as many parts as in the reference"),  # noqa: E501
     "part_recall": Metric(
-        "recall", "higher", 0.0, f"share of the reference's parts with a predicted part whose box is within {FOUND}"
+        "recall", "higher", 0.0, f"share of the reference's parts with a predicted part whose box is within {FOUND}"  # noqa: E501
     ),
     "part_precision": Metric(
-        "precision", "higher", 0.0, f"share of the predicted parts with a reference part whose box is within {FOUND}"
+        "precision", "higher", 0.0, f"share of the predicted parts with a reference part whose box is within {FOUND}"  # noqa: E501
     ),
     "type_accuracy": Metric(
-        "type", "higher", 0.0, "share of right joint types over matched parts of which one or both move (fixed, revolute, continuous, prismatic, screw)"
+        "type", "higher", 0.0, "share of right joint types over matched parts of which one or both move (fixed, "  # noqa: E501
+            "revolute, continuous, prismatic, screw)"
     ),
     "axis_median": Metric(
-        "axis (deg)", "lower", 180.0, "signed axis angle, degrees, median over the joint pairs; above 90 the part opens the wrong way"
+        "axis (deg)", "lower", 180.0, "signed axis angle, degrees, median over the joint pairs; above 90 the part opens the "  # noqa: E501
+            "wrong way"
     ),
     "axis_mean": Metric(
-        "axis mean", "lower", 180.0, "signed axis angle, degrees, mean over the joint pairs; above 90 the part opens the wrong way"
+        "axis mean", "lower", 180.0, "signed axis angle, degrees, mean over the joint pairs; above 90 the part opens the "  # noqa: E501
+            "wrong way"
     ),
-    "wrong_way": Metric("wrong way", "lower", 1.0, "share of the joint pairs that open the wrong way"),
+    "wrong_way": Metric("wrong way", "lower", 1.0, "share of the joint pairs that open the wrong way"),  # noqa: E501
     "pivot": Metric(
-        "pivot", "lower", 1.0, "distance between the axes as infinite lines, share of the longest side, mean over joint pairs that turn; "
-        "at most 1, and 0 for lines that cross anywhere"
+        "pivot", "lower", 1.0, "distance between the axes as infinite lines, share of the longest side, mean over "  # noqa: E501
+            "joint pairs that turn; at most 1, and 0 for lines that cross anywhere"
     ),
     "pivot_at_part": Metric(
-        "pivot at part", "lower", 1.0, "distance of the predicted axis from the point of the true axis nearest to the part's centre, "
-        "share of the longest side, mean over joint pairs that turn; at most 1"
+        "pivot at part", "lower", 1.0, "distance of the predicted axis from the point of the true axis nearest to the part's "  # noqa: E501
+            "centre, share of the longest side, mean over joint pairs that turn; at most 1"
     ),
     "range_iou": Metric(
-        "range IoU", "higher", 0.0, "overlap of the ranges of motion, mean over the joint pairs; of a screw the lesser of its turn's and its travel's"
+        "range IoU", "higher", 0.0, "overlap of the ranges of motion, mean over the joint pairs; of a screw the lesser of "  # noqa: E501
+            "its turn's and its travel's"
     ),
     "tree_edges": Metric(
-        "edges", "higher", 0.0, "share of the reference's edges child -> parent, both ends matched and the joint type right"
+        "edges", "higher", 0.0, "share of the reference's edges child -> parent, both ends matched and the joint type "  # noqa: E501
+            "right"
     ),
     "tree_exact": Metric(
-        "tree", "higher", 0.0, "1 if the labelled tree is the reference's: same count, every part matched, every edge and type right"
+        "tree", "higher", 0.0, "1 if the labelled tree is the reference's: same count, every part matched, every "  # noqa: E501
+            "edge and type right"
     ),
     "parts_right": Metric(
-        "parts right", "higher", 0.0, "share of the moving parts with box (.1), type, signed axis (10 degrees) and place of the axis (.05) right"
+        "parts right", "higher", 0.0, "share of the moving parts with box (.1), type, signed axis (10 degrees) and place of "  # noqa: E501
+            "the axis (.05) right"
     ),
-    "all_right": Metric("all right", "higher", 0.0, "1 if every part is right, fixed ones too, and none is surplus"),
+    "all_right": Metric("all right", "higher", 0.0, "1 if every part is right, fixed ones too, and none is surplus"),  # noqa: E501
     "part_iou": Metric(
-        "part IoU", "higher", 0.0, f"volumetric overlap of each reference part with its match at rest, mean over parts; {OVERLAP_POINTS:,} points, noise .008"
+        "part IoU", "higher", 0.0, "volumetric overlap of each reference part with its match at rest, mean over parts; "  # noqa: E501
+            f"{OVERLAP_POINTS:,} points, noise .008"
     ),
 }  # fmt: skip
 
@@ -112,8 +126,9 @@ def measure(pred: ArticulatedObject, ref: ArticulatedObject) -> Figures:
 def confusion(pred: ArticulatedObject, ref: ArticulatedObject) -> dict[tuple[str, str], int]:
     """How often which joint type was taken for which: (reference's, prediction's) -> parts.
 
-    All parts count, the root as "fixed". A reference part without a match is (type, "missing"), a predicted part that is nobody's match
-    ("surplus", type); so a row sums to the reference's parts of that type and a column to the prediction's.
+    All parts count, the root as "fixed". A reference part without a match is (type, "missing"), a
+    predicted part that is nobody's match ("surplus", type); so a row sums to the reference's parts
+    of that type and a column to the prediction's.
     """
     scores = compare_parts(pred, ref)
     table: Counter[tuple[str, str]] = Counter()
@@ -130,20 +145,23 @@ def confusion(pred: ArticulatedObject, ref: ArticulatedObject) -> dict[tuple[str
 
 
 def _types_right(pred: ArticulatedObject, scores: PartScores) -> np.ndarray:
-    """[n] whether the type is right, of the matched parts of which one or both move: motion that is made up counts as wrong."""
+    """[n] whether the type is right, of the matched parts of which one or both move: motion that is
+    made up counts as wrong."""
     moves = np.array([p.joint.type != "fixed" for p in pred.parts])
     return scores.type_right[scores.matched & (scores.moving | moves[scores.match])]
 
 
 def _edges_right(pred: ArticulatedObject, ref: ArticulatedObject, scores: PartScores) -> np.ndarray:
-    """[K - 1] whether the prediction has the reference's edge child -> parent, its joint type included."""
+    """[K - 1] whether the prediction has the reference's edge child -> parent, its joint type
+    included."""
     parents = np.array(ref.parents)
     right = scores.found & scores.parent_right & scores.matched[parents]
     return right[parents >= 0]
 
 
 def _overlaps(pred: ArticulatedObject, ref: ArticulatedObject, match: np.ndarray) -> np.ndarray:
-    """[n] IoU of the reference's parts that have an inside with their matches, 0 without; open sheets have none and are left out."""
+    """[n] IoU of the reference's parts that have an inside with their matches, 0 without; open
+    sheets have none and are left out."""
     overlaps = []
     for part, m in zip(ref.parts, match, strict=True):
         iou = mesh_iou(pred.parts[m].mesh, part.mesh, OVERLAP_POINTS) if m >= 0 else 0.0

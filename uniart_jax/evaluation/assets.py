@@ -1,4 +1,5 @@
-"""Real assets through the voxels and back, without any network: what the representation can hold of them, by category and resolution."""
+"""Real assets through the voxels and back, without any network: what the representation can hold of
+them, by category and resolution."""
 
 from __future__ import annotations
 
@@ -47,12 +48,15 @@ def evaluate_assets(
     count: int | None = None,
     processes: int = 1,
 ) -> dict[str, Any]:
-    """Round trip of every asset below ``root``. Writes ``metrics.json`` (every object) and ``table.md`` (every category).
+    """Round trip of every asset below ``root``. Writes ``metrics.json`` (every object) and
+    ``table.md`` (every category).
 
     Raises:
       FileNotFoundError: no assets. ValueError: none of them came through.
     """
-    settings = Settings("urdf", root=str(root), allow_outside=allow_outside, subdivisions=subdivisions)  # fmt: skip
+    settings = Settings(
+        "urdf", root=str(root), allow_outside=allow_outside, subdivisions=subdivisions
+    )
     entries = find_entries(root, "urdf")[:count]
     trip = functools.partial(_round_trip, settings, tuple(resolutions))
     made = each(processes, trip, entries, 2 * processes, lambda e: "its worker process died")
@@ -60,7 +64,9 @@ def evaluate_assets(
     good = [(e, r) for e, r in zip(entries, results, strict=True) if not isinstance(r, str)]
     bad = {e.key: r for e, r in zip(entries, results, strict=True) if isinstance(r, str)}
     if not good:
-        raise ValueError(f"'{root}': no asset came through, the first because: {next(iter(bad.values()))}")  # fmt: skip
+        raise ValueError(
+            f"'{root}': no asset came through, the first because: {next(iter(bad.values()))}"
+        )
     groups: dict[str, list[Scores]] = collections.defaultdict(list)
     for entry, scores in good:
         groups[entry.category or "-"].append(scores)
@@ -80,13 +86,16 @@ def evaluate_assets(
     (out / "table.md").write_text(table(rows) + "\n")
     print(table(rows))
     if bad:
-        kinds = "; ".join(f"{n} {kind}" for kind, n in error_kinds([{"error": e} for e in bad.values()]))  # fmt: skip
+        kinds = "; ".join(
+            f"{n} {kind}" for kind, n in error_kinds([{"error": e} for e in bad.values()])
+        )
         console.print(f"{len(bad)} of {len(entries)} assets did not come through: {kinds}")
     return content
 
 
 def table(rows: dict[str, dict[str, float]]) -> str:
-    """Markdown: a line a category and resolution; "-" where nothing is measured (no joint of the kind)."""
+    """Markdown: a line a category and resolution; "-" where nothing is measured (no joint of the
+    kind)."""
     lines = ["| category, R | objects | " + " | ".join(COLUMNS.values()) + " |"]
     lines.append("|" + "---|" * (len(COLUMNS) + 2))
     for name, row in rows.items():

@@ -1,4 +1,5 @@
-"""A checkpoint beside everything it should be compared with, all on one split of held-out procedural objects.
+"""A checkpoint beside everything it should be compared with, all on one split of held-out
+procedural objects.
 
     model                      image -> object
     nearest_image              image -> the object of the training record whose image is nearest (needs the records)
@@ -8,9 +9,9 @@
     rest_only, mirrored        controls: the truth with a planted mistake (``evaluation.controls``)
 
 With a library of assets its parts take the place of procedural ones in both ``retrieval_…``.
-``nearest_image`` is a record's object, assembled from its voxels as the model's is. What networks make is kept as assets and made once;
-all else is a function of them and of the split.
-"""
+``nearest_image`` is a record's object, assembled from its voxels as the model's is. What networks
+make is kept as assets and made once; all else is a function of them and of the split.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -63,7 +64,8 @@ def evaluate_baselines(
     openshape: Path | None = None,
     processes: int = 1,
 ) -> dict[str, Any]:
-    """All methods against the truth, every figure: ``compare`` of ``baseline_methods``. Goes on where it was stopped.
+    """All methods against the truth, every figure: ``compare`` of ``baseline_methods``. Goes on
+    where it was stopped.
 
     Args:
       openshape: OpenShape's converted weights, as ``compare`` takes them.
@@ -90,12 +92,14 @@ def baseline_methods(
     unseen: bool = False,
     processes: int = 1,
 ) -> tuple[dict[str, Objects], Objects]:
-    """Every method's objects, and the references, by name (``0003-dishwasher``). Goes on where it was stopped.
+    """Every method's objects, and the references, by name (``0003-dishwasher``). Goes on where it
+    was stopped.
 
     Args:
       checkpoint: as for ``pipeline.load``.
-      out: a folder; ``objects/<method>/<name>/`` are the assets of ``model`` and ``nearest_image``, and ``<name>.json`` says why there is
-        none. A name that a method lacks is a failure of the method.
+      out: a folder; ``objects/<method>/<name>/`` are the assets of ``model`` and ``nearest_image``,
+        and ``<name>.json`` says why there is none. A name that a method lacks is a failure of the
+        method.
       records: what the checkpoint was trained on; None = no ``nearest_image``.
       library: of ``library.find_assets``; none = no ``nearest_asset``, parts of procedural objects.
       count: held-out objects, of the families that are never trained on if ``unseen``.
@@ -164,7 +168,8 @@ def make_assets(
     """What networks make of the images: ``folder/model/<name>`` and, given records,
     ``folder/nearest_image/<name>``, where it is missing; given a library, which asset is nearest.
 
-    Networks run in this process, ``processes`` others draw images and write assets. Returns the model's settings.
+    Networks run in this process, ``processes`` others draw images and write assets. Returns the
+    model's settings.
     """
     pipeline = load(checkpoint)
     model = pipeline.config.model
@@ -223,7 +228,8 @@ def object_name(index: int, families: Sequence[str]) -> str:
 
 
 def _truth(index: int, unseen: bool, model: ModelConfig) -> tuple[str, ArticulatedObject]:
-    """Its longest side 1, as all that is made from images: no image tells a size, and SINGAPO's figures would count it."""
+    """Its longest side 1, as all that is made from images: no image tells a size, and SINGAPO's
+    figures would count it."""
     test = held_out_for(model, index, unseen)
     obj = dataclasses.replace(at_rest(test.obj), scale=1.0)
     return object_name(index, split_families(unseen)), obj

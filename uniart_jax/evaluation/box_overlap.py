@@ -2,10 +2,11 @@
 
     IoU = |A & B| / |A | B|,    gIoU = IoU - (|C| - |A | B|) / |C|                                    (1)
 
-with C a box around both (Rezatofighi et al., "Generalized Intersection over Union", CVPR 2019). A box is [6], centre and size, in its own
-part's frame; ``a_to_b`` [4, 4] carries a's frame to b's. All leading shapes broadcast. The sampled share is what SINGAPO's code
-computes; the exact one is a boolean of two convex solids (manifold3d).
-"""
+with C a box around both (Rezatofighi et al., "Generalized Intersection over Union", CVPR 2019). A
+box is [6], centre and size, in its own part's frame; ``a_to_b`` [4, 4] carries a's frame to b's.
+All leading shapes broadcast. The sampled share is what SINGAPO's code computes; the exact one is a
+boolean of two convex solids (manifold3d).
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -35,7 +36,8 @@ def aligned_intersection(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def aligned_enclosure(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """[...] volume of the smallest axis-aligned box around axis-aligned boxes [..., 6] of one frame."""
+    """[...] volume of the smallest axis-aligned box around axis-aligned boxes [..., 6] of one
+    frame."""
     lo = np.minimum(a[..., :3] - a[..., 3:] / 2, b[..., :3] - b[..., 3:] / 2)
     hi = np.maximum(a[..., :3] + a[..., 3:] / 2, b[..., :3] + b[..., 3:] / 2)
     return np.prod(hi - lo, -1)
@@ -44,7 +46,8 @@ def aligned_enclosure(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def moving_enclosure(a: np.ndarray, b: np.ndarray, a_to_b: np.ndarray) -> np.ndarray:
     """[...] volume of a box around both as they stand: aligned with a or with b, the smaller.
 
-    It is the box itself where a and b are the same, however they are turned; a box aligned with the world would not be.
+    It is the box itself where a and b are the same, however they are turned; a box aligned with the
+    world would not be.
     """
     in_b = aligned_enclosure(box_around(a, a_to_b), b)
     in_a = aligned_enclosure(a, box_around(b, np.linalg.inv(a_to_b)))
@@ -60,7 +63,8 @@ def iou(shared: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def generalized_iou(
     shared: np.ndarray, a: np.ndarray, b: np.ndarray, enclosure: np.ndarray
 ) -> np.ndarray:
-    """[...] equation (1) for boxes [..., 6] that share the volume [...]; a union without volume counts as IoU 0."""
+    """[...] equation (1) for boxes [..., 6] that share the volume [...]; a union without volume
+    counts as IoU 0."""
     union = volumes(a) + volumes(b) - shared
     gap = np.divide(
         enclosure - union, enclosure, out=np.zeros(np.shape(union)), where=enclosure > 0
@@ -76,7 +80,8 @@ def exact_intersection(a: np.ndarray, b: np.ndarray, a_to_b: np.ndarray) -> np.n
         aligned_intersection(around, b),
         aligned_intersection(a, box_around(b, np.linalg.inv(a_to_b))),
     )
-    # A turn by quarters keeps boxes aligned: what the two share is what the boxes around them share.
+    # A turn by quarters keeps boxes aligned: what the two share is what the boxes around them
+    # share.
     turned = np.abs(a_to_b[..., :3, :3])
     oblique = np.any((turned > 1e-9) & (turned < 1 - 1e-9), (-1, -2)) & (shared > 0)
     for index in np.argwhere(oblique):
@@ -93,7 +98,8 @@ def _solid(box: np.ndarray) -> manifold3d.Manifold:
 def sampled_intersection(
     a: np.ndarray, b: np.ndarray, a_to_b: np.ndarray, number: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """[...] volume that boxes [..., 6] share, estimated as SINGAPO does: ``number`` points in each, counted in the other, averaged.
+    """[...] volume that boxes [..., 6] share, estimated as SINGAPO does: ``number`` points in each,
+    counted in the other, averaged.
 
     Pairs that stand clear of each other are not sampled: their count is 0 for certain.
     """
@@ -120,7 +126,8 @@ def _share_inside(
     a: np.ndarray, b: np.ndarray, a_to_b: np.ndarray, number: int, rng: np.random.Generator
 ) -> np.ndarray:
     """[P] share of ``number`` points uniform in a [P, 6] that lie in b [P, 6]."""
-    # One map carries the unit cube of a to that of b, so that a point is inside where no coordinate is beyond a half.
+    # One map carries the unit cube of a to that of b, so that a point is inside where no coordinate
+    # is beyond a half.
     linear = a_to_b[:, :3, :3] * a[:, None, 3:] / b[:, 3:, None]
     shift = (box_around(a, a_to_b)[:, :3] - b[:, :3]) / b[:, 3:]
     points = rng.random((len(a), 3, number), dtype=np.float32) - np.float32(0.5)

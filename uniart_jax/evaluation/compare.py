@@ -1,14 +1,17 @@
-"""Predictions against references: every family of figures over every object, for one method or several. ``uniart evaluate PRED REF``.
+"""Predictions against references: every family of figures over every object, for one method or
+several. ``uniart evaluate PRED REF``.
 
     OUT/metrics.json    {"methods": {method: {"rows", "categories", "sets", "objects", "failures", "drawn", "uncolored", "confusion"}},
-                        "differences": {"to": the first method, "methods": {each other: rows}}, "metrics", "groups", "settings"}
+                        "differences": {"to": the first method, "methods": {each other: rows}},
+                          "metrics", "groups", "settings"}
     OUT/table.md        a table a family of figures, a line a method
     OUT/report.html     the same for people: distributions, and pictures of the worst
     OUT/results/<method>/<name>/<sample>.json     one prediction's figures, written when they are there
 
-Work that was stopped goes on with the same command: a result is taken as it is if its prediction and its reference have not changed. A bad
-prediction is a failure that counts with the worst values; a bad reference is an error, since nothing can be held against it.
-"""
+Work that was stopped goes on with the same command: a result is taken as it is if its prediction
+and its reference have not changed. A bad prediction is a failure that counts with the worst values;
+a bad reference is an error, since nothing can be held against it.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -90,10 +93,12 @@ def compare(
     ref_front: str = "-x",
     families: Mapping[str, str] = FAMILIES,
 ) -> dict[str, Any]:
-    """Hold each method's predictions against the references; writes what the module's head lists and prints a table.
+    """Hold each method's predictions against the references; writes what the module's head lists
+    and prints a table.
 
     Args:
-      methods: name -> folder of assets, or {object: object or several, as files, in memory, or functions that make them}.
+      methods: name -> folder of assets, or {object: object or several, as files, in memory, or
+        functions that make them}.
       reference: folder of assets, or {object: the same}.
       only: families of figures; default all, "openshape" where its weights are given.
       samples: how several samples of an object become one figure (``summary``).
@@ -108,23 +113,34 @@ def compare(
       What ``metrics.json`` holds, with NaN where that has null.
 
     Raises:
-      FileNotFoundError: a folder that is not there or holds nothing. ValueError: no name in common, a reference that cannot be used, results
-        of something else in ``out``, figures that cannot be had.
+      FileNotFoundError: a folder that is not there or holds nothing. ValueError: no name in common,
+        a reference that cannot be used, results of something else in ``out``, figures that cannot
+        be had.
     """
     out = Path(out)
     check_front(front, "evaluate: front")
     check_front(ref_front, "evaluate: ref-front")
     groups, metrics = _metrics(only, openshape, families)
     if samples == "best" and "pose_error" not in groups:
-        raise ValueError("evaluate: the best sample is the one with the smallest pose error: add pose_error to --only")  # fmt: skip
+        raise ValueError(
+            "evaluate: the best sample is the one with the smallest pose error: add pose_error to "
+            "--only"
+        )
     references = find_references(reference, allow_outside=allow_outside)
     sets = read_sets(reference, list(references)) if isinstance(reference, Path) else {}
     pairs: dict[str, list[Pair]] = {}
     for method, predictions in methods.items():
         pairs[method], surplus = find_pairs(predictions, references, allow_outside=allow_outside)
         if surplus:
-            console.print(f"{method}: {len(surplus)} without a reference are left out: {', '.join(surplus[:5])}{', ...' if len(surplus) > 5 else ''}", markup=False)  # fmt: skip
-    check_out(out, [*references.values(), *(x for found in pairs.values() for p in found for x in p.samples)])  # fmt: skip
+            console.print(
+                f"{method}: {len(surplus)} without a reference are left out: "
+                f"{', '.join(surplus[:5])}{', ...' if len(surplus) > 5 else ''}",
+                markup=False,
+            )
+    check_out(
+        out,
+        [*references.values(), *(x for found in pairs.values() for p in found for x in p.samples)],
+    )
     settings = {
         "reference": _said(reference),
         "methods": {method: _said(p) for method, p in methods.items()},
@@ -196,7 +212,9 @@ def _metrics(
     if only is None:
         only = [name for name in known if name != "openshape" or openshape]
     if unknown := [name for name in only if name not in known]:
-        raise ValueError(f"evaluate: no figures are called '{unknown[0]}'; there are {', '.join(known)}")  # fmt: skip
+        raise ValueError(
+            f"evaluate: no figures are called '{unknown[0]}'; there are {', '.join(known)}"
+        )
     if "openshape" in only and openshape is None:
         raise ValueError("evaluate: the figures 'openshape' need weights: --openshape WEIGHTS")
     if "openshape" in only:
@@ -206,7 +224,9 @@ def _metrics(
     for name in (n for n in known if n in only):
         module = kept_checks if name == PHYSICS else family_module(name, families)
         if repeated := set(metrics) & set(module.METRICS):
-            raise ValueError(f"evaluate: two families have a figure '{min(repeated)}', one is {name}")  # fmt: skip
+            raise ValueError(
+                f"evaluate: two families have a figure '{min(repeated)}', one is {name}"
+            )
         groups[name] = list(module.METRICS)
         metrics |= module.METRICS
     if not metrics:
@@ -280,7 +300,8 @@ def _run(setup: Setup, trials: Sequence[Trial], processes: int) -> Results:
 
 
 def _with_known(results: Results) -> Results:
-    """Results of workers that died, with what other results of the object tell of its truth: category, parts to be found, figures that nothing can have."""
+    """Results of workers that died, with what other results of the object tell of its truth:
+    category, parts to be found, figures that nothing can have."""
     known: dict[str, list[dict[str, Any]]] = {}
     for (_, name, _), result in results.items():
         if result["failure"] != DIED:
@@ -290,8 +311,15 @@ def _with_known(results: Results) -> Results:
         others = known.get(key[1], [])
         if result["failure"] == DIED and others:
             confusion = next((o["confusion"] for o in others if o["confusion"]), {})
-            missing = {kind: {MISSING: sum(row.values())} for kind, row in confusion.items() if kind != SURPLUS}  # fmt: skip
-            lacking = [{k for k, v in o["figures"].items() if v is None} | {*o["inapplicable"]} for o in others]  # fmt: skip
+            missing = {
+                kind: {MISSING: sum(row.values())}
+                for kind, row in confusion.items()
+                if kind != SURPLUS
+            }
+            lacking = [
+                {k for k, v in o["figures"].items() if v is None} | {*o["inapplicable"]}
+                for o in others
+            ]
             result = result | {
                 "category": others[0]["category"],
                 "confusion": missing,
@@ -356,7 +384,8 @@ def _load_pair(
     """Prediction and reference to be drawn: of several samples that which ``drawn`` names.
 
     Raises:
-      ValueError: there is no such prediction, or it could not be read: it is not tried again, here nothing would stop it.
+      ValueError: there is no such prediction, or it could not be read: it is not tried again, here
+        nothing would stop it.
     """
     same = [t for t in trials if (t.method, t.reference.name) == (method, name)]
     called = methods[method]["drawn"].get(name)

@@ -1,7 +1,9 @@
-"""The truth with one planted mistake: what a figure says of these tells whether it sees the mistake.
+"""The truth with one planted mistake: what a figure says of these tells whether it sees the
+mistake.
 
-Every control is a function of an object. It shows the object at rest, in its own units (``metric.resting``), and leaves the geometry there as it is, except ``missing_part``;
-so a figure of the rest state must call all others perfect, and a figure of articulated states must not.
+Every control is a function of an object. It shows the object at rest, in its own units
+(``metric.resting``), and leaves the geometry there as it is, except ``missing_part``; so a figure
+of the rest state must call all others perfect, and a figure of articulated states must not.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ from uniart_jax.evaluation.metric import resting
 from uniart_jax.objects.kinematics import Joint, subtrees
 from uniart_jax.objects.object import ArticulatedObject, Part
 
-AT_A_SIDE = 0.25  # of the part's width, from its centre: a hinge nearer the middle (a knob's) has no other side
+# of the part's width, from its centre: a hinge nearer the middle (a knob's) has no other side
+AT_A_SIDE = 0.25
 
 
 def exact(obj: ArticulatedObject) -> ArticulatedObject:
@@ -29,7 +32,8 @@ def rest_only(obj: ArticulatedObject) -> ArticulatedObject:
 
 
 def mirrored(obj: ArticulatedObject) -> ArticulatedObject:
-    """Every motion reversed about rest: doors open inwards, drawers go in; what turns for ever has no wrong way. Twice: the truth."""
+    """Every motion reversed about rest: doors open inwards, drawers go in; what turns for ever has
+    no wrong way. Twice: the truth."""
     return _with_joints(obj, _reversed)
 
 
@@ -46,12 +50,14 @@ def half_range(obj: ArticulatedObject) -> ArticulatedObject:
 
 
 def wrong_hinge_side(obj: ArticulatedObject) -> ArticulatedObject:
-    """Every hinge at the part's other side, the part still opening the same way; axes through its middle (``AT_A_SIDE``) stay."""
+    """Every hinge at the part's other side, the part still opening the same way; axes through its
+    middle (``AT_A_SIDE``) stay."""
     return _with_joints(obj, _other_side)
 
 
 def missing_part(obj: ArticulatedObject) -> ArticulatedObject:
-    """Without the moving part that has the largest box's diagonal, and all that hangs on it; as it was where nothing moves."""
+    """Without the moving part that has the largest box's diagonal, and all that hangs on it; as it
+    was where nothing moves."""
     obj = resting(obj)
     moving = [k for k, part in enumerate(obj.parts) if part.joint.type != "fixed"]
     if not moving:
@@ -107,7 +113,8 @@ def _halved(part: Part) -> Joint:
 
 
 def _other_side(part: Part) -> Joint:
-    """Mirrored in the plane through the box's centre from which the axis is farthest: a mirror turns the rotation round with it."""
+    """Mirrored in the plane through the box's centre from which the axis is farthest: a mirror
+    turns the rotation round with it."""
     joint, center, size = part.joint, part.box[:3], part.box[3:]
     if joint.type != "revolute":
         return joint

@@ -1,4 +1,5 @@
-"""Distances between shapes: Chamfer distance of surfaces and volumetric overlap of parts. Object units, longest side 1."""
+"""Distances between shapes: Chamfer distance of surfaces and volumetric overlap of parts. Object
+units, longest side 1."""
 
 from __future__ import annotations
 
@@ -17,7 +18,8 @@ VOLUME_POINTS = 20_000
 def surface_points(
     mesh: trimesh.Trimesh, number: int = SURFACE_POINTS, seed: int = 0
 ) -> np.ndarray:
-    """[number, 3] points uniform on the surface, deterministic by seed; of a mesh without area, uniform over its faces."""
+    """[number, 3] points uniform on the surface, deterministic by seed; of a mesh without area,
+    uniform over its faces."""
     weight = mesh.area_faces if mesh.area > 0 else np.ones(len(mesh.faces))
     points, _ = trimesh.sample.sample_surface(mesh, number, face_weight=weight, seed=seed)
     return np.asarray(points)
@@ -29,7 +31,8 @@ def object_chamfer(
     predicted_q: np.ndarray | None = None,
     reference_q: np.ndarray | None = None,
 ) -> float:
-    """Chamfer distance of two objects' whole surfaces, each at its own joint state (default: shown)."""
+    """Chamfer distance of two objects' whole surfaces, each at its own joint state (default:
+    shown)."""
     points = (
         surface_points(predicted.mesh(predicted_q), seed=0),
         surface_points(reference.mesh(reference_q), seed=1),
@@ -38,7 +41,8 @@ def object_chamfer(
 
 
 def outer_chamfer(predicted: ArticulatedObject, reference: ArticulatedObject) -> float:
-    """Chamfer distance of the surfaces that can be seen from outside (at least one of 64 directions is free)."""
+    """Chamfer distance of the surfaces that can be seen from outside (at least one of 64 directions
+    is free)."""
     return float(chamfer(_visible_points(predicted, 0), _visible_points(reference, 1)))
 
 
@@ -62,7 +66,8 @@ def _visible_points(obj: ArticulatedObject, seed: int) -> np.ndarray:
 def mesh_iou(
     a: trimesh.Trimesh, b: trimesh.Trimesh, number: int = VOLUME_POINTS, seed: int = 0
 ) -> float:
-    """Volumetric overlap by winding number at ``number`` points uniform in the union of the two boxes."""
+    """Volumetric overlap by winding number at ``number`` points uniform in the union of the two
+    boxes."""
     lo, hi = np.minimum(a.bounds[0], b.bounds[0]), np.maximum(a.bounds[1], b.bounds[1])
     points = np.random.default_rng(seed).uniform(lo, hi, (number, 3))
     inside = [

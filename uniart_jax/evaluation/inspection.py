@@ -1,4 +1,5 @@
-"""One training record as a picture: what networks see of it, what its voxels say, and every joint by name and number."""
+"""One training record as a picture: what networks see of it, what its voxels say, and every joint
+by name and number."""
 
 from __future__ import annotations
 
@@ -48,7 +49,8 @@ def part_lines(record: Record) -> list[str]:
 
 
 def draw_record(record: Record, obj: ArticulatedObject | None = None) -> Image.Image:
-    """Views in the first row; shown, rest and open states with axes in the second; the parts in their colours below.
+    """Views in the first row; shown, rest and open states with axes in the second; the parts in
+    their colours below.
 
     Args:
       obj: the record's object, if it is assembled already.
@@ -66,7 +68,10 @@ def draw_record(record: Record, obj: ArticulatedObject | None = None) -> Image.I
     width = TILE * max(len(views), len(tiles))
     sheet = Image.new("RGB", (width, 2 * (TILE + LINE) + LINE * (len(lines) + 2)), "white")
     draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(size=13)
-    title = f"{record.meta.get('id', '')}: {len(record.coords)} voxels at {record.resolution}, {len(lines)} parts"
+    title = (
+        f"{record.meta.get('id', '')}: {len(record.coords)} voxels at {record.resolution}, "
+        f"{len(lines)} parts"
+    )
     draw.text((6, 2), title, fill=INK, font=font)
     for i, view in enumerate(views):
         sheet.paste(view.resize((TILE, TILE), Image.Resampling.BICUBIC), (i * TILE, LINE))

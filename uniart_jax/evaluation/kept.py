@@ -1,4 +1,5 @@
-"""Results that stay: long work that was stopped goes on in the same folder, and never with results of other settings."""
+"""Results that stay: long work that was stopped goes on in the same folder, and never with results
+of other settings."""
 
 from __future__ import annotations
 

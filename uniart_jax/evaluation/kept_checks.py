@@ -1,8 +1,10 @@
-"""What physics engines said of an asset when it was validated: read from its own files, never run here.
+"""What physics engines said of an asset when it was validated: read from its own files, never run
+here.
 
-``validation.json`` (``uniart validate``, ``uniart evaluate physics``) tells every check and every joint, ``report.json`` (written with the
-asset) the checks alone. An asset with neither, or with one that cannot be read, has no figures: where another asset of the same method has
-them it counts with the worst, so that validating only what is sound does not pay.
+``validation.json`` (``uniart validate``, ``uniart evaluate physics``) tells every check and every
+joint, ``report.json`` (written with the asset) the checks alone. An asset with neither, or with one
+that cannot be read, has no figures: where another asset of the same method has them it counts with
+the worst, so that validating only what is sound does not pay.
 """
 
 from __future__ import annotations
@@ -32,13 +34,16 @@ METRICS = {
         "joints work",
         "higher",
         0.0,
-        f"Share of driven joints that come to {REACH:.0%} of their range without running into anything, as validation.json says; 0 where an engine refused the asset, and for an asset without that file where another of the method has it.",
+        f"Share of driven joints that come to {REACH:.0%} of their range without running into "
+        "anything, as validation.json says; 0 where an engine refused the asset, and for an asset "
+        "without that file where another of the method has it.",
     ),
 }
 
 
 def read_checks(asset: Path, *, allow_outside: bool = False) -> Figures:
-    """Those figures of the asset at ``asset`` that its files tell; NaN: it was validated and has no joint that was driven."""
+    """Those figures of the asset at ``asset`` that its files tell; NaN: it was validated and has no
+    joint that was driven."""
     folder = asset if asset.is_dir() else asset.parent
     validation = _read(folder / "validation.json", folder, allow_outside)
     if "engines" in validation:
@@ -46,7 +51,9 @@ def read_checks(asset: Path, *, allow_outside: bool = False) -> Figures:
         checks = {**_dict(validation["engines"]), **beside}
     else:
         checks = _dict(_read(folder / "report.json", folder, allow_outside).get("validation"))
-    passed = [_dict(c).get("passed") is True for where in checks.values() for c in _dict(where).values()]  # fmt: skip
+    passed = [
+        _dict(c).get("passed") is True for where in checks.values() for c in _dict(where).values()
+    ]
     ran = any(_dict(where) for engine, where in checks.items() if engine not in BESIDE)
     refused = any(_dict(_dict(c).get("loads")).get("passed") is False for c in checks.values())
     works = [

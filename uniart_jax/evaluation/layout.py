@@ -1,9 +1,10 @@
 """Layouts of held-out procedural or of real objects, from one picture each, against the truth:
 ``uniart evaluate layout``.
 
-Figures are over moving parts (``evaluation.parts``: found, right) or over objects (count, tree), for all objects, by family and
-by number of moving parts; intervals resample objects. ``calibration``: expected calibration error of the rows' confidence
-against whether a row matches a true part within ``parts.FOUND``.
+Figures are over moving parts (``evaluation.parts``: found, right) or over objects (count, tree),
+for all objects, by family and by number of moving parts; intervals resample objects.
+``calibration``: expected calibration error of the rows' confidence against whether a row matches a
+true part within ``parts.FOUND``.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ console = messages()
 def score_layout(
     layout: Layout, test: HeldOut | RealObject
 ) -> tuple[PartScores, np.ndarray, np.ndarray]:
-    """Part scores of a layout as an object of boxes, its rows' confidence [K] and whether each matches a true part [K]."""
+    """Part scores of a layout as an object of boxes, its rows' confidence [K] and whether each
+    matches a true part [K]."""
     _, distance = match_parts(test.obj.boxes, layout.boxes)  # for each row of the layout
     return compare_parts(layout.to_object(), test.obj), layout.confidence, distance < FOUND
 
@@ -60,14 +62,16 @@ def figures(scored: Sequence[tuple[PartScores, np.ndarray, np.ndarray]]) -> dict
 
 
 def calibration_error(confidence: np.ndarray, hits: np.ndarray) -> float:
-    """Mean gap between confidence [n] and the share of hits [n], over ``BINS`` bins of confidence, weighted by their rows."""
+    """Mean gap between confidence [n] and the share of hits [n], over ``BINS`` bins of confidence,
+    weighted by their rows."""
     bins = np.minimum((confidence * BINS).astype(int), BINS - 1)
     gaps = [abs((confidence - hits)[bins == b].sum()) for b in range(BINS)]
     return float(sum(gaps) / max(len(confidence), 1))
 
 
 def with_intervals(scored: Sequence[Any]) -> dict[str, Any]:
-    """``figures`` and, of ``INTERVALS``, the bootstrap interval over objects as "<name>_interval"."""
+    """``figures`` and, of ``INTERVALS``, the bootstrap interval over objects as
+    "<name>_interval"."""
     found: dict[str, Any] = figures(scored)
     rng = np.random.default_rng(SEED)
     draws = [

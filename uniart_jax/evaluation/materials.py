@@ -1,8 +1,10 @@
-"""Colours for predictions that have none: each part gets the plain colour of the truth's part that it was matched to.
+"""Colours for predictions that have none: each part gets the plain colour of the truth's part that
+it was matched to.
 
-The paper gives methods without appearance the truth's materials before it compares pictures. A part here gets one colour, the mean of
-its reference part, not the colour of the nearest point of the truth: that would paint doors and drawers onto a box that has neither, and
-a picture figure would reward what is missing.
+The paper gives methods without appearance the truth's materials before it compares pictures. A part
+here gets one colour, the mean of its reference part, not the colour of the nearest point of the
+truth: that would paint doors and drawers onto a box that has neither, and a picture figure would
+reward what is missing.
 """
 
 from __future__ import annotations
@@ -28,10 +30,12 @@ def surface_colors(mesh: trimesh.Trimesh, number: int = POINTS) -> np.ndarray:
 
 
 def uncolored(obj: ArticulatedObject) -> bool:
-    """Whether an object has no appearance: all of it is one and the same gray (white and black are grays too).
+    """Whether an object has no appearance: all of it is one and the same gray (white and black are
+    grays too).
 
-    That is what formats, loaders and exporters leave where no material was given, each with a gray of its own, as a missing visual, a
-    default material or a blank texture. Whoever paints a whole object in one gray is taken for one without colours.
+    That is what formats, loaders and exporters leave where no material was given, each with a gray
+    of its own, as a missing visual, a default material or a blank texture. Whoever paints a whole
+    object in one gray is taken for one without colours.
     """
     lowest, highest = np.ones(3), np.zeros(3)
     for part in obj.parts:
@@ -45,8 +49,9 @@ def uncolored(obj: ArticulatedObject) -> bool:
 def with_materials(obj: ArticulatedObject, ref: ArticulatedObject) -> ArticulatedObject:
     """The object with every part in the mean colour of the reference's part that it was matched to.
 
-    Parts are matched one to one by their boxes (``parts.match_parts``); a surplus part takes the reference part whose box is nearest.
-    Means are over the surface, in linear RGB, and kept in 8 bits of sRGB as colours of meshes are.
+    Parts are matched one to one by their boxes (``parts.match_parts``); a surplus part takes the
+    reference part whose box is nearest. Means are over the surface, in linear RGB, and kept in 8
+    bits of sRGB as colours of meshes are.
     """
     match, _ = match_parts(obj.boxes, ref.boxes)
     between = corners(obj.boxes)[:, None] - corners(ref.boxes)[None]

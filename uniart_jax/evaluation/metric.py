@@ -1,8 +1,11 @@
-"""What every comparison of two objects agrees on: the frame, the states, and how a figure is called.
+"""What every comparison of two objects agrees on: the frame, the states, and how a figure is
+called.
 
-A family of figures is one module with ``METRICS: dict[str, Metric]`` and a function of two objects, both from ``at_rest``, that returns a
-number for every key. NaN means that there is nothing to compare (no joint, say) and is left out of means; what a *wrong* prediction gets is
-a number. A prediction that is missing or cannot be read counts as ``Metric.worst`` wherever the reference held against itself has a number.
+A family of figures is one module with ``METRICS: dict[str, Metric]`` and a function of two objects,
+both from ``at_rest``, that returns a number for every key. NaN means that there is nothing to
+compare (no joint, say) and is left out of means; what a *wrong* prediction gets is a number. A
+prediction that is missing or cannot be read counts as ``Metric.worst`` wherever the reference held
+against itself has a number.
 """
 
 from __future__ import annotations
@@ -15,7 +18,8 @@ import numpy as np
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 
-# 0 is the rest state (RS); articulated states (AS) are the mean over all five, as SINGAPO's code has it.
+# 0 is the rest state (RS); articulated states (AS) are the mean over all five, as SINGAPO's code
+# has it.
 STATES = np.linspace(0.0, 1.0, 5)
 
 Figures = dict[str, float]
@@ -39,11 +43,12 @@ class Metric:
 
 
 def at_rest(obj: ArticulatedObject) -> ArticulatedObject:
-    """The object as all figures see it: every joint at its rest state and measured from there, centred, longest side 1.
+    """The object as all figures see it: every joint at its rest state and measured from there,
+    centred, longest side 1.
 
-    Rest and range are each object's own (``ArticulatedObject.rest``, ``open``), so is the scale: an image does not tell a size. What turns for
-    ever has no way to open: the largest component of its axis is made positive, so that a wheel and the same wheel with its axis
-    reversed are one.
+    Rest and range are each object's own (``ArticulatedObject.rest``, ``open``), so is the scale: an
+    image does not tell a size. What turns for ever has no way to open: the largest component of its
+    axis is made positive, so that a wheel and the same wheel with its axis reversed are one.
     """
     return resting(obj).normalized()
 

@@ -1,19 +1,23 @@
-"""Exact nearest-neighbour distances between point sets, jitted, on any backend: what Chamfer distance and F-score are made of.
+"""Exact nearest-neighbour distances between point sets, jitted, on any backend: what Chamfer
+distance and F-score are made of.
 
-Points are sorted along a Hilbert curve and cut into blocks of ``BLOCK``. A block of queries q visits blocks of targets t in the order of (1)
-and stops at the first that cannot hold anything nearer than (2): branch and bound, float32, no n x m matrix.
+Points are sorted along a Hilbert curve and cut into blocks of ``BLOCK``. A block of queries q
+visits blocks of targets t in the order of (1) and stops at the first that cannot hold anything
+nearer than (2): branch and bound, float32, no n x m matrix.
 
     bound(q, t) = squared distance between the two blocks' boxes                                                                 (1)
     worst(q)    = largest squared distance that a query of q has so far                                                          (2)
 
-The Hilbert curve has no jumps, so its blocks are compact: half as many visits as along a Morton curve (measured on surfaces). Sets are padded to
-powers of two, so few programs are compiled; what stands in the padding is never read.
+The Hilbert curve has no jumps, so its blocks are compact: half as many visits as along a Morton
+curve (measured on surfaces). Sets are padded to powers of two, so few programs are compiled; what
+stands in the padding is never read.
 
-A CPU takes the blocks one after another, an accelerator ``TOGETHER`` at once, until the slowest of them is done. There is one road for all platforms:
-beside ``scipy.spatial.cKDTree`` on a CPU it is of the same order, quicker for sets that are far apart (docs/benchmarks.md).
+A CPU takes the blocks one after another, an accelerator ``TOGETHER`` at once, until the slowest of
+them is done. There is one road for all platforms: beside ``scipy.spatial.cKDTree`` on a CPU it is
+of the same order, quicker for sets that are far apart (docs/benchmarks.md).
 
 Curve: J. Skilling, Programming the Hilbert curve (2004).
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -28,7 +32,8 @@ BLOCK = 64
 TOGETHER = 512
 SMALLEST = 4096  # points; all smaller sets share one program
 _VISITS = 16  # target blocks sorted at a time
-_BITS = 16  # of the curve's grid, an axis: a part that flew off a thousand lengths leaves 64 cells for the rest
+# of the curve's grid, an axis: a part that flew off a thousand lengths leaves 64 cells for the rest
+_BITS = 16
 
 
 def nearest_distances(a: ArrayLike, b: ArrayLike) -> np.ndarray:
@@ -47,7 +52,8 @@ def nearest_distances(a: ArrayLike, b: ArrayLike) -> np.ndarray:
 
 
 def mutual_distances(a: ArrayLike, b: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Nearest distances both ways, side by side: ([..., n] of ``a`` from ``b``, [..., m] of ``b`` from ``a``); see ``nearest_distances``."""
+    """Nearest distances both ways, side by side: ([..., n] of ``a`` from ``b``, [..., m] of ``b``
+    from ``a``); see ``nearest_distances``."""
     a, b = _points(a), _points(b)
     if a.shape[:-2] != b.shape[:-2]:
         raise ValueError(f"nearest: sets come in pairs, got shapes {a.shape} and {b.shape}")
@@ -62,12 +68,14 @@ def mutual_distances(a: ArrayLike, b: ArrayLike) -> tuple[np.ndarray, np.ndarray
 
 
 def chamfer(a: ArrayLike, b: ArrayLike) -> np.ndarray:
-    """[...] mean of the two directions' mean nearest distances (not squared) between [..., n, 3] and [..., m, 3]."""
+    """[...] mean of the two directions' mean nearest distances (not squared) between [..., n, 3]
+    and [..., m, 3]."""
     return chamfer_of(*mutual_distances(a, b))
 
 
 def f_score(a: ArrayLike, b: ArrayLike, threshold: float) -> np.ndarray:
-    """[...] harmonic mean of the two shares of points with a neighbour within ``threshold``; 0 where there is none."""
+    """[...] harmonic mean of the two shares of points with a neighbour within ``threshold``; 0
+    where there is none."""
     return f_score_of(*mutual_distances(a, b), threshold)
 
 
@@ -86,7 +94,8 @@ def posed_points(points: ArrayLike, part: ArrayLike, motions: ArrayLike) -> np.n
     """Points of an object at several states.
 
     Args:
-      points: [n, 3] at the shown state. part: [n] the part that carries each. motions: [S, K, 4, 4] from the shown state to each state.
+      points: [n, 3] at the shown state. part: [n] the part that carries each. motions: [S, K, 4, 4]
+        from the shown state to each state.
 
     Returns:
       [S, n, 3] float32.
@@ -124,7 +133,8 @@ def _padded(points: np.ndarray) -> np.ndarray:
 def _mutual(a: jax.Array, n: ArrayLike, b: jax.Array, m: ArrayLike, *, together: int):
     """Both directions for pairs a [S, N, 3], b [S, M, 3], of which the first n and m points count.
 
-    Pairs come one after another: each keeps a device busy, and side by side all would wait for the slowest block.
+    Pairs come one after another: each keeps a device busy, and side by side all would wait for the
+    slowest block.
     """
 
     def pair(sets):
@@ -157,7 +167,8 @@ def _blocks(points: jax.Array, count: ArrayLike):
 
 
 def _hilbert(cell: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Place of cells [N, 3] on the Hilbert curve: ([N], [N]) uint32, the coarse and the fine half of its bits (Skilling, section 4)."""
+    """Place of cells [N, 3] on the Hilbert curve: ([N], [N]) uint32, the coarse and the fine half
+    of its bits (Skilling, section 4)."""
 
     def below(k):  # all bits below the one of step k
         return (jnp.uint32(1) << (_BITS - 1 - k).astype(jnp.uint32)) - 1
@@ -196,7 +207,8 @@ def _interleaved(x: list[jax.Array]) -> jax.Array:
 
 
 def _search(queries, targets, together: int) -> jax.Array:
-    """[N] distance of each query from the nearest target, in the queries' first order; rubbish for padding."""
+    """[N] distance of each query from the nearest target, in the queries' first order; rubbish for
+    padding."""
     order, blocks, low, high = queries
     _, others, other_low, other_high = targets
     visits = min(_VISITS, len(others))

@@ -1,21 +1,27 @@
-"""OpenShape similarity, the paper's figure of whether a shape is what the image shows: cosine of a point cloud's and an image's embedding.
+"""OpenShape similarity, the paper's figure of whether a shape is what the image shows: cosine of a
+point cloud's and an image's embedding.
 
     RS  the predicted object at rest against the image      AS  mean over ``STATES``, always against that one image
 
-Networks: ``models.openshape`` (openshape-pointbert-vitg14-rgb) and ``models.openclip`` (ViT-bigG-14, laion2b_s39b_b160k), whose weights are
-no part of this package: without them nothing is computed (``NOT_COMPUTED``). Everything that the paper leaves open:
+Networks: ``models.openshape`` (openshape-pointbert-vitg14-rgb) and ``models.openclip``
+(ViT-bigG-14, laion2b_s39b_b160k), whose weights are no part of this package: without them nothing
+is computed (``NOT_COMPUTED``). Everything that the paper leaves open:
 
-- Cloud: 10,000 points uniform over the surfaces of all parts, inner ones too, in random order with a fixed seed; the same points of the
-  parts in every state. Centred at their mean, the farthest at distance 1. Colours are sRGB; an object without any gets OpenShape's .4.
-- Frame: gravity along -z, and mirrored in y: OpenShape swaps y and z of files whose y is up, which makes mirror images, and has seen no others.
-- Image: the one that the prediction was made from where the caller has it, else the reference at rest, rendered from the front left and
-  above. What is transparent is black. Then OpenCLIP's own preparation: bicubic to 224 pixels on the shorter side, the middle square.
-- One draw of points: OpenShape's authors report cosines of .94 to .99 between two draws' embeddings of one object, so differences of a
-  hundredth in one object mean nothing.
+- Cloud: 10,000 points uniform over the surfaces of all parts, inner ones too, in random order with
+  a fixed seed; the same points of the parts in every state. Centred at their mean, the farthest at
+  distance 1. Colours are sRGB; an object without any gets OpenShape's .4.
+- Frame: gravity along -z, and mirrored in y: OpenShape swaps y and z of files whose y is up, which
+  makes mirror images, and has seen no others.
+- Image: the one that the prediction was made from where the caller has it, else the reference at
+  rest, rendered from the front left and above. What is transparent is black. Then OpenCLIP's own
+  preparation: bicubic to 224 pixels on the shorter side, the middle square.
+- One draw of points: OpenShape's authors report cosines of .94 to .99 between two draws' embeddings
+  of one object, so differences of a hundredth in one object mean nothing.
 
-One image costs the tower about a trillion floating-point operations, half a minute on two CPU cores, five clouds some seconds: there is one
-image an object, kept while that object's samples are measured.
-"""
+One image costs the tower about a trillion floating-point operations, half a minute on two CPU
+cores, five clouds some seconds: there is one image an object, kept while that object's samples are
+measured.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -58,7 +64,8 @@ METRICS: dict[str, Metric] = {
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Encoders:
-    """Both networks' parameters: the point encoder's in memory, the image tower's a memory map. Equal to itself alone."""
+    """Both networks' parameters: the point encoder's in memory, the image tower's a memory map.
+    Equal to itself alone."""
 
     config: OpenShapeConfig
     points: Params
@@ -133,7 +140,9 @@ def point_clouds(obj: ArticulatedObject, number: int = POINTS, seed: int = 0) ->
     clouds[..., 3:] = colors
     for cloud, state in zip(clouds, STATES, strict=True):
         moved = obj.forward_kinematics(obj.open(state))[owner]
-        cloud[:, :3] = unit_ball(np.einsum("nij,nj->ni", moved[:, :3, :3], places) + moved[:, :3, 3])  # fmt: skip
+        cloud[:, :3] = unit_ball(
+            np.einsum("nij,nj->ni", moved[:, :3, :3], places) + moved[:, :3, 3]
+        )
     return clouds
 
 
@@ -178,7 +187,8 @@ def prepare(picture: np.ndarray, size: int) -> np.ndarray:
 
 
 def reference_picture(ref: ArticulatedObject) -> np.ndarray:
-    """[448, 448, 4] uint8 of an object at its shown state from the front left and above, the background transparent."""
+    """[448, 448, 4] uint8 of an object at its shown state from the front left and above, the
+    background transparent."""
     picture = render(ref, fit(ref, VIEW), RENDER_SIZE)
     return np.rint(picture * 255).astype(np.uint8)
 

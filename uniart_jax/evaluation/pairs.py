@@ -7,9 +7,10 @@
 As SINGAPO and DIPO lay them out: REF/<category>/<name>/ (and PRED/), and of a test run
 PRED/<number>@<category>@<name>/<sample>/, once for each picture of the object.
 
-REF may be one asset; PRED is then one too, holds one of that name, or holds ``sample-<i>`` of it. Links that lead out of PRED or REF are not
-followed unless the caller allows it: a prediction could be a link to its own reference.
-"""
+REF may be one asset; PRED is then one too, holds one of that name, or holds ``sample-<i>`` of it.
+Links that lead out of PRED or REF are not followed unless the caller allows it: a prediction could
+be a link to its own reference.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -47,7 +48,8 @@ class Missing:
     why: str
 
 
-# A file or folder, an object, or what makes one where it is needed (a function that workers can import, with its arguments).
+# A file or folder, an object, or what makes one where it is needed (a function that workers can
+# import, with its arguments).
 Source = Path | ArticulatedObject | Callable[[], ArticulatedObject]
 Predictions = Path | Mapping[str, Source | Sequence[Source]]
 
@@ -61,12 +63,14 @@ class Pair:
     samples: tuple[Source | Missing, ...]
 
 
-def find_references(reference: Path | Mapping[str, Source], *, allow_outside: bool = False) -> dict[str, Source]:  # fmt: skip
+def find_references(
+    reference: Path | Mapping[str, Source], *, allow_outside: bool = False
+) -> dict[str, Source]:
     """Name -> reference, sorted by name.
 
     Raises:
-      FileNotFoundError: no such folder, or no asset in it. ValueError: two of one name, a link that leads out, or an object whose name is
-        none.
+      FileNotFoundError: no such folder, or no asset in it. ValueError: two of one name, a link that
+        leads out, or an object whose name is none.
     """
     if not isinstance(reference, Path):
         return {_checked(name): source for name, source in sorted(reference.items())}
@@ -84,7 +88,8 @@ def find_references(reference: Path | Mapping[str, Source], *, allow_outside: bo
         found[name] = path
     if not found:
         raise FileNotFoundError(
-            f"{reference}: no reference in it; it should be an asset, or hold a folder or a file NAME.urdf for each"
+            f"{reference}: no reference in it; it should be an asset, or hold a folder or a file "
+            "NAME.urdf for each"
         )
     return dict(sorted(found.items()))
 
@@ -110,7 +115,8 @@ def find_pairs(
         found = {_checked(n): _as_samples(s) for n, s in predictions.items()}
     if found and not set(found) & set(names):
         raise ValueError(
-            f"no prediction has a reference's name: predictions are called {_some(found)}, references {_some(names)}"
+            f"no prediction has a reference's name: predictions are called {_some(found)}, "
+            f"references {_some(names)}"
         )
     absent = (Missing("there is no prediction of this name"),)
     pairs = [Pair(name, references[name], found.get(name) or absent) for name in names]
@@ -137,7 +143,8 @@ def read_sets(reference: Path, names: Sequence[str]) -> dict[str, str]:
 
 
 def tidy(name: str) -> str:
-    """A file's name as text that can be compared and printed, whichever system wrote it (Unicode NFC)."""
+    """A file's name as text that can be compared and printed, whichever system wrote it (Unicode
+    NFC)."""
     return printable(unicodedata.normalize("NFC", name), "?") or "_"
 
 
@@ -153,7 +160,8 @@ def check_out(out: Path, sources: Iterable[Source | Missing]) -> None:
 
 
 def fingerprint(source: Source | Missing, apart: Path | None = None) -> str:
-    """Changes when the source does: sizes and times of all files in an asset's folder, the arrays of an object, a function's arguments.
+    """Changes when the source does: sizes and times of all files in an asset's folder, the arrays
+    of an object, a function's arguments.
 
     Args:
       apart: a folder of results, which is no part of an asset wherever it lies.
@@ -236,7 +244,8 @@ def _predictions(
     found = empty | found
     if not found:
         raise ValueError(
-            f"{root}: no prediction in it; it should be an asset, or hold a folder or a file NAME.urdf for each"
+            f"{root}: no prediction in it; it should be an asset, or hold a folder or a file "
+            "NAME.urdf for each"
         )
     if len(names) == 1 and names[0] not in found and all(map(SAMPLE.fullmatch, found)):
         inner = sorted(found, key=_natural)
@@ -253,7 +262,9 @@ def _samples(path: Path, root: Path, allow_outside: bool) -> tuple[Source | Miss
     if not path.is_dir():
         return ()
     found: list[Source | Missing] = []
-    for inner in sorted((p for p in path.iterdir() if _is_folder(p)), key=lambda p: _natural(p.name)):  # fmt: skip
+    for inner in sorted(
+        (p for p in path.iterdir() if _is_folder(p)), key=lambda p: _natural(p.name)
+    ):
         if not _may_read(inner, root, allow_outside):
             found.append(Missing(f"{inner.name}: {OUTSIDE}"))
         elif _is_asset(inner, allow_outside):
@@ -341,7 +352,8 @@ def _is_asset(path: Path, allow_outside: bool) -> bool:
 
 
 def _is_one(root: Path, allow_outside: bool) -> bool:
-    """Whether ``root`` is an asset rather than a folder of them; a lone NAME.urdf beside folders of assets is one of several."""
+    """Whether ``root`` is an asset rather than a folder of them; a lone NAME.urdf beside folders of
+    assets is one of several."""
     if root.is_file() or any((root / name).is_file() for name in NAMES):
         return True
     found = [p for _, p in _children(root) if _samples(p, root, allow_outside)]

@@ -1,14 +1,16 @@
-"""Part-level comparison of a predicted object with the truth: are the parts there, and do they move the right way?
+"""Part-level comparison of a predicted object with the truth: are the parts there, and do they move
+the right way?
 
-Both objects are normalised at the shown state. Parts are matched one to one (Hungarian) by how far their own boxes are apart, L-infinity
-over the lower and upper corners. A reference part is
+Both objects are normalised at the shown state. Parts are matched one to one (Hungarian) by how far
+their own boxes are apart, L-infinity over the lower and upper corners. A reference part is
 
 * found   if its match is within ``FOUND`` of it and has the same joint type,
 * right   if its match is within ``RIGHT_BOX``, has the same type, a *signed* axis error below ``RIGHT_AXIS`` degrees and, where the
           axis has a place (rotations and screws), a line-to-line distance below ``RIGHT_PIVOT``.
 
-No published metric of the field reports the sign: a door that opens inwards scores as well as one that opens outwards.
-"""
+No published metric of the field reports the sign: a door that opens inwards scores as well as one
+that opens outwards.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -41,7 +43,8 @@ def match_parts(predicted: np.ndarray, reference: np.ndarray) -> tuple[np.ndarra
       predicted: [P, 6], reference: [K, 6] boxes (centre, size).
 
     Returns:
-      (match [K] index into predicted or -1, distance [K] L-infinity between corners, inf where unmatched).
+      (match [K] index into predicted or -1, distance [K] L-infinity between corners, inf where
+      unmatched).
     """
     distance = np.abs(corners(predicted)[None] - corners(reference)[:, None]).max(-1)  # [K, P]
     rows, columns = linear_sum_assignment(distance)
@@ -56,8 +59,9 @@ def match_parts(predicted: np.ndarray, reference: np.ndarray) -> tuple[np.ndarra
 class PartScores:
     """Arrays over the reference's parts, K of them; the root is included with ``moving`` false.
 
-    ``match`` is the index of the predicted part or -1, ``matched`` whether it is within ``FOUND``. ``axis_error`` (degrees), ``pivot``
-    and ``pivot_at_part`` (object units) and ``range_iou`` are NaN where there is nothing to compare.
+    ``match`` is the index of the predicted part or -1, ``matched`` whether it is within ``FOUND``.
+    ``axis_error`` (degrees), ``pivot`` and ``pivot_at_part`` (object units) and ``range_iou`` are
+    NaN where there is nothing to compare.
     """
 
     match: np.ndarray
@@ -124,8 +128,9 @@ def compare_parts(predicted: ArticulatedObject, reference: ArticulatedObject) ->
 def summarize(scores: list[PartScores]) -> dict[str, float]:
     """Means over all parts of all objects (parts) and over objects (count, tree).
 
-    ``recall`` and ``parts_right`` are over moving parts; ``type_accuracy``, ``axis_median`` (degrees), ``pivot_median`` and ``range_iou`` over
-    moving parts whose match is within ``FOUND`` (type) and of the right type (the others). NaN where no part qualifies.
+    ``recall`` and ``parts_right`` are over moving parts; ``type_accuracy``, ``axis_median``
+    (degrees), ``pivot_median`` and ``range_iou`` over moving parts whose match is within ``FOUND``
+    (type) and of the right type (the others). NaN where no part qualifies.
     """
     join = lambda name: np.concatenate([getattr(s, name) for s in scores])  # noqa: E731
     moving, found, matched = join("moving"), join("found"), join("matched")

@@ -1,10 +1,11 @@
-"""Do assets work in a simulator? Objects written as assets, loaded in every engine, their joints driven; one table.
+"""Do assets work in a simulator? Objects written as assets, loaded in every engine, their joints
+driven; one table.
 
 truth       held-out procedural objects as they were drawn: what export and validation themselves can do
 assets      every asset below a folder, read and written anew
 sampled     what a checkpoint makes of held-out images
 refined     the same objects after ``simulation.refine``
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -49,7 +50,8 @@ class Trial:
     Attributes:
       row: of the table.
       name: of its folder.
-      source: the object itself, what it is made from (a family and seed, an entry with its settings), or why there is none.
+      source: the object itself, what it is made from (a family and seed, an entry with its
+        settings), or why there is none.
     """
 
     row: str
@@ -85,13 +87,16 @@ def evaluate_physics(
     """Write, load and drive objects. Goes on where it was stopped: results that are there are kept.
 
     Args:
-      out: ``assets/<row>/<name>/`` with ``validation.png``, ``results/<row>/<name>.json``, ``metrics.json``, ``table.md``.
-      root: a folder of assets. checkpoint: what makes objects of held-out images. Neither: held-out objects themselves.
+      out: ``assets/<row>/<name>/`` with ``validation.png``, ``results/<row>/<name>.json``,
+        ``metrics.json``, ``table.md``.
+      root: a folder of assets. checkpoint: what makes objects of held-out images. Neither: held-out
+        objects themselves.
       count: objects; default 200, all assets of a folder, or 64 of a checkpoint.
       engines: default MuJoCo and, where it is installed, PyBullet.
 
     Raises:
-      FileNotFoundError: ``root`` holds no assets. ValueError: both are given, or results of other objects lie there.
+      FileNotFoundError: ``root`` holds no assets. ValueError: both are given, or results of other
+        objects lie there.
     """
     if root is not None and checkpoint is not None:
         raise ValueError("evaluate physics: give a folder of assets or --checkpoint, not both")
@@ -110,7 +115,11 @@ def evaluate_physics(
         sampled = _sampled(checkpoint, count, unseen, out)
         trials = list(track(sampled, "images to objects", total, unit="trials"))
     else:
-        trials = _assets(root, count, allow_outside) if root is not None else _truth(count or 200, unseen)  # fmt: skip
+        trials = (
+            _assets(root, count, allow_outside)
+            if root is not None
+            else _truth(count or 200, unseen)
+        )
         total = len(trials)
     run = functools.partial(_run, Path(out), tuple(engines or ()) or None)
     made = each(processes, run, trials, 2 * processes, functools.partial(_died, Path(out)))
@@ -144,7 +153,8 @@ def _assets(root: Path, count: int | None, allow_outside: bool) -> list[Trial]:
 
 
 def _sampled(checkpoint: str, count: int, unseen: bool, out: Path) -> Iterator[Trial]:
-    """Two trials an image, before and after refining; the networks run in this process, only where a result is missing."""
+    """Two trials an image, before and after refining; the networks run in this process, only where
+    a result is missing."""
     pipeline = None
     for index in range(count):
         name = f"{index:04d}"
@@ -183,7 +193,8 @@ def _died(out: Path, trial: Trial) -> tuple[str, dict]:
 
 
 def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
-    """What an object counts as that could not even be tried; ``moving``: its joints, as far as they are known."""
+    """What an object counts as that could not even be tried; ``moving``: its joints, as far as they
+    are known."""
     no = ("sound", "stands", "plausible", "yourdfpy", "watertight")
     nothing = {key: {} for key in ("engines", "joints", "seconds")}
     told = {"name": name, "moving": list(moving), "failed": [why]}
@@ -224,7 +235,7 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
         "stands": stands(verdicts(found)),
         "plausible": is_plausible(verdicts(found)),
         "failed": failed,
-        "engines": {e: {name: c["passed"] for name, c in checks.items()} for e, checks in ran.items()},
+        "engines": {e: {name: c["passed"] for name, c in checks.items()} for e, checks in ran.items()},  # noqa: E501
         "yourdfpy": _opens(folder / "object.urdf"),
         "watertight": bool(found["geometry"]["watertight"]["passed"]),
         "joints": {
@@ -235,7 +246,8 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
 
 
 def _works(joint: dict) -> bool:
-    """The paper's rule: the driven joint comes to 70 % of its range and nothing runs into anything."""
+    """The paper's rule: the driven joint comes to 70 % of its range and nothing runs into
+    anything."""
     return joint["reached"] >= REACH and joint["collision"] <= DEPTH
 
 
@@ -251,7 +263,8 @@ def _opens(urdf: Path) -> bool:
 
 
 def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
-    """Shares of objects and of joints, and median seconds. An object that could not be tried fails everything, its moving joints too."""
+    """Shares of objects and of joints, and median seconds. An object that could not be tried fails
+    everything, its moving joints too."""
     engines = sorted({engine for r in results for engine in r["engines"]})
     row: dict[str, float] = {"objects": len(results)}
     for engine in engines:
@@ -260,7 +273,9 @@ def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
     row["loads yourdfpy"] = float(np.mean([r["yourdfpy"] for r in results]))
     row["watertight"] = float(np.mean([r["watertight"] for r in results]))
     for engine in engines:
-        row[f"stands {engine}"] = float(np.mean([r["engines"].get(engine, {}).get("stands", False) for r in results]))  # fmt: skip
+        row[f"stands {engine}"] = float(
+            np.mean([r["engines"].get(engine, {}).get("stands", False) for r in results])
+        )
     for engine in engines:
         works = [
             r["joints"].get(engine, {}).get(name, False)

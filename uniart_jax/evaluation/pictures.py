@@ -18,7 +18,8 @@ CAPTION = 16
 def write_comparison(
     path: Path, image: np.ndarray, truth: ArticulatedObject, predicted: dict[str, ArticulatedObject]
 ) -> None:
-    """A picture of columns (truth, then each prediction) and rows (shown, opened, opened by part), the input image at the left.
+    """A picture of columns (truth, then each prediction) and rows (shown, opened, opened by part),
+    the input image at the left.
 
     Args:
       image: [S, S, 4] uint8 straight alpha.

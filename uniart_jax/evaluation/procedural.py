@@ -1,6 +1,8 @@
-"""Held-out procedural objects: how far each station of the road gets, beside retrieval and the representation's ceiling.
+"""Held-out procedural objects: how far each station of the road gets, beside retrieval and the
+representation's ceiling.
 
-One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown state, one rendered view, one sample. Rows of the table:
+One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown state, one rendered
+view, one sample. Rows of the table:
 
     representation     truth -> voxels -> object
     vae                truth -> voxels -> UniArt VAE -> object
@@ -10,7 +12,7 @@ One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown st
                        layout network)
     without_layout     the same voxels, their parts and joints read off themselves
     retrieval          image -> the nearest training image's object (by image features), the paper's section 3
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -91,7 +93,8 @@ def held_out(
     subdivisions: int = 4,
     image_size: int = PICTURE_SIDE,
 ) -> HeldOut:
-    """Test object ``index``, deterministic; a shown state that cannot be encoded (two equal boxes) is drawn again."""
+    """Test object ``index``, deterministic; a shown state that cannot be encoded (two equal boxes)
+    is drawn again."""
     families = procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
     family, seed = families[index % len(families)], procedural.HELD_OUT_SEED + index
     closed = procedural.generate(family, seed)
@@ -121,7 +124,8 @@ def held_out_for(model: ModelConfig, index: int, unseen: bool = False) -> HeldOu
 
 @dataclasses.dataclass(frozen=True)
 class Score:
-    """One object of one station against the truth; ``chamfer`` at the shown state, ``chamfer_open`` with both opened."""
+    """One object of one station against the truth; ``chamfer`` at the shown state, ``chamfer_open``
+    with both opened."""
 
     family: str
     parts: PartScores
@@ -154,7 +158,8 @@ def summarize_scores(scores: Sequence[Score]) -> dict[str, float]:
 def evaluate_representation(
     out: Path, *, count: int = 200, unseen: bool = False, processes: int = 1
 ) -> dict[str, Any]:
-    """Truth -> voxels -> object over ``count`` held-out objects: the ceiling of everything else. Writes ``metrics.json``, ``table.md``."""
+    """Truth -> voxels -> object over ``count`` held-out objects: the ceiling of everything else.
+    Writes ``metrics.json``, ``table.md``."""
     with process_pool(processes) as submit:
         ceiling = functools.partial(_ceiling, unseen=unseen)
         results = in_order(submit, ceiling, range(count), _ahead(processes))
@@ -182,9 +187,11 @@ def evaluate_checkpoint(
     unseen: bool = False,
     processes: int = 1,
 ) -> dict[str, Any]:
-    """All rows for a checkpoint; ``records`` (what it was trained on) adds retrieval. Writes ``metrics.json``, ``table.md``, pictures.
+    """All rows for a checkpoint; ``records`` (what it was trained on) adds retrieval. Writes
+    ``metrics.json``, ``table.md``, pictures.
 
-    Networks and retrieval run in this process; ``processes`` others draw, assemble and compare the objects (1 = this one does).
+    Networks and retrieval run in this process; ``processes`` others draw, assemble and compare the
+    objects (1 = this one does).
     """
     pipeline = load(checkpoint)
     retrieve = None if records is None else make_retrieval(pipeline, records)
@@ -225,7 +232,8 @@ def evaluate_checkpoint(
 def predict(
     pipeline: Pipeline, test: HeldOut, seed: int
 ) -> tuple[dict[str, VoxelGrid], float, np.ndarray, Layout | None]:
-    """What the networks say at every station, the IoU of the sampled structure with the true one, the image as they see it, and its layout."""
+    """What the networks say at every station, the IoU of the sampled structure with the true one,
+    the image as they see it, and its layout."""
     coords = test.grid.coords
     pixels = pipeline.prepare(test.image)
     layout = pipeline.find_layout(test.image)
@@ -251,7 +259,8 @@ def finish(
     name: str,
     layout: Layout | None = None,
 ) -> tuple[dict[str, Score], dict[str, bool]]:
-    """Assemble every station's object and score it; where ``out`` is given, draw them and write the model's as an asset (``check_asset``)."""
+    """Assemble every station's object and score it; where ``out`` is given, draw them and write the
+    model's as an asset (``check_asset``)."""
     read_off = functools.partial(assemble, tolerance=NETWORK_TOLERANCE)
     follow = read_off if layout is None else functools.partial(assemble_layout, layout=layout)
     predicted = {"representation": assemble(test.grid.gather())}
@@ -268,7 +277,8 @@ def finish(
 
 
 def check_asset(obj: ArticulatedObject, folder: Path) -> dict[str, bool]:
-    """Write an object as an asset and open it as its users do: yourdfpy, and MuJoCo where it is installed; all parts closed."""
+    """Write an object as an asset and open it as its users do: yourdfpy, and MuJoCo where it is
+    installed; all parts closed."""
     import yourdfpy
 
     obj.save(folder, overwrite=True, motion=False)
@@ -289,7 +299,8 @@ def check_asset(obj: ArticulatedObject, folder: Path) -> dict[str, bool]:
 
 
 def write_results(out: Path, rows: dict[str, list[Score]], extra: dict[str, Any]) -> dict[str, Any]:
-    """``metrics.json`` (all figures, also per family) and ``table.md``; prints the table. Returns what metrics.json holds."""
+    """``metrics.json`` (all figures, also per family) and ``table.md``; prints the table. Returns
+    what metrics.json holds."""
     families = sorted({s.family for scores in rows.values() for s in scores})
     results: dict[str, Any] = {
         **extra,

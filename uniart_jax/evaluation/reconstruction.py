@@ -36,7 +36,8 @@ def object_of_record(record: Record) -> ArticulatedObject:
 
 
 def score_reconstruction(obj: ArticulatedObject, copy: ArticulatedObject) -> dict[str, float]:
-    """Chamfer distances at the shown and the open state, part overlap, and the part-level scores of ``copy`` against ``obj``."""
+    """Chamfer distances at the shown and the open state, part overlap, and the part-level scores of
+    ``copy`` against ``obj``."""
     scores = compare_parts(copy, obj)
     overlap = part_iou(copy, obj)
     return {
@@ -57,9 +58,11 @@ def reconstruct_asset(
     allow_outside: bool = False,
     overwrite: bool = False,
 ) -> dict[str, float]:
-    """``uniart reconstruct``: read an asset, send it through the voxels, write the copy and how far it is from the source.
+    """``uniart reconstruct``: read an asset, send it through the voxels, write the copy and how far
+    it is from the source.
 
-    Writes the asset folder ``out`` with ``reconstruction.json`` in it, and prints one line a figure.
+    Writes the asset folder ``out`` with ``reconstruction.json`` in it, and prints one line a
+    figure.
     """
     console = messages()
     with console.status(f"reading {asset}") as status:
@@ -82,8 +85,9 @@ def reconstruct_asset(
         if math.isfinite(figures["axis_median"]):  # NaN where no joint was found
             moving += f", axis {figures['axis_median']:.3f} deg"
     console.print(
-        f"{len(obj.parts)} parts in, {len(copy.parts)} out; {moving}, Chamfer {figures['chamfer']:.4f} "
-        f"(open {figures['chamfer_open']:.4f}), part IoU {figures['part_iou']:.3f} -> {folder}",
+        f"{len(obj.parts)} parts in, {len(copy.parts)} out; {moving}, Chamfer "
+        f"{figures['chamfer']:.4f} (open {figures['chamfer_open']:.4f}), part IoU "
+        f"{figures['part_iou']:.3f} -> {folder}",
         highlight=False,
     )
     return figures

@@ -1,8 +1,10 @@
-"""``report.html``: a comparison for people, in one file that any browser opens from disk, without scripts and without a network.
+"""``report.html``: a comparison for people, in one file that any browser opens from disk, without
+scripts and without a network.
 
-Tables of all figures, how they are distributed, the worst predictions under their truths, joint types, failures by name and reason. What
-``compare`` writes to ``metrics.json`` is all that goes in, besides the objects that are drawn. The page's policy (CSP) lets nothing run
-and nothing be fetched, whatever an object is called.
+Tables of all figures, how they are distributed, the worst predictions under their truths, joint
+types, failures by name and reason. What ``compare`` writes to ``metrics.json`` is all that goes in,
+besides the objects that are drawn. The page's policy (CSP) lets nothing run and nothing be fetched,
+whatever an object is called.
 """
 
 from __future__ import annotations
@@ -48,18 +50,23 @@ def write_report(out: Path, content: Content, load_pair: LoadPair | None = None)
     """Write ``out/report.html``, complete or not at all.
 
     Args:
-      content: {"methods": {name: {"rows": {metric: {"mean", "low", "high", "count"}}, "objects": {object: {metric: value}},
-        "categories", "sets": {group: rows}, "failures": {object: why}, "confusion": {truth: {guess: count}}, "uncolored": [object],
+      content: {"methods": {name: {"rows": {metric: {"mean", "low", "high", "count"}}, "objects":
+        {object: {metric: value}},
+        "categories", "sets": {group: rows}, "failures": {object: why}, "confusion": {truth: {guess:
+          count}}, "uncolored": [object],
         "drawn": {object: name of the sample}}},
-        "metrics": {metric: {"title", "better", "about"}}, "groups": {family: [metric]}, "settings": {...}}; all but rows, objects and metrics
+        "metrics": {metric: {"title", "better", "about"}}, "groups": {family: [metric]}, "settings":
+          {...}}; all but rows, objects and metrics
         may be absent, and values None or NaN.
-      load_pair: (method, object) -> (prediction, reference), both from ``metric.at_rest``; None: nothing is drawn.
+      load_pair: (method, object) -> (prediction, reference), both from ``metric.at_rest``; None:
+        nothing is drawn.
     """
     files = resources.files("uniart_jax.evaluation") / "report_files"
     style = (files / "report.css").read_text("utf-8")
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     holes = {
-        "policy": f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; form-action 'none'",
+        "policy": f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; "  # noqa: E501
+        "form-action 'none'",
         "style": style,
         "body": lxml.html.tostring(_page(content, load_pair), encoding="unicode"),
     }
@@ -138,8 +145,8 @@ def _summary(content: Content) -> Iterator:
         note += f" Intervals: {_said(interval)}."
     if len(methods) > 1:
         note += (
-            " Green: better than every other method with intervals that do not overlap; a value that is not green may still be"
-            " better, for the methods met the same objects."
+            " Green: better than every other method with intervals that do not overlap; a value "
+            "that is not green may still be better, for the methods met the same objects."
         )
     yield element("p", note, class_="soft")
     for family, keys in _families(content).items():
@@ -165,16 +172,29 @@ def _summary(content: Content) -> Iterator:
     for name, method in methods.items():
         total = len(method["objects"])
         if bare := method.get("uncolored"):
-            yield element("p", f"{text(name)}: {len(bare)} of {total} objects without colours, given the truth's for PSNR (†).")  # fmt: skip
+            yield element(
+                "p",
+                f"{text(name)}: {len(bare)} of {total} objects without colours, given the truth's "
+                "for PSNR (†).",
+            )
         if failed := method.get("failures"):
-            yield element("p", f"{text(name)}: {len(failed)} of {total} objects with failures, counted with the worst values.")  # fmt: skip
+            yield element(
+                "p",
+                f"{text(name)}: {len(failed)} of {total} objects with failures, counted with the "
+                "worst values.",
+            )
 
 
 def _worst(content: Content, load_pair: LoadPair | None) -> Iterator:
     if load_pair is None or WORST_BY not in content["metrics"]:
         return
     title = text(content["metrics"][WORST_BY]["title"])
-    yield element("p", f"The largest {title} first. Truth above, prediction below; the same colour says that the parts were matched; lines are axes, arrows the way that sliding parts open.", class_="soft")  # fmt: skip
+    yield element(
+        "p",
+        f"The largest {title} first. Truth above, prediction below; the same colour says that the "
+        "parts were matched; lines are axes, arrows the way that sliding parts open.",
+        class_="soft",
+    )
     for i, (name, method) in enumerate(content["methods"].items()):
         shown = list(_pairs(content, name, method, load_pair))
         box = element("details", element("summary", f"{text(name)}: worst {len(shown)}"), *shown)
@@ -197,7 +217,10 @@ def _pairs(content: Content, name: str, method: Content, load_pair: LoadPair) ->
         place += 1
         figures = method["objects"][obj]
         digits = _digits(content, WORST_BY)
-        head = f"{place}. {text(obj)}: {text(content['metrics'][WORST_BY]['title'])} {number(figures[WORST_BY], digits)}"
+        head = (
+            f"{place}. {text(obj)}: {text(content['metrics'][WORST_BY]['title'])} "
+            f"{number(figures[WORST_BY], digits)}"
+        )
         if obj in (drawn_samples := method.get("drawn", {})):
             head += f" (drawn: {text(drawn_samples[obj])})"
         told = [
@@ -210,7 +233,12 @@ def _pairs(content: Content, name: str, method: Content, load_pair: LoadPair) ->
 
 def _distributions(content: Content) -> Iterator:
     methods = content["methods"]
-    yield element("p", "Objects by figure, from the smallest to the largest value of any method. Upright line: the mean; bar below: its interval.", class_="soft")  # fmt: skip
+    yield element(
+        "p",
+        "Objects by figure, from the smallest to the largest value of any method. Upright line: "
+        "the mean; bar below: its interval.",
+        class_="soft",
+    )
     for family, keys in _families(content).items():
         panels = []
         for key in keys:
@@ -256,7 +284,11 @@ def _grouped(content: Content, part: str) -> Iterator:
                             class_="first" if first else "")
                 )  # fmt: skip
                 first = False
-        grid = table([part[:-1] if part == "sets" else "category", "method", "n", *_heads(content, keys)], rows, 2)  # fmt: skip
+        grid = table(
+            [part[:-1] if part == "sets" else "category", "method", "n", *_heads(content, keys)],
+            rows,
+            2,
+        )
         box = element("details", element("summary", family), grid)
         if i == 0:
             box.set("open", "")
@@ -294,7 +326,7 @@ def _ordered(types: Iterable[str]) -> list[str]:
 
 def _failures(content: Content) -> Iterator:
     rows = [
-        element("tr", name_cell(name, mark), name_cell(obj), element("td", text(why), class_="reason"))
+        element("tr", name_cell(name, mark), name_cell(obj), element("td", text(why), class_="reason"))  # noqa: E501
         for mark, (name, method) in enumerate(content["methods"].items())
         for obj, why in method.get("failures", {}).items()
     ]  # fmt: skip
@@ -317,7 +349,15 @@ def _objects(content: Content) -> Iterator:
                 sign = " †" if obj in method.get("uncolored", ()) else ""
                 kinds = ["first"] * first + ["failed"] * (obj in method.get("failures", {}))
                 cells = (element("td", number(figures.get(k), digits[k])) for k in keys)
-                rows.append(element("tr", name_cell(obj, None, sign), name_cell(name, mark), *cells, class_=" ".join(kinds)))  # fmt: skip
+                rows.append(
+                    element(
+                        "tr",
+                        name_cell(obj, None, sign),
+                        name_cell(name, mark),
+                        *cells,
+                        class_=" ".join(kinds),
+                    )
+                )
                 first = False
         grid = table(["object", "method", *_heads(content, keys)], rows, 2)
         yield element("details", element("summary", f"{family}: {len(names)} objects"), grid)

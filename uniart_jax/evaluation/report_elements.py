@@ -1,4 +1,5 @@
-"""Pieces of the report: numbers, tables and plots as HTML elements. Text is text: lxml escapes whatever a name holds."""
+"""Pieces of the report: numbers, tables and plots as HTML elements. Text is text: lxml escapes
+whatever a name holds."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ def known(value: Any) -> bool:
 
 
 def decimals(values: Iterable[Any]) -> int:
-    """How many digits behind the point a column gets: its largest value has four digits above 1, three up to 1; at most six places."""
+    """How many digits behind the point a column gets: its largest value has four digits above 1,
+    three up to 1; at most six places."""
     largest = max((abs(v) for v in values if known(v)), default=0.0)
     digits = 4 if largest > 1 else 3
     return int(np.clip(digits - math.ceil(math.log10(largest)), 0, 6)) if largest else 1
@@ -39,7 +41,8 @@ def number(value: Any, digits: int) -> str:
 
 
 def element(tag: str, *children: Any, **attributes: Any):
-    """An element; ``class_`` is its class, ``stroke_width`` its stroke-width, empty attributes are left out."""
+    """An element; ``class_`` is its class, ``stroke_width`` its stroke-width, empty attributes are
+    left out."""
     given = {name.rstrip("_").replace("_", "-"): text(v) for name, v in attributes.items()}
     return E(tag, {name: value for name, value in given.items() if value}, *children)
 
@@ -67,7 +70,8 @@ def name_cell(name: str, mark: int | None = None, suffix: str = ""):
 
 
 def table(head: Sequence[Any], rows: Iterable[Any], names: int = 1):
-    """A table that scrolls sideways if it must; ``head`` holds texts or elements, the first ``names`` columns are left-aligned."""
+    """A table that scrolls sideways if it must; ``head`` holds texts or elements, the first
+    ``names`` columns are left-aligned."""
     cells = []
     for i, title in enumerate(head):
         cell = element("th", title)
@@ -79,7 +83,8 @@ def table(head: Sequence[Any], rows: Iterable[Any], names: int = 1):
 
 
 def clearly_best(figures: Mapping[str, Mapping[str, Any]], better: str) -> str | None:
-    """The method whose interval lies wholly on the better side of every other's, if there are two and all have one."""
+    """The method whose interval lies wholly on the better side of every other's, if there are two
+    and all have one."""
     if len(figures) < 2:
         return None
     if not all(known(f.get(end)) for f in figures.values() for end in ("mean", "low", "high")):

@@ -1,4 +1,5 @@
-"""A prediction under its truth, at rest and open, for the report: so that a person sees why a number is what it is."""
+"""A prediction under its truth, at rest and open, for the report: so that a person sees why a
+number is what it is."""
 
 from __future__ import annotations
 
@@ -24,14 +25,16 @@ QUALITY = 82  # JPEG
 
 
 def draw_pair(pred: ArticulatedObject, ref: ArticulatedObject, size: int = 200) -> Image.Image:
-    """RGB, 4 * size wide: truth above, prediction below; at rest and open as they look, then by part with their axes.
+    """RGB, 4 * size wide: truth above, prediction below; at rest and open as they look, then by
+    part with their axes.
 
-    Parts that belong together (``parts.match_parts``, at rest) have the same colour on both sides; missing and surplus ones have one of
-    their own. All pictures are by the same camera, which sees both objects at rest and open;
-    arrows point where sliding parts go when they open.
+    Parts that belong together (``parts.match_parts``, at rest) have the same colour on both sides;
+    missing and surplus ones have one of their own. All pictures are by the same camera, which sees
+    both objects at rest and open; arrows point where sliding parts go when they open.
 
     Args:
-      pred, ref: from ``metric.at_rest``. size: pixels of a picture's side, before rows that are empty everywhere are cut off.
+      pred, ref: from ``metric.at_rest``. size: pixels of a picture's side, before rows that are
+        empty everywhere are cut off.
     """
     match, _ = match_parts(pred.boxes, ref.boxes)
     slots = np.empty(len(pred.parts), int)
@@ -71,7 +74,8 @@ def _by_part(
     """The object with part k and its axis in the colour of number ``slots[k]``."""
     colors = np.round(PART_COLORS[slots % len(PART_COLORS)] * 255).astype(np.uint8)
     image = picture(painted(obj, colors), camera, size, q)
-    # draw_axes takes a part's colour from its place and skips the root's: every moving part goes to a place of its colour behind it
+    # draw_axes takes a part's colour from its place and skips the root's: every moving part goes to
+    # a place of its colour behind it
     shown, moved = obj.shown_at(q), obj.open() - obj.rest()
     places = np.where(slots == 0, len(PART_COLORS), slots)
     blank = dataclasses.replace(shown.parts[0], joint=Joint.fixed())

@@ -1,17 +1,20 @@
 """Objects put together from what is there already: the methods that generation is measured against.
 
-Retrieval of parts, as the paper formulates it (its section 3): a target says each part's box b, label c and joint; of the library's parts
-with that label, ``D_c``, the one whose box is nearest in size is aligned to b,
+Retrieval of parts, as the paper formulates it (its section 3): a target says each part's box b,
+label c and joint; of the library's parts with that label, ``D_c``, the one whose box is nearest in
+size is aligned to b,
 
     M = argmin over i in D_c of d_size(box(M_i), b),        d_size(s, b) = |log(s_x / b_x)| + |log(s_y / b_y)| + |log(s_z / b_z)|
 
-and the parts together, with the target's tree and joints, are the object. The paper leaves d_size and the alignment unsaid: this distance
-is how far the part has to be stretched, and since every object of the library and every target is upright with its front at -x, to align
-is to move and to stretch along the three axes. Where the target has no label, or one that the library lacks, D_c holds all parts.
+and the parts together, with the target's tree and joints, are the object. The paper leaves d_size
+and the alignment unsaid: this distance is how far the part has to be stretched, and since every
+object of the library and every target is upright with its front at -x, to align is to move and to
+stretch along the three axes. Where the target has no label, or one that the library lacks, D_c
+holds all parts.
 
 Retrieval of whole objects: the one whose picture is nearest, of training records
 (``make_retrieval``) or of a library of assets (``make_asset_retrieval``).
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -62,7 +65,8 @@ class PartLibrary:
         return _object_at_rest(source).parts[k].mesh
 
     def nearest(self, size: np.ndarray, label: str = "") -> int:
-        """Index of the part of that label whose box [3] is nearest; of any label if there is none, the first of several equals."""
+        """Index of the part of that label whose box [3] is nearest; of any label if there is none,
+        the first of several equals."""
         distance = np.abs(np.log(_thick(self.sizes)) - np.log(_thick(size))).sum(-1)
         same = self.labels == label
         if label and same.any():
@@ -97,7 +101,8 @@ def make_library(sources: Sequence[tuple[str, int]], processes: int = 1) -> Part
         raise ValueError("library: it has no objects; give at least one")
     if (last := max(seed for _, seed in sources)) >= procedural.HELD_OUT_SEED:
         raise ValueError(
-            f"library: it holds held-out objects (seed {last}); give seeds below {procedural.HELD_OUT_SEED}"
+            f"library: it holds held-out objects (seed {last}); give seeds below "
+            f"{procedural.HELD_OUT_SEED}"
         )
     with process_pool(processes) as submit:
         made = in_order(submit, _sizes_and_labels, sources, 64)
@@ -114,7 +119,8 @@ def _library(found: Sequence[tuple[Source, tuple[np.ndarray, np.ndarray]]]) -> P
 
 
 def retrieve_parts(target: ArticulatedObject, library: PartLibrary) -> ArticulatedObject:
-    """The target with every part's mesh replaced by the library's nearest, in the target's boxes; tree, joints, names and labels kept.
+    """The target with every part's mesh replaced by the library's nearest, in the target's boxes;
+    tree, joints, names and labels kept.
 
     Args:
       target: from ``at_rest``: only its boxes, labels, tree and joints are looked at.
@@ -133,7 +139,8 @@ def retrieve_parts(target: ArticulatedObject, library: PartLibrary) -> Articulat
 
 
 def fit_to_box(mesh: trimesh.Trimesh, box: np.ndarray) -> trimesh.Trimesh:
-    """A copy moved and stretched along the axes into ``box`` [6] (centre, size); what is thinner than ``THINNEST`` is not stretched across."""
+    """A copy moved and stretched along the axes into ``box`` [6] (centre, size); what is thinner
+    than ``THINNEST`` is not stretched across."""
     lo, hi = mesh.bounds
     stretch = _thick(box[3:]) / _thick(hi - lo)
     matrix = np.diag([*stretch, 1.0])
@@ -167,14 +174,17 @@ def _asset_parts(asset: Asset) -> tuple[np.ndarray, np.ndarray] | str:
 
 
 def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], ArticulatedObject]:
-    """Image [S, S, 3] in [0, 1] -> object of the training record whose image is nearest by cosine of its features.
+    """Image [S, S, 3] in [0, 1] -> object of the training record whose image is nearest by cosine
+    of its features.
 
-    The features are the model's own image encoder's: pre-trained on joints and boxes, hence as strong a retriever as we have. Its volume is
-    averaged over cubes of 2^3 cells and the index kept in half precision: 25 KB a view.
+    The features are the model's own image encoder's: pre-trained on joints and boxes, hence as
+    strong a retriever as we have. Its volume is averaged over cubes of 2^3 cells and the index kept
+    in half precision: 25 KB a view.
     """
     if (last := largest_seed(records)) >= procedural.HELD_OUT_SEED:
         raise ValueError(
-            f"{records}: holds held-out objects (seed {last}); give the records that the checkpoint was trained on"
+            f"{records}: holds held-out objects (seed {last}); give the records that the "
+            "checkpoint was trained on"
         )
     model, split = pipeline.config.model, pipeline.config.data.split
     table, source = load_image_table(records, model, split), RecordSource(records, split)

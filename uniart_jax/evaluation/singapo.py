@@ -1,7 +1,8 @@
-"""The field's own protocol, that of SINGAPO and CAGE, twice: ``compat`` as their code computes it, ``fixed`` as it was meant.
+"""The field's own protocol, that of SINGAPO and CAGE, twice: ``compat`` as their code computes it,
+``fixed`` as it was meant.
 
-Five figures, at rest (RS) and as the mean of all ``STATES`` (AS). Parts are matched by their boxes at rest, both ways; a figure is the mean
-over the parts of one object, then of both ways.
+Five figures, at rest (RS) and as the mean of all ``STATES`` (AS). Parts are matched by their boxes
+at rest, both ways; a figure is the mean over the parts of one object, then of both ways.
 
     dgIoU    1 - generalized IoU of matched boxes: 0 exact, up to 2
     dcDist   distance of matched boxes' centres
@@ -9,25 +10,32 @@ over the parts of one object, then of both ways.
     AOR      IoU of sibling boxes over 10 states, of the prediction alone; nothing to compare without siblings
     graph    whether the trees are the same, without names
 
-``compat`` (3dlg-hcvc/singapo: ``scripts/eval_metrics.py``, ``metrics/``, ``scripts/graph_pred/eval.py``), in the order of their script:
+``compat`` (3dlg-hcvc/singapo: ``scripts/eval_metrics.py``, ``metrics/``,
+``scripts/graph_pred/eval.py``), in the order of their script:
 
-1. Chamfer's scale is upside down: every part is *stretched* by prediction / truth about its own centre, and the boxes of their input, not of the
-   copy at work, are scaled by it too; AOR, which comes next, sees these.
-2. The prediction is scaled to the truth's size axis by axis for dgIoU and dcDist: wrong proportions are forgiven.
-3. The box C around a pair is taken at rest and never moves: once two boxes part, |C| is too small and gIoU rises again. A door that never moves scores .005.
+1. Chamfer's scale is upside down: every part is *stretched* by prediction / truth about its own
+   centre, and the boxes of their input, not of the copy at work, are scaled by it too; AOR, which
+   comes next, sees these.
+2. The prediction is scaled to the truth's size axis by axis for dgIoU and dcDist: wrong proportions
+   are forgiven.
+3. The box C around a pair is taken at rest and never moves: once two boxes part, |C| is too small
+   and gIoU rises again. A door that never moves scores .005.
 4. Kinematics as in ``singapo_kinematics``. Moved boxes are compared by 10,000 random points each.
 
-Theirs draws afresh each time; here the seed is fixed. Over seeds an object's figures keep standard deviations up to 1e-4 (AS-dgIoU, AOR) and 1 % (dCD; an
-exact object of a unit's size scores about .001, never 0). Held against their code on 24 procedural pairs, and by a test against what it found on 18 of boxes: the same within
-that noise, and where nothing is drawn within 2e-6. Two moved boxes without volume count as apart (theirs: NaN).
+Theirs draws afresh each time; here the seed is fixed. Over seeds an object's figures keep standard
+deviations up to 1e-4 (AS-dgIoU, AOR) and 1 % (dCD; an exact object of a unit's size scores about
+.001, never 0). Held against their code on 24 procedural pairs, and by a test against what it found
+on 18 of boxes: the same within that noise, and where nothing is drawn within 2e-6. Two moved boxes
+without volume count as apart (theirs: NaN).
 
-``fixed`` moves the box C with the parts, scales the prediction as a whole (longest sides agree), moves whole sub-trees by true limits and screws,
-computes overlaps exactly, matches by whole boxes (two parts of one centre are told apart) and changes nothing in place. Its graph is compared
+``fixed`` moves the box C with the parts, scales the prediction as a whole (longest sides agree),
+moves whole sub-trees by true limits and screws, computes overlaps exactly, matches by whole boxes
+(two parts of one centre are told apart) and changes nothing in place. Its graph is compared
 exactly, once without labels and once with every part's joint type.
 
-``fixed`` has lengths in units of the truth's longest side. ``compat`` takes both objects in their own units, as their code does: a prediction's size counts,
-and distances are in the truth's units.
-"""
+``fixed`` has lengths in units of the truth's longest side. ``compat`` takes both objects in their
+own units, as their code does: a prediction's size counts, and distances are in the truth's units.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -65,7 +73,8 @@ SURFACE_POINTS = 2_048  # a part
 BOX_POINTS = 10_000  # a box
 AOR_STATES = np.linspace(0.0, 1.0, 10)
 PAIRS = 4_096  # of siblings whose overlap is computed at once
-FLAT = 1e-3  # of the longest side: boxes are at least as thick in ``fixed``, so that a pane overlaps itself
+# of the longest side: boxes are at least as thick in ``fixed``, so that a pane overlaps itself
+FLAT = 1e-3
 
 _ABOUT = {
     "rs_dgiou": ("RS-dgIoU", 2.0, "1 - generalized IoU of matched part boxes at rest"),
@@ -104,7 +113,8 @@ def measure(
     seed: int = 0,
     own: tuple[ArticulatedObject, ArticulatedObject] | None = None,
 ) -> Figures:
-    """All ``METRICS`` of a prediction against the truth, both from ``at_rest``. AOR is NaN where no two parts are siblings.
+    """All ``METRICS`` of a prediction against the truth, both from ``at_rest``. AOR is NaN where no
+    two parts are siblings.
 
     Args:
       own: both in their own units (``metric.resting``), for ``compat``; None: the same objects.
@@ -135,7 +145,8 @@ def compat_figures(
     points: tuple[Points, Points],
     rng: np.random.Generator,
 ) -> Figures:
-    """SINGAPO's figures as its ``eval_metrics.py`` computes them, in its order; AOR is -1 without siblings."""
+    """SINGAPO's figures as its ``eval_metrics.py`` computes them, in its order; AOR is -1 without
+    siblings."""
     gen, truth = BoxTree.of(pred), BoxTree.of(ref)
     stretch = _ratio(gen.size, truth.size)  # upside down
     chamfer = _compat_chamfer(gen, truth, points, stretch)
@@ -190,7 +201,8 @@ def fixed_figures(
 
 
 def match(a: np.ndarray, b: np.ndarray) -> Matches:
-    """For each of a [P, D] one of b [K, D], and the reverse: one to one by least total distance, what is left over to the nearest."""
+    """For each of a [P, D] one of b [K, D], and the reverse: one to one by least total distance,
+    what is left over to the nearest."""
     distance = np.linalg.norm(a[:, None] - b[None], axis=-1)
     forward, backward = distance.argmin(1), distance.argmin(0)
     rows, columns = linear_sum_assignment(distance.astype(np.float32))
@@ -199,7 +211,8 @@ def match(a: np.ndarray, b: np.ndarray) -> Matches:
 
 
 def _pairs(matches: Matches) -> tuple[np.ndarray, np.ndarray]:
-    """([M], [M]) parts of the prediction and of the truth that are compared: first every part of the one, then of the other."""
+    """([M], [M]) parts of the prediction and of the truth that are compared: first every part of
+    the one, then of the other."""
     forward, backward = matches
     return (
         np.concatenate([np.arange(len(forward)), backward]),
@@ -208,7 +221,8 @@ def _pairs(matches: Matches) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _at_rest_and_all(key: str, values: np.ndarray, matches: Matches) -> Figures:
-    """RS and AS of a value [S, M] of each state and pair: the mean over the parts each way, then of both ways."""
+    """RS and AS of a value [S, M] of each state and pair: the mean over the parts each way, then of
+    both ways."""
     parts = len(matches[0])
     by_state = (values[:, :parts].mean(1) + values[:, parts:].mean(1)) / 2
     return {f"rs_{key}": float(by_state[0]), f"as_{key}": float(by_state.mean())}
@@ -235,7 +249,8 @@ def _sampled(obj: ArticulatedObject, seed: int) -> Points:
 def _chamfer(
     a: Points, b: Points, matches: Matches, poses_a: np.ndarray, poses_b: np.ndarray
 ) -> np.ndarray:
-    """[S, M] squared Chamfer distance, both directions added, of matched parts' points moved by [S, K, 4, 4]."""
+    """[S, M] squared Chamfer distance, both directions added, of matched parts' points moved by [S,
+    K, 4, 4]."""
     trees_a, trees_b = [cKDTree(p) for p in a], [cKDTree(p) for p in b]
     known: dict[tuple, float] = {}  # a pair that stands as it stood before needs no second look
 
@@ -299,7 +314,8 @@ def _compat_boxes(gen: BoxTree, truth: BoxTree, rng: np.random.Generator) -> Fig
 
 
 def _compat_shared(a, b, poses_a, poses_b, moves, states, rng) -> np.ndarray:
-    """[S, M] volume that boxes [M, 6] share: exact at rest and where nothing moves, else sampled."""
+    """[S, M] volume that boxes [M, 6] share: exact at rest and where nothing moves, else
+    sampled."""
     shared = np.tile(aligned_intersection(a, b), (len(states), 1))
     moved = states > 0
     a_to_b = np.linalg.inv(poses_b[moved][:, moves]) @ poses_a[moved][:, moves]
@@ -308,7 +324,8 @@ def _compat_shared(a, b, poses_a, poses_b, moves, states, rng) -> np.ndarray:
 
 
 def compat_sibling_overlap(tree: BoxTree, rng: np.random.Generator) -> float:
-    """Their AOR; -1 without siblings. It alone turns hinges by their limits; a sampled pair without volume is left out."""
+    """Their AOR; -1 without siblings. It alone turns hinges by their limits; a sampled pair without
+    volume is left out."""
     i, j = siblings(tree.parents).T
     if not len(i):
         return -1.0
@@ -329,7 +346,8 @@ def compat_sibling_overlap(tree: BoxTree, rng: np.random.Generator) -> float:
 def _by_pairs(
     overlaps: Callable[[np.ndarray, np.ndarray], np.ndarray], i: np.ndarray, j: np.ndarray
 ) -> np.ndarray:
-    """[S, M] of all pairs of siblings, some at a time: their number grows with the square of the parts'."""
+    """[S, M] of all pairs of siblings, some at a time: their number grows with the square of the
+    parts'."""
     starts = range(0, len(i), PAIRS)
     return np.concatenate([overlaps(i[k : k + PAIRS], j[k : k + PAIRS]) for k in starts], 1)
 

@@ -1,11 +1,15 @@
-"""An object as SINGAPO's ``object.json`` holds it, moved as SINGAPO's and CAGE's code moves it, mistakes included.
+"""An object as SINGAPO's ``object.json`` holds it, moved as SINGAPO's and CAGE's code moves it,
+mistakes included.
 
 What it gets wrong (3dlg-hcvc/singapo, ``objects/motions.py`` and ``objects/dict_utils.py``):
 
-* a part is moved by its own joint and by its parent's, never by those farther up: grandchildren are left behind;
-* a hinge turns by 90 degrees whatever its limit says (the overlap of siblings alone uses the limit), a continuous joint by 360;
+* a part is moved by its own joint and by its parent's, never by those farther up: grandchildren are
+  left behind;
+* a hinge turns by 90 degrees whatever its limit says (the overlap of siblings alone uses the
+  limit), a continuous joint by 360;
 * a screw does not move;
-* a change of scale reaches boxes and axes but not the length that a drawer travels, nor the directions.
+* a change of scale reaches boxes and axes but not the length that a drawer travels, nor the
+  directions.
 
 Their y-up frame differs from ours by quarter turns, which no figure sees.
 """
@@ -74,7 +78,8 @@ class BoxTree:
         return dataclasses.replace(self, boxes=boxes, origins=self.origins * factors)
 
     def motions(self, state: float, *, quarter_turns: bool) -> np.ndarray:
-        """[K, 4, 4] motion of every part's own joint at ``state`` in [0, 1] of the way from rest to open."""
+        """[K, 4, 4] motion of every part's own joint at ``state`` in [0, 1] of the way from rest to
+        open."""
         matrices = np.tile(np.eye(4), (len(self.parents), 1, 1))
         for k, kind in enumerate(self.types):
             if kind == "prismatic":
@@ -89,7 +94,8 @@ class BoxTree:
         return matrices
 
     def poses(self, states: np.ndarray, *, quarter_turns: bool) -> np.ndarray:
-        """[S, K, 4, 4] where every part stands at ``states`` [S]: its own motion, then its parent's."""
+        """[S, K, 4, 4] where every part stands at ``states`` [S]: its own motion, then its
+        parent's."""
         own = np.stack([self.motions(s, quarter_turns=quarter_turns) for s in states])
         parents = np.array(self.parents)
         carried = own.copy()
@@ -119,9 +125,10 @@ def siblings(parents: tuple[int, ...] | list[int]) -> np.ndarray:
 def same_hash(a: tuple[int, ...] | list[int], b: tuple[int, ...] | list[int]) -> bool:
     """Whether SINGAPO's Weisfeiler-Lehman hash is equal for two trees, given by their parents.
 
-    They hash the graph of edges child -> parent without labels by networkx below 3.5, the one of the time of their tables: labels begin
-    with a node's degree and take in the *successor's* three times. The hashes are equal where the multisets of the degrees of a node
-    and its three next ancestors are; this compares those, as networkx 3.5 hashes directed graphs in another way.
+    They hash the graph of edges child -> parent without labels by networkx below 3.5, the one of
+    the time of their tables: labels begin with a node's degree and take in the *successor's* three
+    times. The hashes are equal where the multisets of the degrees of a node and its three next
+    ancestors are; this compares those, as networkx 3.5 hashes directed graphs in another way.
     """
     return _ancestry(a) == _ancestry(b)
 
@@ -137,7 +144,8 @@ def _ancestry(parents: tuple[int, ...] | list[int]) -> Counter:
 
 
 def canonical_tree(parents: tuple[int, ...] | list[int], labels: list[str]) -> tuple:
-    """A nested tuple that is equal for two labelled rooted trees if and only if they are isomorphic (Aho, Hopcroft, Ullman)."""
+    """A nested tuple that is equal for two labelled rooted trees if and only if they are isomorphic
+    (Aho, Hopcroft, Ullman)."""
 
     def node(k: int) -> tuple:
         below = sorted(node(c) for c, parent in enumerate(parents) if parent == k)

@@ -1,6 +1,8 @@
-"""How much several samples of one image agree, joint by joint: a spread, as a hint of what the image leaves open.
+"""How much several samples of one image agree, joint by joint: a spread, as a hint of what the
+image leaves open.
 
-It is the model's own spread. Samples can agree on what is wrong, and a model that was asked for few solver steps is near its mean and spreads less.
+It is the model's own spread. Samples can agree on what is wrong, and a model that was asked for few
+solver steps is near its mean and spreads less.
 """
 
 from __future__ import annotations
@@ -24,14 +26,19 @@ def joint_spread(samples: Sequence[ArticulatedObject], index: int) -> dict[str, 
       samples: N objects of one image, in one frame (the sampled grid's), as sampled.
 
     Returns:
-      {"samples": N, "parts": [N] how many each has, "missing": [N] types of the moving joints of each that this sample has no part for,
+      {"samples": N, "parts": [N] how many each has, "missing": [N] types of the moving joints of
+      each that this sample has no part for,
       "joints": {part: figures}}, the part's name as in its object, the root left out. Figures:
-        matched: samples with a part whose box is within ``FOUND`` of this one's (L-infinity of corners, one to one), itself counted.
+        matched: samples with a part whose box is within ``FOUND`` of this one's (L-infinity of
+          corners, one to one), itself counted.
         type_share: of those, the share with a joint of the same type.
-        axis_degrees, pivot_object_units, pitch_object_units, lower_std, upper_std: standard deviations (n - 1) over the samples that match with the
-          same type (axis and pivot of a revolute or continuous joint: either of them); None with fewer than two of them, and where a joint has no
-          such thing. The axis is a line without sign, as seen from the mean axis; the pivot is the point of the axis nearest to this part's box
-          centre; the pitch is a screw's travel a radian; limits belong to this joint's direction, so that a part that opens the other way shows there.
+        axis_degrees, pivot_object_units, pitch_object_units, lower_std, upper_std: standard
+        deviations (n - 1) over the samples that match with the
+          same type (axis and pivot of a revolute or continuous joint: either of them); None with
+          fewer than two of them, and where a joint has no such thing. The axis is a line without
+          sign, as seen from the mean axis; the pivot is the point of the axis nearest to this
+          part's box centre; the pitch is a screw's travel a radian; limits belong to this joint's
+          direction, so that a part that opens the other way shows there.
         limits_unit: "radians" or "object units".
     """
     own = samples[index]

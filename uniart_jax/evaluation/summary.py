@@ -1,13 +1,18 @@
-"""From figures of single predictions to figures of methods: over samples, then over objects, with 95 % intervals.
+"""From figures of single predictions to figures of methods: over samples, then over objects, with
+95 % intervals.
 
-Samples of one object are brought to one number first, so that an object counts once however often it was sampled:
+Samples of one object are brought to one number first, so that an object counts once however often
+it was sampled:
 
-* ``mean``: the mean over samples, a failed sample with the worst value wherever the reference has something to compare;
-* ``best``: the sample with the smallest pose error, one sample for all figures and not the best of each;
+* ``mean``: the mean over samples, a failed sample with the worst value wherever the reference has
+  something to compare;
+* ``best``: the sample with the smallest pose error, one sample for all figures and not the best of
+  each;
 * ``first``: the first sample.
 
-Intervals are percentile bootstraps over objects (2,000 resamples, always the same), never over samples, which are not independent. A figure
-that does not apply to an object (None) is left out of means; ``count`` tells for how many it does.
+Intervals are percentile bootstraps over objects (2,000 resamples, always the same), never over
+samples, which are not independent. A figure that does not apply to an object (None) is left out of
+means; ``count`` tells for how many it does.
 """
 
 from __future__ import annotations
@@ -29,7 +34,8 @@ FAILED_METRIC = Metric(
     "failed",
     "lower",
     1.0,
-    "Share of predictions that are missing, cannot be read, or made a figure fail; what could not be measured counts with the worst value.",
+    "Share of predictions that are missing, cannot be read, or made a figure fail; what could not "
+    "be measured counts with the worst value.",
 )
 
 
@@ -56,7 +62,8 @@ def chosen_samples(
 def drawn_sample(
     results: Sequence[Mapping[str, Any]], metrics: Mapping[str, Metric], worst_by: str
 ) -> int:
-    """Of the samples that count, the number of that which a picture should show: the worst that has figures, as it tells most about the mean."""
+    """Of the samples that count, the number of that which a picture should show: the worst that has
+    figures, as it tells most about the mean."""
     good = [result for result in results if result["figures"]] or list(results)
     if worst_by not in metrics:
         return int(good[0]["sample"])
@@ -77,7 +84,8 @@ def object_figures(
     metrics: Mapping[str, Metric],
     optional: Sequence[str] = (),
 ) -> tuple[Figures, str]:
-    """One object's figures from the samples that count, and why any of them failed ("" if none did).
+    """One object's figures from the samples that count, and why any of them failed ("" if none
+    did).
 
     Args:
       optional: figures that a failed prediction lacks rather than has at their worst.
@@ -90,8 +98,11 @@ def object_figures(
     return figures, f"{len(failures)} of {len(results)} samples: {why}" if some else why
 
 
-def summarize_objects(objects: Mapping[str, Figures], names: Sequence[str]) -> dict[str, dict[str, float]]:  # fmt: skip
-    """Metric -> {"mean", "low", "high", "count"} over the objects called ``names``; NaN where nothing applies, no interval for one object."""
+def summarize_objects(
+    objects: Mapping[str, Figures], names: Sequence[str]
+) -> dict[str, dict[str, float]]:
+    """Metric -> {"mean", "low", "high", "count"} over the objects called ``names``; NaN where
+    nothing applies, no interval for one object."""
     keys = list(next(iter(objects.values())))
     table = np.array([[objects[name][key] for key in keys] for name in names])
     rows = {}
@@ -105,7 +116,8 @@ def summarize_objects(objects: Mapping[str, Figures], names: Sequence[str]) -> d
 def paired_differences(
     objects: Mapping[str, Figures], others: Mapping[str, Figures]
 ) -> dict[str, dict[str, float]]:
-    """``summarize_objects`` of each object's figure minus the same object's in ``others``: what two methods' own intervals, of the same objects, do not tell."""
+    """``summarize_objects`` of each object's figure minus the same object's in ``others``: what two
+    methods' own intervals, of the same objects, do not tell."""
     apart = {
         name: {key: value - others[name][key] for key, value in figures.items()}
         for name, figures in objects.items()
@@ -130,7 +142,8 @@ def interval(values: np.ndarray) -> tuple[float, float]:
 
 
 def sum_confusions(objects: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, dict[str, float]]:
-    """{reference's joint type: {predicted type: parts}} over objects, of each the mean over its samples that count; types sorted."""
+    """{reference's joint type: {predicted type: parts}} over objects, of each the mean over its
+    samples that count; types sorted."""
     total: dict[str, dict[str, float]] = {}
     for results in objects:
         for result in results:
@@ -141,8 +154,11 @@ def sum_confusions(objects: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, 
     return {truth: dict(sorted(row.items())) for truth, row in sorted(total.items())}
 
 
-def _filled(result: Mapping[str, Any], metrics: Mapping[str, Metric], optional: Sequence[str]) -> Figures:  # fmt: skip
-    """Every metric's value: NaN where nothing is to be compared, the worst where something was and could not be measured."""
+def _filled(
+    result: Mapping[str, Any], metrics: Mapping[str, Metric], optional: Sequence[str]
+) -> Figures:
+    """Every metric's value: NaN where nothing is to be compared, the worst where something was and
+    could not be measured."""
     found = result["figures"]
     row = {}
     for key, metric in metrics.items():

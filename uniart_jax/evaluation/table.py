@@ -27,7 +27,8 @@ TITLES = {
 
 
 def write_table(file: Path, content: Mapping[str, Any]) -> None:
-    """Markdown: a table a family of figures, a line a method and, below it, one for each of its sets and categories."""
+    """Markdown: a table a family of figures, a line a method and, below it, one for each of its
+    sets and categories."""
     partial = file.with_suffix(".new")
     partial.write_text("\n".join(_lines(content)) + "\n", encoding="utf-8")
     os.replace(partial, file)
@@ -52,7 +53,11 @@ def print_table(content: Mapping[str, Any]) -> None:
 
 def _lines(content: Mapping[str, Any]) -> Iterator[str]:
     settings = content["settings"]
-    yield f"Reference {settings['reference']}. Samples of one object: {settings['samples']}. Mean and 95 % interval (bootstrap over objects, none where all agree); n = where a figure applies to fewer objects than there are; ↑ higher is better, ↓ lower."
+    yield (
+        f"Reference {settings['reference']}. Samples of one object: {settings['samples']}. Mean "
+        "and 95 % interval (bootstrap over objects, none where all agree); n = where a figure "
+        "applies to fewer objects than there are; ↑ higher is better, ↓ lower."
+    )
     for family, keys in _groups(content).items():
         yield f"\n## {family}\n"
         yield f"| | objects | {' | '.join(_title(key, content) for key in keys)} |"
@@ -81,7 +86,10 @@ def _differences(content: Mapping[str, Any]) -> Iterator[str]:
     if not found["methods"]:
         return
     yield f"\n## Differences to {_text(found['to'])}\n"
-    yield "Means over objects of the method's figure minus that of the first, and their 95 % intervals; one that holds 0 does not tell the two apart."
+    yield (
+        "Means over objects of the method's figure minus that of the first, and their 95 % "
+        "intervals; one that holds 0 does not tell the two apart."
+    )
     for family, keys in _groups(content).items():
         yield f"\n| {family} | objects | {' | '.join(_title(key, content) for key in keys)} |"
         yield "|" + "---|" * (len(keys) + 2)
@@ -121,9 +129,15 @@ def _cell(figure: Mapping[str, float], objects: float) -> str:
 def _remarks(name: str, method: Mapping[str, Any]) -> Iterator[str]:
     objects = len(method["objects"])
     if method["failures"]:
-        yield f"{name}: {len(method['failures'])} of {objects} objects have failures, counted with the worst values."
+        yield (
+            f"{name}: {len(method['failures'])} of {objects} objects have failures, counted with "
+            "the worst values."
+        )
     if method["uncolored"]:
-        yield f"{name}: {len(method['uncolored'])} of {objects} objects have no colours and were given the truth's for PSNR."
+        yield (
+            f"{name}: {len(method['uncolored'])} of {objects} objects have no colours and were "
+            "given the truth's for PSNR."
+        )
 
 
 def _confusion(table: Mapping[str, Mapping[str, float]]) -> Iterator[str]:

@@ -1,4 +1,5 @@
-"""One prediction against its reference: all figures, or why there are none. This is what a worker process does."""
+"""One prediction against its reference: all figures, or why there are none. This is what a worker
+process does."""
 
 from __future__ import annotations
 
@@ -38,7 +39,15 @@ FAMILIES = {
 }
 PHYSICS = "physics"  # figures that the assets' own files tell
 DIED = "its worker process died (out of memory, a crash in C, or a call that never came back)"
-_PASSING = {errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.ESTALE}  # fmt: skip
+_PASSING = {
+    errno.ENOMEM,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EIO,
+    errno.ESTALE,
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,7 +75,8 @@ class Setup:
 
 
 class Seen(NamedTuple):
-    """An object as figures see it: at rest in metres (``metric.resting``), and made as large as all others (``metric.at_rest``)."""
+    """An object as figures see it: at rest in metres (``metric.resting``), and made as large as all
+    others (``metric.at_rest``)."""
 
     own: ArticulatedObject
     shown: ArticulatedObject
@@ -118,9 +128,12 @@ def run_trial(setup: Setup, trial: Trial) -> dict[str, Any]:
     """The figures of one prediction; kept in ``trial.file``.
 
     Returns:
-      ``figures`` {metric: number or None for "nothing to compare"}; a metric that is absent could not be measured, and ``failure`` says
-      why. ``inapplicable``: those of the absent for which this reference has nothing to compare. Also ``category`` (the reference's), ``uncolored``,
-      ``confusion``, ``seconds`` {step: s}. What failed for want of memory, of time (``Setup.limit``) or of room on a disk is not kept.
+      ``figures`` {metric: number or None for "nothing to compare"}; a metric that is absent could
+      not be measured, and ``failure`` says
+      why. ``inapplicable``: those of the absent for which this reference has nothing to compare.
+        Also ``category`` (the reference's), ``uncolored``,
+      ``confusion``, ``seconds`` {step: s}. What failed for want of memory, of time
+      (``Setup.limit``) or of room on a disk is not kept.
 
     Raises:
       ValueError: the reference is at fault; no figure could be trusted.
@@ -153,13 +166,15 @@ def run_trial(setup: Setup, trial: Trial) -> dict[str, Any]:
 def _failed(
     setup: Setup, trial: Trial, result: dict[str, Any], passing: bool = False
 ) -> dict[str, Any]:
-    """The result of a prediction without any figure; kept unless what was wrong may not come again."""
+    """The result of a prediction without any figure; kept unless what was wrong may not come
+    again."""
     result["inapplicable"] = _inapplicable(setup, trial.reference, setup.families)
     return result if passing else keep(trial.file, result)
 
 
 def died(trial: Trial) -> dict[str, Any]:
-    """The result of a trial that killed its worker; not kept, since with fewer processes or more memory it may come through."""
+    """The result of a trial that killed its worker; not kept, since with fewer processes or more
+    memory it may come through."""
     return _blank(trial) | {"failure": DIED}
 
 
@@ -197,11 +212,12 @@ def see(source: Source, reading: Reading = Reading()) -> Seen:
 
 @contextlib.contextmanager
 def light_jax(processes: int) -> Iterator[None]:
-    """Worker processes started inside run JAX on the CPU with one thread; this process is left as it is."""
+    """Worker processes started inside run JAX on the CPU with one thread; this process is left as
+    it is."""
     wanted = {
         "JAX_PLATFORMS": "cpu",
         "NPROC": "1",  # XLA's pool of threads
-        "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false".strip(),
+        "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false".strip(),  # noqa: E501
     }
     before = {name: os.environ.get(name) for name in wanted}
     if processes > 1:
@@ -217,7 +233,19 @@ def light_jax(processes: int) -> Iterator[None]:
 
 
 def _blank(trial: Trial) -> dict[str, Any]:
-    return {"method": trial.method, "name": trial.reference.name, "sample": trial.sample, "made_of": trial.made_of, "category": "", "figures": {}, "inapplicable": [], "failure": "", "uncolored": False, "confusion": {}, "seconds": {}}  # fmt: skip
+    return {
+        "method": trial.method,
+        "name": trial.reference.name,
+        "sample": trial.sample,
+        "made_of": trial.made_of,
+        "category": "",
+        "figures": {},
+        "inapplicable": [],
+        "failure": "",
+        "uncolored": False,
+        "confusion": {},
+        "seconds": {},
+    }
 
 
 def _measure(
@@ -239,7 +267,9 @@ def _measure(
             with time_limit(setup.limit):
                 found = module.measure(*shown, **options)
             if set(found) != set(module.METRICS):
-                raise ValueError(f"expected the figures {sorted(module.METRICS)}, got {sorted(found)}")  # fmt: skip
+                raise ValueError(
+                    f"expected the figures {sorted(module.METRICS)}, got {sorted(found)}"
+                )
             numbers = _numbers(found)
             if hasattr(module, "confusion"):
                 result["confusion"] = _nested(module.confusion(*shown))
@@ -254,7 +284,8 @@ def _measure(
 
 
 def _inapplicable(setup: Setup, reference: Reference, families: Iterable[str]) -> list[str]:
-    """The figures of these families that have nothing to compare even where the reference is held against itself: no prediction can have them."""
+    """The figures of these families that have nothing to compare even where the reference is held
+    against itself: no prediction can have them."""
     found: list[str] = []
     for family in families:
         known = reference.name, reference.made_of, family
@@ -269,7 +300,8 @@ def _inapplicable(setup: Setup, reference: Reference, families: Iterable[str]) -
     return found
 
 
-# By name, fingerprint and family, not by object: a worker would hold them all. Of failed predictions there may be many.
+# By name, fingerprint and family, not by object: a worker would hold them all. Of failed
+# predictions there may be many.
 _NOTHING: dict[tuple[str, str, str], list[str]] = {}
 
 
@@ -284,7 +316,8 @@ def _loaded(family: str, module: str) -> ModuleType:
 
 
 def _all_missing(setup: Setup, reference: ArticulatedObject) -> dict[str, dict[str, int]]:
-    """The confusion of joint types with nothing: what a prediction counts as that cannot be read."""
+    """The confusion of joint types with nothing: what a prediction counts as that cannot be
+    read."""
     modules = [_loaded(family, module) for family, module in setup.families.items()]
     missing = next((m.MISSING for m in modules if hasattr(m, "confusion")), None)
     if missing is None:
@@ -327,7 +360,9 @@ def _numbers(figures: Mapping[str, float]) -> dict[str, float | None]:
 
 def _passing(error: Exception) -> bool:
     """Whether it may not come again: the machine was at fault rather than the asset."""
-    return isinstance(error, MemoryError | TimeoutError) or getattr(error, "errno", None) in _PASSING  # fmt: skip
+    return (
+        isinstance(error, MemoryError | TimeoutError) or getattr(error, "errno", None) in _PASSING
+    )
 
 
 def _why(error: Exception) -> str:

@@ -1,4 +1,5 @@
-"""What an experiment is: arms, what is trained in each, and where on the road it is judged. ``configs/experiments/*.py`` make them."""
+"""What an experiment is: arms, what is trained in each, and where on the road it is judged.
+``configs/experiments/*.py`` make them."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from uniart_jax.config import Aggregation, Config
 from uniart_jax.config_files import CONFIGS, find_file
 
 Size = Literal["nano", "paper"]
-# from what to what the networks of a checkpoint are judged: evaluation.procedural's rows, and the structure alone
+# from what to what the networks of a checkpoint are judged: evaluation.procedural's rows, and the
+# structure alone
 Station = Literal["vae", "structure", "latent_flow", "object"]
 FOLDER = CONFIGS / "experiments"
 # every network that configs/paper.py trains; DINOv2 is taken as it is
@@ -39,8 +41,9 @@ class Objects:
     Attributes:
       unseen: procedural families that are never trained on, instead of the trained ones.
       joint_type: only objects that have such a joint; "" = all.
-      records: a prepared folder and the split of it that is tested, instead of procedural objects. Of each object its first record (state 0) is taken; the
-        truth is what that record's voxels say.
+      records: a prepared folder and the split of it that is tested, instead of procedural objects.
+        Of each object its first record (state 0) is taken; the truth is what that record's voxels
+        say.
     """
 
     unseen: bool = False
@@ -55,12 +58,15 @@ class Arm:
 
     Attributes:
       config: what is trained; its seeds are set by the run.
-      stages: the networks that are trained, in this order; () = the checkpoint ``init``, or that of the arm ``of``, is judged as it is.
+      stages: the networks that are trained, in this order; () = the checkpoint ``init``, or that of
+        the arm ``of``, is judged as it is.
       station: where on the road it is judged.
       tests: on which objects.
       init: checkpoint whose weights the stages begin with; "" = the config's own.
-      beside: checkpoint that gives the networks that are not trained, where the stages begin from scratch.
-      of: an arm that is trained, whose networks are judged again: one before this one, or EXPERIMENT/ARM of another experiment, which is trained only once.
+      beside: checkpoint that gives the networks that are not trained, where the stages begin from
+        scratch.
+      of: an arm that is trained, whose networks are judged again: one before this one, or
+        EXPERIMENT/ARM of another experiment, which is trained only once.
       views: images of the object that are shown together.
       against: the arm that it is held against; "" = the experiment's reference.
       sampling: options of both flows that differ from the checkpoint's (``Pipeline.options``).
@@ -89,7 +95,8 @@ class Records:
 
     Attributes:
       folder: where they go. families: of ``procedural``. count: objects. views: images of each.
-      source: instead of making them, the records of this folder without those that have a joint of ``leave_out``, whose split is that word.
+      source: instead of making them, the records of this folder without those that have a joint of
+        ``leave_out``, whose split is that word.
       matched: leave out as many of each family, whatever their joints.
       part_features: "geometric": with that column (``data.geometric_features``).
     """
@@ -144,7 +151,8 @@ class Experiment:
 
 
 def trained_on(config: Config, records: Records, **more: Any) -> Config:
-    """The config with the records that the experiment makes, without validation; ``more``: of its data."""
+    """The config with the records that the experiment makes, without validation; ``more``: of its
+    data."""
     data = {"records": records.folder, "procedural": 0, "views": records.views, "validation": ""}
     return dataclasses.replace(config, data=dataclasses.replace(config.data, **data | more))
 
@@ -170,10 +178,12 @@ def find_experiment(name: str | Path) -> Path:
 
 
 def load_experiment(name: str | Path, size: Size = "nano") -> Experiment:
-    """The ``experiment(size)`` of a file, with the arms of other experiments (beside that file) that its arms are of.
+    """The ``experiment(size)`` of a file, with the arms of other experiments (beside that file)
+    that its arms are of.
 
     Raises:
-      FileNotFoundError: no such file. ValueError: it has no such function, the function refuses the size, or what it gives is inconsistent.
+      FileNotFoundError: no such file. ValueError: it has no such function, the function refuses the
+        size, or what it gives is inconsistent.
     """
     path = find_experiment(name)
     found = _made(path, size)
@@ -203,8 +213,14 @@ def _made(path: Path, size: Size) -> Experiment:
             raise ValueError(f"experiment '{path}': no arm '{wanted}' to hold others against")
     for name, arm in arms.items():
         if bool(arm.stages) + bool(arm.of) + (not arm.stages and bool(arm.init)) != 1:
-            raise ValueError(f"experiment '{path}': arm {name} must have just one of stages, of, and init without stages")  # fmt: skip
+            raise ValueError(
+                f"experiment '{path}': arm {name} must have just one of stages, of, and init "
+                "without stages"
+            )
         before = [other for other in list(arms)[: list(arms).index(name)] if arms[other].stages]
         if arm.of and "/" not in arm.of and arm.of not in before:
-            raise ValueError(f"experiment '{path}': arm {name} is of '{arm.of}', which is not a trained arm before it")  # fmt: skip
+            raise ValueError(
+                f"experiment '{path}': arm {name} is of '{arm.of}', which is not a trained arm "
+                "before it"
+            )
     return found

@@ -1,10 +1,14 @@
-"""A checkpoint to begin with whose UniArt VAE has another aggregation, so that arms begin as alike as they can.
+"""A checkpoint to begin with whose UniArt VAE has another aggregation, so that arms begin as alike
+as they can.
 
-``fitted``: from a checkpoint; the front is drawn anew, everything else is kept. As ``weights.compose`` does with TRELLIS's: of the encoder's input layer the rows of the visual features, which stand first, are kept and the others
-begin at zero, so that the first latents are those of the visual features alone. The linear path past it, where there is one, likewise;
-without visual features these layers are drawn anew too.
+``fitted``: from a checkpoint; the front is drawn anew, everything else is kept. As
+``weights.compose`` does with TRELLIS's: of the encoder's input layer the rows of the visual
+features, which stand first, are kept and the others begin at zero, so that the first latents are
+those of the visual features alone. The linear path past it, where there is one, likewise; without
+visual features these layers are drawn anew too.
 
-``drawn_alike``: from nothing; what has the same name and shape as in the network with part-wise attention has its values too.
+``drawn_alike``: from nothing; what has the same name and shape as in the network with part-wise
+attention has its values too.
 """
 
 from __future__ import annotations
@@ -34,10 +38,12 @@ INPUTS = ("encoder.input_layer.kernel", "encoder.path.kernel")
 
 
 def fitted(source: Path, config: Config, folder: Path) -> Path:
-    """``source``, or, where its aggregation is another than the config's, a checkpoint in ``folder`` with a front of the config's.
+    """``source``, or, where its aggregation is another than the config's, a checkpoint in
+    ``folder`` with a front of the config's.
 
     Raises:
-      FileNotFoundError, ValueError: ``source`` is no checkpoint with a UniArt VAE, or differs from the config in more than the aggregation.
+      FileNotFoundError, ValueError: ``source`` is no checkpoint with a UniArt VAE, or differs from
+        the config in more than the aggregation.
     """
     model = read_config(source).model
     wanted = config.model.uniart_vae.aggregation
@@ -70,8 +76,9 @@ def fitted(source: Path, config: Config, folder: Path) -> Path:
 
 
 def drawn_alike(config: Config, stages: Sequence[str], folder: Path) -> Path | None:
-    """A checkpoint in ``folder`` with the networks of ``stages`` as a training of ``config`` draws them, but for the UniArt VAE: what it shares by name and
-    shape with that of aggregation 'uniart' is drawn as there. None where that is its own aggregation, or it is not trained.
+    """A checkpoint in ``folder`` with the networks of ``stages`` as a training of ``config`` draws
+    them, but for the UniArt VAE: what it shares by name and shape with that of aggregation 'uniart'
+    is drawn as there. None where that is its own aggregation, or it is not trained.
     """
     model = config.model
     wanted = dataclasses.replace(model.uniart_vae, aggregation="uniart")

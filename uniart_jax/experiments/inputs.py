@@ -1,4 +1,5 @@
-"""What an experiment stands on: its records, made or checked; its test sets and checkpoints, looked at before anything is trained."""
+"""What an experiment stands on: its records, made or checked; its test sets and checkpoints, looked
+at before anything is trained."""
 
 from __future__ import annotations
 
@@ -30,13 +31,17 @@ console = messages()
 
 
 def make_records(records: Records, model: ModelConfig) -> None:
-    """Make the records of an experiment, and their column of part features, where they are not there yet, on the grid of ``model``; go on with what was left unfinished.
+    """Make the records of an experiment, and their column of part features, where they are not
+    there yet, on the grid of ``model``; go on with what was left unfinished.
 
     Raises:
       ValueError: the folder holds records of other settings, of other families, or more of them.
     """
     folder = Path(records.folder)
-    with in_turn(folder, lambda: console.print(f"{folder}: another process makes these records; waiting for it")):  # fmt: skip
+    with in_turn(
+        folder,
+        lambda: console.print(f"{folder}: another process makes these records; waiting for it"),
+    ):
         if records.source:
             leave_out(Path(records.source), folder, records.leave_out, records.matched)
             return
@@ -77,20 +82,25 @@ def check_settings(records: Records, model: ModelConfig, held: int) -> None:
         "states": 1,
     }
     found = read_metadata(records.folder)
-    differ = [f"{k} {found.get(k)} instead of {v}" for k, v in asked.items() if found.get(k) != v]  # fmt: skip
+    differ = [f"{k} {found.get(k)} instead of {v}" for k, v in asked.items() if found.get(k) != v]
     if held > records.count:
         differ.append(f"{held} objects instead of {records.count}")
     if any("max_parts" in row["error"] for row in read_manifest(records.folder)):
         differ.append(f"objects left out by max_parts {found.get('max_parts')}")
     if differ:
-        raise ValueError(f"{records.folder}: holds other records than the experiment's ({', '.join(differ)}); move that folder away")  # fmt: skip
+        raise ValueError(
+            f"{records.folder}: holds other records than the experiment's ({', '.join(differ)}); "
+            "move that folder away"
+        )
 
 
 def leave_out(source: Path, folder: Path, joint_type: str, matched: bool = False) -> None:
-    """Another view of prepared records: the same shards, of which those with a joint of that type have it as their split, the others "train".
+    """Another view of prepared records: the same shards, of which those with a joint of that type
+    have it as their split, the others "train".
 
-    ``matched``: as many of each category have that split, drawn without regard to their joints: what a training on fewer objects of such categories is worth by itself.
-    Nothing is touched where all of it is there already: another process may read it.
+    ``matched``: as many of each category have that split, drawn without regard to their joints:
+    what a training on fewer objects of such categories is worth by itself. Nothing is touched where
+    all of it is there already: another process may read it.
 
     Raises:
       ValueError: no record has such a joint, or all have.
@@ -98,7 +108,10 @@ def leave_out(source: Path, folder: Path, joint_type: str, matched: bool = False
     rows = record_rows(source)
     has = [joint_type in {j.split(":")[0] for j in row["joints"].split()} for row in rows]
     if not any(has) or all(has):
-        raise ValueError(f"{source}: {sum(has)} of {len(has)} records have a joint '{joint_type}'; nothing to hold apart")  # fmt: skip
+        raise ValueError(
+            f"{source}: {sum(has)} of {len(has)} records have a joint '{joint_type}'; nothing to "
+            "hold apart"
+        )
     if matched:
         categories, drawn = np.array([row["category"] for row in rows]), np.array(has)
         for category in np.unique(categories):
@@ -106,7 +119,9 @@ def leave_out(source: Path, folder: Path, joint_type: str, matched: bool = False
             drawn[mine] = np.random.default_rng(0).permutation(drawn[mine])
         has = drawn.tolist()
     folder.mkdir(parents=True, exist_ok=True)
-    wanted = {path.name: path.resolve() for path in [*shard_paths(source), source / "metadata.json"]}  # fmt: skip
+    wanted = {
+        path.name: path.resolve() for path in [*shard_paths(source), source / "metadata.json"]
+    }
     for link in folder.iterdir():
         if link.is_symlink() and link.name not in wanted:
             link.unlink()
@@ -144,12 +159,16 @@ def check_networks(name: str, arm: Arm, trained: Arm) -> None:
       trained: the arm whose networks they are.
 
     Raises:
-      FileNotFoundError: a checkpoint is missing. ValueError: a network is neither trained nor taken from one.
+      FileNotFoundError: a checkpoint is missing. ValueError: a network is neither trained nor taken
+        from one.
     """
     try:
         folders = {given: checkpoint_folder(given) for given in trained.checkpoints()}
     except FileNotFoundError as error:
-        raise FileNotFoundError(f"arm {name}: {error}; the experiment's file, or the config that it trains, says at its head where it comes from") from None  # fmt: skip
+        raise FileNotFoundError(
+            f"arm {name}: {error}; the experiment's file, or the config that it trains, says at "
+            "its head where it comes from"
+        ) from None
     has, nowhere = {*trained.stages}, Path(os.devnull)
     if not trained.stages:
         has |= {n for n in NETWORKS if has_export(folders[trained.init], f"{n}.safetensors")}
@@ -158,23 +177,29 @@ def check_networks(name: str, arm: Arm, trained: Arm) -> None:
     if trained.beside:
         has |= {*beside(trained, folders[trained.beside], nowhere)}
     if lacking := [network for network in NEEDS[arm.station] if network not in has]:
-        raise ValueError(f"arm {name}: is judged by {', '.join(lacking)}, which it neither trains nor can take from {' or '.join(folders) or 'a checkpoint'}")  # fmt: skip
+        raise ValueError(
+            f"arm {name}: is judged by {', '.join(lacking)}, which it neither trains nor can take "
+            f"from {' or '.join(folders) or 'a checkpoint'}"
+        )
 
 
 def beside(arm: Arm, source: Path, workdir: Path) -> list[str]:
-    """The networks that WORKDIR takes from the checkpoint beside an arm: no flow, which would speak of other latents."""
+    """The networks that WORKDIR takes from the checkpoint beside an arm: no flow, which would speak
+    of other latents."""
     found = taken(arm.config, source, arm.stages, workdir)
     return [network for network in found if network not in LATENT_OF]
 
 
 def check_arm(name: str, arm: Arm, trained: Arm, count: int) -> None:
-    """Whether an arm can be trained and judged, as far as that can be told before: an arm must not fail after a training of days.
+    """Whether an arm can be trained and judged, as far as that can be told before: an arm must not
+    fail after a training of days.
 
     Args:
       trained: the arm whose networks it is judged by.
 
     Raises:
-      FileNotFoundError, ValueError: records, a split, a column or an image is missing; the arm is named.
+      FileNotFoundError, ValueError: records, a split, a column or an image is missing; the arm is
+        named.
     """
     try:
         if trained.stages:

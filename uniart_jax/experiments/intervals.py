@@ -1,10 +1,14 @@
-"""Means of figures, differences between arms, and their 95 % intervals: over what they are, is always said.
+"""Means of figures, differences between arms, and their 95 % intervals: over what they are, is
+always said.
 
-* ``trainings``: arms that were trained more than once, on the same objects: Student's t over the differences of equal seeds, which see equal batches. What was
-  not trained has one value, which is held against every training of the other.
-* ``objects``: of one training, or none. A bootstrap over the objects' paired differences: how sure the figure of *these* networks is. Another training would
-  give others, so it is no evidence about what was varied in training.
-* ``other objects``: arms on different objects. Both bootstrapped, independently; also the share that is kept.
+* ``trainings``: arms that were trained more than once, on the same objects: Student's t over the
+  differences of equal seeds, which see equal batches. What was not trained has one value, which is
+  held against every training of the other.
+* ``objects``: of one training, or none. A bootstrap over the objects' paired differences: how sure
+  the figure of *these* networks is. Another training would give others, so it is no evidence about
+  what was varied in training.
+* ``other objects``: arms on different objects. Both bootstrapped, independently; also the share
+  that is kept.
 """
 
 from __future__ import annotations
@@ -20,7 +24,8 @@ Over = Literal["trainings", "objects", "other objects"]
 
 
 def row(values: np.ndarray) -> dict[str, Any]:
-    """Mean of [S, N] over trainings and objects, its interval over objects, and each training's mean."""
+    """Mean of [S, N] over trainings and objects, its interval over objects, and each training's
+    mean."""
     objects = known(over_seeds(values))
     low, high = interval(objects)
     return {
@@ -32,7 +37,8 @@ def row(values: np.ndarray) -> dict[str, Any]:
 
 
 def difference(values: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """Mean of [S, N] minus another [S, N] of the same seeds and objects; with one seed an interval over objects, else over seeds."""
+    """Mean of [S, N] minus another [S, N] of the same seeds and objects; with one seed an interval
+    over objects, else over seeds."""
     apart = values - reference
     if np.isnan(apart).all():
         return {key: float("nan") for key in ("mean", "low", "high")}
@@ -58,7 +64,8 @@ def unpaired(
     """[S, N] against [S', N'] on other objects.
 
     Returns:
-      "difference": of the means. "kept": the share of the reference that is kept, over 1 where this is better: this / reference where higher is better, else
+      "difference": of the means. "kept": the share of the reference that is kept, over 1 where this
+        is better: this / reference where higher is better, else
       reference / this.
     """
     ours, theirs = (known(over_seeds(v)) for v in (values, reference))

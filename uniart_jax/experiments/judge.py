@@ -1,12 +1,14 @@
-"""What an arm is worth: its networks at one station of the road, on held-out objects, by the figures of ``uniart evaluate``.
+"""What an arm is worth: its networks at one station of the road, on held-out objects, by the
+figures of ``uniart evaluate``.
 
 vae            the truth's voxels -> UniArt VAE -> object
 structure      image -> active voxels
 latent_flow    image and the truth's active voxels -> object
 object         image -> object
 
-What cannot be made or measured of one object counts with the worst values, and says why; where the truth itself is at fault, the object counts for no arm.
-The others go on. Only what speaks of the machine stops: memory, files, the device.
+What cannot be made or measured of one object counts with the worst values, and says why; where the
+truth itself is at fault, the object counts for no arm. The others go on. Only what speaks of the
+machine stops: memory, files, the device.
 """
 
 from __future__ import annotations
@@ -83,7 +85,8 @@ class Test:
     """A test object as an arm sees it.
 
     Attributes:
-      truth: the object, its voxels and its first image. images: all that are shown, [S, S, 4] uint8.
+      truth: the object, its voxels and its first image. images: all that are shown, [S, S, 4]
+        uint8.
       features: of its voxels, where the model reads them.
     """
 
@@ -93,13 +96,15 @@ class Test:
 
 
 def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> None:
-    """The figures of ``count`` test objects, each in ``folder/<object>.json`` as soon as it is known; those that lie there are kept.
+    """The figures of ``count`` test objects, each in ``folder/<object>.json`` as soon as it is
+    known; those that lie there are kept.
 
     Args:
       seed: of the noise of sampling, with the object's number.
 
     Raises:
-      FileNotFoundError, ValueError: the checkpoint lacks a network that the station needs, or it is not trained.
+      FileNotFoundError, ValueError: the checkpoint lacks a network that the station needs, or it is
+        not trained.
     """
     names = test_names(arm.tests, count)
     missing = [k for k, name in enumerate(names) if read_kept(folder / f"{name}.json") is None]
@@ -119,14 +124,18 @@ def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> No
         else:
             figures, failure = measure(arm, pipeline, test, seed * 10_000 + k)
         seconds = time.perf_counter() - begin
-        keep(folder / f"{names[k]}.json", {"figures": without_nan(figures), "failure": failure, "seconds": seconds})  # fmt: skip
+        keep(
+            folder / f"{names[k]}.json",
+            {"figures": without_nan(figures), "failure": failure, "seconds": seconds},
+        )
 
 
 def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
     """A pipeline of some networks of a checkpoint.
 
     Raises:
-      FileNotFoundError, ValueError: as ``training.export.load_network``, or one of them is not trained.
+      FileNotFoundError, ValueError: as ``training.export.load_network``, or one of them is not
+        trained.
     """
     folder = checkpoint_folder(checkpoint)
     config = read_config(folder)
@@ -146,7 +155,8 @@ def parameter_count(model: ModelConfig, station: Station) -> int:
 
 
 def measure(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> tuple[Figures, str]:
-    """What the networks make of one object, against the truth; and what failed of it, "" if nothing did.
+    """What the networks make of one object, against the truth; and what failed of it, "" if nothing
+    did.
 
     Raises:
       OSError, MemoryError, JaxRuntimeError: the machine is at fault.
@@ -184,7 +194,8 @@ def measure(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> tuple[Figure
 
 
 def worst(family: str, ref: ArticulatedObject) -> Figures:
-    """A family's worst values, and NaN where the truth has nothing to compare, as for every other prediction."""
+    """A family's worst values, and NaN where the truth has nothing to compare, as for every other
+    prediction."""
     module = importlib.import_module(f"uniart_jax.evaluation.{family}")
     try:
         own = module.measure(ref, ref)
@@ -192,14 +203,20 @@ def worst(family: str, ref: ArticulatedObject) -> Figures:
         raise
     except Exception:  # it fails of the truth itself: nothing tells what there is to compare
         own = {}
-    return {n: math.nan if math.isnan(own.get(n, 0.0)) else m.worst for n, m in module.METRICS.items()}  # fmt: skip
+    return {
+        n: math.nan if math.isnan(own.get(n, 0.0)) else m.worst for n, m in module.METRICS.items()
+    }
 
 
 def figure_names(station: Station) -> list[str]:
     """Those that a station is judged by."""
     if station == "structure":
         return ["structure_iou", "velocities"]
-    return [n for n in METRICS if n not in ("structure_iou", *(("velocities",) if station == "vae" else ()))]  # fmt: skip
+    return [
+        n
+        for n in METRICS
+        if n not in ("structure_iou", *(("velocities",) if station == "vae" else ()))
+    ]
 
 
 def why(error: Exception) -> str:
@@ -224,7 +241,8 @@ def structure_overlap(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> Fi
 def make_object(
     arm: Arm, pipeline: Pipeline, test: Test, seed: int
 ) -> tuple[ArticulatedObject, float | None]:
-    """The object that an arm's station ends with, and the velocities that it took; None where nothing is sampled.
+    """The object that an arm's station ends with, and the velocities that it took; None where
+    nothing is sampled.
 
     Raises:
       ValueError: nothing was found in the image.
@@ -253,7 +271,8 @@ def make_object(
 
 
 def look(pipeline: Pipeline, test: Test) -> tuple[Condition, Layout | None]:
-    """The condition that the images of an object make, and the layout of the first, which flows that see layouts are given."""
+    """The condition that the images of an object make, and the layout of the first, which flows
+    that see layouts are given."""
     pixels = [pipeline.prepare(image) for image in test.images]
     condition = join_views(pipeline.encode_images(np.stack(pixels)))
     layout = pipeline.find_layout(test.images[0])
@@ -262,10 +281,12 @@ def look(pipeline: Pipeline, test: Test) -> tuple[Condition, Layout | None]:
 
 @functools.lru_cache
 def test_names(tests: Objects, count: int) -> tuple[str, ...]:
-    """The first ``count`` test objects by name, fewer if there are no more: their number, and their family where they are procedural.
+    """The first ``count`` test objects by name, fewer if there are no more: their number, and their
+    family where they are procedural.
 
     Raises:
-      FileNotFoundError, ValueError: the records are not complete or have no such split; or of ``SEARCHED`` objects in a row none has a joint of the wanted type.
+      FileNotFoundError, ValueError: the records are not complete or have no such split; or of
+        ``SEARCHED`` objects in a row none has a joint of the wanted type.
     """
     if tests.records:
         return record_names(tests.records, tests.split, count)
@@ -281,7 +302,10 @@ def test_names(tests: Objects, count: int) -> tuple[str, ...]:
             last = index
         index += 1
         if index - last > SEARCHED:
-            raise ValueError(f"experiment: {SEARCHED} test objects in a row have no joint of type '{tests.joint_type}'")  # fmt: skip
+            raise ValueError(
+                f"experiment: {SEARCHED} test objects in a row have no joint of type "
+                f"'{tests.joint_type}'"
+            )
     return tuple(names)
 
 
@@ -307,7 +331,10 @@ def test_object(arm: Arm, name: str, model: ModelConfig) -> Test:
         record = RecordSource(tests.records, tests.split, columns)[index]
         images = list(record.images[: arm.views])
         if len(images) < arm.views:
-            raise ValueError(f"{tests.records}: a record has {len(images)} images, {arm.views} are shown; prepare it with --views {arm.views}")  # fmt: skip
+            raise ValueError(
+                f"{tests.records}: a record has {len(images)} images, {arm.views} are shown; "
+                f"prepare it with --views {arm.views}"
+            )
         obj, family = object_of_record(record), str(record.meta.get("category", ""))
         truth = HeldOut(family, index, obj, record.grid(), images[0])
         return Test(truth, images, {c: getattr(record, c).astype(np.float32) for c in columns})
@@ -326,8 +353,9 @@ def features_of(truth: HeldOut, model: ModelConfig) -> dict[str, np.ndarray]:
         return {}
     if asked != {"part_feature": GEOMETRIC_CHANNELS}:
         raise ValueError(
-            f"experiment: of procedural test objects only part features of {GEOMETRIC_CHANNELS} channels are known "
-            f"('geometric'); this model reads {asked}; name records with its columns (tests.records)"
+            f"experiment: of procedural test objects only part features of {GEOMETRIC_CHANNELS} "
+            f"channels are known ('geometric'); this model reads {asked}; name records with its "
+            "columns (tests.records)"
         )
     images, cameras = truth.image[None], np.zeros((1, 4), np.float32)
     record = from_object(truth.obj, images, cameras, {"id": truth.obj.name}, truth.grid)
@@ -335,7 +363,8 @@ def features_of(truth: HeldOut, model: ModelConfig) -> dict[str, np.ndarray]:
 
 
 def views_of(truth: HeldOut, number: int) -> list[np.ndarray]:
-    """``number`` images [S, S, 4] of one test object: its own, and others by cameras drawn as that was."""
+    """``number`` images [S, S, 4] of one test object: its own, and others by cameras drawn as that
+    was."""
     rng = np.random.default_rng([truth.seed, 2])
     images, size = [truth.image], truth.image.shape[0]
     while len(images) < number:

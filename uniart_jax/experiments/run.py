@@ -6,9 +6,11 @@
     OUT/<arm>/seed-<s>/failure.json       instead of figures: why the training has no result
     OUT/table.md, OUT/metrics.json        of what is there so far
 
-The same command goes on where it was stopped: in the middle of a training from its newest checkpoint, in the middle of judging at the next
-object; a training that failed is tried again. All arms of one seed come before the next seed, so that an unfinished queue still holds arms of
-equal seeds against each other. An arm of another experiment is trained in that one's folder beside OUT, once for all that are of it.
+The same command goes on where it was stopped: in the middle of a training from its newest
+checkpoint, in the middle of judging at the next object; a training that failed is tried again. All
+arms of one seed come before the next seed, so that an unfinished queue still holds arms of equal
+seeds against each other. An arm of another experiment is trained in that one's folder beside OUT,
+once for all that are of it.
 """
 
 from __future__ import annotations
@@ -45,19 +47,26 @@ def run_experiment(
     """Train, judge and tabulate what is not there yet.
 
     Args:
-      seeds, count: trainings of each arm and test objects; default: the experiment's own. More of either go on from fewer.
+      seeds, count: trainings of each arm and test objects; default: the experiment's own. More of
+        either go on from fewer.
       arms: only these.
 
     Raises:
-      ValueError: no such arm, or one whose networks nobody trains; several seeds where nothing is trained; ``out`` holds arms of other settings; records, test objects or checkpoints are missing or
-        do not fit; or another process works on it.
+      ValueError: no such arm, or one whose networks nobody trains; several seeds where nothing is
+        trained; ``out`` holds arms of other settings; records, test objects or checkpoints are
+        missing or do not fit; or another process works on it.
       FileNotFoundError: as ``ValueError``, of what is missing.
     """
     if unknown := [name for name in arms if name not in experiment.arms]:
-        raise ValueError(f"experiment: no arm '{unknown[0]}'; there are {', '.join(experiment.arms)}")  # fmt: skip
+        raise ValueError(
+            f"experiment: no arm '{unknown[0]}'; there are {', '.join(experiment.arms)}"
+        )
     chosen = [name for name in experiment.arms if not arms or name in arms]
     if (seeds or 1) > 1 and not any(experiment.trained(name).stages for name in experiment.arms):
-        raise ValueError("experiment: nothing is trained in it, so there is one seed; more test objects are --count")  # fmt: skip
+        raise ValueError(
+            "experiment: nothing is trained in it, so there is one seed; more test objects are "
+            "--count"
+        )
     seeds, count = seeds or experiment.seeds, count or experiment.count
     with alone(out):
         prepare(experiment, out, chosen, seeds, count)
@@ -76,7 +85,8 @@ def run_experiment(
 def prepare(
     experiment: Experiment, out: Path, chosen: Sequence[str], seeds: int, count: int
 ) -> None:
-    """Make the records, and look at everything that can be looked at before the first training. All arms that lie in ``out`` enter the table, so all are checked.
+    """Make the records, and look at everything that can be looked at before the first training. All
+    arms that lie in ``out`` enter the table, so all are checked.
 
     Raises: as ``run_experiment``.
     """
@@ -86,7 +96,10 @@ def prepare(
             "/" in experiment.arms[name].of
             and experiment.folder(name, out).parent.resolve() == out.resolve()
         ):
-            raise ValueError(f"{out}: is the folder of the experiment that arm '{name}' is of; give another --out")  # fmt: skip
+            raise ValueError(
+                f"{out}: is the folder of the experiment that arm '{name}' is of; give another "
+                "--out"
+            )
     entered = [name for name in experiment.arms if name in chosen or (out / name).is_dir()]
     for name in entered:
         check_networks(name, experiment.arms[name], experiment.trained(name))
@@ -104,20 +117,25 @@ def prepare(
 
 
 def missing_networks(experiment: Experiment, out: Path, chosen: Sequence[str], seeds: int) -> None:
-    """Raises ValueError where an arm is of another of this experiment that is neither chosen nor trained."""
+    """Raises ValueError where an arm is of another of this experiment that is neither chosen nor
+    trained."""
     for name in chosen:
         of = experiment.arms[name].of
         if not of or "/" in of or of in chosen:
             continue
         folders = [out / of / f"seed-{seed}" for seed in range(seeds)]
         if not all(exported(f, stage) for f in folders for stage in experiment.arms[of].stages):
-            raise ValueError(f"experiment: arm '{name}' judges the networks of '{of}', which are not trained in {out}; give it too: --arms {of} {name}")  # fmt: skip
+            raise ValueError(
+                f"experiment: arm '{name}' judges the networks of '{of}', which are not trained in "
+                f"{out}; give it too: --arms {of} {name}"
+            )
 
 
 def attempt(
     experiment: Experiment, out: Path, name: str, seed: int, count: int, broken: dict[Path, str]
 ) -> None:
-    """Train arm ``name`` as far as it is not, and judge it. A training that diverges is kept as its result, and in ``broken``, by its folder."""
+    """Train arm ``name`` as far as it is not, and judge it. A training that diverges is kept as its
+    result, and in ``broken``, by its folder."""
     arm, made = experiment.arms[name], experiment.trained(name)
     place = f"seed-{seed}"
     workdir, here = experiment.folder(name, out) / place, out / name / place
@@ -126,9 +144,19 @@ def attempt(
             with contextlib.ExitStack() as stack:
                 if "/" in arm.of:
                     there = workdir.parent
-                    stack.enter_context(alone(there.parent, lambda: console.print(f"{there.parent}: another command works there; waiting until it is done", markup=False)))  # fmt: skip
+                    stack.enter_context(
+                        alone(
+                            there.parent,
+                            lambda: console.print(
+                                f"{there.parent}: another command works there; waiting until it is done",  # noqa: E501
+                                markup=False,
+                            ),
+                        )
+                    )
                     claim_arm(alone_of(experiment, name), there.name, there)
-                checkpoint = workdir if arm.of and "/" not in arm.of else train_arm(made, seed, workdir)  # fmt: skip
+                checkpoint = (
+                    workdir if arm.of and "/" not in arm.of else train_arm(made, seed, workdir)
+                )
         except FloatingPointError as error:  # others go on
             console.print(f"{name}, seed {seed}: {error}", markup=False)
             broken[workdir] = str(error)
@@ -146,7 +174,8 @@ def alone_of(experiment: Experiment, name: str) -> Experiment:
 
 
 def train_arm(arm: Arm, seed: int, workdir: Path) -> Path:
-    """The checkpoint of an arm, trained as far as it is not yet; where nothing is trained, its ``init``.
+    """The checkpoint of an arm, trained as far as it is not yet; where nothing is trained, its
+    ``init``.
 
     Raises:
       FloatingPointError: it diverged.

@@ -1,4 +1,5 @@
-"""What an arm's figures depend on but for the code, kept beside them: figures of other settings, records or weights never enter a table."""
+"""What an arm's figures depend on but for the code, kept beside them: figures of other settings,
+records or weights never enter a table."""
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ def settings(experiment: Experiment, name: str) -> dict[str, Any]:
 
 
 def described(arm: Arm) -> dict[str, Any]:
-    """An arm by its values: the whole config, so that a default that changes is seen, and digests of records and weights."""
+    """An arm by its values: the whole config, so that a default that changes is seen, and digests
+    of records and weights."""
     found: dict[str, Any] = {
         "stages": arm.stages,
         "station": arm.station,
@@ -59,14 +61,18 @@ def check_kept(experiment: Experiment, name: str, folder: Path) -> dict[str, Any
         return now
     kept = read_kept(folder / FILE)
     if kept is None:
-        raise ValueError(f"{folder}: arm {name} has results there without {FILE}; move that folder away, or choose another --out")  # fmt: skip
+        raise ValueError(
+            f"{folder}: arm {name} has results there without {FILE}; move that folder away, or "
+            "choose another --out"
+        )
     config = json.loads(to_json(Config()))
     if differ := differences(
         kept, now, {"config": config, "of": {"config": config, "sampling": {}}, "sampling": {}}
     ):
         more = f" and {len(differ) - SHOWN} more" if len(differ) > SHOWN else ""
         raise ValueError(
-            f"{folder}: results of arm {name} there are of other settings ({'; '.join(differ[:SHOWN])}{more}); move that folder away, or choose another --out"
+            f"{folder}: results of arm {name} there are of other settings "
+            f"({'; '.join(differ[:SHOWN])}{more}); move that folder away, or choose another --out"
         )
     return now
 
@@ -85,7 +91,8 @@ def claim_arm(experiment: Experiment, name: str, folder: Path) -> None:
 def differences(
     kept: dict[str, Any], now: dict[str, Any], defaults: dict[str, Any], at: str = ""
 ) -> list[str]:
-    """In words, what of nested settings is not as it was. What was not there yet had its default."""
+    """In words, what of nested settings is not as it was. What was not there yet had its
+    default."""
     found = []
     for key in [*now, *(key for key in kept if key not in now)]:
         default = defaults.get(key)

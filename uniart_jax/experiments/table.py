@@ -1,4 +1,5 @@
-"""The figures of arms as one table: ``table.md`` for people, ``metrics.json`` with everything. Which intervals there are: ``intervals``."""
+"""The figures of arms as one table: ``table.md`` for people, ``metrics.json`` with everything.
+Which intervals there are: ``intervals``."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ class Judged:
       seeds: that are judged completely.
       values: figure -> [S, N], NaN where there is nothing to compare.
       trained: whether seeds are trainings; else there is one, and it stands for all.
-      failures: objects that failed, over all seeds. faulty: objects without a truth. broken: trainings without a result, and why.
+      failures: objects that failed, over all seeds. faulty: objects without a truth. broken:
+        trainings without a result, and why.
       unfinished: trainings that are not judged on all objects yet, and on how many they are.
     """
 
@@ -41,7 +43,8 @@ class Judged:
 
 
 def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any]:
-    """Everything judged completely so far; returns what ``metrics.json`` holds, with NaN where that has null."""
+    """Everything judged completely so far; returns what ``metrics.json`` holds, with NaN where that
+    has null."""
     found = {name: collect(experiment, out, name, count) for name in experiment.arms}
     arms: dict[str, Any] = {}
     for name, judged in found.items():
@@ -66,8 +69,8 @@ def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any
         "level": LEVEL,
         "arms": arms,
         "broken": {name: judged.broken for name, judged in found.items() if judged.broken},
-        "unfinished": {name: judged.unfinished for name, judged in found.items() if judged.unfinished},
-        "metrics": {key: {"title": METRICS[key].title, "better": METRICS[key].better, "about": METRICS[key].about} for key in columns},
+        "unfinished": {name: judged.unfinished for name, judged in found.items() if judged.unfinished},  # noqa: E501
+        "metrics": {key: {"title": METRICS[key].title, "better": METRICS[key].better, "about": METRICS[key].about} for key in columns},  # noqa: E501
     }  # fmt: skip
     keep(out / "metrics.json", without_nan(content))
     partial = out / "table.new"
@@ -91,13 +94,16 @@ def collect(experiment: Experiment, out: Path, name: str, count: int) -> Judged:
             unfinished[seed] = len(results) - results.count(None)
             continue
         if len({tuple(sorted(result["figures"])) for result in results if result}) > 1:
-            raise ValueError(f"{folder}: figures of several versions; remove that folder's figures/, and they are judged again")  # fmt: skip
+            raise ValueError(
+                f"{folder}: figures of several versions; remove that folder's figures/, and they "
+                "are judged again"
+            )
         seeds.append(seed)
         rows.append([result["figures"] for result in results if result])
         reasons += [result["failure"] for result in results if result and result["failure"]]
     keys = dict.fromkeys(key for row in rows for figures in row for key in figures)
     values = {
-        key: np.array([[np.nan if (v := f.get(key)) is None else v for f in row] for row in rows], float)
+        key: np.array([[np.nan if (v := f.get(key)) is None else v for f in row] for row in rows], float)  # noqa: E501
         for key in keys
     }  # fmt: skip
     trained = bool(experiment.trained(name).stages)
@@ -116,7 +122,8 @@ def parameters(experiment: Experiment, name: str) -> int:
 def compare(
     experiment: Experiment, name: str, against: str, found: dict[str, Judged]
 ) -> dict[str, Any]:
-    """``against``, ``differences`` {figure: mean, low, high}, ``over`` what their intervals are, and of other objects ``kept``; {} without equal seeds."""
+    """``against``, ``differences`` {figure: mean, low, high}, ``over`` what their intervals are,
+    and of other objects ``kept``; {} without equal seeds."""
     one, other = found[name], found[against]
     shared = [key for key in one.values if key in other.values]
     if experiment.arms[name].tests != experiment.arms[against].tests:
@@ -141,7 +148,8 @@ def compare(
 
 
 def matched(one: Judged, other: Judged) -> tuple[list[int], list[int]]:
-    """Rows of both that belong together: equal seeds; what is not trained, with every training of the other."""
+    """Rows of both that belong together: equal seeds; what is not trained, with every training of
+    the other."""
     if one.trained and other.trained:
         both = [seed for seed in one.seeds if seed in other.seeds]
         return [one.seeds.index(s) for s in both], [other.seeds.index(s) for s in both]
@@ -154,15 +162,24 @@ def lines(content: dict[str, Any]) -> list[str]:
     """Markdown: means, differences, what is kept on other objects, and what the intervals are."""
     columns, arms = content["columns"], content["arms"]
     arrows = {"higher": "↑", "lower": "↓"}
-    titles = " | ".join(f"{content['metrics'][c]['title']} {arrows[content['metrics'][c]['better']]}" for c in columns)  # fmt: skip
+    titles = " | ".join(
+        f"{content['metrics'][c]['title']} {arrows[content['metrics'][c]['better']]}"
+        for c in columns
+    )
     text = [f"| arm | seeds | objects | parameters | {titles} |", "|" + "---|" * (len(columns) + 4)]
     for name, arm in arms.items():
         cells = " | ".join(cell(arm["rows"].get(c)) for c in columns)
-        text.append(f"| {name} | {len(arm['seeds'])} | {arm['objects']} | {arm['parameters']:,} | {cells} |")  # fmt: skip
+        text.append(
+            f"| {name} | {len(arm['seeds'])} | {arm['objects']} | {arm['parameters']:,} | {cells} |"
+        )
     for key, title, sign in (("differences", "minus", "+"), ("kept", "share kept of", "")):
         some = {name: arm for name, arm in arms.items() if key in arm}
         if some:
-            text += ["", f"| arm | {title} | interval over | {titles} |", "|" + "---|" * (len(columns) + 3)]  # fmt: skip
+            text += [
+                "",
+                f"| arm | {title} | interval over | {titles} |",
+                "|" + "---|" * (len(columns) + 3),
+            ]
         for name, arm in some.items():
             cells = " | ".join(cell(arm[key].get(c), sign) for c in columns)
             text.append(f"| {name} | {arm['against']} | {over(arm)} | {cells} |")

@@ -1,1 +1,2 @@
-"""Articulated objects as files: URDF with textured meshes, GLB, inertia, previews and a report. Never imports jax."""
+"""Articulated objects as files: URDF with textured meshes, GLB, inertia, previews and a report.
+Never imports jax."""

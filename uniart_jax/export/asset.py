@@ -1,8 +1,9 @@
-"""The asset folder: everything that a person or a simulator needs of one articulated object, complete or absent.
+"""The asset folder: everything that a person or a simulator needs of one articulated object,
+complete or absent.
 
 object.urdf   object.xml (MJCF)   object.usda, object.usdz   meshes/<part>.obj, material.mtl, texture.png, collision/<part>_*.obj
 object.glb    view.html           print/<part>.stl           preview.png   motion.gif   report.json
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -100,12 +101,14 @@ def save_asset(
 
     Args:
       obj: any articulated object; ``scale`` turns it into metres.
-      formats: what to write beside the URDF, its meshes, the pictures and the report: "mjcf" (object.xml), "glb", "page" (view.html),
-        "usd" (object.usda and object.usdz; needs usd-core), "stl" (a file a part in millimetres, for printing). Default:
+      formats: what to write beside the URDF, its meshes, the pictures and the report: "mjcf"
+        (object.xml), "glb", "page" (view.html), "usd" (object.usda and object.usdz; needs
+        usd-core), "stl" (a file a part in millimetres, for printing). Default:
         ``default_formats()``.
       folder: where to; made with its parents. It appears complete or not at all.
       size: metres of the longest side; default as ``obj.scale`` says.
-      density: kg / m^3 of every part (default 500, light wood). mass: kg of the whole object instead.
+      density: kg / m^3 of every part (default 500, light wood). mass: kg of the whole object
+        instead.
       collision: "merged": boxes and hulls as close to the surface as the budget allows; "boxes"
         alone; "hull": one a part; "coacd": that program's (``export.collision_kinds``).
       collision_budget: convex shapes of the whole object at most, 16 a part (``export.budget``);
@@ -115,25 +118,28 @@ def save_asset(
       origin: "floor": 0 lies on the floor below the middle of the object at rest; "centre": in its
         middle; None: where the object has it.
       actuators: MJCF gets a position actuator a joint.
-      printing: with "stl", ``print`` holds pieces with hinges, shafts and slides that print and are put together
-        (``export.printing``), instead of the parts as they are.
+      printing: with "stl", ``print`` holds pieces with hinges, shafts and slides that print and are
+        put together (``export.printing``), instead of the parts as they are.
       image: the picture that the object was made from, shown beside it in ``preview.png``.
-      picture: the same with its camera, of the shown state: the texture takes its colours (``export.picture_colors``).
-      seed, checkpoint: what made the object, for the report. details: further entries of it, plain JSON values.
-      overwrite: replace a folder that holds an asset; the old one stands until the new one is complete.
+      picture: the same with its camera, of the shown state: the texture takes its colours
+        (``export.picture_colors``).
+      seed, checkpoint: what made the object, for the report. details: further entries of it, plain
+        JSON values.
+      overwrite: replace a folder that holds an asset; the old one stands until the new one is
+        complete.
       motion: also write ``motion.gif`` (if anything moves).
       mend: mends joints and shapes once these are known, and keeps them within the budget
         (``simulation.refine.mend``).
-      check: looks at the written folder before it takes its place and returns the report's ``validation``
-        (``simulation.validate``).
+      check: looks at the written folder before it takes its place and returns the report's
+        ``validation`` (``simulation.validate``).
 
     Returns:
       The folder.
 
     Raises:
-      ValueError: ``check_target`` refuses the folder, it cannot be made, ``image`` cannot be read, an unknown format or one whose
-        package is absent, ``printing`` without "stl", a size, density, mass or origin that cannot
-        be, or friction or damping of a joint that is not there.
+      ValueError: ``check_target`` refuses the folder, it cannot be made, ``image`` cannot be read,
+        an unknown format or one whose package is absent, ``printing`` without "stl", a size,
+        density, mass or origin that cannot be, or friction or damping of a joint that is not there.
     """
     chosen = default_formats() if formats is None else tuple(formats)
     if unknown := [f for f in chosen if f not in FORMATS]:
@@ -211,7 +217,9 @@ def _write_simulation(
         for hull, file in zip(hulls(body), hull_files[-1], strict=True):
             write_plain(hull.mesh, folder / file)
     write_urdf(obj, folder, [[file] for file in visual], bodies, hull_files)
-    opened = [len(s.faces) != len(m.faces) for s, m in zip(atlas.surfaces, atlas.unclosed, strict=True)]  # fmt: skip
+    opened = [
+        len(s.faces) != len(m.faces) for s, m in zip(atlas.surfaces, atlas.unclosed, strict=True)
+    ]
     named = [f"'{part.name}'" for part, was_open in zip(obj.parts, opened, strict=True) if was_open]
     notes = [f"open surfaces were given a thickness: {', '.join(named)}"] if named else []
     texture = f"meshes/{TEXTURE_FILE}"
@@ -240,7 +248,8 @@ def _write_stl(
 
 
 def file_stems(obj: ArticulatedObject) -> list[str]:
-    """[K] file stems of the parts: their names as far as every file system and parser takes them, told apart where need be."""
+    """[K] file stems of the parts: their names as far as every file system and parser takes them,
+    told apart where need be."""
     stems: list[str] = []
     for part in obj.parts:
         stem = re.sub(r"[^A-Za-z0-9_-]+", "_", part.name).strip("_")[:80] or "part"

@@ -1,9 +1,11 @@
-"""One texture for a whole object: simplified parts, xatlas charts over all of them, colours baked from any visual.
+"""One texture for a whole object: simplified parts, xatlas charts over all of them, colours baked
+from any visual.
 
-Network output arrives as marching cubes with some 10^5 faces and a colour per vertex. Each closed part is simplified by
-manifold3d, which cannot open a surface; xatlas (github.com/jpcy/xatlas) lays the charts of all parts into one square (surfaces too
-rough for it get a chart for every triangle); every texel is
-carried to the nearest point of the *source* surface and takes its colour, so that detail survives the simplification.
+Network output arrives as marching cubes with some 10^5 faces and a colour per vertex. Each closed
+part is simplified by manifold3d, which cannot open a surface; xatlas (github.com/jpcy/xatlas) lays
+the charts of all parts into one square (surfaces too rough for it get a chart for every triangle);
+every texel is carried to the nearest point of the *source* surface and takes its colour, so that
+detail survives the simplification.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ from uniart_jax.objects.object import ArticulatedObject
 TEXTURE_SIZE = 1024  # texels a side, about: xatlas picks the exact size
 FACE_BUDGET = 10_000  # faces of all parts together
 ROUGH_TEXTURE = 768  # of what a network makes
-# Fractions of the object's longest side, tried in turn until the budget is met: from 1/8 of a sub-cell at 128^3 to 2 sub-cells.
+# Fractions of the object's longest side, tried in turn until the budget is met: from 1/8 of a
+# sub-cell at 128^3 to 2 sub-cells.
 TOLERANCES = tuple(2.0 ** (k / 2) / 1024 for k in range(9))
 OPENED = 2  # faces that an open surface's count as, which is given a second side
 TOUCH = 1e-5  # of the longest side: how far vertices in one place, of two sheets, are drawn apart
@@ -41,10 +44,12 @@ ROUGH_SHARE = 0.35  # of edges that are sharp
 
 @dataclasses.dataclass(frozen=True)
 class Surface:
-    """A part's exported surface: geometry and texture coordinates with indices of their own, as OBJ has them.
+    """A part's exported surface: geometry and texture coordinates with indices of their own, as OBJ
+    has them.
 
     Attributes:
-      vertices: [v, 3] float64, no two in the same place; object frame at the shown state, object units.
+      vertices: [v, 3] float64, no two in the same place; object frame at the shown state, object
+        units.
       faces: [f, 3] into ``vertices``; closed.
       uv: [t, 2] in [0, 1], v up.
       uv_faces: [f, 3] into ``uv``.
@@ -61,7 +66,8 @@ class Surface:
         return trimesh.Trimesh(self.vertices, self.faces, process=False)
 
     def textured(self, texture: Image.Image) -> trimesh.Trimesh:
-        """The surface as a renderer wants it: a vertex for each pair of position and texture coordinate."""
+        """The surface as a renderer wants it: a vertex for each pair of position and texture
+        coordinate."""
         pairs = np.stack([self.faces.ravel(), self.uv_faces.ravel()], 1)
         unique, inverse = np.unique(pairs, axis=0, return_inverse=True)
         mesh = trimesh.Trimesh(self.vertices[unique[:, 0]], inverse.reshape(-1, 3), process=False)
@@ -78,7 +84,8 @@ class Atlas:
 
     Attributes:
       surfaces: closed, all of them.
-      unclosed: [K] the same before open ones were given a thickness: what their collision shapes and masses are made of.
+      unclosed: [K] the same before open ones were given a thickness: what their collision shapes
+        and masses are made of.
     """
 
     surfaces: tuple[Surface, ...]
@@ -89,11 +96,13 @@ class Atlas:
 def make_atlas(
     obj: ArticulatedObject, size: int | None = None, picture: Picture | None = None
 ) -> Atlas:
-    """Simplify, close, unwrap and bake every part of ``obj`` into one atlas of about ``size`` texels a side.
+    """Simplify, close, unwrap and bake every part of ``obj`` into one atlas of about ``size``
+    texels a side.
 
     By default 1,024 texels, 768 where the surface is bumpy all over (``voxel_boxes.is_rough``),
     whose noise is no detail and would be most of the folder.
-    ``picture``: of the shown state, whose colours are taken where it shows the object (``export.picture_colors``).
+    ``picture``: of the shown state, whose colours are taken where it shows the object
+    (``export.picture_colors``).
     """
     sources = [part.mesh for part in obj.parts]
     side = float((obj.bounds[1] - obj.bounds[0]).max())
@@ -114,9 +123,10 @@ def simplify(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """(vertices, faces) of every mesh, vertices merged, with about ``budget`` faces together.
 
-    Within the budget nothing is touched. Closed manifolds are simplified first, and only if that leaves them closed; no step moves
-    a surface by more than the last of ``TOLERANCES`` times ``side``, or an eighth of the part's thinnest extent. Surfaces that are
-    not closed have their vertices clustered, if they alone are still too many.
+    Within the budget nothing is touched. Closed manifolds are simplified first, and only if that
+    leaves them closed; no step moves a surface by more than the last of ``TOLERANCES`` times
+    ``side``, or an eighth of the part's thinnest extent. Surfaces that are not closed have their
+    vertices clustered, if they alone are still too many.
     """
     merged = [_merged(np.asarray(m.vertices, np.float64), np.asarray(m.faces)) for m in meshes]
     solids: dict[int, manifold3d.Manifold] = {}
@@ -172,7 +182,8 @@ def _untouched(
 def _clustered(
     vertices: np.ndarray, faces: np.ndarray, side: float, budget: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A surface that is not closed with about ``budget`` faces: vertices in one cell of a grid made one (Rossignac and Borrel)."""
+    """A surface that is not closed with about ``budget`` faces: vertices in one cell of a grid made
+    one (Rossignac and Borrel)."""
     cell = side / 1024
     out = vertices, faces
     while len(out[1]) > budget and cell < side / 16:
@@ -210,7 +221,8 @@ def _xatlas_charts(geometry: Geometry, side: float, size: int) -> Layout:
 
 
 def _grid_charts(geometry: Geometry, side: float, size: int) -> Layout:
-    """As ``_xatlas_charts``, in no time: every triangle is a chart of its own, two in a cell of a grid."""
+    """As ``_xatlas_charts``, in no time: every triangle is a chart of its own, two in a cell of a
+    grid."""
     del side
     counts = [len(faces) for _, faces in geometry]
     columns = int(np.ceil(np.sqrt(np.ceil(sum(counts) / 2))))
@@ -233,7 +245,8 @@ def _grid_charts(geometry: Geometry, side: float, size: int) -> Layout:
 
 
 def _is_rough(geometry: Geometry) -> bool:
-    """Whether xatlas would cut thousands of charts, which takes it many seconds: much geometry, full of sharp edges."""
+    """Whether xatlas would cut thousands of charts, which takes it many seconds: much geometry,
+    full of sharp edges."""
     sharp = total = 0
     for vertices, faces in geometry:
         mesh = trimesh.Trimesh(vertices, faces, process=False)
@@ -251,7 +264,8 @@ def bake(
     obj: ArticulatedObject | None = None,
     picture: Picture | None = None,
 ) -> Image.Image:
-    """sRGB image of the sources' colours under the surfaces' charts, or of a picture of ``obj``; texels outside all charts repeat the nearest inside."""
+    """sRGB image of the sources' colours under the surfaces' charts, or of a picture of ``obj``;
+    texels outside all charts repeat the nearest inside."""
     texels: list[tuple[np.ndarray, ...]] = []
     for k, (surface, source) in enumerate(zip(surfaces, sources, strict=True)):
         rows, columns, faces, weights = rasterize(surface, width, height)
@@ -261,7 +275,9 @@ def bake(
         normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
         own = np.full(len(rows), k)
         texels.append((rows, columns, points, normals, own, source_color(source, points)))
-    rows, columns, points, normals, own, found = (np.concatenate(c) for c in zip(*texels, strict=True))  # fmt: skip
+    rows, columns, points, normals, own, found = (
+        np.concatenate(c) for c in zip(*texels, strict=True)
+    )
     if obj is not None and picture is not None:
         found = paint(picture, obj, points, normals, own, found)
     color = np.zeros((height, width, 3), np.float32)
@@ -276,7 +292,8 @@ def bake(
 def rasterize(
     surface: Surface, width: int, height: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """(rows [n], columns [n], faces [n], barycentric weights [n, 3]) of the texels whose centre lies in a chart."""
+    """(rows [n], columns [n], faces [n], barycentric weights [n, 3]) of the texels whose centre
+    lies in a chart."""
     corners = (surface.uv * [1, -1] + [0, 1])[surface.uv_faces] * [width, height] - 0.5
     corners = corners.astype(np.float32)  # [f, 3, (x, y)]
     # Scan lines: every row that crosses a triangle, then every texel between the crossings.
@@ -309,7 +326,8 @@ def rasterize(
 
 
 def _ranges(first: np.ndarray, last: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(index i, value) of all integers of the closed ranges [first[i], last[i]], one range after the other."""
+    """(index i, value) of all integers of the closed ranges [first[i], last[i]], one range after
+    the other."""
     counts = np.maximum(last - first + 1, 0)
     index = np.repeat(np.arange(len(first)), counts)
     return index, first[index] + np.arange(len(index)) - (np.cumsum(counts) - counts)[index]

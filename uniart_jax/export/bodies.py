@@ -1,4 +1,5 @@
-"""The parts of an object as a physics engine needs them: mass, inertia, collision shapes, joint dynamics."""
+"""The parts of an object as a physics engine needs them: mass, inertia, collision shapes, joint
+dynamics."""
 
 from __future__ import annotations
 
@@ -25,19 +26,22 @@ def make_bodies(
     mass: float | None = None,
     collision: Collision = "merged",
 ) -> tuple[Body, ...]:
-    """Every part as a physics engine needs it, in metres (by ``obj.scale``), object frame at the shown state.
+    """Every part as a physics engine needs it, in metres (by ``obj.scale``), object frame at the
+    shown state.
 
     Args:
       obj: any object.
-      meshes: [K] the parts' surfaces as they are exported, object units, object frame; closed where they can be.
+      meshes: [K] the parts' surfaces as they are exported, object units, object frame; closed where
+        they can be.
       density: kg / m^3 of all parts, default 500.
-      mass: kg of the whole object, shared by the parts' volumes; instead of a density. No part is lighter than a thousandth of all (by density: or a gram).
+      mass: kg of the whole object, shared by the parts' volumes; instead of a density. No part is
+        lighter than a thousandth of all (by density: or a gram).
       collision: shapes as close to the surface as can be ("merged", ``export.collision``, since
         they are joined later: ``export.budget``), boxes alone, coacd's pieces, or a hull a part.
 
     Raises:
-      ValueError: another number of meshes than parts; both density and mass, or one that is not a positive number; coacd is asked for
-        and not installed.
+      ValueError: another number of meshes than parts; both density and mass, or one that is not a
+        positive number; coacd is asked for and not installed.
     """
     if len(meshes) != len(obj.parts):
         raise ValueError(f"make_bodies: {len(meshes)} meshes for {len(obj.parts)} parts")

@@ -21,7 +21,8 @@ CORNERS = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
 
 
 def own_frame(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """[3, 3] whose columns are the axes that most of a surface's area faces: a right-handed frame, the object's own where it fits."""
+    """[3, 3] whose columns are the axes that most of a surface's area faces: a right-handed frame,
+    the object's own where it fits."""
     normals, areas = _normals(vertices, faces)
     first = _common(normals, areas)
     side = np.abs(normals @ first) < 0.02
@@ -57,7 +58,8 @@ def box_solid(center: np.ndarray, size: np.ndarray, frame: np.ndarray) -> Manifo
 
 
 def as_box(solid: Manifold, slack: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """(center, size, frame) of the box that a convex solid is, to within ``slack``; None if it is not one."""
+    """(center, size, frame) of the box that a convex solid is, to within ``slack``; None if it is
+    not one."""
     vertices, faces = triangles(solid)
     frame = own_frame(vertices, faces)
     center, size = fitted_box(vertices, frame)
@@ -67,10 +69,12 @@ def as_box(solid: Manifold, slack: float) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def box_cover(surface: Surface) -> list[Manifold]:
-    """Boxes that together are a surface's solid, to within its tolerance; [] if it is not built of boxes.
+    """Boxes that together are a surface's solid, to within its tolerance; [] if it is not built of
+    boxes.
 
-    The grid's planes are the solid's own, at the heights where its area lies; boxes grow in it from the largest cell that is not
-    covered yet, over what others cover too, so that crossing bars are a box each.
+    The grid's planes are the solid's own, at the heights where its area lies; boxes grow in it from
+    the largest cell that is not covered yet, over what others cover too, so that crossing bars are
+    a box each.
     """
     vertices, faces, tolerance = surface.vertices, surface.faces, surface.tolerance
     frame = own_frame(vertices, faces)
@@ -154,7 +158,8 @@ def _planes(
     axis: int,
     gap: float,
 ) -> np.ndarray:
-    """[n] heights along ``axis`` at which the surface has walls, ascending, both ends of its box included."""
+    """[n] heights along ``axis`` at which the surface has walls, ascending, both ends of its box
+    included."""
     lo, hi = float(vertices[:, axis].min()), float(vertices[:, axis].max())
     gap = min(gap, (hi - lo) / 8)
     facing = np.abs(normals[:, axis]) > FLAT_COSINE

@@ -1,7 +1,8 @@
 """Open surfaces given a thickness, so that every part that is written bounds a solid.
 
-Files of others hold sheets: doors without a back, tubes without ends. Each connected sheet gets a second layer behind the one that is seen, and a rim
-along its border. What was closed stays as it is, solids that touch along an edge or a face included.
+Files of others hold sheets: doors without a back, tubes without ends. Each connected sheet gets a
+second layer behind the one that is seen, and a rim along its border. What was closed stays as it
+is, solids that touch along an edge or a face included.
 """
 
 from __future__ import annotations
@@ -12,15 +13,19 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 THICKNESS = 0.003  # of the object's longest side
-NARROW = 0.25  # of a bent sheet's own least extent, if that is less: a narrow tube must not turn inside out
+# of a bent sheet's own least extent, if that is less: a narrow tube must not turn inside out
+NARROW = 0.25
 FLAT = 0.95  # length of a sheet's mean normal, from which on it is not bent
-APART = 3e-6  # of the longest side: layers of sheets that share a border do not touch, so that every edge has two faces
+# of the longest side: layers of sheets that share a border do not touch, so that every edge has two
+# faces
+APART = 3e-6
 
 
 def closed(vertices: np.ndarray, faces: np.ndarray, side: float) -> tuple[np.ndarray, np.ndarray]:
     """(vertices, faces) of the surface with a thickness where it was open.
 
-    Of what is new every edge has two faces that agree on which side is out. Faces of a sheet that disagree are turned first.
+    Of what is new every edge has two faces that agree on which side is out. Faces of a sheet that
+    disagree are turned first.
 
     Args:
       vertices, faces: [v, 3], [f, 3]; no two vertices in the same place, no face without an area.
@@ -40,7 +45,8 @@ def closed(vertices: np.ndarray, faces: np.ndarray, side: float) -> tuple[np.nda
         return vertices, faces
     solid, loose = np.concatenate([faces[~rest], loose[~is_open]]), loose[is_open]
     across = _across(loose, np.zeros(len(loose), np.int64))
-    while True:  # two borders between the same two vertices would share their rim: one of the faces is cut out
+    # two borders between the same two vertices would share their rim: one of the faces is cut out
+    while True:
         fan = _fans(across, len(loose))
         border = across < 0
         ends = np.sort(np.stack([fan[border], fan[_after(len(loose))[border]]], 1), axis=1)
@@ -67,7 +73,8 @@ def _layers(
     border: np.ndarray,
     side: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(vertices, faces) of sheets with a thickness; ``fan`` [3 f], ``border`` [3 f] of the corners and edges of ``faces``, ``sheet`` [f]."""
+    """(vertices, faces) of sheets with a thickness; ``fan`` [3 f], ``border`` [3 f] of the corners
+    and edges of ``faces``, ``sheet`` [f]."""
     first = np.unique(fan, return_index=True)[1]
     original, own, thin = faces.ravel()[first], sheet[first // 3], fan.reshape(-1, 3)
     points = vertices[original]
@@ -108,7 +115,8 @@ def _thickness(
 
 
 def _turned_alike(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """The faces with neighbours on the same side, as far as that can be; most of a sheet's area stays as it was."""
+    """The faces with neighbours on the same side, as far as that can be; most of a sheet's area
+    stays as it was."""
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     trimesh.repair.fix_winding(mesh)
     fixed = np.asarray(mesh.faces)
@@ -134,9 +142,11 @@ def _is_solid(faces: np.ndarray) -> np.ndarray:
 
 
 def _across(faces: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """[3 f] the same edge of a face on its other side, for edge 3 f + i from corner i to the next; -1 at a border.
+    """[3 f] the same edge of a face on its other side, for edge 3 f + i from corner i to the next;
+    -1 at a border.
 
-    Only faces of one ``body`` [f] are paired. Where more than two meet they are paired as far as they run in both directions: solids that touch have no border.
+    Only faces of one ``body`` [f] are paired. Where more than two meet they are paired as far as
+    they run in both directions: solids that touch have no border.
     """
     first, second = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     ends = np.sort(np.stack([first, second], 1), axis=1)
@@ -164,7 +174,8 @@ def _sheets(across: np.ndarray, count: int) -> np.ndarray:
 
 
 def _fans(across: np.ndarray, count: int) -> np.ndarray:
-    """[3 f] the vertex of each corner: where two sheets, or two ends of one, meet in a point they do not hang together."""
+    """[3 f] the vertex of each corner: where two sheets, or two ends of one, meet in a point they
+    do not hang together."""
     inner, after = np.flatnonzero(across >= 0), _after(count)
     return _groups(
         np.r_[inner, after[inner]], np.r_[after[across[inner]], across[inner]], 3 * count

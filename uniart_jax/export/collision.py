@@ -1,9 +1,11 @@
-"""Convex collision shapes that keep cavities: a drawer holds a ball, a cabinet stays open for its drawers.
+"""Convex collision shapes that keep cavities: a drawer holds a ball, a cabinet stays open for its
+drawers.
 
-Every closed shell of a part becomes one box, the boxes of its walls, or hulls (``convex_split``); then neighbours are joined while the
-surface allows it. No shape stands out of the part by more than a small share of the object, so that the shapes of two parts meet only
-where the parts do. Shells that are not closed are hulls or thin boxes if they are as good as convex or flat, else they are made solid on a
-grid first.
+Every closed shell of a part becomes one box, the boxes of its walls, or hulls (``convex_split``);
+then neighbours are joined while the surface allows it. No shape stands out of the part by more than
+a small share of the object, so that the shapes of two parts meet only where the parts do. Shells
+that are not closed are hulls or thin boxes if they are as good as convex or flat, else they are
+made solid on a grid first.
 """
 
 from __future__ import annotations
@@ -64,13 +66,15 @@ SHELL_BUDGET = 256  # shells a part; the smallest are left out
 FACE_BUDGET = (
     200,
     600,
-)  # a shell with more faces is simplified by a small share of the depth; with more still by up to .8 of it
+)  # a shell with more faces is simplified by a small share of the depth; with more still by up to .8 of it  # noqa: E501
 CONVEX = 1e-3  # of its hull's volume that a convex solid may lack
 HULL_VERTICES = 64
 DIRECTIONS = 26  # with twelve extremes and what lies farthest out, at most 64 points
 THIN = 1e-3  # of the part's longest side: a thinner shell is thickened
 SLIVER = 0.2  # of that: what a cut leaves thinner is dropped; MuJoCo refuses flat hulls
-TINY = 1e-5  # metres: a smaller part is a box of at least this; its corners would be welded to nothing, and manifold3d crashes on that
+# metres: a smaller part is a box of at least this; its corners would be welded to nothing, and
+# manifold3d crashes on that
+TINY = 1e-5
 CELLS = 40  # along an open surface's longest side, when it is given a thickness
 
 
@@ -80,11 +84,14 @@ def collision_shapes(
     """Convex shapes, in the meshes' frame, that together stand for each part; at least one a part.
 
     Args:
-      meshes: [K] parts of one object, metres; closed where they can be. A part below a hundredth of a millimetre is a box of that size.
-      size: longest side of the object, default of all meshes together. Shapes stand out of a closed mesh by at most .75 % of it (rough
-        surfaces of many faces: 2.3 %; or 9 % of the part's own longest side, if that is less), unless it needs more convex pieces
-        than its share. Where shapes of two parts overlap by more than .4 %, both parts are made again, finer, as far as that helps, and
-        what still overlaps is cut apart (``separation``).
+      meshes: [K] parts of one object, metres; closed where they can be. A part below a hundredth of
+        a millimetre is a box of that size.
+      size: longest side of the object, default of all meshes together. Shapes stand out of a closed
+        mesh by at most .75 % of it (rough
+        surfaces of many faces: 2.3 %; or 9 % of the part's own longest side, if that is less),
+          unless it needs more convex pieces
+        than its share. Where shapes of two parts overlap by more than .4 %, both parts are made
+        again, finer, as far as that helps, and what still overlaps is cut apart (``separation``).
     """
     bounds = np.array([m.bounds for m in meshes])
     size = size or float((bounds[:, 1].max(0) - bounds[:, 0].min(0)).max())
@@ -110,7 +117,8 @@ def collision_shapes(
 
 
 def rebuilt(piece: Manifold, size: float) -> Shape | None:
-    """What is left of a shape that was cut, as a shape again; None if it is a sliver. ``size``: longest side of the object."""
+    """What is left of a shape that was cut, as a shape again; None if it is a sliver. ``size``:
+    longest side of the object."""
     lo, hi = np.reshape(piece.bounding_box(), (2, 3))
     thin = THIN * float((hi - lo).max())
     return None if width(piece) <= SLIVER * thin else _shape(piece, OVERLAP * size / 4, thin)
@@ -163,10 +171,14 @@ def _welded(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _shells(vertices: np.ndarray, faces: np.ndarray) -> tuple[list[Manifold], list[np.ndarray]]:
-    """Closed shells as solids, cavities with what they are in; and the faces [f, 3] of every other shell."""
+    """Closed shells as solids, cavities with what they are in; and the faces [f, 3] of every other
+    shell."""
     pairs = trimesh.graph.face_adjacency(faces)  # edges of two faces only: solids may touch
     groups = trimesh.graph.connected_components(pairs, nodes=np.arange(len(faces)), min_len=1)
-    extent = [float(np.prod(np.sort(np.ptp(vertices[faces[g]].reshape(-1, 3), axis=0))[1:])) for g in groups]  # fmt: skip
+    extent = [
+        float(np.prod(np.sort(np.ptp(vertices[faces[g]].reshape(-1, 3), axis=0))[1:]))
+        for g in groups
+    ]
     largest = np.argsort(-np.array(extent), kind="stable")[:SHELL_BUDGET]
     solids: list[Manifold] = []
     cavities: list[Manifold] = []
@@ -189,7 +201,9 @@ def _shells(vertices: np.ndarray, faces: np.ndarray) -> tuple[list[Manifold], li
             points, corners = triangles(solids[k])
             inner, holes = triangles(cavity)
             # Manifold.compose would unite them.
-            joined = as_manifold(np.concatenate([points, inner]), np.concatenate([corners, holes + len(points)]))  # fmt: skip
+            joined = as_manifold(
+                np.concatenate([points, inner]), np.concatenate([corners, holes + len(points)])
+            )
             solids[k] = solids[k] if joined is None else joined
         else:  # a shell that is inside out
             turned = as_manifold(*_turned(cavity))
@@ -225,7 +239,8 @@ def _surface(solids: list[Manifold], tolerance: float) -> Surface:
 
 
 def _few_pieces(solid: Manifold, surface: Surface, thin: float) -> list[Manifold]:
-    """The hull of what is as good as convex, the walls of what is built of walls; [] for all else."""
+    """The hull of what is as good as convex, the walls of what is built of walls; [] for all
+    else."""
     hull = solid.hull()
     if not surface.exceeded(hull):
         return [hull] if width(hull) > thin else [flat_box(*triangles(hull), thin)]
@@ -235,7 +250,8 @@ def _few_pieces(solid: Manifold, surface: Surface, thin: float) -> list[Manifold
 def _open_solids(
     vertices: np.ndarray, shells: list[np.ndarray], tolerance: float, thin: float
 ) -> list[Manifold]:
-    """Open shells as closed ones: thin boxes where they are flat, hulls where they are as good as convex, else sheets with a thickness."""
+    """Open shells as closed ones: thin boxes where they are flat, hulls where they are as good as
+    convex, else sheets with a thickness."""
     solids, hollow = [], []
     for faces in shells:
         points = vertices[np.unique(faces)]
@@ -257,7 +273,8 @@ def _open_solids(
 def _thickened(vertices: np.ndarray, shells: list[np.ndarray]) -> list[Manifold]:
     """Closed bodies that hold everything within three quarters of a grid's cell of the shells.
 
-    Winding numbers would tell a solid that lacks a face from a tray no better than we do: both are taken for sheets.
+    Winding numbers would tell a solid that lacks a face from a tray no better than we do: both are
+    taken for sheets.
     """
     faces = np.concatenate(shells)
     used = vertices[np.unique(faces)]
@@ -297,10 +314,12 @@ def _shape(piece: Manifold, slack: float, thin: float) -> Shape:
 
 
 def _outermost(points: np.ndarray, frame: np.ndarray) -> np.ndarray:
-    """[n <= HULL_VERTICES] which of a solid's points [v, 3] have nearly its hull, however flat it is.
+    """[n <= HULL_VERTICES] which of a solid's points [v, 3] have nearly its hull, however flat it
+    is.
 
-    The extremes along its own axes and the object's keep its extents; then the farthest in directions spread over a sphere, then those
-    that lie farthest out of the hull so far, both in coordinates in which the points spread alike along all axes.
+    The extremes along its own axes and the object's keep its extents; then the farthest in
+    directions spread over a sphere, then those that lie farthest out of the hull so far, both in
+    coordinates in which the points spread alike along all axes.
     """
     offset = points - points.mean(0)
     axes = np.concatenate([np.eye(3), frame.T])

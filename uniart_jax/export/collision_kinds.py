@@ -1,4 +1,5 @@
-"""Other ways to convex shapes than ``export.collision``: boxes alone, one hull a part, or coacd's."""
+"""Other ways to convex shapes than ``export.collision``: boxes alone, one hull a part, or
+coacd's."""
 
 from __future__ import annotations
 

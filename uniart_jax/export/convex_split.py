@@ -1,9 +1,11 @@
 """Convex decomposition of a closed solid by cutting planes, within a distance.
 
-coacd's cuts are axis-aligned and scored by samples: a washer's round drum takes it 14 to 60 s and still stands .009 out of its surface.
-Here every cut is exact (manifold3d) and is looked for where it can help: along the planes of the faces at reflex edges (what makes
-walls and steps convex in one cut), along the planes that halve reflex edges (round walls, into wedges) and across the middle. The cut that
-leaves the smallest hulls is taken, deepest piece first, until every hull keeps within the tolerance of its piece.
+coacd's cuts are axis-aligned and scored by samples: a washer's round drum takes it 14 to 60 s and
+still stands .009 out of its surface. Here every cut is exact (manifold3d) and is looked for where
+it can help: along the planes of the faces at reflex edges (what makes walls and steps convex in one
+cut), along the planes that halve reflex edges (round walls, into wedges) and across the middle. The
+cut that leaves the smallest hulls is taken, deepest piece first, until every hull keeps within the
+tolerance of its piece.
 """
 
 from __future__ import annotations
@@ -20,16 +22,19 @@ REFLEX = 0.05  # radians; duller edges are as good as flat
 EDGE_PLANES = 10  # candidates of either kind
 SAMPLES = 7  # steps along a hull's longest side when it is compared with a surface
 CRUMB = 1e-7  # of a solid's volume
-TIES = 0.03  # of the excess: the first cut of a ring gains nothing; it shall go through the middle, and across
+# of the excess: the first cut of a ring gains nothing; it shall go through the middle, and across
+TIES = 0.03
 
 
 def split_convex(solid: Manifold, surface: Surface, most: int) -> list[Manifold]:
-    """Convex solids that cover ``solid`` and stand out of it by no more than the tolerance of its ``surface``.
+    """Convex solids that cover ``solid`` and stand out of it by no more than the tolerance of its
+    ``surface``.
 
     Args:
       solid: closed; one connected body or several.
       surface: its own.
-      most: pieces at the most. If they do not suffice the deepest hollows are met and the others are filled.
+      most: pieces at the most. If they do not suffice the deepest hollows are met and the others
+        are filled.
     """
     heap: list[tuple[float, int, Manifold]] = []
     count = itertools.count()
@@ -51,7 +56,8 @@ def split_convex(solid: Manifold, surface: Surface, most: int) -> list[Manifold]
 
 
 def merge_convex(pieces: list[Manifold], surface: Surface) -> list[Manifold]:
-    """Neighbours joined, while their common hull stands out of ``surface`` by no more than its tolerance; least excess first."""
+    """Neighbours joined, while their common hull stands out of ``surface`` by no more than its
+    tolerance; least excess first."""
     tolerance = surface.tolerance
     solids: list[Manifold | None] = list(pieces)
     bounds = np.array([p.bounding_box() for p in pieces]).reshape(-1, 2, 3)
@@ -90,7 +96,8 @@ class Surface:
     """The surface of a solid, that many hulls are compared with.
 
     Args:
-      vertices, faces: [v, 3] float64, [f, 3] int64; closed, as far as inside and outside shall be told apart.
+      vertices, faces: [v, 3] float64, [f, 3] int64; closed, as far as inside and outside shall be
+        told apart.
       tolerance: how far a hull may stand out of the solid.
     """
 
@@ -98,7 +105,8 @@ class Surface:
         self.vertices, self.faces, self.tolerance = vertices, faces, tolerance
         self.tree = igl.AABB()
         self.tree.init(vertices, faces)
-        # Points of the free space just farther than the tolerance from the surface: a hull that holds one fills a hollow, however narrow.
+        # Points of the free space just farther than the tolerance from the surface: a hull that
+        # holds one fills a hollow, however narrow.
         corners = vertices[faces]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
@@ -121,7 +129,8 @@ class Surface:
         return bool(len(near)) and not bool(_outside(near, hull).all())
 
     def exceeded(self, hull: Manifold, within: Sequence[Manifold] = ()) -> bool:
-        """Whether a hull stands out of the solid by more than the tolerance; what lies in the convex ``within`` is not asked about."""
+        """Whether a hull stands out of the solid by more than the tolerance; what lies in the
+        convex ``within`` is not asked about."""
         if self.filled(hull):
             return True
         points = spread(hull)
@@ -147,7 +156,8 @@ def _outside(points: np.ndarray, hull: Manifold) -> np.ndarray:
 
 
 def _covers(hull: Manifold, piece: Manifold) -> bool:
-    """Whether a hull holds a convex piece. manifold3d's sometimes do not, where points are nearly coplanar."""
+    """Whether a hull holds a convex piece. manifold3d's sometimes do not, where points are nearly
+    coplanar."""
     vertices, faces = triangles(hull)
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -258,7 +268,8 @@ def _planes(piece: Manifold, tolerance: float) -> list[tuple[np.ndarray, float]]
 def _reflex_edges(
     vertices: np.ndarray, faces: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Ends a, b [e], the normals [e, 3] of both faces and the angle [e] between them, of the edges that bend inwards."""
+    """Ends a, b [e], the normals [e, 3] of both faces and the angle [e] between them, of the edges
+    that bend inwards."""
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normals, axis=1)

@@ -25,7 +25,9 @@ LIGHTEST, USUAL, HEAVIEST = (
 HELD = 40.0  # N at the handle, that friction may have where it alone holds a part
 HOLD = 1.3  # dry friction over the largest gravity load
 STEADY = 1.15  # likewise, over what a spring leaves of it
-FLOOR = 0.03  # likewise, over the weight below the joint times its radius of gyration (1 for a joint that travels)
+# likewise, over the weight below the joint times its radius of gyration (1 for a joint that
+# travels)
+FLOOR = 0.03
 TIME = 0.2  # seconds in which damping stops a part that was pushed
 DRAG = 25.0  # N s / m at the handle, that damping has at most: 10 N move any part at .4 m / s
 STATES = 64  # drawn within the limits, beside the sweeps of each joint
@@ -47,7 +49,8 @@ def joint_dynamics(
 
     Args:
       obj: any object.
-      inertials: per part (kg, centre of mass [3] m, tensor about it [3, 3]), object frame at the shown state.
+      inertials: per part (kg, centre of mass [3] m, tensor about it [3, 3]), object frame at the
+        shown state.
 
     Gravity's load on a joint, of everything that hangs on it, is looked up over its own sweep, 64
     states drawn within all limits and a climb from the worst of them (objects of more than ten

@@ -1,4 +1,5 @@
-"""Folders that are complete or absent: made under another name beside their place, and swapped in at the end."""
+"""Folders that are complete or absent: made under another name beside their place, and swapped in
+at the end."""
 
 from __future__ import annotations
 
@@ -18,16 +19,18 @@ def check_target(
     inputs: Sequence[str | Path] = (),
     marks: Sequence[str] = MARKS,
 ) -> Path:
-    """The folder that an asset may be written to, made absolute with links followed. Touches nothing.
+    """The folder that an asset may be written to, made absolute with links followed. Touches
+    nothing.
 
     Args:
       overwrite: a folder that holds an asset may be replaced; no other that is not empty ever is.
-      inputs: files that the asset is made from; a folder that holds one of them would take it along.
+      inputs: files that the asset is made from; a folder that holds one of them would take it
+        along.
       marks: files one of which a folder must hold to be replaced.
 
     Raises:
-      ValueError: the folder is a file, holds the working or home directory or an input, is a file system's root, or is not empty
-        and may not be replaced.
+      ValueError: the folder is a file, holds the working or home directory or an input, is a file
+        system's root, or is not empty and may not be replaced.
     """
     final = Path(folder).resolve()
     if final.exists() and not final.is_dir():
@@ -47,7 +50,8 @@ def check_target(
         raise ValueError(f"{folder}: the folder is not empty; choose another --out, or --overwrite")
     if not any((final / name).is_file() for name in marks):
         raise ValueError(
-            f"{folder}: it is not empty and holds no asset or checkpoint ({' or '.join(marks)}), so it is not replaced; choose another --out"
+            f"{folder}: it is not empty and holds no asset or checkpoint ({' or '.join(marks)}), "
+            "so it is not replaced; choose another --out"
         )
     return final
 
@@ -56,10 +60,12 @@ def check_target(
 def complete_folder(
     folder: str | Path, overwrite: bool = False, marks: Sequence[str] = MARKS
 ) -> Iterator[Path]:
-    """A temporary folder beside ``folder`` that takes its place when the block ends, and vanishes if the block fails.
+    """A temporary folder beside ``folder`` that takes its place when the block ends, and vanishes
+    if the block fails.
 
     Raises:
-      ValueError: ``check_target`` refuses ``folder``, before the block or after it, or it cannot be made.
+      ValueError: ``check_target`` refuses ``folder``, before the block or after it, or it cannot be
+        made.
     """
     final = check_target(folder, overwrite, marks=marks)
     made = _make_parents(final.parent, folder)
@@ -95,7 +101,8 @@ def _make_parents(parent: Path, folder: str | Path) -> list[Path]:
 
 
 def _swap(work: Path, final: Path) -> None:
-    """Put ``work`` in the place of ``final``; an old folder is removed only when the new one stands."""
+    """Put ``work`` in the place of ``final``; an old folder is removed only when the new one
+    stands."""
     if not final.exists():
         work.rename(final)
         return

@@ -1,6 +1,8 @@
-"""Where bodies stand, what their joints are called and which of them never touch: the same in every format.
+"""Where bodies stand, what their joints are called and which of them never touch: the same in every
+format.
 
-A body's frame stands at the origin of its joint, the last where it has several, with the object frame's axes. Metres and radians, object frame at the shown state.
+A body's frame stands at the origin of its joint, the last where it has several, with the object
+frame's axes. Metres and radians, object frame at the shown state.
 """
 
 from __future__ import annotations
@@ -66,7 +68,8 @@ def joint_chain(part: Part, body: Body) -> list[ChainJoint]:
 
 
 def body_frames(obj: ArticulatedObject) -> list[np.ndarray]:
-    """[K] of [3], origin of every body's frame: a point of its (last) axis; a fixed part shares its parent's frame, the root's is 0."""
+    """[K] of [3], origin of every body's frame: a point of its (last) axis; a fixed part shares its
+    parent's frame, the root's is 0."""
     frames: list[np.ndarray] = []
     for part in obj.parts:
         if part.parent < 0:
@@ -84,7 +87,8 @@ def moves(part: Part) -> bool:
 
 
 def metric_travel(part: Part, scale: float) -> tuple[float, float]:
-    """(lower, upper) end of the joint's travel in metres; of a left-handed screw the ends of q are swapped."""
+    """(lower, upper) end of the joint's travel in metres; of a left-handed screw the ends of q are
+    swapped."""
     lo, hi = sorted(t * scale for t in part.joint.travel)
     return lo, hi
 
@@ -109,7 +113,8 @@ def rigid_groups(obj: ArticulatedObject) -> list[int]:
 
 
 def linked_pairs(obj: ArticulatedObject) -> list[tuple[int, int]]:
-    """Pairs of parts of two rigid groups that one moving joint links: they touch at the joint, so contacts between them are left out."""
+    """Pairs of parts of two rigid groups that one moving joint links: they touch at the joint, so
+    contacts between them are left out."""
     leaders = rigid_groups(obj)
     members: dict[int, list[int]] = {}
     for k, leader in enumerate(leaders):

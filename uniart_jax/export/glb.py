@@ -1,10 +1,12 @@
 """One GLB with the kinematic tree as node hierarchy.
 
-Every part is a node named after it, child of its parent's node and placed at its joint's origin, so that turning the node about
-its own origin is what the joint does. glTF is y-up and faces +z: one node above the root turns our z-up frame, which faces -x, into it.
+Every part is a node named after it, child of its parent's node and placed at its joint's origin, so
+that turning the node about its own origin is what the joint does. glTF is y-up and faces +z: one
+node above the root turns our z-up frame, which faces -x, into it.
 
-Every moving joint has an animation named after it: from rest to open over its whole range and back, the other joints as shown. Players
-differ in how they interpolate rotations (glTF 2.0 says along the arc, many take the chord), so these are sampled finely.
+Every moving joint has an animation named after it: from rest to open over its whole range and back,
+the other joints as shown. Players differ in how they interpolate rotations (glTF 2.0 says along the
+arc, many take the chord), so these are sampled finely.
 """
 
 from __future__ import annotations
@@ -37,8 +39,8 @@ def write_glb(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh], path: P
     Raises:
       ValueError: another number of meshes than parts.
 
-    A moving part's node has ``extras`` {"type", "axis" (node frame), "limits" (of q: radians, or metres for a prismatic joint),
-    "pitch" (metres per radian, screws only)}.
+    A moving part's node has ``extras`` {"type", "axis" (node frame), "limits" (of q: radians, or
+    metres for a prismatic joint), "pitch" (metres per radian, screws only)}.
     """
     check_lengths("write_glb", obj, meshes=meshes)
     names = {p.name for p in obj.parts}
@@ -71,7 +73,8 @@ def write_glb(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh], path: P
 
 
 def clip(obj: ArticulatedObject, k: int) -> tuple[np.ndarray, np.ndarray]:
-    """Part ``k``'s animation: (times [n] in seconds, ascending from 0; q [n] at them), linear between, from rest to open and back.
+    """Part ``k``'s animation: (times [n] in seconds, ascending from 0; q [n] at them), linear
+    between, from rest to open and back.
 
     Open is the far end of the range; a continuous joint makes a full turn.
     """

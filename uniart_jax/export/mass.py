@@ -28,14 +28,18 @@ def part_inertials(
     """Mass, centre of mass and inertia tensor about it of every part, as solids of even density.
 
     Args:
-      meshes: [K], object units; the volume counts of what is closed, else its convex hull's, else its box's.
+      meshes: [K], object units; the volume counts of what is closed, else its convex hull's, else
+        its box's.
       scale: metres per unit.
-      density: kg / m^3 of all parts, default 500. No part is lighter than a thousandth of all, or 1 g.
-      mass: kg of the whole object, shared by the volumes; instead of a density. The masses add up to it; no part is lighter than a
+      density: kg / m^3 of all parts, default 500. No part is lighter than a thousandth of all, or 1
+        g.
+      mass: kg of the whole object, shared by the volumes; instead of a density. The masses add up
+        to it; no part is lighter than a
         thousandth of it (of more than 500 parts: than half the mean).
 
     Returns:
-      [K] (kg, [3] m, [3, 3] kg m^2), object frame; positive definite with a + b > c for the principal moments.
+      [K] (kg, [3] m, [3, 3] kg m^2), object frame; positive definite with a + b > c for the
+      principal moments.
 
     Raises:
       ValueError: both are given, or one is not positive and finite.
@@ -67,9 +71,11 @@ def _lifted(masses: np.ndarray, least: float) -> np.ndarray:
 
 
 def _possible(mass: float, volume: float, center: np.ndarray, inertia: np.ndarray) -> Inertial:
-    """The inertial of a body of this mass and of a solid's shape (volume, and inertia at density 1), held from below."""
+    """The inertial of a body of this mass and of a solid's shape (volume, and inertia at density
+    1), held from below."""
     inertia = inertia * (mass / volume)
-    # I = tr(S) 1 - S with S the second moments: any positive S gives a possible body, so it is S that is held from below.
+    # I = tr(S) 1 - S with S the second moments: any positive S gives a possible body, so it is S
+    # that is held from below.
     second = np.trace(inertia) / 2 * np.eye(3) - inertia
     values, vectors = np.linalg.eigh((second + second.T) / 2)
     second = (vectors * np.maximum(values, mass * MIN_GYRATION**2)) @ vectors.T

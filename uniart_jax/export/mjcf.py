@@ -1,10 +1,11 @@
 """Writing MJCF, MuJoCo's own format. Reading is ``load.load_object``.
 
-Bodies are nested as the parts are; every body's frame stands at its joint's origin with the object frame's axes, as in the URDF. A screw
-is a hinge and a slide of one body, held together by ``<equality>``; several joints of a part are joints of one body. Geoms of group 2 are seen, those of group 3 collide.
-A site stands at every handle; keyframes ``closed`` and ``open`` are the rest state and that with all
-joints open.
-(MuJoCo's XML reference: mujoco.readthedocs.io/en/stable/XMLreference.html.)
+Bodies are nested as the parts are; every body's frame stands at its joint's origin with the object
+frame's axes, as in the URDF. A screw is a hinge and a slide of one body, held together by
+``<equality>``; several joints of a part are joints of one body. Geoms of group 2 are seen, those of
+group 3 collide. A site stands at every handle; keyframes ``closed`` and ``open`` are the rest state
+and that with all joints open. (MuJoCo's XML reference:
+mujoco.readthedocs.io/en/stable/XMLreference.html.)
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ def write_mjcf(
       path: the file to write. The files below lie relative to its folder and are not written here.
       visual_files: [K] OBJ of every part, metres, object frame.
       bodies: [K] mass, collision shapes and dynamics.
-      hull_files: [K] OBJ of each part's hulls in the order of its shapes (boxes need none), metres, object frame.
+      hull_files: [K] OBJ of each part's hulls in the order of its shapes (boxes need none), metres,
+        object frame.
       texture: image of all visual meshes.
       actuators: add a position actuator a part that moves, called as its joint.
 
@@ -82,7 +84,8 @@ def write_mjcf(
     for part, body, files in zip(obj.parts, bodies, hull_files, strict=True):
         if len(hulls(body)) != len(files):
             raise ValueError(
-                f"write_mjcf: part '{part.name}' has {len(hulls(body))} hulls and {len(files)} hull_files"
+                f"write_mjcf: part '{part.name}' has {len(hulls(body))} hulls and {len(files)} "
+                "hull_files"
             )
     try:
         writer = _Writer(obj, bodies)
@@ -198,7 +201,8 @@ class _Writer:
             self._mesh_geom(element, visual, at, f"{part.name}_visual", seen)
         else:
             self.notes.append(
-                f"MJCF: part '{part.name}' has no visual geom: MuJoCo takes no mesh of one triangle or without area"
+                f"MJCF: part '{part.name}' has no visual geom: MuJoCo takes no mesh of one "
+                "triangle or without area"
             )
         files = iter(hull_files)
         for i, shape in enumerate(body.shapes):
@@ -272,14 +276,16 @@ class _Writer:
         self, element: etree._Element, file: str, at: str, name: str, options: dict[str, str]
     ) -> None:
         mesh = self.mesh_names(Path(file).stem)
-        # MuJoCo weighs every mesh, though <inertial> makes it needless, and refuses flat ones unless they are shells.
+        # MuJoCo weighs every mesh, though <inertial> makes it needless, and refuses flat ones
+        # unless they are shells.
         etree.SubElement(self.asset, "mesh", name=mesh, file=file, inertia="shell")
         etree.SubElement(element, "geom", name=name, type="mesh", mesh=mesh, pos=at, **options)
 
     def _joints(
         self, element: etree._Element, link: ChainJoint, travel_joint: str, place: dict[str, str]
     ) -> None:
-        """One joint of a body, at ``place`` (``pos``); of a screw its slide too, ``travel_joint``."""
+        """One joint of a body, at ``place`` (``pos``); of a screw its slide too,
+        ``travel_joint``."""
         joint, dynamics, axis = link.part.joint, link.dynamics, _vector(link.part.joint.direction)
         resistance = place | {
             "damping": _number(dynamics.damping),
@@ -339,8 +345,10 @@ class _Writer:
             etree.SubElement(
                 equality, "joint", name=name, joint1=slide, joint2=hinge, polycoef=polynomial
             )
-            # That is what other programs read. MuJoCo makes it as soft as if metres and radians weighed alike (dof_invweight0),
-            # and the slide of a knob stands still; a tendon of constant length, slide - pitch * hinge = 0, has the right weight.
+            # That is what other programs read. MuJoCo makes it as soft as if metres and radians
+            # weighed alike (dof_invweight0),
+            # and the slide of a knob stands still; a tendon of constant length, slide - pitch *
+            # hinge = 0, has the right weight.
             tendon = etree.SubElement(tendons, "fixed", name=name)
             etree.SubElement(tendon, "joint", joint=slide, coef="1")
             etree.SubElement(tendon, "joint", joint=hinge, coef=_number(-pitch))

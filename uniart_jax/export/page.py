@@ -64,10 +64,11 @@ def write_page(obj: ArticulatedObject, glb: Path, bodies: Sequence[Body], path: 
 
 
 def page_data(obj: ArticulatedObject, bodies: Sequence[Body]) -> dict:
-    """What the page knows besides the meshes, as plain JSON values in metres and radians, object frame at the shown state.
+    """What the page knows besides the meshes, as plain JSON values in metres and radians, object
+    frame at the shown state.
 
-    A moving part's joint has, besides what the GLB's extras hold, its coordinates at ``rest`` and ``open``, and where its symbol is
-    drawn (``JointSymbol``).
+    A moving part's joint has, besides what the GLB's extras hold, its coordinates at ``rest`` and
+    ``open``, and where its symbol is drawn (``JointSymbol``).
     """
     rest, opened = obj.rest(), obj.open()
     parts = []
@@ -112,8 +113,10 @@ class JointSymbol:
     """Where a joint's motion is drawn.
 
     Attributes:
-      anchor: [3] a point of the part, object frame at the shown state: its way from limit to limit is the symbol's arc or segment.
-      reach: half the part's length along the joint's direction; an axis is drawn so far to both sides, and a little beyond.
+      anchor: [3] a point of the part, object frame at the shown state: its way from limit to limit
+        is the symbol's arc or segment.
+      reach: half the part's length along the joint's direction; an axis is drawn so far to both
+        sides, and a little beyond.
     """
 
     anchor: np.ndarray
@@ -123,8 +126,9 @@ class JointSymbol:
 def joint_symbol(part: Part, opening: float) -> JointSymbol:
     """The symbol of a moving part, in the units of its mesh.
 
-    The anchor of a sliding part is in the middle of the side that goes first when it opens (``opening``: open minus rest). That of a
-    turning part is level with its centre, out on the side where it lies; if it lies about the axis (a wheel, a knob), just outside it.
+    The anchor of a sliding part is in the middle of the side that goes first when it opens
+    (``opening``: open minus rest). That of a turning part is level with its centre, out on the side
+    where it lies; if it lies about the axis (a wheel, a knob), just outside it.
     """
     joint, center, size = part.joint, part.box[:3], part.box[3:]
     d = joint.direction
@@ -164,13 +168,15 @@ def _short(values) -> list[float]:
 
 
 def _json(data: dict) -> str:
-    """JSON that can stand inside a <script> element: no character of it can end the element or begin a comment."""
+    """JSON that can stand inside a <script> element: no character of it can end the element or
+    begin a comment."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 
 def _policy(scripts: Sequence[str], style: str) -> str:
-    """Nothing runs but the given scripts, nothing is fetched but what the page itself holds (the GLB's textures are blobs)."""
+    """Nothing runs but the given scripts, nothing is fetched but what the page itself holds (the
+    GLB's textures are blobs)."""
     script_hashes = " ".join(_hash(text) for text in scripts)
     return (
         f"default-src 'none'; script-src {script_hashes}; style-src {_hash(style)}; "

@@ -44,7 +44,8 @@ Shape = Box | Hull
 
 @dataclasses.dataclass(frozen=True)
 class Dynamics:
-    """How a joint resists. For a joint that rotates in N m (damping N m s / rad), else in N (N s / m).
+    """How a joint resists. For a joint that rotates in N m (damping N m s / rad), else in N (N s /
+    m).
 
     Attributes:
       damping: viscous.

@@ -1,11 +1,12 @@
 """Colours of an object's surface from the picture that it was made of.
 
-What the picture shows, each place of the surface takes from it: the more it faces the camera and the farther it lies from the
-silhouette, where a small error of the camera shows the background. The picture's light is divided out: a smooth function of the
-normal that makes what is seen as bright as the network's colours, on the whole. What the picture does not show takes the colour
-of the nearest place of the same part that it does show, or of its mirror image (y -> -y), if that
-is near. Else it takes the median of the network's colours over a wide neighbourhood, because the
-network's guesses there are blotchy.
+What the picture shows, each place of the surface takes from it: the more it faces the camera and
+the farther it lies from the silhouette, where a small error of the camera shows the background. The
+picture's light is divided out: a smooth function of the normal that makes what is seen as bright as
+the network's colours, on the whole. What the picture does not show takes the colour of the nearest
+place of the same part that it does show, or of its mirror image (y -> -y), if that is near. Else it
+takes the median of the network's colours over a wide neighbourhood, because the network's guesses
+there are blotchy.
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ class Picture:
     """A picture and where it was taken from.
 
     Attributes:
-      pixels: [S, S, 3] linear RGB of the square crop. depth: [S, S] how far a pixel lies within the silhouette, in shares of the side.
+      pixels: [S, S, 3] linear RGB of the square crop. depth: [S, S] how far a pixel lies within the
+        silhouette, in shares of the side.
       camera: [7] code (``voxels.camera_code``).
     """
 
@@ -76,7 +78,8 @@ def paint(
     """[n, 3] linear RGB of places on an object at the state that the picture shows.
 
     Args:
-      points, normals: [n, 3] places, object units and frame, and unit normals. parts: [n] whose they are. colors: [n, 3] the network's.
+      points, normals: [n, 3] places, object units and frame, and unit normals. parts: [n] whose
+        they are. colors: [n, 3] the network's.
     """
     shown, belief = look(picture, obj, points, normals)
     if (belief > SEEN).sum() < 50:  # the camera is off, or the picture says nothing
@@ -93,7 +96,7 @@ def paint(
         seen = seen[:: -(-len(seen) // SAMPLES)]
         tree = cKDTree(_places(points[seen], normals[seen]))
         found = [
-            tree.query(_places(points[unseen] * m, normals[unseen] * m), eps=0.5, distance_upper_bound=FAR)
+            tree.query(_places(points[unseen] * m, normals[unseen] * m), eps=0.5, distance_upper_bound=FAR)  # noqa: E501
             for m in ([1, 1, 1], [1, -1, 1])
         ]  # fmt: skip
         distance, index = (np.stack(rows) for rows in zip(*found, strict=True))
@@ -122,7 +125,8 @@ def plain(points: np.ndarray, normals: np.ndarray, colors: np.ndarray) -> np.nda
 def look(
     picture: Picture, obj: ArticulatedObject, points: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """[n, 3] linear RGB that the picture shows at places of the object, and how far that is to be believed, [n] in 0..1."""
+    """[n, 3] linear RGB that the picture shows at places of the object, and how far that is to be
+    believed, [n] in 0..1."""
     position, places = camera_position(picture.camera), project(picture.camera, points)
     towards = position - points
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
@@ -142,7 +146,8 @@ def look(
 def light(
     shown: np.ndarray, colors: np.ndarray, normals: np.ndarray, belief: np.ndarray
 ) -> np.ndarray:
-    """[n] the light on places, as a smooth function of their normals: what is seen over what the network says, by robust least squares."""
+    """[n] the light on places, as a smooth function of their normals: what is seen over what the
+    network says, by robust least squares."""
     ratio = np.log((shown.mean(-1) + DARK) / (colors.mean(-1) + DARK))
     basis = np.concatenate([np.ones((len(normals), 1)), normals, normals[:, :2] ** 2], -1)
     rows = np.flatnonzero(belief > SEEN)

@@ -1,7 +1,9 @@
-"""Pictures of an asset: the input image beside the object at rest, open, and as coloured parts with their joint axes; and its motion.
+"""Pictures of an asset: the input image beside the object at rest, open, and as coloured parts with
+their joint axes; and its motion.
 
-All tiles share one view. If the input image has transparency, the view is the one whose silhouette and colours at the shown state match
-it best, since generated objects stand in a canonical frame and the image's camera is not part of them.
+All tiles share one view. If the input image has transparency, the view is the one whose silhouette
+and colours at the shown state match it best, since generated objects stand in a canonical frame and
+the image's camera is not part of them.
 """
 
 from __future__ import annotations
@@ -33,10 +35,11 @@ MOTION_SECONDS = 2.4
 
 
 def choose_view(obj: ArticulatedObject, image: Image.Image | None) -> Camera:
-    """The direction to look from: the input image's if it has transparency, else from the front left and above.
+    """The direction to look from: the input image's if it has transparency, else from the front
+    left and above.
 
-    Coarse search over the view directions that training images have; both pictures are cropped to their silhouettes, so that
-    distance and framing do not matter.
+    Coarse search over the view directions that training images have; both pictures are cropped to
+    their silhouettes, so that distance and framing do not matter.
     """
     if image is None or not image.has_transparency_data:
         return DEFAULT_VIEW
@@ -65,7 +68,8 @@ def _view(azimuth: float, elevation: float) -> Camera:
 def _mismatch(
     obj: ArticulatedObject, scene: Scene, target: np.ndarray, azimuth: float, elevation: float
 ) -> float:
-    """Mean difference between the object seen from there (degrees) and the cropped image; infinite if nothing is seen."""
+    """Mean difference between the object seen from there (degrees) and the cropped image; infinite
+    if nothing is seen."""
     camera = fit(obj, _view(azimuth, elevation))
     seen = _cropped(render(obj, camera, MATCH_SIZE * 3 // 2, samples=1, scene=scene))
     if seen is None:
@@ -76,7 +80,8 @@ def _mismatch(
 def write_preview(
     obj: ArticulatedObject, path: Path, image: Image.Image | None, view: Camera
 ) -> Path:
-    """A strip of square tiles: input (if any), rest, open, and the open parts in colours with their joint axes."""
+    """A strip of square tiles: input (if any), rest, open, and the open parts in colours with their
+    joint axes."""
     staged, camera = _framed(obj, view)
     rest, opened = staged.rest(), staged.open()
     tiles = []
@@ -98,7 +103,8 @@ def write_preview(
 
 
 def write_motion(obj: ArticulatedObject, path: Path, view: Camera) -> Path | None:
-    """An endless GIF from rest to open and back, joints one after the other; None (and no file) if nothing moves."""
+    """An endless GIF from rest to open and back, joints one after the other; None (and no file) if
+    nothing moves."""
     staged, camera = _framed(obj, view)
     moving = [k for k, joint in enumerate(staged.joints) if k and joint.type != "fixed"]
     if not moving:
@@ -123,7 +129,8 @@ def write_motion(obj: ArticulatedObject, path: Path, view: Camera) -> Path | Non
 
 
 def _eased(time: float, order: int, count: int) -> float:
-    """How far joint ``order`` of ``count`` has opened at ``time`` in [0, 1]: each takes at least half of the time, staggered evenly."""
+    """How far joint ``order`` of ``count`` has opened at ``time`` in [0, 1]: each takes at least
+    half of the time, staggered evenly."""
     share = 1.0 if count == 1 else 0.55
     start = 0.0 if count == 1 else (1 - share) * order / (count - 1)
     t = float(np.clip((time - start) / share, 0, 1))
@@ -131,7 +138,8 @@ def _eased(time: float, order: int, count: int) -> float:
 
 
 def _framed(obj: ArticulatedObject, view: Camera) -> tuple[ArticulatedObject, Camera]:
-    """The object moved, and the camera set back, so that all that is seen between rest and open just fills the frame."""
+    """The object moved, and the camera set back, so that all that is seen between rest and open
+    just fills the frame."""
     points = np.concatenate([obj.mesh(obj.open(f)).vertices for f in (0.0, 0.5, 1.0)])
     axes = view.matrix()[:3, :3]
     tangent = np.tan(np.deg2rad(view.fov_degrees) / 2)
@@ -163,7 +171,8 @@ def _input_tile(image: Image.Image) -> Image.Image:
 
 
 def _cropped(picture: np.ndarray) -> np.ndarray | None:
-    """The silhouette's square neighbourhood at MATCH_SIZE, [n, n, 4] in [0, 1]; None if there is no silhouette."""
+    """The silhouette's square neighbourhood at MATCH_SIZE, [n, n, 4] in [0, 1]; None if there is no
+    silhouette."""
     rows, columns = np.nonzero(picture[..., 3] > 0.5)
     if len(rows) < 4:
         return None
@@ -185,7 +194,8 @@ def _premultiplied(picture: np.ndarray) -> np.ndarray:
 
 
 def read_image(image: str | Path | np.ndarray | Image.Image) -> Image.Image:
-    """An input image as PIL: a path, an [h, w, 3 or 4] array (uint8, or floats in [0, 1]), or PIL itself.
+    """An input image as PIL: a path, an [h, w, 3 or 4] array (uint8, or floats in [0, 1]), or PIL
+    itself.
 
     Raises:
       ValueError: not an image.
@@ -207,6 +217,7 @@ def read_image(image: str | Path | np.ndarray | Image.Image) -> Image.Image:
 
 
 def with_meshes(obj: ArticulatedObject, meshes) -> ArticulatedObject:
-    """The object with other meshes of the same parts, such as the exported ones, so that previews show what was written."""
+    """The object with other meshes of the same parts, such as the exported ones, so that previews
+    show what was written."""
     parts = [dataclasses.replace(p, mesh=m) for p, m in zip(obj.parts, meshes, strict=True)]
     return dataclasses.replace(obj, parts=tuple(parts))

@@ -49,16 +49,17 @@ def make_report(
       obj: the object as it is written, in object units.
       bodies, watertight: [K] of the exported parts.
       seed, checkpoint: what made the object; None and "" if it was not sampled.
-      notes: what a written format cannot say, a line each; the object's own provenance stands before them.
+      notes: what a written format cannot say, a line each; the object's own provenance stands
+        before them.
       read: what was read, or sampled; default: the same as ``obj``.
 
     ``handle`` of a moving part: the ``point`` to hold, on ``part``; ``opens``: whether its
     coordinate grows (1) or falls (-1) on the way; ``opening``: the direction in which the point
-    sets out; ``start_force`` newtons there start it, against ``friction`` and with ``damping``. ``rest`` maps every moving joint, by its name
-    in the URDF, to its coordinate at rest, ``shown`` to that of the state that was read.
-    ``as_read`` is the part's name and joint in the object's own frame at that state.
-    ``from_voxels``: whether the surfaces were found on voxels; ``load_object`` reads it again.
-    ``validation`` is absent until a physics engine has run.
+    sets out; ``start_force`` newtons there start it, against ``friction`` and with ``damping``.
+    ``rest`` maps every moving joint, by its name in the URDF, to its coordinate at rest, ``shown``
+    to that of the state that was read. ``as_read`` is the part's name and joint in the object's own
+    frame at that state. ``from_voxels``: whether the surfaces were found on voxels; ``load_object``
+    reads it again. ``validation`` is absent until a physics engine has run.
     """
     if read is None:
         read = AsRead(obj, tuple(part.name for part in obj.parts), np.zeros(len(obj.parts)))

@@ -1,6 +1,7 @@
 """Convex shapes of two parts that have room in common: how much, and cut apart.
 
-Surfaces that touch or cross, as generated ones do along every seam, would push each other for ever in a simulator.
+Surfaces that touch or cross, as generated ones do along every seam, would push each other for ever
+in a simulator.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.physics import Box, Shape
 
 PLANES = 8  # directions that are tried for a cut, the thinnest first
-MOST_LOST = 0.5  # of a shape's first volume, by all its cuts; and of two shapes', summed, by one cut: more is not cut away
+# of a shape's first volume, by all its cuts; and of two shapes', summed, by one cut: more is not
+# cut away
+MOST_LOST = 0.5
 
 
 def overlaps(shapes: Sequence[tuple[Shape, ...]], least: float) -> dict[tuple[int, int], float]:
-    """{(a, b): how thick} of the pairs of parts that have shapes in common by more than ``least``."""
+    """{(a, b): how thick} of the pairs of parts that have shapes in common by more than
+    ``least``."""
     solids, owner = _solids(shapes)
     found: dict[tuple[int, int], float] = {}
     for i, j in _near(solids, owner, least):
@@ -35,12 +39,14 @@ def separated(
     least: float,
     rebuild: Callable[[Manifold], Shape | None],
 ) -> list[tuple[Shape, ...]]:
-    """The shapes with those of two parts cut apart by planes where they overlap by more than ``least``.
+    """The shapes with those of two parts cut apart by planes where they overlap by more than
+    ``least``.
 
-    A convex shape cut by a plane stays convex. Of a pair the plane is taken that costs the least, as shares of what the shapes were at
-    first, summed; where any would cost half or more (an axle through a block), or would leave less than half of what one was before
-    all its cuts, the pair stays as it is. ``rebuild`` makes a shape of what is left, None of a sliver, which is dropped; a part that had
-    nothing but slivers keeps its largest shape, uncut.
+    A convex shape cut by a plane stays convex. Of a pair the plane is taken that costs the least,
+    as shares of what the shapes were at first, summed; where any would cost half or more (an axle
+    through a block), or would leave less than half of what one was before all its cuts, the pair
+    stays as it is. ``rebuild`` makes a shape of what is left, None of a sliver, which is dropped; a
+    part that had nothing but slivers keeps its largest shape, uncut.
     """
     solids, owner = _solids(shapes)
     first = [solid.volume() for solid in solids]
@@ -61,7 +67,8 @@ def separated(
 
 
 def width(hull: Manifold) -> float:
-    """The least distance between two parallel planes that hold a convex solid, one of them along a face."""
+    """The least distance between two parallel planes that hold a convex solid, one of them along a
+    face."""
     vertices, _ = triangles(hull)
     return float(np.ptp(_normals(hull) @ vertices.T, axis=1).min())
 
@@ -119,7 +126,8 @@ def _common_width(one: Manifold, two: Manifold, least: float) -> float:
 def apart(
     one: Manifold, two: Manifold, least: float, first: tuple[float, float] | None = None
 ) -> tuple[Manifold, Manifold] | None:
-    """Both on their own side of the plane that takes the least of them; None if that is too much, or they share no more than ``least``.
+    """Both on their own side of the plane that takes the least of them; None if that is too much,
+    or they share no more than ``least``.
 
     Args:
       one, two: convex.

@@ -1,7 +1,9 @@
-"""How large things are: an image does not tell, and neither do data sets whose objects are normalised.
+"""How large things are: an image does not tell, and neither do data sets whose objects are
+normalised.
 
-``TYPICAL`` is the longest side in metres of a usual one, closed, by category: our own families (the median of their seeds) and
-PartNet-Mobility's categories (``model_cat``) from everyday measures. Anything else is taken as 1 m.
+``TYPICAL`` is the longest side in metres of a usual one, closed, by category: our own families (the
+median of their seeds) and PartNet-Mobility's categories (``model_cat``) from everyday measures.
+Anything else is taken as 1 m.
 """
 
 from __future__ import annotations
@@ -72,7 +74,8 @@ TYPICAL: dict[str, float] = {
 
 
 def typical_size(category: str) -> float:
-    """Metres of the longest side that an object of ``category`` usually has; 1 where the category is unknown."""
+    """Metres of the longest side that an object of ``category`` usually has; 1 where the category
+    is unknown."""
     return TYPICAL.get(_key(category), DEFAULT)
 
 
@@ -95,7 +98,8 @@ def parse_size(text: str) -> float:
 
 
 def resized(obj: ArticulatedObject, size: float) -> ArticulatedObject:
-    """The object with a longest side of ``size`` metres at the shown state; only ``scale`` changes."""
+    """The object with a longest side of ``size`` metres at the shown state; only ``scale``
+    changes."""
     lo, hi = obj.bounds
     return dataclasses.replace(obj, scale=size / float((hi - lo).max()))
 

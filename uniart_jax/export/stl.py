@@ -1,6 +1,8 @@
-"""STL: one closed part a file, **in millimetres**, as the parts are; ``export.printing`` makes them fit to print.
+"""STL: one closed part a file, **in millimetres**, as the parts are; ``export.printing`` makes them
+fit to print.
 
-STL names no unit; slicers take millimetres. Each part stands as it does at rest, alone, lying on z = 0.
+STL names no unit; slicers take millimetres. Each part stands as it does at rest, alone, lying on z
+= 0.
 """
 
 from __future__ import annotations
@@ -55,7 +57,8 @@ def write_stl(
 
 
 def closed_solid(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh | None:
-    """The solid as it will be read, its places rounded to STL's floats; None if that is not closed."""
+    """The solid as it will be read, its places rounded to STL's floats; None if that is not
+    closed."""
     places, inverse = np.unique(vertices.astype(np.float32), axis=0, return_inverse=True)
     faces = np.asarray(inverse).reshape(-1)[faces]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(1)]  # edges shorter than rounding

@@ -1,8 +1,9 @@
 """Writing URDF. Reading is ``objects.load.load_object``.
 
-Every link's frame stands at its joint's origin with the object frame's axes. Of several joints of one part each but the last moves a
-link without a mesh, ``<part>_carrier``, that weighs a hundredth of the part. A screw, which URDF cannot say, becomes a
-revolute joint, a link without a mesh, and a prismatic joint that mimics the first; ``load_object`` reads it back as one.
+Every link's frame stands at its joint's origin with the object frame's axes. Of several joints of
+one part each but the last moves a link without a mesh, ``<part>_carrier``, that weighs a hundredth
+of the part. A screw, which URDF cannot say, becomes a revolute joint, a link without a mesh, and a
+prismatic joint that mimics the first; ``load_object`` reads it back as one.
 """
 
 from __future__ import annotations
@@ -48,35 +49,39 @@ def write_urdf(
     Args:
       obj: any object; ``scale`` turns it into metres.
       path: the file to write, or a folder for ``object.urdf``. The mesh files are not written here.
-      mesh_files: per part, the visual meshes relative to the URDF; their vertices are **metres in the object frame** at the shown
-        state (URDF's visual origin brings them into the link's frame).
+      mesh_files: per part, the visual meshes relative to the URDF; their vertices are **metres in
+        the object frame** at the shown state (URDF's visual origin brings them into the link's
+        frame).
       bodies: [K] mass, collision shapes and joint dynamics of the parts.
-      hull_files: per part, a file for every ``Hull`` among the shapes of its body, in their order, relative to the URDF; metres, object
-        frame. Boxes need none.
+      hull_files: per part, a file for every ``Hull`` among the shapes of its body, in their order,
+        relative to the URDF; metres, object frame. Boxes need none.
 
     Returns:
       The file written (atomically).
 
     Raises:
-      ValueError: lists of another length than the parts, files that do not fit the hulls, a moving part without dynamics, or a name that
-        XML cannot hold.
+      ValueError: lists of another length than the parts, files that do not fit the hulls, a moving
+        part without dynamics, or a name that XML cannot hold.
     """
     check_lengths("write_urdf", obj, mesh_files=mesh_files, hull_files=hull_files)
     check_bodies("write_urdf", obj, bodies)
     if any(isinstance(files, str) for files in [*mesh_files, *hull_files]):
         raise ValueError(
-            "write_urdf: mesh_files and hull_files hold a list of files for every part, not one file"
+            "write_urdf: mesh_files and hull_files hold a list of files for every part, not one "
+            "file"
         )
     for part, body, files in zip(obj.parts, bodies, hull_files, strict=True):
         if len(files) != len(hulls(body)):
             raise ValueError(
                 one_line(
-                    f"write_urdf: hull_files has {len(files)} files for the {len(hulls(body))} hulls of part '{part.name}'"
+                    f"write_urdf: hull_files has {len(files)} files for the {len(hulls(body))} "
+                    f"hulls of part '{part.name}'"
                 )
             )
     try:
         robot = etree.Element("robot", name=obj.name or "object")
-        # MuJoCo before 4.0 strips the folders from mesh files, and any MuJoCo merges fixed links unless told not to. It shows
+        # MuJoCo before 4.0 strips the folders from mesh files, and any MuJoCo merges fixed links
+        # unless told not to. It shows
         # the collision shapes: visuals stay discarded, its default, since it refuses flat ones.
         compiler = {"strippath": "false", "fusestatic": "false"}
         etree.SubElement(etree.SubElement(robot, "mujoco"), "compiler", compiler)
@@ -154,7 +159,9 @@ def _joints(
     they carry, newtons."""
     parent, scale = obj.parts[part.parent].name, obj.scale
     if not moves(part):
-        _element(robot, joint_name(part), "fixed", parent, part.name, np.zeros(3), part.joint, None, None)  # fmt: skip
+        _element(
+            robot, joint_name(part), "fixed", parent, part.name, np.zeros(3), part.joint, None, None
+        )
         return
     links = joint_chain(part, body)
     for number, link in enumerate(links, start=1):
@@ -172,7 +179,8 @@ def _joints(
             _element(
                 robot, link.name, "revolute", parent, turned, origin, joint, joint.angle, dynamics
             )
-            # Where mimic is not obeyed the part would slide down by itself: what slides holds its own weight.
+            # Where mimic is not obeyed the part would slide down by itself: what slides holds its
+            # own weight.
             pitch, held = joint.pitch * scale, HOLD * weight
             slide = Dynamics(0.0, held, 5 * held + dynamics.effort, dynamics.velocity * abs(pitch))
             name = travel_name(part) if link.first else f"{link.name}_travel"

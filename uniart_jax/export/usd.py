@@ -1,4 +1,5 @@
-"""Writing USD: a UsdPhysics articulation that Isaac Sim and others load as it is, and the same as one USDZ file. Needs usd-core.
+"""Writing USD: a UsdPhysics articulation that Isaac Sim and others load as it is, and the same as
+one USDZ file. Needs usd-core.
 
     /PhysicsScene            gravity, for who opens the file by itself; not part of the default prim, so a reference does not bring it
     /<object>                default prim, ArticulationRootAPI
@@ -7,9 +8,10 @@
       <part>_turn            the body without a shape that a screw turns and its part slides on
       materials  joints
 
-Metres, kilograms, z up; angles of joints in degrees, as UsdPhysics has them. Names that are no USD identifiers are kept as display names.
-(openusd.org/release/api/usd_physics_page_front.html; PhysxJointAPI and PhysxJointAxisAPI: Omniverse Physics' "Physx Joint Schema".)
-"""
+Metres, kilograms, z up; angles of joints in degrees, as UsdPhysics has them. Names that are no USD
+identifiers are kept as display names. (openusd.org/release/api/usd_physics_page_front.html;
+PhysxJointAPI and PhysxJointAxisAPI: Omniverse Physics' "Physx Joint Schema".)
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -118,7 +120,8 @@ def _write_package(layer, path: Path, texture: str) -> None:
 
 
 def _forget_dates(package: Path) -> None:
-    """Set the dates of all files in a zip to 1980, in place (USDZ's contents are aligned), so that equal contents are equal files."""
+    """Set the dates of all files in a zip to 1980, in place (USDZ's contents are aligned), so that
+    equal contents are equal files."""
     data = bytearray(package.read_bytes())
     with zipfile.ZipFile(package) as archive:
         at, files = archive.start_dir, archive.infolist()
@@ -130,7 +133,8 @@ def _forget_dates(package: Path) -> None:
 
 
 class _Writer:
-    """Fills a stage. Prims of parts, carriers and joints are named once, told apart where two names become one identifier."""
+    """Fills a stage. Prims of parts, carriers and joints are named once, told apart where two names
+    become one identifier."""
 
     def __init__(self, obj: ArticulatedObject, bodies: Sequence[Body], stage):
         from pxr import UsdGeom
@@ -190,7 +194,8 @@ class _Writer:
         return body.GetPrim()
 
     def _joint(self, kind, name: str, above, below):
-        """A joint between two prims; ``above`` may be the root, which is no body: the world, wherever the object is put."""
+        """A joint between two prims; ``above`` may be the root, which is no body: the world,
+        wherever the object is put."""
         place = self.root.GetPath().AppendChild("joints")
         joint = kind.Define(self.stage, place.AppendChild(self.taken_joints(identifier(name))))
         joint.CreateBody0Rel().SetTargets([above.GetPath()])
@@ -261,11 +266,13 @@ class _Writer:
         )
         ratio.Set(pitch)
         self.notes.append(
-            f"USD: UsdPhysics has no screws: '{travel}' does not follow '{hinge}' by itself; drive it by {pitch:.6g} m / rad (uniart:screw:metersPerRadian)"
+            f"USD: UsdPhysics has no screws: '{travel}' does not follow '{hinge}' by itself; drive "
+            f"it by {pitch:.6g} m / rad (uniart:screw:metersPerRadian)"
         )
 
     def _filter_pairs(self) -> None:
-        """No contacts between groups that a joint links, nor within one (bodies fixed to one another are bodies nevertheless)."""
+        """No contacts between groups that a joint links, nor within one (bodies fixed to one
+        another are bodies nevertheless)."""
         from pxr import UsdPhysics
 
         leaders = rigid_groups(self.obj)

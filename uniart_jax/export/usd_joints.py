@@ -1,4 +1,5 @@
-"""How a joint of a USD file stands, ends and resists. Needs usd-core, which is imported only when called."""
+"""How a joint of a USD file stands, ends and resists. Needs usd-core, which is imported only when
+called."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from uniart_jax.export.usd_shapes import quaternion, vector
 
 
 def place_joint(joint, at: np.ndarray, direction: np.ndarray | None) -> None:
-    """Put a joint at ``at`` [3] in its first body and at the origin of its second; its axis, X in the joint's frame, is ``direction`` [3] in both."""
+    """Put a joint at ``at`` [3] in its first body and at the origin of its second; its axis, X in
+    the joint's frame, is ``direction`` [3] in both."""
     turn = np.eye(4)
     if direction is not None:
         joint.CreateAxisAttr("X")

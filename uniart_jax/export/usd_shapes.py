@@ -1,6 +1,8 @@
-"""What a body of a USD file is made of: mass, a textured mesh, collision shapes. Needs usd-core, which is imported only when called.
+"""What a body of a USD file is made of: mass, a textured mesh, collision shapes. Needs usd-core,
+which is imported only when called.
 
-Metres, kilograms; a body's own frame, whose origin is given in the object frame and whose axes are the object frame's.
+Metres, kilograms; a body's own frame, whose origin is given in the object frame and whose axes are
+the object frame's.
 """
 
 from __future__ import annotations
@@ -30,7 +32,8 @@ def quaternion(values: np.ndarray):
 
 
 def set_mass(prim, mass: float, center: np.ndarray, inertia: np.ndarray) -> None:
-    """MassAPI from kg, [3] m in the body's frame, and the tensor [3, 3] kg m^2 about it: UsdPhysics takes its main axes and moments."""
+    """MassAPI from kg, [3] m in the body's frame, and the tensor [3, 3] kg m^2 about it: UsdPhysics
+    takes its main axes and moments."""
     from pxr import UsdPhysics
 
     tensor = np.asarray(inertia, dtype=np.float64)
@@ -47,7 +50,8 @@ def set_mass(prim, mass: float, center: np.ndarray, inertia: np.ndarray) -> None
 
 
 def define_material(stage, place, texture: str):
-    """UsdPreviewSurface that shows ``texture`` (an sRGB image, relative to the file) by the primvar ``st``."""
+    """UsdPreviewSurface that shows ``texture`` (an sRGB image, relative to the file) by the primvar
+    ``st``."""
     from pxr import Sdf, UsdShade
 
     types = Sdf.ValueTypeNames
@@ -76,7 +80,8 @@ def define_material(stage, place, texture: str):
 
 
 def define_visual(prim, surface: Surface, scale: float, frame: np.ndarray, material) -> None:
-    """The mesh that is seen. Texture coordinates have indices of their own, so that the mesh stays closed along its seams."""
+    """The mesh that is seen. Texture coordinates have indices of their own, so that the mesh stays
+    closed along its seams."""
     from pxr import Sdf, UsdGeom, UsdShade
 
     stage, place = prim.GetStage(), prim.GetPath().AppendChild("visual")

@@ -1,9 +1,10 @@
-"""Boxes for rough surfaces: parts as cells of one lattice, each cell one part's, and the cells covered by few boxes.
+"""Boxes for rough surfaces: parts as cells of one lattice, each cell one part's, and the cells
+covered by few boxes.
 
-What a network makes has bumps of a hundredth of the object everywhere. Convex hulls of that fill cavities and cross the neighbours;
-cells of one lattice cannot. The lattice lies along the object's axes at rest, where doors and drawers are closed, so that flat parts are few boxes.
-Knobs are hulls, because a box's corners would catch as it turns; the cells that one touches are
-its own.
+What a network makes has bumps of a hundredth of the object everywhere. Convex hulls of that fill
+cavities and cross the neighbours; cells of one lattice cannot. The lattice lies along the object's
+axes at rest, where doors and drawers are closed, so that flat parts are few boxes. Knobs are hulls,
+because a box's corners would catch as it turns; the cells that one touches are its own.
 """
 
 from __future__ import annotations
@@ -22,11 +23,13 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.crossings import lattice_windings
 
 ROUGH_FACES = 2500  # fewer are no rough object
-# (radians, share of edges that are bent by more). Marching cubes of a network's output have .8 and .5; a smooth surface of many faces has
+# (radians, share of edges that are bent by more). Marching cubes of a network's output have .8 and
+# .5; a smooth surface of many faces has
 # .95 and .05, furniture .6 and .45.
 BENT = ((0.05, 0.7), (0.2, 0.4))
 CELLS = 64  # along the object's longest side
-# (boxes a part, share of its cells that no box need hold): the second where the first do not suffice, as for bowls and slanted plates
+# (boxes a part, share of its cells that no box need hold): the second where the first do not
+# suffice, as for bowls and slanted plates
 ENOUGH = ((64, 0.02), (256, 0.08))
 FILLED = 0.5  # of the cells of a layer by which a box grows, that must be the part's
 SEEDS = 24  # cells that boxes are grown from, for each that is kept
@@ -56,7 +59,8 @@ class Cells:
       corner: [3] of cell (0, 0, 0), and ``side`` of a cell; object units, object frame.
       rest: [K, 4, 4] of each part from the shown state to rest.
       full: [K, n, n, n] bool: the part's own cells; no cell is two parts'.
-      spare: [K, n, n, n] bool: cells beside them that its boxes may hold too, because no other part ever gets there.
+      spare: [K, n, n, n] bool: cells beside them that its boxes may hold too, because no other part
+        ever gets there.
       knobs: parts that are hulls instead, object units, at the shown state.
     """
 
@@ -103,7 +107,8 @@ def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells
     """The parts on one lattice. Where parts cross, a cell goes to the part that it lies deepest in.
 
     Args:
-      obj: any object. meshes: [K] its parts' surfaces, object units, object frame; one that is open counts by its corners alone.
+      obj: any object. meshes: [K] its parts' surfaces, object units, object frame; one that is open
+        counts by its corners alone.
     """
     rest = obj.forward_kinematics(obj.rest())
     corners = [trimesh.transform_points(m.vertices, t) for m, t in zip(meshes, rest, strict=True)]
@@ -132,7 +137,8 @@ def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells
     for k, place in enumerate(corners):
         if (owner == k).any():
             continue
-        # it lies inside others: the nearest cell that is nobody's, or one of several that somebody has
+        # it lies inside others: the nearest cell that is nobody's, or one of several that somebody
+        # has
         count = np.bincount(owner[owner != FREE], minlength=len(meshes))
         open_to_all = np.argwhere((owner == FREE) | (count[owner] > 1))
         away = np.abs(corner + (open_to_all + 0.5) * side - place.mean(0)).sum(1)
@@ -180,9 +186,11 @@ def _touched(
 
 
 def cover(full: np.ndarray, spare: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(low [3], high [3]) of boxes that hold ``full`` but for a small share, and nothing but ``full`` and some of ``spare`` [n, n, n].
+    """(low [3], high [3]) of boxes that hold ``full`` but for a small share, and nothing but
+    ``full`` and some of ``spare`` [n, n, n].
 
-    Greedy: of the boxes grown from some cells that none holds yet the one that holds the most of them. Deterministic.
+    Greedy: of the boxes grown from some cells that none holds yet the one that holds the most of
+    them. Deterministic.
     """
     cells = np.argwhere(full)
     if not len(cells):

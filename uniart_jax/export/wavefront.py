@@ -1,7 +1,8 @@
 """Wavefront OBJ with indices of their own for positions and texture coordinates.
 
-Texture seams then cut only the ``vt`` list: positions stay shared, and a closed mesh is closed for whoever reads it. (Writers with one
-index for both, trimesh's among them, open every mesh along its seams.)
+Texture seams then cut only the ``vt`` list: positions stay shared, and a closed mesh is closed for
+whoever reads it. (Writers with one index for both, trimesh's among them, open every mesh along its
+seams.)
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ def write_material(folder: Path) -> None:
 
 
 def write_textured(surface: Surface, path: Path, scale: float) -> None:
-    """Write a surface in metres (object units times ``scale``), object frame at the shown state, with ``MATERIAL``."""
+    """Write a surface in metres (object units times ``scale``), object frame at the shown state,
+    with ``MATERIAL``."""
     lines = [f"mtllib {MATERIAL_FILE}"]
     lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in (surface.vertices * scale).tolist()]
     lines += [f"vt {u:.5f} {v:.5f}" for u, v in surface.uv.tolist()]
@@ -48,7 +50,8 @@ def write_textured(surface: Surface, path: Path, scale: float) -> None:
 
 
 def corner_normals(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
-    """Normals [n, 3], rounded, and the one of each face's corners [f, 3]: smooth where faces meet within ``CREASE``, sharp elsewhere.
+    """Normals [n, 3], rounded, and the one of each face's corners [f, 3]: smooth where faces meet
+    within ``CREASE``, sharp elsewhere.
 
     Without them MuJoCo smooths every edge, a box's too.
     """

@@ -1,7 +1,8 @@
-"""Classifier-free guidance with an interval, as a wrapper of the velocity function: solver and guidance never meet.
+"""Classifier-free guidance with an interval, as a wrapper of the velocity function: solver and
+guidance never meet.
 
 v = v_c + w (v_c - v_u)        w = 0: none        (TRELLIS ``pipelines/samplers/classifier_free_guidance_mixin.py``)
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -21,11 +22,12 @@ def guide(
     weight: float,
     interval: tuple[float, float] = (0.0, 1.0),
 ) -> Velocity:
-    """A velocity (x, t) -> v that is guided while ``interval[0] <= t <= interval[1]``, conditional elsewhere; t a scalar, or [B] a time an item.
+    """A velocity (x, t) -> v that is guided while ``interval[0] <= t <= interval[1]``, conditional
+    elsewhere; t a scalar, or [B] a time an item.
 
     Args:
-      velocity: (x [B, ...], t [B], condition) -> v. Where guided it is called once with x and t doubled to [2 B, ...]: every item
-        twice in a row, with its condition and with its negative.
+      velocity: (x [B, ...], t [B], condition) -> v. Where guided it is called once with x and t
+        doubled to [2 B, ...]: every item twice in a row, with its condition and with its negative.
       condition, negative: pytrees of arrays [B, ...] of equal shapes.
       weight: w.
     """

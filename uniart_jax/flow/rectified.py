@@ -4,8 +4,8 @@
     v   = (1 - s) eps - x_0                        (2)   the velocity target
     x_0 = (1 - s) x_t - (s + (1 - s) t) v          (3)
 
-The paper's main text and TRELLIS (``trainers/flow_matching``); the supplement's time runs the other way, which is a matter of the network alone
-(``FlowConfig.direction``). s is 0 here, and 1e-5 for
+The paper's main text and TRELLIS (``trainers/flow_matching``); the supplement's time runs the other
+way, which is a matter of the network alone (``FlowConfig.direction``). s is 0 here, and 1e-5 for
 TRELLIS's weights.
 """
 
@@ -39,10 +39,12 @@ def flow_loss(
     sigma_min: float = 0.0,
     metric: jax.Array | None = None,
 ) -> jax.Array:
-    """Weighted mean square error of the velocity per object [B]; the mean over objects is the caller's.
+    """Weighted mean square error of the velocity per object [B]; the mean over objects is the
+    caller's.
 
     Args:
-      velocity, x0, noise: [B, ..., C]. weights: [B, ...] of voxels, 0 = padding; None = all alike. An object without any counts as 0.
+      velocity, x0, noise: [B, ..., C]. weights: [B, ...] of voxels, 0 = padding; None = all alike.
+        An object without any counts as 0.
       metric: [C, C] positive definite M: an error e counts e^T M e; None = |e|^2 / C.
     """
     if weights is not None:  # garbage in padding must not reach the target
@@ -63,7 +65,8 @@ def sample_times(
     std: float = 1.0,
     noise_share: float = 0.0,
 ) -> jax.Array:
-    """Training times in (0, 1): sigmoid of a normal, a ``noise_share`` of them uniform in (.9, 1) instead."""
+    """Training times in (0, 1): sigmoid of a normal, a ``noise_share`` of them uniform in (.9, 1)
+    instead."""
     normal_key, share_key, uniform_key = jax.random.split(key, 3)
     t = jax.nn.sigmoid(mean + std * jax.random.normal(normal_key, shape))
     if noise_share:

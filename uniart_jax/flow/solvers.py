@@ -1,4 +1,5 @@
-"""Solvers of dx/dt = v(x, t) from noise (t = 1) to data (t = 0), in fixed or adaptive steps. They know nothing of guidance.
+"""Solvers of dx/dt = v(x, t) from noise (t = 1) to data (t = 0), in fixed or adaptive steps. They
+know nothing of guidance.
 
 With f = v(x, t) and g = v(x - h f, t - h):
 
@@ -6,9 +7,11 @@ With f = v(x, t) and g = v(x - h f, t - h):
     x <- x - h (f + g) / 2     Heun    (2)
     e  = h (g - f) / 2         (2) - (1): the error of (1), for both adaptive solvers
 
-Adaptive Euler keeps e / h below the tolerance (error per unit time), adaptive Heun e (error per step, while the better value is taken): with
-either the error at t = 0 is proportional to the tolerance (Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", II.4). g is the
-next step's f in Euler, so it costs one velocity a step; Heun costs two, and one where a step is repeated.
+Adaptive Euler keeps e / h below the tolerance (error per unit time), adaptive Heun e (error per
+step, while the better value is taken): with either the error at t = 0 is proportional to the
+tolerance (Hairer, Norsett, Wanner, "Solving Ordinary Differential Equations I", II.4). g is the
+next step's f in Euler, so it costs one velocity a step; Heun costs two, and one where a step is
+repeated.
 """
 
 from __future__ import annotations
@@ -35,8 +38,9 @@ INTEGRAL, PROPORTIONAL = 0.7, 0.4  # exponents of the step controller
 
 
 class Solution(NamedTuple):
-    """x [B, ...] at t = 0, how many velocities each item took, and how many of its adaptive steps were taken with an error above the tolerance,
-    because none shorter is tried: ``evaluations``, ``forced`` [B] int32."""
+    """x [B, ...] at t = 0, how many velocities each item took, and how many of its adaptive steps
+    were taken with an error above the tolerance, because none shorter is tried: ``evaluations``,
+    ``forced`` [B] int32."""
 
     x: jax.Array
     evaluations: jax.Array
@@ -44,7 +48,8 @@ class Solution(NamedTuple):
 
 
 def time_steps(steps: int, rescale_t: float = 1.0, end: float = 0.0) -> np.ndarray:
-    """At most [steps + 1] times from 1 to 0, r t / (1 + (r - 1) t): r > 1 spends more steps near noise (TRELLIS). None lies between 0 and ``end``.
+    """At most [steps + 1] times from 1 to 0, r t / (1 + (r - 1) t): r > 1 spends more steps near
+    noise (TRELLIS). None lies between 0 and ``end``.
 
     Raises:
       ValueError: fewer than one step.
@@ -59,7 +64,8 @@ def time_steps(steps: int, rescale_t: float = 1.0, end: float = 0.0) -> np.ndarr
 def euler(
     velocity: Velocity, x: jax.Array, steps: int, rescale_t: float = 1.0, end: float = 0.0
 ) -> jax.Array:
-    """x at t = 0 by ``steps`` Euler steps; first order, exact where the velocity is constant along paths. ``end``: of ``solve``."""
+    """x at t = 0 by ``steps`` Euler steps; first order, exact where the velocity is constant along
+    paths. ``end``: of ``solve``."""
 
     def step(x, times):
         here, after = times
@@ -71,7 +77,8 @@ def euler(
 def heun(
     velocity: Velocity, x: jax.Array, steps: int, rescale_t: float = 1.0, end: float = 0.0
 ) -> jax.Array:
-    """x at t = 0 by ``steps`` Heun steps: second order, two velocities a step; with an ``end`` the last one is an Euler step (``solve``)."""
+    """x at t = 0 by ``steps`` Heun steps: second order, two velocities a step; with an ``end`` the
+    last one is an Euler step (``solve``)."""
 
     def evaluate(now, stage):  # a scan over velocities, not steps: the network is compiled once
         x, slope = now
@@ -99,11 +106,13 @@ def solve(
 
     Args:
       steps, rescale_t: the steps (``time_steps``); where they adapt, only the first one's length.
-      tolerance: adaptive steps with an error of about this much, of values near 1; None = fixed steps. Adaptive ones are at least ``MIN_STEP`` long, whatever
-        their error, and after ``MOST`` velocities one is left; ``Solution.forced`` counts those.
+      tolerance: adaptive steps with an error of about this much, of values near 1; None = fixed
+        steps. Adaptive ones are at least ``MIN_STEP`` long, whatever their error, and after
+        ``MOST`` velocities one is left; ``Solution.forced`` counts those.
       valid: mask, broadcastable to x; what is outside does not count as error.
-      end: at times below it the velocity is not asked for: the last stretch is one Euler step from there or, with fixed steps, from the last of their times that
-        is not below it; those between are left out. For networks that predict x_0, whose velocity is a difference over t.
+      end: at times below it the velocity is not asked for: the last stretch is one Euler step from
+        there or, with fixed steps, from the last of their times that is not below it; those between
+        are left out. For networks that predict x_0, whose velocity is a difference over t.
 
     Raises:
       ValueError: fewer than one step, or a tolerance outside ``config.TOLERANCES``.
@@ -122,8 +131,9 @@ def solve(
 
 
 class _Progress(NamedTuple):
-    """Where each item stands: x at time t, the velocity there if ``known``, the step it tries next, the error of the last one, whether the
-    last try was refused, velocities so far, steps that were forced."""
+    """Where each item stands: x at time t, the velocity there if ``known``, the step it tries next,
+    the error of the last one, whether the last try was refused, velocities so far, steps that were
+    forced."""
 
     x: jax.Array
     t: jax.Array
@@ -145,8 +155,9 @@ def _adaptive(
     valid: jax.Array | None,
     end: float,
 ) -> Solution:
-    """Each item in steps of its own. A round of the loop is one call of the velocity, for all items, each where it is: at the start of its step or
-    at its trial end; so the network is compiled once, no item waits for another's second stage, and one that is done stays as it is."""
+    """Each item in steps of its own. A round of the loop is one call of the velocity, for all
+    items, each where it is: at the start of its step or at its trial end; so the network is
+    compiled once, no item waits for another's second stage, and one that is done stays as it is."""
     least, most = TOLERANCES
     if not least <= tolerance <= most:
         raise ValueError(f"tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
@@ -179,7 +190,8 @@ def _adaptive(
         else:
             reached, error = trial, change
         size = norm(error, now.x, reached)
-        # ``last`` may stretch a step of the least length; a rejection would only bring the same again
+        # ``last`` may stretch a step of the least length; a rejection would only bring the same
+        # again
         finite, shortest = jnp.isfinite(size), (h <= MIN_STEP) | (now.step <= MIN_STEP) | enough
         tried = running & now.known
         accepted = tried & ((finite & (size <= 1)) | shortest)
@@ -230,7 +242,8 @@ def _adaptive(
 def _heun_stages(
     times: np.ndarray, end: float
 ) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
-    """[n] time, step, whether it is the first or the second of a Heun step's two velocities; one that is neither makes an Euler step."""
+    """[n] time, step, whether it is the first or the second of a Heun step's two velocities; one
+    that is neither makes an Euler step."""
     stages = []
     for here, after in itertools.pairwise(times):
         h, whole = here - after, after >= end

@@ -1,7 +1,9 @@
-"""DINOv2's vision transformer with registers: TRELLIS's image condition, and the features that it averages over views on the voxels.
+"""DINOv2's vision transformer with registers: TRELLIS's image condition, and the features that it
+averages over views on the voxels.
 
-Upstream: facebookresearch/dinov2 ``models/vision_transformer.py`` (ViT-L/14 with 4 registers at full size), and TRELLIS
-``pipelines/trellis_image_to_3d.py`` for the condition. LayerNorm eps 1e-6, exact GELU, a learned scale on every branch.
+Upstream: facebookresearch/dinov2 ``models/vision_transformer.py`` (ViT-L/14 with 4 registers at
+full size), and TRELLIS ``pipelines/trellis_image_to_3d.py`` for the condition. LayerNorm eps 1e-6,
+exact GELU, a learned scale on every branch.
 
     tokens    = [cls, patches] + position table      registers stand after cls and have no position
     x         = blocks(tokens)                       "x_prenorm"
@@ -27,7 +29,8 @@ _normal = nnx.initializers.truncated_normal(0.02)
 
 
 class PatchProjection(nnx.Module):
-    """A convolution of stride = size, as one matrix product (XLA's strided convolution is slow on CPU)."""
+    """A convolution of stride = size, as one matrix product (XLA's strided convolution is slow on
+    CPU)."""
 
     def __init__(self, size: int, width: int, rngs: nnx.Rngs, dtype):
         self.kernel = nnx.Param(_normal(rngs.params(), (size, size, 3, width)))
@@ -115,10 +118,12 @@ class DINOv2(nnx.Module):
         """Encode images.
 
         Args:
-          image: [B, H, W, 3] sRGB in [0, 1], the background black; sides are multiples of the patch size.
+          image: [B, H, W, 3] sRGB in [0, 1], the background black; sides are multiples of the patch
+            size.
 
         Returns:
-          tokens [B, 1 + registers + h w, D], TRELLIS's condition; patches [B, h, w, D], before any norm.
+          tokens [B, 1 + registers + h w, D], TRELLIS's condition; patches [B, h, w, D], before any
+          norm.
         """
         items, height, width = image.shape[:3]
         x = self.features((image - jnp.array(IMAGE_MEAN)) / jnp.array(IMAGE_STD))
@@ -162,7 +167,8 @@ class DINOv2(nnx.Module):
         return self.norm(x)
 
     def position_table(self, rows: int, columns: int) -> tuple[jax.Array, jax.Array]:
-        """Positions of the cls token [1, 1, D] and of h x w patches [1, h w, D]: bicubic, antialiased, as PyTorch's."""
+        """Positions of the cls token [1, 1, D] and of h x w patches [1, h w, D]: bicubic,
+        antialiased, as PyTorch's."""
         table = self.pos_embed[...]
         first, places = table[:, :1], table[:, 1:]
         if (rows, columns) != (self.side, self.side):

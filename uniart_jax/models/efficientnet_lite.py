@@ -1,6 +1,8 @@
-"""EfficientNet-Lite0 up to stride 16, its batch norms folded into the convolutions (Tan and Le 2019; TensorFlow TPU's ``lite``).
+"""EfficientNet-Lite0 up to stride 16, its batch norms folded into the convolutions (Tan and Le
+2019; TensorFlow TPU's ``lite``).
 
-Names follow the published PyTorch file: ``stem``, ``blocks.<i>.expand_conv``, ``depthwise_conv``, ``project_conv``.
+Names follow the published PyTorch file: ``stem``, ``blocks.<i>.expand_conv``, ``depthwise_conv``,
+``project_conv``.
 """
 
 from __future__ import annotations
@@ -59,7 +61,8 @@ class Block(nnx.Module):
 
 
 class EfficientNetLite0(nnx.Module):
-    """image [B, H, W, 3] in [-1, 1] -> maps at strides 4, 8, 16 with 24, 40, 112 channels; sides are multiples of 16."""
+    """image [B, H, W, 3] in [-1, 1] -> maps at strides 4, 8, 16 with 24, 40, 112 channels; sides
+    are multiples of 16."""
 
     CHANNELS = (24, 40, 112)
 

@@ -1,11 +1,13 @@
 """The two velocity networks: rectified-flow transformers with cross-attention to image tokens.
 
-Upstream: TRELLIS ``models/sparse_structure_flow.py`` and ``models/structured_latent_flow.py``. Ours, as config options: a 'patch' stem
-that makes one token of a cube of voxels, features of the image encoder's volume added to the tokens that they are aligned with, pixels
-that each voxel reads where the camera sees it, what each voxel or cell sees of a layout (``models.layout_features``), and prediction of the
-clean sample instead of the velocity.
+Upstream: TRELLIS ``models/sparse_structure_flow.py`` and ``models/structured_latent_flow.py``.
+Ours, as config options: a 'patch' stem that makes one token of a cube of voxels, features of the
+image encoder's volume added to the tokens that they are aligned with, pixels that each voxel reads
+where the camera sees it, what each voxel or cell sees of a layout (``models.layout_features``), and
+prediction of the clean sample instead of the velocity.
 
-A call may carry several noise draws per image: x has n times the context's batch, item-major, and shares its image's condition.
+A call may carry several noise draws per image: x has n times the context's batch, item-major, and
+shares its image's condition.
 """
 
 from __future__ import annotations
@@ -89,8 +91,8 @@ class StructureFlow(FlowTrunk):
         *,
         layout: PartTable | None = None,
     ) -> jax.Array:
-        """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1], given tokens [B / n, M, D'], volume [B / n, Rv, Rv, Rv, C'] and, with
-        ``layout_channels``, layout [B / n, ...]."""
+        """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1], given tokens [B / n, M, D'],
+        volume [B / n, Rv, Rv, Rv, C'] and, with ``layout_channels``, layout [B / n, ...]."""
         seen, draws = self.see(x, t), x.shape[0] // tokens.shape[0]
         h = self.input_layer(_patchify(seen, self.config.patch_size))
         parts = self._see_cells(layout, draws)
@@ -140,7 +142,8 @@ class StructureFlow(FlowTrunk):
 
 
 class SparseResBlock(nnx.Module):
-    """TRELLIS's SparseResBlock3d: change of level first, then two submanifold convolutions with the time in between."""
+    """TRELLIS's SparseResBlock3d: change of level first, then two submanifold convolutions with the
+    time in between."""
 
     def __init__(
         self,
@@ -198,7 +201,10 @@ class LatentFlow(FlowTrunk):
                 self.out_layer = linear(d, slots * latent, rngs, init=zeros)
             if p := c.pixel_channels:
                 if not config.image_encoder.kind.camera:
-                    raise ValueError("latent_flow: pixel_channels needs an image encoder that estimates the camera; set it to 0")  # fmt: skip
+                    raise ValueError(
+                        "latent_flow: pixel_channels needs an image encoder that estimates the "
+                        "camera; set it to 0"
+                    )
                 self.resolution = config.grid.resolution
                 self.pixel_in = linear(
                     pixel_width(config.image_encoder) + 1, 2 * p, rngs, dtype=dtype
@@ -219,8 +225,9 @@ class LatentFlow(FlowTrunk):
             raise ValueError(f"latent_flow: {name} belongs to the stem 'patch'; set it to 0")
         if c.patch_size != 2 ** len(c.io_channels) or (c.share_mod and c.io_channels):
             raise ValueError(
-                f"latent_flow: the conv stem halves once per io_channels {c.io_channels}, so patch_size must be "
-                f"{2 ** len(c.io_channels)}, not {c.patch_size}, and share_mod cannot be combined with it"
+                f"latent_flow: the conv stem halves once per io_channels {c.io_channels}, so "
+                f"patch_size must be {2 ** len(c.io_channels)}, not {c.patch_size}, and share_mod "
+                "cannot be combined with it"
             )
         levels, made = (*c.io_channels, d), (rngs, dtype, self.plain)
         self.input_layer = linear(latent, levels[0], rngs)
@@ -253,9 +260,11 @@ class LatentFlow(FlowTrunk):
 
         Args:
           tokens: [B / n, M, D']. volume: [B / n, Rv, Rv, Rv, C'].
-          views: with ``pixel_channels``, maps [B / n, N, S, S, C''] and cameras [B / n, N, 7] of N pictures (``nn.lifting.read_pixels``).
+          views: with ``pixel_channels``, maps [B / n, N, S, S, C''] and cameras [B / n, N, 7] of N
+            pictures (``nn.lifting.read_pixels``).
           layout: with ``layout_channels``, the part table [B / n, ...] of each picture's object.
-          coords [B / m, V, 3], counts [B / m] and their plan (``nn.grids.flow_plan``): m draws in a row share them.
+          coords [B / m, V, 3], counts [B / m] and their plan (``nn.grids.flow_plan``): m draws in a
+          row share them.
         """
         shared = x.shape[0] // coords.shape[0]
         if shared > 1:
@@ -286,11 +295,15 @@ class LatentFlow(FlowTrunk):
         return self.run_blocks(h, time, tokens, counts)
 
     def _read(self, views, draws, shared, coords, counts):
-        """[B, V, pixel_channels] of what voxels read in the pictures, on average over views; None without ``pixel_channels``."""
+        """[B, V, pixel_channels] of what voxels read in the pictures, on average over views; None
+        without ``pixel_channels``."""
         if not self.config.pixel_channels:
             return None
         if any(v is None for v in views):
-            raise ValueError("latent_flow: this model reads pictures (pixel_channels > 0); pass views=(pixels, cameras), of the Condition that encode_images gives")  # fmt: skip
+            raise ValueError(
+                "latent_flow: this model reads pictures (pixel_channels > 0); pass views=(pixels, "
+                "cameras), of the Condition that encode_images gives"
+            )
         pixels, cameras = views
         if shared % draws:  # one picture's draws are on voxels of their own
             pixels, cameras = (jnp.repeat(v, draws, axis=0) for v in views)
@@ -300,7 +313,8 @@ class LatentFlow(FlowTrunk):
         return jnp.repeat(jax.nn.gelu(h), draws, axis=0)
 
     def _read_layout(self, layout, draws, shared, coords):
-        """[B, V, layout_channels] of what voxels see of the layout; None without ``layout_channels``."""
+        """[B, V, layout_channels] of what voxels see of the layout; None without
+        ``layout_channels``."""
         if layout is not None and shared % draws:
             layout, draws = jax.tree.map(lambda a: jnp.repeat(a, draws, axis=0), layout), 1
         seen = self.see_layout(layout, coords[::draws], getattr(self, "resolution", 0))

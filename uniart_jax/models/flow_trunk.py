@@ -1,4 +1,5 @@
-"""What both flows share: time embedding, blocks, volume and layout, and what a network that predicts the clean sample is shown."""
+"""What both flows share: time embedding, blocks, volume and layout, and what a network that
+predicts the clean sample is shown."""
 
 from __future__ import annotations
 
@@ -28,7 +29,8 @@ T_MIN = 0.05  # below this time a predicted sample is turned into a velocity as 
 
 
 class FlowTrunk(nnx.Module):
-    """What both flows share: time embedding, blocks, aligned volume. A base class, so that parameter names stay TRELLIS's."""
+    """What both flows share: time embedding, blocks, aligned volume. A base class, so that
+    parameter names stay TRELLIS's."""
 
     def make_trunk(
         self, c: FlowConfig, config: ModelConfig, grid_side: int, rngs: nnx.Rngs
@@ -67,21 +69,26 @@ class FlowTrunk(nnx.Module):
         return self.t_embedder(timestep_embedding(1000.0 * t))
 
     def embed_volume(self, volume: jax.Array, draws: int) -> jax.Array:
-        """[B, Rv, Rv, Rv, C] -> [B draws, G, G, G, D], of the first ``volume_channels`` channels; zeros (no condition) give the layer's bias."""
+        """[B, Rv, Rv, Rv, C] -> [B draws, G, G, G, D], of the first ``volume_channels`` channels;
+        zeros (no condition) give the layer's bias."""
         volume = volume[..., : self.config.volume_channels]
         aligned = align_volume(layer_norm(volume, 1e-5), self.side)
         return jnp.repeat(self.volume_layer(aligned), draws, axis=0)
 
     def make_layout(self, children: int, cells: int, rngs: nnx.Rngs, dtype) -> None:
-        """Layers for a layout: features of ``cells`` a token, each of ``children`` a side; what they add begins at nothing."""
+        """Layers for a layout: features of ``cells`` a token, each of ``children`` a side; what
+        they add begins at nothing."""
         p = self.config.layout_channels
         self.layout = LayoutFeatures(children, rngs, dtype)
         self.layout_in = linear(self.layout.width, 2 * p, rngs, dtype=dtype)
         self.layout_hidden = linear(2 * p, p, rngs, dtype=dtype)
-        self.layout_cube = linear(cells * p, self.config.model_channels, rngs, init=zeros, dtype=dtype)  # fmt: skip
+        self.layout_cube = linear(
+            cells * p, self.config.model_channels, rngs, init=zeros, dtype=dtype
+        )
 
     def see_layout(self, table: PartTable | None, coords: jax.Array, resolution: int) -> Any:
-        """[B, S, layout_channels] what cells [B, S, 3] see of the layout; None without ``layout_channels``."""
+        """[B, S, layout_channels] what cells [B, S, 3] see of the layout; None without
+        ``layout_channels``."""
         if not self.config.layout_channels:
             return None
         table = required(table, "layout_channels", "layout", "the part table of a")
@@ -102,15 +109,17 @@ class FlowTrunk(nnx.Module):
         )
 
     def see(self, x: jax.Array, t: jax.Array) -> jax.Array:
-        """What the network is shown of x_t. Where it predicts x_0: the best linear guess of x_0, so that near t = 1 it is shown nothing
-        instead of noise (the c_skip of Karras et al. 2022, for straight paths and data of deviation 1, on the way in)."""
+        """What the network is shown of x_t. Where it predicts x_0: the best linear guess of x_0, so
+        that near t = 1 it is shown nothing instead of noise (the c_skip of Karras et al. 2022, for
+        straight paths and data of deviation 1, on the way in)."""
         if self.config.prediction == "velocity":
             return x
         scale = (1 - t) / ((1 - t) ** 2 + t**2)
         return x * scale.reshape(-1, *[1] * (x.ndim - 1))
 
     def to_velocity(self, out: jax.Array, x: jax.Array, t: jax.Array) -> jax.Array:
-        """The network's output as dx/dt: v = (x_t - x_0) / t where it predicts x_0, -v where its own time runs to data (``direction``)."""
+        """The network's output as dx/dt: v = (x_t - x_0) / t where it predicts x_0, -v where its
+        own time runs to data (``direction``)."""
         out = out.astype(jnp.float32)
         if self.config.prediction == "velocity":
             return out if self.config.direction == "data_to_noise" else -out
@@ -119,7 +128,9 @@ class FlowTrunk(nnx.Module):
 
 def required(given: Any, option: str, name: str, whose: str = "the image encoder's") -> Any:
     if given is None:
-        more = ", as pipeline.following(condition, [layout or None]) does" if name == "layout" else ""  # fmt: skip
+        more = (
+            ", as pipeline.following(condition, [layout or None]) does" if name == "layout" else ""
+        )
         raise ValueError(
             f"flow: this model reads {whose} {name} ({option} > 0); pass {name}={more}"
         )

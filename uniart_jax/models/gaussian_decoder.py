@@ -1,12 +1,14 @@
-"""TRELLIS's own decoder of a latent: 3D Gaussians a voxel. Upstream: ``models/structured_latent_vae/decoder_gs.py``, ``representations/gaussian``.
+"""TRELLIS's own decoder of a latent: 3D Gaussians a voxel. Upstream:
+``models/structured_latent_vae/decoder_gs.py``, ``representations/gaussian``.
 
-Of a voxel's 14 numbers a Gaussian (o, dc, s, r, a: position 3, colour 3, scale 3, rotation 4, opacity 1), in this order and each for all G Gaussians:
+Of a voxel's 14 numbers a Gaussian (o, dc, s, r, a: position 3, colour 3, scale 3, rotation 4,
+opacity 1), in this order and each for all G Gaussians:
 
     position = (coords + 1/2) / R + voxel_size / (2 R) tanh(lr o + P) - 1/2          P spreads the G Gaussians of a voxel    (1)
     scale    = sqrt(f(lr s + f^-1(scaling_bias))^2 + kernel_size_3d^2)               f softplus or exp                       (2)
     rotation = (lr r + (1, 0, 0, 0)) / |.|                                           quaternion, real part first             (3)
     opacity  = sigmoid(lr a + logit(opacity_bias))                                                                           (4)
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -27,7 +29,8 @@ VALUES = sum(math.prod(shape) for shape in LAYOUT.values())  # 14 a Gaussian
 
 
 class GaussianDecoder(Trunk):
-    """Latent -> raw values of every voxel's Gaussians; sizes are ``UniArtVAEConfig``'s. A subclass, so that names stay TRELLIS's."""
+    """Latent -> raw values of every voxel's Gaussians; sizes are ``UniArtVAEConfig``'s. A subclass,
+    so that names stay TRELLIS's."""
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         # TRELLIS has no path past the trunk, whatever the VAE beside it has
@@ -37,7 +40,8 @@ class GaussianDecoder(Trunk):
         super().__init__(plain.latent_channels, outputs, config, rngs)
 
     def __call__(self, latent: jax.Array, batch: Batch) -> jax.Array:
-        """Latent [B, V, C] -> raw [B, V, G * 14], padding zero; ``batch``: coords, counts, plans (window_0, window_1)."""
+        """Latent [B, V, C] -> raw [B, V, G * 14], padding zero; ``batch``: coords, counts, plans
+        (window_0, window_1)."""
         valid = valid_tokens(batch["counts"], latent.shape[1])
         plans = batch.get("plans", {})
         h = super().__call__(jnp.where(valid, latent, 0), batch["coords"], plans, batch["counts"])
@@ -45,7 +49,8 @@ class GaussianDecoder(Trunk):
 
 
 def offset_perturbation(config: GaussianConfig) -> np.ndarray:
-    """[G, 3] float32 P of equation (1): where tanh puts the G Gaussians on a Hammersley set within the voxel."""
+    """[G, 3] float32 P of equation (1): where tanh puts the G Gaussians on a Hammersley set within
+    the voxel."""
     n = config.num_gaussians
     if not config.perturb_offset:
         return np.zeros((n, 3), np.float32)
@@ -60,11 +65,12 @@ def offset_perturbation(config: GaussianConfig) -> np.ndarray:
 def gaussian_parameters(
     raw: Any, coords: Any, config: GaussianConfig, resolution: int
 ) -> dict[str, jax.Array]:
-    """Raw values [..., V, G * 14] on voxels [..., V, 3] -> what TRELLIS stores of its Gaussians, G a voxel side by side.
+    """Raw values [..., V, G * 14] on voxels [..., V, 3] -> what TRELLIS stores of its Gaussians, G
+    a voxel side by side.
 
     Returns:
-      xyz [..., V G, 3] within [0, 1]; features_dc [..., V G, 1, 3], scaling [..., V G, 3], rotation [..., V G, 4], opacity [..., V G, 1], all
-      before their activations (``activated``).
+      xyz [..., V G, 3] within [0, 1]; features_dc [..., V G, 1, 3], scaling [..., V G, 3], rotation
+      [..., V G, 4], opacity [..., V G, 1], all before their activations (``activated``).
     """
     lead, n = raw.shape[:-1], config.num_gaussians
     values, start = {}, 0
@@ -81,7 +87,8 @@ def gaussian_parameters(
 
 
 def activated(parameters: dict[str, Any], config: GaussianConfig) -> dict[str, jax.Array]:
-    """What is drawn: xyz in the object frame [-1/2, 1/2]^3, features_dc as it is, and equations (2), (3) and (4)."""
+    """What is drawn: xyz in the object frame [-1/2, 1/2]^3, features_dc as it is, and equations
+    (2), (3) and (4)."""
     bias = config.scaling_bias
     if config.scaling_activation == "softplus":
         scale = jax.nn.softplus(parameters["scaling"] + math.log(math.expm1(bias)))

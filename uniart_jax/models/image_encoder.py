@@ -1,14 +1,18 @@
-"""Nano image encoder: a small convolutional network, image tokens from it, and a volume aligned with the object's grid.
+"""Nano image encoder: a small convolutional network, image tokens from it, and a volume aligned
+with the object's grid.
 
-    image -> residual convolutions -> coarse map -> tokens (a few transformer blocks), for cross-attention
+    image -> residual convolutions -> coarse map -> tokens (a few transformer blocks), for
+    cross-attention
                                  |         |
                                  |    MLP on all of it -> camera, first coarse volume
                                  |         |
-                             finer map, read where the camera sees each cell -> volume, blocks that look at the tokens -> occupancy, codes
+                             finer map, read where the camera sees each cell -> volume, blocks that
+                             look at the tokens -> occupancy, codes
 
-Pre-trained by regressing the camera, coarse occupancy, boxes and joints from the image (docs/architecture.md), then frozen: trained jointly
-with a flow from scratch, an image encoder of this size is ignored while the loss falls. The camera and the reading by projection
-(``nn.lifting``) tell a cell where in the picture to look.
+Pre-trained by regressing the camera, coarse occupancy, boxes and joints from the image
+(docs/architecture.md), then frozen: trained jointly with a flow from scratch, an image encoder of
+this size is ignored while the loss falls. The camera and the reading by projection (``nn.lifting``)
+tell a cell where in the picture to look.
 """
 
 from __future__ import annotations
@@ -39,7 +43,8 @@ _PLACE_CHANNELS = 7  # x, y, depth and the phases of x and y within a map cell
 
 
 class StemStage(nnx.Module):
-    """Makes the picture ``stride`` times smaller: a strided convolution that overlaps, then a residual pair."""
+    """Makes the picture ``stride`` times smaller: a strided convolution that overlaps, then a
+    residual pair."""
 
     def __init__(self, inputs: int, outputs: int, stride: int, rngs: nnx.Rngs, dtype):
         options: dict[str, Any] = {"dtype": dtype, "rngs": rngs}
@@ -67,7 +72,9 @@ class ImageEncoder(nnx.Module):
         fits = side * math.prod(strides) == c.image_size and c.stem_stride % 2 == 0
         if not fits or len(strides) < 2:
             raise ValueError(
-                f"image_encoder: stem_stride {c.stem_stride} must be even and, halved once more for each further of two or more stem_channels {c.stem_channels}, divide image_size {c.image_size}"
+                f"image_encoder: stem_stride {c.stem_stride} must be even and, halved once more "
+                f"for each further of two or more stem_channels {c.stem_channels}, divide "
+                f"image_size {c.image_size}"
             )
         self.config, self.resolution = c, config.grid.resolution
         channels = (3, *c.stem_channels)
@@ -130,9 +137,11 @@ class ImageEncoder(nnx.Module):
             estimated ones, where ``known`` [B] is true.
 
         Returns:
-          camera [B, 7], the estimate; pixels [B, S, S, ``pixel_width``], maps for those who look closer; tokens [B, L, D]; volume [B, Rv, Rv, Rv, C + 3], features and the picture's colour; occupancy [B, R, R, R] logits; codes
-          [B, Rt, Rt, Rt, 21] = joint code 9, own box 6, parent box 6. Occupancy and codes are read off the features, so these hold
-          what they need; of colours nothing is asked, hence they are added as the camera sees them.
+          camera [B, 7], the estimate; pixels [B, S, S, ``pixel_width``], maps for those who look
+          closer; tokens [B, L, D]; volume [B, Rv, Rv, Rv, C + 3], features and the picture's
+          colour; occupancy [B, R, R, R] logits; codes [B, Rt, Rt, Rt, 21] = joint code 9, own box
+          6, parent box 6. Occupancy and codes are read off the features, so these hold what they
+          need; of colours nothing is asked, hence they are added as the camera sees them.
         """
         items, c = image.shape[0], self.config
         maps = self.features(image)
@@ -178,15 +187,17 @@ class ImageEncoder(nnx.Module):
         }
 
     def features(self, image: jax.Array) -> list[jax.Array]:
-        """[B, H, W, 3] -> the stages' maps; the last two are [B, 2 side, 2 side, C] and [B, side, side, C']."""
+        """[B, H, W, 3] -> the stages' maps; the last two are [B, 2 side, 2 side, C] and [B, side,
+        side, C']."""
         maps = [image * 2 - 1]
         for stage in self.stem:
             maps.append(stage(maps[-1]))
         return maps[1:]
 
     def pixels(self, image: jax.Array, maps: Sequence[jax.Array]) -> jax.Array:
-        """What voxels may read (``lifting.read_pixels``), [B, S, S, ``pixel_width``]: all stages' maps but the last, each normalised, and the picture
-        itself, at the first stage's resolution."""
+        """What voxels may read (``lifting.read_pixels``), [B, S, S, ``pixel_width``]: all stages'
+        maps but the last, each normalised, and the picture itself, at the first stage's
+        resolution."""
         stride, (items, side, *_) = self.config.stem_stride, maps[0].shape
         blocks = (image * 2 - 1).reshape(items, side, stride, side, stride, 3)
         read = [blocks.transpose(0, 1, 3, 2, 4, 5).reshape(items, side, side, -1)]
@@ -210,7 +221,8 @@ class ImageEncoder(nnx.Module):
         places: jax.Array,
         depth: jax.Array,
     ) -> jax.Array:
-        """Each cell's features [B, Rv^3, C] of the maps, read where cameras [B, 7] see it (``look``)."""
+        """Each cell's features [B, Rv^3, C] of the maps, read where cameras [B, 7] see it
+        (``look``)."""
         twice = jnp.repeat(jnp.repeat(self.lift_coarse(coarse), 2, axis=1), 2, axis=2)
         read = sample_map(self.lift_fine(fine) + twice, places)
         index = (places + 1) * (fine.shape[1] / 2) - 0.5
@@ -221,7 +233,8 @@ class ImageEncoder(nnx.Module):
         return self.lift_mix(jax.nn.gelu(h))
 
     def draw_sketch(self, features: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """[B, side, side, C] -> [B, volume tokens, D] and camera codes [B, 7] by an MLP on the whole map: where the object is, from any view."""
+        """[B, side, side, C] -> [B, volume tokens, D] and camera codes [B, 7] by an MLP on the
+        whole map: where the object is, from any view."""
         first, second, out, lift = self.sketch
         h = jax.nn.gelu(first(features.reshape(features.shape[0], -1)))
         h = h + jax.nn.gelu(second(h))
@@ -249,7 +262,8 @@ def shrink(image: jax.Array, side: int) -> jax.Array:
 
 
 def _fold(grid: jax.Array, inner: int) -> jax.Array:
-    """The inverse of ``_unfold`` with positions and channels joined: [B, G, G, G, C] -> [B, (G / inner)^3, inner^3 C]."""
+    """The inverse of ``_unfold`` with positions and channels joined: [B, G, G, G, C] -> [B, (G /
+    inner)^3, inner^3 C]."""
     items, full, channels = grid.shape[0], grid.shape[1], grid.shape[-1]
     side = full // inner
     cells = grid.reshape(items, side, inner, side, inner, side, inner, channels)

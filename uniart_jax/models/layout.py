@@ -1,4 +1,5 @@
-"""Parts as a set from one image: an image backbone and a part decoder (DETR3D's idea: Carion 2020, Wang 2021).
+"""Parts as a set from one image: an image backbone and a part decoder (DETR3D's idea: Carion 2020,
+Wang 2021).
 
     image -> backbone -> maps at strides 4, 8, 16 -> one map at stride 4, top down
                               |                          |
@@ -10,7 +11,8 @@
                     -> box, joint code, colour, existence; parent by a pointer
 
 Every layer has heads of its own (a repeated run those of its layer), corrects the box of the layer
-before (no gradient goes through that) and gives the rest anew. The joint code's moment is predicted about the box's centre and moved to the origin, so that a pivot follows its box.
+before (no gradient goes through that) and gives the rest anew. The joint code's moment is predicted
+about the box's centre and moved to the origin, so that a pivot follows its box.
 """
 
 from __future__ import annotations
@@ -45,7 +47,8 @@ BOX_POINTS = np.array(
 
 
 class Convolutions(nnx.Module):
-    """A small backbone from scratch: strided stages with a residual pair each; maps at strides 4, 8, 16."""
+    """A small backbone from scratch: strided stages with a residual pair each; maps at strides 4,
+    8, 16."""
 
     CHANNELS = (24, 48, 96)
 
@@ -67,7 +70,8 @@ class Convolutions(nnx.Module):
 
 
 def make_backbone(config: LayoutConfig, rngs: nnx.Rngs, dtype, plain: bool = False) -> Any:
-    """The image backbone that a config names: image in [-1, 1] -> maps at ``STRIDES``, with their ``CHANNELS``."""
+    """The image backbone that a config names: image in [-1, 1] -> maps at ``STRIDES``, with their
+    ``CHANNELS``."""
     if config.backbone == "convolutions":
         return Convolutions(rngs, dtype)
     from uniart_jax.models.efficientnet_lite import EfficientNetLite0
@@ -124,7 +128,8 @@ class DecoderLayer(nnx.Module):
         self.mlp = MLP(c.width, 4, rngs, dtype)
 
     def __call__(self, x, place, tokens, tokens_place, read):
-        """x, place [B, Q, D]; tokens, tokens_place [B, L, D]; read [B, Q, 15 (C + 3)] -> [B, Q, D]."""
+        """x, place [B, Q, D]; tokens, tokens_place [B, L, D]; read [B, Q, 15 (C + 3)] -> [B, Q,
+        D]."""
         y = self.norm1(x)
         x = x + self.self_attn(y + place, y + place, y)
         x = x + self.cross_attn(self.norm2(x) + place, tokens + tokens_place, tokens)
@@ -145,7 +150,10 @@ class PartHeads(nnx.Module):
     def __call__(self, y: jax.Array, corners: jax.Array) -> dict[str, jax.Array]:
         """Parts from normalised queries y and the boxes [B, Q, 6] that they correct."""
         h = jax.nn.gelu(self.hidden(y))
-        out = {name: getattr(self, name)(h).astype(jnp.float32) for name in ("exists", "box", "code", "color")}  # fmt: skip
+        out = {
+            name: getattr(self, name)(h).astype(jnp.float32)
+            for name in ("exists", "box", "code", "color")
+        }
         corners = corners + out["box"]
         code = out["code"]
         centre = jax.lax.stop_gradient(corners[..., :3] + corners[..., 3:]) / 2
@@ -192,7 +200,9 @@ class LayoutNetwork(nnx.Module):
         self.first_box = linear(width, 6, rngs, init=nnx.initializers.normal(0.01), dtype=dtype)
         self.layers = nnx.List([DecoderLayer(config, rngs, dtype) for _ in range(c.layers)])
         self.norm = LayerNorm(width)
-        self.heads = nnx.List([PartHeads(width, c.head_width, rngs, dtype) for _ in range(c.layers + 1)])  # fmt: skip
+        self.heads = nnx.List(
+            [PartHeads(width, c.head_width, rngs, dtype) for _ in range(c.layers + 1)]
+        )
         self.parent_q = linear(width, POINTER, rngs, dtype=dtype)
         self.parent_k = linear(width, POINTER, rngs, dtype=dtype)
         self.parent_root = linear(width, 1, rngs, dtype=dtype)
@@ -208,14 +218,16 @@ class LayoutNetwork(nnx.Module):
 
         Args:
           image: [B, S, S, 3] sRGB in [0, 1], the background black.
-          camera: [B, 7] true camera codes that boxes are read with instead of the estimate, where ``known`` [B].
+          camera: [B, 7] true camera codes that boxes are read with instead of the estimate, where
+            ``known`` [B].
           phase: [2] 0 or 1, which cells of the map are the tokens; None: the last of each four.
 
         Returns:
           camera [B, 7]; parts: a list over the first guess and each run of a layer of
           corners [B, Q, 6] (lower, upper), codes
-          [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits child -> parent, the diagonal
-          the root's, of the last layer; tokens [B, Q, D], one a part; map [B, S/4, S/4, C].
+          [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits
+          child -> parent, the diagonal the root's, of the last layer; tokens [B, Q, D], one a part;
+          map [B, S/4, S/4, C].
         """
         features, sketch = self.look(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
@@ -258,7 +270,8 @@ class LayoutNetwork(nnx.Module):
         return self.to_map[0](maps[0]) + twice(down), h
 
     def read_boxes(self, features: jax.Array, corners: jax.Array, camera: jax.Array) -> jax.Array:
-        """[B, Q, 15 (C + 3)]: the map where the camera sees each box's points, and that place and depth."""
+        """[B, Q, 15 (C + 3)]: the map where the camera sees each box's points, and that place and
+        depth."""
         lower, upper = corners[..., None, :3], corners[..., None, 3:]
         points = lower + (upper - lower) * BOX_POINTS  # [B, Q, 15, 3]
         see = jax.vmap(lambda code, p: jax.tree.map(lambda x: x[0], project(code[None], p)))

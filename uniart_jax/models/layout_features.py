@@ -1,15 +1,18 @@
-"""What voxels, or cells of voxels, see of a layout: how far inside each part they lie, whose they may be, what those parts are.
+"""What voxels, or cells of voxels, see of a layout: how far inside each part they lie, whose they
+may be, what those parts are.
 
     candidates          the ``NEAREST`` parts of a cell: those whose box holds it, the smallest first, then the nearest
     of a candidate k    distances to the six faces of its box, and to the nearest of them       14 numbers
                         hidden_k = relu(Linear(distances) + Linear(token of part k))
     whose is the cell?  weights = softmax over candidates (and none) of a learned score
     features            weighted means of hidden, distances and the parts' tokens; maximum of hidden;
-                        for the first ``DEEP`` candidates, how far each of the cell's children lies inside the box
+                        for the first ``DEEP`` candidates, how far each of the cell's children lies
+                        inside the box
 
-A box's face within a cell so is known to a fraction of a child, which is what a closed, flat surface needs. With no part
-at all (``counts`` 0) only the learned "none" is left, the same everywhere.
-"""
+A box's face within a cell so is known to a fraction of a child, which is what a closed, flat
+surface needs. With no part at all (``counts`` 0) only the learned "none" is left, the same
+everywhere.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -103,7 +106,8 @@ class LayoutFeatures(nnx.Module):
 def candidates(
     table: PartTable, lower: jax.Array, upper: jax.Array, at: jax.Array, resolution: int
 ) -> jax.Array:
-    """[B, S, NEAREST, K] one-hot rows of the table for places ``at`` [B, S, 3], best first; all zero where there are no more."""
+    """[B, S, NEAREST, K] one-hot rows of the table for places ``at`` [B, S, 3], best first; all
+    zero where there are no more."""
     valid = jnp.arange(lower.shape[1]) < table.counts[:, None]
     inside = None
     for axis in range(3):  # one at a time: small arrays
@@ -122,7 +126,8 @@ def candidates(
 
 
 def child_depth(low: jax.Array, high: jax.Array, children: int) -> jax.Array:
-    """[..., r^3] how far a cell's children lie inside a box, in children over ``REACH``, within +-1; x-major.
+    """[..., r^3] how far a cell's children lie inside a box, in children over ``REACH``, within
+    +-1; x-major.
 
     Args:
       low, high: [..., 3] the cell's centre from the box's lower and to its upper faces, in cells.

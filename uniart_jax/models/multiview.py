@@ -1,10 +1,12 @@
-"""Image features on voxels: what a voxel's centre reads in every view, averaged (paper: V_geo's visual part; TRELLIS ``dataset_toolkits/extract_feature.py``).
+"""Image features on voxels: what a voxel's centre reads in every view, averaged (paper: V_geo's
+visual part; TRELLIS ``dataset_toolkits/extract_feature.py``).
 
     p' = K E p        uv = 2 p'_xy / p'_z - 1        feature(p) = mean over views of the patch map at uv
 
-The map is read bilinearly, with zeros beyond the picture; no view is left out, whether it sees the voxel or not (TRELLIS). One view is read at a
-time and only a running sum is kept, so memory does not grow with the number of views.
-"""
+The map is read bilinearly, with zeros beyond the picture; no view is left out, whether it sees the
+voxel or not (TRELLIS). One view is read at a time and only a running sum is kept, so memory does
+not grow with the number of views.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ def camera_matrices(camera_to_world: Any, fov: Any) -> tuple[np.ndarray, np.ndar
       fov: [M] or a number: field of view across the whole (square) picture, radians.
 
     Returns:
-      extrinsics [M, 4, 4] float32, world to camera with x right, y down, looking along +z; intrinsics [M, 3, 3] float32 for a picture of width 1.
+      extrinsics [M, 4, 4] float32, world to camera with x right, y down, looking along +z;
+      intrinsics [M, 3, 3] float32 for a picture of width 1.
     """
     poses = np.array(camera_to_world, np.float64)
     poses[:, :3, 1:3] *= -1
@@ -37,7 +40,8 @@ def camera_matrices(camera_to_world: Any, fov: Any) -> tuple[np.ndarray, np.ndar
 
 
 def intrinsic_matrices(fov: Any) -> np.ndarray:
-    """[M, 3, 3] float32 K of square pictures of width 1 that see ``fov`` [M] radians across, their centre in the middle."""
+    """[M, 3, 3] float32 K of square pictures of width 1 that see ``fov`` [M] radians across, their
+    centre in the middle."""
     focal = 0.5 / np.tan(np.asarray(fov, np.float64) / 2)
     intrinsics = np.zeros((len(focal), 3, 3))
     intrinsics[:, 0, 0] = intrinsics[:, 1, 1] = focal
@@ -46,7 +50,8 @@ def intrinsic_matrices(fov: Any) -> np.ndarray:
 
 
 def project(points: jax.Array, extrinsics: jax.Array, intrinsics: jax.Array) -> jax.Array:
-    """Where a camera (E [4, 4], K [3, 3]) sees points [V, 3]: [V, 2] (x right, y down), in [-1, 1]^2 across the picture.
+    """Where a camera (E [4, 4], K [3, 3]) sees points [V, 3]: [V, 2] (x right, y down), in [-1,
+    1]^2 across the picture.
 
     Points beside or behind the camera are seen nowhere: they get a place far outside.
     """
@@ -58,9 +63,11 @@ def project(points: jax.Array, extrinsics: jax.Array, intrinsics: jax.Array) -> 
 
 
 def sample_patches(patches: jax.Array, uv: jax.Array) -> jax.Array:
-    """Bilinear samples [V, C] of a map [h, w, C] at uv [V, 2] in [-1, 1]^2; zeros beyond the map (PyTorch's grid_sample, corners not aligned).
+    """Bilinear samples [V, C] of a map [h, w, C] at uv [V, 2] in [-1, 1]^2; zeros beyond the map
+    (PyTorch's grid_sample, corners not aligned).
 
-    Gathers of four corners: interpolation weights over all patches of 20,000 voxels would be larger than the result, and nothing is differentiated.
+    Gathers of four corners: interpolation weights over all patches of 20,000 voxels would be larger
+    than the result, and nothing is differentiated.
     """
     size = np.array(patches.shape[1::-1])  # width, height
     place = (uv + 1) * (size / 2) - 0.5
@@ -85,7 +92,8 @@ def add_views(
     positions: jax.Array,
     weights: jax.Array | None = None,
 ) -> jax.Array:
-    """total [V, C] plus what positions [V, 3] read in patches [M, h, w, C] through cameras [M, 4, 4], [M, 3, 3]; view m counts weights[m] times."""
+    """total [V, C] plus what positions [V, 3] read in patches [M, h, w, C] through cameras [M, 4,
+    4], [M, 3, 3]; view m counts weights[m] times."""
     weights = jnp.ones(len(patches)) if weights is None else weights
 
     def step(total, view):
@@ -136,8 +144,8 @@ def multiview_features(
 
     Args:
       network, params: the image encoder of 'dinov2'.
-      images: array [M, S, S, 3] or any iterable of M pictures [S, S, 3], sRGB in [0, 1] on black, or [S, S, 4] uint8, straight alpha; read once, a
-        chunk at a time.
+      images: array [M, S, S, 3] or any iterable of M pictures [S, S, 3], sRGB in [0, 1] on black,
+        or [S, S, 4] uint8, straight alpha; read once, a chunk at a time.
       extrinsics [M, 4, 4], intrinsics [M, 3, 3], positions [V, 3], count: as in ``average_views``.
 
     Returns:
@@ -152,7 +160,8 @@ def multiview_features(
         stop = seen + len(group)
         if stop > len(extrinsics):
             raise ValueError(f"multi-view features: more pictures than {len(extrinsics)} cameras")
-        # a last chunk that is not full repeats its pictures with weight 0, so that one shape is compiled
+        # a last chunk that is not full repeats its pictures with weight 0, so that one shape is
+        # compiled
         index = np.arange(chunk) % len(group)
         pictures = np.stack([np.asarray(group[i]) for i in index])
         weights = (np.arange(chunk) < len(group)).astype(np.float32)

@@ -1,7 +1,8 @@
 """A network as a pure function: ``apply(params, ...)`` over a plain nested dict of arrays.
 
-The modules are Flax NNX; here they are split into structure and parameters once, so that everything above works on plain pytrees
-under plain ``jax.jit``. Names in the dict mirror TRELLIS's modules: ``params["blocks"]["0"]["self_attn"]["to_qkv"]["kernel"]``.
+The modules are Flax NNX; here they are split into structure and parameters once, so that everything
+above works on plain pytrees under plain ``jax.jit``. Names in the dict mirror TRELLIS's modules:
+``params["blocks"]["0"]["self_attn"]["to_qkv"]["kernel"]``.
 """
 
 from __future__ import annotations
@@ -57,7 +58,8 @@ class Network:
         """Run a method of the network with these parameters.
 
         Raises:
-          ValueError: the parameters' names or shapes are not the network's; all differences are listed.
+          ValueError: the parameters' names or shapes are not the network's; all differences are
+            listed.
         """
         graph, state = self._split
         names = {_name(path): path for path, _ in nnx.to_flat_state(state)}
@@ -92,7 +94,8 @@ class Network:
 
 
 def build(name: str, config: ModelConfig) -> Network:
-    """A network by name: one of ``config.NETWORKS``, or 'gaussian_decoder', TRELLIS's optional head.
+    """A network by name: one of ``config.NETWORKS``, or 'gaussian_decoder', TRELLIS's optional
+    head.
 
     Raises:
       ValueError: the name is none of these.

@@ -42,7 +42,10 @@ class OccupancyRefiner(nnx.Module):
 
     def __init__(self, channels: int, config: ModelConfig, rngs: nnx.Rngs):
         if not config.image_encoder.kind.camera:
-            raise ValueError("structure_flow: refine_channels needs an image encoder that estimates the camera; set it to 0")  # fmt: skip
+            raise ValueError(
+                "structure_flow: refine_channels needs an image encoder that estimates the "
+                "camera; set it to 0"
+            )
         c, dtype = channels, compute_dtype(config)
         self.around = Conv3d(BLOCK**3, BLOCK**3 * c, rngs, dtype=dtype)
         self.place = linear(3, 2 * c, rngs, dtype=dtype)
@@ -100,8 +103,8 @@ class OccupancyRefiner(nnx.Module):
 
 
 def _spread(rows: jax.Array, index: jax.Array, side: int) -> jax.Array:
-    """Rows [B, Q, C] at their places ``index`` [B, Q], ascending, of a grid [B, side, side, side, C];
-    0 elsewhere."""
+    """Rows [B, Q, C] at their places ``index`` [B, Q], ascending, of a grid [B, side, side, side,
+    C]; 0 elsewhere."""
 
     def of_item(rows, index):
         empty = jnp.zeros((side**3, rows.shape[-1]), rows.dtype)

@@ -1,13 +1,15 @@
-"""OpenCLIP's image tower: a picture -> the embedding that OpenShape's point clouds are trained towards.
+"""OpenCLIP's image tower: a picture -> the embedding that OpenShape's point clouds are trained
+towards.
 
-Upstream: mlfoundations/open_clip ``transformer.py`` (``VisionTransformer``), ViT-bigG-14 of ``laion2b_s39b_b160k`` at full size: 1.8 billion
-parameters. Pure functions over a nested dict whose names are upstream's, without its ``visual.`` before them.
+Upstream: mlfoundations/open_clip ``transformer.py`` (``VisionTransformer``), ViT-bigG-14 of
+``laion2b_s39b_b160k`` at full size: 1.8 billion parameters. Pure functions over a nested dict whose
+names are upstream's, without its ``visual.`` before them.
 
     x = ln_pre([class, patches] + positions);  x = blocks(x), pre-norm, exact GELU;  embedding = ln_post(x[class]) proj
 
-LayerNorm eps 1e-5. Blocks are compiled once and run one by one, so that parameters may stay in a memory map: 7 GB in a file, a few
-hundred megabytes at work.
-"""
+LayerNorm eps 1e-5. Blocks are compiled once and run one by one, so that parameters may stay in a
+memory map: 7 GB in a file, a few hundred megabytes at work.
+"""  # noqa: E501
 
 from __future__ import annotations
 

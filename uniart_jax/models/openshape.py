@@ -1,15 +1,18 @@
-"""OpenShape's point cloud encoder: 10,000 coloured points -> an embedding beside OpenCLIP's (Liu et al. 2023, arXiv 2305.10764).
+"""OpenShape's point cloud encoder: 10,000 coloured points -> an embedding beside OpenCLIP's (Liu et
+al. 2023, arXiv 2305.10764).
 
-Upstream: Colin97/OpenShape_code ``models/ppat.py`` (a PointBERT) at ``model.scaling=4``, the size of ``openshape-pointbert-vitg14-rgb``.
-Pure functions over a nested dict whose names are upstream's.
+Upstream: Colin97/OpenShape_code ``models/ppat.py`` (a PointBERT) at ``model.scaling=4``, the size
+of ``openshape-pointbert-vitg14-rgb``. Pure functions over a nested dict whose names are upstream's.
 
     384 centres, each the farthest from those before          a ball of .2 about each: the first 64 points in it
-    (offset, x, y, z, r, g, b) of its points -> 1x1 convolutions, batch norms (running statistics), ReLU -> maximum over the ball
-    LN(linear([centre, maximum])) -> [class, patches] -> blocks, pre-norm, exact GELU -> linear(class)
+    (offset, x, y, z, r, g, b) of its points -> 1x1 convolutions, batch norms (running statistics),
+    ReLU -> maximum over the ball LN(linear([centre, maximum])) -> [class, patches] -> blocks,
+    pre-norm, exact GELU -> linear(class)
 
-Upstream's first centre is a random point (DGL's default), by which, its authors say, embeddings of one cloud differ (cosine .97 to .99);
-here it is the first point, so that nothing is random but the order of the cloud.
-"""
+Upstream's first centre is a random point (DGL's default), by which, its authors say, embeddings of
+one cloud differ (cosine .97 to .99); here it is the first point, so that nothing is random but the
+order of the cloud.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -55,7 +58,10 @@ def abstract(config: PointEncoderConfig) -> Params:
     statistics = ("scale", "bias", "mean", "var")
     norms = {str(i): {k: array(out) for k in statistics} for i, out in enumerate(c.patch_channels)}
     affine = {"scale": array(width), "bias": array(width)}
-    attention = {"to_qkv": linear(width, 3 * inner, bias=False), "to_out": {"0": linear(inner, width)}}  # fmt: skip
+    attention = {
+        "to_qkv": linear(width, 3 * inner, bias=False),
+        "to_out": {"0": linear(inner, width)},
+    }
     mlp = {"net": {"0": linear(width, c.mlp_width), "3": linear(c.mlp_width, width)}}
     layer = {"0": {"norm": affine, "fn": attention}, "1": {"norm": affine, "fn": mlp}}
     return {
@@ -74,7 +80,8 @@ def embed(params: Params, points: jax.Array, config: PointEncoderConfig) -> jax.
 
     Args:
       params: of ``abstract``'s shapes.
-      points: [B, N, 6] positions, centred at their mean, the farthest at distance 1, gravity along -z, and sRGB in [0, 1]; in random order.
+      points: [B, N, 6] positions, centred at their mean, the farthest at distance 1, gravity along
+        -z, and sRGB in [0, 1]; in random order.
 
     Returns:
       [B, output], not normalised.
@@ -83,7 +90,10 @@ def embed(params: Params, points: jax.Array, config: PointEncoderConfig) -> jax.
       ValueError: fewer points than patches or neighbours.
     """
     if points.shape[1] < max(config.patches, config.neighbors):
-        raise ValueError(f"OpenShape: a cloud of {points.shape[1]} points; give at least {max(config.patches, config.neighbors)}")  # fmt: skip
+        raise ValueError(
+            f"OpenShape: a cloud of {points.shape[1]} points; give at least "
+            f"{max(config.patches, config.neighbors)}"
+        )
     ppat = params["ppat"]
     centers, features = jax.vmap(lambda cloud: patches(ppat["sa"], cloud, config))(points)
     lifted = dense(ppat["lift"]["0"], jnp.concatenate([centers, features], -1))
@@ -119,7 +129,8 @@ def patches(
 
 
 def farthest_points(xyz: jax.Array, count: int) -> jax.Array:
-    """[count] indices into points [N, 3]: the first, then always the one farthest from those taken (the first of equals)."""
+    """[count] indices into points [N, 3]: the first, then always the one farthest from those taken
+    (the first of equals)."""
     xyz = jnp.asarray(xyz)
 
     def take(nearest: jax.Array, newest: jax.Array):
@@ -131,7 +142,8 @@ def farthest_points(xyz: jax.Array, count: int) -> jax.Array:
 
 
 def ball_points(xyz: jax.Array, centers: jax.Array, radius: float, count: int) -> jax.Array:
-    """[P, count] indices of the first ``count`` of points [N, 3] within ``radius`` of centres [P, 3]; the first again where there are fewer."""
+    """[P, count] indices of the first ``count`` of points [N, 3] within ``radius`` of centres [P,
+    3]; the first again where there are fewer."""
     inside = jnp.square(centers[:, None] - xyz).sum(-1) <= radius**2
     found = jax.vmap(lambda row: jnp.nonzero(row, size=count, fill_value=-1)[0])(inside)
     return jnp.where(found < 0, found[:, :1], found)  # a centre is in its own ball

@@ -1,6 +1,8 @@
-"""Structure VAE: occupancy [R^3] <-> dense latent, by 3D convolutions. Upstream: TRELLIS ``models/sparse_structure_vae.py``.
+"""Structure VAE: occupancy [R^3] <-> dense latent, by 3D convolutions. Upstream: TRELLIS
+``models/sparse_structure_vae.py``.
 
-``patch_size`` above 1 (not in TRELLIS) folds cubes of voxels into channels first, so that a CPU never convolves at full resolution.
+``patch_size`` above 1 (not in TRELLIS) folds cubes of voxels into channels first, so that a CPU
+never convolves at full resolution.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from uniart_jax.nn.precision import compute_dtype
 
 
 class ResBlock(nnx.Module):
-    """LN, SiLU, conv, LN, SiLU, conv (zero-initialised), added to the input. LN over channels with eps 1e-5."""
+    """LN, SiLU, conv, LN, SiLU, conv (zero-initialised), added to the input. LN over channels with
+    eps 1e-5."""
 
     def __init__(self, channels: int, rngs: nnx.Rngs, dtype):
         self.norm1, self.norm2 = (
@@ -135,7 +138,8 @@ class StructureVAE(nnx.Module):
         return self.decoder(latent)
 
     def __call__(self, occupancy: jax.Array, key: jax.Array | None = None) -> dict[str, jax.Array]:
-        """Encode, sample the posterior if a key is given, decode: {"mean", "logvar", "latent", "logits"}."""
+        """Encode, sample the posterior if a key is given, decode: {"mean", "logvar", "latent",
+        "logits"}."""
         mean, logvar = self.encode(occupancy)
         latent = sample_posterior(mean, logvar, key)
         return {"mean": mean, "logvar": logvar, "latent": latent, "logits": self.decode(latent)}

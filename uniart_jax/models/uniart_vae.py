@@ -1,4 +1,5 @@
-"""UniArt VAE: voxel features <-> one latent per voxel (paper section 4.1; trunks as TRELLIS's SLAT encoder and decoder).
+"""UniArt VAE: voxel features <-> one latent per voxel (paper section 4.1; trunks as TRELLIS's SLAT
+encoder and decoder).
 
 Encoder front, the part-wise UniArt attention (see docs/architecture.md):
 
@@ -6,9 +7,10 @@ Encoder front, the part-wise UniArt attention (see docs/architecture.md):
     F_art = Attention(Q = V_art, K = V = V_geo) + V_art          each voxel attending within its own part
     V     = Concat(V_geo, F_art)
 
-The owner mask (which sub-cells belong to the voxel's own part) is ours: without it the latent could not hold the segmentation below
-a voxel. The paper's alternatives are ``UniArtVAEConfig.aggregation``.
-"""
+The owner mask (which sub-cells belong to the voxel's own part) is ours: without it the latent could
+not hold the segmentation below a voxel. The paper's alternatives are
+``UniArtVAEConfig.aggregation``.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -36,7 +38,8 @@ Batch = Mapping[str, Any]
 
 
 def voxel_codes(batch: Batch) -> jax.Array:
-    """[B, V, 21] full code of each voxel's part: joint code 9, own box 6, parent box 6; from ids and tables of the batch."""
+    """[B, V, 21] full code of each voxel's part: joint code 9, own box 6, parent box 6; from ids
+    and tables of the batch."""
     part = batch["voxel_part"].astype(jnp.int32)
     parent = jnp.take_along_axis(batch["parents"], part, axis=1, mode="clip")
 
@@ -48,12 +51,14 @@ def voxel_codes(batch: Batch) -> jax.Array:
 
 
 def cell_sdf(sdf: jax.Array) -> jax.Array:
-    """Distances in sub-cells [...] from what a batch holds: int8 as records store it (``data.records``), or float as it is."""
+    """Distances in sub-cells [...] from what a batch holds: int8 as records store it
+    (``data.records``), or float as it is."""
     return sdf.astype(jnp.float32) * (SDF_CLIP / 127) if sdf.dtype == jnp.int8 else sdf
 
 
 def cell_color(color: jax.Array) -> jax.Array:
-    """Linear RGB [...] from what a batch holds: sRGB-encoded uint8 as records store it, or linear float as it is."""
+    """Linear RGB [...] from what a batch holds: sRGB-encoded uint8 as records store it, or linear
+    float as it is."""
     if color.dtype != jnp.uint8:
         return color
     srgb = color.astype(jnp.float32) / 255
@@ -61,10 +66,12 @@ def cell_color(color: jax.Array) -> jax.Array:
 
 
 def voxel_boxes(batch: Batch, voxels: jax.Array | None = None) -> dict[str, jax.Array]:
-    """What a voxel, on one part or shared by several, must say of its sub-cells; at ``voxels`` [B, Q] or at all.
+    """What a voxel, on one part or shared by several, must say of its sub-cells; at ``voxels`` [B,
+    Q] or at all.
 
     Returns:
-      own, other [B, Q, 6]: boxes of the voxel's part and of another one in it (its own where there is none); shared [B, Q] bool: there is one;
+      own, other [B, Q, 6]: boxes of the voxel's part and of another one in it (its own where there
+        is none); shared [B, Q] bool: there is one;
       foreign [B, Q, r^3] bool: the sub-cell is not the voxel's part's.
     """
     part, owner = (batch[key].astype(jnp.int32) for key in ("voxel_part", "owner"))
@@ -87,10 +94,12 @@ def valid_tokens(counts: jax.Array, width: int) -> jax.Array:
 
 
 class Trunk(nnx.Module):
-    """TRELLIS's SparseTransformerBase: Linear, APE, blocks that alternate two window plans, and, if asked, LN and Linear.
+    """TRELLIS's SparseTransformerBase: Linear, APE, blocks that alternate two window plans, and, if
+    asked, LN and Linear.
 
-    Ours, if the config asks for it: ``path``, a linear layer from input to output past all of them. What a voxel's latent must hold is
-    on that voxel already, so a short training learns most of it there.
+    Ours, if the config asks for it: ``path``, a linear layer from input to output past all of them.
+    What a voxel's latent must hold is on that voxel already, so a short training learns most of it
+    there.
     """
 
     def __init__(self, inputs: int, outputs: int | None, config: ModelConfig, rngs: nnx.Rngs):
@@ -146,7 +155,8 @@ class Trunk(nnx.Module):
 
 
 class Front(nnx.Module):
-    """Voxel attributes -> V [B, V, channels], by the configured aggregation of geometry and articulation."""
+    """Voxel attributes -> V [B, V, channels], by the configured aggregation of geometry and
+    articulation."""
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.uniart_vae, compute_dtype(config)
@@ -234,8 +244,8 @@ class Front(nnx.Module):
 class UniArtVAE(nnx.Module):
     """Methods: ``encode``, ``decode``; calling runs both.
 
-    The batch's ``plans`` hold "parts" (encode with 'uniart' or 'pooling'), "window_0" and "window_1" (not
-    with attention 'full'): ``nn.voxel_plans.voxel_plans``.
+    The batch's ``plans`` hold "parts" (encode with 'uniart' or 'pooling'), "window_0" and
+    "window_1" (not with attention 'full'): ``nn.voxel_plans.voxel_plans``.
     """
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
@@ -243,7 +253,8 @@ class UniArtVAE(nnx.Module):
         self.cells = config.grid.subdivisions**3
         self.front = Front(config, rngs)
         self.encoder = Trunk(self.front.channels, 2 * c.latent_channels, config, rngs)
-        # a posterior that starts narrow: with TRELLIS's start (variance 1) the code drowns in noise for hundreds of steps
+        # a posterior that starts narrow: with TRELLIS's start (variance 1) the code drowns in noise
+        # for hundreds of steps
         assert self.encoder.out_layer is not None
         bias = self.encoder.out_layer.bias
         bias.set_value(bias.get_value().at[c.latent_channels :].set(LOGVAR_START))
@@ -256,7 +267,8 @@ class UniArtVAE(nnx.Module):
         self.layout = LayoutDecoder(config, rngs) if c.layout_channels else None
 
     def encode(self, batch: Batch) -> dict[str, jax.Array]:
-        """Batch -> {"mean", "logvar": [B, V, C]; "geometry", "articulation": the embeddings V_geo and V_art}; padding zero."""
+        """Batch -> {"mean", "logvar": [B, V, C]; "geometry", "articulation": the embeddings V_geo
+        and V_art}; padding zero."""
         valid = valid_tokens(batch["counts"], batch["coords"].shape[1])
         features, geometry, articulation = self.front(batch)
         out = self.encoder(features, batch["coords"], batch["plans"], batch["counts"])
@@ -267,17 +279,19 @@ class UniArtVAE(nnx.Module):
     def decode(
         self, latent: jax.Array, batch: Batch, voxels: jax.Array | None = None
     ) -> dict[str, jax.Array]:
-        """Latent [B, V, C] -> attributes of every voxel, or only of ``voxels`` [B, Q] (indices; losses draw few).
+        """Latent [B, V, C] -> attributes of every voxel, or only of ``voxels`` [B, Q] (indices;
+        losses draw few).
 
         Args:
           batch: coords, counts and plans ("window_0", "window_1"); with ``layout_channels`` the
             layout, a ``PartTable``.
 
         Returns:
-          sdf [B, Q, r^3] in sub-cells; color [B, Q, r^3, 3] linear in [0, 1]; box_pair [B, Q, 2, 6], of the voxel's part and of another that
-          shares it; foreign [B, Q, r^3], the logit of a sub-cell being the other's; own_box [B, Q, r^3, 6], the one or the other;
-          joint_code [B, Q, 9]; parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is zero.
-          With ``layout_channels``, pointer [B, Q, r^3, N + 1] and rows [B, Q, N]: logits of a
+          sdf [B, Q, r^3] in sub-cells; color [B, Q, r^3, 3] linear in [0, 1]; box_pair [B, Q, 2,
+          6], of the voxel's part and of another that shares it; foreign [B, Q, r^3], the logit of a
+          sub-cell being the other's; own_box [B, Q, r^3, 6], the one or the other; joint_code [B,
+          Q, 9]; parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is
+          zero. With ``layout_channels``, pointer [B, Q, r^3, N + 1] and rows [B, Q, N]: logits of a
           sub-cell being of each of the voxel's N candidate rows of the layout, or of none; where
           one wins, own_box, joint_code and parent_box are the row's.
         """
@@ -301,7 +315,8 @@ class UniArtVAE(nnx.Module):
         geometry = self.geometry_head(h).astype(jnp.float32)
         geometry = geometry if more is None else geometry + more.geometry
         color = jax.nn.sigmoid(geometry[..., self.cells :]).reshape(*lead, self.cells, 3)
-        # a voxel is on one part or shared by two: each sub-cell takes one of two boxes, never a mean of them
+        # a voxel is on one part or shared by two: each sub-cell takes one of two boxes, never a
+        # mean of them
         segmentation = self.segmentation_head(h).astype(jnp.float32)
         pair = segmentation[..., :12].reshape(*lead, 2, 6)
         foreign = segmentation[..., 12:]
@@ -327,7 +342,8 @@ class UniArtVAE(nnx.Module):
     def __call__(
         self, batch: Batch, key: jax.Array | None = None, voxels: jax.Array | None = None
     ) -> dict[str, jax.Array]:
-        """Encode, sample the posterior if a key is given, decode: both methods' results and "latent"."""
+        """Encode, sample the posterior if a key is given, decode: both methods' results and
+        "latent"."""
         encoded = self.encode(batch)
         latent = sample_posterior(encoded["mean"], encoded["logvar"], key)
         return {**encoded, "latent": latent, **self.decode(latent, batch, voxels)}

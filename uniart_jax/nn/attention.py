@@ -1,7 +1,8 @@
 """Attention over padded segments: the only module that names a kernel.
 
-``attend`` works on rows of given lengths, ``attend_segments`` on a batch's tokens within the segments of a plan (``nn.segments``). No logits of T x T
-are ever made. Padding comes out exactly zero with zero gradients, and its content, NaN included, never reaches a valid token.
+``attend`` works on rows of given lengths, ``attend_segments`` on a batch's tokens within the
+segments of a plan (``nn.segments``). No logits of T x T are ever made. Padding comes out exactly
+zero with zero gradients, and its content, NaN included, never reaches a valid token.
 
 ``model.kernel`` names one:
 
@@ -13,7 +14,7 @@ are ever made. Padding comes out exactly zero with zero gradients, and its conte
     auto      by ``choose``: TPU splash; NVIDIA in bfloat16 cudnn; all else xla
 
 Rows, and the shares of a plan, are computed by the device that holds them (``nn.by_device``).
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -40,10 +41,12 @@ def choose(
     backend: str | None = None,
     single: bool | None = None,
 ) -> Literal["xla", "cudnn", "triton", "splash", "plain"]:
-    """The kernel that 'auto' stands for: the accelerator's own where rows have at least ``SHORT`` keys, xla elsewhere; others unchanged.
+    """The kernel that 'auto' stands for: the accelerator's own where rows have at least ``SHORT``
+    keys, xla elsewhere; others unchanged.
 
-    cuDNN computes in bfloat16, so it is taken only where the network does. XLA cannot split Pallas kernels for TPU over devices, so splash is taken where one
-    device computes (``single``; default: as it is where this is called).
+    cuDNN computes in bfloat16, so it is taken only where the network does. XLA cannot split Pallas
+    kernels for TPU over devices, so splash is taken where one device computes (``single``; default:
+    as it is where this is called).
     """
     if kernel != "auto":
         return kernel
@@ -73,7 +76,8 @@ def attend(
       query_lengths: [S] valid queries; None = all.
 
     Returns:
-      [S, Lq, N, H]; queries beyond ``query_lengths``, and all queries of a row without keys, are zero.
+      [S, Lq, N, H]; queries beyond ``query_lengths``, and all queries of a row without keys, are
+      zero.
     """
     if not q.size or not k.size:
         return jnp.zeros(q.shape, v.dtype)
@@ -164,7 +168,8 @@ def _attend_segments(qkv: jax.Array, segments: Segments, kernel: Kernel) -> jax.
 
 
 def _one_share(segments: Segments) -> Segments:
-    """A plan of E shares -> of all their tokens as one, without the axis of shares: index [E S, L], length [E S], inverse [E T]."""
+    """A plan of E shares -> of all their tokens as one, without the axis of shares: index [E S, L],
+    length [E S], inverse [E T]."""
     shares, tokens = segments.inverse.shape
     if shares == 1:
         return jax.tree.map(lambda a: a[0], segments)

@@ -1,7 +1,9 @@
-"""Accelerators' own attention kernels over padded rows: JAX's Pallas kernels for TPU and GPU, and cuDNN.
+"""Accelerators' own attention kernels over padded rows: JAX's Pallas kernels for TPU and GPU, and
+cuDNN.
 
-q [S, Lq, N, H]; k, v [S, Lk, N, H]. Pallas kernels take ids [S, Lq] and [S, Lk]: a token attends to those of equal id, and where no row of a
-softmax may be empty the caller lets padding attend to padding. Both run in interpret mode on a CPU, where the tests compare them.
+q [S, Lq, N, H]; k, v [S, Lk, N, H]. Pallas kernels take ids [S, Lq] and [S, Lk]: a token attends to
+those of equal id, and where no row of a softmax may be empty the caller lets padding attend to
+padding. Both run in interpret mode on a CPU, where the tests compare them.
 """
 
 from __future__ import annotations
@@ -66,7 +68,8 @@ def cudnn(
     query_lengths: jax.Array | None,
     ids: jax.Array | None = None,
 ) -> jax.Array:
-    """cuDNN's flash attention in bfloat16: rows of given lengths, or, with ``ids`` [S, L], rows of several segments by a mask [S, L, L].
+    """cuDNN's flash attention in bfloat16: rows of given lengths, or, with ``ids`` [S, L], rows of
+    several segments by a mask [S, L, L].
 
     Lengths are padded to multiples of 128: odd ones have given NaN.
     """

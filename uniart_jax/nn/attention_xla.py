@@ -1,8 +1,11 @@
-"""Attention in plain XLA, for any machine: rows are worked on a few at a time, so that logits stay in cache and T x T is never made.
+"""Attention in plain XLA, for any machine: rows are worked on a few at a time, so that logits stay
+in cache and T x T is never made.
 
-A tile is a group of rows (of one head each) or, where one row's logits are too many, a block of its queries against all its keys: no running
-maximum is needed. The gradient computes a tile's weights again from the logarithm of their sum, as flash attention does (Dao et al. 2022).
-Over segments, a tile's tokens are also gathered inside the loop: what is read is a few megabytes at a time, and no padded copy of a batch exists.
+A tile is a group of rows (of one head each) or, where one row's logits are too many, a block of its
+queries against all its keys: no running maximum is needed. The gradient computes a tile's weights
+again from the logarithm of their sum, as flash attention does (Dao et al. 2022). Over segments, a
+tile's tokens are also gathered inside the loop: what is read is a few megabytes at a time, and no
+padded copy of a batch exists.
 """
 
 from __future__ import annotations
@@ -24,7 +27,8 @@ _MASKED = -1e30
 
 @jax.custom_vjp
 def attend_rows(q: jax.Array, k: jax.Array, v: jax.Array, key_ids: jax.Array | None) -> jax.Array:
-    """softmax(q k^T / sqrt(H)) v for q [G, Lq, H], k and v [G, Lk, H]; keys with negative ids [G, Lk] are left out."""
+    """softmax(q k^T / sqrt(H)) v for q [G, Lq, H], k and v [G, Lk, H]; keys with negative ids [G,
+    Lk] are left out."""
     return _forward(q, k, v, None, key_ids)[0]
 
 
@@ -43,7 +47,8 @@ attend_rows.defvjp(_attend_rows_forward, _attend_rows_backward)
 
 @jax.custom_vjp
 def attend_segments(qkv: jax.Array, segments: Segments) -> jax.Array:
-    """Attention of tokens [T, 3, N, H] within their segments -> [T, N, H]; tokens of no segment are zero.
+    """Attention of tokens [T, 3, N, H] within their segments -> [T, N, H]; tokens of no segment are
+    zero.
 
     The plan is of one share, without that axis: index [S, L], length [S], inverse [T].
     """
@@ -93,7 +98,8 @@ attend_segments.defvjp(_segments_forward, _segments_backward)
 
 
 def _over_rows(function: Callable[..., Any], bucket: Bucket, heads: int, *more: jax.Array) -> Any:
-    """``function(index [g, L], ids [g, L], ids must be equal, *more)`` over groups of a bucket's rows; its results [S, ...]."""
+    """``function(index [g, L], ids [g, L], ids must be equal, *more)`` over groups of a bucket's
+    rows; its results [S, ...]."""
     rows, length = bucket.index.shape
     steps = -(-rows * heads * length * length // _logits())
     group = -(-rows // max(1, min(steps, rows)))
@@ -203,7 +209,8 @@ def _split(inputs: Any, group: int) -> Any:
 
 
 def _blocks(inputs: Any, block: int) -> Any:
-    """[n, ...] -> [blocks, block, ...], zero-padded at the end: the gradient of what is padded is zero."""
+    """[n, ...] -> [blocks, block, ...], zero-padded at the end: the gradient of what is padded is
+    zero."""
 
     def cut(x):
         x = jnp.pad(x, [(0, -len(x) % block)] + [(0, 0)] * (x.ndim - 1))

@@ -1,7 +1,9 @@
-"""Layers and transformer blocks, with TRELLIS's numerics and parameter names (``modules/transformer``, ``modules/sparse/transformer``).
+"""Layers and transformer blocks, with TRELLIS's numerics and parameter names
+(``modules/transformer``, ``modules/sparse/transformer``).
 
-Every module is a Flax NNX module used as a plain pytree: parameters only, no random state. Norms and softmax run in float32.
-Names that are numbers in TRELLIS's ``nn.Sequential`` are numbers here too (``mlp.mlp.0``, ``adaLN_modulation.1``).
+Every module is a Flax NNX module used as a plain pytree: parameters only, no random state. Norms
+and softmax run in float32. Names that are numbers in TRELLIS's ``nn.Sequential`` are numbers here
+too (``mlp.mlp.0``, ``adaLN_modulation.1``).
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ zeros = nnx.initializers.zeros_init()
 
 
 class Linear(nnx.Linear):
-    """``nnx.Linear`` over flattened rows: XLA's CPU backend is twice as slow at the gradient of a product with several leading axes."""
+    """``nnx.Linear`` over flattened rows: XLA's CPU backend is twice as slow at the gradient of a
+    product with several leading axes."""
 
     def __call__(self, x: jax.Array) -> jax.Array:
         return super().__call__(x.reshape(-1, x.shape[-1])).reshape(*x.shape[:-1], -1)
@@ -30,7 +33,8 @@ class Linear(nnx.Linear):
 def linear(
     inputs: int, outputs: int, rngs: nnx.Rngs, *, init: Callable = xavier, dtype=jnp.float32
 ) -> Linear:
-    """Linear layer, Xavier uniform and zero bias (TRELLIS's init); ``dtype`` is what it computes in."""
+    """Linear layer, Xavier uniform and zero bias (TRELLIS's init); ``dtype`` is what it computes
+    in."""
     return Linear(inputs, outputs, kernel_init=init, dtype=dtype, rngs=rngs)
 
 
@@ -42,7 +46,8 @@ def layer_norm(x: jax.Array, epsilon: float) -> jax.Array:
 
 
 class LayerNorm(nnx.Module):
-    """LayerNorm with scale and bias, in float32. TRELLIS: 1e-6 in transformers, 1e-5 in the structure VAE."""
+    """LayerNorm with scale and bias, in float32. TRELLIS: 1e-6 in transformers, 1e-5 in the
+    structure VAE."""
 
     def __init__(self, channels: int, *, epsilon: float = 1e-6):
         self.scale = nnx.Param(jnp.ones(channels))
@@ -55,7 +60,8 @@ class LayerNorm(nnx.Module):
 
 
 class GroupNorm(nnx.Module):
-    """GroupNorm with scale and bias over positions and the channels of a group, in float32; eps 1e-5, 32 groups as TRELLIS has it."""
+    """GroupNorm with scale and bias over positions and the channels of a group, in float32; eps
+    1e-5, 32 groups as TRELLIS has it."""
 
     def __init__(self, channels: int, *, groups: int = 32, epsilon: float = 1e-5):
         if channels % groups:
@@ -140,7 +146,8 @@ class SelfAttention(nnx.Module):
 
 
 class CrossAttention(nnx.Module):
-    """Multi-head attention of tokens to a context; the context's batch may divide the tokens' (draws that share an image)."""
+    """Multi-head attention of tokens to a context; the context's batch may divide the tokens'
+    (draws that share an image)."""
 
     def __init__(
         self,
@@ -174,7 +181,8 @@ class CrossAttention(nnx.Module):
 
 
 class TransformerBlock(nnx.Module):
-    """x += attn(LN(x)); x += mlp(LN(x)), norms without parameters: TRELLIS's SparseTransformerBlock."""
+    """x += attn(LN(x)); x += mlp(LN(x)), norms without parameters: TRELLIS's
+    SparseTransformerBlock."""
 
     def __init__(
         self,
@@ -198,7 +206,8 @@ class TransformerBlock(nnx.Module):
 
 
 class CrossBlock(nnx.Module):
-    """x += cross(LN(x), context); x += attn(LN(x)); x += mlp(LN(x)): queries of a volume looking at an image."""
+    """x += cross(LN(x), context); x += attn(LN(x)); x += mlp(LN(x)): queries of a volume looking at
+    an image."""
 
     def __init__(
         self,
@@ -221,7 +230,8 @@ class CrossBlock(nnx.Module):
 
 
 class ModulatedBlock(nnx.Module):
-    """TRELLIS's ModulatedTransformerCrossBlock: adaLN on self-attention and MLP, plain affine norm before cross-attention.
+    """TRELLIS's ModulatedTransformerCrossBlock: adaLN on self-attention and MLP, plain affine norm
+    before cross-attention.
 
     ``share_mod``: the caller gives the six modulations instead of the time embedding.
     """

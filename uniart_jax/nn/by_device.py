@@ -1,8 +1,11 @@
-"""Work on the items of a batch that each device does with its own, where the compiler by itself would ask all devices for theirs.
+"""Work on the items of a batch that each device does with its own, where the compiler by itself
+would ask all devices for theirs.
 
-XLA splits products and norms over a mesh, but where rows are gathered by computed positions, or sorted into tiles for a loop, it cannot know that
-an item's rows stay with the item: it sends every device everybody's, many times the gradients, and more with every block (docs/scaling.md). ``by_device`` says so, by ``jax.shard_map``.
-It also lets Pallas kernels, which XLA cannot split, run on many devices.
+XLA splits products and norms over a mesh, but where rows are gathered by computed positions, or
+sorted into tiles for a loop, it cannot know that an item's rows stay with the item: it sends every
+device everybody's, many times the gradients, and more with every block (docs/scaling.md).
+``by_device`` says so, by ``jax.shard_map``. It also lets Pallas kernels, which XLA cannot split,
+run on many devices.
 """
 
 from __future__ import annotations
@@ -15,15 +18,21 @@ from jax.sharding import AxisType
 from jax.sharding import PartitionSpec as P
 
 
-def by_device(function: Callable[..., Any], split: tuple[Any, ...], whole: tuple[Any, ...] = ()) -> Any:  # fmt: skip
-    """``function(*split, *whole)``, by each device on its part of ``split`` where a mesh is set (``jax.set_mesh``).
+def by_device(
+    function: Callable[..., Any], split: tuple[Any, ...], whole: tuple[Any, ...] = ()
+) -> Any:
+    """``function(*split, *whole)``, by each device on its part of ``split`` where a mesh is set
+    (``jax.set_mesh``).
 
     Args:
-      function: whose results' rows depend on the same rows of ``split`` alone, whatever their number; all results have that leading axis.
-      split: arrays, or pytrees of them, whose first axis is a batch's items or consecutive equal shares of them.
+      function: whose results' rows depend on the same rows of ``split`` alone, whatever their
+        number; all results have that leading axis.
+      split: arrays, or pytrees of them, whose first axis is a batch's items or consecutive equal
+        shares of them.
       whole: what every device needs all of, such as a kernel; gradients by it are summed.
 
-    Without a mesh, on one device, and where a first axis does not divide over the devices, the function is called as it is.
+    Without a mesh, on one device, and where a first axis does not divide over the devices, the
+    function is called as it is.
     """
     mesh = jax.sharding.get_abstract_mesh()
     leaves = jax.tree.leaves(split)
@@ -38,6 +47,7 @@ def by_device(function: Callable[..., Any], split: tuple[Any, ...], whole: tuple
 
 
 def alone() -> bool:
-    """Whether what is traced now runs on one device: there is no other, or this is inside ``by_device``."""
+    """Whether what is traced now runs on one device: there is no other, or this is inside
+    ``by_device``."""
     mesh = jax.sharding.get_abstract_mesh()
     return jax.device_count() == 1 or (not mesh.empty and AxisType.Manual in mesh.axis_types)

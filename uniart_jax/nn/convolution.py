@@ -1,6 +1,8 @@
-"""Convolutions over dense and sparse voxels, channels last, as gathers and matrix products (XLA's own 3D convolution is slow on CPU).
+"""Convolutions over dense and sparse voxels, channels last, as gathers and matrix products (XLA's
+own 3D convolution is slow on CPU).
 
-All are cross-correlations, as PyTorch's and spconv's. Dense kernels are [kx, ky, kz, Cin, Cout]; submanifold kernels [27, Cin, Cout].
+All are cross-correlations, as PyTorch's and spconv's. Dense kernels are [kx, ky, kz, Cin, Cout];
+submanifold kernels [27, Cin, Cout].
 """
 
 from __future__ import annotations
@@ -18,7 +20,8 @@ TAPS = 9  # of 27, worked on at a time
 
 
 def conv3(x: jax.Array, kernel: jax.Array) -> jax.Array:
-    """3^3 convolution with zero padding 1. x [B, X, Y, Z, C], kernel [3, 3, 3, C, C'] -> [B, X, Y, Z, C']."""
+    """3^3 convolution with zero padding 1. x [B, X, Y, Z, C], kernel [3, 3, 3, C, C'] -> [B, X, Y,
+    Z, C']."""
     items, a, b, c, channels = x.shape
     padded = jnp.pad(x, ((0, 0), (1, 1), (1, 1), (1, 1), (0, 0)))
     # nine shifts side by side and three products: a third of im2col's memory
@@ -72,7 +75,8 @@ def space_to_depth(x: jax.Array, factor: int) -> jax.Array:
 
 
 def depth_to_space(x: jax.Array, factor: int) -> jax.Array:
-    """[B, X, Y, Z, C f^3] -> [B, f X, f Y, f Z, C], channels before positions: TRELLIS's pixel_shuffle_3d."""
+    """[B, X, Y, Z, C f^3] -> [B, f X, f Y, f Z, C], channels before positions: TRELLIS's
+    pixel_shuffle_3d."""
     items, a, b, c, channels = x.shape
     f = factor
     x = x.reshape(items, a, b, c, channels // f**3, f, f, f).transpose(0, 1, 5, 2, 6, 3, 7, 4)
@@ -80,9 +84,11 @@ def depth_to_space(x: jax.Array, factor: int) -> jax.Array:
 
 
 def sum_of_taps(rows: jax.Array, kernel: jax.Array, neighbors: jax.Array) -> jax.Array:
-    """out[p] = sum over taps k of rows[neighbors[p, k]] kernel[k]: [T, C], [27, C, C'], [T, 27] -> [T, C'].
+    """out[p] = sum over taps k of rows[neighbors[p, k]] kernel[k]: [T, C], [27, C, C'], [T, 27] ->
+    [T, C'].
 
-    Nine taps at a time, and the narrower side of the product is what is gathered: no [T, 27, C] array exists.
+    Nine taps at a time, and the narrower side of the product is what is gathered: no [T, 27, C]
+    array exists.
     """
     _, inputs, outputs = kernel.shape
 
@@ -101,8 +107,8 @@ def sum_of_taps(rows: jax.Array, kernel: jax.Array, neighbors: jax.Array) -> jax
 def submanifold(rows: jax.Array, kernel: jax.Array, neighbors: jax.Array) -> jax.Array:
     """``sum_of_taps``, with a gradient of its own.
 
-    ``neighbors`` must be symmetric, as ``plan_neighbors`` makes it: if q is p's neighbour at tap k, p is q's at 26 - k. So the gradient is gathers
-    as well, and needs no [T, 27, C] array either.
+    ``neighbors`` must be symmetric, as ``plan_neighbors`` makes it: if q is p's neighbour at tap k,
+    p is q's at 26 - k. So the gradient is gathers as well, and needs no [T, 27, C] array either.
     """
     return sum_of_taps(rows, kernel, neighbors)
 
@@ -151,7 +157,8 @@ submanifold.defvjp(_submanifold_forward, _submanifold_backward)
 
 
 class SubmanifoldConv(nnx.Module):
-    """3^3 convolution at the active voxels only. Initialised as spconv's (Kaiming uniform, a = sqrt 5), or zero.
+    """3^3 convolution at the active voxels only. Initialised as spconv's (Kaiming uniform, a = sqrt
+    5), or zero.
 
     ``plain``: JAX's own derivatives, of every mode (``model.kernel`` 'plain').
     """

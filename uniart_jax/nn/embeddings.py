@@ -1,4 +1,5 @@
-"""Embeddings of time and position, as TRELLIS has them (``models/sparse_structure_flow.py``, ``modules/transformer/blocks.py``)."""
+"""Embeddings of time and position, as TRELLIS has them (``models/sparse_structure_flow.py``,
+``modules/transformer/blocks.py``)."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ import numpy as np
 
 
 def timestep_embedding(t: jax.Array, width: int = 256) -> jax.Array:
-    """[B] network times (1000 t) -> [B, width]: [cos, sin] with frequencies 10000^(-i / (width / 2)), float32."""
+    """[B] network times (1000 t) -> [B, width]: [cos, sin] with frequencies 10000^(-i / (width /
+    2)), float32."""
     half = width // 2
     frequencies = np.exp(-math.log(10000) * np.arange(half, dtype=np.float32) / half)
     angles = t.astype(jnp.float32)[:, None] * frequencies[None, :]
@@ -18,7 +20,8 @@ def timestep_embedding(t: jax.Array, width: int = 256) -> jax.Array:
 
 
 def position_embedding(coords: jax.Array | np.ndarray, width: int) -> jax.Array:
-    """[..., 3] positions -> [..., width]: per axis [sin, cos], axes x | y | z, zero padded to the width, float32.
+    """[..., 3] positions -> [..., width]: per axis [sin, cos], axes x | y | z, zero padded to the
+    width, float32.
 
     Frequencies 10000^(-i / F) with F = width // 3 // 2.
     """
@@ -36,7 +39,8 @@ def grid_coords(side: int) -> np.ndarray:
 
 
 def plane_embedding(side: int, width: int) -> np.ndarray:
-    """[side^2, width] two-dimensional sine-cosine embedding of an image's patches, row-major (Dosovitskiy's ViT, MAE's form)."""
+    """[side^2, width] two-dimensional sine-cosine embedding of an image's patches, row-major
+    (Dosovitskiy's ViT, MAE's form)."""
     quarter = width // 4
     frequencies = 1.0 / 10000 ** (np.arange(quarter) / quarter)
     rows, columns = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")

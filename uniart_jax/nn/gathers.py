@@ -1,4 +1,5 @@
-"""Gathers whose gradients are gathers too (XLA's scatter is slow on CPU), by positions within an item or a share of a batch."""
+"""Gathers whose gradients are gathers too (XLA's scatter is slow on CPU), by positions within an
+item or a share of a batch."""
 
 from __future__ import annotations
 
@@ -32,7 +33,8 @@ permute_rows.defvjp(_permute_forward, _permute_backward)
 
 
 def flat_positions(index: jax.Array, size: int) -> jax.Array:
-    """Positions [E, ...] within each of E groups of ``size`` rows -> positions in the E * size rows of all; from ``size`` on (none): E * size."""
+    """Positions [E, ...] within each of E groups of ``size`` rows -> positions in the E * size rows
+    of all; from ``size`` on (none): E * size."""
     groups = index.shape[0]
     if groups == 1:
         return index

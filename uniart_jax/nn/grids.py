@@ -1,6 +1,8 @@
-"""Host-side plans between levels of a sparse voxel grid: pooling into larger cells, and neighbours for convolution. numpy only.
+"""Host-side plans between levels of a sparse voxel grid: pooling into larger cells, and neighbours
+for convolution. numpy only.
 
-All positions are within an item, so that a plan can be cut, joined and repeated as any array [B, ...], and a device needs no other's items.
+All positions are within an item, so that a plan can be cut, joined and repeated as any array [B,
+...], and a device needs no other's items.
 """
 
 from __future__ import annotations
@@ -13,19 +15,23 @@ import numpy as np
 
 from uniart_jax.config import FlowConfig, GridConfig
 
-# Cells of a batch are padded to one of these shares of what its voxels could fill: few shapes to compile, most of a surface's in two or three.
+# Cells of a batch are padded to one of these shares of what its voxels could fill: few shapes to
+# compile, most of a surface's in two or three.
 CELL_SHARES = (0.25, 0.375, 0.5, 0.75, 1.0)
 CELL_STEP = 64  # where a single object is sampled: to a multiple of this, less waste
 
 
 class Pool(NamedTuple):
-    """Active voxels grouped into cells of f^3 voxels; cells in lexicographic order, as TRELLIS's SparseDownsample.
+    """Active voxels grouped into cells of f^3 voxels; cells in lexicographic order, as TRELLIS's
+    SparseDownsample.
 
     Attributes:
       coords: [B, L, 3] int32 cell indices (voxel index // f); padding 0.
       counts: [B] int32 active cells.
-      children: [B, L, f^3] int32 voxel of the item in each slot of each cell; empty slots and padding: V. Slots are x-major, z fastest.
-      parent: [B, V] int32 slot of each voxel, flat in the item's L * f^3; padding: L * f^3. ``children`` inverted.
+      children: [B, L, f^3] int32 voxel of the item in each slot of each cell; empty slots and
+        padding: V. Slots are x-major, z fastest.
+      parent: [B, V] int32 slot of each voxel, flat in the item's L * f^3; padding: L * f^3.
+        ``children`` inverted.
     """
 
     coords: np.ndarray
@@ -65,7 +71,8 @@ def plan_pool(coords: np.ndarray, counts: np.ndarray, factor: int, capacity: int
         code, index = np.unique(codes, return_inverse=True)
         if len(code) > capacity:
             raise ValueError(
-                f"pooling: item {b} has {len(code)} active cells of {factor}^3 voxels, more than the capacity {capacity}"
+                f"pooling: item {b} has {len(code)} active cells of {factor}^3 voxels, more than "
+                f"the capacity {capacity}"
             )
         cells[b, : len(code)] = np.stack(np.unravel_index(code, (span,) * 3), -1) if count else 0
         cell_counts[b] = len(code)
@@ -76,14 +83,16 @@ def plan_pool(coords: np.ndarray, counts: np.ndarray, factor: int, capacity: int
 
 
 def _cell_codes(voxel: np.ndarray, factor: int) -> tuple[np.ndarray, int]:
-    """[N] one number for each cell of ``factor``^3 that voxels [N, 3] are in, and the span of its digits."""
+    """[N] one number for each cell of ``factor``^3 that voxels [N, 3] are in, and the span of its
+    digits."""
     cell = voxel // factor
     span = int(cell.max(initial=0)) + 1
     return (cell[:, 0] * span + cell[:, 1]) * span + cell[:, 2], span
 
 
 def plan_neighbors(coords: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """[B, V, 27] int32 voxel of the item at each offset (a-1, b-1, c-1), tap = (a * 3 + b) * 3 + c; none: V.
+    """[B, V, 27] int32 voxel of the item at each offset (a-1, b-1, c-1), tap = (a * 3 + b) * 3 + c;
+    none: V.
 
     The offsets and their order are those of a submanifold 3^3 cross-correlation.
     """
@@ -110,8 +119,9 @@ def flow_plan(
 ) -> FlowPlan:
     """The plan of the latent flow's stem for voxels [B, V, 3].
 
-    Capacity of a level: all cells of its grid or all voxels, whichever is less, of that the smallest of ``CELL_SHARES`` which suffices for this batch. With ``round_to``
-    it is the most cells of an item of this batch, rounded up to a multiple: less padding, more shapes to compile.
+    Capacity of a level: all cells of its grid or all voxels, whichever is less, of that the
+    smallest of ``CELL_SHARES`` which suffices for this batch. With ``round_to`` it is the most
+    cells of an item of this batch, rounded up to a multiple: less padding, more shapes to compile.
     """
     side = grid.resolution
 
@@ -137,7 +147,8 @@ def flow_plan(
 
 
 def pad_cells(plan: FlowPlan, cells: Sequence[int]) -> FlowPlan:
-    """The plan with so many cells an item in each pool, at least as many as it has; what is added is empty."""
+    """The plan with so many cells an item in each pool, at least as many as it has; what is added
+    is empty."""
     pools, neighbors, width = [], [], 0
     for pool, number in zip(plan.pools, cells, strict=True):
         (capacity, slots), fine = pool.children.shape[1:], pool.parent.shape[1]

@@ -1,6 +1,8 @@
-"""From a feature map to points in the object's frame: each point reads the map where a camera sees it.
+"""From a feature map to points in the object's frame: each point reads the map where a camera sees
+it.
 
-What pixel-aligned networks do (PIFu, pixelNeRF; MVSNet before them), with the camera as one of the network's own estimates.
+What pixel-aligned networks do (PIFu, pixelNeRF; MVSNet before them), with the camera as one of the
+network's own estimates.
 """
 
 from __future__ import annotations
@@ -26,9 +28,11 @@ def project(code: jax.Array, points: jax.Array) -> tuple[jax.Array, jax.Array]:
 
 
 def sample_map(features: jax.Array, places: jax.Array) -> jax.Array:
-    """Bilinear samples [B, P, C] of a map [B, S, S, C] (row, column) at places [B, P, 2] (x, y) in [-1, 1]^2; the border's value beyond it.
+    """Bilinear samples [B, P, C] of a map [B, S, S, C] (row, column) at places [B, P, 2] (x, y) in
+    [-1, 1]^2; the border's value beyond it.
 
-    As a product with interpolation weights [P, S^2]: the gradient of a gather is a scatter, which is slow on CPU and TPU.
+    As a product with interpolation weights [P, S^2]: the gradient of a gather is a scatter, which
+    is slow on CPU and TPU.
     """
     side = features.shape[1]
     index = jnp.clip((places + 1) * (side / 2) - 0.5, 0, side - 1)
@@ -41,7 +45,8 @@ def sample_map(features: jax.Array, places: jax.Array) -> jax.Array:
 
 
 def read_map(features: jax.Array, places: jax.Array) -> jax.Array:
-    """``sample_map`` of one picture by gathers, for many places and a map of which no gradient is asked: [S, S, C] at [P, 2] -> [P, C]."""
+    """``sample_map`` of one picture by gathers, for many places and a map of which no gradient is
+    asked: [S, S, C] at [P, 2] -> [P, C]."""
     side = features.shape[0]
     index = jnp.clip((places + 1) * (side / 2) - 0.5, 0, side - 1)
     low = jnp.minimum(index.astype(jnp.int32), max(side - 2, 0))
@@ -61,12 +66,13 @@ def hidden_depth(
     side: int,
     hides: jax.Array | None = None,
 ) -> jax.Array:
-    """How far behind the foremost point in the same cell of a ``side`` x ``side`` map each point lies [P], in depth's units; 0 at the front.
+    """How far behind the foremost point in the same cell of a ``side`` x ``side`` map each point
+    lies [P], in depth's units; 0 at the front.
 
     Args:
       places [P, 2], depth [P]: of ``project``, one camera. valid: [P]; 0 for the others.
-      hides: [P], the points that can hide others; None: the valid ones. A point before all of them is
-        negative, -inf where none of them is in its cell.
+      hides: [P], the points that can hide others; None: the valid ones. A point before all of them
+        is negative, -inf where none of them is in its cell.
     """
     cell = jnp.clip(((places + 1) * (side / 2)).astype(jnp.int32), 0, side - 1)
     index = cell[:, 1] * side + cell[:, 0]
@@ -78,14 +84,17 @@ def hidden_depth(
 def read_pixels(
     pixels: jax.Array, cameras: jax.Array, coords: jax.Array, counts: jax.Array, resolution: int
 ) -> jax.Array:
-    """What voxels read in pictures of their object, where its cameras see them: PIFu's pixel-aligned features, with the depth at which they lie behind others.
+    """What voxels read in pictures of their object, where its cameras see them: PIFu's
+    pixel-aligned features, with the depth at which they lie behind others.
 
     Args:
-      pixels: [B, N, S, S, C] maps of N views. cameras: [B, N, 7]; of a view that is all zeros (no condition) zeros are read.
+      pixels: [B, N, S, S, C] maps of N views. cameras: [B, N, 7]; of a view that is all zeros (no
+        condition) zeros are read.
       coords [B, V, 3], counts [B]: active voxels of a grid of ``resolution``.
 
     Returns:
-      [B, N, V, C + 1]: the map's value, the border's beyond it, and tanh(d / 4), d voxel sides behind the foremost voxel of the same cell of the map; no gradient goes through.
+      [B, N, V, C + 1]: the map's value, the border's beyond it, and tanh(d / 4), d voxel sides
+        behind the foremost voxel of the same cell of the map; no gradient goes through.
     """
     pixels, cameras = jax.lax.stop_gradient((pixels, cameras))
     side = pixels.shape[2]

@@ -1,4 +1,5 @@
-"""Between levels of a sparse voxel grid by a host plan (``nn.grids.Pool``); all gathers, so gradients need no scatter.
+"""Between levels of a sparse voxel grid by a host plan (``nn.grids.Pool``); all gathers, so
+gradients need no scatter.
 
 ``plain``: JAX's own derivatives of the gathers, of every mode (``model.kernel`` 'plain').
 """
@@ -49,7 +50,8 @@ def occupied(pool: Pool) -> jax.Array:
 
 
 def downsample(x: jax.Array, pool: Pool, *, plain: bool = False) -> jax.Array:
-    """Voxels [B, V, C] -> cells [B, L, C]: sum / (n + 1), not the mean. TRELLIS's weights are trained with it (TRELLIS#250)."""
+    """Voxels [B, V, C] -> cells [B, L, C]: sum / (n + 1), not the mean. TRELLIS's weights are
+    trained with it (TRELLIS#250)."""
     number = occupied(pool).sum(-1, keepdims=True)
     return to_cells(x, pool, plain=plain).sum(2) / (number + 1).astype(x.dtype)
 
@@ -72,7 +74,8 @@ def at_cells(dense: jax.Array, coords: jax.Array) -> jax.Array:
 
 
 def align_volume(volume: jax.Array, side: int) -> jax.Array:
-    """A volume [B, Rv, Rv, Rv, C] on a grid of ``side``: finer cells are concatenated, coarser ones repeated."""
+    """A volume [B, Rv, Rv, Rv, C] on a grid of ``side``: finer cells are concatenated, coarser ones
+    repeated."""
     if volume.shape[1] >= side:
         return space_to_depth(volume, volume.shape[1] // side)
     for axis in (1, 2, 3):
@@ -81,5 +84,6 @@ def align_volume(volume: jax.Array, side: int) -> jax.Array:
 
 
 def repeat_plan(plan: FlowPlan, times: int) -> FlowPlan:
-    """The plan of a batch in which every item stands ``times`` times in a row (several noise draws, guidance)."""
+    """The plan of a batch in which every item stands ``times`` times in a row (several noise draws,
+    guidance)."""
     return jax.tree.map(lambda a: jnp.repeat(a, times, axis=0), plan)

@@ -1,12 +1,16 @@
-"""Padded segments: which tokens attend to which, planned on the host so that every shape on the device is static.
+"""Padded segments: which tokens attend to which, planned on the host so that every shape on the
+device is static.
 
-A batch is [B, V, ...] with ``counts[B]`` valid tokens first and zero padding after them. A *segment* is a set of tokens that attend
-to one another: a part, a window, a run of the Morton curve. ``plan_segments`` sorts segments into buckets of fixed capacity
-[S, L] with exact lengths, one segment a row; ``pack_segments`` puts several into a row, told apart by their ids, so that little of it is padding.
-``nn.attention`` gathers by them. numpy only: data workers call this without jax.
+A batch is [B, V, ...] with ``counts[B]`` valid tokens first and zero padding after them. A
+*segment* is a set of tokens that attend to one another: a part, a window, a run of the Morton
+curve. ``plan_segments`` sorts segments into buckets of fixed capacity [S, L] with exact lengths,
+one segment a row; ``pack_segments`` puts several into a row, told apart by their ids, so that
+little of it is padding. ``nn.attention`` gathers by them. numpy only: data workers call this
+without jax.
 
-A plan is of one or more *shares*: consecutive equal parts of the batch's items, each with positions of its own, so that a device that holds a share's items
-needs no other's. What is planned here is one share; ``nn.voxel_plans`` plans several and joins them.
+A plan is of one or more *shares*: consecutive equal parts of the batch's items, each with positions
+of its own, so that a device that holds a share's items needs no other's. What is planned here is
+one share; ``nn.voxel_plans`` plans several and joins them.
 """
 
 from __future__ import annotations
@@ -36,7 +40,8 @@ class Bucket(NamedTuple):
     Attributes:
       index: [E, S, L] int32 positions in the share's T = B * V / E flattened tokens; padding is T.
       length: [E, S] int32 tokens in each row, first in it.
-      segment: [E, S, L] int32 which of the row's segments a token is in, padding -1; None: one segment a row.
+      segment: [E, S, L] int32 which of the row's segments a token is in, padding -1; None: one
+        segment a row.
     """
 
     index: np.ndarray
@@ -49,7 +54,8 @@ class Segments(NamedTuple):
 
     Attributes:
       buckets: their rows, concatenated, hold every valid token exactly once.
-      inverse: [E, T] int32 position of each token in the concatenation of all buckets' S * L rows of its share; padding tokens: the total.
+      inverse: [E, T] int32 position of each token in the concatenation of all buckets' S * L rows
+        of its share; padding tokens: the total.
     """
 
     buckets: tuple[Bucket, ...]
@@ -62,9 +68,11 @@ def plan_segments(
     """Gather plan of the segments that equal ids make.
 
     Args:
-      ids: [B, V] int; tokens of one item with equal ids are one segment, never across items. Ids of padding are ignored.
+      ids: [B, V] int; tokens of one item with equal ids are one segment, never across items. Ids of
+        padding are ignored.
       counts: [B] valid tokens of each item.
-      capacities: (S, L) of each bucket. A segment longer than the largest L is cut into pieces of at most that.
+      capacities: (S, L) of each bucket. A segment longer than the largest L is cut into pieces of
+        at most that.
 
     Raises:
       ValueError: the segments do not fit into the capacities.
@@ -81,8 +89,8 @@ def plan_segments(
         waiting = waiting[min(fitting, size) :]
     if len(waiting):
         raise ValueError(
-            f"segments: {len(waiting)} of {len(lengths)} segments do not fit the capacities {capacities}; "
-            "raise the capacities (capacities_for gives some that always suffice)"
+            f"segments: {len(waiting)} of {len(lengths)} segments do not fit the capacities "
+            f"{capacities}; raise the capacities (capacities_for gives some that always suffice)"
         )
     inverse = np.full(items * width, sum(s * n for s, n in capacities), np.int32)
     buckets, offset = [], 0
@@ -106,13 +114,16 @@ def pack_segments(
 ) -> Segments:
     """Gather plan of the segments that equal ids make, several of them in a row.
 
-    A segment goes to the smallest size that holds it; what room its row leaves is filled with smaller ones, the largest first. Rows are rounded up
-    by at most an eighth (``round_rows``), or to one of ``rows``, so that few shapes are compiled.
+    A segment goes to the smallest size that holds it; what room its row leaves is filled with
+    smaller ones, the largest first. Rows are rounded up by at most an eighth (``round_rows``), or
+    to one of ``rows``, so that few shapes are compiled.
 
     Args:
       ids, counts: as for ``plan_segments``.
-      sizes: L of each bucket, ascending. A segment longer than the last is cut into pieces of at most that.
-      rows: of a single size, the numbers of rows that there may be, ascending, the last always enough; the first that suffices is taken.
+      sizes: L of each bucket, ascending. A segment longer than the last is cut into pieces of at
+        most that.
+      rows: of a single size, the numbers of rows that there may be, ascending, the last always
+        enough; the first that suffices is taken.
     """
     items, width = ids.shape
     tokens, starts, lengths = _pieces(ids, counts, sizes[-1])
@@ -142,7 +153,8 @@ def pack_segments(
 
 
 def fitted_sizes(ids: np.ndarray, counts: np.ndarray, longest: int) -> tuple[int, ...]:
-    """Row lengths that hold these segments with the least work, and at most 15 % of padding where any do; for ``pack_segments``."""
+    """Row lengths that hold these segments with the least work, and at most 15 % of padding where
+    any do; for ``pack_segments``."""
     lengths = _pieces(ids, counts, longest)[2]
     best: tuple[tuple[bool, int], tuple[int, ...]] | None = None
     for below in _LADDERS:
@@ -158,7 +170,8 @@ def fitted_sizes(ids: np.ndarray, counts: np.ndarray, longest: int) -> tuple[int
 
 
 def whole_rows(ids: np.ndarray, counts: np.ndarray) -> Segments:
-    """The plan in which every item is a row of its own and its ids are the segments: one shape whatever the segments are."""
+    """The plan in which every item is a row of its own and its ids are the segments: one shape
+    whatever the segments are."""
     items, width = ids.shape
     place = np.arange(items * width, dtype=np.int32).reshape(items, width)
     valid = np.arange(width) < np.asarray(counts)[:, None]
@@ -175,10 +188,13 @@ def round_rows(rows: int) -> int:
 
 
 def row_choices(items: int, width: int, size: int) -> tuple[int, int, int]:
-    """Rows of ``size`` that segments of a share of so many items of this width may be packed into while training: few numbers, each a program to compile.
+    """Rows of ``size`` that segments of a share of so many items of this width may be packed into
+    while training: few numbers, each a program to compile.
 
-    The first holds every token if no row has room left, and nearly always suffices, since padding makes up for what rows leave (not of a single item that fills
-    its width); the second is an eighth more. The third is always enough: two rows one after the other hold more than ``size`` tokens, or they would be one.
+    The first holds every token if no row has room left, and nearly always suffices, since padding
+    makes up for what rows leave (not of a single item that fills its width); the second is an
+    eighth more. The third is always enough: two rows one after the other hold more than ``size``
+    tokens, or they would be one.
     """
     full = -(-items * width // size)
     return round_rows(full), round_rows(full + -(-full // 8)), round_rows(2 * full + 1)
@@ -215,7 +231,8 @@ def join_shares(plans: Sequence[Segments]) -> Segments:
 
 
 def pad_rows(plan: Segments, rows: Sequence[int]) -> Segments:
-    """The plan with so many rows in each bucket, at least as many as it has; what is added is empty."""
+    """The plan with so many rows in each bucket, at least as many as it has; what is added is
+    empty."""
     tokens = plan.inverse.shape[1]
     inverse = np.full_like(plan.inverse, -1)
     buckets = []
@@ -244,7 +261,8 @@ def _rounded(packed: list[list[list[int]]]) -> list[int]:
 
 
 def _pack(lengths: np.ndarray, sizes: Sequence[int]) -> list[list[list[int]]]:
-    """Rows of pieces for each size, ascending: the largest piece that still fits joins a row until none does."""
+    """Rows of pieces for each size, ascending: the largest piece that still fits joins a row until
+    none does."""
     order = np.argsort(lengths, kind="stable")
     pieces, keys = order.tolist(), lengths[order].tolist()
     packed = []
@@ -263,7 +281,8 @@ def _pack(lengths: np.ndarray, sizes: Sequence[int]) -> list[list[list[int]]]:
 def _pieces(
     ids: np.ndarray, counts: np.ndarray, longest: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Flat token positions ordered by segment, and the start and length of every piece in that order."""
+    """Flat token positions ordered by segment, and the start and length of every piece in that
+    order."""
     _items, width = ids.shape
     valid = np.arange(width) < np.asarray(counts)[:, None]
     tokens = np.flatnonzero(valid)

@@ -1,7 +1,9 @@
-"""Plans of a batch that several processes share: each process plans its own items, and all pad theirs to the same shapes.
+"""Plans of a batch that several processes share: each process plans its own items, and all pad
+theirs to the same shapes.
 
-Positions in plans are within an item or a share, so that the processes' rows one after the other are a plan of the whole batch. Only the numbers of rows
-and cells depend on the items: ``plan_sizes`` gives them, the processes agree on the largest, ``padded_plans`` takes these.
+Positions in plans are within an item or a share, so that the processes' rows one after the other
+are a plan of the whole batch. Only the numbers of rows and cells depend on the items:
+``plan_sizes`` gives them, the processes agree on the largest, ``padded_plans`` takes these.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""Stacks of equal blocks: run one after another, or compiled once and looped over, with or without keeping activations."""
+"""Stacks of equal blocks: run one after another, or compiled once and looped over, with or without
+keeping activations."""
 
 from __future__ import annotations
 
@@ -21,13 +22,16 @@ def run_stack(
     remat: bool = False,
     period: int = 1,
 ) -> jax.Array:
-    """h after ``apply(block, i % period, h)`` of every block in turn; the same numbers in every mode.
+    """h after ``apply(block, i % period, h)`` of every block in turn; the same numbers in every
+    mode.
 
     Args:
       blocks: modules of equal structure and shapes.
       apply: whatever else it reads (a condition, window plans) it closes over.
-      scan: stack the blocks' parameters and loop: compile time does not grow with depth; costs a copy of the parameters a call.
-      remat: keep only each block's input for the gradient and compute the rest again: memory grows with depth by that input alone.
+      scan: stack the blocks' parameters and loop: compile time does not grow with depth; costs a
+        copy of the parameters a call.
+      remat: keep only each block's input for the gradient and compute the rest again: memory grows
+        with depth by that input alone.
       period: how many different ``apply`` s alternate (windows and shifted windows: 2).
     """
     parts = [nnx.split(block) for block in blocks]

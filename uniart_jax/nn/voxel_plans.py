@@ -1,6 +1,8 @@
-"""Which voxels attend to which: the segments of a voxel batch (parts, windows, runs of the Morton curve) and their plans. numpy only.
+"""Which voxels attend to which: the segments of a voxel batch (parts, windows, runs of the Morton
+curve) and their plans. numpy only.
 
-Window ids follow TRELLIS ``modules/sparse/attention/windowed_attn.py``: (coords + shift) // window, without roll or wrap.
+Window ids follow TRELLIS ``modules/sparse/attention/windowed_attn.py``: (coords + shift) // window,
+without roll or wrap.
 """
 
 from __future__ import annotations
@@ -24,7 +26,8 @@ from uniart_jax.nn.segments import (
 def capacities_for(
     config: UniArtVAEConfig, grid: GridConfig, items: int, width: int
 ) -> dict[str, tuple[tuple[int, int], ...] | None]:
-    """Capacities of every plan of ``voxel_plans`` that always suffice; None: segments are packed (parts that are never cut, cubic windows)."""
+    """Capacities of every plan of ``voxel_plans`` that always suffice; None: segments are packed
+    (parts that are never cut, cubic windows)."""
     cut = config.part_segment
     capacities: dict[str, tuple[tuple[int, int], ...] | None] = {
         "parts": part_capacities(items, width, min(grid.max_parts, width), cut) if cut else None
@@ -53,12 +56,15 @@ def voxel_plans(
     Args:
       batch: coords [B, V, 3], counts [B] and, for the encoder, voxel_part [B, V].
       parts: False leaves out "parts", as decoding alone needs no part ids.
-      fitted: where segments are packed, in rows of several lengths, as many as these segments need: least work for one batch, another shape for
-        the next. Otherwise (training) in rows of one length, as many as ``row_choices`` has.
-      shares: consecutive equal parts of the items that are planned apart, one for each device that will hold one (not with ``fitted``).
+      fitted: where segments are packed, in rows of several lengths, as many as these segments need:
+        least work for one batch, another shape for the next. Otherwise (training) in rows of one
+        length, as many as ``row_choices`` has.
+      shares: consecutive equal parts of the items that are planned apart, one for each device that
+        will hold one (not with ``fitted``).
 
     Raises:
-      ValueError: an item has more than ``grid.max_parts`` parts, or the items do not divide into the shares.
+      ValueError: an item has more than ``grid.max_parts`` parts, or the items do not divide into
+        the shares.
     """
     coords, counts = np.asarray(batch["coords"]), np.asarray(batch["counts"])
     ids = {"parts": np.asarray(batch["voxel_part"])} if parts else {}
@@ -88,9 +94,11 @@ def serial_capacities(
 
 
 def part_capacities(items: int, width: int, parts: int, length: int) -> tuple[tuple[int, int], ...]:
-    """Capacities that always suffice for at most ``parts`` parts an item cut to pieces of ``length``.
+    """Capacities that always suffice for at most ``parts`` parts an item cut to pieces of
+    ``length``.
 
-    A part leaves at most one piece shorter than ``length``; those of at most a quarter of it go to a bucket of their own.
+    A part leaves at most one piece shorter than ``length``; those of at most a quarter of it go to
+    a bucket of their own.
     """
     if length >= width:
         return ((items * parts, width),)
@@ -103,7 +111,8 @@ def part_capacities(items: int, width: int, parts: int, length: int) -> tuple[tu
 
 
 def serial_ids(coords: np.ndarray, counts: np.ndarray, length: int, shift: int = 0) -> np.ndarray:
-    """[B, V] run of each voxel when the voxels of an item, in Morton order, are cut into runs of ``length`` tokens.
+    """[B, V] run of each voxel when the voxels of an item, in Morton order, are cut into runs of
+    ``length`` tokens.
 
     With ``shift`` the first run is shorter by it, so that shifted runs straddle the unshifted ones.
     """

@@ -1,7 +1,7 @@
 """Colours of meshes: reading them at surface points, and joining meshes without losing them.
 
-In memory every colour is sRGB, as in the files people write, and textures have v up and repeat (OBJ's convention; trimesh
-turns glTF's textures into it). What is computed with is linear RGB.
+In memory every colour is sRGB, as in the files people write, and textures have v up and repeat
+(OBJ's convention; trimesh turns glTF's textures into it). What is computed with is linear RGB.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ _LINEAR = srgb_to_linear(np.arange(256) / 255.0).astype(np.float32)  # of 8-bit 
 
 
 def corner_weights(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """[n, 3] weights in [0, 1] of the corners of triangles [n, 3, 3] at points [n, 3] on them; a third each where a triangle has no area."""
+    """[n, 3] weights in [0, 1] of the corners of triangles [n, 3, 3] at points [n, 3] on them; a
+    third each where a triangle has no area."""
     with np.errstate(divide="ignore", invalid="ignore"):
         weights = trimesh.triangles.points_to_barycentric(triangles, points)
     return np.where(np.isfinite(weights).all(1, keepdims=True), np.clip(weights, 0, 1), 1 / 3)
@@ -54,7 +55,8 @@ def sample_color(mesh: trimesh.Trimesh, faces: np.ndarray, barycentric: np.ndarr
       barycentric: [n, 3] weights of the face's three corners.
 
     Returns:
-      [n, 3] float32 linear RGB in [0, 1]. Textures are sampled bilinearly with repeat wrapping, after linearisation.
+      [n, 3] float32 linear RGB in [0, 1]. Textures are sampled bilinearly with repeat wrapping,
+      after linearisation.
     """
     faces = np.asarray(faces)
     visual = mesh.visual
@@ -79,14 +81,17 @@ def sample_color(mesh: trimesh.Trimesh, faces: np.ndarray, barycentric: np.ndarr
 
 
 def recolored(mesh: trimesh.Trimesh, gain: np.ndarray) -> trimesh.Trimesh:
-    """A copy of ``mesh`` whose linear RGB is multiplied by ``gain`` [3] and clipped to [0, 1]: texture, vertex or face colours."""
+    """A copy of ``mesh`` whose linear RGB is multiplied by ``gain`` [3] and clipped to [0, 1]:
+    texture, vertex or face colours."""
     table = gain_tables(gain)
     channels = np.arange(3)
     texture = _texture(mesh)
     if texture is not None:
         material = SimpleMaterial(image=Image.fromarray(table[channels, texture]))
         visual = TextureVisuals(uv=np.array(mesh.visual.uv), material=material)
-        return trimesh.Trimesh(mesh.vertices.copy(), mesh.faces.copy(), visual=visual, process=False)  # fmt: skip
+        return trimesh.Trimesh(
+            mesh.vertices.copy(), mesh.faces.copy(), visual=visual, process=False
+        )
     vertex = mesh.visual.kind == "vertex"
     colors = np.array(mesh.visual.vertex_colors if vertex else _face_colors(mesh))
     colors[:, :3] = table[channels, colors[:, :3]]
@@ -95,7 +100,8 @@ def recolored(mesh: trimesh.Trimesh, gain: np.ndarray) -> trimesh.Trimesh:
 
 
 def gain_tables(gains: np.ndarray) -> np.ndarray:
-    """[..., 3, 256] uint8: each 8-bit sRGB value after its linear value is multiplied by ``gains`` [..., 3] and clipped."""
+    """[..., 3, 256] uint8: each 8-bit sRGB value after its linear value is multiplied by ``gains``
+    [..., 3] and clipped."""
     linear = np.asarray(gains, np.float32)[..., None] * _LINEAR
     return np.rint(linear_to_srgb(linear) * 255).astype(np.uint8)
 
@@ -140,9 +146,10 @@ def _bilinear(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
 def merge_meshes(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
     """Several meshes as one whose colours are theirs.
 
-    Plain and per-face colours stay per face, per-vertex colours per vertex; as soon as one mesh has a texture all are packed
-    into one atlas: images with a wrapped gutter, tiled as often as their UVs repeat, and a swatch for every plain colour.
-    Only vertex colours beside a texture lose detail (one colour a face). Textures that sum up to more than 4096 x 4096 shrink.
+    Plain and per-face colours stay per face, per-vertex colours per vertex; as soon as one mesh has
+    a texture all are packed into one atlas: images with a wrapped gutter, tiled as often as their
+    UVs repeat, and a swatch for every plain colour. Only vertex colours beside a texture lose
+    detail (one colour a face). Textures that sum up to more than 4096 x 4096 shrink.
 
     Raises:
       ValueError: no meshes.
@@ -230,7 +237,8 @@ def _with_vertex_colors(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def _split(vertices: np.ndarray, faces: np.ndarray, key: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Vertices split where their faces' ``key`` [F, n] differ: (vertices, faces, source vertex, key of each vertex)."""
+    """Vertices split where their faces' ``key`` [F, n] differ: (vertices, faces, source vertex, key
+    of each vertex)."""
     corner = np.column_stack([faces.reshape(-1), np.repeat(key, 3, axis=0)])
     unique, inverse = np.unique(corner, axis=0, return_inverse=True)
     source = unique[:, 0]
@@ -240,7 +248,8 @@ def _split(vertices: np.ndarray, faces: np.ndarray, key: np.ndarray) -> tuple[np
 def _merge_atlas(
     meshes: Sequence[trimesh.Trimesh], textures: list[np.ndarray | None]
 ) -> trimesh.Trimesh:
-    # Each tile: an image; each piece: vertices, faces, which tile, and UVs in that tile's pixels from its lower left.
+    # Each tile: an image; each piece: vertices, faces, which tile, and UVs in that tile's pixels
+    # from its lower left.
     tiles: list[np.ndarray] = []
     tile_of: dict[bytes, int] = {}  # by their contents
     palette = {
@@ -300,7 +309,8 @@ def _tiled(image: np.ndarray, repeats: np.ndarray) -> np.ndarray:
 
 
 def _pack(tiles: list[np.ndarray], fixed: int) -> tuple[Image.Image, np.ndarray]:
-    """One image holding all tiles, and [n, 4] their (u, v, width, height) in it; the first ``fixed`` keep their size."""
+    """One image holding all tiles, and [n, 4] their (u, v, width, height) in it; the first
+    ``fixed`` keep their size."""
     area = sum(t.shape[0] * t.shape[1] for t in tiles)
     shrink = min(1.0, np.sqrt(0.7 * MAX_ATLAS**2 / area))
     sizes = np.array([(tile.shape[1], tile.shape[0]) for tile in tiles])
@@ -319,7 +329,8 @@ def _pack(tiles: list[np.ndarray], fixed: int) -> tuple[Image.Image, np.ndarray]
 
 
 def _shelves(sizes: np.ndarray) -> tuple[np.ndarray, int, int]:
-    """Upper left corners [n, 2] of rectangles laid in rows, highest first, and the sheet's width and height.
+    """Upper left corners [n, 2] of rectangles laid in rows, highest first, and the sheet's width
+    and height.
 
     trimesh.path.packing loses rectangles on some inputs.
     """

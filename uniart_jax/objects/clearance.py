@@ -1,9 +1,13 @@
-"""Whether the parts of an object run into one another at a joint state: a coarse test, for drawing states that could be.
+"""Whether the parts of an object run into one another at a joint state: a coarse test, for drawing
+states that could be.
 
-Real meshes are open and overlap where they are joined, so neither volumes nor crossings mean much by themselves. What is asked is whether parts overlap
-*more than at rest*: of every part, points are spread through its convex hull (that of a sheet is given a thickness); of each pair, the share of
-the one's points in the other's hull is compared with the share at rest. What is small, as a button that is pressed in, does not count. A drawer in its cabinet is in the cabinet's hull from the start; a drawer that
-is pulled through a closed door is not in the door's.
+Real meshes are open and overlap where they are joined, so neither volumes nor crossings mean much
+by themselves. What is asked is whether parts overlap
+*more than at rest*: of every part, points are spread through its convex hull (that of a sheet is
+given a thickness); of each pair, the share of the one's points in the other's hull is compared with
+the share at rest. What is small, as a button that is pressed in, does not count. A drawer in its
+cabinet is in the cabinet's hull from the start; a drawer that is pulled through a closed door is
+not in the door's.
 """
 
 from __future__ import annotations
@@ -34,7 +38,8 @@ class Clearance:
         self.at_rest = self._shares(obj.rest())
 
     def collision(self, q: np.ndarray) -> tuple[str, str] | None:
-        """Two parts that overlap grossly at state ``q`` though not at rest; None if there are none."""
+        """Two parts that overlap grossly at state ``q`` though not at rest; None if there are
+        none."""
         more = self._shares(q) - self.at_rest
         more[more * self.volumes[:, None] < SMALL] = 0
         a, b = np.unravel_index(int(np.argmax(more)), more.shape)
@@ -65,14 +70,17 @@ def _seen(mesh: trimesh.Trimesh) -> np.ndarray:
 
 
 def _hull(vertices: np.ndarray, thickness: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Planes [F, 4] (inside: <= 0) of the vertices' hull, [POINTS, 3] points spread evenly in it, and its volume."""
+    """Planes [F, 4] (inside: <= 0) of the vertices' hull, [POINTS, 3] points spread evenly in it,
+    and its volume."""
     if len(vertices) > 5000:  # support points in many directions make the hull but for crumbs
         vertices = vertices[np.unique(np.argmax(vertices @ directions(1000).T, axis=0))]
     centred = vertices - vertices.mean(0)
     _, axes = np.linalg.eigh(centred.T @ centred)  # of a single point: any axes
     flat = axes[:, np.ptp(centred @ axes, axis=0) < thickness]
     for normal in flat.T:
-        vertices = np.concatenate([vertices + normal * thickness / 2, vertices - normal * thickness / 2])  # fmt: skip
+        vertices = np.concatenate(
+            [vertices + normal * thickness / 2, vertices - normal * thickness / 2]
+        )
     lo, hi = vertices.min(0), vertices.max(0)
     try:
         hull = ConvexHull(vertices)

@@ -9,7 +9,8 @@ import numpy as np
 
 @functools.lru_cache(4)
 def directions(count: int) -> np.ndarray:
-    """[count, 3] unit vectors, evenly over the sphere (a Fibonacci spiral); treat them as read-only."""
+    """[count, 3] unit vectors, evenly over the sphere (a Fibonacci spiral); treat them as
+    read-only."""
     index = np.arange(count) + 0.5
     height, angle = 1 - 2 * index / count, np.pi * (1 + 5**0.5) * index
     radius = np.sqrt(1 - height**2)

@@ -1,10 +1,14 @@
 """Faces that exist twice, back to back: one of each pair is kept, the one that looks outwards.
 
-Models made for display (PartNet-Mobility throughout) hold every triangle a second time with the opposite orientation, often in another colour. Such a
-mesh has no inside: its winding number is 0 everywhere, so solids would be read as hollow shells, and which of the two colours is seen is left to chance.
+Models made for display (PartNet-Mobility throughout) hold every triangle a second time with the
+opposite orientation, often in another colour. Such a mesh has no inside: its winding number is 0
+everywhere, so solids would be read as hollow shells, and which of the two colours is seen is left
+to chance.
 
-Patches that hang together are oriented as a whole (libigl), by how freely each side looks out of the mesh: rays from points of the patch, as Takayama et al.
-propose ("A simple method for correcting facet orientations in polygon meshes based on ray casting", 2014), with fixed directions: equal files give equal meshes.
+Patches that hang together are oriented as a whole (libigl), by how freely each side looks out of
+the mesh: rays from points of the patch, as Takayama et al. propose ("A simple method for correcting
+facet orientations in polygon meshes based on ray casting", 2014), with fixed directions: equal
+files give equal meshes.
 """
 
 from __future__ import annotations
@@ -20,7 +24,8 @@ from scipy.sparse.csgraph import connected_components
 from uniart_jax.objects.directions import directions
 from uniart_jax.objects.object import moved_mesh
 
-DOUBLED = 0.5  # share of a connected piece's faces that exist twice, from which on it was made so on purpose
+# share of a connected piece's faces that exist twice, from which on it was made so on purpose
+DOUBLED = 0.5
 SAME = 1e-6  # of the mesh's size: vertices closer than that are one
 DIRECTIONS = 48  # of rays, over the whole sphere
 RAYS_AT_ONCE = 1 << 20
@@ -28,11 +33,14 @@ POINTS = 64  # faces of a patch that are asked
 
 
 def single_sided(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, int]:
-    """The mesh without the inner of each two back-to-back faces and without repeated faces, and how many were taken out.
+    """The mesh without the inner of each two back-to-back faces and without repeated faces, and how
+    many were taken out.
 
-    Each connected piece is judged by itself: it is left as it is where fewer than half of its faces are such pairs, since two boxes that stand against each other
-    share a face that is none. Which side looks out is asked of the whole mesh. Faces that exist once and faces without area are left as they are; the mesh
-    itself is returned where nothing is taken out. A mesh that is made shares its material with the original.
+    Each connected piece is judged by itself: it is left as it is where fewer than half of its faces
+    are such pairs, since two boxes that stand against each other share a face that is none. Which
+    side looks out is asked of the whole mesh. Faces that exist once and faces without area are left
+    as they are; the mesh itself is returned where nothing is taken out. A mesh that is made shares
+    its material with the original.
     """
     ids, points = _merged(mesh)
     corners = ids[mesh.faces]
@@ -67,7 +75,8 @@ def single_sided(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, int]:
 def _mended(
     points: np.ndarray, corners: np.ndarray, paired: np.ndarray, proper: np.ndarray
 ) -> np.ndarray:
-    """[F] whether a face lies in a connected piece most of whose faces, of those that have an area, stand back to back."""
+    """[F] whether a face lies in a connected piece most of whose faces, of those that have an area,
+    stand back to back."""
     ends = corners[proper]
     links = coo_array(
         (np.ones(2 * len(ends)), (np.repeat(ends[:, 0], 2), ends[:, 1:].ravel())),
@@ -94,7 +103,8 @@ def _merged(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
 def _outward(
     points: np.ndarray, faces: np.ndarray, proper: np.ndarray, wanted: np.ndarray
 ) -> np.ndarray:
-    """[F] whether each face, as oriented, looks out of the mesh; told of the wanted ones, though all stand in the way of rays."""
+    """[F] whether each face, as oriented, looks out of the mesh; told of the wanted ones, though
+    all stand in the way of rays."""
     outward = np.ones(len(faces), bool)
     if not proper.any():
         return outward
@@ -120,7 +130,8 @@ def _same_orientation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _spread(points: np.ndarray, faces: np.ndarray, patch: np.ndarray) -> np.ndarray:
-    """Faces that are asked: of each patch the largest and others at even distances, at most POINTS."""
+    """Faces that are asked: of each patch the largest and others at even distances, at most
+    POINTS."""
     area = trimesh.triangles.area(points[faces])
     order = np.lexsort((-area, patch))
     start = np.flatnonzero(np.r_[True, np.diff(patch[order]) > 0])
@@ -131,7 +142,8 @@ def _spread(points: np.ndarray, faces: np.ndarray, patch: np.ndarray) -> np.ndar
 
 
 def _freedom(points: np.ndarray, faces: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """[n] area-weighted share of free rays from the front of the asked faces minus that from their backs."""
+    """[n] area-weighted share of free rays from the front of the asked faces minus that from their
+    backs."""
     scene = EmbreeScene(robust=True)
     TriangleMesh(scene, points[faces].astype(np.float32))
     corner = points[faces[asked]]

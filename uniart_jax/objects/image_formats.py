@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from PIL import EpsImagePlugin, Image
 
 FORMATS = (
-    "PNG", "JPEG", "MPO", "WEBP", "AVIF", "JPEG2000", "TIFF", "BMP", "DIB", "GIF", "PPM", "TGA", "ICO",
+    "PNG", "JPEG", "MPO", "WEBP", "AVIF", "JPEG2000", "TIFF", "BMP", "DIB", "GIF", "PPM", "TGA", "ICO",  # noqa: E501
     "DDS",
 )  # fmt: skip
 _LOCK = threading.RLock()
@@ -35,8 +35,8 @@ def check_format(image: Image.Image) -> None:
 
 @contextlib.contextmanager
 def without_ghostscript() -> Iterator[None]:
-    """While a library opens images by itself: Pillow finds no Ghostscript. One thread at a time, for
-    Pillow keeps its path in a global."""
+    """While a library opens images by itself: Pillow finds no Ghostscript. One thread at a time,
+    for Pillow keeps its path in a global."""
     with _LOCK:
         before = EpsImagePlugin.gs_binary
         EpsImagePlugin.gs_binary = False

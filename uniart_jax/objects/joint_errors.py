@@ -1,4 +1,5 @@
-"""How far two joints are apart, counting the way they open. Both are in one frame, coordinates measured from one shown state."""
+"""How far two joints are apart, counting the way they open. Both are in one frame, coordinates
+measured from one shown state."""
 
 from __future__ import annotations
 
@@ -12,9 +13,11 @@ Interval = tuple[float, float]
 def signed_axis_error(predicted: Joint, reference: Joint) -> float:
     """Degrees between the two axes in [0, 180], counting the way the joint opens.
 
-    The prediction is first turned so that both directions agree (limits with it). If its range then overlaps the reference's range less
-    than it overlaps the reversed range, the part opens the wrong way and the error is 180 degrees minus the angle. So it is between two
-    screws of opposite handedness: either the turn or the travel goes the wrong way. Joints that turn for ever have no wrong way.
+    The prediction is first turned so that both directions agree (limits with it). If its range then
+    overlaps the reference's range less than it overlaps the reversed range, the part opens the
+    wrong way and the error is 180 degrees minus the angle. So it is between two screws of opposite
+    handedness: either the turn or the travel goes the wrong way. Joints that turn for ever have no
+    wrong way.
     """
     cosine = float(predicted.direction @ reference.direction)
     lo, hi = predicted.limits
@@ -31,9 +34,11 @@ def signed_axis_error(predicted: Joint, reference: Joint) -> float:
 
 
 def range_iou(predicted: Joint, reference: Joint) -> float:
-    """Intersection over union of the two joints' ranges, directions aligned first; 0 if one is fixed and the other is not.
+    """Intersection over union of the two joints' ranges, directions aligned first; 0 if one is
+    fixed and the other is not.
 
-    Turns are compared with turns and travel with travel; of a screw, which has both, the smaller overlap counts.
+    Turns are compared with turns and travel with travel; of a screw, which has both, the smaller
+    overlap counts.
     """
     turned = bool(predicted.direction @ reference.direction < 0)
     overlaps = [
@@ -48,10 +53,11 @@ def range_iou(predicted: Joint, reference: Joint) -> float:
 
 
 def pivot_at_part(predicted: Joint, reference: Joint, center: np.ndarray) -> float:
-    """Distance of the predicted axis from the reference's at the part, object units: from the point of the reference's axis nearest to
-    ``center`` [3], the part's box centre.
+    """Distance of the predicted axis from the reference's at the part, object units: from the point
+    of the reference's axis nearest to ``center`` [3], the part's box centre.
 
-    Beside ``kinematics.line_distance``, which is 0 for all lines that cross, be it far from the part: the least tilt can hide any shift.
+    Beside ``kinematics.line_distance``, which is 0 for all lines that cross, be it far from the
+    part: the least tilt can hide any shift.
     """
     d = reference.direction
     point = reference.origin + ((center - reference.origin) @ d) * d

@@ -14,7 +14,8 @@ def parse_json(data: bytes, what: str, max_bytes: int, *, nan: bool = False):
       nan: take NaN and Infinity, which JSON does not have but Python writes.
 
     Raises:
-      ValueError: too large, not UTF-8, not JSON, nested too deeply; one line that begins with ``what``.
+      ValueError: too large, not UTF-8, not JSON, nested too deeply; one line that begins with
+        ``what``.
     """
     if len(data) > max_bytes:
         raise ValueError(f"{what} has more than {max_bytes // 2**20} MiB")

@@ -1,8 +1,10 @@
 """Joints as screws, and forward kinematics over a tree of parts.
 
-A joint moves its child part, and all below it, along a screw about a line: it rotates by an angle and travels along the
-axis, both driven by one coordinate ``q`` that is 0 in the shown state (see docs/architecture.md, "Joints"). ``fixed``, ``revolute``, ``continuous``,
-``prismatic`` and ``screw`` are read off the two spans; nothing stores or classifies them (the paper's open-set joints).
+A joint moves its child part, and all below it, along a screw about a line: it rotates by an angle
+and travels along the axis, both driven by one coordinate ``q`` that is 0 in the shown state (see
+docs/architecture.md, "Joints"). ``fixed``, ``revolute``, ``continuous``, ``prismatic`` and
+``screw`` are read off the two spans; nothing stores or classifies them (the paper's open-set
+joints).
 
 Units: radians, object units. Frame: the object frame at the shown state.
 """
@@ -29,14 +31,17 @@ class Joint:
       origin: [3] a point of the axis, object frame at the shown state.
       direction: [3] axis direction; normalised when the joint is made.
       angle: (a0, a1) rotation at the lower and upper end of q, radians.
-      travel: (t0, t1) travel along ``direction`` at the same two ends, object units; proportional to ``angle`` if both are non-zero.
+      travel: (t0, t1) travel along ``direction`` at the same two ends, object units; proportional
+        to ``angle`` if both are non-zero.
       dead_zone: travel below which there is none, object units; it scales with the object.
 
     Spans below .1 degree and ``dead_zone`` become 0. A rotation span of 2 pi or more without
-    travel is continuous and stored as (-pi, pi). A joint without any span is fixed and stored with origin 0 and direction z.
+    travel is continuous and stored as (-pi, pi). A joint without any span is fixed and stored with
+    origin 0 and direction z.
 
     Raises:
-      ValueError: zero or non-finite axis, limits that do not bracket 0, spans that are not proportional.
+      ValueError: zero or non-finite axis, limits that do not bracket 0, spans that are not
+        proportional.
     """
 
     origin: np.ndarray
@@ -111,7 +116,8 @@ class Joint:
 
     @property
     def pitch(self) -> float:
-        """Travel per unit of q: object units per radian for screws, 1 for prismatic, 0 otherwise."""
+        """Travel per unit of q: object units per radian for screws, 1 for prismatic, 0
+        otherwise."""
         if self.rotates:
             return (self.travel[1] - self.travel[0]) / (self.angle[1] - self.angle[0])
         return 1.0 if self.travels else 0.0
@@ -126,7 +132,8 @@ class Joint:
         return matrix
 
     def transformed(self, matrix: np.ndarray) -> Joint:
-        """The same joint after the object is moved by ``matrix`` [4, 4]: any similarity, mirrors included."""
+        """The same joint after the object is moved by ``matrix`` [4, 4]: any similarity, mirrors
+        included."""
         linear = np.asarray(matrix, dtype=np.float64)[:3, :3]
         det = float(np.linalg.det(linear))
         scale = abs(det) ** (1 / 3)
@@ -138,7 +145,8 @@ class Joint:
         return Joint(origin, direction, self.angle, travel, self.dead_zone * scale)
 
     def shown_at(self, q: float) -> Joint:
-        """The same joint with its coordinate measured from ``q`` (its own axis is not moved by its own motion)."""
+        """The same joint with its coordinate measured from ``q`` (its own axis is not moved by its
+        own motion)."""
         lo, hi = self.limits
         if not lo - 1e-9 <= q <= hi + 1e-9:
             raise ValueError(f"joint: q = {q:.6g} is outside the limits ({lo:.6g}, {hi:.6g})")
@@ -162,7 +170,8 @@ def codable(joint: Joint) -> Joint:
 
 
 def rotation(direction: np.ndarray, angle: float) -> np.ndarray:
-    """[3, 3] rotation by ``angle`` radians about the unit vector ``direction`` (Rodrigues' formula)."""
+    """[3, 3] rotation by ``angle`` radians about the unit vector ``direction`` (Rodrigues'
+    formula)."""
     x, y, z = direction
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)

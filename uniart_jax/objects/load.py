@@ -6,8 +6,9 @@
     nap.npz                                  nap                NAP's, by tools/export_nap.py
     object.xml, any MJCF                     mjcf               MuJoCo's, by its own parser
 
-A reader makes a ``Robot`` of the file; ``robot_object`` makes the object. Every repair is one line of ``ArticulatedObject.provenance``.
-"""
+A reader makes a ``Robot`` of the file; ``robot_object`` makes the object. Every repair is one line
+of ``ArticulatedObject.provenance``.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -47,13 +48,16 @@ READERS: dict[str, Callable[[bytes, Path, AssetFiles], Robot]] = {
 
 
 def find_asset(path: str | Path, *, allow_outside: bool = False) -> Path:
-    """The description that ``path`` means: itself, or in a folder the first of ``NAMES``, else the only URDF, else the only MJCF.
+    """The description that ``path`` means: itself, or in a folder the first of ``NAMES``, else the
+    only URDF, else the only MJCF.
 
     Args:
-      allow_outside: take a link in a folder that leads out of it; a file that ``path`` names may always be one.
+      allow_outside: take a link in a folder that leads out of it; a file that ``path`` names may
+        always be one.
 
     Raises:
-      FileNotFoundError: nothing there. ValueError: a folder with several, or the one lies outside. OSError: it cannot be looked at.
+      FileNotFoundError: nothing there. ValueError: a folder with several, or the one lies outside.
+        OSError: it cannot be looked at.
     """
     path = Path(path)
     if path.is_file():
@@ -73,7 +77,8 @@ def find_asset(path: str | Path, *, allow_outside: bool = False) -> Path:
         )
     if not found:
         raise FileNotFoundError(
-            f"{path}: the folder holds no URDF, MJCF or object.json ({', '.join(NAMES)}, one *.urdf or one *.xml)"
+            f"{path}: the folder holds no URDF, MJCF or object.json ({', '.join(NAMES)}, one "
+            "*.urdf or one *.xml)"
         )
     return _inside(found[0], allow_outside)
 
@@ -81,7 +86,8 @@ def find_asset(path: str | Path, *, allow_outside: bool = False) -> Path:
 def _inside(path: Path, allow_outside: bool) -> Path:
     if not allow_outside and not path.resolve().is_relative_to(path.parent.resolve()):
         raise ValueError(
-            f"{path}: it lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
+            f"{path}: it lies outside the asset's folder; allow_outside=True (--allow-outside) "
+            "reads it"
         )
     return path
 
@@ -113,20 +119,21 @@ def load_object(
 
     Args:
       path: the file or folder; its folder is the asset's root.
-      allow_outside: also read meshes, textures and includes outside that root (``../meshes``, absolute paths, links), and a description
-        that the folder only links to.
+      allow_outside: also read meshes, textures and includes outside that root (``../meshes``,
+        absolute paths, links), and a description that the folder only links to.
       within: a folder of which meshes, textures and includes may be read too, as of the root: where
         several assets share them.
 
     Returns:
       The object in metres (``scale`` 1, not normalised) in the description's world frame (SINGAPO's
       and NAP's turned to z up, front -x), shown at
-      joint coordinate 0 where the limits allow. Parts are the links that have a mesh. ``provenance`` holds one line for each repair.
-      ``from_voxels`` is what ``report.json`` beside one of our own files says.
+      joint coordinate 0 where the limits allow. Parts are the links that have a mesh.
+      ``provenance`` holds one line for each repair. ``from_voxels`` is what ``report.json`` beside
+      one of our own files says.
 
     Raises:
-      FileNotFoundError: no such file. ValueError: it cannot be read as one tree of parts; one line that names the file, the link
-        or joint, and what to do.
+      FileNotFoundError: no such file. ValueError: it cannot be read as one tree of parts; one line
+        that names the file, the link or joint, and what to do.
     """
     try:
         found = find_asset(path, allow_outside=allow_outside)

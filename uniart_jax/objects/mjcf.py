@@ -1,11 +1,13 @@
 """Reading MJCF, through MuJoCo's own parser: what the compiled model says, as a ``Robot``.
 
-The text is made self-contained first (``mjcf_text``), so MuJoCo opens no file. Bodies are links, the world body the root; a body with several
-joints is a chain of links without a mesh; joint coordinates are MuJoCo's, so an object is shown where they are 0, not at ``ref``.
+The text is made self-contained first (``mjcf_text``), so MuJoCo opens no file. Bodies are links,
+the world body the root; a body with several joints is a chain of links without a mesh; joint
+coordinates are MuJoCo's, so an object is shown where they are 0, not at ``ref``.
 
-**What is seen of a body**: of its geoms in groups 0 to 2 (which MuJoCo's viewer shows) that are not fully transparent, those that collide with
-nothing (contype and conaffinity 0, how visual geoms are told from collision shapes); if there are none, all of them; if there are none either, its
-other geoms, as collision shapes. ``<equality><joint>`` with a linear polynomial is a mimic.
+**What is seen of a body**: of its geoms in groups 0 to 2 (which MuJoCo's viewer shows) that are not
+fully transparent, those that collide with nothing (contype and conaffinity 0, how visual geoms are
+told from collision shapes); if there are none, all of them; if there are none either, its other
+geoms, as collision shapes. ``<equality><joint>`` with a linear polynomial is a mimic.
 """
 
 from __future__ import annotations
@@ -35,8 +37,8 @@ def read_mjcf(data: bytes, path: Path, files: AssetFiles) -> Robot:
       files: which other files may be read.
 
     Raises:
-      ValueError: MuJoCo is not installed or refuses the model; a file outside the asset's folder, missing or too large; a plugin;
-        one line, without the file's name.
+      ValueError: MuJoCo is not installed or refuses the model; a file outside the asset's folder,
+        missing or too large; a plugin; one line, without the file's name.
     """
     notes: list[str] = []
     text, assets = self_contained(data, path, files, notes)
@@ -45,7 +47,8 @@ def read_mjcf(data: bytes, path: Path, files: AssetFiles) -> Robot:
 
 
 def compiled(text: str, assets: dict[str, bytes], notes: list[str]):
-    """The ``mujoco.MjModel`` of a self-contained text; warnings become notes, nothing is printed or logged.
+    """The ``mujoco.MjModel`` of a self-contained text; warnings become notes, nothing is printed or
+    logged.
 
     Raises:
       ValueError: MuJoCo is not installed, or its compiler's error.
@@ -121,7 +124,8 @@ class _Reader:
         return [geometry(self.model, g, self.frames[body]) for g in geoms]
 
     def _attach(self, body: int) -> None:
-        """Joints between a body and its parent, in MuJoCo's order (mj_kinematics): each turns or travels in the frame that those before it leave."""
+        """Joints between a body and its parent, in MuJoCo's order (mj_kinematics): each turns or
+        travels in the frame that those before it leave."""
         model, name = self.model, self.bodies[body]
         above = int(model.body_parentid[body])
         parent = self.bodies[above]
@@ -142,7 +146,8 @@ class _Reader:
     def _moving(
         self, joint: int, parent: str, child: str, frame: np.ndarray, above: int
     ) -> np.ndarray:
-        """Add a joint whose body stands at ``frame`` in the parent link at ``ref``; returns the body in the new link."""
+        """Add a joint whose body stands at ``frame`` in the parent link at ``ref``; returns the
+        body in the new link."""
         model, name, kind = self.model, self.joints[joint], int(self.model.jnt_type[joint])
         if kind in (FREE, BALL):
             type_ = "spherical" if kind == BALL else "floating"

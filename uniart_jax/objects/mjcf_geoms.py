@@ -1,8 +1,9 @@
 """The geoms of a compiled MuJoCo model as painted meshes.
 
-Sizes are MuJoCo's half sizes; a mesh is the compiled one, which MuJoCo has moved to its centre of mass and main axes, so the compiled
-pose of its geom belongs to it. A texture without texture coordinates is projected on each face from the side that the face looks
-to; MuJoCo projects a cube's sides from the middle of the geom and a flat image along z, which differ on curved or long shapes.
+Sizes are MuJoCo's half sizes; a mesh is the compiled one, which MuJoCo has moved to its centre of
+mass and main axes, so the compiled pose of its geom belongs to it. A texture without texture
+coordinates is projected on each face from the side that the face looks to; MuJoCo projects a cube's
+sides from the middle of the geom and a flat image along z, which differ on curved or long shapes.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ MAX_REPEATS = 16  # of a texture on one side of a geom
 
 
 def has_shape(model, geom: int) -> bool:
-    """Whether it is a body with an end and a surface: no plane, height field or signed distance field."""
+    """Whether it is a body with an end and a surface: no plane, height field or signed distance
+    field."""
     return int(model.geom_type[geom]) in (SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH)
 
 
@@ -122,9 +124,11 @@ def _texture(model, geom: int) -> tuple[np.ndarray | None, int, np.ndarray]:
 def _projected(
     mesh: trimesh.Trimesh, kind: int, repeats: np.ndarray, sides: int
 ) -> tuple[trimesh.Trimesh, np.ndarray]:
-    """(mesh whose faces share no vertex across sides, uv [V, 2]): every face sees the image along its main axis.
+    """(mesh whose faces share no vertex across sides, uv [V, 2]): every face sees the image along
+    its main axis.
 
-    A cube's image holds one side or six below each other: +x, -x, +y, -y, +z, -z (MuJoCo's right, left, up, down, front, back).
+    A cube's image holds one side or six below each other: +x, -x, +y, -y, +z, -z (MuJoCo's right,
+    left, up, down, front, back).
     """
     axis = np.abs(mesh.face_normals).argmax(1)
     negative = np.take_along_axis(mesh.face_normals, axis[:, None], 1)[:, 0] < 0

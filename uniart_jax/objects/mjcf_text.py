@@ -1,8 +1,11 @@
-"""An MJCF and all files that it names as one text and a table of bytes, so that MuJoCo's parser never opens a file.
+"""An MJCF and all files that it names as one text and a table of bytes, so that MuJoCo's parser
+never opens a file.
 
-``<include>`` is put in place, every ``file`` attribute is looked up here, inside the asset's folder, and becomes a name in the table;
-``compiler``'s ``meshdir``, ``texturedir``, ``assetdir`` and ``strippath`` are applied on the way (MuJoCo's XML reference, "compiler",
-"include", "asset"). Only what makes shapes and joints is kept: sensors, actuators, contacts and keyframes neither matter nor can fail.
+``<include>`` is put in place, every ``file`` attribute is looked up here, inside the asset's
+folder, and becomes a name in the table; ``compiler``'s ``meshdir``, ``texturedir``, ``assetdir``
+and ``strippath`` are applied on the way (MuJoCo's XML reference, "compiler", "include", "asset").
+Only what makes shapes and joints is kept: sensors, actuators, contacts and keyframes neither matter
+nor can fail.
 """
 
 from __future__ import annotations
@@ -30,7 +33,9 @@ MAX_MODELS = 4  # models attached within models
 MAX_DOCUMENTS = 256  # included or attached
 MAX_TEXT_BYTES = 4 * MAX_BYTES  # of all of them
 MAX_ALL_PIXELS = 4 * MAX_PIXELS  # of all textures and height fields
-MAX_ELEMENTS = 10_000  # with what <replicate> and <attach> multiply; MuJoCo takes seconds for 5,000 bodies, and four times as long for twice as many
+# with what <replicate> and <attach> multiply; MuJoCo takes seconds for 5,000 bodies, and four times
+# as long for twice as many
+MAX_ELEMENTS = 10_000
 MAX_PARAMETER = 1000  # resolution of a built-in mesh
 KEPT = ("compiler", "default", "asset", "worldbody", "equality")
 SOFT = ("composite", "flexcomp", "deformable", "skin")
@@ -52,8 +57,9 @@ def self_contained(
       notes: takes up what is left out.
 
     Raises:
-      ValueError: what ``parse_xml`` refuses, a plugin, a file that is missing, too large or outside the asset's folder, includes
-        or attachments without end; one line that names element and file.
+      ValueError: what ``parse_xml`` refuses, a plugin, a file that is missing, too large or outside
+        the asset's folder, includes or attachments without end; one line that names element and
+        file.
     """
     packer = Packer(files, notes)
     return packer.document(data, path, 0)[0], packer.assets
@@ -108,7 +114,8 @@ class Packer:
         count = _total(root, attached, lambda e: elements.get(e, 1))
         if count > MAX_ELEMENTS:
             raise RefusedError(
-                f"{count:,} elements, counted as often as <replicate> and <attach> repeat them, are more than {MAX_ELEMENTS:,}"
+                f"{count:,} elements, counted as often as <replicate> and <attach> repeat them, "
+                f"are more than {MAX_ELEMENTS:,}"
             )
         attached = {name: max(m.pixels for m in found) for name, found in models.items()}
         seen = _total(root, attached, lambda e: pixels.get(e, 0))
@@ -124,7 +131,8 @@ class Packer:
         self.text_bytes += len(data)
         if self.documents > MAX_DOCUMENTS or self.text_bytes > MAX_TEXT_BYTES:
             raise RefusedError(
-                f"more than {MAX_DOCUMENTS} included and attached files, or {MAX_TEXT_BYTES // 2**20} MiB of them"
+                f"more than {MAX_DOCUMENTS} included and attached files, or "
+                f"{MAX_TEXT_BYTES // 2**20} MiB of them"
             )
         return parse_xml(data, self.notes)
 
@@ -156,7 +164,8 @@ class Packer:
     def _read(self, path: Path, where: str, limit: int) -> bytes:
         if not self.files.allowed(path):
             raise RefusedError(
-                f"{where}: it lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
+                f"{where}: it lies outside the asset's folder; allow_outside=True "
+                "(--allow-outside) reads it"
             )
         if not path.is_file():
             raise ValueError(f"{where}: the file is missing")
@@ -185,7 +194,8 @@ class Packer:
         places: dict[str, str],
         depth: int,
     ) -> _Packed:
-        """Put what an element names into the table; its file, or of several (a cube's sides) the pixels of all."""
+        """Put what an element names into the table; its file, or of several (a cube's sides) the
+        pixels of all."""
         packed = _Packed()
         for attribute in [str(a) for a in element.attrib if str(a).startswith("file")]:
             name = (element.get(attribute) or "").strip()
@@ -232,7 +242,8 @@ class Packer:
 
 
 def _pop_places(root: etree._Element) -> dict[str, str]:
-    """Where ``compiler`` says files lie; later ones win. What would drop or fuse bodies is taken out with it."""
+    """Where ``compiler`` says files lie; later ones win. What would drop or fuse bodies is taken
+    out with it."""
     places: dict[str, str] = {}
     for compiler in root.iter("compiler"):
         found = {p: compiler.attrib.pop(p) for p in _PLACES if p in compiler.attrib}
@@ -260,7 +271,8 @@ def _numbers(element: etree._Element, *names: str) -> list[float]:
 
 
 def _checked_sizes(root: etree._Element) -> dict[etree._Element, int]:
-    """Pixels of every texture and height field that MuJoCo makes itself; what would take more memory than a file of its size may is refused."""
+    """Pixels of every texture and height field that MuJoCo makes itself; what would take more
+    memory than a file of its size may is refused."""
     for element in root.iter("mesh"):
         if not all(abs(p) <= MAX_PARAMETER for p in _numbers(element, "params")):
             raise RefusedError(f"<mesh name='{element.get('name') or ''}'>: it is too large")
@@ -293,7 +305,8 @@ def _checked_image(data: bytes, where: str) -> int:
 def _total(
     element: etree._Element, models: dict[str, int], own: Callable[[etree._Element], int]
 ) -> int:
-    """The sum of ``own`` over a tree as MuJoCo builds it: repeated where it is replicated, with the models that it attaches."""
+    """The sum of ``own`` over a tree as MuJoCo builds it: repeated where it is replicated, with the
+    models that it attaches."""
     inside = own(element) + sum(_total(child, models, own) for child in element)
     if element.tag == "replicate":
         inside *= max(1, *(int(min(n, 1e12)) for n in [0.0, *_numbers(element, "count")]))

@@ -15,7 +15,8 @@ class Numbered:
         self._last: dict[str, int] = {}
 
     def __call__(self, name: str, limit: int | None = None) -> str:
-        """``name``, or it with the first number that is free; at most ``limit`` characters where one is given."""
+        """``name``, or it with the first number that is free; at most ``limit`` characters where
+        one is given."""
         fresh = name
         while fresh in self.taken:
             self._last[name] = self._last.get(name, 1) + 1
@@ -26,7 +27,8 @@ class Numbered:
 
 
 def printable(text: str, instead: str = "_") -> str:
-    """Without line breaks, control and format characters and lone surrogates: what UTF-8 and XML can hold and a terminal shows."""
+    """Without line breaks, control and format characters and lone surrogates: what UTF-8 and XML
+    can hold and a terminal shows."""
     return "".join(c if c.isprintable() else instead for c in " ".join(text.split()))
 
 

@@ -1,7 +1,7 @@
 """Articulated objects as people know them: parts with meshes, a tree, joints, appearance.
 
-Frame: right-handed, z up, front faces -x. Every mesh and joint is in the object frame at the *shown* state, in which every
-joint coordinate is 0 (docs/architecture.md, "Frames").
+Frame: right-handed, z up, front faces -x. Every mesh and joint is in the object frame at the
+*shown* state, in which every joint coordinate is 0 (docs/architecture.md, "Frames").
 """
 
 from __future__ import annotations
@@ -29,9 +29,11 @@ State = Sequence[float] | np.ndarray | dict[str, float]  # [K] coordinates, or p
 
 
 def moved_mesh(mesh: trimesh.Trimesh, matrix: np.ndarray) -> trimesh.Trimesh:
-    """A copy of ``mesh`` moved by [4, 4], mirrors included; it shares its material with the original.
+    """A copy of ``mesh`` moved by [4, 4], mirrors included; it shares its material with the
+    original.
 
-    ``Trimesh.copy`` would copy every texture, which costs more than all else when one object is shown at many states.
+    ``Trimesh.copy`` would copy every texture, which costs more than all else when one object is
+    shown at many states.
     """
     vertices = trimesh.transform_points(mesh.vertices, matrix)
     mirrored = np.linalg.det(np.asarray(matrix)[:3, :3]) < 0
@@ -51,8 +53,8 @@ class Part:
 
     Attributes:
       name: unique in its object.
-      mesh: surface in the object frame at the shown state; closed where the source is. Its visual is a texture with UVs or
-        face / vertex colours (sRGB), read by ``objects.appearance``.
+      mesh: surface in the object frame at the shown state; closed where the source is. Its visual
+        is a texture with UVs or face / vertex colours (sRGB), read by ``objects.appearance``.
       parent: index of the parent part, -1 for the root.
       joint: how it moves relative to its parent; ``Joint.fixed()`` for the root.
       label: for people and baselines only; no network ever sees it.
@@ -124,7 +126,10 @@ class ArticulatedObject:
         tree += ", ..." if len(self.parts) > 8 else ""
         of = f", {self.category}" if self.category else ""
         unit = "1 unit = 1 m" if self.scale == 1 else f"1 unit = {self.scale:.4g} m"
-        return f"ArticulatedObject({self.name or 'unnamed'}{of}: {len(self.parts)} parts: {tree}; {unit})"
+        return (
+            f"ArticulatedObject({self.name or 'unnamed'}{of}: {len(self.parts)} parts: {tree}; "
+            f"{unit})"
+        )
 
     def __post_init__(self):
         parts = tuple(self.parts)
@@ -178,7 +183,8 @@ class ArticulatedObject:
         raise ValueError(f"object: no part is named '{name}'")
 
     def coordinates(self, q: State | None) -> np.ndarray:
-        """[K] joint coordinates from an array, a dictionary part name -> q, or None (the shown state)."""
+        """[K] joint coordinates from an array, a dictionary part name -> q, or None (the shown
+        state)."""
         if q is None:
             return np.zeros(len(self.parts))
         if isinstance(q, dict):
@@ -204,7 +210,8 @@ class ArticulatedObject:
         return dataclasses.replace(self, parts=tuple(parts))
 
     def shown_at(self, q: State) -> ArticulatedObject:
-        """The same object whose shown state is ``q``: meshes moved, axes moved by their ancestors, coordinates measured from q."""
+        """The same object whose shown state is ``q``: meshes moved, axes moved by their ancestors,
+        coordinates measured from q."""
         q = self.coordinates(q)
         moved = self.forward_kinematics(q)
         parts = []
@@ -296,7 +303,8 @@ class ArticulatedObject:
         )
 
     def open(self, fraction: float = 1.0) -> np.ndarray:
-        """[K] the state ``fraction`` of the way from rest to the end farther from rest; continuous joints turn by 90 degrees."""
+        """[K] the state ``fraction`` of the way from rest to the end farther from rest; continuous
+        joints turn by 90 degrees."""
         rest = self.rest()
         q = rest.copy()
         for k, joint in enumerate(self.joints):
@@ -317,13 +325,15 @@ class ArticulatedObject:
         return trimesh.util.concatenate(moved)
 
     def save(self, folder: str | Path, **options) -> Path:
-        """Write the asset folder (URDF, MJCF, GLB, meshes, page, previews, report); see ``export.asset.save_asset``."""
+        """Write the asset folder (URDF, MJCF, GLB, meshes, page, previews, report); see
+        ``export.asset.save_asset``."""
         from uniart_jax.export.asset import save_asset
 
         return save_asset(self, folder, **options)
 
     def validate(self, **options) -> dict:
-        """Load the object, written as an asset, in the physics engines and drive its joints; see ``simulation.validate.validate``."""
+        """Load the object, written as an asset, in the physics engines and drive its joints; see
+        ``simulation.validate.validate``."""
         from uniart_jax.export.asset import save_asset
         from uniart_jax.simulation.validate import validate
 

@@ -1,7 +1,8 @@
-"""One motion of a part in PartNet-Mobility's two descriptions: carried into another frame, compared, put into words.
+"""One motion of a part in PartNet-Mobility's two descriptions: carried into another frame,
+compared, put into words.
 
-Two descriptions of one motion differ by a gauge: (direction, lo, hi) ~ (-direction, -hi, -lo), a turn's limits by whole turns, and the
-origin by any step along the axis.
+Two descriptions of one motion differ by a gauge: (direction, lo, hi) ~ (-direction, -hi, -lo), a
+turn's limits by whole turns, and the origin by any step along the axis.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ def moved(freedom: Freedom, matrix: np.ndarray) -> Freedom:
 
 
 def coordinate_at(freedom: Freedom, relative: np.ndarray) -> float | None:
-    """The coordinate at which a motion carries things by ``relative`` [4, 4]; None if it never does."""
+    """The coordinate at which a motion carries things by ``relative`` [4, 4]; None if it never
+    does."""
     axis = freedom.direction / np.linalg.norm(freedom.direction)
     motion = np.eye(4)
     if freedom.turns:
@@ -67,7 +69,8 @@ def snapped(end: float, turns: bool) -> float:
 
 
 def near_zero(freedom: Freedom) -> Freedom:
-    """A turn's limits less the whole turns that keep them from holding 0, or keep them farthest from it."""
+    """A turn's limits less the whole turns that keep them from holding 0, or keep them farthest
+    from it."""
     if not freedom.turns or not np.isfinite(freedom.hi - freedom.lo):
         return freedom
     if freedom.lo <= 1e-9 and freedom.hi >= -1e-9:

@@ -1,24 +1,30 @@
-"""PartNet-Mobility's two descriptions of the joints of one object, brought together: the JSON's are put into the URDF's robot.
+"""PartNet-Mobility's two descriptions of the joints of one object, brought together: the JSON's are
+put into the URDF's robot.
 
-**Which part is which link.** ``link_k`` is the k-th part of ``mobility_v2.json`` that is not ``junk``: the URDF leaves junk out and closes the
-ranks, so ids differ behind it. (Compared by the meshes that PartNet's ``result.json`` gives each part, in 472 folders of two hosts:
-1,615 of 1,619 links with such a part's number hold only its meshes, and where id and rank differ it is always the rank.) A hinge whose link a host has
-renamed is found by its line.
+**Which part is which link.** ``link_k`` is the k-th part of ``mobility_v2.json`` that is not
+``junk``: the URDF leaves junk out and closes the ranks, so ids differ behind it. (Compared by the
+meshes that PartNet's ``result.json`` gives each part, in 472 folders of two hosts: 1,615 of 1,619
+links with such a part's number hold only its meshes, and where id and rank differ it is always the
+rank.) A hinge whose link a host has renamed is found by its line.
 
-**Frames.** The JSON's axes are in the raw frame (y up) of the object's OBJ files. A link's visuals carry its OBJs into the world by one matrix P, so
-the part's axis in the world is P times the JSON's, wherever the URDF puts the part: this is the base joint's turn in an
-unedited URDF, and holds where a host has moved, scaled or turned things. No shape is moved. If the host has moved the part along its own joint (a drawer
-modelled open, pushed in), the limits are counted from where it stands:
+**Frames.** The JSON's axes are in the raw frame (y up) of the object's OBJ files. A link's visuals
+carry its OBJs into the world by one matrix P, so the part's axis in the world is P times the
+JSON's, wherever the URDF puts the part: this is the base joint's turn in an unedited URDF, and
+holds where a host has moved, scaled or turned things. No shape is moved. If the host has moved the
+part along its own joint (a drawer modelled open, pushed in), the limits are counted from where it
+stands:
 
     lo, hi  <-  lo - s, hi - s        R = P_parent^-1 P = the joint's motion by s
 
-**Whole turns.** Some limits lie a turn or more away from 0 (-516 to -337 degrees). A turn by 2 pi is none: they are brought back to 0.
+**Whole turns.** Some limits lie a turn or more away from 0 (-516 to -337 degrees). A turn by 2 pi
+is none: they are brought back to 0.
 
-**What counts as a disagreement**, noted with both values, the JSON's used: another kind or number of motions, an axis that differs by more than
-half a degree or .002, limits by as much, once (direction, lo, hi) ~ (-direction, -hi, -lo) and whole turns are taken out; another parent.
+**What counts as a disagreement**, noted with both values, the JSON's used: another kind or number
+of motions, an axis that differs by more than half a degree or .002, limits by as much, once
+(direction, lo, hi) ~ (-direction, -hi, -lo) and whole turns are taken out; another parent.
 
-Links that the JSON does not know keep the URDF's joint, noted if it moves. Helper links without a shape, by which the URDF writes a
-slider that rotates, are replaced by our own.
+Links that the JSON does not know keep the URDF's joint, noted if it moves. Helper links without a
+shape, by which the URDF writes a slider that rotates, are replaced by our own.
 """
 
 from __future__ import annotations
@@ -68,10 +74,12 @@ class Node:
 
 
 def arbitrate(robot: Robot, nodes: list[Node]) -> None:
-    """Put the joints of ``mobility_v2.json`` into a robot read from the URDF; shapes stay where they are at joint coordinate 0.
+    """Put the joints of ``mobility_v2.json`` into a robot read from the URDF; shapes stay where
+    they are at joint coordinate 0.
 
     Args:
-      robot: changed in place; its links get the parts' names as labels, its notes take up every disagreement.
+      robot: changed in place; its links get the parts' names as labels, its notes take up every
+        disagreement.
       nodes: all parts, the parents of each among them.
     """
     frames = _frames_at_zero(robot)
@@ -114,16 +122,19 @@ class _Arbiter:
             self.link_of[node.id] = found[0]
         elif node.freedoms:
             self.notes.append(
-                f"{JSON}: '{node.name}' (id {node.id}, {node.kind}) has no link in the URDF; left out"
+                f"{JSON}: '{node.name}' (id {node.id}, {node.kind}) has no link in the URDF; left "
+                "out"
             )
 
     def world(self) -> np.ndarray:
-        """[4, 4] raw frame to world where no mesh tells it: the frame of the links that hang on the root."""
+        """[4, 4] raw frame to world where no mesh tells it: the frame of the links that hang on the
+        root."""
         below = [j.child for j in self.robot.joints if j.parent == self.top]
         return self.frames[below[0] if below else self.top]
 
     def placement(self, link: str) -> np.ndarray:
-        """[4, 4] similarity that carries the link's OBJs (raw frame) into the world; that of most of them, if they differ."""
+        """[4, 4] similarity that carries the link's OBJs (raw frame) into the world; that of most
+        of them, if they differ."""
         found: dict[tuple, np.ndarray] = {}
         votes: collections.Counter = collections.Counter()
         for shape in self.robot.links[link].visuals:
@@ -139,7 +150,8 @@ class _Arbiter:
         return self.placement(parent) if parent else self.world()
 
     def rebuild(self) -> None:
-        """New joints for every link that a part is known for, in new frames whose origins lie on the axes."""
+        """New joints for every link that a part is known for, in new frames whose origins lie on
+        the axes."""
         robot, frames = self.robot, dict(self.frames)
         plan: list[tuple[RawJoint, tuple[Freedom, ...]]] = []
         for link in robot.links:
@@ -174,7 +186,8 @@ class _Arbiter:
     def _append(
         self, joint: RawJoint, freedoms: tuple[Freedom, ...], frames: dict[str, np.ndarray]
     ) -> None:
-        """A joint with the given freedoms, the first one nearest the parent; as it is if there are none."""
+        """A joint with the given freedoms, the first one nearest the parent; as it is if there are
+        none."""
         frame = frames[joint.child]
         joint.origin = np.linalg.inv(frames[joint.parent]) @ frame
         for number, freedom in enumerate(freedoms, start=1):
@@ -217,14 +230,16 @@ class _Arbiter:
                 del self.robot.links[name]
 
     def _parent(self, link: str, node: Node) -> str | None:
-        """The link that a part hangs on: the JSON's, by way of links with a shape that only the URDF knows; None for the root."""
+        """The link that a part hangs on: the JSON's, by way of links with a shape that only the
+        URDF knows; None for the root."""
         if node.parent == -1:
             return None if link == self.top or self.top in self.node_of else self.top
         wanted = self.link_of.get(node.parent)
         theirs = self._climb(link, lambda n: n in self.node_of)
         if wanted is not None and wanted != theirs:
             self.notes.append(
-                f"link '{link}': on {_quoted(theirs)} in the URDF, on '{wanted}' in {JSON}; the latter is used"
+                f"link '{link}': on {_quoted(theirs)} in the URDF, on '{wanted}' in {JSON}; the "
+                "latter is used"
             )
             return wanted
         links = self.robot.links
@@ -256,7 +271,8 @@ class _Arbiter:
         return tuple(near_zero(moved(f, placed)) for f in node.freedoms)
 
     def _pushed(self, link: str, node: Node, relative: np.ndarray) -> Node:
-        """The part with limits counted from where the URDF shows it, if that lies on its joint's way."""
+        """The part with limits counted from where the URDF shows it, if that lies on its joint's
+        way."""
         freedoms = list(node.freedoms)
         for i, freedom in enumerate(freedoms):
             s = coordinate_at(freedom, relative)
@@ -265,7 +281,8 @@ class _Arbiter:
                 freedoms[i] = dataclasses.replace(freedom, lo=lo, hi=hi)
                 shown = f"{np.rad2deg(s):.4g} degrees" if freedom.turns else f"{s:.4g}"
                 self.notes.append(
-                    f"link '{link}': the URDF shows it at {shown} of {JSON}'s joint; limits are counted from there"
+                    f"link '{link}': the URDF shows it at {shown} of {JSON}'s joint; limits are "
+                    "counted from there"
                 )
                 return dataclasses.replace(node, freedoms=tuple(freedoms))
         self.notes.append(
@@ -304,14 +321,16 @@ class _Arbiter:
         if not same:
             said = "a root" if node.parent == -1 else described(ours)
             self.notes.append(
-                f"joint '{name}': {described(theirs)} in the URDF, {said} in {JSON}; the latter is used"
+                f"joint '{name}': {described(theirs)} in the URDF, {said} in {JSON}; the latter is "
+                "used"
             )
         elif not all(agree(f, t) for f, t in zip(ours, theirs, strict=True)):
             angle, distance = max(
                 (between(f, t) for f, t in zip(ours, theirs, strict=True)), key=max
             )
             self.notes.append(
-                f"joint '{name}': its axis in the URDF is {angle:.3g} degrees and {distance:.3g} off that in {JSON}; the latter is used"
+                f"joint '{name}': its axis in the URDF is {angle:.3g} degrees and {distance:.3g} "
+                f"off that in {JSON}; the latter is used"
             )
 
     def _note_kept(self, joint: RawJoint, node: Node | None) -> None:
@@ -324,7 +343,8 @@ class _Arbiter:
         bare = not links[joint.child].visuals and not links[joint.child].collisions
         if joint.type in MOVING and not bare:
             self.notes.append(
-                f"joint '{joint.name}': {JSON} does not know link '{joint.child}'; the URDF's joint is used"
+                f"joint '{joint.name}': {JSON} does not know link '{joint.child}'; the URDF's "
+                "joint is used"
             )
 
 

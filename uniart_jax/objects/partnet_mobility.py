@@ -1,4 +1,5 @@
-"""A PartNet-Mobility folder: ``mobility.urdf`` for the shapes, ``mobility_v2.json`` for the joints, ``meta.json`` for the category.
+"""A PartNet-Mobility folder: ``mobility.urdf`` for the shapes, ``mobility_v2.json`` for the joints,
+``meta.json`` for the category.
 
     from which file              what
     mobility.urdf                links, their meshes, where these stand with every joint at 0; parents that the JSON cannot tell
@@ -7,8 +8,9 @@
     the folder's name            ``ArticulatedObject.name``; the URDF's is a hash
     semantics.txt, result*.json, bounding_box.json       not read: no label reaches a network, and the meshes tell the box
 
-``mobility_v2.json`` is a list of ``{id, parent, joint, name, parts, jointData}``; the annotators wrote it, and the URDF was made from it. Hosts
-other than SAPIEN edit the URDF (joints made fixed, narrower limits, an axis left at the origin) and leave the JSON alone.
+``mobility_v2.json`` is a list of ``{id, parent, joint, name, parts, jointData}``; the annotators
+wrote it, and the URDF was made from it. Hosts other than SAPIEN edit the URDF (joints made fixed,
+narrower limits, an axis left at the origin) and leave the JSON alone.
 
     joint                                jointData.limit                                  is read as
     hinge                                a, b: degrees, either order                      a turn between them
@@ -20,9 +22,10 @@ other than SAPIEN edit the URDF (joints made fixed, narrower limits, an axis lef
     static, free, heavy, fixed, junk     (ignored)                                        the root; held fixed to its parent if it has one
     (any other)                          (ignored)                                        the URDF's joint, noted
 
-A joint comes whole from one file, since a and b belong to the JSON's direction and the URDF flips the axis where a > b: with a
-null or zero direction, or limits that are absent or no limits, the URDF's joint is used as it stands, and that is noted.
-"""
+A joint comes whole from one file, since a and b belong to the JSON's direction and the URDF flips
+the axis where a > b: with a null or zero direction, or limits that are absent or no limits, the
+URDF's joint is used as it stands, and that is noted.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -56,14 +59,16 @@ def read_partnet(data: bytes, path: Path, files: AssetFiles) -> Robot:
       files: of its folder.
 
     Raises:
-      ValueError: the URDF cannot be read, or ``mobility_v2.json`` is malformed or lies outside the folder; one line.
+      ValueError: the URDF cannot be read, or ``mobility_v2.json`` is malformed or lies outside the
+        folder; one line.
     """
     robot = read_robot(data)
     nodes = _nodes(_json(files, JOINTS))
     backwards = [f"'{n.name}' (id {n.id})" for n in nodes if n.backwards]
     if backwards:
         robot.notes.append(
-            f"{JOINTS}: limits that run from a to a smaller b were put in order: {', '.join(backwards)}"
+            f"{JOINTS}: limits that run from a to a smaller b were put in order: "
+            f"{', '.join(backwards)}"
         )
     arbitrate(robot, nodes)
     robot.name, robot.radians = files.root.name, True
@@ -185,7 +190,8 @@ def _dict(value, where: str) -> dict:
 
 
 def _flag(value) -> bool | None:
-    """Whether something is set, written as true or 1; None if it is neither that nor false, 0, null or absent."""
+    """Whether something is set, written as true or 1; None if it is neither that nor false, 0, null
+    or absent."""
     if value is None or (isinstance(value, int) and value in (0, 1)):
         return bool(value)
     return None

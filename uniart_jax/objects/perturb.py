@@ -1,25 +1,29 @@
-"""Perturbed objects: parts of other sizes and other colours, with joints that still fit (the paper's "random perturbations in part geometry"); and random joints.
+"""Perturbed objects: parts of other sizes and other colours, with joints that still fit (the
+paper's "random perturbations in part geometry"); and random joints.
 
-**Sizes.** A factor a part and axis, F_k = diag(f_x, f_y, f_z), stretches part k *and all that it carries* about the part's anchor a_k. So a
-material point x of part k goes to
+**Sizes.** A factor a part and axis, F_k = diag(f_x, f_y, f_z), stretches part k *and all that it
+carries* about the part's anchor a_k. So a material point x of part k goes to
 
     A_k(x) = A_parent(a_k) + S_k (x - a_k),     S_k = S_parent F_k;     the root: A(x) = a + F (x - a)          (1)
 
-Where a part turns, a_k is the point of its axis nearest to the centre of its own box: both sides of the hinge agree there, and so all along the axis.
-Elsewhere (fixed, pure travel, whose line is arbitrary) a_k is the point of the parent's own box nearest to that centre, about where the two touch.
-Axes keep their directions, angles stay, travel grows by S_k along the axis. Hence the factor of the root alone stretches the whole object, and one of a
-door its handle as well.
+Where a part turns, a_k is the point of its axis nearest to the centre of its own box: both sides of
+the hinge agree there, and so all along the axis. Elsewhere (fixed, pure travel, whose line is
+arbitrary) a_k is the point of the parent's own box nearest to that centre, about where the two
+touch. Axes keep their directions, angles stay, travel grows by S_k along the axis. Hence the factor
+of the root alone stretches the whole object, and one of a door its handle as well.
 
-An axis keeps its direction only if all its components are stretched alike: |S d - (d . S d) d| = 0. ``part_factors`` draws only such factors, uniform for
-a part with a crooked joint anywhere below it, and keeps what turns more than half a turn round: wheels, knobs, caps.
-Meant for the rest state, where what a joint turns stands along the object's axes; elsewhere uneven factors shear it.
+An axis keeps its direction only if all its components are stretched alike: |S d - (d . S d) d| = 0.
+``part_factors`` draws only such factors, uniform for a part with a crooked joint anywhere below it,
+and keeps what turns more than half a turn round: wheels, knobs, caps. Meant for the rest state,
+where what a joint turns stands along the object's axes; elsewhere uneven factors shear it.
 
 **Colours.** A gain a part and channel multiplies linear RGB, clipped at 1.
 
-**Joints.** ``draw_joint``: any screw that a part of that box could have, whatever its mesh says. For a network that has to pass joints on, not to find them.
+**Joints.** ``draw_joint``: any screw that a part of that box could have, whatever its mesh says.
+For a network that has to pass joints on, not to find them.
 
 The same on joint codes and on records: ``data.augment``.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -41,7 +45,8 @@ def scale_parts(obj: ArticulatedObject, factors: np.ndarray) -> ArticulatedObjec
 
     Args:
       obj: best at its rest state.
-      factors: [K] or, along the object's axes, [K, 3]; each counts for all that its part carries. All above 0.
+      factors: [K] or, along the object's axes, [K, 3]; each counts for all that its part carries.
+        All above 0.
 
     Raises:
       ValueError: wrong shape, a factor that is not above 0, or an axis that factors would turn.
@@ -76,7 +81,8 @@ def material_maps(
     """Equation (1) as A_k(x) = stretch_k * x + shift_k.
 
     Args:
-      anchors: [K, 3] a_k. parents: [K], parents first; the root is its own parent or has -1. factors: [K, 3].
+      anchors: [K, 3] a_k. parents: [K], parents first; the root is its own parent or has -1.
+        factors: [K, 3].
 
     Returns:
       stretch [K, 3], shift [K, 3].
@@ -92,7 +98,8 @@ def material_maps(
 
 
 def touching_point(box: np.ndarray, parent_box: np.ndarray) -> np.ndarray:
-    """[3] the point of the parent's box that is nearest to the centre of a part's box; both [6] centre and size."""
+    """[3] the point of the parent's box that is nearest to the centre of a part's box; both [6]
+    centre and size."""
     half = parent_box[3:] / 2
     return np.clip(box[:3], parent_box[:3] - half, parent_box[:3] + half)
 
@@ -105,14 +112,17 @@ def checked_factors(factors: np.ndarray, count: int) -> np.ndarray:
     """
     factors = np.asarray(factors, np.float64)
     if factors.shape not in ((count,), (count, 3)):
-        raise ValueError(f"perturb: expected factors of shape ({count},) or ({count}, 3), got {factors.shape}")  # fmt: skip
+        raise ValueError(
+            f"perturb: expected factors of shape ({count},) or ({count}, 3), got {factors.shape}"
+        )
     if not np.all(np.isfinite(factors) & (factors > 0)):
         raise ValueError("perturb: factors must be finite numbers above 0")
     return np.tile(factors[:, None], (1, 3)) if factors.ndim == 1 else factors
 
 
 def part_factors(obj: ArticulatedObject, rng: np.random.Generator, strength: float) -> np.ndarray:
-    """[K, 3] random factors for ``scale_parts``, log-uniform from 1 / (1 + strength) to 1 + strength, equal where axes are tied (module docstring)."""
+    """[K, 3] random factors for ``scale_parts``, log-uniform from 1 / (1 + strength) to 1 +
+    strength, equal where axes are tied (module docstring)."""
     count = len(obj.parts)
     tied = np.zeros((count, 3), bool)  # pairs of axes yz, xz, xy: pair i leaves out axis i
     for k in reversed(range(count)):
@@ -136,16 +146,20 @@ def part_factors(obj: ArticulatedObject, rng: np.random.Generator, strength: flo
 
 
 def color_gains(count: int, rng: np.random.Generator, strength: float) -> np.ndarray:
-    """[count, 3] random gains for ``recolor_parts``: a part's brightness times a factor a channel, each log-uniform from 1 / (1 + strength) to 1 + strength."""
+    """[count, 3] random gains for ``recolor_parts``: a part's brightness times a factor a channel,
+    each log-uniform from 1 / (1 + strength) to 1 + strength."""
     logs = rng.uniform(-1, 1, (count, 1)) + rng.uniform(-1, 1, (count, 3))
     return np.exp(np.log1p(strength) * logs)
 
 
 def recolor_parts(obj: ArticulatedObject, gains: np.ndarray) -> ArticulatedObject:
-    """The object with the linear RGB of part k multiplied by ``gains[k]`` ([K, 3]) and clipped to [0, 1]; its geometry is the same arrays' content."""
+    """The object with the linear RGB of part k multiplied by ``gains[k]`` ([K, 3]) and clipped to
+    [0, 1]; its geometry is the same arrays' content."""
     gains = np.asarray(gains)
     if gains.shape != (len(obj.parts), 3):
-        raise ValueError(f"perturb: expected gains of shape ({len(obj.parts)}, 3), got {gains.shape}")  # fmt: skip
+        raise ValueError(
+            f"perturb: expected gains of shape ({len(obj.parts)}, 3), got {gains.shape}"
+        )
     parts = [
         dataclasses.replace(part, mesh=recolored(part.mesh, gain))
         for part, gain in zip(obj.parts, gains, strict=True)
@@ -154,10 +168,12 @@ def recolor_parts(obj: ArticulatedObject, gains: np.ndarray) -> ArticulatedObjec
 
 
 def draw_joint(box: np.ndarray, rng: np.random.Generator) -> Joint:
-    """A random joint of a part with that own box [6] (centre and size): each type equally likely, one axis in two along x, y or z, else uniform over
-    directions, through a point of the box enlarged by a fifth; where it has limits, the shown state is at one of them four times in five.
+    """A random joint of a part with that own box [6] (centre and size): each type equally likely,
+    one axis in two along x, y or z, else uniform over directions, through a point of the box
+    enlarged by a fifth; where it has limits, the shown state is at one of them four times in five.
 
-    Spans are log-uniform: revolute 10 to 350 degrees, travel .03 to .8 object units; a screw turns a fourth of a turn to three turns and travels .02 to .5, either way.
+    Spans are log-uniform: revolute 10 to 350 degrees, travel .03 to .8 object units; a screw turns
+    a fourth of a turn to three turns and travels .02 to .5, either way.
     """
     kind = JOINT_TYPES[rng.integers(len(JOINT_TYPES))]
     if kind == "fixed":
@@ -194,4 +210,7 @@ def _check_axis(name: str, direction: np.ndarray, stretch: np.ndarray) -> None:
     turned = stretch * direction
     turned = turned - (turned @ direction) * direction
     if np.linalg.norm(turned) > CROOKED * stretch.max():
-        raise ValueError(f"perturb: part '{name}': its axis {np.round(direction, 4).tolist()} would be turned by uneven factors; use equal ones")  # fmt: skip
+        raise ValueError(
+            f"perturb: part '{name}': its axis {np.round(direction, 4).tolist()} would be turned "
+            "by uneven factors; use equal ones"
+        )

@@ -1,7 +1,10 @@
-"""What every description of an articulated object comes down to: links with shapes, joints between them; and the object they make.
+"""What every description of an articulated object comes down to: links with shapes, joints between
+them; and the object they make.
 
-A reader (``urdf_read``, ``partnet_mobility``, ``mjcf``, ``singapo``) fills a ``Robot`` and trusts nothing; ``robot_mesh`` loads the shapes
-without leaving the asset's folder, ``robot_tree`` with ``robot_motion`` make one tree with one screw an edge, ``robot_object`` the object. Every repair is one line of ``Robot.notes``.
+A reader (``urdf_read``, ``partnet_mobility``, ``mjcf``, ``singapo``) fills a ``Robot`` and trusts
+nothing; ``robot_mesh`` loads the shapes without leaving the asset's folder, ``robot_tree`` with
+``robot_motion`` make one tree with one screw an edge, ``robot_object`` the object. Every repair is
+one line of ``Robot.notes``.
 """
 
 from __future__ import annotations
@@ -19,7 +22,8 @@ REFUSED = ("planar", "floating", "spherical")
 
 @dataclasses.dataclass
 class Geometry:
-    """A visual or collision shape: a mesh file, a loaded mesh or a primitive in its link's frame."""
+    """A visual or collision shape: a mesh file, a loaded mesh or a primitive in its link's
+    frame."""
 
     kind: str  # mesh, box, cylinder, sphere or capsule
     size: np.ndarray  # box: 3 sides; cylinder, capsule: radius, length; sphere: radius; mesh: scale

@@ -1,11 +1,12 @@
-"""The meshes that a description names: found without leaving the asset's folder, loaded, coloured, one per link.
+"""The meshes that a description names: found without leaving the asset's folder, loaded, coloured,
+one per link.
 
 **What may be read.** An asset's root is the folder of its description. A file is read if its real
 path (symbolic links followed) lies under the root, or under a folder that the caller names
 (``within``: a folder of assets that share meshes), or if the caller passed
 ``allow_outside``; the same holds for the MTLs, textures and buffers that a mesh names.
-trimesh 5 reads side files only from the mesh's own folder and drops others without a word; PartNet-Mobility's textures
-lie in ``../images``, hence a resolver of our own.
+trimesh 5 reads side files only from the mesh's own folder and drops others without a word;
+PartNet-Mobility's textures lie in ``../images``, hence a resolver of our own.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ IMAGE_ERRORS = (OSError, ValueError, SyntaxError, Image.DecompressionBombError)
 
 
 class RefusedError(ValueError):
-    """A file that is not read on purpose: it lies outside the asset's folder, on a network, or is too large."""
+    """A file that is not read on purpose: it lies outside the asset's folder, on a network, or is
+    too large."""
 
 
 class AssetFiles:
@@ -67,10 +69,11 @@ class AssetFiles:
         )
 
     def find(self, uri: str) -> Path:
-        """The file that a description's ``filename`` means: a path relative to it, absolute, ``file://`` or ``package://``.
+        """The file that a description's ``filename`` means: a path relative to it, absolute,
+        ``file://`` or ``package://``.
 
-        A package's root is not known: ``package://NAME/REST`` is looked up as REST and NAME/REST under the asset's folder, then
-        (``allow_outside``) beside every folder above it.
+        A package's root is not known: ``package://NAME/REST`` is looked up as REST and NAME/REST
+        under the asset's folder, then (``allow_outside``) beside every folder above it.
 
         Raises:
           RefusedError: it exists or would exist outside the asset's folder.
@@ -91,7 +94,8 @@ class AssetFiles:
                     return candidate.resolve()
         if outside:
             raise RefusedError(
-                f"'{uri}' lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
+                f"'{uri}' lies outside the asset's folder; allow_outside=True (--allow-outside) "
+                "reads it"
             )
         hint = " (allow_outside=True, --allow-outside, looks above the folder too)"
         hint = hint if package and not self.allow_outside else ""
@@ -115,7 +119,8 @@ class AssetFiles:
         """The meshes of a file in its own frame (a new list; treat the meshes as read-only).
 
         Raises:
-          ValueError: not a mesh, empty, too large, or of an unknown format; without the file's name.
+          ValueError: not a mesh, empty, too large, or of an unknown format; without the file's
+            name.
         """
         if path not in self._cache:
             self._cache[path] = self._load(path)
@@ -181,7 +186,8 @@ class AssetFiles:
         return [m.copy().apply_scale(unit) for m in meshes] if unit != 1 else meshes
 
     def _sound(self, mesh: trimesh.Trimesh, path: Path) -> trimesh.Trimesh:
-        """Without faces that touch a non-finite or absent vertex; textures in memory; colours sRGB."""
+        """Without faces that touch a non-finite or absent vertex; textures in memory; colours
+        sRGB."""
         faces = np.asarray(mesh.faces)
         good = np.all((faces >= 0) & (faces < len(mesh.vertices)), axis=1)
         finite = np.isfinite(mesh.vertices).all(1)
@@ -228,7 +234,8 @@ class AssetFiles:
 
 
 class _Resolver(FilePathResolver):
-    """trimesh's resolver with the asset's root, not the mesh's folder, as its fence; it remembers what it could not give."""
+    """trimesh's resolver with the asset's root, not the mesh's folder, as its fence; it remembers
+    what it could not give."""
 
     def __init__(self, path: Path, files: AssetFiles):
         super().__init__(str(path))
@@ -266,7 +273,8 @@ class _Resolver(FilePathResolver):
                 Image.open(io.BytesIO(data), formats=image_formats())
             except IMAGE_ERRORS:  # trimesh would drop it without a word
                 self.files.note(
-                    f"mesh '{Path(self.clean).name}': its file '{name.strip()}' is not an image that can be read"
+                    f"mesh '{Path(self.clean).name}': its file '{name.strip()}' is not an image "
+                    "that can be read"
                 )
         return data
 
@@ -305,7 +313,8 @@ def _checked(material, kind: str) -> tuple[PBRMaterial | SimpleMaterial, str]:
 
 
 def _is_blank(material) -> bool:
-    """Whether trimesh made the material up: a gray image of four pixels stands for "UVs but no material"."""
+    """Whether trimesh made the material up: a gray image of four pixels stands for "UVs but no
+    material"."""
     blank = empty_material().image
     image = getattr(material, "image", None)
     return image is not None and image.size == blank.size and image.tobytes() == blank.tobytes()
@@ -320,13 +329,15 @@ def _unit(scene: trimesh.Scene) -> float:
 
 
 def link_mesh(link: Link, files: AssetFiles, notes: list[str]) -> trimesh.Trimesh | None:
-    """All visuals of a link as one mesh in the link's frame, colours kept; None for a link that has no geometry at all.
+    """All visuals of a link as one mesh in the link's frame, colours kept; None for a link that has
+    no geometry at all.
 
-    A mesh file that is missing or broken is left out (noted) if other geometry remains. A link whose visuals are all lost, or
-    that has none, is shown by its collision geometry (noted).
+    A mesh file that is missing or broken is left out (noted) if other geometry remains. A link
+    whose visuals are all lost, or that has none, is shown by its collision geometry (noted).
 
     Raises:
-      ValueError: nothing remains of a link that should be seen, or a file outside the asset's folder; it names both.
+      ValueError: nothing remains of a link that should be seen, or a file outside the asset's
+        folder; it names both.
     """
     lost: list[str] = []
     for tag, shapes in (("visual", link.visuals), ("collision", link.collisions)):
@@ -377,7 +388,8 @@ def _pieces(shape: Geometry, files: AssetFiles) -> list[trimesh.Trimesh]:
 
 
 def primitive(shape: Geometry) -> trimesh.Trimesh:
-    """A box, sphere, cylinder or capsule (its length without the caps, along z) about its own origin."""
+    """A box, sphere, cylinder or capsule (its length without the caps, along z) about its own
+    origin."""
     if shape.kind == "box":
         return trimesh.creation.box(extents=shape.size)
     if shape.kind == "sphere":
@@ -388,7 +400,8 @@ def primitive(shape: Geometry) -> trimesh.Trimesh:
 
 
 def _paint(mesh: trimesh.Trimesh, shape: Geometry, files: AssetFiles) -> None:
-    """A mesh's own texture or vertex colours win, then the description's material, then the mesh's plain colour (as in RViz)."""
+    """A mesh's own texture or vertex colours win, then the description's material, then the mesh's
+    plain colour (as in RViz)."""
     visual = mesh.visual
     uv = visual.uv if isinstance(visual, TextureVisuals) else None
     if isinstance(visual, TextureVisuals):

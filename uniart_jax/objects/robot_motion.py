@@ -1,8 +1,9 @@
 """What a robot's joints do: sane limits, and the joints on one edge of the tree, each a screw.
 
-An edge is a chain of joints through links without a mesh. Joints coupled by ``<mimic>`` add up, so a revolute and a prismatic joint
-along one line are a screw (that is how ``write_urdf`` writes them). Those that are independent stay so: the one with the largest
-motion is the part's ``joint``, the others are its ``outer`` and ``inner`` ones.
+An edge is a chain of joints through links without a mesh. Joints coupled by ``<mimic>`` add up, so
+a revolute and a prismatic joint along one line are a screw (that is how ``write_urdf`` writes
+them). Those that are independent stay so: the one with the largest motion is the part's ``joint``,
+the others are its ``outer`` and ``inner`` ones.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ UNLIMITED_FROM = 1e6  # radians, metres: files write 1e16 or the largest float f
 
 @dataclasses.dataclass
 class Edge:
-    """A moving joint at the shown state. Its coordinate is ``rate`` times that of ``driver`` (mimic), itself otherwise."""
+    """A moving joint at the shown state. Its coordinate is ``rate`` times that of ``driver``
+    (mimic), itself otherwise."""
 
     raw: RawJoint
     origin: np.ndarray  # world
@@ -35,7 +37,8 @@ class Edge:
 
 @dataclasses.dataclass
 class Motion:
-    """One degree of freedom of an edge: per unit of its coordinate in [lo, hi], so much angle and travel along one direction."""
+    """One degree of freedom of an edge: per unit of its coordinate in [lo, hi], so much angle and
+    travel along one direction."""
 
     names: list[str]
     origin: np.ndarray
@@ -50,7 +53,8 @@ class Motion:
         return bool(np.isfinite(self.lo) and np.isfinite(self.hi))
 
     def spans(self) -> tuple[np.ndarray, np.ndarray]:
-        """(angle, travel) at both ends; the rotation is positive along ``direction``, or the travel if it does not rotate."""
+        """(angle, travel) at both ends; the rotation is positive along ``direction``, or the travel
+        if it does not rotate."""
         ends = np.array([self.lo, self.hi])
         return ends * self.angle, ends * self.travel
 
@@ -86,7 +90,8 @@ def joints_of(
     for entry in chain:
         if isinstance(entry, RawJoint):
             raise ValueError(
-                f"joint '{entry.name}' is {entry.type}: one rotation and one travel about a line are all a joint can do"
+                f"joint '{entry.name}' is {entry.type}: one rotation and one travel about a line "
+                "are all a joint can do"
             )
     edges = [e for e in chain if isinstance(e, Edge)]
     motions = _motions(name, edges, mesh, notes) if edges else []
@@ -99,8 +104,8 @@ def joints_of(
     if len(made) > 1:
         names = [n for _, motion in made for n in motion.names]
         notes.append(
-            f"joints {_quoted(names)} of link '{name}' move it independently; all are kept, and its "
-            f"state is that of {_quoted(made[first][1].names)}"
+            f"joints {_quoted(names)} of link '{name}' move it independently; all are kept, and "
+            f"its state is that of {_quoted(made[first][1].names)}"
         )
     return Joints(joints[first], joints[:first], joints[first + 1 :])
 
@@ -151,7 +156,8 @@ def _motions(name: str, edges: list[Edge], mesh: trimesh.Trimesh, notes: list[st
         if edge.driver not in inside:  # it mimics a joint of another edge
             if edge.driver != edge.raw.name:
                 notes.append(
-                    f"joint '{edge.raw.name}': it mimics '{edge.driver}' of another link; read as independent"
+                    f"joint '{edge.raw.name}': it mimics '{edge.driver}' of another link; read as "
+                    "independent"
                 )
             edge = dataclasses.replace(edge, driver=edge.raw.name, rate=1.0)
         groups.setdefault(edge.driver, []).append(edge)
@@ -164,8 +170,8 @@ def _motions(name: str, edges: list[Edge], mesh: trimesh.Trimesh, notes: list[st
     if screw is None:
         return motions
     notes.append(
-        f"joints {_quoted(screw.names)} of link '{name}' turn more than once and travel independently; "
-        "lowered to one proportional screw"
+        f"joints {_quoted(screw.names)} of link '{name}' turn more than once and travel "
+        "independently; lowered to one proportional screw"
     )
     return [screw]
 
@@ -193,7 +199,8 @@ def _largest(motions: list[Motion], mesh: trimesh.Trimesh, notes: list[str]) -> 
 
 
 def _coupled(edges: list[Edge], mesh: trimesh.Trimesh, notes: list[str]) -> Motion:
-    """Joints driven by one coordinate (mimic) as one motion: a sum of parallel rotations and of travels."""
+    """Joints driven by one coordinate (mimic) as one motion: a sum of parallel rotations and of
+    travels."""
     lo, hi = _range([e for e in edges if e.raw.name == e.driver] or edges)
     if not np.isfinite(hi - lo):  # a continuous driver: the followers' limits hold it
         lo, hi = _range(edges)
@@ -292,7 +299,8 @@ def _reach(motion: Motion, mesh: trimesh.Trimesh) -> float:
 
 
 def drivers(robot: Robot) -> dict[str, tuple[str, float]]:
-    """Joint -> (joint that drives it, multiplier), through chains of mimics; itself and 1 for all others."""
+    """Joint -> (joint that drives it, multiplier), through chains of mimics; itself and 1 for all
+    others."""
     by_name = {j.name: j for j in reversed(robot.joints)}
     found = {}
     for joint in robot.joints:
@@ -329,14 +337,16 @@ def coordinates(robot: Robot) -> tuple[dict[str, float], dict[str, tuple[float, 
             source, multiplier, offset = joint.mimic
             if driven[joint.name][0] == joint.name:
                 robot.notes.append(
-                    f"joint '{joint.name}': it mimics '{source}', which cannot drive it; read as independent"
+                    f"joint '{joint.name}': it mimics '{source}', which cannot drive it; read as "
+                    "independent"
                 )
             else:
                 wanted = multiplier * show(by_name[source]) + offset
         shown[joint.name] = float(np.clip(wanted, lo, hi))
         if abs(shown[joint.name] - wanted) > 1e-9:
             robot.notes.append(
-                f"joint '{joint.name}': its limits ({lo:.4g}, {hi:.4g}) exclude {wanted:.4g}; shown at {shown[joint.name]:.4g}"
+                f"joint '{joint.name}': its limits ({lo:.4g}, {hi:.4g}) exclude {wanted:.4g}; "
+                f"shown at {shown[joint.name]:.4g}"
             )
         return shown[joint.name]
 
@@ -391,7 +401,8 @@ def _unlimited(joint: RawJoint, lo: float, hi: float, notes: list[str]) -> tuple
 
 
 def _turns_a_screw(joint: RawJoint, by_name: dict[str, RawJoint]) -> bool:
-    """Whether a prismatic joint mimics this revolute one, or is mimicked by it: a cap may well turn many times."""
+    """Whether a prismatic joint mimics this revolute one, or is mimicked by it: a cap may well turn
+    many times."""
     if joint.mimic and joint.mimic[0] in by_name and by_name[joint.mimic[0]].type == "prismatic":
         return True
     return any(

@@ -23,7 +23,8 @@ _LOST = re.compile(r"is missing|left out|not read|cannot be read|outside the ass
 
 
 def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject:
-    """The object that a robot's links and joints make, in the robot's world frame and units at the shown state.
+    """The object that a robot's links and joints make, in the robot's world frame and units at the
+    shown state.
 
     Args:
       files: where its meshes may be read.
@@ -41,7 +42,8 @@ def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject
             meshes[link.name], removed[link.name] = single_sided(mesh)
     if doubled := [f"'{name}'" for name, count in removed.items() if count]:
         robot.notes.append(
-            f"{sum(removed.values())} faces exist twice, back to back or repeated, in links {', '.join(doubled)}: the outer ones were kept"
+            f"{sum(removed.values())} faces exist twice, back to back or repeated, in links "
+            f"{', '.join(doubled)}: the outer ones were kept"
         )
     tree = Tree(robot, {n: float(np.linalg.norm(m.extents)) for n, m in meshes.items()})
     moved = {n: moved_mesh(meshes[n], tree.placed[n]) for n in tree.names}
@@ -64,7 +66,8 @@ def make_object(robot: Robot, files: AssetFiles, name: str) -> ArticulatedObject
 def _named(
     parts: list[Part], name: str, category: str, notes: list[str]
 ) -> tuple[list[Part], str, str]:
-    """Parts, the object's name and its category with names that any file can hold; one note tells of all that were changed."""
+    """Parts, the object's name and its category with names that any file can hold; one note tells
+    of all that were changed."""
     given = [p.name for p in parts]
     fresh = Numbered(n for n in given if clean(n) == n)
     names = [n if clean(n) == n else fresh(clean(n) or "part", MAX_NAME) for n in given]
@@ -74,7 +77,8 @@ def _named(
     changed = [f"'{new}'" for old, new in zip(before, after, strict=True) if old != new]
     if changed:
         notes.append(
-            f"names that were too long or held what cannot be printed were changed: {', '.join(dict.fromkeys(changed))}"
+            "names that were too long or held what cannot be printed were changed: "
+            f"{', '.join(dict.fromkeys(changed))}"
         )
     renamed = [
         dataclasses.replace(p, name=n, label=label)
@@ -90,7 +94,8 @@ def one_line(text: str) -> str:
 
 
 def lost_pieces(provenance: Sequence[str]) -> list[str]:
-    """Those repairs that tell of geometry or textures that are gone: such an object is incomplete."""
+    """Those repairs that tell of geometry or textures that are gone: such an object is
+    incomplete."""
     return [line for line in provenance if _tells_of_loss(line)]
 
 

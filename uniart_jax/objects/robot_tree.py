@@ -1,8 +1,9 @@
 """From the joints of a robot to one tree of links that have a mesh.
 
-Everything here happens at the *shown* state: a joint's coordinate is 0 there if its limits allow, else the nearest limit.
-Links are placed at that state first, so axes are lines in the robot's world frame, and collapsing a link that
-has no mesh never moves anything: an edge of the tree is then a chain of the robot's joints, which ``robot_motion`` lowers to one.
+Everything here happens at the *shown* state: a joint's coordinate is 0 there if its limits allow,
+else the nearest limit. Links are placed at that state first, so axes are lines in the robot's world
+frame, and collapsing a link that has no mesh never moves anything: an edge of the tree is then a
+chain of the robot's joints, which ``robot_motion`` lowers to one.
 """
 
 from __future__ import annotations
@@ -88,12 +89,14 @@ class Tree:
                     raise ValueError(f"joint '{joint.name}': there is no link '{link}'")
             if joint.child in seen:
                 raise ValueError(
-                    f"link '{joint.child}' has two parents: joints '{seen[joint.child]}' and '{joint.name}'"
+                    f"link '{joint.child}' has two parents: joints '{seen[joint.child]}' and "
+                    f"'{joint.name}'"
                 )
             seen[joint.child] = joint.name
 
     def _unattached(self, robot: Robot, joints: dict[str, RawJoint]) -> set[str]:
-        """Links of trees that hold no mesh beside the one that does; an error if several do or none remains."""
+        """Links of trees that hold no mesh beside the one that does; an error if several do or none
+        remains."""
         top: dict[str, str] = {}
         for name in robot.links:
             node, way = name, {}
@@ -109,20 +112,23 @@ class Tree:
             raise ValueError("no link has a mesh")
         if len(seen) > 1:
             raise ValueError(
-                f"two roots: links '{seen[0]}' and '{seen[1]}' are not joined; an object is one tree"
+                f"two roots: links '{seen[0]}' and '{seen[1]}' are not joined; an object is one "
+                "tree"
             )
         dropped = {n for n in robot.links if top[n] != seen[0]}
         if dropped:
             self.notes.append(
-                f"links without a mesh that no joint attaches were left out: {_listed(dropped, robot)}"
+                "links without a mesh that no joint attaches were left out: "
+                f"{_listed(dropped, robot)}"
             )
         return dropped
 
     def _collapse(self) -> None:
         """Take out every link without a mesh.
 
-        A fixed child takes its place and its joint; the other children hang on that child. Without one, its children hang on its
-        parent by longer chains; at the root, one child becomes the root.
+        A fixed child takes its place and its joint; the other children hang on that child. Without
+        one, its children hang on its parent by longer chains; at the root, one child becomes the
+        root.
         """
         gone: set[str] = set()
         place = {n: i for i, n in enumerate(self.names)}
@@ -144,7 +150,8 @@ class Tree:
                     or len(children) > 1
                 ):
                     self.notes.append(
-                        f"link '{name}' is the root and has no mesh: '{fixed}' is the root instead, joint {held} held fixed"
+                        f"link '{name}' is the root and has no mesh: '{fixed}' is the root "
+                        f"instead, joint {held} held fixed"
                     )
                 self.chains[fixed] = []
             for child in children:

@@ -1,16 +1,18 @@
 """Reading SINGAPO's and DIPO's ``object.json`` and CAGE's ``train.json``: PartNet-Mobility's
 objects as these projects distribute them, and what they generate.
 
-    {"meta": {"obj_cat"}, "diffuse_tree": [{"id", "parent" (-1: root), "name", "joint": {"type", "range": [0, r], "axis": {"origin", "direction"}},
-                                            "aabb": {"center", "size"}, "objs": [files], "plys": [files]}]}
+    {"meta": {"obj_cat"}, "diffuse_tree": [{"id", "parent" (-1: root), "name", "joint": {"type",
+    "range": [0, r], "axis": {"origin", "direction"}},
+                                            "aabb": {"center", "size"}, "objs": [files], "plys":
+                                              [files]}]}
 
-Everything stands in one frame at rest, y up and front +z; it is turned by PartNet-Mobility's base joint, rpy (pi/2, 0, -pi/2), to z up and front -x.
-Ranges are degrees (revolute) or lengths; a negative r opens the other way. A ``screw`` is PartNet-Mobility's slider that also rotates: its
-range is the travel, and how far it turns is not in the file (CAGE's preprocess.py drops it, both projects draw 45 degrees), so
-it is read as prismatic, noted. DIPO writes the
-same format, and the category "StroageFurniture" where it knows none.
-Meshes: ``objs`` have textures; where none of them is there, ``plys``, and CAGE's ``attach_objs``; a
-node that names none is its ``aabb``.
+Everything stands in one frame at rest, y up and front +z; it is turned by PartNet-Mobility's base
+joint, rpy (pi/2, 0, -pi/2), to z up and front -x. Ranges are degrees (revolute) or lengths; a
+negative r opens the other way. A ``screw`` is PartNet-Mobility's slider that also rotates: its
+range is the travel, and how far it turns is not in the file (CAGE's preprocess.py drops it, both
+projects draw 45 degrees), so it is read as prismatic, noted. DIPO writes the same format, and the
+category "StroageFurniture" where it knows none. Meshes: ``objs`` have textures; where none of them
+is there, ``plys``, and CAGE's ``attach_objs``; a node that names none is its ``aabb``.
 """
 
 from __future__ import annotations
@@ -37,7 +39,8 @@ def read_singapo(data: bytes, files: AssetFiles) -> Robot:
       files: where its meshes lie.
 
     Raises:
-      ValueError: not JSON, not this format, or a node that lacks what cannot be guessed; one line, without the file's name.
+      ValueError: not JSON, not this format, or a node that lacks what cannot be guessed; one line,
+        without the file's name.
     """
     document = parse_json(data, "the file", MAX_BYTES)
     nodes = document.get("diffuse_tree") if isinstance(document, dict) else None
@@ -132,7 +135,8 @@ def _joint_of(node: dict, name: str) -> tuple[dict, str]:
 
 
 def _axis(node: dict, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """(origin, direction) [3] of a node's axis, z up; the origin of a node that does not move is 0."""
+    """(origin, direction) [3] of a node's axis, z up; the origin of a node that does not move is
+    0."""
     if node.get("parent") == -1:
         return np.zeros(3), np.zeros(3)
     joint, kind = _joint_of(node, name)
@@ -198,7 +202,8 @@ def _listed(node: dict, key: str, name: str) -> list[str]:
 
 
 def _there(filename: str, files: AssetFiles) -> bool:
-    """Whether a mesh can be read; one outside the asset's folder is found later, and refused by name."""
+    """Whether a mesh can be read; one outside the asset's folder is found later, and refused by
+    name."""
     try:
         files.find(filename)
     except FileNotFoundError:

@@ -1,4 +1,5 @@
-"""Random shown states: what makes many training samples of one object (the paper's random joint states)."""
+"""Random shown states: what makes many training samples of one object (the paper's random joint
+states)."""
 
 from __future__ import annotations
 
@@ -16,9 +17,10 @@ def sample_state(
 ) -> ArticulatedObject:
     """The object shown at a random state, normalised again.
 
-    With probability .4 the rest state; else each joint by itself is at rest with probability one half, or anywhere within
-    its limits; drawn again where parts run into one another (``objects.clearance``), the rest state if that never ends. Coordinates are measured
-    from the new shown state, so ``lo <= 0 <= hi`` holds for every joint.
+    With probability .4 the rest state; else each joint by itself is at rest with probability one
+    half, or anywhere within its limits; drawn again where parts run into one another
+    (``objects.clearance``), the rest state if that never ends. Coordinates are measured from the
+    new shown state, so ``lo <= 0 <= hi`` holds for every joint.
 
     Args:
       clearance: of this object, where many states are drawn.

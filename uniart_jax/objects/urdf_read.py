@@ -1,7 +1,9 @@
-"""The text of a URDF as plain records: what it says, with what its numbers mean, before any of it is trusted.
+"""The text of a URDF as plain records: what it says, with what its numbers mean, before any of it
+is trusted.
 
-Parsed with lxml, not with yourdfpy: real files lack ``effort``, hold zero axes or an XML version of 0.0, and yourdfpy raises
-``TypeError`` there, reads DTDs, and opens meshes while it parses. Entities, DTDs and the network are refused.
+Parsed with lxml, not with yourdfpy: real files lack ``effort``, hold zero axes or an XML version of
+0.0, and yourdfpy raises ``TypeError`` there, reads DTDs, and opens meshes while it parses.
+Entities, DTDs and the network are refused.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ def read_robot(data: bytes) -> Robot:
     """Links and joints of a URDF.
 
     Raises:
-      ValueError: not XML, not a URDF, a DTD, or an element that lacks what cannot be guessed; one line, without the file's name.
+      ValueError: not XML, not a URDF, a DTD, or an element that lacks what cannot be guessed; one
+        line, without the file's name.
     """
     notes: list[str] = []
     root = _robot_element(data, notes)
@@ -113,7 +116,8 @@ def _numbers(
         values = np.zeros(0)
     if len(values) != count or not np.all(np.abs(values) <= most):
         raise ValueError(
-            f"{where}: {attribute}='{text.strip()[:60]}' should be {count} finite number{'s' * (count > 1)}"
+            f"{where}: {attribute}='{text.strip()[:60]}' should be {count} finite "
+            f"number{'s' * (count > 1)}"
         )
     return values
 
@@ -137,7 +141,8 @@ def _pose(element, where: str, notes: list[str]) -> np.ndarray:
 
 
 def _materials(root) -> dict[str, tuple[np.ndarray | None, str]]:
-    """Named materials wherever they are defined: at the top, or inside a visual and named again by another."""
+    """Named materials wherever they are defined: at the top, or inside a visual and named again by
+    another."""
     found: dict[str, tuple[np.ndarray | None, str]] = {}
     for element in root.iter("material"):
         color, texture = _material(element)
@@ -265,7 +270,8 @@ def _joint(element, notes: list[str]) -> RawJoint:
 
 
 def _axis(element, where: str, notes: list[str]) -> np.ndarray:
-    """[3] as written; one that cannot be read (PartNet-Mobility has 'None None None') is zero, as if none was known."""
+    """[3] as written; one that cannot be read (PartNet-Mobility has 'None None None') is zero, as
+    if none was known."""
     try:
         return _vector(element, "xyz", (1, 0, 0), where, notes)
     except ValueError:
@@ -279,7 +285,8 @@ def _axis(element, where: str, notes: list[str]) -> np.ndarray:
 
 
 def _rename(robot: Robot, name: str, links: list[Link]) -> None:
-    """Give links of the same name names of their own, where the joints tell which is meant: leaves, one joint each."""
+    """Give links of the same name names of their own, where the joints tell which is meant: leaves,
+    one joint each."""
     joints = [j for j in robot.joints if j.child == name]
     if len(joints) != len(links) or any(j.parent == name for j in robot.joints):
         raise ValueError(

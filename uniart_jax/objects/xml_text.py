@@ -1,4 +1,5 @@
-"""XML that strangers wrote: parsed without entities, document types or the network, and without a limit that memory would have to find."""
+"""XML that strangers wrote: parsed without entities, document types or the network, and without a
+limit that memory would have to find."""
 
 from __future__ import annotations
 
@@ -24,13 +25,15 @@ def parse_xml(data: bytes, notes: list[str]) -> etree._Element:
       notes: takes up what was ignored.
 
     Raises:
-      ValueError: empty, too large, a document type (DTD, entities), or not well formed; one line, without the file's name.
+      ValueError: empty, too large, a document type (DTD, entities), or not well formed; one line,
+        without the file's name.
     """
     if not data.strip():
         raise ValueError("the file is empty")
     if len(data) > MAX_BYTES:
         raise ValueError(
-            f"the file has {len(data) / 2**20:.0f} MiB, more than the {MAX_BYTES // 2**20} a description may have"
+            f"the file has {len(data) / 2**20:.0f} MiB, more than the {MAX_BYTES // 2**20} a "
+            "description may have"
         )
     if b"<!DOCTYPE" in data.replace(b"\0", b""):  # zeros: UTF-16
         raise ValueError("it declares a document type (DTD, entities), which is refused")

@@ -1,7 +1,8 @@
 """Parametric articulated objects, one file a family: licence-clean training and test data.
 
-``generate(family, seed)`` is a pure function of its arguments. Objects are normalised, at rest (closed), z up, front at -x,
-with their metric size in ``scale``. Seeds from ``HELD_OUT_SEED`` on are never trained on.
+``generate(family, seed)`` is a pure function of its arguments. Objects are normalised, at rest
+(closed), z up, front at -x, with their metric size in ``scale``. Seeds from ``HELD_OUT_SEED`` on
+are never trained on.
 
 A family is a module ``procedural/<family>.py`` with ``build(rng) -> ArticulatedObject`` in metres,
 and its name in one of three tuples: ``SEEN_FAMILIES``, the paper's seven seen categories;
@@ -115,7 +116,8 @@ def draw(seed: int, families: tuple[str, ...] = SEEN_FAMILIES) -> ArticulatedObj
 
 
 def box_separation(obj: ArticulatedObject) -> float:
-    """The smallest L-inf distance between the corners (lo, hi) of two parts' own boxes; infinite for one part."""
+    """The smallest L-inf distance between the corners (lo, hi) of two parts' own boxes; infinite
+    for one part."""
     corners = np.stack([part.mesh.bounds.ravel() for part in obj.parts])
     gaps = np.abs(corners[:, None] - corners[None]).max(-1)
     np.fill_diagonal(gaps, np.inf)

@@ -1,4 +1,5 @@
-"""What kitchen and laundry appliances have in common: their fronts' look, hollow bodies, racks and control panels."""
+"""What kitchen and laundry appliances have in common: their fronts' look, hollow bodies, racks and
+control panels."""
 
 from __future__ import annotations
 
@@ -45,7 +46,8 @@ def style(
 
 
 def rack(lo, hi, wall: float, openings: int) -> Manifold:
-    """An open tray whose sides and floor are cut into bars of about ``wall``: dish racks, oven racks."""
+    """An open tray whose sides and floor are cut into bars of about ``wall``: dish racks, oven
+    racks."""
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     solid = tray(lo, hi, wall)
     holes = []
@@ -71,7 +73,8 @@ def rack(lo, hi, wall: float, openings: int) -> Manifold:
 def feet(
     body: Shape, rng: np.random.Generator, width: float, depth: float, legs: float, unit: float
 ) -> None:
-    """Four round or square feet from the floor to z = ``legs``, or a dark kick plate set back from the front."""
+    """Four round or square feet from the floor to z = ``legs``, or a dark kick plate set back from
+    the front."""
     material = finishes.dark(rng)
     if rng.random() < 0.5:
         back = float(rng.uniform(0.03, 0.07))

@@ -1,4 +1,5 @@
-"""Bottles, jars and flasks: a hollow body and a cap on a screw, right- or left-handed, of one to several turns."""
+"""Bottles, jars and flasks: a hollow body and a cap on a screw, right- or left-handed, of one to
+several turns."""
 
 from __future__ import annotations
 
@@ -113,7 +114,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _proportions(rng, kind: str):
-    """Height up to the neck, radius, neck radius, height of the shoulder, height of the neck: metres."""
+    """Height up to the neck, radius, neck radius, height of the shoulder, height of the neck:
+    metres."""
     if kind == "water":
         height, slim, neck, sh = (
             rng.uniform(0.14, 0.26),
@@ -183,7 +185,8 @@ def _outline(rng, kind: str, height, radius, neck, shoulder) -> np.ndarray:
 
 
 def _inset(outline: np.ndarray, wall: float) -> np.ndarray:
-    """The outline drawn in by ``wall`` along its normals; its first point on the floor's upper side."""
+    """The outline drawn in by ``wall`` along its normals; its first point on the floor's upper
+    side."""
     steps = np.diff(outline, axis=0)
     normals = np.column_stack([-steps[:, 1], steps[:, 0]]) / np.linalg.norm(steps, axis=1)[:, None]
     smooth = np.vstack([normals[:1], normals[:-1] + normals[1:], normals[-1:]])

@@ -151,7 +151,15 @@ def _chest(rng: np.random.Generator) -> ArticulatedObject:
             ]
             body.add(cut(pipe(ring, r), (box([-1, -half, -1], [2, half, 2]),)), iron)
     if rng.random() < 0.5:
-        body.add(box([-proud, -half - proud, 0], [deep, half + proud, 3 * unit]) - box([0, -half, -1], [deep + 1, half, 1]) - union([box([-1, y - strap, 0], [0, y + strap, tall]) for y in strap_y] or [box([5, 5, 5], [6, 6, 6])]), iron)  # fmt: skip
+        body.add(
+            box([-proud, -half - proud, 0], [deep, half + proud, 3 * unit])
+            - box([0, -half, -1], [deep + 1, half, 1])
+            - union(
+                [box([-1, y - strap, 0], [0, y + strap, tall]) for y in strap_y]
+                or [box([5, 5, 5], [6, 6, 6])]
+            ),
+            iron,
+        )
     root = asm.add("body", body)
 
     low = tall + 0.6 * unit

@@ -1,4 +1,5 @@
-"""Cases divided into cells, and the fronts that close the cells: the body of storage furniture and of desks' pedestals."""
+"""Cases divided into cells, and the fronts that close the cells: the body of storage furniture and
+of desks' pedestals."""
 
 from __future__ import annotations
 
@@ -58,7 +59,8 @@ class Fit:
 
     @classmethod
     def draw(cls, rng: np.random.Generator, unit: float, wall: float) -> Fit:
-        """A plausible fit; ``unit``: one percent of the object's longest side, ``wall``: of the case, metres."""
+        """A plausible fit; ``unit``: one percent of the object's longest side, ``wall``: of the
+        case, metres."""
         reaches = ((0.45, 0.75), (0.75, 0.95), (0.93, 1.0))[rng.choice(3, p=[0.1, 0.38, 0.52])]
         return cls(
             inset=bool(rng.random() < 0.3),
@@ -153,7 +155,7 @@ class Case:
                 hi = np.array([self.front - 0.002, cell.y[1] - air, cell.z[1] - air])
             if cell.kind == "drawer":
                 add_drawer(
-                    asm, root, lo, hi, bay_lo, bay_hi, fit.pull, look, fill=fit.fill, depth=fit.deep, center=fit.centered,
+                    asm, root, lo, hi, bay_lo, bay_hi, fit.pull, look, fill=fit.fill, depth=fit.deep, center=fit.centered,  # noqa: E501
                     kind="slab" if look.panel in ("glass", "slats") else None,
                 )  # fmt: skip
             elif cell.kind == "flap":
@@ -227,6 +229,7 @@ class Case:
         return air if self._outer(cell)[0 if edge == "+y" else 1] else 1.0
 
     def _swing(self, edge: str, cell: Cell, fit: Fit) -> float:
-        """Doors hinged on the outside of the case may open wide; others stop before they meet a neighbour."""
+        """Doors hinged on the outside of the case may open wide; others stop before they meet a
+        neighbour."""
         outer = self._outer(cell)[0 if edge == "+y" else 1]
         return fit.swing if outer and not fit.inset else min(fit.swing, float(np.deg2rad(105)))

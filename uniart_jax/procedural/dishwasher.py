@@ -1,4 +1,5 @@
-"""Dishwashers: a door hinged at the bottom, racks that pull out, controls on the door or above it."""
+"""Dishwashers: a door hinged at the bottom, racks that pull out, controls on the door or above
+it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Room doors: a frame, one leaf or two, lever handles on both faces, a bolt, a flap for the letters or the cat."""
+"""Room doors: a frame, one leaf or two, lever handles on both faces, a bolt, a flap for the letters
+or the cat."""
 
 from __future__ import annotations
 
@@ -34,8 +35,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     half, top = width / 2 + 2 * air, height + 2 * air
     threshold = 0.02 if rng.random() < 0.4 else 0.0
     look = FrontStyle(
-        panel=str(rng.choice(["slab", "shaker", "raised", "glass", "slats", "border"], p=[0.27, 0.2, 0.2, 0.15, 0.1, 0.08])),
-        handle="none", face=face, accent=face.darker(0.9), glass=materials.glass(rng), hardware=hardware, inside=face,
+        panel=str(rng.choice(["slab", "shaker", "raised", "glass", "slats", "border"], p=[0.27, 0.2, 0.2, 0.15, 0.1, 0.08])),  # noqa: E501
+        handle="none", face=face, accent=face.darker(0.9), glass=materials.glass(rng), hardware=hardware, inside=face,  # noqa: E501
         thickness=thick, unit=unit,
     )  # fmt: skip
 

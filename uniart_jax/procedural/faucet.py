@@ -50,7 +50,8 @@ def _foot(rng, body: Shape, radius: float, finish: Material, wide: float = 0.0) 
 def _spout(
     rng, asm: Assembly, parent: int, z: float, radius: float, finish: Material, pull: bool
 ) -> int:
-    """A spout that turns on a neck at height ``z``: goose neck, square neck or a straight arm; with a spray head if ``pull``."""
+    """A spout that turns on a neck at height ``z``: goose neck, square neck or a straight arm; with
+    a spray head if ``pull``."""
     style = str(rng.choice(["goose", "square", "arm"], p=[0.5, 0.25, 0.25]))
     if pull:
         style = "goose"
@@ -102,7 +103,7 @@ def _spout(
         head = float(rng.uniform(0.07, 0.1))
         low = max(mouth - head, 0.03)
         wand = revolution(
-            np.array([[0, low], [1.5 * r, low], [1.5 * r, low + 0.35 * head], [1.05 * r, mouth - _AIR], [0, mouth - _AIR]]),
+            np.array([[0, low], [1.5 * r, low], [1.5 * r, low + 0.35 * head], [1.05 * r, mouth - _AIR], [0, mouth - _AIR]]),  # noqa: E501
             "z", [tip[0], 0, 0], 20,
         )  # fmt: skip
         spray = Shape().add(wand, finish)

@@ -47,9 +47,11 @@ class FrontStyle:
     Attributes:
       panel: one of ``PANELS``.
       handle: one of ``HANDLES``; a 'latch' is a turning part of its own.
-      face, accent, glass, hardware, inside: materials of the front, its inset, its window, its handle, a drawer's box.
+      face, accent, glass, hardware, inside: materials of the front, its inset, its window, its
+        handle, a drawer's box.
       thickness: of a front, metres.
-      unit: one percent of the object's longest side, metres; keeps details visible on large objects.
+      unit: one percent of the object's longest side, metres; keeps details visible on large
+        objects.
       handle_length: share of the edge that a bar takes.
       reach: height above the floor where handles of tall doors sit, metres.
       own_handle: handles are parts of their own, fixed to their front.
@@ -177,7 +179,8 @@ def _lip(style: FrontStyle, lo, hi, edge: str) -> Shape:
 def _front(
     asm: Assembly, parent: int, lo, hi, edge: str, joint, style: FrontStyle, name: str, **options
 ) -> int:
-    """A front with its handle near ``edge``. ``extra``: a shape welded to it; ``center``: handle amid the slab; ``kind``: panel."""
+    """A front with its handle near ``edge``. ``extra``: a shape welded to it; ``center``: handle
+    amid the slab; ``kind``: panel."""
     extra, center, kind = options.get("extra"), options.get("center", False), options.get("kind")
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     width, height = hi[1] - lo[1], hi[2] - lo[2]
@@ -298,8 +301,8 @@ def add_drawer(
     Args:
       bay_lo, bay_hi: the free room in the body behind the front.
       travel: share of the box's depth by which it pulls out.
-      options: ``fill`` share of the bay's height that the box takes, ``depth`` share of its depth, ``clearance`` metres,
-        ``center`` handle in the middle of the front, ``kind`` of panel.
+      options: ``fill`` share of the bay's height that the box takes, ``depth`` share of its depth,
+        ``clearance`` metres, ``center`` handle in the middle of the front, ``kind`` of panel.
     """
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     bay_lo, bay_hi = np.asarray(bay_lo, dtype=np.float64), np.asarray(bay_hi, dtype=np.float64)

@@ -1,4 +1,5 @@
-"""Laptops: a base with keyboard and touchpad, a screen about its rear edge, now and then a disc drive."""
+"""Laptops: a base with keyboard and touchpad, a screen about its rear edge, now and then a disc
+drive."""
 
 from __future__ import annotations
 
@@ -172,7 +173,8 @@ def _hinge_spans(rng, half: float, unit: float):
 
 
 def _keyboard(rng, body: Shape, lo, hi, z: float, tall: float, material: Material) -> None:
-    """Keys in rows on a plate; every key stands for itself only where it is large enough to be seen."""
+    """Keys in rows on a plate; every key stands for itself only where it is large enough to be
+    seen."""
     rows, columns = 4, int(rng.integers(9, 13))
     lo, hi = np.asarray(lo), np.asarray(hi)
     body.add(box([*lo, z], [*hi, z + 0.45 * tall]), material.darker(0.6))

@@ -1,8 +1,10 @@
-"""Seeded materials: plausible colours, and small images for wood grain, planks, brushed metal and stone.
+"""Seeded materials: plausible colours, and small images for wood grain, planks, brushed metal and
+stone.
 
-A textured material is *projected* on its solid by one linear map from space to the image (``grain`` is the axis along which the
-streaks run). One map for all faces has no seams, so a textured mesh stays closed vertex by vertex; ``shapes.Shape.mesh``
-applies it. The projection is oblique, so no axis-aligned face is seen edge-on by it.
+A textured material is *projected* on its solid by one linear map from space to the image (``grain``
+is the axis along which the streaks run). One map for all faces has no seams, so a textured mesh
+stays closed vertex by vertex; ``shapes.Shape.mesh`` applies it. The projection is oblique, so no
+axis-aligned face is seen edge-on by it.
 """
 
 from __future__ import annotations
@@ -51,7 +53,8 @@ class Material:
         return Material((float(r), float(g), float(b)))
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """[n, 2] coordinates in the image, within [0, 1], of ``points`` [n, 3] of one solid (metres)."""
+        """[n, 2] coordinates in the image, within [0, 1], of ``points`` [n, 3] of one solid
+        (metres)."""
         flat = points @ _PROJECTIONS[self.grain].T
         lo, extent = flat.min(0), np.ptp(flat, 0)
         covered = extent / np.maximum(self.tile, extent)
@@ -108,7 +111,8 @@ def wood(rng: np.random.Generator, *, textured: bool | None = None, grain: str =
 
 
 def paint(rng: np.random.Generator) -> Material:
-    """Painted or laminated boards: whites and greys mostly, muted and now and then strong colours."""
+    """Painted or laminated boards: whites and greys mostly, muted and now and then strong
+    colours."""
     kind = rng.choice(5, p=[0.36, 0.2, 0.24, 0.12, 0.08])
     if kind == 0:
         return plain(_hsv(rng, (0.05, 0.2), (0.0, 0.08), (0.86, 0.98)))
@@ -122,7 +126,8 @@ def paint(rng: np.random.Generator) -> Material:
 
 
 def metal(rng: np.random.Generator, *, brushed: bool | None = None) -> Material:
-    """Stainless or dark steel, sometimes with a brushed texture (one in three unless ``brushed`` says)."""
+    """Stainless or dark steel, sometimes with a brushed texture (one in three unless ``brushed``
+    says)."""
     rgb = _hsv(rng, (0.52, 0.64), (0.0, 0.07), (0.58, 0.82) if rng.random() < 0.8 else (0.3, 0.45))
     if not (rng.random() < 0.33 if brushed is None else brushed):
         return plain(rgb)

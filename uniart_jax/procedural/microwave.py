@@ -1,4 +1,5 @@
-"""Microwave and toaster ovens: a door at the side or a flap, a control panel with knobs or buttons, a turntable."""
+"""Microwave and toaster ovens: a door at the side or a flap, a control panel with knobs or buttons,
+a turntable."""
 
 from __future__ import annotations
 
@@ -130,7 +131,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 def _panel(
     rng, body: Shape, front: float, y, z, unit: float, banded: bool, look
 ) -> list[tuple[float, float, float]]:
-    """Display and buttons on the control panel; returns (y, z, largest radius) of the knobs to add."""
+    """Display and buttons on the control panel; returns (y, z, largest radius) of the knobs to
+    add."""
     proud = max(0.002, 0.5 * unit)
     width, tall = y[1] - y[0], z[1] - z[0]
     middle = (y[0] + y[1]) / 2
@@ -176,7 +178,8 @@ def _panel(
 
 
 def _turntable(rng, asm: Assembly, root: int, lo, hi, unit: float, glass) -> int:
-    """A plate with a rim on the floor of the room; a handle bar across it shows how it is turned."""
+    """A plate with a rim on the floor of the room; a handle bar across it shows how it is
+    turned."""
     center = [(lo[0] + hi[0]) / 2, (lo[1] + hi[1]) / 2, lo[2] + 0.003]
     radius = float(rng.uniform(0.36, 0.48)) * min(hi[0] - lo[0], hi[1] - lo[1])
     t = max(0.004, float(rng.uniform(0.7, 2.4)) * unit)

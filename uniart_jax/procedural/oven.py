@@ -1,4 +1,5 @@
-"""Ovens and ranges: a door hinged at the bottom, turning knobs, burners on the cooktop, a drawer below."""
+"""Ovens and ranges: a door hinged at the bottom, turning knobs, burners on the cooktop, a drawer
+below."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Refrigerators: one or two doors over each other, side by side, French doors over freezer drawers."""
+"""Refrigerators: one or two doors over each other, side by side, French doors over freezer
+drawers."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
     half, low = width / 2, legs
     middle = low + (height - low) * {
-        "top": rng.uniform(0.62, 0.75), "bottom": rng.uniform(0.3, 0.45), "bottom_drawer": rng.uniform(0.3, 0.42),
+        "top": rng.uniform(0.62, 0.75), "bottom": rng.uniform(0.3, 0.45), "bottom_drawer": rng.uniform(0.3, 0.42),  # noqa: E501
         "french": rng.uniform(0.32, 0.45),
     }.get(plan, 0.5)  # fmt: skip
     share = float(rng.choice([0.0, rng.uniform(-0.12, 0.12)])) * width

@@ -148,7 +148,7 @@ def _drawer(rng, asm, root, look, room_lo, room_hi, low, shelf, back, unit) -> N
     if hi[2] - lo[2] < 5 * unit:
         lo[2] = max(room_lo[2] + air, hi[2] - 5 * unit)
     inner = dataclasses.replace(
-        look, panel="slab", handle=str(rng.choice(["recess", "none"])), unit=0.7 * unit, handle_length=0.3
+        look, panel="slab", handle=str(rng.choice(["recess", "none"])), unit=0.7 * unit, handle_length=0.3  # noqa: E501
     )  # fmt: skip
     bay_lo, bay_hi = [back, *(lo[1:] - 0.2 * air)], [room_hi[0], *(hi[1:] + 0.2 * air)]
     add_drawer(

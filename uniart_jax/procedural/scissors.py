@@ -1,4 +1,5 @@
-"""Scissors and shears: two halves about a pivot, its rivet a part of its own; lying flat or standing."""
+"""Scissors and shears: two halves about a pivot, its rivet a part of its own; lying flat or
+standing."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ from uniart_jax.procedural.shapes import Assembly, Shape, cylinder, extrusion, h
 def build(rng: np.random.Generator) -> ArticulatedObject:
     """A pair of scissors, metres, closed.
 
-    Made in a frame (u towards the tips, v across, w through the layers) about the pivot, then turned into the room.
+    Made in a frame (u towards the tips, v across, w through the layers) about the pivot, then
+    turned into the room.
     """
     length = float(rng.uniform(0.12, 0.26))
     shears = rng.random() < 0.22  # long straight grips instead of rings
@@ -81,7 +83,8 @@ def _grip(rng: np.random.Generator) -> Material:
 def _half(
     sign, blade, handle, width, boss, large, blunt, shears, unit
 ) -> tuple[CrossSection, CrossSection]:
-    """The flat steel of one half and the figure of its grip: blade towards +u on -v, grip towards -u on +v."""
+    """The flat steel of one half and the figure of its grip: blade towards +u on -v, grip towards
+    -u on +v."""
     edge = 0.22 * width
     tip = blunt * width
     outline = np.array(
@@ -117,7 +120,9 @@ def _half(
     )
     neck = entry + np.array([min(0.4 * handle, -boss - entry[0]) * 0.55, -0.15 * radius])
     steel = _strip(np.zeros(2), entry, 0.75 * boss, 0.8 * bar)
-    collar = _strip(entry, neck * [1, 1], 1.1 * bar, 0.8 * bar) ^ CrossSection([_ccw(np.array([[-9, 0.8 * unit], [0, 0.8 * unit], [0, 9], [-9, 9]]))])  # fmt: skip
+    collar = _strip(entry, neck * [1, 1], 1.1 * bar, 0.8 * bar) ^ CrossSection(
+        [_ccw(np.array([[-9, 0.8 * unit], [0, 0.8 * unit], [0, 9], [-9, 9]]))]
+    )
     steel = steel - _oval(center, tall - 0.2 * bar, radius - 0.2 * bar)
     return CrossSection([_ccw(outline)]) + disc + steel, ring + collar
 
@@ -139,7 +144,8 @@ def _oval(center: np.ndarray, along: float, across: float) -> CrossSection:
 
 
 class _frame:
-    """How the scissors lie in the room: flat on a table, or standing with their flat side to the front."""
+    """How the scissors lie in the room: flat on a table, or standing with their flat side to the
+    front."""
 
     def __init__(self, rng: np.random.Generator):
         angle = np.pi / 2 * int(rng.integers(4)) + float(rng.choice([0.0, rng.uniform(-0.5, 0.5)]))

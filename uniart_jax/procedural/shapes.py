@@ -1,8 +1,9 @@
 """Closed solids for parametric objects, and the assembly of parts.
 
-Every primitive is a ``manifold3d.Manifold`` in metres (z up, front at -x). A ``Shape`` groups solids by material: solids of one
-material are united exactly, materials stand side by side as separate closed shells that touch. So each part's mesh is
-closed, edge-manifold and outward-oriented, and every face knows its colour.
+Every primitive is a ``manifold3d.Manifold`` in metres (z up, front at -x). A ``Shape`` groups
+solids by material: solids of one material are united exactly, materials stand side by side as
+separate closed shells that touch. So each part's mesh is closed, edge-manifold and
+outward-oriented, and every face knows its colour.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ _AXIS_FRAMES = {  # columns: where local x, y, z of a body of revolution or an e
 
 
 def _exact(values: ArrayLike) -> np.ndarray:
-    """Coordinates on a binary grid of about a micrometre: sums and differences are then exact, and faces that should be flush are."""
+    """Coordinates on a binary grid of about a micrometre: sums and differences are then exact, and
+    faces that should be flush are."""
     return np.round(np.asarray(values, dtype=np.float64) * 2.0**20) / 2.0**20
 
 
@@ -84,7 +86,8 @@ def ball(at: ArrayLike, radius: float, segments: int = 12) -> Manifold:
 
 
 def extrusion(polygon: np.ndarray, axis: str, at: ArrayLike, length: float) -> Manifold:
-    """A polygon [n, 2] pushed along +``axis``. Its plane is (y, z) for 'x', (z, x) for 'y', (x, y) for 'z'."""
+    """A polygon [n, 2] pushed along +``axis``. Its plane is (y, z) for 'x', (z, x) for 'y', (x, y)
+    for 'z'."""
     section = CrossSection([np.asarray(polygon, dtype=np.float64)])
     if section.area() <= 0:
         section = CrossSection([np.asarray(polygon, dtype=np.float64)[::-1]])
@@ -92,7 +95,8 @@ def extrusion(polygon: np.ndarray, axis: str, at: ArrayLike, length: float) -> M
 
 
 def revolution(profile: np.ndarray, axis: str, at: ArrayLike, segments: int = 24) -> Manifold:
-    """A profile [n, 2] of (radius, height along ``axis``), closed, turned about ``axis`` through ``at``."""
+    """A profile [n, 2] of (radius, height along ``axis``), closed, turned about ``axis`` through
+    ``at``."""
     section = CrossSection([np.asarray(profile, dtype=np.float64)])
     if section.area() <= 0:
         section = CrossSection([np.asarray(profile, dtype=np.float64)[::-1]])
@@ -117,7 +121,8 @@ def cut(solid: Manifold, holes: Iterable[Manifold]) -> Manifold:
 
 
 def tray(lo: ArrayLike, hi: ArrayLike, wall: float, *, open_front: bool = False) -> Manifold:
-    """A box of walls ``wall`` thick, open at the top (and towards -x with ``open_front``): drawer boxes, racks, bins."""
+    """A box of walls ``wall`` thick, open at the top (and towards -x with ``open_front``): drawer
+    boxes, racks, bins."""
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     inner_lo = lo + wall
     if open_front:
@@ -132,7 +137,8 @@ class Shape:
         self._solids: dict[Material, list[Manifold]] = {}
 
     def add(self, solid: Manifold, material: Material) -> Shape:
-        """Add a solid. Solids of other materials may touch it but should not overlap it by more than a hair."""
+        """Add a solid. Solids of other materials may touch it but should not overlap it by more
+        than a hair."""
         self._solids.setdefault(material, []).append(solid)
         return self
 
@@ -150,7 +156,8 @@ class Shape:
         return out
 
     def mesh(self) -> trimesh.Trimesh:
-        """One closed mesh with face colours, or with one atlas image and UVs if any material has an image."""
+        """One closed mesh with face colours, or with one atlas image and UVs if any material has an
+        image."""
         materials, vertices, faces = [], [], []
         for material, solids in self._solids.items():
             mesh = union(solids).to_mesh64()
@@ -177,14 +184,16 @@ class Shape:
 
 
 def _shrunk(points: np.ndarray, hair: float) -> np.ndarray:
-    """Points with each side of their box drawn in by ``hair``: readers that merge equal vertices must not weld shells that touch."""
+    """Points with each side of their box drawn in by ``hair``: readers that merge equal vertices
+    must not weld shells that touch."""
     lo, hi = points.min(0), points.max(0)
     center = (lo + hi) / 2
     return center + (points - center) * (1 - 2 * hair / np.maximum(hi - lo, 1e-3))
 
 
 def _atlas(materials: list[Material], vertices: list[np.ndarray]) -> trimesh.visual.TextureVisuals:
-    """One image with a band a material, and the UVs of every vertex (v up; one texel of margin against bleeding)."""
+    """One image with a band a material, and the UVs of every vertex (v up; one texel of margin
+    against bleeding)."""
     bands, spans, row = [], [], 0
     for material in materials:
         if material.image is not None:
@@ -235,7 +244,8 @@ class Assembly:
 
 
 def hinge(at: ArrayLike, axis: ArrayLike, angle: float) -> Joint:
-    """A revolute joint through ``at`` about ``axis``, from closed (0) to ``angle`` radians (negative: the other way)."""
+    """A revolute joint through ``at`` about ``axis``, from closed (0) to ``angle`` radians
+    (negative: the other way)."""
     limits = (0.0, float(angle)) if angle >= 0 else (float(angle), 0.0)
     return Joint(np.asarray(at, dtype=np.float64), np.asarray(axis, dtype=np.float64), angle=limits)
 
@@ -255,10 +265,11 @@ def turn(at: ArrayLike, axis: ArrayLike) -> Joint:
 def screw(
     at: ArrayLike, axis: ArrayLike, turns: float, travel: float, *, left_handed: bool = False
 ) -> Joint:
-    """A screw joint: ``turns`` about ``axis`` through ``at`` carry the part by ``travel`` metres along +``axis``.
+    """A screw joint: ``turns`` about ``axis`` through ``at`` carry the part by ``travel`` metres
+    along +``axis``.
 
-    Right-handed: counter-clockwise, seen against the axis. Left-handed: the other way round, the coordinate from
-    ``-2 pi turns`` to 0.
+    Right-handed: counter-clockwise, seen against the axis. Left-handed: the other way round, the
+    coordinate from ``-2 pi turns`` to 0.
     """
     angle = 2 * np.pi * float(turns)
     at, axis = np.asarray(at, dtype=np.float64), np.asarray(axis, dtype=np.float64)
@@ -280,7 +291,8 @@ def rounded(width: float, height: float, radius: float, corner: int = 5) -> np.n
 
 
 def egg(front: float, rear: float, half: float, power: float = 2.0, points: int = 32) -> np.ndarray:
-    """An outline [points, 2]: ``front`` towards -x and ``rear`` towards +x of 0, ``half`` wide; above 2, ``power`` squares its rear."""
+    """An outline [points, 2]: ``front`` towards -x and ``rear`` towards +x of 0, ``half`` wide;
+    above 2, ``power`` squares its rear."""
     angle = np.linspace(0, 2 * np.pi, points, endpoint=False)
     c, s = np.cos(angle), np.sin(angle)
     p = np.where(c > 0, power, 2.0)
@@ -289,9 +301,11 @@ def egg(front: float, rear: float, half: float, power: float = 2.0, points: int 
 
 
 def loft(below: np.ndarray, above: np.ndarray, z0: float, z1: float) -> Manifold:
-    """The body between two convex outlines [n, 2] of (x, y), counter-clockwise, at heights ``z0`` and ``z1``.
+    """The body between two convex outlines [n, 2] of (x, y), counter-clockwise, at heights ``z0``
+    and ``z1``.
 
-    Outlines of one length are joined point by point; hulls of many coplanar points may come out with folds.
+    Outlines of one length are joined point by point; hulls of many coplanar points may come out
+    with folds.
     """
     low = np.column_stack([below, np.full(len(below), z0)])
     high = np.column_stack([above, np.full(len(above), z1)])
@@ -316,7 +330,8 @@ def pipe(points: ArrayLike, radius: float, segments: int = 12) -> Manifold:
 
 
 def tidy(solid: Manifold, tolerance: float = 1e-5) -> Manifold:
-    """``solid`` without slivers: edges below ``tolerance`` metres closed up, crumbs of no volume dropped."""
+    """``solid`` without slivers: edges below ``tolerance`` metres closed up, crumbs of no volume
+    dropped."""
     pieces = [p for p in solid.simplify(tolerance).decompose() if p.volume() > tolerance**2]
     return Manifold.compose(pieces)
 

@@ -1,4 +1,5 @@
-"""Windows whose panes slide sideways on tracks of their own, with fixed panes, glazing bars and latches."""
+"""Windows whose panes slide sideways on tracks of their own, with fixed panes, glazing bars and
+latches."""
 
 from __future__ import annotations
 
@@ -37,7 +38,10 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     frame.add(solid, face)
     if not tall_one and rng.random() < 0.6:  # a sill
         out = float(rng.uniform(0.03, 0.09))
-        frame.add(box([-out, -half - 0.02, -0.03], [depth, half + 0.02, 0]), face if rng.random() < 0.6 else materials.stone(rng))  # fmt: skip
+        frame.add(
+            box([-out, -half - 0.02, -0.03], [depth, half + 0.02, 0]),
+            face if rng.random() < 0.6 else materials.stone(rng),
+        )
     root = asm.add("frame", frame)
 
     lap = sash  # neighbours overlap by one upright, so that closed panes shut the whole opening

@@ -33,7 +33,8 @@ _HUNG = ("wall", "bridge")
 
 
 def style(rng: np.random.Generator, unit: float, floor: float = 0.0) -> FrontStyle:
-    """Fronts of one piece of furniture; ``floor``: height of the piece's z = 0 above the floor, metres."""
+    """Fronts of one piece of furniture; ``floor``: height of the piece's z = 0 above the floor,
+    metres."""
     face = finishes.furniture(rng)
     accents = (face, face.darker(0.82), finishes.furniture(rng))
     return FrontStyle(
@@ -64,7 +65,8 @@ def style(rng: np.random.Generator, unit: float, floor: float = 0.0) -> FrontSty
 
 
 def split(rng: np.random.Generator, lo: float, hi: float, count: int, least: float) -> np.ndarray:
-    """[count + 1] borders of ``count`` cells between lo and hi: equal, graded, or irregular, none below ``least``."""
+    """[count + 1] borders of ``count`` cells between lo and hi: equal, graded, or irregular, none
+    below ``least``."""
     manner = rng.random()
     if manner < 0.45 or count == 1:
         weights = np.ones(count)
@@ -177,7 +179,8 @@ def _plain(
 def _layout(
     rng: np.random.Generator, width: float, z: tuple[float, float], most: int, unit: float
 ) -> list[Cell]:
-    """Cells of the whole front: columns of rows, columns that mirror each other, or a top row over the rest."""
+    """Cells of the whole front: columns of rows, columns that mirror each other, or a top row over
+    the rest."""
     if rng.random() < 0.38:
         return _plain(rng, width, z, unit)
     least_y, least_z = max(0.22, 12 * unit), max(0.1, 9 * unit)

@@ -1,4 +1,5 @@
-"""Office chairs and stools: a star base, a column that lifts (gas spring) or winds (spindle), a seat that turns."""
+"""Office chairs and stools: a star base, a column that lifts (gas spring) or winds (spindle), a
+seat that turns."""
 
 from __future__ import annotations
 
@@ -87,7 +88,8 @@ def _fabric(rng: np.random.Generator) -> Material:
 
 
 def _base(rng, asm: Assembly, frame: Material, top: float, wooden: bool) -> tuple[float, float]:
-    """The star of legs with its sleeve, and its castors; returns the sleeve's top and its inner radius; it ends below ``top``."""
+    """The star of legs with its sleeve, and its castors; returns the sleeve's top and its inner
+    radius; it ends below ``top``."""
     legs = 4 if rng.random() < 0.2 else 5
     reach = float(rng.uniform(0.27, 0.34))
     inner, outer = 0.03, 0.043
@@ -114,7 +116,7 @@ def _base(rng, asm: Assembly, frame: Material, top: float, wooden: bool) -> tupl
         if wooden:  # splayed: the leg leaves the hub high and stands on the floor
             corners = [
                 d * way + s * 0.02 * side + [0, 0, z]
-                for d, zs in ((0.03, (sleeve_z - 0.07, sleeve_z - 0.01)), (reach, (0.05, 0.0)), (reach - 0.045, (0.05, 0.0)))
+                for d, zs in ((0.03, (sleeve_z - 0.07, sleeve_z - 0.01)), (reach, (0.05, 0.0)), (reach - 0.045, (0.05, 0.0)))  # noqa: E501
                 for s in (-1, 1)
                 for z in zs
             ]  # fmt: skip
@@ -169,7 +171,18 @@ def _arms(rng, seat: Shape, width, depth, seat_z, thick, frame: Material) -> Non
         root = [0.0, s * 0.105, seat_z - thick - 0.03]
         out = [0.0, s * y, seat_z - thick - 0.03]
         if loop:
-            bar = pipe([root, out, [front, s * y, seat_z - 0.02], [front, s * y, z], [rear, s * y, z], [rear, s * y, seat_z - 0.02], out], r)  # fmt: skip
+            bar = pipe(
+                [
+                    root,
+                    out,
+                    [front, s * y, seat_z - 0.02],
+                    [front, s * y, z],
+                    [rear, s * y, z],
+                    [rear, s * y, seat_z - 0.02],
+                    out,
+                ],
+                r,
+            )
         else:
             bar = pipe([root, out, [0.0, s * y, z - 0.004]], r + 0.004)
         keep = box([-1, 0.1, 0], [1, 1, 2]) if s > 0 else box([-1, -1, 0], [1, -0.1, 2])
@@ -212,7 +225,7 @@ def _back(rng, asm: Assembly, seat: int, depth, width, seat_z, thick, frame, fab
         shape.add(pillow, fabric)
     pivot_z = seat_z - thick - 0.035
     bar = pipe(
-        [[0.16, 0, pivot_z], [x + deep + 0.01, 0, pivot_z], [x + lean * 0.4 + deep + 0.005, 0, low + 0.45 * tall]], 0.018, 14
+        [[0.16, 0, pivot_z], [x + deep + 0.01, 0, pivot_z], [x + lean * 0.4 + deep + 0.005, 0, low + 0.45 * tall]], 0.018, 14  # noqa: E501
     )  # fmt: skip
     bar += pipe([[0.16, -0.05, pivot_z], [0.16, 0.05, pivot_z]], 0.018, 14)
     shape.add(bar - pillow, frame)

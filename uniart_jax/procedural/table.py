@@ -132,7 +132,8 @@ def _casters(rng: np.random.Generator, asm: Assembly, root: int, feet, height: f
 
 
 def _adjustable(rng: np.random.Generator) -> ArticulatedObject:
-    """A small table whose top turns up and down on a threaded column, with or without drawers under the top."""
+    """A small table whose top turns up and down on a threaded column, with or without drawers under
+    the top."""
     width, height = float(rng.uniform(0.45, 0.8)), float(rng.uniform(0.42, 0.7))
     depth = width * float(rng.uniform(0.7, 1.0))
     unit = max(width, height) / 100
@@ -190,7 +191,7 @@ def _supports(rng: np.random.Generator, kind: str) -> tuple[str, str]:
     if kind != "desk":
         plain = "panel" if rng.random() < 0.25 else "legs"
         return plain, plain
-    plans = [("pedestal", "legs"), ("legs", "pedestal"), ("pedestal", "pedestal"), ("legs", "legs"), ("panel", "panel"),
+    plans = [("pedestal", "legs"), ("legs", "pedestal"), ("pedestal", "pedestal"), ("legs", "legs"), ("panel", "panel"),  # noqa: E501
              ("pedestal", "panel"), ("panel", "pedestal")]  # fmt: skip
     return plans[rng.choice(len(plans), p=[0.15, 0.15, 0.2, 0.2, 0.1, 0.1, 0.1])]
 
@@ -272,7 +273,8 @@ def _cases(
 def _pedestal(
     rng: np.random.Generator, lo: float, hi: float, least: float
 ) -> list[tuple[tuple[float, float], str]]:
-    """Rows of one pedestal from bottom to top: drawers, or a door with or without a drawer above."""
+    """Rows of one pedestal from bottom to top: drawers, or a door with or without a drawer
+    above."""
     manner = rng.random()
     if manner < 0.65 or hi - lo < 3.2 * least:
         most = int(min(4, (hi - lo) // least))
@@ -396,6 +398,6 @@ def _hutch(
     borders = np.linspace(-half, half, count + 1)
     case = Case(
         (-half, half), (height, height + tall), front, depth - front, wall,
-        tuple(Cell((float(a), float(b)), (height, height + tall), "open") for a, b in itertools.pairwise(borders)),
+        tuple(Cell((float(a), float(b)), (height, height + tall), "open") for a, b in itertools.pairwise(borders)),  # noqa: E501
     )  # fmt: skip
     body.add(case.solid(rng), finish)

@@ -1,4 +1,5 @@
-"""Toilets: seat and lid about one rear axis, a flush lever or buttons on a cistern or a wall panel."""
+"""Toilets: seat and lid about one rear axis, a flush lever or buttons on a cistern or a wall
+panel."""
 
 from __future__ import annotations
 
@@ -101,7 +102,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _widest(length: float, top: float, room: float) -> float:
-    """Largest angle at which a slab ``length`` long, its top ``top`` above the axis, stays ``room`` in front of the cistern."""
+    """Largest angle at which a slab ``length`` long, its top ``top`` above the axis, stays ``room``
+    in front of the cistern."""
     angles = np.linspace(np.pi / 2, np.deg2rad(110), 200)
     fits = -length * np.cos(angles) + top * np.sin(angles) <= room
     return float(angles[fits][-1]) if fits.any() else float(np.deg2rad(85))
@@ -161,12 +163,12 @@ def _cistern(rng, body: Shape, ceramic: Material, x: float, half: float, rim, wa
         z = high - 0.14
         spots = [(0.0, z)] if count == 1 else [(0.062, z), (-0.062, z)]
         holes = [
-            box([x - 1, y - size[0] - 0.003, h - size[1] - 0.003], [x + 0.03, y + size[0] + 0.003, h + size[1] + 0.003])
+            box([x - 1, y - size[0] - 0.003, h - size[1] - 0.003], [x + 0.03, y + size[0] + 0.003, h + size[1] + 0.003])  # noqa: E501
             for y, h in spots
         ]  # fmt: skip
         body.add(cut(slab, holes), ceramic)
         press = [
-            (box([x - 0.012, y - size[0], h - size[1]], [x + 0.013, y + size[0], h + size[1]]), (1, 0, 0))
+            (box([x - 0.012, y - size[0], h - size[1]], [x + 0.013, y + size[0], h + size[1]]), (1, 0, 0))  # noqa: E501
             for y, h in spots
         ]  # fmt: skip
         return press, (x, 0.0, high)

@@ -72,7 +72,7 @@ def _pedal(rng: np.random.Generator) -> ArticulatedObject:
     rear = [
         cylinder("y", [axis_x, -0.14 * wide, axis_z], 0.28 * wide, 0.011, segments=16)
         - box([-1, -1, axis_z - 0.001], [axis_x - 0.007, 1, 1]),
-        box([deep / 2 - wall, -0.14 * wide, height - 0.07], [axis_x + 0.01, 0.14 * wide, axis_z - 0.004]),
+        box([deep / 2 - wall, -0.14 * wide, height - 0.07], [axis_x + 0.01, 0.14 * wide, axis_z - 0.004]),  # noqa: E501
     ]  # fmt: skip
     body.add(union([solid - cuff, *[r - hollow for r in rear]]), shell)
     body.add(solid ^ cuff, dark)
@@ -185,11 +185,11 @@ def _wheeled(rng: np.random.Generator) -> ArticulatedObject:
     axle_x = float(foot[:, 0].max()) - 0.45 * radius
     side = np.ptp(foot[:, 1]) / 2
     wells = [
-        cylinder("y", [axle_x, s * side - 1.2 * tread, radius], 2.4 * tread, radius + 0.02, segments=24)
+        cylinder("y", [axle_x, s * side - 1.2 * tread, radius], 2.4 * tread, radius + 0.02, segments=24)  # noqa: E501
         for s in (-1, 1)
     ]  # fmt: skip
     skirts = [
-        cylinder("y", [axle_x, s * side - 1.2 * tread - wall, radius], 2.4 * tread + 2 * wall, radius + 0.02 + wall)
+        cylinder("y", [axle_x, s * side - 1.2 * tread - wall, radius], 2.4 * tread + 2 * wall, radius + 0.02 + wall)  # noqa: E501
         for s in (-1, 1)
     ]  # fmt: skip
     inside = loft(foot, outline, floor, height)
@@ -201,7 +201,7 @@ def _wheeled(rng: np.random.Generator) -> ArticulatedObject:
     grip_x, grip_z = deep / 2 + 0.02 + 0.06, height - 0.06
     grip = [
         cylinder("y", [grip_x, -0.42 * wide, grip_z], 0.84 * wide, 0.014, segments=12),
-        *[box([deep / 2, y - 0.018, grip_z - 0.02], [grip_x + 0.005, y + 0.018, grip_z + 0.012]) for y in (-0.36 * wide, 0.36 * wide)],
+        *[box([deep / 2, y - 0.018, grip_z - 0.02], [grip_x + 0.005, y + 0.018, grip_z + 0.012]) for y in (-0.36 * wide, 0.36 * wide)],  # noqa: E501
     ]  # fmt: skip
     body.add(union([solid, axle, *[g - hollow for g in grip]]), shell)
     root = asm.add("body", body)

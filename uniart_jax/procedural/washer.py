@@ -1,4 +1,5 @@
-"""Washing machines and dryers: front loaders with a round door, top loaders with a lid; drum, detergent drawer, dial."""
+"""Washing machines and dryers: front loaders with a round door, top loaders with a lid; drum,
+detergent drawer, dial."""
 
 from __future__ import annotations
 
@@ -153,7 +154,8 @@ def _round_door(
     *,
     square: bool,
 ) -> int:
-    """A porthole: ring and bulging glass, or a square door with a round window; hinged at its outer front edge."""
+    """A porthole: ring and bulging glass, or a square door with a round window; hinged at its outer
+    front edge."""
     y, z = center
     thick = max(0.03, float(rng.uniform(2.6, 5.0)) * unit)
     back, front = -0.002, -0.002 - thick
@@ -216,13 +218,14 @@ def _drum(
     opening: float,
     unit: float,
 ) -> int:
-    """A steel drum, open at one end, with three lifters; turns without end. ``at``: the end that is open for 'x', shut for 'z'."""
+    """A steel drum, open at one end, with three lifters; turns without end. ``at``: the end that is
+    open for 'x', shut for 'z'."""
     wall = max(0.014, 1.7 * unit)
     steel = finishes.metal(rng, brushed=False)
     mouth = min(opening, radius - wall) if axis == "x" else radius - wall
     # profile of (radius, height): a cup whose mouth is narrower than its body
     cup = np.array([
-        [0, length], [radius, length], [radius, 0], [mouth, 0], [mouth, wall], [radius - wall, wall],
+        [0, length], [radius, length], [radius, 0], [mouth, 0], [mouth, wall], [radius - wall, wall],  # noqa: E501
         [radius - wall, length - wall], [0, length - wall],
     ])  # fmt: skip
     if axis == "z":

@@ -1,1 +1,2 @@
-"""Assets in physics engines: loaded, stood up, swept, driven, judged; ``validate.validate`` does it all."""
+"""Assets in physics engines: loaded, stood up, swept, driven, judged; ``validate.validate`` does it
+all."""

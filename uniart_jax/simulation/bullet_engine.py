@@ -1,11 +1,13 @@
 """An asset in PyBullet.
 
-What it gets wrong unless told: joints have motors that brake (turned into the file's dry friction), the inertia is guessed from the shapes,
-``<mimic>`` is not read (a gear constraint stands for it), and a joint's damping is applied explicitly, so that more than about I / dt makes
-light parts explode: beyond what PyBullet bears by itself it is held back here (the part then moves too easily), and told (``damping_share``).
-Meshes are taken as convex hulls.
+What it gets wrong unless told: joints have motors that brake (turned into the file's dry friction),
+the inertia is guessed from the shapes, ``<mimic>`` is not read (a gear constraint stands for it),
+and a joint's damping is applied explicitly, so that more than about I / dt makes light parts
+explode: beyond what PyBullet bears by itself it is held back here (the part then moves too easily),
+and told (``damping_share``). Meshes are taken as convex hulls.
 
-A second copy of the asset, a hundred metres large, is only posed: Bullet's collision margin, a millimetre whatever the size, vanishes there.
+A second copy of the asset, a hundred metres large, is only posed: Bullet's collision margin, a
+millimetre whatever the size, vanishes there.
 """
 
 from __future__ import annotations
@@ -56,7 +58,8 @@ class BulletEngine:
 
     def _mechanics(self) -> None:
         sim, client = self.sim, self.sim.client
-        # first of all: a motor's force becomes an impulse of the time step that is set when it is made
+        # first of all: a motor's force becomes an impulse of the time step that is set when it is
+        # made
         pybullet.setGravity(0, 0, -GRAVITY, physicsClientId=client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=TIMESTEP, numSolverIterations=SOLVER_STEPS, physicsClientId=client
@@ -119,7 +122,7 @@ class BulletEngine:
             if not posed.near(a, b):
                 continue
             points = pybullet.getClosestPoints(
-                posed.body, posed.body, NEAR, posed.index[a], posed.index[b], physicsClientId=posed.client
+                posed.body, posed.body, NEAR, posed.index[a], posed.index[b], physicsClientId=posed.client  # noqa: E501
             )  # fmt: skip
             depth = max((-point[8] for point in points), default=0.0) / self.scale
             if depth > 0:
@@ -136,7 +139,7 @@ class BulletEngine:
     def push(self, link: str, point: np.ndarray, force: np.ndarray) -> None:
         sim = self.sim
         pybullet.applyExternalForce(
-            sim.body, sim.index[link], force.tolist(), point.tolist(), pybullet.WORLD_FRAME, physicsClientId=sim.client
+            sim.body, sim.index[link], force.tolist(), point.tolist(), pybullet.WORLD_FRAME, physicsClientId=sim.client  # noqa: E501
         )  # fmt: skip
 
     def local(self, link: str, point: Sequence[float]) -> np.ndarray:
@@ -214,7 +217,7 @@ class _Copy:
         )
         try:
             self.body = pybullet.loadURDF(
-                str(path), useFixedBase=True, flags=flags, globalScaling=scale, physicsClientId=client
+                str(path), useFixedBase=True, flags=flags, globalScaling=scale, physicsClientId=client  # noqa: E501
             )  # fmt: skip
         except pybullet.error as error:
             raise ValueError(f"PyBullet: {error}") from None
@@ -250,7 +253,8 @@ class _Copy:
     def mass_matrix(self) -> np.ndarray:
         """[J, J] in the present state, from how every link moves with each joint.
 
-        PyBullet's own ``calculateMassMatrix`` refuses sound robots whose tensors, once turned, are symmetric to 7e-15 only.
+        PyBullet's own ``calculateMassMatrix`` refuses sound robots whose tensors, once turned, are
+        symmetric to 7e-15 only.
         """
         numbers, client = list(self.joints.values()), self.client
         if not numbers:
@@ -298,7 +302,8 @@ class _Copy:
         ]
 
     def carried(self) -> list[tuple[int, int]]:
-        """(link, what carries it) where a link without shapes stands between: a screw's, which hides the parent from PyBullet."""
+        """(link, what carries it) where a link without shapes stands between: a screw's, which
+        hides the parent from PyBullet."""
         solid = {self.index[name] for name in self.solid()}
         pairs = []
         for i in solid - {-1}:

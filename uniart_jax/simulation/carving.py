@@ -1,9 +1,11 @@
-"""Cells taken off parts that run into each other: what ``clearing`` does for convex shapes, for the cells of rough parts.
+"""Cells taken off parts that run into each other: what ``clearing`` does for convex shapes, for the
+cells of rough parts.
 
-The surfaces of a generated object are rough, and its joints lie a little beside where they should, so that parts the image shows apart
-run into each other on a joint's way. Such cells are taken off whichever of the two parts loses the smaller share of itself, up to half of it; only
-collision shapes change, and what is seen still crosses there. A door that only has to be opened first is left whole; so is what would cost
-more, for ``refine`` (limits) and ``validate``.
+The surfaces of a generated object are rough, and its joints lie a little beside where they should,
+so that parts the image shows apart run into each other on a joint's way. Such cells are taken off
+whichever of the two parts loses the smaller share of itself, up to half of it; only collision
+shapes change, and what is seen still crosses there. A door that only has to be opened first is left
+whole; so is what would cost more, for ``refine`` (limits) and ``validate``.
 """
 
 from __future__ import annotations
@@ -21,15 +23,21 @@ from uniart_jax.objects.kinematics import subtrees
 from uniart_jax.objects.object import ArticulatedObject
 
 MOST_LOST = 0.5  # of a part's cells, in all
-PASSED = 0.3  # of the moving part's cells that meet another: more, and the other may be a door that should be open
+# of the moving part's cells that meet another: more, and the other may be a door that should be
+# open
+PASSED = 0.3
 FREED = 0.05  # of that, or of the part's cells: less is no meeting
-CROWDED = 0.1  # of a part's cells that meet another one which is open: more, and the two are not meant to be open together
+# of a part's cells that meet another one which is open: more, and the two are not meant to be open
+# together
+CROWDED = 0.1
 STATES = (
     25,
     193,
-)  # of a joint's range that are tried, least and most: the farthest cell goes about half a cell a step, two where a long arm turns all round
-ROOM = 3  # cells that a part's own and spare ones may lie beyond the box of its mesh, and the other's too
-# Of a cell: how far from its centre, along each axis, the points of it lie that are looked at. Parent and child do not push each other in
+)  # of a joint's range that are tried, least and most: the farthest cell goes about half a cell a step, two where a long arm turns all round  # noqa: E501
+# cells that a part's own and spare ones may lie beyond the box of its mesh, and the other's too
+ROOM = 3
+# Of a cell: how far from its centre, along each axis, the points of it lie that are looked at.
+# Parent and child do not push each other in
 # a simulator and may share a third of a cell; others must not touch.
 INSETS = (0.49, 0.35)
 
@@ -91,7 +99,8 @@ class _Field:
 
 
 def carve(obj: ArticulatedObject, cells: Cells) -> tuple[Cells, tuple[str, ...]]:
-    """The cells without those that joints run into, and without spare cells that are in any joint's way.
+    """The cells without those that joints run into, and without spare cells that are in any joint's
+    way.
 
     Every joint is moved over its range, the others at rest, as shown, and with one of them open.
 
@@ -133,7 +142,8 @@ def carve(obj: ArticulatedObject, cells: Cells) -> tuple[Cells, tuple[str, ...]]
                         cells.full[i][taken] = False
                         break
     lines = tuple(
-        f"refine: collision shapes of '{obj.parts[a].name}' and '{obj.parts[b].name}' cut back by {n / (first[a] + first[b]):.1%} of their volume where they run into each other"
+        f"refine: collision shapes of '{obj.parts[a].name}' and '{obj.parts[b].name}' cut back by "
+        f"{n / (first[a] + first[b]):.1%} of their volume where they run into each other"
         for (a, b), n in sorted(lost.items())
         if n
     )
@@ -143,7 +153,8 @@ def carve(obj: ArticulatedObject, cells: Cells) -> tuple[Cells, tuple[str, ...]]
 def _surroundings(
     obj: ArticulatedObject, below: list[list[int]]
 ) -> Iterator[tuple[np.ndarray, list[int]]]:
-    """(state [K] of the other joints, the parts that are not where they are at rest; empty if that may be all of them)."""
+    """(state [K] of the other joints, the parts that are not where they are at rest; empty if that
+    may be all of them)."""
     rest, opened = obj.rest(), obj.open()
     yield rest, []
     if rest.any():
@@ -163,7 +174,8 @@ def _may_meet(
     still: list[int],
     others: np.ndarray,
 ) -> bool:
-    """Whether the boxes around what joint k moves, over its range, and around the parts that stand still overlap."""
+    """Whether the boxes around what joint k moves, over its range, and around the parts that stand
+    still overlap."""
     if not still:
         return False
     poses = obj.forward_kinematics(others)
@@ -191,7 +203,8 @@ def _barred(
     others: np.ndarray,
     met: dict[tuple[int, int], _Meeting],
 ) -> set[tuple[int, int]]:
-    """Pairs that meet because a part is closed that can be opened first: a rack and the door before it."""
+    """Pairs that meet because a part is closed that can be opened first: a rack and the door before
+    it."""
     found = set()
     bare = dataclasses.replace(cells, spare=np.zeros_like(cells.spare))
     for (a, b), meeting in met.items():
@@ -225,7 +238,8 @@ def _meetings(
     still: list[int],
     others: np.ndarray,
 ) -> dict[tuple[int, int], _Meeting]:
-    """{(moving part, still part): cells that meet} over joint k's range. Spare cells that meet anything are taken out of ``cells`` at once."""
+    """{(moving part, still part): cells that meet} over joint k's range. Spare cells that meet
+    anything are taken out of ``cells`` at once."""
     from_rest = obj.forward_kinematics(others) @ np.linalg.inv(cells.rest)
     field = _Field(cells, still, from_rest)
     corners = np.array(list(itertools.product((-1, 1), repeat=3)))
@@ -246,7 +260,8 @@ def _meetings(
             near, rows = len(rows), np.repeat(rows, len(offsets))
             b, spare = field.at(points)
             hit = (b >= 0) & (np.tile(inner, near) | ((b != parents[a]) & (parents[b] != a)))
-            # spare cells of the moving part give way to everything, those of the still parts to its own
+            # spare cells of the moving part give way to everything, those of the still parts to its
+            # own
             away = own[rows[~is_full[rows] & (hit | (spare >= 0))]]
             cells.spare[a][tuple(away.T)] = False
             for part, mask in _split(spare, is_full[rows] & (spare >= 0)):
@@ -270,7 +285,8 @@ def _split(labels: np.ndarray, mask: np.ndarray) -> Iterator[tuple[int, np.ndarr
 def _motions(
     obj: ArticulatedObject, cells: Cells, k: int, below: list[int], others: np.ndarray
 ) -> Iterator[np.ndarray]:
-    """[4, 4] that carry the sub-tree from where it is at ``others`` to states of joint k's range."""
+    """[4, 4] that carry the sub-tree from where it is at ``others`` to states of joint k's
+    range."""
     parent = obj.forward_kinematics(others)[obj.parts[k].parent]
     joint = obj.parts[k].joint
     start = np.linalg.inv(parent @ joint.motion(others[k]))

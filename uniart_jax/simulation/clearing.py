@@ -1,8 +1,9 @@
 """Collision shapes cut back where a joint scrapes them along each other.
 
-The surfaces of a generated object are rough, and its joints lie a little beside where they should: bumps of two parts that the image shows
-apart then catch on each other on the way. What is as shallow as that is cut off the shapes, each by a plane so that it stays convex;
-what stands in the way for good is left to ``refine`` (limits) and to ``validate``.
+The surfaces of a generated object are rough, and its joints lie a little beside where they should:
+bumps of two parts that the image shows apart then catch on each other on the way. What is as
+shallow as that is cut off the shapes, each by a plane so that it stays convex; what stands in the
+way for good is left to ``refine`` (limits) and to ``validate``.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ MOST_LOST = 0.5  # of a shape's volume
 def clear(
     obj: ArticulatedObject, bodies: Sequence[Body]
 ) -> tuple[tuple[Body, ...], tuple[str, ...]]:
-    """The bodies with shapes that let every joint through where less than .03 of the object was in its way.
+    """The bodies with shapes that let every joint through where less than .03 of the object was in
+    its way.
 
     Args:
       obj: any object. bodies: [K] of its parts (``export.bodies.make_bodies``).
@@ -56,7 +58,10 @@ def clear(
             if depth > SHALLOW * size:
                 continue
             frames = [_metric(poses[k], obj.scale) for k in owners]
-            halves = apart(*(solids[n].transform(f[:3]) for n, f in zip((i, j), frames, strict=True)), LEAST * size / 2)  # fmt: skip
+            halves = apart(
+                *(solids[n].transform(f[:3]) for n, f in zip((i, j), frames, strict=True)),
+                LEAST * size / 2,
+            )
             if halves is None:
                 continue
             back = [h.transform(np.linalg.inv(f)[:3]) for h, f in zip(halves, frames, strict=True)]
@@ -70,12 +75,13 @@ def clear(
             shapes[n] = rebuilt(solids[n], size) or shapes[n]
         given = iter(shapes)
         bodies = tuple(
-            dataclasses.replace(b, shapes=tuple(next(given) for _ in b.shapes)) if cut else b for b in bodies
+            dataclasses.replace(b, shapes=tuple(next(given) for _ in b.shapes)) if cut else b for b in bodies  # noqa: E501
         )  # fmt: skip
         if not cut:
             break
     lines = [
-        f"refine: collision shapes of '{obj.parts[a].name}' and '{obj.parts[b].name}' cut back by up to {depth:.3g} m where they scrape along each other"
+        f"refine: collision shapes of '{obj.parts[a].name}' and '{obj.parts[b].name}' cut back by "
+        f"up to {depth:.3g} m where they scrape along each other"
         for (a, b), depth in sorted(deepest.items())
     ]
     return tuple(bodies), tuple(lines)

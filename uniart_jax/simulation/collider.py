@@ -1,6 +1,7 @@
 """How deep an object's parts dig into each other at any joint state, by its collision shapes.
 
-MuJoCo finds the contacts; the poses are ours (``forward_kinematics``), so a joint can be tried before any file is written.
+MuJoCo finds the contacts; the poses are ours (``forward_kinematics``), so a joint can be tried
+before any file is written.
 """
 
 from __future__ import annotations
@@ -47,7 +48,8 @@ class Collider:
         self.owner = self.model.geom_bodyid - 1  # geoms are the shapes in their order
 
     def depths(self, poses: np.ndarray) -> dict[Pair, float]:
-        """{(a, b): metres} of every pair of parts a < b that dig into each other, at ``poses`` [K, 4, 4] from the shown state, object units."""
+        """{(a, b): metres} of every pair of parts a < b that dig into each other, at ``poses`` [K,
+        4, 4] from the shown state, object units."""
         found: dict[Pair, float] = {}
         for (i, j), depth in self.shape_depths(poses).items():
             a, b = sorted((int(self.owner[i]), int(self.owner[j])))

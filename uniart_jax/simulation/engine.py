@@ -1,6 +1,7 @@
 """What the checks ask of a physics engine, and what they know of an asset before one has loaded it.
 
-Metres, kilograms, seconds, radians. Links and joints go by their names in the description; a joint's coordinate is the description's own.
+Metres, kilograms, seconds, radians. Links and joints go by their names in the description; a
+joint's coordinate is the description's own.
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ class PlannedJoint:
 
     Attributes:
       name: in the description.
-      kind: revolute, continuous, prismatic or screw (one that others follow so that the part also travels).
+      kind: revolute, continuous, prismatic or screw (one that others follow so that the part also
+        travels).
       part: the link that people see move.
       lo, hi: the range that is swept; one whole turn from rest if it is continuous.
       rest: coordinate at the rest state.
-      goal: the coordinate that a primitive is asked to reach: the end farther from rest, a quarter turn if it is continuous.
+      goal: the coordinate that a primitive is asked to reach: the end farther from rest, a quarter
+        turn if it is continuous.
       moved: every link that it moves.
       hand: the link that the hand holds.
       point: [3] where, world frame at the rest state.
@@ -66,7 +69,8 @@ class Plan:
       joints: those that are swept and driven.
       idle: coordinates at rest of joints with a coordinate that move nothing or have no range.
       followers: in an order in which each one's driver is known.
-      rigid: link -> number of the rigid body that it belongs to (links joined by fixed joints share one).
+      rigid: link -> number of the rigid body that it belongs to (links joined by fixed joints share
+        one).
     """
 
     size: float
@@ -79,7 +83,8 @@ class Plan:
         return {j.name: j.rest for j in self.joints}
 
     def state(self, q: Mapping[str, float]) -> dict[str, float]:
-        """The coordinates of all joints at a state of the planned ones; those not given are at rest."""
+        """The coordinates of all joints at a state of the planned ones; those not given are at
+        rest."""
         full = self.idle | self.rest() | dict(q)
         for follower in self.followers:
             full[follower.name] = follower.rate * full.get(follower.driver, 0.0) + follower.offset
@@ -97,7 +102,10 @@ class Plan:
 
 def make_plan(data: dict) -> Plan:
     """The plan that ``dataclasses.asdict`` turned into JSON values."""
-    joints = [PlannedJoint(**{**j, "moved": tuple(j["moved"]), "point": tuple(j["point"])}) for j in data["joints"]]  # fmt: skip
+    joints = [
+        PlannedJoint(**{**j, "moved": tuple(j["moved"]), "point": tuple(j["point"])})
+        for j in data["joints"]
+    ]
     followers = tuple(Follower(**f) for f in data["followers"])
     return Plan(data["size"], tuple(joints), data["idle"], followers, data["rigid"])
 
@@ -120,8 +128,9 @@ class LinkInertia:
 class Engine(Protocol):
     """One asset in one engine, its root held where it is, gravity along -z.
 
-    Every state is a state of the plan's joints; the engine's own others stay at rest or follow. What is simulated and what is only
-    posed are apart: ``depths`` and ``path`` leave the simulation as it is.
+    Every state is a state of the plan's joints; the engine's own others stay at rest or follow.
+    What is simulated and what is only posed are apart: ``depths`` and ``path`` leave the simulation
+    as it is.
     """
 
     plan: Plan
@@ -133,7 +142,8 @@ class Engine(Protocol):
         ...
 
     def depths(self, q: Mapping[str, float]) -> dict[Pair, float]:
-        """How deep collision shapes of two links that are not rigidly joined dig into each other at a state, whatever the file's collision filters say."""
+        """How deep collision shapes of two links that are not rigidly joined dig into each other at
+        a state, whatever the file's collision filters say."""
         ...
 
     def reset(self, q: Mapping[str, float]) -> None:
@@ -157,11 +167,13 @@ class Engine(Protocol):
         ...
 
     def path(self, joint: str, values: np.ndarray, link: str, local: np.ndarray) -> np.ndarray:
-        """[n, 3] where a link's point lies when one joint has these coordinates and the others stay as they are."""
+        """[n, 3] where a link's point lies when one joint has these coordinates and the others stay
+        as they are."""
         ...
 
     def inertia(self, joint: str) -> float:
-        """Generalised inertia of a joint with its followers, in the present state: kg, or kg m^2 if the coordinate is an angle."""
+        """Generalised inertia of a joint with its followers, in the present state: kg, or kg m^2 if
+        the coordinate is an angle."""
         ...
 
     def damping(self, joint: str) -> float:
@@ -175,7 +187,8 @@ class Engine(Protocol):
     def coordinates(self) -> dict[str, float]: ...
 
     def speed(self) -> float:
-        """The largest speed of any link's centre of mass, m / s; infinite if the simulation broke down."""
+        """The largest speed of any link's centre of mass, m / s; infinite if the simulation broke
+        down."""
         ...
 
     def energy(self) -> float:

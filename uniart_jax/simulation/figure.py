@@ -1,4 +1,5 @@
-"""``validation.png``: one page for people. Every joint swept, how deep parts dig into each other on the way, what a hand did and felt."""
+"""``validation.png``: one page for people. Every joint swept, how deep parts dig into each other on
+the way, what a hand did and felt."""
 
 from __future__ import annotations
 
@@ -27,7 +28,9 @@ STYLE = {"mujoco": "-", "pybullet": "--"}
 GOOD, BAD = "#2a7f4f", "#b3261e"
 
 
-def write_figure(result: dict, obj: ArticulatedObject | None, plan: Plan | None, path: Path) -> None:  # fmt: skip
+def write_figure(
+    result: dict, obj: ArticulatedObject | None, plan: Plan | None, path: Path
+) -> None:
     """Draw a result of ``validate.validate``.
 
     Args:
@@ -141,4 +144,12 @@ def _verdicts(figure, result: dict) -> None:
             told = f"{name}: {check['value']:.3g} (limit {check['limit']:.3g})"
             why = check.get("reason", "")
             color = GOOD if check["passed"] else BAD
-            axis.text(0, -i - 1.7, f"{told}   {why[:70]}", fontsize=8, color=color, parse_math=False, clip_on=True)  # fmt: skip
+            axis.text(
+                0,
+                -i - 1.7,
+                f"{told}   {why[:70]}",
+                fontsize=8,
+                color=color,
+                parse_math=False,
+                clip_on=True,
+            )

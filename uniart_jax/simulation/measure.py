@@ -1,7 +1,7 @@
 """All that is measured in one engine: an ``Engine`` in, plain JSON values out.
 
-Every check is {"passed", "value", "limit"} with a "reason" that names joints and links where it failed. Joints' own numbers and curves
-stand apart, under "joints" and "motions".
+Every check is {"passed", "value", "limit"} with a "reason" that names joints and links where it
+failed. Joints' own numbers and curves stand apart, under "joints" and "motions".
 """
 
 from __future__ import annotations
@@ -34,7 +34,8 @@ def number(value: float) -> float:
 
 
 def measure(engine: Engine) -> dict:
-    """{"checks": {check: verdict}, "joints": {joint: numbers}, "motions": [curves]} of a loaded asset.
+    """{"checks": {check: verdict}, "joints": {joint: numbers}, "motions": [curves]} of a loaded
+    asset.
 
     A check that has nothing to look at (no slider, no two joints) is left out.
     """
@@ -78,8 +79,8 @@ def measure(engine: Engine) -> dict:
         calm = {"at rest": alone} | {f"after {_joined(m)}": m.after for m in every}
         checks["drift"] = _drift(calm)
         checks["energy"] = check(
-            max(r.growth for r in calm.values()), GROWTH, all(r.growth <= GROWTH for r in calm.values()),
-            "energy appears from nowhere " + _listed(n for n, r in calm.items() if not r.growth <= GROWTH),
+            max(r.growth for r in calm.values()), GROWTH, all(r.growth <= GROWTH for r in calm.values()),  # noqa: E501
+            "energy appears from nowhere " + _listed(n for n, r in calm.items() if not r.growth <= GROWTH),  # noqa: E501
         )  # fmt: skip
         speeds = {n: r.speed for n, r in calm.items()} | {_joined(m): m.speed for m in every}
         limit = speed_limit(plan)
@@ -145,7 +146,11 @@ def _inertia(engine: Engine) -> dict:
         if why and any(link.link in j.moved for j in engine.plan.joints):
             bad.append((link.link, why))
     groups = engine.plan.rigid
-    heavy = {groups[i.link] for i in engine.inertias() if i.link in groups and not impossible(i.mass, i.moments)}  # fmt: skip
+    heavy = {
+        groups[i.link]
+        for i in engine.inertias()
+        if i.link in groups and not impossible(i.mass, i.moments)
+    }
     bad = [(n, w) for n, w in bad if w != "mass 0" or groups.get(n) not in heavy]
     return check(len(bad), 0, not bad, _listed(f"link '{n}': {w}" for n, w in bad))
 
@@ -162,14 +167,18 @@ def impossible(mass: float, moments: np.ndarray) -> str:
     if moments[0] <= 0:
         return f"inertia not positive definite ({moments[0]:.3g})"
     if moments[0] + moments[1] < moments[2] * (1 - 1e-3):
-        return f"inertia against the triangle inequality ({moments[0]:.3g} + {moments[1]:.3g} < {moments[2]:.3g})"
+        return (
+            f"inertia against the triangle inequality ({moments[0]:.3g} + {moments[1]:.3g} < "
+            f"{moments[2]:.3g})"
+        )
     return ""
 
 
 def _swept(sweeps: list[JointSweep]) -> dict:
     bad = [s for s in sweeps if s.depth.max() > DEPTH]
     told = _listed(
-        f"joint '{s.joint}' at {s.values[s.worst]:.3g}: {_pair(s.pairs[s.worst])}{_after(s)}, free {100 * s.free:.0f} % of its range"
+        f"joint '{s.joint}' at {s.values[s.worst]:.3g}: {_pair(s.pairs[s.worst])}{_after(s)}, free "
+        f"{100 * s.free:.0f} % of its range"
         for s in bad
     )
     return check(max(s.depth.max() for s in sweeps), DEPTH, not bad, told)
@@ -180,7 +189,8 @@ def _after(way: JointSweep) -> str:
 
 
 def _driven(motions: list[Motion]) -> dict:
-    """The rule for a kind of primitive: the least share of the way, of a motion without collision."""
+    """The rule for a kind of primitive: the least share of the way, of a motion without
+    collision."""
     told = []
     for motion in motions:
         who = _joined(motion)

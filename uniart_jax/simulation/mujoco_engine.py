@@ -1,7 +1,8 @@
 """An asset in MuJoCo.
 
-A second compilation of the same file with every collision filter off (types, parent and child, exclusions) measures depths: the contacts
-that MuJoCo itself finds then are its true collision geometry.
+A second compilation of the same file with every collision filter off (types, parent and child,
+exclusions) measures depths: the contacts that MuJoCo itself finds then are its true collision
+geometry.
 """
 
 from __future__ import annotations
@@ -198,7 +199,8 @@ def _fresh(name: str, taken: set[str]) -> str:
 
 
 def _unfiltered(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """The same file where all shapes that can touch anything touch everything; planes and height fields are the world, not the asset."""
+    """The same file where all shapes that can touch anything touch everything; planes and height
+    fields are the world, not the asset."""
     spec = spec.copy()
     paired = {name for pair in spec.pairs for name in (pair.geomname1, pair.geomname2)}
     for geom in spec.geoms:

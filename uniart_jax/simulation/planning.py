@@ -1,4 +1,5 @@
-"""What to do with an asset: which joints have a coordinate, where rest is, where a hand would hold each part."""
+"""What to do with an asset: which joints have a coordinate, where rest is, where a hand would hold
+each part."""
 
 from __future__ import annotations
 
@@ -90,7 +91,8 @@ class _Planner:
         return found
 
     def _planned(self, joint: RawJoint, followers: list[Follower]) -> PlannedJoint | None:
-        """A joint that moves a part that people see; None for one that does not, or has no range."""
+        """A joint that moves a part that people see; None for one that does not, or has no
+        range."""
         part = self._part(joint, followers)
         travels = joint.type == "prismatic"
         if part is None:
@@ -169,7 +171,8 @@ class _Planner:
         return chain[::-1][written.index(raw.name)]
 
     def _rest(self, part: int, joint: Joint, lo: float, hi: float) -> float:
-        """The part's rest state as a coordinate: the object counts from the shown state, maybe in other units, but has the same ends."""
+        """The part's rest state as a coordinate: the object counts from the shown state, maybe in
+        other units, but has the same ends."""
         if joint is not self.obj.parts[part].joint:
             return float(np.clip(0.0, lo, hi))  # as it is shown
         first, last = joint.limits
@@ -188,7 +191,8 @@ class _Planner:
     def _hand(
         self, part: int, joint: Joint, travels: bool, forward: bool
     ) -> tuple[str, np.ndarray]:
-        """(link, world point at rest) to hold: a handle that is fixed to the part, else its front or what is farthest from the axis."""
+        """(link, world point at rest) to hold: a handle that is fixed to the part, else its front
+        or what is farthest from the axis."""
         link = self.link_of[part]
         handles = [
             k

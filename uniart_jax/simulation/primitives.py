@@ -1,8 +1,10 @@
 """Scripted primitives: a hand that holds a part opens it, by force.
 
-An impedance controller (Hogan 1985): F = K (x* - x) + D (x*' - x'), at most ``limit`` newtons, where x is a point of the part, its handle
-if it has one, and x* goes along that point's own path over the joint's range. Nothing is teleported and no joint is driven. Three of them, as the paper (section 4.4, robot experiments):
-hinge opening, slider pulling, and flip-and-rotate, where a second hand moves a second joint while the first holds on.
+An impedance controller (Hogan 1985): F = K (x* - x) + D (x*' - x'), at most ``limit`` newtons,
+where x is a point of the part, its handle if it has one, and x* goes along that point's own path
+over the joint's range. Nothing is teleported and no joint is driven. Three of them, as the paper
+(section 4.4, robot experiments): hinge opening, slider pulling, and flip-and-rotate, where a second
+hand moves a second joint while the first holds on.
 """
 
 from __future__ import annotations
@@ -42,7 +44,8 @@ class Motion:
       pair: the two links; None if nothing touches.
       speed: the largest, m / s.
       after: what happened once the hands had let go.
-      time, position, force: [n] curves: seconds; [J][n] shares of the way; newtons, of the hand that moves.
+      time, position, force: [n] curves: seconds; [J][n] shares of the way; newtons, of the hand
+        that moves.
     """
 
     joints: tuple[str, ...]
@@ -103,7 +106,8 @@ def _hand(engine: Engine, joint: PlannedJoint, local: np.ndarray) -> _Hand:
 
 
 def drive(engine: Engine, joints: Sequence[PlannedJoint], at_rest: Mapping[Pair, float]) -> Motion:
-    """Open ``joints`` one after the other from the rest state; earlier ones are held open. Then let go.
+    """Open ``joints`` one after the other from the rest state; earlier ones are held open. Then let
+    go.
 
     Args:
       at_rest: ``engine.depths`` at the rest state.
@@ -164,12 +168,14 @@ def compound(
     after: Mapping[str, Sequence[str]],
     together: Callable[[PlannedJoint, PlannedJoint], bool],
 ) -> tuple[PlannedJoint, PlannedJoint] | None:
-    """The two joints of flip-and-rotate: one that carries the other if there is such a chain, else the first two, hinges first; None if there are not two.
+    """The two joints of flip-and-rotate: one that carries the other if there is such a chain, else
+    the first two, hinges first; None if there are not two.
 
     Args:
       after: joint -> those that must be open before it.
-      together: whether the second has its way with the first open. Where no joint carries another, two doors may share a room that only one can open into:
-        the first pair that can be open together is taken, or the first of all where none can.
+      together: whether the second has its way with the first open. Where no joint carries another,
+        two doors may share a room that only one can open into: the first pair that can be open
+        together is taken, or the first of all where none can.
     """
     turning_first = sorted(joints, key=lambda j: j.kind == "prismatic")
     pairs = [(a, b) for a in turning_first for b in turning_first if a is not b]

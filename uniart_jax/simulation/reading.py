@@ -1,6 +1,7 @@
 """An asset as validation takes it: read by our own reader first, then staged for engines.
 
-A file that cannot be read at all, or that leads outside the asset's folder, is an error; one that can be read but is wrong is judged.
+A file that cannot be read at all, or that leads outside the asset's folder, is an error; one that
+can be read but is wrong is judged.
 """
 
 from __future__ import annotations
@@ -36,7 +37,8 @@ class Description:
       fault: why not.
 
     Raises:
-      ValueError: it cannot be opened, is not XML, no URDF or MJCF, or leads outside its folder; one line that names the file.
+      ValueError: it cannot be opened, is not XML, no URDF or MJCF, or leads outside its folder; one
+        line that names the file.
     """
 
     def __init__(self, path: Path, allow_outside: bool):
@@ -47,10 +49,15 @@ class Description:
                 self.data = file.read(MAX_BYTES + 1)
             self.kind = kind_of(self.data, path)
             if self.kind in ("singapo", "nap"):
-                raise ValueError("no physics engine reads it: make a URDF of it with `uniart reconstruct` or `obj.save` first")  # fmt: skip
+                raise ValueError(
+                    "no physics engine reads it: make a URDF of it with `uniart reconstruct` or "
+                    "`obj.save` first"
+                )
             self.root: etree._Element = parse_xml(self.data, [])
             if self.root.tag not in ("robot", "mujoco"):
-                raise ValueError(f"neither a URDF nor an MJCF: its root element is <{self.root.tag}>")  # fmt: skip
+                raise ValueError(
+                    f"neither a URDF nor an MJCF: its root element is <{self.root.tag}>"
+                )
         except (ValueError, OSError) as error:
             raise ValueError(one_line(f"{path}: {error}")) from None
         self.robot: Robot | None = None
@@ -108,7 +115,8 @@ class Description:
 
 
 def descriptions(asset: str | Path, allow_outside: bool) -> dict[str, Description]:
-    """Engine -> what it is given: PyBullet the URDF, MuJoCo the MJCF beside it where there is one; an engine that has nothing is absent.
+    """Engine -> what it is given: PyBullet the URDF, MuJoCo the MJCF beside it where there is one;
+    an engine that has nothing is absent.
 
     Raises:
       FileNotFoundError, ValueError: ``load.find_asset`` finds nothing, ``Description`` refuses.
@@ -124,7 +132,8 @@ def descriptions(asset: str | Path, allow_outside: bool) -> dict[str, Descriptio
     if Path(asset).is_dir() and beside.is_file():
         if not first.files.allowed(beside):
             raise ValueError(
-                f"{beside}: it lies outside the asset's folder; allow_outside=True (--allow-outside) reads it"
+                f"{beside}: it lies outside the asset's folder; allow_outside=True "
+                "(--allow-outside) reads it"
             )
         second = Description(beside, allow_outside)
         if second.kind == "mjcf":

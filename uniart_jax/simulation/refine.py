@@ -1,10 +1,13 @@
-"""Mending joints that run into the object: limits are tightened and axes shifted a little, by a collision sweep.
+"""Mending joints that run into the object: limits are tightened and axes shifted a little, by a
+collision sweep.
 
-A generated hinge often lies a few millimetres inside the frame beside it, or its range ends in a wall. Of every moving joint the sweep
-finds the states around the shown one, which the image vouches for, in which its sub-tree digs no deeper into the rest of the object than
-it does there; if these are not the whole range, nearby axes are tried, and then the limits are drawn in to what is free. All of it is bounded and told.
-The other joints are as shown at first, then, in a second round, at rest.
-The idea is MotionAnymesh's (limits refined by collisions lifted what their assets could do from 65 to 87 %).
+A generated hinge often lies a few millimetres inside the frame beside it, or its range ends in a
+wall. Of every moving joint the sweep finds the states around the shown one, which the image vouches
+for, in which its sub-tree digs no deeper into the rest of the object than it does there; if these
+are not the whole range, nearby axes are tried, and then the limits are drawn in to what is free.
+All of it is bounded and told. The other joints are as shown at first, then, in a second round, at
+rest. The idea is MotionAnymesh's (limits refined by collisions lifted what their assets could do
+from 65 to 87 %).
 """
 
 from __future__ import annotations
@@ -27,7 +30,9 @@ from uniart_jax.simulation.clearing import clear
 from uniart_jax.simulation.collider import Collider
 
 DEPTH_LIMIT = 0.01  # of the object's longest side: deeper than as shown by more is a collision
-STEP = 0.03  # of the longest side: how far a point of the sub-tree moves, at most, from one state tried to the next
+# of the longest side: how far a point of the sub-tree moves, at most, from one state tried to the
+# next
+STEP = 0.03
 STATES = (21, 121)  # of a joint's range that are tried, least and most
 SHIFTS = (0.01, 0.02, 0.03)  # of the longest side: how far an axis may be moved
 DIRECTIONS = 8  # about the axis, for each of them
@@ -41,7 +46,8 @@ class Refinement:
 
     Attributes:
       part: the part that it moves.
-      free_before, free_after: share of the joint's first range, 0 to 1, that can be travelled from the shown state without a collision.
+      free_before, free_after: share of the joint's first range, 0 to 1, that can be travelled from
+        the shown state without a collision.
       shift: metres that the axis was moved.
       limits: (lo, hi) of q, before and after; radians or metres.
     """
@@ -58,10 +64,16 @@ class Refinement:
         """The refinement as one readable line of provenance."""
         share = f"{self.free_before:.0%} of its range was free"
         if self.free_after < MIN_FREE:
-            return f"refine: joint of '{self.part}': {share}; no nearby axis frees a fifth of it, left as it is"
+            return (
+                f"refine: joint of '{self.part}': {share}; no nearby axis frees a fifth of it, "
+                "left as it is"
+            )
         lo, hi = self.limits_after
         moved = f"axis moved by {self.shift:.4g} m, " if self.shift else ""
-        return f"refine: joint of '{self.part}': {share}; {moved}limits drawn in to ({lo:.4g}, {hi:.4g})"
+        return (
+            f"refine: joint of '{self.part}': {share}; {moved}limits drawn in to ({lo:.4g}, "
+            f"{hi:.4g})"
+        )
 
 
 def mend(
@@ -71,10 +83,12 @@ def mend(
     budget: int | None = None,
     collision: Collision = "merged",
 ) -> tuple[ArticulatedObject, tuple[Body, ...]]:
-    """``clear``, or ``carve`` where the object is rough, and ``refine``: shapes that scrape are cut back, then limits and axes mended.
+    """``clear``, or ``carve`` where the object is rough, and ``refine``: shapes that scrape are cut
+    back, then limits and axes mended.
 
     Args:
-      bodies, meshes: [K] of its parts, and the surfaces that they were made of, object units (``export.bodies.make_bodies``).
+      bodies, meshes: [K] of its parts, and the surfaces that they were made of, object units
+        (``export.bodies.make_bodies``).
       budget: convex shapes of the object at most (``export.budget``), joined before limits are
         looked at; None: as many as there are.
       collision: what the shapes are. Boxes alone are not cut back by planes.
@@ -107,7 +121,8 @@ def refine(
       bodies: [K] of its parts (``export.bodies.make_bodies``).
 
     Returns:
-      The object (``provenance`` tells each change) and what was done to the joints that were not free; others are untouched.
+      The object (``provenance`` tells each change) and what was done to the joints that were not
+      free; others are untouched.
     """
     collider = Collider(obj, bodies)
     lo, hi = obj.bounds
@@ -165,7 +180,8 @@ def refine(
 def _freest(
     collider: Collider, obj: ArticulatedObject, k: int, limit: float, state: np.ndarray
 ) -> tuple[_Sweep, tuple[float, float]]:
-    """The joint's sweep and free range with all others at ``state``, or with those open that bar its way: a rack behind a door."""
+    """The joint's sweep and free range with all others at ``state``, or with those open that bar
+    its way: a rack behind a door."""
     joint, opened = obj.parts[k].joint, obj.open()
     sweep = _Sweep(collider, obj, k, limit, state)
     free = sweep.free_range(joint)
@@ -184,7 +200,8 @@ def _freest(
 
 
 def _barring(sweep: _Sweep) -> list[int]:
-    """Joints not open yet that carry a part which the sweep ran into, nearest first in the tree; not those that carry the swept part."""
+    """Joints not open yet that carry a part which the sweep ran into, nearest first in the tree;
+    not those that carry the swept part."""
     parts = sweep.obj.parts
     above, i = set(), sweep.k
     while i >= 0:
@@ -200,7 +217,8 @@ def _barring(sweep: _Sweep) -> list[int]:
 
 
 class _Sweep:
-    """One joint of an object tried over its range, the other joints at ``state``. ``hit``: the parts that were in the way."""
+    """One joint of an object tried over its range, the other joints at ``state``. ``hit``: the
+    parts that were in the way."""
 
     def __init__(
         self, collider: Collider, obj: ArticulatedObject, k: int, limit: float, state: np.ndarray
@@ -243,7 +261,8 @@ class _Sweep:
         return not deep
 
     def free_range(self, joint: Joint) -> tuple[float, float]:
-        """The ends of the free states around the shown state 0; (0, 0) if that is not free itself."""
+        """The ends of the free states around the shown state 0; (0, 0) if that is not free
+        itself."""
         lo, hi = joint.limits
         if not self.free(joint, 0.0):
             return 0.0, 0.0
@@ -265,7 +284,8 @@ def _share(free: tuple[float, float], joint: Joint) -> float:
 
 
 def _nearby(joint: Joint, side: float):
-    """(joint, how far its axis was moved) of the axes around this one; nothing for joints that only travel."""
+    """(joint, how far its axis was moved) of the axes around this one; nothing for joints that only
+    travel."""
     if not joint.rotates:
         return
     u = np.cross(joint.direction, np.eye(3)[np.argmin(np.abs(joint.direction))])

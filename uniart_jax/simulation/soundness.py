@@ -1,6 +1,8 @@
-"""What can be judged of an asset without an engine: its meshes, the numbers in its file, whether its parts hang together.
+"""What can be judged of an asset without an engine: its meshes, the numbers in its file, whether
+its parts hang together.
 
-Meshes are looked at as written, before a reader's repairs: surfaces per file (a part may be several closed pieces), vertices merged by position.
+Meshes are looked at as written, before a reader's repairs: surfaces per file (a part may be several
+closed pieces), vertices merged by position.
 """
 
 from __future__ import annotations
@@ -56,16 +58,21 @@ def surface(mesh: trimesh.Trimesh) -> Surface:
     edges = np.concatenate([faces[~flat][:, [i, (i + 1) % 3]] for i in range(3)])
     forward = np.where(edges[:, 0] < edges[:, 1], 1, -1)
     keys = np.sort(edges, axis=1)
-    _, index, counts = np.unique(keys @ [1, len(vertices) + 1], return_inverse=True, return_counts=True)  # fmt: skip
+    _, index, counts = np.unique(
+        keys @ [1, len(vertices) + 1], return_inverse=True, return_counts=True
+    )
     balance = np.bincount(index.reshape(-1), weights=forward)
     odd = counts % 2 == 1
     triangles = vertices[np.asarray(mesh.faces)] - vertices.mean(0)
-    volume = float(np.einsum("ni,ni->", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6)  # fmt: skip
+    volume = float(
+        np.einsum("ni,ni->", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
+    )
     return Surface(int(odd.sum()), int(((balance != 0) & ~odd).sum()), volume)
 
 
 def mesh_checks(robot: Robot, files: AssetFiles) -> dict[str, dict]:
-    """Missing meshes, watertight, normals outward, finite vertices, collision shapes: each names its links."""
+    """Missing meshes, watertight, normals outward, finite vertices, collision shapes: each names
+    its links."""
     missing, leaking, inverted, broken = [], [], [], []
     holds_nan = functools.cache(_holds_nan)  # once a file, but again next time: it may be repaired
     for link in robot.links.values():
@@ -98,7 +105,8 @@ def mesh_checks(robot: Robot, files: AssetFiles) -> dict[str, dict]:
 
 
 def _holds_nan(path: Path) -> bool:
-    """Whether an OBJ or STL says a coordinate that is not finite; readers leave such vertices out without a word."""
+    """Whether an OBJ or STL says a coordinate that is not finite; readers leave such vertices out
+    without a word."""
     data = path.read_bytes()
     if path.suffix.lower() == ".obj" or data[:5] == b"solid":
         return bool(_NAN.search(data))
@@ -116,7 +124,8 @@ def _counted(bad: list[str], what: str = "") -> dict:
 
 
 def _visible(link: Link, files: AssetFiles) -> list[trimesh.Trimesh]:
-    """One mesh a visual shape of the link (of its collision shapes if it has no visual one), each in the link's frame."""
+    """One mesh a visual shape of the link (of its collision shapes if it has no visual one), each
+    in the link's frame."""
     return [m for s in link.visuals or link.collisions if (m := _shape(s, files)) is not None]
 
 
@@ -166,13 +175,17 @@ def gaps(obj: ArticulatedObject) -> dict:
         widest = max(widest, distance)
         if distance > GAP:
             wide.append(
-                f"part '{obj.parts[k].name}' hangs in the air, {distance:.3f} of the object's size away"
+                f"part '{obj.parts[k].name}' hangs in the air, {distance:.3f} of the object's size "
+                "away"
             )
     return check(widest, GAP, not wide, "; ".join(wide[:4]))
 
 
-def _distance(obj: ArticulatedObject, moved: list[np.ndarray], first: list[int], second: list[int]) -> float:  # fmt: skip
-    """Least distance between two sets of parts, from vertices and even samples of each to the other's surface."""
+def _distance(
+    obj: ArticulatedObject, moved: list[np.ndarray], first: list[int], second: list[int]
+) -> float:
+    """Least distance between two sets of parts, from vertices and even samples of each to the
+    other's surface."""
     ends = []
     for parts in (first, second):
         meshes = [trimesh.Trimesh(moved[k], obj.parts[k].mesh.faces, process=False) for k in parts]
@@ -184,7 +197,9 @@ def _distance(obj: ArticulatedObject, moved: list[np.ndarray], first: list[int],
         outside = np.linalg.norm(np.maximum(np.maximum(lo - points, points - hi), 0), axis=1)
         near = points[outside < best]
         if len(near):
-            squared = igl.point_mesh_squared_distance(near, b.vertices, np.asarray(b.faces, np.int64))[0]  # fmt: skip
+            squared = igl.point_mesh_squared_distance(
+                near, b.vertices, np.asarray(b.faces, np.int64)
+            )[0]
             best = min(best, float(np.sqrt(squared.min())))
     return best
 
@@ -213,7 +228,8 @@ def finite_check(root: etree._Element) -> dict:
 
 
 def inertial_check(root: etree._Element, moved: set[str], rigid: dict[str, int]) -> dict:
-    """Every link that moves says a mass and an inertia that a solid may have, in a URDF; MJCF may leave it to the shapes."""
+    """Every link that moves says a mass and an inertia that a solid may have, in a URDF; MJCF may
+    leave it to the shapes."""
     bad, heavy = [], set()
     massless = []
     for link in root.findall("link"):

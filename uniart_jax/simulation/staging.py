@@ -1,7 +1,9 @@
-"""An asset's description and the files that it names, copied to a folder where an engine may open all that it finds.
+"""An asset's description and the files that it names, copied to a folder where an engine may open
+all that it finds.
 
-Nothing outside the asset's folder is copied, and no staged file says a name that leads out of the copy: PyBullet looks for a relative one
-beside every folder above, MuJoCo below ``compiler``'s ``meshdir``. What is missing stays missing, under a name that is nowhere.
+Nothing outside the asset's folder is copied, and no staged file says a name that leads out of the
+copy: PyBullet looks for a relative one beside every folder above, MuJoCo below ``compiler``'s
+``meshdir``. What is missing stays missing, under a name that is nowhere.
 """
 
 from __future__ import annotations
@@ -15,14 +17,16 @@ from uniart_jax.objects.mjcf_text import KEPT, SOFT, Packer, remove
 from uniart_jax.objects.robot_mesh import MAX_MESH_BYTES, AssetFiles, RefusedError
 from uniart_jax.objects.xml_text import parse_xml
 
-# What shapes the physics of an MJCF; actuators would hold the joints, keyframes and sensors say nothing about it.
+# What shapes the physics of an MJCF; actuators would hold the joints, keyframes and sensors say
+# nothing about it.
 _PHYSICS = (*KEPT, "option", "size", "statistic", "contact", "tendon")
 _PLACES = ("meshdir", "assetdir", "texturedir")  # of compiler; of the first two, the former counts
 _MATERIALS = (b"mtllib", b"usemtl")
 
 
 class _Physical(Packer):
-    """Keeps contacts, options and all equalities, which a reader of shapes and joints has no use for."""
+    """Keeps contacts, options and all equalities, which a reader of shapes and joints has no use
+    for."""
 
     def _prune(self, root: etree._Element) -> None:
         for element in list(root):
@@ -43,7 +47,8 @@ def stage_mjcf(data: bytes, path: Path, files: AssetFiles, folder: Path) -> Path
       The staged description.
 
     Raises:
-      ValueError: a file that is missing or broken (a ``RefusedError`` where it lies outside the asset's folder or is too large), a plugin.
+      ValueError: a file that is missing or broken (a ``RefusedError`` where it lies outside the
+        asset's folder or is too large), a plugin.
     """
     packer = _Physical(files, [])
     text = packer.document(data, path, 0)[0]
@@ -66,7 +71,8 @@ def stage_urdf(data: bytes, files: AssetFiles, folder: Path, *, shown: bool) -> 
       The staged description.
 
     Raises:
-      ValueError: not XML. RefusedError: a mesh that lies outside the asset's folder or is too large.
+      ValueError: not XML. RefusedError: a mesh that lies outside the asset's folder or is too
+        large.
     """
     root = parse_xml(data, [])
     if root.tag != "robot":
@@ -97,7 +103,8 @@ def stage_urdf(data: bytes, files: AssetFiles, folder: Path, *, shown: bool) -> 
 
 
 def _pop_place(root: etree._Element) -> str:
-    """Where ``compiler`` says meshes lie; later ones win. No folder is left for an engine to look into."""
+    """Where ``compiler`` says meshes lie; later ones win. No folder is left for an engine to look
+    into."""
     place = ""
     for compiler in root.iter("{*}compiler"):
         found = {p: compiler.attrib.pop(p) for p in _PLACES if p in compiler.attrib}
@@ -127,7 +134,8 @@ def _copy(source: Path, target: Path) -> None:
 def _alone(name: str, data: bytes) -> bytes:
     """A mesh without its materials, which are files too and which no engine needs.
 
-    A line ends at a carriage return as well, and PyBullet reads a long one in pieces: no line that says the words anywhere is kept.
+    A line ends at a carriage return as well, and PyBullet reads a long one in pieces: no line that
+    says the words anywhere is kept.
     """
     if not name.endswith(".obj") or not any(word in data for word in _MATERIALS):
         return data

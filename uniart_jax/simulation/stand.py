@@ -1,4 +1,5 @@
-"""An asset left alone: under gravity from its rest state, and after a joint was opened and let go."""
+"""An asset left alone: under gravity from its rest state, and after a joint was opened and let
+go."""
 
 from __future__ import annotations
 
@@ -12,7 +13,8 @@ from uniart_jax.simulation.engine import Engine, Plan
 SECONDS = 2.0  # simulated
 MOVED = 0.05  # of its range, that a joint may move by itself
 BEYOND = 0.02  # of its range, that a joint may be outside its limits
-GROWTH = 0.02  # of the energy of the moving parts falling through the object's size, that may appear from nowhere
+# of the energy of the moving parts falling through the object's size, that may appear from nowhere
+GROWTH = 0.02
 LOOKS = 100
 
 
@@ -22,7 +24,8 @@ class Rest:
 
     Attributes:
       moved: joint -> farthest from where it began, of its range.
-      beyond: joint -> farthest outside its limits, of its range, in the second half of the time: soft limits give way when something falls on them.
+      beyond: joint -> farthest outside its limits, of its range, in the second half of the time:
+        soft limits give way when something falls on them.
       speed: the largest of any link, m / s.
       growth: energy gained, of that of the moving parts falling through the object's size.
     """
@@ -66,5 +69,6 @@ def watch(engine: Engine, seconds: float) -> Rest:
 
 
 def speed_limit(plan: Plan) -> float:
-    """m / s: three times what a fall through twice the object's size gives; faster is an explosion."""
+    """m / s: three times what a fall through twice the object's size gives; faster is an
+    explosion."""
     return 3 * float(np.sqrt(2 * GRAVITY * 2 * plan.size))

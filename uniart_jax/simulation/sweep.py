@@ -1,10 +1,12 @@
 """Every joint over its range by hand, and how deep parts run into each other on the way.
 
-The depth that counts at a state is that of a pair of links beyond what the same pair has at rest: hinges overlap by design.
-Filters are off, parent and child included: what a simulator would not even notice is still a door in its frame.
+The depth that counts at a state is that of a pair of links beyond what the same pair has at rest:
+hinges overlap by design. Filters are off, parent and child included: what a simulator would not
+even notice is still a door in its frame.
 
-A rack behind a door and a seat under a lid move only once the other is out of the way. So a joint whose way is barred by a part that another
-joint moves is swept again with that one open, and keeps the better of the two ways.
+A rack behind a door and a seat under a lid move only once the other is out of the way. So a joint
+whose way is barred by a part that another joint moves is swept again with that one open, and keeps
+the better of the two ways.
 """
 
 from __future__ import annotations
@@ -48,7 +50,8 @@ class JointSweep:
 
 
 def sweep(engine: Engine, joint: PlannedJoint, at_rest: Mapping[Pair, float]) -> JointSweep:
-    """Set ``joint`` to every tenth of its range, the others at rest, or open where they bar its way.
+    """Set ``joint`` to every tenth of its range, the others at rest, or open where they bar its
+    way.
 
     Args:
       at_rest: ``engine.depths`` at the rest state.
@@ -89,14 +92,16 @@ def _way(
 def opens_beside(
     engine: Engine, first: PlannedJoint, second: PlannedJoint, at_rest: Mapping[Pair, float]
 ) -> bool:
-    """Whether ``second`` goes all its way from rest to its goal while ``first`` is open, and brushes against nothing: shapes that touch push back."""
+    """Whether ``second`` goes all its way from rest to its goal while ``first`` is open, and
+    brushes against nothing: shapes that touch push back."""
     way = np.linspace(second.rest, second.goal, 4 * STEPS + 1)
     states = ({first.name: first.goal, second.name: float(v)} for v in way)
     return all(deepest(engine, q, at_rest)[0] <= TOUCH for q in states)
 
 
 def _barring(engine: Engine, joint: PlannedJoint, way: JointSweep) -> str | None:
-    """The joint that moves one of the two links that run into each other, but not with ``joint``; None if there is none left."""
+    """The joint that moves one of the two links that run into each other, but not with ``joint``;
+    None if there is none left."""
     pair = way.pairs[way.worst] or ()
     for other in engine.plan.joints:
         apart = joint.part not in other.moved and other.part not in joint.moved
@@ -108,7 +113,8 @@ def _barring(engine: Engine, joint: PlannedJoint, way: JointSweep) -> str | None
 def deepest(
     engine: Engine, q: Mapping[str, float], at_rest: Mapping[Pair, float]
 ) -> tuple[float, Pair | None]:
-    """(largest depth of any pair at a state beyond its depth at rest, of the object's size; that pair)."""
+    """(largest depth of any pair at a state beyond its depth at rest, of the object's size; that
+    pair)."""
     worst: tuple[float, Pair | None] = (0.0, None)
     for pair, depth in engine.depths(q).items():
         more = (depth - at_rest.get(pair, 0.0)) / engine.plan.size

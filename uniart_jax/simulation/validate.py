@@ -1,7 +1,7 @@
 """``validate``: an asset in, what every check found out.
 
-The asset is read and judged by itself here; each engine has a process of its own, with a limit of processor time: what crashes or hangs there is a check
-that failed, with its reason.
+The asset is read and judged by itself here; each engine has a process of its own, with a limit of
+processor time: what crashes or hangs there is a check that failed, with its reason.
 """
 
 from __future__ import annotations
@@ -45,19 +45,22 @@ def validate(
     """Load an asset in physics engines, move its joints, judge it.
 
     Args:
-      asset: a folder with ``object.urdf`` (and ``object.xml``, which MuJoCo then takes), a URDF or an MJCF.
+      asset: a folder with ``object.urdf`` (and ``object.xml``, which MuJoCo then takes), a URDF or
+        an MJCF.
       out: a folder that takes ``validation.json`` and ``validation.png``; made if it is not there.
       engines: of ``ENGINES``; default MuJoCo and, where it is installed, PyBullet.
       allow_outside: also read what the asset names outside its folder.
 
     Returns:
-      JSON values: ``engines`` {engine: {check: {"passed", "value", "limit", "reason" where it failed}}},
-      ``geometry`` and ``plausibility`` {check: the same} (the latter empty where our reader does not take the asset),
-      ``not_run`` {engine: why}, ``joints`` {engine: {joint: numbers}}, ``motions`` {engine: [curves]}, ``asset`` and ``version``.
+      JSON values: ``engines`` {engine: {check: {"passed", "value", "limit", "reason" where it
+        failed}}},
+      ``geometry`` and ``plausibility`` {check: the same} (the latter empty where our reader does
+      not take the asset), ``not_run`` {engine: why}, ``joints`` {engine: {joint: numbers}},
+      ``motions`` {engine: [curves]}, ``asset`` and ``version``.
 
     Raises:
-      FileNotFoundError: there is no such asset. ValueError: it cannot be read or names files outside its folder, an engine is not
-        installed, or ``out`` cannot be written.
+      FileNotFoundError: there is no such asset. ValueError: it cannot be read or names files
+        outside its folder, an engine is not installed, or ``out`` cannot be written.
     """
     chosen = _chosen(engines)
     given = descriptions(asset, allow_outside)
@@ -150,7 +153,9 @@ def _chosen(engines: Sequence[str] | None) -> list[str]:
         return installed
     for name in engines:
         if name not in ENGINES:
-            raise ValueError(f"validate: no engine is called '{name}'; choose of {', '.join(ENGINES)}")  # fmt: skip
+            raise ValueError(
+                f"validate: no engine is called '{name}'; choose of {', '.join(ENGINES)}"
+            )
         if name not in installed:
             raise ValueError(f"validate: {name} is not installed: {INSTALL[name]}")
     if not engines:

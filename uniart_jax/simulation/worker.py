@@ -1,8 +1,8 @@
 """One engine's process: ``python -m uniart_jax.simulation.worker JOB RESULT``.
 
-JOB is JSON: {"engine", "path" of the staged description, "plan" or null, "seconds", "gate": whether it is to be judged by
-``gate.judge`` instead}. A file that breaks an engine breaks this process only.
-It ends when its input does, a pipe that whoever started it holds open.
+JOB is JSON: {"engine", "path" of the staged description, "plan" or null, "seconds", "gate": whether
+it is to be judged by ``gate.judge`` instead}. A file that breaks an engine breaks this process
+only. It ends when its input does, a pipe that whoever started it holds open.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ def load(engine: str, path: Path, plan: Plan | None) -> Engine:
     """The asset in an engine, ``mujoco`` or ``pybullet``.
 
     Raises:
-      ValueError, RuntimeError, ImportError: it does not load; engines have their own ways to say so.
+      ValueError, RuntimeError, ImportError: it does not load; engines have their own ways to say
+        so.
     """
     if engine == "mujoco":
         from uniart_jax.simulation.mujoco_engine import MujocoEngine
@@ -74,7 +75,8 @@ def _watch() -> None:
 
 
 def _bound(seconds: float) -> None:
-    """No more processor time than that: SIGXCPU ends this process. Waiting for a busy processor does not count."""
+    """No more processor time than that: SIGXCPU ends this process. Waiting for a busy processor
+    does not count."""
     try:
         import resource
     except ImportError:  # Windows

@@ -24,7 +24,8 @@ console = messages()
 
 
 def overlapping(data: DataConfig) -> bool:
-    """Whether validation records are among the training records: one folder, and splits that meet."""
+    """Whether validation records are among the training records: one folder, and splits that
+    meet."""
     if not data.validation or Path(data.records).resolve() != Path(data.validation).resolve():
         return False
     trained, shown = ({*filter(None, s.split(","))} for s in (data.split, data.validation_split))
@@ -42,7 +43,10 @@ def check_settings(config: Config, stages: Sequence[Stage]) -> None:
         if (value := settings.skip_not_finite) < 0:
             raise ValueError(f"config: {name}.skip_not_finite is {value}; give 0 or more")
     if min(config.data.voxel_buckets, default=0) < 1:
-        raise ValueError(f"config: data.voxel_buckets is {config.data.voxel_buckets}; give one number of voxels or more, each above 0")  # fmt: skip
+        raise ValueError(
+            f"config: data.voxel_buckets is {config.data.voxel_buckets}; give one number of voxels "
+            "or more, each above 0"
+        )
 
 
 def check_features(config: Config, stages: Sequence[Stage]) -> None:
@@ -98,7 +102,8 @@ def check_freeze(config: Config, stages: Sequence[Stage]) -> None:
 
 
 def ensure_records(config: Config, training: bool = True) -> None:
-    """Prepare the validation records that the config describes and, for ``training`` on them, those to train on, where they are not there yet.
+    """Prepare the validation records that the config describes and, for ``training`` on them, those
+    to train on, where they are not there yet.
 
     Raises:
       ValueError: a folder holds records of other settings; all that differ are named.

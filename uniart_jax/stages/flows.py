@@ -87,27 +87,35 @@ class FlowStage(Stage):
 
 
 def units_of(source: Path | None, workdir: Path) -> Path | None:
-    """The checkpoint in whose units a flow's latents are: flows of the same encoder and VAEs go on in
-    the units that they know. None: the records' own."""
+    """The checkpoint in whose units a flow's latents are: flows of the same encoder and VAEs go on
+    in the units that they know. None: the records' own."""
     return source if source is not None and same_ground(source, (), workdir) else None
 
 
 def claim_inputs(
     folder: Path, config: Config, workdir: Path, latent: str, units: Path | None = None
 ) -> None:
-    """Tie a flow's checkpoints to the latents, their units (of checkpoint ``units``, or the records' own) and the image encoder that it trains on.
+    """Tie a flow's checkpoints to the latents, their units (of checkpoint ``units``, or the
+    records' own) and the image encoder that it trains on.
 
     Raises:
       FileNotFoundError: a network that it needs has not been trained.
-      ValueError: the checkpoints belong to others; a flow finished on these would not fit the networks exported beside it.
+      ValueError: the checkpoints belong to others; a flow finished on these would not fit the
+        networks exported beside it.
     """
     for name in ("image_encoder", *ENCODED):
         if not exported(workdir, name):
             frozen = name == "image_encoder" and not config.model.image_encoder.kind.trained
-            how = "give a checkpoint that has it as --init" if frozen else f"train it first: --stage {name}"  # fmt: skip
+            how = (
+                "give a checkpoint that has it as --init"
+                if frozen
+                else f"train it first: --stage {name}"
+            )
             raise FileNotFoundError(f"{workdir}/export/{name}.safetensors: not there; {how}")
         if left := [m for m in untrained(workdir / "export") if m.split(".")[0] == name]:
-            raise ValueError(f"{name}: not trained yet ({', '.join(left)}); train it first: --stage {name}")  # fmt: skip
+            raise ValueError(
+                f"{name}: not trained yet ({', '.join(left)}); train it first: --stage {name}"
+            )
     encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
     latents = digest(config, workdir, Path(config.data.records), config.data.split)
     key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
@@ -121,9 +129,9 @@ def claim_inputs(
     trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
     if trained and note.is_file() and note.read_text() != key:
         raise ValueError(
-            f"{folder} was trained on other inputs (records, voxel_buckets, an earlier network, the "
-            "layout network where loss.found shows its layouts, --init or the version changed since); "
-            "remove that folder to train this flow on the new ones"
+            f"{folder} was trained on other inputs (records, voxel_buckets, an earlier network, "
+            "the layout network where loss.found shows its layouts, --init or the version changed "
+            "since); remove that folder to train this flow on the new ones"
         )
     note.parent.mkdir(parents=True, exist_ok=True)
     if not note.is_file() or note.read_text() != key:
@@ -131,7 +139,8 @@ def claim_inputs(
 
 
 def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Condition]:
-    """``samplers.make_conditioner`` with the trained image encoder of WORKDIR, on one device as long as the function is kept."""
+    """``samplers.make_conditioner`` with the trained image encoder of WORKDIR, on one device as
+    long as the function is kept."""
     abstract = build("image_encoder", config.model).abstract()
     parameters = jax.device_put(load_network(workdir, "image_encoder", abstract))
     return functools.partial(make_conditioner(config.model), parameters)

@@ -28,8 +28,8 @@ class ImageEncoderStage(Stage):
         if model.image_encoder.kind.trained:
             return ""
         return (
-            f"{model.image_encoder.architecture} is taken as it is, not trained; convert its weights "
-            "(uniart convert dinov2 FILE --out CHECKPOINT) and give CHECKPOINT as --init"
+            f"{model.image_encoder.architecture} is taken as it is, not trained; convert its "
+            "weights (uniart convert dinov2 FILE --out CHECKPOINT) and give CHECKPOINT as --init"
         )
 
     def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:

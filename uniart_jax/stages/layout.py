@@ -1,4 +1,5 @@
-"""The layout network: images -> the object's parts as a set (where the config has ``layout.queries``)."""
+"""The layout network: images -> the object's parts as a set (where the config has
+``layout.queries``)."""
 
 from __future__ import annotations
 
@@ -58,7 +59,9 @@ def _evaluation(config: Config) -> Evaluation:
                 parts = {name: values[b] for name, values in out["parts"][-1].items()}
                 found, count = layout_readings(parts, *tables)
                 rows, counts = rows + found, counts + [count]
-        figures = {f"parts/{n}": float(np.mean([r[n] for r in rows])) for n in ("right", "found", "type")}  # fmt: skip
+        figures = {
+            f"parts/{n}": float(np.mean([r[n] for r in rows])) for n in ("right", "found", "type")
+        }
         figures["parts/box"] = float(np.median([r["box"] for r in rows]))
         return {**figures, "count": float(np.mean(counts)), "camera": float(np.mean(cameras))}, {}
 

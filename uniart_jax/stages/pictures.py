@@ -1,7 +1,8 @@
-"""What the evaluations of stages share: how many validation records they look at, overlaps, pictures.
+"""What the evaluations of stages share: how many validation records they look at, overlaps,
+pictures.
 
-Validation seeds are neither training seeds nor the held-out seeds of the evaluation, so that nothing
-is tuned on the latter.
+Validation seeds are neither training seeds nor the held-out seeds of the evaluation, so that
+nothing is tuned on the latter.
 """
 
 from __future__ import annotations
@@ -47,9 +48,11 @@ def solid(coords: np.ndarray, sdf: np.ndarray, color: np.ndarray) -> Cells:
 def beside(
     true: Cells, found: Cells, resolution: int, image: np.ndarray | None = None
 ) -> np.ndarray:
-    """[S, 4 S, 3] in [0, 1]: front and side of the true cells, then of those found; [S, 5 S, 3] with the image [S, S, 3] before them.
+    """[S, 4 S, 3] in [0, 1]: front and side of the true cells, then of those found; [S, 5 S, 3]
+    with the image [S, S, 3] before them.
 
-    The front is seen from -x, the side from -y, z up. What is nearer is brighter. ``resolution``: cells a side of the grid.
+    The front is seen from -x, the side from -y, z up. What is nearer is brighter. ``resolution``:
+    cells a side of the grid.
     """
     size = PICTURE if image is None else image.shape[0]
     pixels = np.arange(size) * resolution // size

@@ -68,8 +68,8 @@ class Stage(abc.ABC):
         """Tie the stage's checkpoints in WORKDIR to what it trains on.
 
         Raises:
-          FileNotFoundError: a network that it needs has not been trained. ValueError: the checkpoints
-            belong to other inputs.
+          FileNotFoundError: a network that it needs has not been trained. ValueError: the
+            checkpoints belong to other inputs.
         """
         return None
 

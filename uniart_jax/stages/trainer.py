@@ -1,8 +1,9 @@
 """Training from records to an exported checkpoint: the stages in their order, each from where it
 stands (``Trainer``, and ``run``, which it calls).
 
-WORKDIR holds ``config.json``, ``checkpoints/<stage>``, ``metrics``, ``tensorboard``, ``latents`` and ``export``, the checkpoint that sampling
-loads. Every stage resumes by itself; a finished one is skipped.
+WORKDIR holds ``config.json``, ``checkpoints/<stage>``, ``metrics``, ``tensorboard``, ``latents``
+and ``export``, the checkpoint that sampling loads. Every stage resumes by itself; a finished one is
+skipped.
 """
 
 from __future__ import annotations
@@ -91,9 +92,10 @@ class Trainer:
         once it has taken its steps.
 
         Args:
-          batches: host batches of one stage, dictionaries of arrays as its own are (``Stage.batches``),
-            at least as many as the stage has steps. An iterator without ``get_state`` and
-            ``set_state`` is read again from its beginning when a training is resumed.
+          batches: host batches of one stage, dictionaries of arrays as its own are
+            (``Stage.batches``), at least as many as the stage has steps. An iterator without
+            ``get_state`` and ``set_state`` is read again from its beginning when a training is
+            resumed.
 
         Raises:
           ValueError, FileNotFoundError, FloatingPointError: as ``run``.
@@ -147,15 +149,18 @@ def run(
     init: str | Path | None = None,
     batches: Iterable[Any] | None = None,
 ) -> None:
-    """Train ``stages`` in their order; prepares the config's own procedural records first if they are not there.
+    """Train ``stages`` in their order; prepares the config's own procedural records first if they
+    are not there.
 
     Args:
-      init: a checkpoint (``training.export.checkpoint_folder``) to go on from, see ``adopt``; default: the config's own. A stage that has a checkpoint of
-        its own resumes from that.
+      init: a checkpoint (``training.export.checkpoint_folder``) to go on from, see ``adopt``;
+        default: the config's own. A stage that has a checkpoint of its own resumes from that.
       batches: of one stage, in place of its own (``Trainer.fit``).
 
     Raises:
-      ValueError: WORKDIR belongs to another model or another process works in it, a setting is out of range, a flow's checkpoint to other inputs, ``init`` does not fit the config, or a stage's ``freeze`` its network.
+      ValueError: WORKDIR belongs to another model or another process works in it, a setting is out
+        of range, a flow's checkpoint to other inputs, ``init`` does not fit the config, or a
+        stage's ``freeze`` its network.
       FileNotFoundError: records or an earlier stage's weights are missing.
       FloatingPointError: loss or gradients are not finite (``StageConfig.skip_not_finite``).
     """
@@ -169,7 +174,11 @@ def run(
     check_settings(config, chosen)
     check_features(config, chosen)
     if overlapping(config.data) and distributed.is_first():
-        warnings.warn("data.validation holds records that are trained on: its figures say nothing about new objects; give another folder or split", stacklevel=2)  # fmt: skip
+        warnings.warn(
+            "data.validation holds records that are trained on: its figures say nothing about new "
+            "objects; give another folder or split",
+            stacklevel=2,
+        )
     init = init or config.init
     source = checkpoint_folder(init) if init else None
     taken: list[str] = []
@@ -183,7 +192,8 @@ def run(
         distributed.first_does(lambda: claim(config, workdir))
         if not (workdir / "config.json").is_file():
             raise ValueError(
-                f"workdir '{workdir}': not the first process's folder; give all processes one on a shared file system"
+                f"workdir '{workdir}': not the first process's folder; give all processes one on a "
+                "shared file system"
             )
         if source is not None:
             adopt(source, taken, workdir)
@@ -194,7 +204,8 @@ def run(
 
 
 def trainable(config: Config, names: Sequence[str]) -> list[str]:
-    """The stages of those asked for that the config's model has something to train in, in their order.
+    """The stages of those asked for that the config's model has something to train in, in their
+    order.
 
     Raises:
       ValueError: no such stage, or nothing is left; why and what to do is said.
@@ -219,8 +230,8 @@ def claim(config: Config, workdir: Path) -> None:
         differ = [n for n in parts if getattr(other, n) != getattr(config.model, n)]
         if differ:
             raise ValueError(
-                f"workdir '{workdir}' holds another model (different: {', '.join(f'model.{n}' for n in differ)}); "
-                "choose another --workdir"
+                f"workdir '{workdir}' holds another model (different: "
+                f"{', '.join(f'model.{n}' for n in differ)}); choose another --workdir"
             )
     workdir.mkdir(parents=True, exist_ok=True)
     write_config(workdir, config)
@@ -236,7 +247,8 @@ def train_network(
     source: Path | None = None,
     batches: Iterable[Any] | None = None,
 ) -> None:
-    """One stage, from its checkpoint, the weights of checkpoint ``source`` or from scratch, to ``WORKDIR/export/<name>.safetensors``."""
+    """One stage, from its checkpoint, the weights of checkpoint ``source`` or from scratch, to
+    ``WORKDIR/export/<name>.safetensors``."""
     name, settings = stage.name, stage.settings(config)
     network = build(name, config.model)
     mesh = make_mesh(config.mesh)
@@ -250,7 +262,11 @@ def train_network(
         return
     items = settings.batch_size // settings.accumulate
     if items % mesh.size and jax.process_count() == 1:  # of several, sending the batch is an error
-        console.print(f"{name}: {items} items at once do not divide over {mesh.size} devices, so each computes all of them; give a batch_size that does", style="yellow")  # fmt: skip
+        console.print(
+            f"{name}: {items} items at once do not divide over {mesh.size} devices, so each "
+            "computes all of them; give a batch_size that does",
+            style="yellow",
+        )
     statistics = stage.statistics(config, workdir, source)
     key = jax.random.fold_in(jax.random.key(config.seed), list(STAGES).index(name))
     optimizer = make_optimizer(settings)
@@ -317,7 +333,8 @@ def make_step(
     statistics: dict[str, Statistics],
     source: Path | None = None,
 ) -> Programs:
-    """The train step of a stage; a flow's begins with the frozen image encoder's reading of the pictures, by WORKDIR's export.
+    """The train step of a stage; a flow's begins with the frozen image encoder's reading of the
+    pictures, by WORKDIR's export.
 
     Args:
       network, optimizer: those that the state is made by.

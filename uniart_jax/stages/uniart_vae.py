@@ -74,8 +74,8 @@ class UniArtVAEStage(Stage):
 
 
 def sampler_folder(config: Config, workdir: Path, source: Path | None) -> Path:
-    """The folder with the image encoder and the latent flow whose samples are shown: WORKDIR's export,
-    or else checkpoint ``source``.
+    """The folder with the image encoder and the latent flow whose samples are shown: WORKDIR's
+    export, or else checkpoint ``source``.
 
     Raises:
       FileNotFoundError: neither has them. ValueError: the encoder would be trained, and its latents

@@ -1,8 +1,9 @@
 """Checkpoints of a stage: the train state and the data iterator's state, saved together by Orbax.
 
-A run that is killed at any moment and resumed equals one that was not: a checkpoint is complete or absent, and holds the position
-in the data beside the weights. Leaves are stored under flat dotted names (``params.blocks.0.mlp.kernel``), so that a checkpoint of
-another config can be told apart name by name.
+A run that is killed at any moment and resumed equals one that was not: a checkpoint is complete or
+absent, and holds the position in the data beside the weights. Leaves are stored under flat dotted
+names (``params.blocks.0.mlp.kernel``), so that a checkpoint of another config can be told apart
+name by name.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ _ABSENT = (None, errno.ENOENT, errno.ENOTDIR, errno.EISDIR)
 
 
 class CheckpointableIterator(Protocol):
-    """Anything that knows where it is: ``data.stream``'s, or a test's. A state is bytes or JSON-able."""
+    """Anything that knows where it is: ``data.stream``'s, or a test's. A state is bytes or
+    JSON-able."""
 
     def __next__(self) -> Any: ...
 
@@ -45,7 +47,8 @@ class CheckpointableIterator(Protocol):
 
 
 class _Position:
-    """An iterator's state as an Orbax ``StatefulCheckpointable``: one JSON file for all processes, of whatever number, since batches are drawn globally."""
+    """An iterator's state as an Orbax ``StatefulCheckpointable``: one JSON file for all processes,
+    of whatever number, since batches are drawn globally."""
 
     def __init__(self, state: Any = None):
         self.state = state
@@ -72,7 +75,8 @@ class _Position:
 
 
 class Checkpoints:
-    """The newest ``keep`` checkpoints of one stage in ``folder``; a context manager, so that leaving waits for the last save."""
+    """The newest ``keep`` checkpoints of one stage in ``folder``; a context manager, so that
+    leaving waits for the last save."""
 
     def __init__(self, folder: str | Path, keep: int = 2):
         self.folder = Path(folder).absolute()
@@ -105,11 +109,16 @@ class Checkpoints:
         return [checkpoint.step for checkpoint in self._orbax.checkpoints]
 
     def _remove_cut_off(self) -> None:
-        """A process killed during a save leaves it under another name. Orbax would remove that in the background, where a second opening runs into the first."""
+        """A process killed during a save leaves it under another name. Orbax would remove that in
+        the background, where a second opening runs into the first."""
         if jax.process_index() == 0:
             left = self._unfinished()
             for step in sorted(set(left.values())):
-                print(f"warning: checkpoint {self.folder}/{step} was not finished, the run was killed while it was saved; taking the one before", file=sys.stderr)  # fmt: skip
+                print(
+                    f"warning: checkpoint {self.folder}/{step} was not finished, the run was "
+                    "killed while it was saved; taking the one before",
+                    file=sys.stderr,
+                )
             _remove(left)
 
     def _unfinished(self) -> dict[Path, int]:
@@ -121,7 +130,8 @@ class Checkpoints:
 
     @contextlib.contextmanager
     def _told(self) -> Iterator[None]:
-        """A save that found the disk full is one line, and what it left is removed on leaving; the checkpoints before stand."""
+        """A save that found the disk full is one line, and what it left is removed on leaving; the
+        checkpoints before stand."""
         try:
             yield
         except Exception as error:
@@ -131,8 +141,9 @@ class Checkpoints:
             step = max(self._unfinished().values(), default=None)
             which = "a checkpoint" if step is None else f"checkpoint {step}"
             raise OSError(
-                f"{self.folder}: no room on the disk for {which}; make room and run the same command "
-                "again, it goes on from the last checkpoint that is whole, if there is one"
+                f"{self.folder}: no room on the disk for {which}; make room and run the same "
+                "command again, it goes on from the last checkpoint that is whole, if there is "
+                "one"
             ) from None
 
     def save(
@@ -143,9 +154,11 @@ class Checkpoints:
         *,
         wait: bool = False,
     ) -> None:
-        """Save in the background; the state may be donated and the iterator advanced as soon as this returns.
+        """Save in the background; the state may be donated and the iterator advanced as soon as
+        this returns.
 
-        A step that is already saved is left as it is. A failure of an earlier save is raised here or on leaving.
+        A step that is already saved is left as it is. A failure of an earlier save is raised here
+        or on leaving.
         """
         if step not in self.steps:
             items: dict[str, Any] = {"state": flat_names(state)}
@@ -165,15 +178,17 @@ class Checkpoints:
         """The newest good checkpoint, with ``iterator`` set to its place; None where there is none.
 
         Args:
-          like: a state of the same structure; arrays or ShapeDtypeStructs, whose shardings the result takes.
+          like: a state of the same structure; arrays or ShapeDtypeStructs, whose shardings the
+            result takes.
 
-        A damaged checkpoint is moved aside (``damaged-<step>``) with a one-line warning, and the one before is taken. Failures that
-        say nothing about the checkpoint, such as too little memory or a missing permission, are raised as they are.
-        Each of several processes reads its part without waiting for the others; then they agree on whether all could.
+        A damaged checkpoint is moved aside (``damaged-<step>``) with a one-line warning, and the
+        one before is taken. Failures that say nothing about the checkpoint, such as too little
+        memory or a missing permission, are raised as they are. Each of several processes reads its
+        part without waiting for the others; then they agree on whether all could.
 
         Raises:
-          ValueError: the checkpoint is of another structure (missing, extra and mismatched names are listed), or all are damaged,
-            those moved aside before included.
+          ValueError: the checkpoint is of another structure (missing, extra and mismatched names
+            are listed), or all are damaged, those moved aside before included.
         """
         abstract = jax.tree.map(_abstract, like)
         expected = flat_names(abstract)
@@ -205,14 +220,17 @@ class Checkpoints:
         aside = sorted(int(name) for name in names if name.isdigit())
         if aside:
             raise ValueError(
-                f"{self.folder}: none of the checkpoints {aside} can be read; remove the folder to start anew"
+                f"{self.folder}: none of the checkpoints {aside} can be read; remove the folder to "
+                "start anew"
             )
         return None
 
     def _read(self, step: int, read: Callable[[Path], dict[str, Any]]) -> dict[str, Any] | None:
-        """What ``read`` makes of a checkpoint; None where it is damaged for any process, and then it is aside."""
+        """What ``read`` makes of a checkpoint; None where it is damaged for any process, and then
+        it is aside."""
         me, alone = jax.process_index(), ocp.Context()
-        # at Orbax's barriers the others would wait for a process that has failed, and take the time-out for damage
+        # at Orbax's barriers the others would wait for a process that has failed, and take the
+        # time-out for damage
         alone.multiprocessing.primary_host = me
         alone.multiprocessing.active_processes = {me}
         found, error = None, None
@@ -227,7 +245,11 @@ class Checkpoints:
         if error is None:
             return found
         if distributed.is_first():
-            print(f"warning: checkpoint {self.folder}/{step} is damaged ({error}); trying the one before", file=sys.stderr)  # fmt: skip
+            print(
+                f"warning: checkpoint {self.folder}/{step} is damaged ({error}); trying the one "
+                "before",
+                file=sys.stderr,
+            )
             source, aside = self.folder / str(step), self.folder / f"{_ASIDE}{step}"
             shutil.rmtree(aside, ignore_errors=True)
             if source.exists():
@@ -280,7 +302,8 @@ def _of_a_full_disk(error: BaseException | None) -> bool:
 
 
 def _of_the_machine(error: BaseException | None) -> bool:
-    """Whether reading failed for want of memory, access, time or a working disk, and so says nothing about what was to be read."""
+    """Whether reading failed for want of memory, access, time or a working disk, and so says
+    nothing about what was to be read."""
     if error is None:
         return False
     if isinstance(error, MemoryError) or (

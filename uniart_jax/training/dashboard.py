@@ -1,4 +1,5 @@
-"""What a run says: the terminal, TensorBoard and ``metrics/<stage>.jsonl``, the same numbers in all of them.
+"""What a run says: the terminal, TensorBoard and ``metrics/<stage>.jsonl``, the same numbers in all
+of them.
 
 Beside a stage's own losses every row about training holds ``grad_norm``, ``learning_rate`` and
 
@@ -12,7 +13,7 @@ Beside a stage's own losses every row about training holds ``grad_norm``, ``lear
     padding                                share of the voxels of all batches that was padding (stages that take voxels as lists)
     clip_threshold                         where it adapts
     skipped                                share of the steps that were not finite, where they may be passed over; the means above are over the others
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -42,7 +43,8 @@ Scalars = dict[str, float]
 
 
 class Meter:
-    """Metrics since the last row, fetched one step late and checked for finiteness, and where the time went.
+    """Metrics since the last row, fetched one step late and checked for finiteness, and where the
+    time went.
 
     Attributes:
       passed_over: the last so many steps were not finite.
@@ -69,7 +71,8 @@ class Meter:
         self._of_program: dict[str, list[tuple[float, Scalars]]] = {}
 
     def waited(self, seconds: float) -> None:
-        """Before a step is dispatched: its batch took so long. That counts where the device has already finished the step before."""
+        """Before a step is dispatched: its batch took so long. That counts where the device has
+        already finished the step before."""
         if self._pending is None or self._pending[1]["loss"].is_ready():
             self._waited += seconds
 
@@ -86,7 +89,8 @@ class Meter:
         """Until the last step is done.
 
         Raises:
-          FloatingPointError: its loss or gradients are not finite, and no more such steps in a row may be passed over (``StageConfig.skip_not_finite``).
+          FloatingPointError: its loss or gradients are not finite, and no more such steps in a row
+            may be passed over (``StageConfig.skip_not_finite``).
         """
         if self._pending is None:
             return
@@ -99,7 +103,10 @@ class Meter:
             what = f"{self.name}: {', '.join(bad)} not finite at step {step}"
             if self.passed_over > may:
                 before = f" and the {may} before it" if may else ""
-                raise FloatingPointError(f"{what}{before}; stopped, nothing saved since the last checkpoint; lower the learning rate or look at the data")  # fmt: skip
+                raise FloatingPointError(
+                    f"{what}{before}; stopped, nothing saved since the last checkpoint; lower the "
+                    "learning rate or look at the data"
+                )
             if self.passed_over == 1:
                 self._say(f"{what}; passed over (up to {may} in a row are)")
         if may:
@@ -119,7 +126,8 @@ class Meter:
             self._of_program.setdefault(program.label, []).append((now - begin, values))
 
     def row(self, step: int, programs: int | None = None) -> Scalars:
-        """Means over the steps where a metric is a number (one may be undefined on a batch), rates, and a new start."""
+        """Means over the steps where a metric is a number (one may be undefined on a batch), rates,
+        and a new start."""
         result = {}
         for key in self.latest:
             values = [v for seen in self._seen if math.isfinite(v := seen.get(key, math.nan))]
@@ -147,7 +155,8 @@ class Meter:
         return result
 
     def pause(self) -> None:
-        """Wait for the device and stop the clock: compiling, saving and evaluating are no part of samples a second."""
+        """Wait for the device and stop the clock: compiling, saving and evaluating are no part of
+        samples a second."""
         self.settle()
         self._seconds += time.perf_counter() - self._start
         self._start = time.perf_counter()
@@ -158,14 +167,16 @@ class Meter:
 
 
 def ideal_seconds(flops: Counter[str]) -> float | None:
-    """Seconds that products, counted by dtype, would take all devices at the rate of a large product of that dtype; None where one is not known."""
+    """Seconds that products, counted by dtype, would take all devices at the rate of a large
+    product of that dtype; None where one is not known."""
     peaks = {dtype: matmul_peak(dtype) for dtype in flops}
     rates = {dtype: peak * jax.device_count() for dtype, peak in peaks.items() if peak}
     return sum(n / rates[dtype] for dtype, n in flops.items()) if len(rates) == len(peaks) else None
 
 
 def device_memory() -> Scalars:
-    """GiB in use, and most ever in use, of the fullest device of this process; empty where devices do not count them (CPU)."""
+    """GiB in use, and most ever in use, of the fullest device of this process; empty where devices
+    do not count them (CPU)."""
     found = [stats for d in jax.local_devices() if (stats := d.memory_stats())]
     names = {"bytes_in_use": "memory_gib", "peak_bytes_in_use": "peak_memory_gib"}
     return {
@@ -176,7 +187,8 @@ def device_memory() -> Scalars:
 
 
 class Reporter:
-    """Terminal, TensorBoard and ``metrics/<name>.jsonl`` of a stage; only the first process writes."""
+    """Terminal, TensorBoard and ``metrics/<name>.jsonl`` of a stage; only the first process
+    writes."""
 
     def __init__(self, name: str, workdir: Path, step: int, stage: StageConfig):
         self.name, self.stage = name, stage
@@ -192,7 +204,12 @@ class Reporter:
         _drop_after(self.path, step)
         self.board = Board(workdir / "tensorboard" / name, step + 1)
         if self.console.is_terminal:
-            columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())  # fmt: skip
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                MofNCompleteColumn(),
+                TimeRemainingColumn(),
+            )
             bar = Progress(*columns, TextColumn("{task.fields[info]}"), console=self.console)
             self._task = bar.add_task(name, total=stage.steps, completed=step, info="")
             self._bar = bar
@@ -216,7 +233,9 @@ class Reporter:
         if self.writes:
             self.console.print(text, markup=False)
 
-    def log(self, step: int, kind: str, scalars: Scalars, images: dict[str, np.ndarray] | None = None) -> None:  # fmt: skip
+    def log(
+        self, step: int, kind: str, scalars: Scalars, images: dict[str, np.ndarray] | None = None
+    ) -> None:
         """A row of numbers, and pictures, to the log files."""
         if not self.writes:
             return
@@ -268,7 +287,8 @@ def has_row(workdir: Path, name: str, step: int, kind: str) -> bool:
 
 
 def _drop_after(path: Path, step: int) -> None:
-    """Remove the rows of steps that a killed run reported and did not save; a torn last line goes too."""
+    """Remove the rows of steps that a killed run reported and did not save; a torn last line goes
+    too."""
     if not path.exists():
         return
     kept = []

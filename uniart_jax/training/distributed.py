@@ -1,9 +1,12 @@
 """Several processes that train together: how they find one another, agree, wait and fail.
 
-Devices talk by collectives inside compiled programs. What hosts have to tell one another (shapes, verdicts, "done", "failed") goes through the key-value
-store of ``jax.distributed``'s coordinator instead: it waits for hours without a time-out, needs no device, and does not stand behind a running step.
+Devices talk by collectives inside compiled programs. What hosts have to tell one another (shapes,
+verdicts, "done", "failed") goes through the key-value store of ``jax.distributed``'s coordinator
+instead: it waits for hours without a time-out, needs no device, and does not stand behind a running
+step.
 
-All processes call these functions in the same order. With one process each is free and does nothing.
+All processes call these functions in the same order. With one process each is free and does
+nothing.
 """
 
 from __future__ import annotations
@@ -48,27 +51,39 @@ def start(
     process: int | None = None,
     wait: float = 300.0,
 ) -> None:
-    """Join the other processes; before anything else that touches a device. SIGTERM goes on to do what the program has told it to.
+    """Join the other processes; before anything else that touches a device. SIGTERM goes on to do
+    what the program has told it to.
 
     Args:
-      coordinator: HOST:PORT of process 0. None: TPU pods, SLURM, Open MPI and Kubernetes are detected (``jax.distributed.initialize``).
+      coordinator: HOST:PORT of process 0. None: TPU pods, SLURM, Open MPI and Kubernetes are
+        detected (``jax.distributed.initialize``).
       processes, process: how many there are and which this is, with ``coordinator``.
-      wait: seconds for all of them to come. Then this process ends with one line and exit code 2: JAX would abort.
+      wait: seconds for all of them to come. Then this process ends with one line and exit code 2:
+        JAX would abort.
 
     Raises:
-      ValueError: numbers that do not fit, an environment that is not known, or a port that cannot be opened.
+      ValueError: numbers that do not fit, an environment that is not known, or a port that cannot
+        be opened.
     """
     by_hand = {"coordinator": coordinator, "processes": processes, "process": process}
     missing = [f"--{name}" for name, value in by_hand.items() if value is None]
     if (coordinator is None and len(missing) < 3) or (coordinator is not None and missing):
-        raise ValueError(f"distributed: {', '.join(missing)} missing; give --coordinator HOST:PORT --processes N --process I, or --distributed alone where it can be detected")  # fmt: skip
+        raise ValueError(
+            f"distributed: {', '.join(missing)} missing; give --coordinator HOST:PORT --processes "
+            "N --process I, or --distributed alone where it can be detected"
+        )
     if coordinator is not None:
         _, colon, port = coordinator.rpartition(":")
         if not (colon and port.isdecimal() and 0 < int(port) < 2**16):
-            raise ValueError(f"--coordinator '{coordinator}': give HOST:PORT of process 0, such as node0:8476")  # fmt: skip
+            raise ValueError(
+                f"--coordinator '{coordinator}': give HOST:PORT of process 0, such as node0:8476"
+            )
         assert processes is not None and process is not None
         if not 0 <= process < processes:
-            raise ValueError(f"--process {process} of --processes {processes}: give 0 to {processes - 1}, each once")  # fmt: skip
+            raise ValueError(
+                f"--process {process} of --processes {processes}: give 0 to {processes - 1}, each "
+                "once"
+            )
         if process == 0:
             _check_port(coordinator, int(port))
     where = coordinator or "the coordinator of this cluster"
@@ -76,7 +91,11 @@ def start(
         AttributeError
     ):  # its own handler would swallow SIGTERM until a loop listens; older versions have neither
         jax.config.update("jax_enable_preemption_service", False)
-    with _time_limit(wait, f"not all processes came to {where} within {wait:g} s; start all of them with the same --processes and different --process, and check that the port can be reached"):  # fmt: skip
+    with _time_limit(
+        wait,
+        f"not all processes came to {where} within {wait:g} s; start all of them with the same "
+        "--processes and different --process, and check that the port can be reached",
+    ):
         try:
             jax.distributed.initialize(
                 coordinator,
@@ -89,34 +108,54 @@ def start(
             )
         except RuntimeError as error:
             reason = str(error).splitlines()[0]
-            raise ValueError(f"distributed: cannot start at {where} ({reason}); is the port in use, or this not its host? choose another port on all processes") from None  # fmt: skip
+            raise ValueError(
+                f"distributed: cannot start at {where} ({reason}); is the port in use, or this not "
+                "its host? choose another port on all processes"
+            ) from None
         except ValueError as error:
-            raise ValueError(f"distributed: no cluster detected ({error}); give --coordinator HOST:PORT --processes N --process I") from None  # fmt: skip
+            raise ValueError(
+                f"distributed: no cluster detected ({error}); give --coordinator HOST:PORT "
+                "--processes N --process I"
+            ) from None
 
 
 def _check_port(coordinator: str, port: int) -> None:
-    """ValueError if a port of this computer cannot be opened: JAX (jaxlib 0.10) may end the process instead of raising."""
+    """ValueError if a port of this computer cannot be opened: JAX (jaxlib 0.10) may end the process
+    instead of raising."""
     family = socket.AF_INET6 if socket.has_dualstack_ipv6() else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as trial:
         trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # what a run before has left
         try:
             trial.bind(("", port))
         except OSError as error:
-            raise ValueError(f"distributed: cannot start at {coordinator} ({error.strerror or error}); is the port in use? choose another port on all processes") from None  # fmt: skip
+            raise ValueError(
+                f"distributed: cannot start at {coordinator} ({error.strerror or error}); is the "
+                "port in use? choose another port on all processes"
+            ) from None
 
 
 def slurm_devices(environment: Mapping[str, str]) -> list[int] | None:
-    """The GPUs of this task of a SLURM job: those that it sees, shared equally by the tasks on its node; None elsewhere (JAX's own choice).
+    """The GPUs of this task of a SLURM job: those that it sees, shared equally by the tasks on its
+    node; None elsewhere (JAX's own choice).
 
     JAX takes one GPU a task, so that a single task on a node of eight would leave seven idle.
     """
     get = environment.get
-    if not all(name in environment for name in ("SLURM_STEP_TASKS_PER_NODE", "SLURM_NODEID", "SLURM_LOCALID")):  # fmt: skip
+    if not all(
+        name in environment
+        for name in ("SLURM_STEP_TASKS_PER_NODE", "SLURM_NODEID", "SLURM_LOCALID")
+    ):
         return None
     visible = get("CUDA_VISIBLE_DEVICES")
-    seen = len([d for d in visible.split(",") if d]) if visible else int(get("SLURM_GPUS_ON_NODE", "0"))  # fmt: skip
+    seen = (
+        len([d for d in visible.split(",") if d])
+        if visible
+        else int(get("SLURM_GPUS_ON_NODE", "0"))
+    )
     tasks: list[int] = []
-    for number, times in re.findall(r"(\d+)(?:\(x(\d+)\))?", environment["SLURM_STEP_TASKS_PER_NODE"]):  # fmt: skip
+    for number, times in re.findall(
+        r"(\d+)(?:\(x(\d+)\))?", environment["SLURM_STEP_TASKS_PER_NODE"]
+    ):
         tasks += [int(number)] * int(times or 1)
     here = 1 if "SLURM_GPUS_PER_TASK" in environment else tasks[int(environment["SLURM_NODEID"])]
     if not seen or seen % here:
@@ -132,7 +171,8 @@ def is_first() -> bool:
 
 @contextlib.contextmanager
 def together() -> Iterator[None]:
-    """What one process raises inside is raised by all that wait or ask in here; one that cannot be told, because it is in a collective, ends by JAX's heartbeat.
+    """What one process raises inside is raised by all that wait or ask in here; one that cannot be
+    told, because it is in a collective, ends by JAX's heartbeat.
 
     Raises:
       ValueError: another process failed; it says which, and why.
@@ -159,7 +199,9 @@ def together() -> Iterator[None]:
             if not signalled:
                 print(f"error: {message}", file=sys.stderr, flush=True)
             # an orderly exit would wait for them
-            os._exit(error.code if isinstance(error, SystemExit) and isinstance(error.code, int) else 2)  # fmt: skip
+            os._exit(
+                error.code if isinstance(error, SystemExit) and isinstance(error.code, int) else 2
+            )
         raise
 
 
@@ -169,19 +211,22 @@ def wait() -> None:
 
 
 def told(value: T) -> T:
-    """The first process's value (JSON-able), on all: for what files say, which may show up later on other hosts."""
+    """The first process's value (JSON-able), on all: for what files say, which may show up later on
+    other hosts."""
     return json.loads(_meet(json.dumps(value), lambda texts: texts[0]))
 
 
 def first_does(action: Callable[[], T]) -> T | None:
-    """``action()`` by the first process while the others wait; None on those. What it raises, all raise."""
+    """``action()`` by the first process while the others wait; None on those. What it raises, all
+    raise."""
     result = action() if is_first() else None
     wait()
     return result
 
 
 def by_the_first(evaluate: Callable[..., Any] | None) -> Callable[..., Any] | None:
-    """``loop.run_stage``'s evaluation, run by the first process alone, on one device, while the others wait; with one process it stays as it is."""
+    """``loop.run_stage``'s evaluation, run by the first process alone, on one device, while the
+    others wait; with one process it stays as it is."""
     if evaluate is None or jax.process_count() == 1:
         return evaluate
 
@@ -212,12 +257,16 @@ def largest(values: Sequence[int]) -> list[int]:
 
     found = json.loads(_meet(json.dumps([int(v) for v in values]), combine))
     if len(found) != len(values):
-        raise ValueError("distributed: the processes' batches differ in structure; do all read the same records with the same config?")  # fmt: skip
+        raise ValueError(
+            "distributed: the processes' batches differ in structure; do all read the same "
+            "records with the same config?"
+        )
     return found
 
 
 def stop_together(step: int, signal: int | None) -> int | None:
-    """The signal that all processes obey after ``step``, a few steps after one of them was given it; None: go on. Asked once a step, by all.
+    """The signal that all processes obey after ``step``, a few steps after one of them was given
+    it; None: go on. Asked once a step, by all.
 
     Steps compute together, so no process is further than a step from another.
     """
@@ -235,7 +284,8 @@ def stop_together(step: int, signal: int | None) -> int | None:
 
 
 def shared_error(error: Exception | None) -> Exception | None:
-    """What went wrong here, or else on another process (``OtherFailed``); None where all went well. So all go on, or none."""
+    """What went wrong here, or else on another process (``OtherFailed``); None where all went well.
+    So all go on, or none."""
     if jax.process_count() == 1:
         return error
     mine = "" if error is None else json.dumps([jax.process_index(), _in_a_line(error)])
@@ -254,7 +304,10 @@ def check_equal(settings: Mapping[str, Any]) -> None:
         first, *others = [json.loads(text) for text in texts]
         for number, other in enumerate(others, 1):
             if differ := differences(first, other):
-                return f"process {number} was started with other settings than process 0 ({'; '.join(differ)}); start all with the same command and files"  # fmt: skip
+                return (
+                    f"process {number} was started with other settings than process 0 "
+                    f"({'; '.join(differ)}); start all with the same command and files"
+                )
         return ""
 
     if problem := _meet(json.dumps(settings), combine):
@@ -273,7 +326,8 @@ def _store() -> Any:
 
 
 def _meet(text: str, combine: Callable[[list[str]], str]) -> str:
-    """The texts of all processes, combined by the first: 2 N messages, and none to wait for but the slowest process."""
+    """The texts of all processes, combined by the first: 2 N messages, and none to wait for but the
+    slowest process."""
     count, me = jax.process_count(), jax.process_index()
     if count == 1:
         return combine([text])
@@ -319,7 +373,8 @@ def _all_heard(store: Any) -> bool:
 
 @contextlib.contextmanager
 def _time_limit(seconds: float, message: str) -> Iterator[None]:
-    """End the program with a line and exit code 2: the call inside can neither be interrupted nor fail by itself."""
+    """End the program with a line and exit code 2: the call inside can neither be interrupted nor
+    fail by itself."""
 
     def end() -> None:
         print(f"error: distributed: {message}", file=sys.stderr, flush=True)

@@ -1,5 +1,5 @@
-"""What the image encoder minimises: ``make_image_encoder_loss`` gives ``loss_fn(params, batch, key) ->
-(loss, scalar metrics)``. Batches are those of ``data.image_table``."""
+"""What the image encoder minimises: ``make_image_encoder_loss`` gives ``loss_fn(params, batch, key)
+-> (loss, scalar metrics)``. Batches are those of ``data.image_table``."""
 
 from __future__ import annotations
 
@@ -24,10 +24,11 @@ CAMERA_WEIGHT = 3.0
 
 
 def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
-    """Regression of coarse structure from the image: camera, occupancy [R^3], joint codes and boxes at the target resolution.
+    """Regression of coarse structure from the image: camera, occupancy [R^3], joint codes and boxes
+    at the target resolution.
 
-    Half of the items are lifted through their true camera, so that the lifting learns while the estimate is still poor; the
-    "iou" logged here is over both halves.
+    Half of the items are lifted through their true camera, so that the lifting learns while the
+    estimate is still poor; the "iou" logged here is over both halves.
     """
     delta = config.loss.huber_delta
 
@@ -57,7 +58,8 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
             "parent_box": masked_mean(box_loss(codes[..., 15:21], parent, delta), weights),
         }
         camera = jnp.abs(out["camera"] - batch["camera"]).mean()
-        # boxes and joints learn early and, weighted like occupancy, keep it from being learnt at all; Dice does too
+        # boxes and joints learn early and, weighted like occupancy, keep it from being learnt at
+        # all; Dice does too
         loss = OCCUPANCY_WEIGHT * entropy + CAMERA_WEIGHT * camera + sum(terms.values())
         iou = occupancy_iou(out["occupancy"], occupancy)
         return loss, {"entropy": entropy, "camera": camera, "iou": iou, **terms}

@@ -1,8 +1,9 @@
-"""The folder that a finished stage leaves and that sampling loads: ``config.json`` and one ``<network>.safetensors`` a network.
+"""The folder that a finished stage leaves and that sampling loads: ``config.json`` and one
+``<network>.safetensors`` a network.
 
-Averaged weights, flat dotted names, float16 on disk (converted ones as wide as they were) and float32 in memory.
-``latent_stats.safetensors`` holds mean and standard deviation of each latent. A file is complete or absent (written
-beside, then renamed); nothing is unpickled.
+Averaged weights, flat dotted names, float16 on disk (converted ones as wide as they were) and
+float32 in memory. ``latent_stats.safetensors`` holds mean and standard deviation of each latent. A
+file is complete or absent (written beside, then renamed); nothing is unpickled.
 """
 
 from __future__ import annotations
@@ -45,13 +46,15 @@ def checkpoint_folder(checkpoint: str | Path) -> Path:
             else ""
         )
         raise FileNotFoundError(
-            f"checkpoint '{checkpoint}': neither a folder nor a shipped model (shipped: {known or 'none'}; of the hub: hf:ORG/NAME)"
+            f"checkpoint '{checkpoint}': neither a folder nor a shipped model (shipped: "
+            f"{known or 'none'}; of the hub: hf:ORG/NAME)"
         )
     return folder
 
 
 def checkpoint_digest(checkpoint: str | Path) -> str:
-    """Of all networks of a checkpoint (``checkpoint_folder``), and of the options that it is sampled with."""
+    """Of all networks of a checkpoint (``checkpoint_folder``), and of the options that it is
+    sampled with."""
     total = hashlib.sha256()
     folder = checkpoint_folder(checkpoint)
     folder = folder if list(folder.glob("*.safetensors")) else folder / "export"
@@ -75,10 +78,12 @@ def export_network(
 ) -> Path:
     """Write a network's (averaged) parameters to ``folder/<name>.safetensors``.
 
-    Parameters that are split over several processes are gathered first, so call it on all of them; the first one writes.
+    Parameters that are split over several processes are gathered first, so call it on all of them;
+    the first one writes.
 
     Args:
-      dtype: on disk; 'stored' keeps float16 where a parameter has it and writes float32 otherwise (converted weights are mixed).
+      dtype: on disk; 'stored' keeps float16 where a parameter has it and writes float32 otherwise
+        (converted weights are mixed).
 
     Raises:
       ValueError: values are not finite, or too large for float16; all such names are listed.
@@ -111,8 +116,8 @@ def load_network(folder: str | Path, name: str, abstract: Any) -> Any:
 
     Raises:
       FileNotFoundError: no such file.
-      ValueError: truncated, of another config, not finite or not floating-point numbers; every difference is
-        listed.
+      ValueError: truncated, of another config, not finite or not floating-point numbers; every
+        difference is listed.
     """
     path = find_export(folder, f"{name}.safetensors")
     tensors = _read(path)
@@ -127,7 +132,8 @@ def load_network(folder: str | Path, name: str, abstract: Any) -> Any:
         problems.append(f"not finite: {', '.join(bad)}")
     if problems:
         raise ValueError(
-            f"{path} does not fit this config; {'; '.join(problems)}; use the config.json it was made with"
+            f"{path} does not fit this config; {'; '.join(problems)}; use the config.json it was "
+            "made with"
         )
     leaves = [tensors[n].astype(np.float32) for n in expected]
     return jax.tree.unflatten(jax.tree.structure(abstract), leaves)
@@ -168,7 +174,8 @@ def read_config(folder: str | Path) -> Config:
 
 
 def write_statistics(folder: str | Path, name: str, mean: Any, std: Any) -> Path:
-    """Add a latent's mean and standard deviation ([C] float32 each) to ``folder/latent_stats.safetensors``."""
+    """Add a latent's mean and standard deviation ([C] float32 each) to
+    ``folder/latent_stats.safetensors``."""
     path = Path(folder) / STATISTICS
     tensors = _read(path) if path.exists() else {}
     for key, value in (("mean", mean), ("std", std)):
@@ -199,14 +206,20 @@ def read_statistics(folder: str | Path, name: str) -> tuple[np.ndarray, np.ndarr
         raise ValueError(f"{path}: not finite: {', '.join(bad)}")
     mean, std = found.values()
     if mean.ndim != 1 or mean.shape != std.shape:
-        raise ValueError(f"{path}: {name} has shapes {mean.shape} and {std.shape}, expected [C] both")  # fmt: skip
+        raise ValueError(
+            f"{path}: {name} has shapes {mean.shape} and {std.shape}, expected [C] both"
+        )
     if not (std > 0).all():
-        raise ValueError(f"{path}: {keys[1]} is not above 0 in {np.sum(std <= 0)} of {std.size} channels; train the stage that makes it again")  # fmt: skip
+        raise ValueError(
+            f"{path}: {keys[1]} is not above 0 in {np.sum(std <= 0)} of {std.size} channels; train "
+            "the stage that makes it again"
+        )
     return mean, std
 
 
 def find_export(folder: str | Path, filename: str) -> Path:
-    """Path of an exported file: in ``folder`` itself or, where that is a WORKDIR, in ``folder/export``.
+    """Path of an exported file: in ``folder`` itself or, where that is a WORKDIR, in
+    ``folder/export``.
 
     Raises:
       FileNotFoundError: in neither.
@@ -216,8 +229,13 @@ def find_export(folder: str | Path, filename: str) -> Path:
         if (place / filename).is_file():
             return place / filename
     if not folder.is_dir():
-        raise FileNotFoundError(f"checkpoint {folder}: no such folder; give an export folder or a WORKDIR")  # fmt: skip
-    raise FileNotFoundError(f"checkpoint {folder}: no {filename} in it or in its export/; finish the training stage that writes it")  # fmt: skip
+        raise FileNotFoundError(
+            f"checkpoint {folder}: no such folder; give an export folder or a WORKDIR"
+        )
+    raise FileNotFoundError(
+        f"checkpoint {folder}: no {filename} in it or in its export/; finish the training stage "
+        "that writes it"
+    )
 
 
 def has_export(folder: str | Path, filename: str) -> bool:
@@ -236,12 +254,13 @@ def flat_names(tree: Any) -> dict[str, Any]:
 
 
 def differences(expected: dict[str, Any], found: dict[str, Any]) -> list[str]:
-    """How the named values that were found differ from those expected: missing, extra and mismatched names; empty if equal."""
+    """How the named values that were found differ from those expected: missing, extra and
+    mismatched names; empty if equal."""
     common = sorted(expected.keys() & found.keys())
     lists = {
         "missing": sorted(expected.keys() - found.keys()),
         "extra": sorted(found.keys() - expected.keys()),
-        "mismatched": [f"{n} is {found[n]}, expected {expected[n]}" for n in common if found[n] != expected[n]],
+        "mismatched": [f"{n} is {found[n]}, expected {expected[n]}" for n in common if found[n] != expected[n]],  # noqa: E501
     }  # fmt: skip
     return [f"{kind}: {', '.join(names)}" for kind, names in lists.items() if names]
 
@@ -251,7 +270,8 @@ def _not_finite(tensors: dict[str, np.ndarray]) -> list[str]:
 
 
 def _not_floating(tensors: dict[str, np.ndarray]) -> list[str]:
-    """Names of what holds no floating-point numbers, with their type (bfloat16 is none of numpy's kinds)."""
+    """Names of what holds no floating-point numbers, with their type (bfloat16 is none of numpy's
+    kinds)."""
     return [f"{name} ({v.dtype})" for name, v in sorted(tensors.items()) if v.dtype.kind in "biuc"]
 
 

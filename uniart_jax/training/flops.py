@@ -1,7 +1,8 @@
 """How much a step computes, and how much a device can: together, the share of peak.
 
-XLA's own cost analysis counts the body of a loop once, however often it runs (scanned blocks, chunked attention, accumulation), so products are
-counted here on the traced program, with loops multiplied out. What is counted is what runs: recomputed activations (``remat``) count again.
+XLA's own cost analysis counts the body of a loop once, however often it runs (scanned blocks,
+chunked attention, accumulation), so products are counted here on the traced program, with loops
+multiplied out. What is counted is what runs: recomputed activations (``remat``) count again.
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ LARGEST, LONG_ENOUGH = 8192, 0.005  # side of the largest matrix tried; seconds 
 
 
 def matmul_flops(jaxpr: Any) -> Counter[str]:
-    """Floating-point operations of all matrix products and convolutions of a jaxpr, by the dtype of their left operand.
+    """Floating-point operations of all matrix products and convolutions of a jaxpr, by the dtype of
+    their left operand.
 
-    Scans and Pallas grids are multiplied out, of branches the dearest counts, a ``while`` whose trips are unknown counts once, and
-    kernels that JAX cannot look into (cuDNN's) count nothing.
+    Scans and Pallas grids are multiplied out, of branches the dearest counts, a ``while`` whose
+    trips are unknown counts once, and kernels that JAX cannot look into (cuDNN's) count nothing.
     """
     total: Counter[str] = Counter()
     for eqn in getattr(jaxpr, "jaxpr", jaxpr).eqns:
@@ -48,9 +50,11 @@ def matmul_flops(jaxpr: Any) -> Counter[str]:
 
 @functools.cache
 def matmul_peak(dtype: str) -> float | None:
-    """FLOP/s of products of square matrices on one device of this process, measured: the limit a step is judged by. Well under a second.
+    """FLOP/s of products of square matrices on one device of this process, measured: the limit a
+    step is judged by. Well under a second.
 
-    None where the device's memory is too full for that (up to two matrices of ``LARGEST``, freed at the end); it is not tried again.
+    None where the device's memory is too full for that (up to two matrices of ``LARGEST``, freed at
+    the end); it is not tried again.
     """
     try:
         return _measured(dtype)

@@ -87,7 +87,10 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
     flow, weights = config.model.structure_flow, config.loss
     share = weights.refined
     if not 0 <= share <= 1 or (share and not flow.refine_channels):
-        raise ValueError(f"config: loss.refined is {share}; give 0 to 1, and model.structure_flow.refine_channels where it is above 0")  # fmt: skip
+        raise ValueError(
+            f"config: loss.refined is {share}; give 0 to 1, and "
+            "model.structure_flow.refine_channels where it is above 0"
+        )
     refine = make_refiner_loss(network, config, mean, std) if share else None
     vae = build("structure_vae", config.model) if weights.decoded_structure > 0 else None
 
@@ -144,10 +147,12 @@ def make_refiner_loss(network: Network, config: Config, mean: Any, std: Any) -> 
 def make_latent_flow_loss(
     network: Network, config: Config, mean: Any, std: Any, metric: Any = None
 ) -> LossFn:
-    """Rectified flow of the UniArt latents on the active voxels, ``part_share`` of the loss spread evenly over parts.
+    """Rectified flow of the UniArt latents on the active voxels, ``part_share`` of the loss spread
+    evenly over parts.
 
-    ``metric`` [C, C]: of ``training.readout``; None measures all channels alike. With ``loss.decoded`` the function takes the UniArt VAE's
-    parameters after the key, and its batches hold the plans of a decoder.
+    ``metric`` [C, C]: of ``training.readout``; None measures all channels alike. With
+    ``loss.decoded`` the function takes the UniArt VAE's parameters after the key, and its batches
+    hold the plans of a decoder.
     """
     vae = build("uniart_vae", config.model) if config.loss.decoded > 0 else None
     for name in ("part_share", "readout_share"):
@@ -176,7 +181,9 @@ def make_latent_flow_loss(
         if vae is None:
             return loss, metrics
         rows = draw_rows(jax.random.fold_in(key, 1), weights, DECODED_VOXELS)
-        guess, truth = (z * jnp.asarray(std) + jnp.asarray(mean) for z in (predicted_sample(x, v, t), x0))  # fmt: skip
+        guess, truth = (
+            z * jnp.asarray(std) + jnp.asarray(mean) for z in (predicted_sample(x, v, t), x0)
+        )
         terms = decoded_losses(vae, decoder, guess, truth, batch, rows)
         loss = loss + config.loss.decoded * (
             terms["sdf"] + terms["sign"] + COLOR_WEIGHT * terms["color"]
@@ -189,10 +196,11 @@ def make_latent_flow_loss(
 def decoded_losses(
     vae: Network, params: Any, guess: jax.Array, truth: jax.Array, batch: Any, rows: jax.Array
 ) -> dict[str, jax.Array]:
-    """What a frozen UniArt VAE makes of latents ``guess`` [B, V, C] against what it makes of ``truth``, at voxels ``rows`` [B, Q].
+    """What a frozen UniArt VAE makes of latents ``guess`` [B, V, C] against what it makes of
+    ``truth``, at voxels ``rows`` [B, Q].
 
-    Means over sub-cells with weight exp(-|distance|) + .2, so that the surface counts most: "sdf" of the distance's error, "sign" of the cross-entropy
-    of its sign, "color" of the colour's error.
+    Means over sub-cells with weight exp(-|distance|) + .2, so that the surface counts most: "sdf"
+    of the distance's error, "sign" of the cross-entropy of its sign, "color" of the colour's error.
     """
     decode = lambda z: vae.apply(params, z, batch, rows, method="decode")  # noqa: E731
     found, true = decode(guess), jax.lax.stop_gradient(decode(truth))
@@ -206,7 +214,8 @@ def decoded_losses(
 
 
 def draw(batch, x0: jax.Array, key: jax.Array, config: Config):
-    """Times [B n], noise like x0, and the condition (``samplers.Condition``) with some items' dropped to zero for guidance."""
+    """Times [B n], noise like x0, and the condition (``samplers.Condition``) with some items'
+    dropped to zero for guidance."""
     weights = config.loss
     time_key, noise_key, drop_key = jax.random.split(key, 3)
     t = sample_times(
@@ -220,7 +229,8 @@ def draw(batch, x0: jax.Array, key: jax.Array, config: Config):
 
 
 def summarize_flow(error, v, x, x0, t, mask, prediction):
-    """Loss and metrics. A network that predicts the clean sample is judged on it: the velocity's error times t^2."""
+    """Loss and metrics. A network that predicts the clean sample is judged on it: the velocity's
+    error times t^2."""
     loss = jnp.mean(error * t**2 if prediction == "data" else error)
     miss = jnp.square(predicted_sample(x, v, t) - x0).mean(-1)
     miss = miss if mask is None else jnp.where(mask, miss, 0)

@@ -1,10 +1,12 @@
-"""Losses of the layout network: predicted parts are matched to true ones, then each pays for its own (DETR, Carion 2020).
+"""Losses of the layout network: predicted parts are matched to true ones, then each pays for its
+own (DETR, Carion 2020).
 
     cost[q, k] = sum over layers of  5 L1(corners) - p + Huber(code, .05)
     loss       = 2 mean over layers (5 L1(corners) + 5 Huber(code) + BCE(exists) + .3 L1(colour))
                  + .3 CE(parent) + 2 L1(camera)
 
-One matching serves all layers. Part terms are means per object, then over objects; codes are compared modulo both gauges.
+One matching serves all layers. Part terms are means per object, then over objects; codes are
+compared modulo both gauges.
 """
 
 from __future__ import annotations
@@ -35,7 +37,8 @@ def to_corners(boxes: jax.Array) -> jax.Array:
 def match_cost(
     parts: list[dict[str, jax.Array]], corners: jax.Array, codes: jax.Array
 ) -> jax.Array:
-    """[B, Q, K] what it costs to give true part k to query q; corners [B, K, 6], codes [B, K, 9]."""
+    """[B, Q, K] what it costs to give true part k to query q; corners [B, K, 6], codes [B, K,
+    9]."""
     total = jnp.zeros(())
     for out in parts:
         box = jnp.abs(out["corners"][:, :, None] - corners[:, None]).mean(-1)
@@ -45,7 +48,8 @@ def match_cost(
 
 
 def match(cost: jax.Array, counts: jax.Array) -> jax.Array:
-    """[B, K] the query of each true part, a minimum of the summed cost; of parts beyond ``counts`` [B] some other query.
+    """[B, K] the query of each true part, a minimum of the summed cost; of parts beyond ``counts``
+    [B] some other query.
 
     cost: [B, Q, K] with Q >= K.
     """
@@ -63,7 +67,8 @@ def match(cost: jax.Array, counts: jax.Array) -> jax.Array:
 
 
 def layout_losses(out: dict[str, Any], batch: dict[str, jax.Array]) -> dict[str, jax.Array]:
-    """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers), "parent", "camera", and "loss"."""
+    """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers),
+    "parent", "camera", and "loss"."""
     corners, codes, counts = to_corners(batch["boxes"]), batch["codes"], batch["part_counts"]
     items, known = corners.shape[:2]
     valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
@@ -94,7 +99,8 @@ def layout_losses(out: dict[str, Any], batch: dict[str, jax.Array]) -> dict[str,
 
 
 def make_layout_loss(network: Network, config: Config):
-    """``loss_fn(params, batch, key)``: half of the boxes are read with the true camera, and the tokens' phase is drawn."""
+    """``loss_fn(params, batch, key)``: half of the boxes are read with the true camera, and the
+    tokens' phase is drawn."""
     del config
 
     def loss_fn(params, batch, key):

@@ -1,4 +1,5 @@
-"""Part-level readings of predicted layouts while the network trains; ``evaluation.layout`` is the whole judgement."""
+"""Part-level readings of predicted layouts while the network trains; ``evaluation.layout`` is the
+whole judgement."""
 
 from __future__ import annotations
 
@@ -19,10 +20,12 @@ def layout_readings(
     """Compare one prediction with the true tables of K parts.
 
     Args:
-      parts: corners [Q, 6], codes [Q, 9], exists [Q] logits. boxes [K, 6], codes [K, 9], parents [K]: the truth.
+      parts: corners [Q, 6], codes [Q, 9], exists [Q] logits. boxes [K, 6], codes [K, 9], parents
+        [K]: the truth.
 
     Returns:
-      A row a moving part ("found", "right", "type": 0/1, "box": L-infinity of the matched corners, inf without a match),
+      A row a moving part ("found", "right", "type": 0/1, "box": L-infinity of the matched corners,
+        inf without a match),
       and whether the number of parts is right.
     """
     chosen = np.flatnonzero(parts["exists"] > 0)

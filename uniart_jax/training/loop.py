@@ -1,8 +1,10 @@
-"""The loop of one stage: resume, step, report, evaluate, save; it ends at the last step, a signal or values that are not finite.
+"""The loop of one stage: resume, step, report, evaluate, save; it ends at the last step, a signal
+or values that are not finite.
 
-Order in which a run comes back: the newest good checkpoint of ``WORKDIR/checkpoints/<stage>`` gives weights, moments, average, step
-and place in the data; what the log files hold beyond that step is dropped; an evaluation that was due at that step and is not in them is made up for;
-without a checkpoint the given state starts at step 0.
+Order in which a run comes back: the newest good checkpoint of ``WORKDIR/checkpoints/<stage>`` gives
+weights, moments, average, step and place in the data; what the log files hold beyond that step is
+dropped; an evaluation that was due at that step and is not in them is made up for; without a
+checkpoint the given state starts at step 0.
 """
 
 from __future__ import annotations
@@ -47,20 +49,26 @@ def run_stage(
 
     Args:
       name: of the stage; names its logs and its line on the terminal.
-      state: a fresh state (donated), whose structure and shardings a checkpoint must have; these alone (``state.abstract_state``) where there is a checkpoint.
+      state: a fresh state (donated), whose structure and shardings a checkpoint must have; these
+        alone (``state.abstract_state``) where there is a checkpoint.
       train_step: of ``make_train_step``.
       batches: host batches, endless, with ``get_state`` and ``set_state``.
-      put: host batch -> what ``train_step`` takes, such as ``functools.partial(put_batch, mesh=mesh)``; for the next batch while a step computes.
+      put: host batch -> what ``train_step`` takes, such as ``functools.partial(put_batch,
+        mesh=mesh)``; for the next batch while a step computes.
       key: of the run; the step number is folded into it.
       checkpoints: where this stage is saved every ``save_every`` steps and at its end.
-      workdir: gets ``tensorboard/<name>``, ``metrics/<name>.jsonl`` and, on SIGUSR1, ``profile`` (``training.profiling``).
-      evaluate: (state, step) -> (scalars, images [H, W, 3] in [0, 1] or uint8), every ``evaluate_every`` steps and at the end.
+      workdir: gets ``tensorboard/<name>``, ``metrics/<name>.jsonl`` and, on SIGUSR1, ``profile``
+        (``training.profiling``).
+      evaluate: (state, step) -> (scalars, images [H, W, 3] in [0, 1] or uint8), every
+        ``evaluate_every`` steps and at the end.
 
-    A stage whose last step is saved and evaluated is only restored. SIGTERM and SIGINT save and raise SystemExit(128 + signal), also where they come while the last step
-    is saved or evaluated, so that no next stage begins.
+    A stage whose last step is saved and evaluated is only restored. SIGTERM and SIGINT save and
+    raise SystemExit(128 + signal), also where they come while the last step is saved or evaluated,
+    so that no next stage begins.
 
     Raises:
-      FloatingPointError: loss or gradients are not finite, in more steps in a row than may be passed over; step and metrics are named and nothing is saved.
+      FloatingPointError: loss or gradients are not finite, in more steps in a row than may be
+        passed over; step and metrics are named and nothing is saved.
       ValueError: the checkpoint is of another config, or the data ended.
     """
     restored = checkpoints.restore(state, batches)
@@ -110,14 +118,16 @@ def run_stage(
             save = owed or step % stage.save_every == 0 or last or stop is not None
             if not last and stop is None:
                 ahead.fetch()
-            # One step behind, so that the device has its next step before this one is done, and no queue of batches builds up.
+            # One step behind, so that the device has its next step before this one is done, and no
+            # queue of batches builds up.
             meter.add(step, metrics, train_step.latest)
             profiler.after(step, meter.settle)
             if log or test or save:
                 meter.pause()
             if log or last:
                 report.log(step, "train", meter.row(step, len(train_step.compiled)))
-            # a checkpoint in the midst of steps that are passed over would let a run that ends there go on when it is started again
+            # a checkpoint in the midst of steps that are passed over would let a run that ends
+            # there go on when it is started again
             owed = save and meter.passed_over > 0 and not last and stop is None
             if save and not owed:
                 begin = time.perf_counter()
@@ -133,7 +143,9 @@ def run_stage(
     # By now another signal ends the program as usual: none is lost in between.
     stop = signals.heard() if stop is None else stop
     if stop is not None:
-        report.say(f"{name}: {signal.Signals(stop).name}; saved at step {step}; the same command resumes")  # fmt: skip
+        report.say(
+            f"{name}: {signal.Signals(stop).name}; saved at step {step}; the same command resumes"
+        )
         raise SystemExit(128 + stop)
     return state
 
@@ -161,7 +173,8 @@ class _Signals:
         self.__exit__()
 
     def asked(self, step: int) -> int | None:
-        """The signal to obey after ``step``: several processes must save the same one, so there they obey a few steps later, together."""
+        """The signal to obey after ``step``: several processes must save the same one, so there
+        they obey a few steps later, together."""
         return stop_together(step, self._received)
 
     def heard(self) -> int | None:

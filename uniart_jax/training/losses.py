@@ -6,8 +6,9 @@
     L_own  = cross-entropy on who owns a sub-cell (ours; not weighted by lambda_1)
     L_kl   = mean over elements of KL(q || N(0, 1))
 
-Means are taken per object first and then over objects, so that large objects do not outweigh small ones.
-"""
+Means are taken per object first and then over objects, so that large objects do not outweigh small
+ones.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -29,7 +30,8 @@ def masked_mean(values: jax.Array, weights: jax.Array) -> jax.Array:
     """Weighted mean per item, then mean over items.
 
     Args:
-      values: [B, ...] and weights: [B, ...] of the same shape; an item whose weights are all 0 counts as 0.
+      values: [B, ...] and weights: [B, ...] of the same shape; an item whose weights are all 0
+        counts as 0.
     """
     axes = tuple(range(1, values.ndim))
     safe = jnp.where(weights > 0, values, 0.0)  # garbage at weight 0 must not turn into NaN
@@ -37,19 +39,22 @@ def masked_mean(values: jax.Array, weights: jax.Array) -> jax.Array:
 
 
 def huber(error: jax.Array, delta: float) -> jax.Array:
-    """Huber loss of an error, slope 1 beyond ``delta``: e^2 / (2 delta) inside, |e| - delta/2 outside."""
+    """Huber loss of an error, slope 1 beyond ``delta``: e^2 / (2 delta) inside, |e| - delta/2
+    outside."""
     size = jnp.abs(error)
     return jnp.where(size < delta, 0.5 * size**2 / delta, size - 0.5 * delta)
 
 
 def joint_code_loss(predicted: jax.Array, target: jax.Array, delta: float) -> jax.Array:
-    """[...] mean Huber over the nine entries of a joint code [..., 9], least over the target's gauges."""
+    """[...] mean Huber over the nine entries of a joint code [..., 9], least over the target's
+    gauges."""
     variants = gauge_variants(target, xp=jnp)  # [..., G, 9]
     return huber(predicted[..., None, :] - variants, delta).mean(-1).min(-1)
 
 
 def box_loss(predicted: jax.Array, target: jax.Array, delta: float) -> jax.Array:
-    """[...] mean Huber over a box [..., 6] (centre, size), measured on its lower and upper corners."""
+    """[...] mean Huber over a box [..., 6] (centre, size), measured on its lower and upper
+    corners."""
 
     def corners(box: jax.Array) -> jax.Array:
         return jnp.concatenate(
@@ -82,8 +87,8 @@ def geometry_losses(
       predicted: "sdf" [B, V, r^3] in sub-cells and "color" [B, V, r^3, 3] linear.
       sdf, color: the truth, same shapes. weights: [B, V].
 
-    The sign's logit is -2 sdf: a cross-entropy that the distance itself answers for, so that head and surface agree.
-    Colour counts only within two sub-cells of the surface, where it is seen.
+    The sign's logit is -2 sdf: a cross-entropy that the distance itself answers for, so that head
+    and surface agree. Colour counts only within two sub-cells of the surface, where it is seen.
     """
     inside = (sdf < 0).astype(jnp.float32)
     logit = -2.0 * predicted["sdf"]
@@ -107,13 +112,17 @@ def articulation_losses(
     weights: jax.Array,
     delta: float,
 ) -> dict[str, jax.Array]:
-    """L_art's terms, Huber on "own_box", "other_box" (shared voxels), "joint_code", "parent_box"; and L_own, the cross-entropy "foreign".
+    """L_art's terms, Huber on "own_box", "other_box" (shared voxels), "joint_code", "parent_box";
+    and L_own, the cross-entropy "foreign".
 
     Args:
-      predicted: "box_pair" [B, V, 2, 6], "foreign" [B, V, r^3] logits, "joint_code" [B, V, 9], "parent_box" [B, V, 6].
-      boxes: the truth, of ``models.uniart_vae.voxel_boxes``. joint_code, parent_box: the truth, shapes as predicted. weights: [B, V].
+      predicted: "box_pair" [B, V, 2, 6], "foreign" [B, V, r^3] logits, "joint_code" [B, V, 9],
+        "parent_box" [B, V, 6].
+      boxes: the truth, of ``models.uniart_vae.voxel_boxes``. joint_code, parent_box: the truth,
+        shapes as predicted. weights: [B, V].
 
-    Two boxes told apart by name, not a mixture: fitted as a mixture, a voxel's box is right only as a mean of two wrong ones.
+    Two boxes told apart by name, not a mixture: fitted as a mixture, a voxel's box is right only as
+    a mean of two wrong ones.
     """
     pair = predicted["box_pair"]
     foreign = binary_cross_entropy(predicted["foreign"], boxes["foreign"].astype(jnp.float32))
@@ -136,7 +145,8 @@ def binary_cross_entropy(logits: jax.Array, target: jax.Array) -> jax.Array:
 
 
 def dice_loss(logits: jax.Array, target: jax.Array) -> jax.Array:
-    """1 - soft Dice overlap per item, averaged; [B, ...]. Upstream: TRELLIS trainers/vae/sparse_structure_vae.py."""
+    """1 - soft Dice overlap per item, averaged; [B, ...]. Upstream: TRELLIS
+    trainers/vae/sparse_structure_vae.py."""
     probability = jax.nn.sigmoid(logits)
     axes = tuple(range(1, logits.ndim))
     overlap = 2 * (probability * target).sum(axes) + 1
@@ -146,7 +156,8 @@ def dice_loss(logits: jax.Array, target: jax.Array) -> jax.Array:
 def balanced_voxels(
     key: jax.Array, voxel_part: jax.Array, counts: jax.Array, number: int, max_parts: int
 ) -> jax.Array:
-    """[B, number] voxel indices drawn so that every part of an object is drawn equally often (with replacement).
+    """[B, number] voxel indices drawn so that every part of an object is drawn equally often (with
+    replacement).
 
     Args:
       voxel_part: [B, V] part ids. counts: [B] valid voxels. max_parts: K.
@@ -161,7 +172,8 @@ def balanced_voxels(
 
 
 def draw_rows(key: jax.Array, weights: jax.Array, number: int) -> jax.Array:
-    """[B, number] indices of rows drawn with replacement, as likely as their ``weights`` [B, n] >= 0; never one of weight 0."""
+    """[B, number] indices of rows drawn with replacement, as likely as their ``weights`` [B, n] >=
+    0; never one of weight 0."""
 
     def draw(key, weights):
         cumulative = jax.lax.cummax(jnp.cumsum(weights))  # XLA's float sums may step back
@@ -175,7 +187,8 @@ def draw_rows(key: jax.Array, weights: jax.Array, number: int) -> jax.Array:
 def part_weights(
     parts: jax.Array, mask: jax.Array, max_parts: int, share: float = 0.5
 ) -> jax.Array:
-    """[B, n] weights of sum 1, a ``share`` of them uniform over parts and the rest over rows, so that small parts are heard.
+    """[B, n] weights of sum 1, a ``share`` of them uniform over parts and the rest over rows, so
+    that small parts are heard.
 
     Args:
       parts: [B, n] part ids. mask: [B, n] 1 where the row counts.

@@ -1,7 +1,8 @@
 """Part-level readings of voxel predictions under the true segmentation: what mean losses hide.
 
-A loss can look fine while every door is read as fixed, so every stage that predicts boxes or joints logs
-these on held-out objects. Clustering is left out here on purpose: given the true voxels of each part, are its box and joint right?
+A loss can look fine while every door is read as fixed, so every stage that predicts boxes or joints
+logs these on held-out objects. Clustering is left out here on purpose: given the true voxels of
+each part, are its box and joint right?
 """
 
 from __future__ import annotations
@@ -32,13 +33,16 @@ def part_readings(
     """Compare each moving part's median prediction with the truth.
 
     Args:
-      codes: [n, 9] predicted joint codes of an object's voxels or cells. own_boxes: [n, 6] predicted own boxes.
+      codes: [n, 9] predicted joint codes of an object's voxels or cells. own_boxes: [n, 6]
+        predicted own boxes.
       parts: [n] true part id of each row.
-      true_boxes: [K, 6], true_codes: [K, 9], parents: [K] tables of the object (the root is its own parent).
+      true_boxes: [K, 6], true_codes: [K, 9], parents: [K] tables of the object (the root is its own
+        parent).
 
     Returns:
-      One row a moving part with at least ``MIN_VOXELS`` rows: "box" (L-infinity of corners), "found" and "right" (0/1, as in
-      ``evaluation.parts``), "type" (0/1), "axis" (signed, degrees; NaN if the type is wrong), "pivot" (NaN without rotation).
+      One row a moving part with at least ``MIN_VOXELS`` rows: "box" (L-infinity of corners),
+      "found" and "right" (0/1, as in ``evaluation.parts``), "type" (0/1), "axis" (signed, degrees;
+      NaN if the type is wrong), "pivot" (NaN without rotation).
     """
     rows = []
     for k in range(len(true_boxes)):
@@ -69,7 +73,8 @@ def part_readings(
 
 
 def summarize_readings(rows: list[dict[str, float]]) -> dict[str, float]:
-    """Means of "found", "right", "type", "box" and medians of "axis", "pivot" over rows; empty without rows."""
+    """Means of "found", "right", "type", "box" and medians of "axis", "pivot" over rows; empty
+    without rows."""
     if not rows:
         return {}
     summary = {

@@ -1,4 +1,5 @@
-"""A batch cut into micro-batches for gradient accumulation: on the host, because segments are planned anew for each."""
+"""A batch cut into micro-batches for gradient accumulation: on the host, because segments are
+planned anew for each."""
 
 from __future__ import annotations
 
@@ -14,7 +15,8 @@ from uniart_jax.nn.voxel_plans import voxel_plans
 
 
 def in_parts(put: Callable[[Any], Any], count: int, model: ModelConfig) -> Callable[[Any], Any]:
-    """``put`` for a step that accumulates: host batch -> ``count`` micro-batches, each put by itself; with 1, ``put`` as it is."""
+    """``put`` for a step that accumulates: host batch -> ``count`` micro-batches, each put by
+    itself; with 1, ``put`` as it is."""
     if count == 1:
         return put
     return lambda batch: tuple(put(part) for part in split_batch(batch, count, model))
@@ -26,7 +28,8 @@ def split_batch(
     """Micro-batches of B / ``count`` items each, in order, with plans of their own.
 
     Args:
-      batch: of ``data.batches`` or ``data.latents``: arrays [B, ...], tables of them, and perhaps ``plans``.
+      batch: of ``data.batches`` or ``data.latents``: arrays [B, ...], tables of them, and perhaps
+        ``plans``.
       count: how many.
 
     Raises:
@@ -36,8 +39,8 @@ def split_batch(
     items = len(jax.tree.leaves(arrays)[0])
     if count < 1 or items % count:
         raise ValueError(
-            f"accumulate: {items} items of a process's batch do not divide into {count} micro-batches; "
-            "choose a divisor of the batch size"
+            f"accumulate: {items} items of a process's batch do not divide into {count} "
+            "micro-batches; choose a divisor of the batch size"
         )
     size = items // count
     parts = [jax.tree.map(lambda a, i=i: a[i : i + size], arrays) for i in range(0, items, size)]

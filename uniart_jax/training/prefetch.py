@@ -1,7 +1,8 @@
 """The next batch, made and sent to the device while the current step runs there.
 
-One batch ahead, on the loop's own thread: a step is dispatched and computes by itself, so the host is free, and several hosts
-launch their programs in one order. The position to save is that of the last batch *used*, not of the one that waits.
+One batch ahead, on the loop's own thread: a step is dispatched and computes by itself, so the host
+is free, and several hosts launch their programs in one order. The position to save is that of the
+last batch *used*, not of the one that waits.
 """
 
 from __future__ import annotations
@@ -32,10 +33,12 @@ class Prefetch:
         self.seconds = 0.0
 
     def fetch(self) -> None:
-        """Make and send the next batch, unless one waits. What goes wrong is raised when that batch is asked for: the steps before it can still be saved.
+        """Make and send the next batch, unless one waits. What goes wrong is raised when that batch
+        is asked for: the steps before it can still be saved.
 
-        Several processes agree on whether all have made theirs: none saves or evaluates without the others. What goes wrong in sending on one process is raised at
-        once, for the others wait for it there.
+        Several processes agree on whether all have made theirs: none saves or evaluates without the
+        others. What goes wrong in sending on one process is raised at once, for the others wait for
+        it there.
         """
         if self._waiting is not None or self._error is not None:
             return

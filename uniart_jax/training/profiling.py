@@ -1,7 +1,8 @@
 """A trace of a run under way: ``kill -USR1 PID`` writes the next few steps to ``WORKDIR/profile``.
 
-A signal and not an option, because what one wants to look at (a run that has become slow) has started long ago. Open the folder
-with xprof (``xprof --logdir WORKDIR/profile``) or the ``*.trace.json.gz`` in it with Perfetto. Of several processes each traces itself.
+A signal and not an option, because what one wants to look at (a run that has become slow) has
+started long ago. Open the folder with xprof (``xprof --logdir WORKDIR/profile``) or the
+``*.trace.json.gz`` in it with Perfetto. Of several processes each traces itself.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ STEPS = 5
 
 
 class Profiler:
-    """Starts a trace at the step after SIGUSR1 and ends it ``STEPS`` later; a context manager, as the signal kills outside of it."""
+    """Starts a trace at the step after SIGUSR1 and ends it ``STEPS`` later; a context manager, as
+    the signal kills outside of it."""
 
     def __init__(self, folder: Path, say: Callable[[str], None]):
         self._folder, self._say = folder, say

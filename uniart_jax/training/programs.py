@@ -1,6 +1,8 @@
-"""Compiled programs of a step: one for each set of batch shapes, compiled where it is first met, with what it costs.
+"""Compiled programs of a step: one for each set of batch shapes, compiled where it is first met,
+with what it costs.
 
-``jax.jit`` does the same silently; here a run can say that it compiles anew and for which shapes, and knows how much a step computes.
+``jax.jit`` does the same silently; here a run can say that it compiles anew and for which shapes,
+and knows how much a step computes.
 """
 
 from __future__ import annotations
@@ -29,7 +31,8 @@ class Program(NamedTuple):
       shapes: dtype and shape of each leaf of the batch, by dotted name.
       flops: of its matrix products on all devices, by dtype (``flops.matmul_flops``).
       seconds: that tracing and compiling took.
-      temporary: bytes of a device's memory that it needs beside arguments and results; 0: not known.
+      temporary: bytes of a device's memory that it needs beside arguments and results; 0: not
+        known.
     """
 
     number: int
@@ -41,20 +44,23 @@ class Program(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The padded width of its items, where they have one, and a digest of all shapes: the same in every run, whatever is compiled first."""
+        """The padded width of its items, where they have one, and a digest of all shapes: the same
+        in every run, whatever is compiled first."""
         digest = f"{zlib.crc32(repr(sorted(self.shapes.items())).encode()) & 0xFFFF:04x}"
         width = self.shapes.get("coords", "").split(", ")
         return f"{width[-2]}_{digest}" if len(width) > 2 else digest
 
 
 class Programs:
-    """``update(state, batch, key, given) -> (state, metrics)``, jitted with the state donated, as a callable of (state, batch, key) that keeps its programs.
+    """``update(state, batch, key, given) -> (state, metrics)``, jitted with the state donated, as a
+    callable of (state, batch, key) that keeps its programs.
 
     The returned state has the shardings of the state that each program was compiled with.
 
     Attributes:
       update: the function itself.
-      given: its last argument in every call: arrays that stay as they are, such as a frozen network's parameters, or None.
+      given: its last argument in every call: arrays that stay as they are, such as a frozen
+        network's parameters, or None.
       compiled: in the order in which their shapes were first met.
       latest: the program that the last call ran.
     """
@@ -82,25 +88,32 @@ class Programs:
         return _shapes(batch) in self._by_shapes
 
     def learn(self, state: Any, batch: Any, key: jax.Array) -> str:
-        """Compile and keep the program for these arguments, without running it; the line about it (``news``)."""
+        """Compile and keep the program for these arguments, without running it; the line about it
+        (``news``)."""
         self._by_shapes[_shapes(batch)] = self.compile(state, batch, key)
         return self.news()
 
     def news(self) -> str:
-        """About the newest program: what differs in its shapes from the one before, seconds, products, memory."""
+        """About the newest program: what differs in its shapes from the one before, seconds,
+        products, memory."""
         *before, new = self.compiled
         known = before[-1].shapes if before else {}
         changed = [f"{n} {s}" for n, s in new.shapes.items() if known.get(n) != s]
         left = f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
-        text = f"compiled program {len(before) + 1} in {new.seconds:.1f} s: {', '.join(changed[:SHOWN])}{left}"
+        text = (
+            f"compiled program {len(before) + 1} in {new.seconds:.1f} s: "
+            f"{', '.join(changed[:SHOWN])}{left}"
+        )
         text += f"; {new.flops.total() / 1e9:.3g} GFLOP a step"
         return text + (f", {new.temporary / 2**30:.3g} GiB of temporaries" if new.temporary else "")
 
     def compile(self, state: Any, batch: Any, key: Any) -> Program:
-        """The program for these arguments, arrays or ShapeDtypeStructs (a state's with shardings), without running it."""
+        """The program for these arguments, arrays or ShapeDtypeStructs (a state's with shardings),
+        without running it."""
         begin = time.perf_counter()
         if self._jitted is None:
-            # Pinned, because the compiler may otherwise choose others for its outputs and compile the second step anew.
+            # Pinned, because the compiler may otherwise choose others for its outputs and compile
+            # the second step anew.
             shardings = jax.tree.map(lambda leaf: leaf.sharding, state)
             self._jitted = jax.jit(self.update, donate_argnums=0, out_shardings=(shardings, None))
         with _mesh_of(state):  # for what each device does with its own items (``nn.by_device``)

@@ -1,8 +1,8 @@
 """Where arrays live: one mesh ``("data", "fsdp")`` for one CPU core, a GPU node or a pod.
 
-Batches are split over both axes. Parameters, moments and averages are split over ``fsdp`` (the largest axis that divides) when
-they are big, else replicated. ``jax.jit`` inserts the collectives: this is what ``jax.pmap`` became, and a sum over devices
-cannot be forgotten or done twice.
+Batches are split over both axes. Parameters, moments and averages are split over ``fsdp`` (the
+largest axis that divides) when they are big, else replicated. ``jax.jit`` inserts the collectives:
+this is what ``jax.pmap`` became, and a sum over devices cannot be forgotten or done twice.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ MIN_SHARDED_SIZE = 2**16
 def make_mesh(config: MeshConfig) -> Mesh:
     """The mesh over all devices of all processes; -1 for "all the rest".
 
-    Over several processes the devices of each are neighbours, and ``fsdp`` is filled first: as much of it as goes stays within a host, and the rows of a batch are in
-    the order of the processes.
+    Over several processes the devices of each are neighbours, and ``fsdp`` is filled first: as much
+    of it as goes stays within a host, and the rows of a batch are in the order of the processes.
 
     Raises:
       ValueError: the sizes do not multiply to the number of devices.
@@ -61,7 +61,8 @@ def batch_sharding(mesh: Mesh) -> NamedSharding:
 
 
 def state_sharding(mesh: Mesh, abstract: Any, min_size: int | None = None) -> Any:
-    """Shardings of a pytree of arrays or ShapeDtypeStructs: the largest axis that ``fsdp`` divides, for arrays of ``min_size``."""
+    """Shardings of a pytree of arrays or ShapeDtypeStructs: the largest axis that ``fsdp`` divides,
+    for arrays of ``min_size``."""
     parts = mesh.shape["fsdp"]
     min_size = MIN_SHARDED_SIZE if min_size is None else min_size
 
@@ -78,8 +79,9 @@ def state_sharding(mesh: Mesh, abstract: Any, min_size: int | None = None) -> An
 def put_batch(batch: Any, mesh: Mesh) -> Any:
     """Host arrays of this process -> global arrays on the mesh.
 
-    An array whose first axis this process's devices divide is split (items, and whatever goes with them, a plan's shares among it); another one is
-    replicated. Either way the program computes the same numbers. Over several processes ``batch["plans"]`` take the shapes that the largest needs
+    An array whose first axis this process's devices divide is split (items, and whatever goes with
+    them, a plan's shares among it); another one is replicated. Either way the program computes the
+    same numbers. Over several processes ``batch["plans"]`` take the shapes that the largest needs
     (``nn.shared_plans``).
 
     Raises:

@@ -1,7 +1,8 @@
 """What a training run carries from step to step, and the optimizer that changes it.
 
-AdamW with global-norm clipping and linear warm-up, then constant (the paper, TRELLIS) or cosine to zero. Everything is one pytree,
-so one sharding rule, one checkpoint and one donated buffer serve it all: the recent gradient norms of adaptive clipping too.
+AdamW with global-norm clipping and linear warm-up, then constant (the paper, TRELLIS) or cosine to
+zero. Everything is one pytree, so one sharding rule, one checkpoint and one donated buffer serve it
+all: the recent gradient norms of adaptive clipping too.
 """
 
 from __future__ import annotations
@@ -40,8 +41,9 @@ class TrainState(NamedTuple):
 
 
 def make_schedule(stage: StageConfig) -> optax.Schedule:
-    """Learning rate by update number: linear from lr / warm-up (so that update 0 moves), then constant, cosine to zero, or
-    constant and over the last 1 - ``hold`` of the steps linear to zero."""
+    """Learning rate by update number: linear from lr / warm-up (so that update 0 moves), then
+    constant, cosine to zero, or constant and over the last 1 - ``hold`` of the steps linear to
+    zero."""
     rate = stage.learning_rate
     warmup = min(stage.warmup_steps, max(stage.steps - 1, 0))
     start = rate / max(warmup, 1)
@@ -56,10 +58,12 @@ def make_schedule(stage: StageConfig) -> optax.Schedule:
 
 
 def make_optimizer(stage: StageConfig) -> optax.GradientTransformation:
-    """AdamW as ``stage`` says; gradients clipped by global norm, decay only on kernels (two or more axes, no frozen table).
+    """AdamW as ``stage`` says; gradients clipped by global norm, decay only on kernels (two or more
+    axes, no frozen table).
 
-    ``gradient_clip`` is the threshold (0 = none); with ``clip_percentile`` it is the most that ``clip_by_recent_norms`` allows. Parameters that ``freeze`` names have no
-    moments; ``init`` raises a ValueError where it names none.
+    ``gradient_clip`` is the threshold (0 = none); with ``clip_percentile`` it is the most that
+    ``clip_by_recent_norms`` allows. Parameters that ``freeze`` names have no moments; ``init``
+    raises a ValueError where it names none.
     """
     optimizer = _adamw(stage)
     if stage.muon > 0 or stage.slow:
@@ -99,7 +103,8 @@ def _adamw(stage: StageConfig, times: float = 1.0) -> optax.GradientTransformati
 
 
 def _muon(stage: StageConfig) -> optax.GradientTransformation:
-    """Orthogonalised momentum (Jordan 2024), the update's root mean square .2 as AdamW's; of kernels [..., in, out]."""
+    """Orthogonalised momentum (Jordan 2024), the update's root mean square .2 as AdamW's; of
+    kernels [..., in, out]."""
     schedule = make_schedule(stage)
 
     def dimensions(params: Params) -> Any:
@@ -117,7 +122,8 @@ def _muon(stage: StageConfig) -> optax.GradientTransformation:
 
 
 def _rules(params: Params, stage: StageConfig) -> Any:
-    """Which rule each parameter follows: "slow", "muon" (kernels of at least 32 by 32) or "adamw"."""
+    """Which rule each parameter follows: "slow", "muon" (kernels of at least 32 by 32) or
+    "adamw"."""
     slow = frozen_mask(params, stage.slow) if stage.slow else jax.tree.map(lambda p: False, params)
 
     def rule(path, p, slow):
@@ -135,7 +141,8 @@ class RecentNorms(NamedTuple):
     Attributes:
       norms: [window] float32 global norms of the last gradients before clipping, a ring.
       count: int32 []; norms recorded so far.
-      threshold: float32 []; that the last gradients were clipped to; the largest float32 where there was none.
+      threshold: float32 []; that the last gradients were clipped to; the largest float32 where
+        there was none.
     """
 
     norms: jax.Array
@@ -146,17 +153,20 @@ class RecentNorms(NamedTuple):
 def clip_by_recent_norms(
     most: float, percentile: float, window: int
 ) -> optax.GradientTransformation:
-    """Clip the global norm to min(``most``, the ``percentile`` of the last ``window`` norms); to ``most`` (0 = not) until that many are known.
+    """Clip the global norm to min(``most``, the ``percentile`` of the last ``window`` norms); to
+    ``most`` (0 = not) until that many are known.
 
-    Upstream: TRELLIS ``utils/grad_clip_utils.py``, AdaptiveGradClipper (95, 1000): a rare large gradient is cut to what is usual at
-    this stage of the run. A step that is not finite leaves no norm, as it leaves the whole state (``step``).
+    Upstream: TRELLIS ``utils/grad_clip_utils.py``, AdaptiveGradClipper (95, 1000): a rare large
+    gradient is cut to what is usual at this stage of the run. A step that is not finite leaves no
+    norm, as it leaves the whole state (``step``).
 
     Raises:
       ValueError: percentile or window out of range.
     """
     if not 0 < percentile <= 100 or window < 1:
         raise ValueError(
-            f"optimizer: clip_percentile {percentile} of clip_window {window} norms; give a percentile in (0, 100] and a window of 1 or more"
+            f"optimizer: clip_percentile {percentile} of clip_window {window} norms; give a "
+            "percentile in (0, 100] and a window of 1 or more"
         )
     ceiling = most if most > 0 else float(jnp.finfo(jnp.float32).max)
 
@@ -187,10 +197,12 @@ def clip_threshold(opt_state: optax.OptState) -> dict[str, jax.Array]:
 
 
 def frozen_mask(params: Params, prefixes: Sequence[str]) -> Any:
-    """Whether each parameter is named by one of ``prefixes``: its dotted name, or the beginning of it up to a dot ("decoder.blocks").
+    """Whether each parameter is named by one of ``prefixes``: its dotted name, or the beginning of
+    it up to a dot ("decoder.blocks").
 
     Raises:
-      ValueError: a prefix names nothing (what there is at its place is listed), or nothing would be left to train.
+      ValueError: a prefix names nothing (what there is at its place is listed), or nothing would be
+        left to train.
     """
     names = list(flat_names(params))
 
@@ -222,7 +234,8 @@ def create_state(
     key: jax.Array,
     mesh: jax.sharding.Mesh | None = None,
 ) -> TrainState:
-    """A fresh state whose arrays are born where they will live; no device ever holds all of a sharded network.
+    """A fresh state whose arrays are born where they will live; no device ever holds all of a
+    sharded network.
 
     Args:
       network_init: key -> parameters.
@@ -240,7 +253,8 @@ def abstract_state(
     optimizer: optax.GradientTransformation,
     mesh: jax.sharding.Mesh,
 ) -> TrainState:
-    """ShapeDtypeStructs of ``create_state``, with its shardings: what a checkpoint is restored into, without a second state on the devices."""
+    """ShapeDtypeStructs of ``create_state``, with its shardings: what a checkpoint is restored
+    into, without a second state on the devices."""
     init = functools.partial(_fresh, network_init, optimizer)
     shapes = jax.eval_shape(init, jax.random.key(0))
     return jax.tree.map(
@@ -262,7 +276,8 @@ def _fresh(
 
 
 def begin_with(state: TrainState, params: Params) -> TrainState:
-    """A fresh state with other parameters (a nested dict of host arrays), placed as the state's own; layers that are not in it stay as they are drawn."""
+    """A fresh state with other parameters (a nested dict of host arrays), placed as the state's
+    own; layers that are not in it stay as they are drawn."""
 
     def replaced(new: Any, old: Any) -> Any:
         if not isinstance(old, dict):

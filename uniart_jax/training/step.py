@@ -2,10 +2,11 @@
 
     g = grad loss(params, batch, fold_in(key, step));   params <- params + update(g);   ema <- d ema + (1 - d) params
 
-with d = min(decay, (1 + step) / (10 + step)), so that the average does not start from the random initial weights. The key is a
-function of the step, so a resumed run draws the same noise. Where loss or gradients are not finite the state stays as it was, but for the
-step's number where such steps are passed over, and the flag ``finite`` tells the loop.
-"""
+with d = min(decay, (1 + step) / (10 + step)), so that the average does not start from the random
+initial weights. The key is a function of the step, so a resumed run draws the same noise. Where
+loss or gradients are not finite the state stays as it was, but for the step's number where such
+steps are passed over, and the flag ``finite`` tells the loop.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -33,20 +34,25 @@ def make_train_step(
     skip: bool = False,
     given: Any = None,
 ) -> Programs:
-    """Build ``step(state, batch, key) -> (state, metrics)``; ``state`` is donated, so use only the returned one.
+    """Build ``step(state, batch, key) -> (state, metrics)``; ``state`` is donated, so use only the
+    returned one.
 
     Args:
-      loss_fn: (params, batch, key) -> (scalar loss, dict of scalar metrics); with ``given``, of (params, batch, key, given).
+      loss_fn: (params, batch, key) -> (scalar loss, dict of scalar metrics); with ``given``, of
+        (params, batch, key, given).
       ema_decay: of the averaged parameters.
-      freeze: parameters that stay as they are, bit for bit, with their average (``state.frozen_mask``); nothing is differentiated by them.
-      accumulate: with n > 1, ``batch`` is a sequence of n micro-batches of equally many items (``microbatches.split_batch``), whose gradients are averaged one
+      freeze: parameters that stay as they are, bit for bit, with their average
+        (``state.frozen_mask``); nothing is differentiated by them.
+      accumulate: with n > 1, ``batch`` is a sequence of n micro-batches of equally many items
+        (``microbatches.split_batch``), whose gradients are averaged one
         after another: the memory of one, the update of all. Micro-batch i draws by fold_in(key, i).
       skip: a step that is not finite counts as a step.
       given: a frozen network's parameters, on the devices, which every step reads.
 
-    The metrics are the loss function's, ``loss``, ``grad_norm`` (before clipping), ``clip_threshold`` where it adapts, and ``finite`` (1 or 0). A metric of
-    micro-batches is the mean of those where it is a number. ``key`` is the run's and the same at every step. The returned state
-    keeps the shardings of the state first given.
+    The metrics are the loss function's, ``loss``, ``grad_norm`` (before clipping),
+    ``clip_threshold`` where it adapts, and ``finite`` (1 or 0). A metric of micro-batches is the
+    mean of those where it is a number. ``key`` is the run's and the same at every step. The
+    returned state keeps the shardings of the state first given.
     """
 
     def update(state: TrainState, batch: Any, key: jax.Array, given: Any = None):
@@ -86,7 +92,8 @@ def make_train_step(
 def _average(
     gradient: Callable[..., Any], params: Params, batches: Sequence[Any], key: jax.Array, count: int
 ) -> Any:
-    """((loss, metrics), gradients) of ``count`` micro-batches. Where their shapes are equal one program loops over them."""
+    """((loss, metrics), gradients) of ``count`` micro-batches. Where their shapes are equal one
+    program loops over them."""
     if len(batches) != count:
         raise ValueError(f"step: {len(batches)} micro-batches given, accumulate is {count}")
 

@@ -36,7 +36,8 @@ from uniart_jax.training.losses import (
 
 
 def make_structure_vae_loss(network: Network, config: Config) -> LossFn:
-    """Occupancy through the dense VAE: cross-entropy + Dice + KL. Upstream: TRELLIS ``trainers/vae/sparse_structure_vae.py``."""
+    """Occupancy through the dense VAE: cross-entropy + Dice + KL. Upstream: TRELLIS
+    ``trainers/vae/sparse_structure_vae.py``."""
 
     def loss_fn(params, batch, key):
         occupancy = batch["occupancy"].astype(jnp.float32)
@@ -169,10 +170,12 @@ def pointer_loss(
 
 
 def alignment_loss(geometry: jax.Array, articulation: jax.Array, valid: jax.Array) -> jax.Array:
-    """The supplement's "structure alignment" between the two embeddings, of which it gives no formula: 1 - CKA.
+    """The supplement's "structure alignment" between the two embeddings, of which it gives no
+    formula: 1 - CKA.
 
-    Linear centred kernel alignment compares two sets of vectors of different widths without another layer; 0 where each is a rotation
-    and scaling of the other. Arrays [B, V, C1], [B, V, C2], valid [B, V].
+    Linear centred kernel alignment compares two sets of vectors of different widths without another
+    layer; 0 where each is a rotation and scaling of the other. Arrays [B, V, C1], [B, V, C2], valid
+    [B, V].
     """
 
     def one(a, b, mask):

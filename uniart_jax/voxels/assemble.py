@@ -1,4 +1,5 @@
-"""VoxelGrid -> ArticulatedObject: cluster parts, rebuild the tree, read the joints, mesh every part (paper, section on decoding)."""
+"""VoxelGrid -> ArticulatedObject: cluster parts, rebuild the tree, read the joints, mesh every part
+(paper, section on decoding)."""
 
 from __future__ import annotations
 
@@ -33,16 +34,19 @@ EXPLAINED = (
 def assemble(
     grid: VoxelGrid, *, scale: float = 1.0, name: str = "", tolerance: float = 0.0
 ) -> ArticulatedObject:
-    """Rebuild an articulated object from its voxels. Deterministic; never crashes on what a network emits.
+    """Rebuild an articulated object from its voxels. Deterministic; never crashes on what a network
+    emits.
 
     Args:
       grid: attributes on active voxels, true or predicted.
       scale: metres per object unit.
       name: name of the object.
-      tolerance: of ``joint_code.decode_part``: 0 for true grids, ``NETWORK_TOLERANCE`` for predicted ones, whose specks in the air are left out.
+      tolerance: of ``joint_code.decode_part``: 0 for true grids, ``NETWORK_TOLERANCE`` for
+        predicted ones, whose specks in the air are left out.
 
     Returns:
-      Object with parts 'base', 'link_1', ... (parents first, larger first); every mesh is closed and edge-manifold.
+      Object with parts 'base', 'link_1', ... (parents first, larger first); every mesh is closed
+      and edge-manifold.
 
     Raises:
       ValueError: the grid holds no voxels.
@@ -80,7 +84,8 @@ def assemble(
 
 
 def _finite(grid: VoxelGrid) -> VoxelGrid:
-    """Without values that are not finite, or beyond all reason: unknown distances are outside, unknown boxes all of space, other values 0."""
+    """Without values that are not finite, or beyond all reason: unknown distances are outside,
+    unknown boxes all of space, other values 0."""
     everywhere = np.array([0, 0, 0, 1, 1, 1], np.float32)
     return dataclasses.replace(
         grid,
@@ -95,8 +100,9 @@ def _finite(grid: VoxelGrid) -> VoxelGrid:
 def joint_voters(grid: VoxelGrid, parts: Segmentation) -> list[np.ndarray]:
     """Per part, the indices of the voxels whose joint code and parent box are read.
 
-    Those that lie in one part only. A part without any takes, of its border voxels, those whose code is not that of a neighbour
-    in the same voxel, preferring the ones where its share is largest.
+    Those that lie in one part only. A part without any takes, of its border voxels, those whose
+    code is not that of a neighbour in the same voxel, preferring the ones where its share is
+    largest.
     """
     count = len(parts.boxes)
     voters = [np.nonzero(parts.pure & (parts.owner[:, 0] == k))[0] for k in range(count)]
@@ -144,10 +150,12 @@ def mesh_parts(
 
 
 def _within_boxes(grid: VoxelGrid, parts: Segmentation) -> np.ndarray:
-    """[V, r^3] distances in which no active sub-cell of a part is solid beyond the part's box: such noise would be the part's extent.
+    """[V, r^3] distances in which no active sub-cell of a part is solid beyond the part's box: such
+    noise would be the part's extent.
 
-    The box is widened to what the part's sub-cells say (their median), so that thin ends, which few voters show, stay; and by one sub-cell.
-    True distances stay as they are: beyond its box a part is farther away than its box, or by .87 sub-cells nearer if it is thin.
+    The box is widened to what the part's sub-cells say (their median), so that thin ends, which few
+    voters show, stay; and by one sub-cell. True distances stay as they are: beyond its box a part
+    is farther away than its box, or by .87 sub-cells nearer if it is thin.
     """
     cells = grid.resolution * grid.subdivisions
     votes, solid = box_corners(grid.own_box), np.asarray(grid.sdf) < 0
@@ -163,9 +171,11 @@ def _within_boxes(grid: VoxelGrid, parts: Segmentation) -> np.ndarray:
 
 
 def _every_part_has_a_cell(grid: VoxelGrid, parts: Segmentation) -> tuple[np.ndarray, np.ndarray]:
-    """sdf and owner [V, r^3] in which a part without a negative sub-cell is given the one that suits it best.
+    """sdf and owner [V, r^3] in which a part without a negative sub-cell is given the one that
+    suits it best.
 
-    Its own with the smallest distance, else the one whose box is nearest, but never another part's only one.
+    Its own with the smallest distance, else the one whose box is nearest, but never another part's
+    only one.
     """
     shape = parts.owner.shape
     sdf = np.asarray(grid.sdf).ravel()

@@ -1,15 +1,18 @@
-"""Winding numbers by counting: how often a line from below crosses a surface before it reaches a point, each crossing by its sign.
+"""Winding numbers by counting: how often a line from below crosses a surface before it reaches a
+point, each crossing by its sign.
 
-For triangles that bound an oriented volume (every directed edge is met by its opposite) this is the winding number, an integer, exactly. A surface that is
-open is closed by a ``lid`` on each of its borders. The two winding numbers add up, so that of the surface is
+For triangles that bound an oriented volume (every directed edge is met by its opposite) this is the
+winding number, an integer, exactly. A surface that is open is closed by a ``lid`` on each of its
+borders. The two winding numbers add up, so that of the surface is
 
     w(surface) = w(surface and lid) - w(lid)                                                      (1)
 
-of which the first is counted and the second a sum over a few triangles, fewer than the surface has border edges (Jacobson et al. 2013, section 4.2, close
-the boxes of a hierarchy in the same way).
+of which the first is counted and the second a sum over a few triangles, fewer than the surface has
+border edges (Jacobson et al. 2013, section 4.2, close the boxes of a hierarchy in the same way).
 
-Lines are moved by ``NUDGE``, so that they miss the edges and corners of axis-aligned models; whoever adds (1) must ask both at the moved point.
-"""
+Lines are moved by ``NUDGE``, so that they miss the edges and corners of axis-aligned models;
+whoever adds (1) must ask both at the moved point.
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -22,7 +25,8 @@ BINS = 512  # a side, at most, of the square that points are sorted into
 
 
 def lid(vertices: np.ndarray, faces: np.ndarray, names: np.ndarray) -> np.ndarray:
-    """[L, 3, 3] triangles that close a surface, two fewer than each border has edges; none if the surface bounds a volume.
+    """[L, 3, 3] triangles that close a surface, two fewer than each border has edges; none if the
+    surface bounds a volume.
 
     Args:
       vertices: [n, 3] and faces: [F, 3], the surface.
@@ -78,7 +82,8 @@ def _loops(begin: np.ndarray, end: np.ndarray) -> list[list[int]]:
 def lattice_windings(
     triangles: np.ndarray, low: np.ndarray, shape: np.ndarray, cells: int
 ) -> np.ndarray:
-    """[shape] int16 on a block of the lattice of cell centres: crossings below each point of a column, summed up.
+    """[shape] int16 on a block of the lattice of cell centres: crossings below each point of a
+    column, summed up.
 
     Args:
       triangles: [F, 3, 3] in the cube [-1/2, 1/2]^3, that bound an oriented volume.
@@ -104,7 +109,8 @@ def lattice_windings(
 
 
 def windings(triangles: np.ndarray, points: np.ndarray, nudge: np.ndarray) -> np.ndarray:
-    """[n] int winding numbers of triangles [F, 3, 3] that bound an oriented volume, at any points [n, 3], moved by ``nudge`` [3]."""
+    """[n] int winding numbers of triangles [F, 3, 3] that bound an oriented volume, at any points
+    [n, 3], moved by ``nudge`` [3]."""
     count = np.zeros(len(points), np.int64)
     if not len(points):
         return count
@@ -134,7 +140,8 @@ def windings(triangles: np.ndarray, points: np.ndarray, nudge: np.ndarray) -> np
 
 
 def _axes(first: np.ndarray, last: np.ndarray) -> tuple[int, int, int]:
-    """(up, a, b): the axis along which the triangles cover the fewest columns, and the two others."""
+    """(up, a, b): the axis along which the triangles cover the fewest columns, and the two
+    others."""
     extent = np.maximum(last - first + 1, 0).astype(np.float64)
     work = [(extent[:, (k + 1) % 3] * extent[:, (k + 2) % 3]).sum() for k in range(3)]
     up = int(np.argmin(work))
@@ -156,7 +163,8 @@ class _Planes:
         corner, area = corner[self.faces], double_area[self.faces]
         side = side[self.faces] / area[:, None, None]
         self.sign = np.where(area > 0, -1, 1).astype(np.int16)
-        # Edge e's weight belongs to the corner opposite to it; heights are linear in the weights, hence in the column.
+        # Edge e's weight belongs to the corner opposite to it; heights are linear in the weights,
+        # hence in the column.
         self.across, self.along = side[..., 1], side[..., 0]
         self.constant = self.across * corner[..., 0] - self.along * corner[..., 1]
         self.height = np.roll(corner[..., 2], -2, 1)

@@ -1,12 +1,13 @@
-"""VoxelGrid and Layout -> ArticulatedObject: sub-cells join the layout's rows, joints and tree are the layout's.
+"""VoxelGrid and Layout -> ArticulatedObject: sub-cells join the layout's rows, joints and tree are
+the layout's.
 
-Where a layout is known, nothing is clustered and no joint is voted for (``assemble`` does both). A sub-cell at place p that
-says its part has the box b joins the row of the least
+Where a layout is known, nothing is clustered and no joint is voted for (``assemble`` does both). A
+sub-cell at place p that says its part has the box b joins the row of the least
 
     cost = outside(p, row) + SAID * mean |corners(b) - corners(row)| + SIZE * longest side of the row        (object units)
 
 so that a place within several boxes goes to the one that it names, or else to the smallest.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -69,7 +70,8 @@ def assemble_layout(
     """The object that the voxels show, with the layout's parts, tree and joints.
 
     Args:
-      grid: attributes on active voxels as a network gives them. layout: of the same shown state and frame.
+      grid: attributes on active voxels as a network gives them. layout: of the same shown state and
+        frame.
       flat: nearly flat faces are made flat (``flat_faces``), legs whole (``legs``), rooms behind
         doors and in drawers boxes (``rooms``).
       room: what stands in the way of moving parts is taken off (``clearance``).
@@ -146,8 +148,8 @@ def assemble_layout(
     meshes |= dict(zip(shown, found, strict=True))
     fragments = [k for k in range(len(layout)) if _is_fragment(meshes[k], layout, k)]
     notes += tuple(
-        f"part {kept[k]} of the layout (confidence {layout.confidence[k]:.2f}) left out: voxels show "
-        "a fragment of it"
+        f"part {kept[k]} of the layout (confidence {layout.confidence[k]:.2f}) left out: voxels "
+        "show a fragment of it"
         for k in fragments
     )
     meshes = {
@@ -199,7 +201,8 @@ def _is_fragment(mesh: trimesh.Trimesh, layout: Layout, row: int) -> bool:
 
 
 def _without(layout: Layout, left_out: list[int]) -> Layout:
-    """The layout without some rows, none of them the root; what hung on them hangs on their parents."""
+    """The layout without some rows, none of them the root; what hung on them hangs on their
+    parents."""
     parents = list(layout.parents)
     for k in range(len(parents)):
         while parents[k] in left_out:

@@ -103,7 +103,8 @@ def _after(motion: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.nd
 
 
 def without_overlap(doors: Mapping[int, Door]) -> dict[int, Turn]:
-    """Turns of doors, of which those that would touch, or share a strip, when closed are narrower."""
+    """Turns of doors, of which those that would touch, or share a strip, when closed are
+    narrower."""
     low = {k: door.low.copy() for k, door in doors.items()}
     high = {k: door.high.copy() for k, door in doors.items()}
     for a, b in itertools.combinations(doors, 2):

@@ -1,12 +1,16 @@
-"""The unified voxel representation: active voxels with geometry, appearance, parts and joints on each.
+"""The unified voxel representation: active voxels with geometry, appearance, parts and joints on
+each.
 
-Grid of R^3 voxels over [-1/2, 1/2]^3; voxel (i, j, k) spans [i, i+1]/R - 1/2 along x, and so on. Each active voxel is cut into
-r^3 sub-cells sampled at their centres; sub-cells are ordered x-major, z fastest: index = (a * r + b) * r + c.
+Grid of R^3 voxels over [-1/2, 1/2]^3; voxel (i, j, k) spans [i, i+1]/R - 1/2 along x, and so on.
+Each active voxel is cut into r^3 sub-cells sampled at their centres; sub-cells are ordered x-major,
+z fastest: index = (a * r + b) * r + c.
 
 Two forms of the same thing:
 
-* ``PartGrid``: part-valued attributes are ids into a table of parts. What voxelisation makes and records hold.
-* ``VoxelGrid``: every attribute lies on the voxel itself, no ids. What networks see and predict, and what ``assemble`` reads.
+* ``PartGrid``: part-valued attributes are ids into a table of parts. What voxelisation makes and
+  records hold.
+* ``VoxelGrid``: every attribute lies on the voxel itself, no ids. What networks see and predict,
+  and what ``assemble`` reads.
 """
 
 from __future__ import annotations
@@ -29,9 +33,11 @@ class VoxelGrid:
       resolution: R.
       subdivisions: r.
       coords: [V, 3] int32 voxel indices, lexicographic order, unique.
-      sdf: [V, r^3] float32 truncated signed distance in units of one sub-cell, within +-SDF_CLIP, negative inside.
+      sdf: [V, r^3] float32 truncated signed distance in units of one sub-cell, within +-SDF_CLIP,
+        negative inside.
       color: [V, r^3, 3] float32 linear RGB in [0, 1] of the nearest surface point.
-      own_box: [V, r^3, 6] float32 centre and size of the part whose surface is nearest to the sub-cell.
+      own_box: [V, r^3, 6] float32 centre and size of the part whose surface is nearest to the
+        sub-cell.
       joint_code: [V, 9] float32 code of the part that owns most of the voxel's surface.
       parent_box: [V, 6] float32 own box of that part's parent (the root repeats its own).
     """

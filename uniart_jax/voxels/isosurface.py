@@ -1,20 +1,25 @@
 """Sub-cell distances and owners -> one closed, edge-manifold, coloured mesh per part.
 
-Marching cubes on phi_k = sdf where the owner is k, +max(|sdf|, 1/2) elsewhere, over the dense grid of sub-cells. What lies between
-the active voxels is unknown to the representation and is filled in first:
+Marching cubes on phi_k = sdf where the owner is k, +max(|sdf|, 1/2) elsewhere, over the dense grid
+of sub-cells. What lies between the active voxels is unknown to the representation and is filled in
+first:
 
-* every connected component of inactive voxels takes the majority sign of the sub-cells that touch it, and the owner that most of
-  its negative touching sub-cells have; a component that touches the grid's border is outside, as is one layer around the grid;
-* its magnitude is max(1/2, 1 - |neighbour|), so that the surface lies where a linear distance would put it;
+* every connected component of inactive voxels takes the majority sign of the sub-cells that touch
+  it, and the owner that most of its negative touching sub-cells have; a component that touches the
+  grid's border is outside, as is one layer around the grid;
+* its magnitude is max(1/2, 1 - |neighbour|), so that the surface lies where a linear distance would
+  put it;
 * |phi| < 1e-4 becomes -1e-4: no vertex falls onto a lattice point, where several would coincide.
 
-So a solid block is solid, a sealed hollow box is hollow, and parts in contact share their faces. The classic tables of scikit-image
-(``method="lorensen"``) treat the two sides of an ambiguous face alike, so that every edge has exactly two triangles whatever the
-input; the Lewiner tables do not (measured: 11 of 150 random grids left open).
+So a solid block is solid, a sealed hollow box is hollow, and parts in contact share their faces.
+The classic tables of scikit-image (``method="lorensen"``) treat the two sides of an ambiguous face
+alike, so that every edge has exactly two triangles whatever the input; the Lewiner tables do not
+(measured: 11 of 150 random grids left open).
 
-Flat stretches are then merged by Manifold's edge collapse, which keeps the surface manifold and moves it by less than the sum of the
-tolerances that were tried: .05 sub-cells where the budget is met at once, 1.85 at most.
-Colour rides on vertices, so triangles of unlike colour are not merged while the face budget allows.
+Flat stretches are then merged by Manifold's edge collapse, which keeps the surface manifold and
+moves it by less than the sum of the tolerances that were tried: .05 sub-cells where the budget is
+met at once, 1.85 at most. Colour rides on vertices, so triangles of unlike colour are not merged
+while the face budget allows.
 """
 
 from __future__ import annotations
@@ -35,7 +40,8 @@ ZERO = 1e-4  # sub-cells; distances below this count as just inside
 SPECK_CELLS = 16  # a loose piece of a part is dropped if it has fewer sub-cells than this
 SPECK_SHARE = 0.002  # and less than this share of the part's
 FACE_BUDGET = 60_000  # of all parts together
-# (colour step in sRGB levels or None, tolerance in sub-cells), tried in turn until the budget is met
+# (colour step in sRGB levels or None, tolerance in sub-cells), tried in turn until the budget is
+# met
 SIMPLIFICATIONS = ((32, 0.05), (64, 0.1), (None, 0.2), (None, 0.5), (None, 1.0))
 COINCIDE = 1e-5  # sub-cells; a reader takes vertices this close for one ...
 NUDGE = 2e-3  # ... so they are moved by this
@@ -136,12 +142,15 @@ def part_mesh(
 
 
 def simplify(mesh: trimesh.Trimesh, cell: float, budget: int) -> trimesh.Trimesh:
-    """The same closed surface with fewer faces; vertices are a subset of the given ones (to within ``NUDGE``, where they coincide) and keep their colours.
+    """The same closed surface with fewer faces; vertices are a subset of the given ones (to within
+    ``NUDGE``, where they coincide) and keep their colours.
 
     Args:
       mesh: closed, edge-manifold, with vertex colours.
-      cell: side of a sub-cell, the unit of the tolerances; each try goes on from the one before, so that they add up.
-      budget: faces aimed at. The coarsest try that is sound is returned: closed for a reader too, and not thinned away.
+      cell: side of a sub-cell, the unit of the tolerances; each try goes on from the one before, so
+        that they add up.
+      budget: faces aimed at. The coarsest try that is sound is returned: closed for a reader too,
+        and not thinned away.
     """
     rgb = np.asarray(mesh.visual.vertex_colors)[:, :3]
     properties = np.concatenate([mesh.vertices / cell, rgb], axis=1)
@@ -170,7 +179,7 @@ def _grouped(mesh: manifold3d.Mesh64, step: int | None) -> manifold3d.Mesh64:
         faces,
         merge_from_vert=np.array(mesh.merge_from_vert, np.uint64),
         merge_to_vert=np.array(mesh.merge_to_vert, np.uint64),
-        face_id=None if step is None else _color_groups(properties[:, 3:], faces.astype(np.int64), step),
+        face_id=None if step is None else _color_groups(properties[:, 3:], faces.astype(np.int64), step),  # noqa: E501
     )  # fmt: skip
 
 
@@ -182,7 +191,8 @@ def _color_groups(rgb: np.ndarray, faces: np.ndarray, step: int) -> np.ndarray:
 
 
 def _to_trimesh(out: manifold3d.Mesh64, cell: float) -> trimesh.Trimesh | None:
-    """Back from Manifold; None if corners that coincide would leave the mesh open once they are merged by a reader, even after a nudge."""
+    """Back from Manifold; None if corners that coincide would leave the mesh open once they are
+    merged by a reader, even after a nudge."""
     target = np.arange(len(out.vert_properties))
     target[np.asarray(out.merge_from_vert, np.int64)] = np.asarray(out.merge_to_vert, np.int64)
     used, faces = np.unique(target[np.asarray(out.tri_verts, np.int64)], return_inverse=True)
@@ -198,9 +208,11 @@ def _to_trimesh(out: manifold3d.Mesh64, cell: float) -> trimesh.Trimesh | None:
 
 
 def _apart(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Vertices [n, 3], in sub-cells, in which those that coincide are drawn by ``NUDGE`` into the middle of their own triangles.
+    """Vertices [n, 3], in sub-cells, in which those that coincide are drawn by ``NUDGE`` into the
+    middle of their own triangles.
 
-    Edge collapse lets two sheets of a surface touch in a vertex; a reader would merge it into an edge of four triangles.
+    Edge collapse lets two sheets of a surface touch in a vertex; a reader would merge it into an
+    edge of four triangles.
     """
     _, place, number = np.unique(
         np.round(points / COINCIDE).astype(np.int64),
@@ -220,7 +232,8 @@ def _apart(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _components(coords, resolution: int, sdf: np.ndarray, owner: np.ndarray, r: int):
-    """Labels [R, R, R] of the components of inactive voxels (0: active), and per label whether inside and whose."""
+    """Labels [R, R, R] of the components of inactive voxels (0: active), and per label whether
+    inside and whose."""
     active = occupancy(coords, resolution)
     labels = connected(~active)
     count = int(labels.max())
@@ -259,7 +272,8 @@ def _repeat(values: np.ndarray, r: int) -> np.ndarray:
 
 
 def _fill_magnitude(dense: np.ndarray, unknown: np.ndarray) -> None:
-    """In place: unknown cells become +-max(1/2, 1 - |neighbour|) over their known neighbours of the other sign."""
+    """In place: unknown cells become +-max(1/2, 1 - |neighbour|) over their known neighbours of the
+    other sign."""
     magnitude = np.full(dense.shape, 0.5, np.float32)
     for axis, side in FACES:
         here, there = [slice(None)] * 3, [slice(None)] * 3
@@ -272,7 +286,8 @@ def _fill_magnitude(dense: np.ndarray, unknown: np.ndarray) -> None:
 
 
 def _drop_specks(phi: np.ndarray) -> None:
-    """In place: loose pieces of fewer than 16 sub-cells and under .2 % of the part are made outside; the largest stays."""
+    """In place: loose pieces of fewer than 16 sub-cells and under .2 % of the part are made
+    outside; the largest stays."""
     labels = connected(phi < 0)
     if labels.max() < 2:
         return
@@ -285,10 +300,12 @@ def _drop_specks(phi: np.ndarray) -> None:
 
 
 def _vertex_colors(vertices, phi, mine, source, colors) -> np.ndarray:
-    """[n, 4] uint8: the colour of the sub-cell just outside the surface, else of the one just inside.
+    """[n, 4] uint8: the colour of the sub-cell just outside the surface, else of the one just
+    inside.
 
-    From outside the nearest surface is the one that is seen; from inside it may be what lies under a thin inlay. Outside counts
-    only where the part itself is nearest, not where another part touches it.
+    From outside the nearest surface is the one that is seen; from inside it may be what lies under
+    a thin inlay. Outside counts only where the part itself is nearest, not where another part
+    touches it.
     """
     low = np.floor(vertices).astype(int)
     high = np.ceil(vertices).astype(int)

@@ -1,7 +1,8 @@
 """The reversible joint-to-voxel embedding: Joint <-> c in R^9, and a tree <-> pairs of boxes.
 
-The paper splits the code into type, axis and limits (section "Reversible joint-to-voxel embedding"); it leaves out how. Here, in the
-plane (rho, sigma) = (angle / pi, KAPPA * travel), a joint's motion is a segment of a line through the origin:
+The paper splits the code into type, axis and limits (section "Reversible joint-to-voxel
+embedding"); it leaves out how. Here, in the plane (rho, sigma) = (angle / pi, KAPPA * travel), a
+joint's motion is a segment of a line through the origin:
 
     c = (tau, d, m, lo, hi)                                                                          (1)
     tau     = 2 / pi * atan2(sigma, rho) of that line, in (-1, 1]: 0 pure rotation, 1 pure travel    (2)
@@ -12,14 +13,15 @@ Fixed: all zero. Continuous: lo, hi = -1, 1. Two gauges leave the motion as it i
 
     (d, m, lo, hi) ~ (-d, -m, -hi, -lo)     and     (tau, lo, hi) ~ (tau +- 2, -hi, -lo)             (5)
 
-Canonical: tau in (-1, 1] and the largest component of d positive (ties: z, then y, then x), so that which way a part opens lives in
-the limits alone. Losses and averages work modulo both gauges: ``gauge_variants``, ``align``.
+Canonical: tau in (-1, 1] and the largest component of d positive (ties: z, then y, then x), so that
+which way a part opens lives in the limits alone. Losses and averages work modulo both gauges:
+``gauge_variants``, ``align``.
 
-``canonical``, ``gauge_variants`` and ``align`` take the array namespace ``xp`` (numpy or jax.numpy), so that training and
-assembling share one definition; this file never imports jax.
+``canonical``, ``gauge_variants`` and ``align`` take the array namespace ``xp`` (numpy or
+jax.numpy), so that training and assembling share one definition; this file never imports jax.
 
 Units: boxes and moments in object units, frame of the shown state. A box is [6]: centre and size.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -116,7 +118,8 @@ def encode_joint(joint: Joint, box_center: np.ndarray) -> np.ndarray:
     Args:
       joint: in the object frame at the shown state; motions below the dead zones (``codable``)
         are none.
-      box_center: [3] centre of the child part's own box; anchors the axis of pure travel, whose place is arbitrary.
+      box_center: [3] centre of the child part's own box; anchors the axis of pure travel, whose
+        place is arbitrary.
     """
     joint = codable(joint)
     if joint.type == "fixed":
@@ -131,7 +134,8 @@ def encode_joint(joint: Joint, box_center: np.ndarray) -> np.ndarray:
 
 
 def decode_joint(code: np.ndarray, part_center: np.ndarray) -> Joint:
-    """The joint that a code stands for; inverse of ``encode_joint`` and safe on anything a network may emit.
+    """The joint that a code stands for; inverse of ``encode_joint`` and safe on anything a network
+    may emit.
 
     tau is not clamped, and the codes' dead zones (1 degree, .005) apply to the decoded spans.
     Limits that do not bracket 0 are widened to
@@ -139,7 +143,8 @@ def decode_joint(code: np.ndarray, part_center: np.ndarray) -> Joint:
 
     Args:
       code: [9], any gauge.
-      part_center: [3] centre of the part's own box; the origin returned is the point of the axis nearest to it.
+      part_center: [3] centre of the part's own box; the origin returned is the point of the axis
+        nearest to it.
     """
     code = np.asarray(code, dtype=np.float64).reshape(CODE_SIZE)
     finite = bool(np.isfinite(code).all())
@@ -170,15 +175,17 @@ def decode_joint(code: np.ndarray, part_center: np.ndarray) -> Joint:
 def decode_part(codes: np.ndarray, part_center: np.ndarray, tolerance: float = 0.0) -> Joint:
     """The joint of a part from the codes of its voxels: their median once all are in one gauge.
 
-    Noisy codes are drawn to the pure motions, because 1 degree of rotation over a drawer's travel is a tau of only .003: within
-    3 spreads (median absolute deviations over the part) tau snaps to 0 or +-1, and the ends of a pure rotation to -1 and 1. True
-    codes have no spread and decode exactly. The price is paid by screws of tau near 0 (docs/joint_code_noise.md).
+    Noisy codes are drawn to the pure motions, because 1 degree of rotation over a drawer's travel
+    is a tau of only .003: within 3 spreads (median absolute deviations over the part) tau snaps to
+    0 or +-1, and the ends of a pure rotation to -1 and 1. True codes have no spread and decode
+    exactly. The price is paid by screws of tau near 0 (docs/joint_code_noise.md).
 
     Args:
       codes: [n, 9], any gauge each; rows that are not finite are left out.
       part_center: [3] centre of the part's own box.
-      tolerance: the error that all voxels of a part may share, which their spread cannot show: 0 for true codes,
-        ``NETWORK_TOLERANCE`` for predicted ones. Within it tau snaps as well, unless the joint makes more than a full turn.
+      tolerance: the error that all voxels of a part may share, which their spread cannot show: 0
+        for true codes, ``NETWORK_TOLERANCE`` for predicted ones. Within it tau snaps as well,
+        unless the joint makes more than a full turn.
     """
     codes = np.asarray(codes, dtype=np.float64).reshape(-1, CODE_SIZE)
     codes = canonical(codes[np.isfinite(codes).all(1)])
@@ -204,7 +211,8 @@ def decode_part(codes: np.ndarray, part_center: np.ndarray, tolerance: float = 0
 
 
 def box_corners(boxes: np.ndarray) -> np.ndarray:
-    """[..., 6] lower and upper corner of boxes given as centre and size; distances between boxes are L-infinity of these."""
+    """[..., 6] lower and upper corner of boxes given as centre and size; distances between boxes
+    are L-infinity of these."""
     boxes = np.asarray(boxes)
     center, half = boxes[..., :3], boxes[..., 3:] / 2
     return np.concatenate([center - half, center + half], axis=-1)
@@ -215,11 +223,12 @@ def encode_object(obj: ArticulatedObject) -> tuple[np.ndarray, np.ndarray, np.nd
     (``several_joints.one_joint``).
 
     Returns:
-      boxes [K, 6] float64, codes [K, 9] float64 (root: 0), parents [K] int32 (the root is its own parent, so that
-      ``boxes[parents]`` are the parent boxes).
+      boxes [K, 6] float64, codes [K, 9] float64 (root: 0), parents [K] int32 (the root is its own
+      parent, so that ``boxes[parents]`` are the parent boxes).
 
     Raises:
-      ValueError: two own boxes differ by less than .01 in every corner coordinate, so voxels could not tell the parts apart.
+      ValueError: two own boxes differ by less than .01 in every corner coordinate, so voxels could
+        not tell the parts apart.
     """
     boxes = obj.boxes
     corners = box_corners(boxes)
@@ -228,8 +237,8 @@ def encode_object(obj: ArticulatedObject) -> tuple[np.ndarray, np.ndarray, np.nd
     if len(rows):
         first, second = obj.parts[rows[0]].name, obj.parts[columns[0]].name
         raise ValueError(
-            f"object: parts '{first}' and '{second}' have the same box (within {SAME_BOX}) in the shown state; "
-            "show another state or merge them"
+            f"object: parts '{first}' and '{second}' have the same box (within {SAME_BOX}) in the "
+            "shown state; show another state or merge them"
         )
     codes = np.zeros((len(boxes), CODE_SIZE))
     for k, part in enumerate(obj.parts):
@@ -242,8 +251,9 @@ def encode_object(obj: ArticulatedObject) -> tuple[np.ndarray, np.ndarray, np.nd
 def decode_tree(boxes: np.ndarray, parent_boxes: np.ndarray) -> list[int]:
     """The kinematic tree that agrees best with the parts' parent boxes.
 
-    Minimum spanning arborescence over the distance from each part's parent box to the own box of every other part. A virtual
-    root reaches part k at M + |parent_box_k - own_box_k|, M above the sum of all other costs: exactly one root comes out.
+    Minimum spanning arborescence over the distance from each part's parent box to the own box of
+    every other part. A virtual root reaches part k at M + |parent_box_k - own_box_k|, M above the
+    sum of all other costs: exactly one root comes out.
 
     Args:
       boxes: [K, 6] own boxes.

@@ -1,13 +1,17 @@
-"""A layout: an object's parts as a table, each a box, a joint, a parent, a colour and how sure a network is of it.
+"""A layout: an object's parts as a table, each a box, a joint, a parent, a colour and how sure a
+network is of it.
 
-As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians, colours sRGB in 0..1:
+As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians, colours sRGB in
+0..1:
 
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
      "camera": [7] code (``voxels.camera_code``) or null,
-     "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]}, "color": [3], "confidence",
+     "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]}, "color": [3],
+       "confidence",
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]}}]}
 
-A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and is not read back.
+A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
+is not read back.
 """
 
 from __future__ import annotations
@@ -60,7 +64,8 @@ class Layout:
 
     @staticmethod
     def of_object(obj: ArticulatedObject, colors: np.ndarray | None = None) -> Layout:
-        """The true layout of a normalised object at its shown state; ``colors`` [K, 3] linear RGB, gray by default."""
+        """The true layout of a normalised object at its shown state; ``colors`` [K, 3] linear RGB,
+        gray by default."""
         count = len(obj.parts)
         colors = np.full((count, 3), 0.5) if colors is None else np.asarray(colors)
         joints = tuple(part.joint for part in obj.parts)
@@ -68,7 +73,8 @@ class Layout:
         return Layout(np.asarray(obj.boxes), joints, parents, colors, np.ones(count))
 
     def rows(self, most: int) -> dict[str, np.ndarray]:
-        """Boxes, codes, parents (root: its own) and colours as ``voxels.part_table`` has them, of the ``most`` surest parts and the root."""
+        """Boxes, codes, parents (root: its own) and colours as ``voxels.part_table`` has them, of
+        the ``most`` surest parts and the root."""
         kept = np.arange(len(self))
         if len(self) > most:
             sure = np.where(np.array(self.parents) < 0, np.inf, self.confidence)
@@ -166,7 +172,7 @@ class Layout:
         camera = data.get("camera")
         camera = None if camera is None else _numbers(data, "camera", 7, "layout")
         return Layout(
-            np.array(boxes), tuple(joints), tuple(parents), np.array(colors), np.array(confidence), camera
+            np.array(boxes), tuple(joints), tuple(parents), np.array(colors), np.array(confidence), camera  # noqa: E501
         )  # fmt: skip
 
 
@@ -174,8 +180,8 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     """What a layout network says of one picture.
 
     Args:
-      outputs: corners [Q, 6] (lower, upper), codes [Q, 9], exists [Q] logits, colors [Q, 3] linear RGB, parents [Q, Q] logits
-        child -> parent (the diagonal: that it is the root), camera [7].
+      outputs: corners [Q, 6] (lower, upper), codes [Q, 9], exists [Q] logits, colors [Q, 3] linear
+        RGB, parents [Q, Q] logits child -> parent (the diagonal: that it is the root), camera [7].
       threshold: of the probability that a row exists; the surest row is always taken.
 
     Returns:
@@ -251,7 +257,8 @@ def _knobs_turn_clockwise(
 
 
 def _best_tree(scores: np.ndarray) -> tuple[int, ...]:
-    """[K] parents, -1 for the one root, that maximise the sum of log-softmax scores [child, parent]."""
+    """[K] parents, -1 for the one root, that maximise the sum of log-softmax scores [child,
+    parent]."""
     scores = scores - scores.max(1, keepdims=True)
     scores = scores - np.log(np.exp(scores).sum(1, keepdims=True))
     count = len(scores)

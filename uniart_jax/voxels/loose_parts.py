@@ -1,4 +1,5 @@
-"""Parts that a network's output leaves hanging in the air: specks are left out, what is near the others is moved until it touches them."""
+"""Parts that a network's output leaves hanging in the air: specks are left out, what is near the
+others is moved until it touches them."""
 
 from __future__ import annotations
 
@@ -15,7 +16,8 @@ from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.grid import connected
 from uniart_jax.voxels.isosurface import DenseField
 
-DISTANCE = 0.02  # of the longest side: a part of next to no volume that is farther from all others is a speck
+# of the longest side: a part of next to no volume that is farther from all others is a speck
+DISTANCE = 0.02
 NEAR = (
     0.015,
     0.1,
@@ -24,14 +26,18 @@ TOUCHING = 0.005  # of the longest side, that lie between two parts once they we
 VOLUME = 0.01  # of the object's
 SPACING = 0.01  # of the longest side, between places on a part's surface
 PIECE = 0.1  # share of the body's cells: a larger piece of it stays
-CRUMB = 0.1  # of a part's vertices: a piece of it that has fewer holds nothing, and may be gone when surfaces are simplified
+# of a part's vertices: a piece of it that has fewer holds nothing, and may be gone when surfaces
+# are simplified
+CRUMB = 0.1
 
 
 def without_debris(obj: ArticulatedObject) -> ArticulatedObject:
-    """The object without parts that carry nothing, hang in the air as shown, and hold less than a hundredth of its volume.
+    """The object without parts that carry nothing, hang in the air as shown, and hold less than a
+    hundredth of its volume.
 
     Args:
-      obj: parts are closed, and their vertices lie dense: a cell of the lattice they were found on apart.
+      obj: parts are closed, and their vertices lie dense: a cell of the lattice they were found on
+        apart.
     """
     size = float(np.ptp(obj.bounds, axis=0).max())
     volume = np.array([abs(part.mesh.volume) for part in obj.parts])
@@ -105,9 +111,11 @@ def _together(solid: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:
-    """The object with parts that hang in the air at rest, less than .1 of it away, moved until they touch.
+    """The object with parts that hang in the air at rest, less than .1 of it away, moved until they
+    touch.
 
-    A part goes with all that hangs on it, its joint too, along the shortest way. ``provenance`` tells each.
+    A part goes with all that hangs on it, its joint too, along the shortest way. ``provenance``
+    tells each.
     """
     size = float(np.ptp(obj.bounds, axis=0).max())
     own = [_points(part.mesh, SPACING * size) for part in obj.parts]
@@ -125,7 +133,10 @@ def with_parts_joined(obj: ArticulatedObject) -> ArticulatedObject:
         way = (others[nearest[first]] - mine[first]) * (1 - TOUCHING * size / gap)
         way = poses[obj.parts[k].parent][:3, :3].T @ way  # as it is when the object is as shown
         own = [p + way if i in below else p for i, p in enumerate(own)]
-        line = f"'{obj.parts[k].name}' hung in the air, {gap / size:.3f} of the object's size from all else: moved until it touches"
+        line = (
+            f"'{obj.parts[k].name}' hung in the air, {gap / size:.3f} of the object's size from "
+            "all else: moved until it touches"
+        )
         obj = dataclasses.replace(
             obj,
             parts=tuple(_moved(p, way) if i in below else p for i, p in enumerate(obj.parts)),

@@ -1,11 +1,14 @@
-"""Nearest triangle of every sub-cell of the active voxels: branch and bound over blocks of sub-cells, in numpy.
+"""Nearest triangle of every sub-cell of the active voxels: branch and bound over blocks of
+sub-cells, in numpy.
 
-A triangle can be the nearest of some point within rho of a block's centre m only if its own distance from m is within 2 rho of the
-smallest one. So candidates are kept per voxel, then per half voxel (..), and only those few are measured at the sub-cells: 1 to 4
-for objects of flat parts, several times faster than asking a box tree half a million times. Meshes so fine that listing candidates
-costs more than the tree go to ``igl.AABB``.
+A triangle can be the nearest of some point within rho of a block's centre m only if its own
+distance from m is within 2 rho of the smallest one. So candidates are kept per voxel, then per half
+voxel (..), and only those few are measured at the sub-cells: 1 to 4 for objects of flat parts,
+several times faster than asking a box tree half a million times. Meshes so fine that listing
+candidates costs more than the tree go to ``igl.AABB``.
 
-Distances are float32 with ties won by the lowest face, so that noise does not speckle shared borders.
+Distances are float32 with ties won by the lowest face, so that noise does not speckle shared
+borders.
 """
 
 from __future__ import annotations
@@ -15,14 +18,17 @@ import numpy as np
 
 from uniart_jax.voxels.overlap import cells_in_ranges
 
-MAX_LISTED = 512  # (triangle, cell) pairs to list per voxel; beyond, they are too many to hold (at 373 still faster than the box tree)
+# (triangle, cell) pairs to list per voxel; beyond, they are too many to hold (at 373 still faster
+# than the box tree)
+MAX_LISTED = 512
 VALUES_AT_ONCE = 1 << 14  # distances measured in one go: what stays in the first-level cache
 TIE = 1e-5  # squared distances this close, relative or absolute, are ties
 TIE_FLOOR = 1e-13
 
 
 class Triangles:
-    """Triangles in frames of their own: A = (0, 0), B = (b, 0) along the longest side, C = (cx, cy)."""
+    """Triangles in frames of their own: A = (0, 0), B = (b, 0) along the longest side, C = (cx,
+    cy)."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray):
         corner = vertices[faces]
@@ -55,7 +61,8 @@ class Triangles:
         return len(self.frame)
 
     def squared_distance(self, faces: np.ndarray, centers: np.ndarray, offsets: np.ndarray):
-        """[P, C] float32 squared distances of triangle p from the points centers[p] + offsets[c]."""
+        """[P, C] float32 squared distances of triangle p from the points centers[p] +
+        offsets[c]."""
         out = np.empty((len(faces), len(offsets)), np.float32)
         step = max(1, VALUES_AT_ONCE // len(offsets))
         for begin in range(0, len(faces), step):
@@ -65,7 +72,8 @@ class Triangles:
         return out
 
     def barycentric(self, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """[n, 3] float32 weights of each face's corners at its point nearest to ``points`` [n, 3]."""
+        """[n, 3] float32 weights of each face's corners at its point nearest to ``points`` [n,
+        3]."""
         out = np.empty((len(faces), 3), np.float32)
         for begin in range(0, len(faces), VALUES_AT_ONCE):
             part = slice(begin, begin + VALUES_AT_ONCE)
@@ -108,7 +116,8 @@ class Triangles:
         return qx, qy
 
     def _sides(self, faces, x, y):
-        """(inside, squared distances from the sides AB, BC, AC, share of the way along BC, along AC) of points in the plane."""
+        """(inside, squared distances from the sides AB, BC, AC, share of the way along BC, along
+        AC) of points in the plane."""
         b, cx, cy, inverse_bc, inverse_ac = (s[faces][:, None] for s in self.shape)
         zero, one = np.float32(0), np.float32(1)
         dx = x - np.minimum(np.maximum(x, zero), b)
@@ -183,7 +192,8 @@ def nearest_faces(
 
 
 def _voxel_candidates(vertices, faces, triangles, coords, center, resolution, rho):
-    """(voxel [P] ascending, face [P]): all triangles that may be nearest somewhere in a voxel; None if there are too many to list."""
+    """(voxel [P] ascending, face [P]): all triangles that may be nearest somewhere in a voxel; None
+    if there are too many to list."""
     reach = 3**0.5 / 2 / resolution + 2 * rho  # the touching triangle is within half a diagonal
     corner = vertices[faces]
     low = np.ceil((corner.min(1) - reach + 0.5) * resolution - 0.5).astype(np.int64)

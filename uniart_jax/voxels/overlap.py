@@ -1,4 +1,5 @@
-"""Which grid cells triangles touch, and how much of a triangle lies in a cell. Vectorised over (triangle, cell) pairs.
+"""Which grid cells triangles touch, and how much of a triangle lies in a cell. Vectorised over
+(triangle, cell) pairs.
 
 Lengths are in cells: cell (i, j, k) spans [i, i + 1] along x, and so on.
 """
@@ -9,7 +10,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-TOLERANCE = 1e-6  # cells: cells are closed, and float noise must not decide whether a face on a cell's side touches it
+# cells: cells are closed, and float noise must not decide whether a face on a cell's side touches
+# it
+TOLERANCE = 1e-6
 PAIRS_AT_ONCE = 1 << 19  # bounds the memory
 
 
@@ -48,10 +51,12 @@ def cells_in_ranges(
 
 
 def touched_cells(triangles: np.ndarray, resolution: int) -> tuple[np.ndarray, np.ndarray]:
-    """Every (triangle, cell) pair that overlaps, exactly: triangles and cells are closed sets (within ``TOLERANCE``).
+    """Every (triangle, cell) pair that overlaps, exactly: triangles and cells are closed sets
+    (within ``TOLERANCE``).
 
-    Separating axes: the 3 of the cell (by the ranges), the triangle's normal, and the 9 crosses as edge functions of the three
-    projections (Schwarz and Seidel 2010, section 3.1). Degenerate triangles are segments or points.
+    Separating axes: the 3 of the cell (by the ranges), the triangle's normal, and the 9 crosses as
+    edge functions of the three projections (Schwarz and Seidel 2010, section 3.1). Degenerate
+    triangles are segments or points.
 
     Args:
       triangles: [F, 3, 3] corners.
@@ -86,7 +91,8 @@ def touched_cells(triangles: np.ndarray, resolution: int) -> tuple[np.ndarray, n
 
 
 def _edge_functions(triangles, edges, normal, axis: int):
-    """(nx, ny, offset), [F, 3] each: a cell is on the inner side of edge e, seen along ``axis``, iff nx x + ny y + offset >= 0."""
+    """(nx, ny, offset), [F, 3] each: a cell is on the inner side of edge e, seen along ``axis``,
+    iff nx x + ny y + offset >= 0."""
     a, b = (axis + 1) % 3, (axis + 2) % 3
     sign = np.where(normal[:, axis, None] >= 0, 1.0, -1.0)
     nx, ny = -edges[:, :, b] * sign, edges[:, :, a] * sign
@@ -95,7 +101,8 @@ def _edge_functions(triangles, edges, normal, axis: int):
 
 
 def clipped_areas(triangles: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """[P] area of each triangle [P, 3, 3] inside its own cell [P, 3]: Sutherland-Hodgman on all pairs at once."""
+    """[P] area of each triangle [P, 3, 3] inside its own cell [P, 3]: Sutherland-Hodgman on all
+    pairs at once."""
     polygon = triangles - cells[:, None]
     for axis in range(3):
         polygon = _cut(polygon, polygon[..., axis])
@@ -105,7 +112,8 @@ def clipped_areas(triangles: np.ndarray, cells: np.ndarray) -> np.ndarray:
 
 
 def _cut(polygon: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """[P, n + 1, 3] convex polygons [P, n, 3] cut to where ``height`` [P, n] >= 0; short ones repeat a corner, empty ones are 0."""
+    """[P, n + 1, 3] convex polygons [P, n, 3] cut to where ``height`` [P, n] >= 0; short ones
+    repeat a corner, empty ones are 0."""
     inside = height >= 0
     if inside.all():
         return polygon

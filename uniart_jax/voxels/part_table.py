@@ -1,4 +1,5 @@
-"""An object's parts as padded arrays: what networks see of a layout (``voxels.layout``). numpy only."""
+"""An object's parts as padded arrays: what networks see of a layout (``voxels.layout``). numpy
+only."""
 
 from __future__ import annotations
 
@@ -8,10 +9,12 @@ import numpy as np
 
 
 class PartTable(NamedTuple):
-    """B objects of at most K parts; rows beyond ``counts`` are zero. An object with count 0 has no layout.
+    """B objects of at most K parts; rows beyond ``counts`` are zero. An object with count 0 has no
+    layout.
 
     Attributes:
-      boxes: [B, K, 6] own boxes, centre and size. codes: [B, K, 9] joint codes. parents: [B, K] int, the root its own.
+      boxes: [B, K, 6] own boxes, centre and size. codes: [B, K, 9] joint codes. parents: [B, K]
+        int, the root its own.
       colors: [B, K, 3] linear RGB in 0..1. counts: [B] int.
     """
 
@@ -56,7 +59,8 @@ def part_table(items: list[dict[str, np.ndarray]], most: int) -> PartTable:
 def surface_colors(
     sdf: np.ndarray, color: np.ndarray, owner: np.ndarray, parts: int, thickness: float = 1.0
 ) -> np.ndarray:
-    """[K, 3] mean colour of the sub-cells within ``thickness`` of each part's surface; the object's mean where it has none.
+    """[K, 3] mean colour of the sub-cells within ``thickness`` of each part's surface; the object's
+    mean where it has none.
 
     Args:
       sdf: [...] distances. color: [..., 3]. owner: [...] part ids.

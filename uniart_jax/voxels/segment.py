@@ -1,22 +1,29 @@
-"""Which part does every sub-cell belong to? Clustering of the per-sub-cell ``own_box``; the number of parts is not given.
+"""Which part does every sub-cell belong to? Clustering of the per-sub-cell ``own_box``; the number
+of parts is not given.
 
-True codes hold a handful of distinct boxes: these are the parts. Boxes out of a network need clustering. They are wrong together, cube of
-voxels by cube (a flow's token), and blurred along borders; but a voxel also lies somewhere, and a part that does not reach there is not its part.
+True codes hold a handful of distinct boxes: these are the parts. Boxes out of a network need
+clustering. They are wrong together, cube of voxels by cube (a flow's token), and blurred along
+borders; but a voxel also lies somewhere, and a part that does not reach there is not its part.
 
-1. Each voxel votes with the median of its sub-cells' boxes (lower and upper corner). A voxel whose sub-cells disagree by more than ``MIXED``
-   lies on a border between parts and does not vote.
-2. A box explains a voter if it is near the voter's vote and holds the voter's place. Of many proposed boxes (medians of votes
-   around some voters) the one that explains most of what is still unexplained is taken, again and again, until the
-   next would explain fewer than ``FEWEST`` voters. How near is near follows the votes: the first of ``NEAR`` that leaves few unexplained.
-3. Rounds of refinement: every box moves to its voters, half to the median of their votes and half to the extent of their places; boxes that
-   the others make superfluous, or whose voters do not fill them, are dropped.
-4. A knob lives in border voxels only. Solid sub-cells whose boxes are far from all parts found so far fall into connected pieces; a piece
-   that agrees with the box it votes for is a part, and its extent is its box.
-5. Every sub-cell joins the part whose box is nearest to its own and holds its place; one that joins a small part, the small part that it lies in or next to.
-   Crumbs, apart from the rest of their part, join what is around them.
+1. Each voxel votes with the median of its sub-cells' boxes (lower and upper corner). A voxel whose
+   sub-cells disagree by more than ``MIXED`` lies on a border between parts and does not vote.
+2. A box explains a voter if it is near the voter's vote and holds the voter's place. Of many
+   proposed boxes (medians of votes around some voters) the one that explains most of what is still
+   unexplained is taken, again and again, until the next would explain fewer than ``FEWEST`` voters.
+   How near is near follows the votes: the first of ``NEAR`` that leaves few unexplained.
+3. Rounds of refinement: every box moves to its voters, half to the median of their votes and half
+   to the extent of their places; boxes that the others make superfluous, or whose voters do not
+   fill them, are dropped.
+4. A knob lives in border voxels only. Solid sub-cells whose boxes are far from all parts found so
+   far fall into connected pieces; a piece that agrees with the box it votes for is a part, and its
+   extent is its box.
+5. Every sub-cell joins the part whose box is nearest to its own and holds its place; one that joins
+   a small part, the small part that it lies in or next to. Crumbs, apart from the rest of their
+   part, join what is around them.
 
-The constants were chosen on 28 procedural objects of validation seeds, through the UniArt VAE and on a flow's output. What they give on others: the rows
-"vae" and "latent_flow" of ``uniart evaluate procedural`` (docs/model_card.md).
+The constants were chosen on 28 procedural objects of validation seeds, through the UniArt VAE and
+on a flow's output. What they give on others: the rows "vae" and "latent_flow" of ``uniart evaluate
+procedural`` (docs/model_card.md).
 """
 
 from __future__ import annotations
@@ -58,8 +65,8 @@ class Segmentation:
     """Parts of a grid, largest first.
 
     Attributes:
-      boxes: [K, 6] centre and size: what sub-cells say on true codes; out of a network what voters say and where they lie, half each, or a
-        small piece's extent.
+      boxes: [K, 6] centre and size: what sub-cells say on true codes; out of a network what voters
+        say and where they lie, half each, or a small piece's extent.
       owner: [V, r^3] int16 part of every sub-cell.
       pure: [V] bool, all sub-cells of the voxel belong to one part.
     """
@@ -119,7 +126,8 @@ def nearest(votes: np.ndarray, centers: np.ndarray, places: np.ndarray | None = 
 
 
 def outside(places: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """[...] how far places [..., 3] lie outside of boxes, corners [6] or [..., 6] (L-infinity; negative inside)."""
+    """[...] how far places [..., 3] lie outside of boxes, corners [6] or [..., 6] (L-infinity;
+    negative inside)."""
     return np.maximum(boxes[..., :3] - places, places - boxes[..., 3:]).max(-1)
 
 
@@ -152,7 +160,8 @@ class _Voters:
     half: float
 
     def unexplained(self, boxes: np.ndarray, near: float) -> np.ndarray:
-        """[K, n] in [0, 1]: 0 where a box is the voter's, to within ``near``, 1 where it is another's."""
+        """[K, n] in [0, 1]: 0 where a box is the voter's, to within ``near``, 1 where it is
+        another's."""
         cost = [
             2 * np.abs(self.votes - box).mean(1)
             + 2 * np.maximum(outside(self.places, box) - SLACK, 0)
@@ -161,7 +170,8 @@ class _Voters:
         return np.clip((np.stack(cost) - near) / BLUR, 0, 1)
 
     def moved(self, boxes: np.ndarray, unexplained: np.ndarray) -> np.ndarray:
-        """[<= K, 6] boxes between the median of their voters' votes and the extent of their places; those of too few voters are left out."""
+        """[<= K, 6] boxes between the median of their voters' votes and the extent of their places;
+        those of too few voters are left out."""
         found = []
         for mine in _shares(unexplained):
             if mine.sum() * self.step >= LEAST:
@@ -199,13 +209,15 @@ def _voters(grid: VoxelGrid, votes: np.ndarray) -> _Voters:
 
 
 def _shares(unexplained: np.ndarray) -> list[np.ndarray]:
-    """[n] bool masks of the voters that each row of [K, n] explains best; who is not explained at all is nobody's."""
+    """[n] bool masks of the voters that each row of [K, n] explains best; who is not explained at
+    all is nobody's."""
     owner, explained = unexplained.argmin(0), unexplained.min(0) < 1
     return [(owner == k) & explained for k in range(len(unexplained))]
 
 
 def _choose(unexplained: np.ndarray, fewest: float) -> list[int]:
-    """Rows of [K, n] that explain most of what those before left, until the next would add fewer than ``fewest``."""
+    """Rows of [K, n] that explain most of what those before left, until the next would add fewer
+    than ``fewest``."""
     left = np.ones(unexplained.shape[1])
     chosen: list[int] = []
     while len(chosen) < MOST:
@@ -219,7 +231,8 @@ def _choose(unexplained: np.ndarray, fewest: float) -> list[int]:
 
 
 def _proposals(points: np.ndarray) -> np.ndarray:
-    """[K, 6] medians of the votes around evenly chosen ones, moved to the middle of their neighbourhoods."""
+    """[K, 6] medians of the votes around evenly chosen ones, moved to the middle of their
+    neighbourhoods."""
     tree = cKDTree(points)
     seeds = points[np.linspace(0, len(points) - 1, min(len(points), SEEDS)).astype(int)]
     found = []
@@ -246,7 +259,8 @@ def _extent(places: np.ndarray, half: float) -> np.ndarray:
 
 
 def _needed(unexplained: np.ndarray, fewest: float) -> np.ndarray:
-    """Rows of [K, n] that stay when those are left out, one by one, without which others explain all but ``fewest`` voters."""
+    """Rows of [K, n] that stay when those are left out, one by one, without which others explain
+    all but ``fewest`` voters."""
     keep = np.arange(len(unexplained))
     while len(keep) > 1:
         now = np.vstack([unexplained[keep], np.ones(unexplained.shape[1])])
@@ -259,7 +273,8 @@ def _needed(unexplained: np.ndarray, fewest: float) -> np.ndarray:
 
 
 def _filled(unexplained: np.ndarray, boxes: np.ndarray, voters: _Voters) -> np.ndarray:
-    """Rows of boxes [K, 6] that stay when those are left out, one by one, whose voters' extent is not their box."""
+    """Rows of boxes [K, 6] that stay when those are left out, one by one, whose voters' extent is
+    not their box."""
     keep = np.arange(len(boxes))
     while len(keep) > 1:
         gaps = np.full(len(keep), np.inf)
@@ -274,7 +289,8 @@ def _filled(unexplained: np.ndarray, boxes: np.ndarray, voters: _Voters) -> np.n
 
 
 def _pieces(grid: VoxelGrid, votes: np.ndarray, large: list[np.ndarray]) -> list[np.ndarray]:
-    """Corners [6] of small parts: connected solid sub-cells that no large part explains and that agree with the box they vote for."""
+    """Corners [6] of small parts: connected solid sub-cells that no large part explains and that
+    agree with the box they vote for."""
     side = grid.resolution * grid.subdivisions
     voxel, sub = np.nonzero(grid.sdf < 0)
     said = votes[voxel, sub]
@@ -305,9 +321,11 @@ def _pieces(grid: VoxelGrid, votes: np.ndarray, large: list[np.ndarray]) -> list
 def _join_pieces(
     places: np.ndarray, flat: np.ndarray, owner: np.ndarray, centers: np.ndarray, large: int
 ) -> np.ndarray:
-    """[V r^3] owners in which sub-cells that vote for a small part join the small part that they lie in or next to.
+    """[V r^3] owners in which sub-cells that vote for a small part join the small part that they
+    lie in or next to.
 
-    A sub-cell inside several small parts' boxes (a knob within a ring handle) stays with its vote among them.
+    A sub-cell inside several small parts' boxes (a knob within a ring handle) stays with its vote
+    among them.
     """
     rows = np.nonzero(owner >= large)[0]
     if len(rows) == 0 or len(centers) - large < 2:
@@ -327,7 +345,8 @@ def _join_pieces(
 
 
 def _absorb_crumbs(grid: VoxelGrid, owner: np.ndarray) -> np.ndarray:
-    """[V r^3] owners in which the crumbs of a part (never its largest piece) join the nearest sub-cell that is none."""
+    """[V r^3] owners in which the crumbs of a part (never its largest piece) join the nearest
+    sub-cell that is none."""
     cells = subcell_indices(grid.coords, grid.subdivisions).reshape(-1, 3)
     dense = np.zeros((grid.resolution * grid.subdivisions,) * 3, np.int16)
     dense[tuple(cells.T)] = owner + 1

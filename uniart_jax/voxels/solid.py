@@ -1,9 +1,11 @@
 """Inside or outside of one part, by winding number, on the sub-cell lattice and at single points.
 
-A part is closed by a lid (``crossings``). Winding numbers of both together are integers, counted exactly as signed crossings along columns, however pieces overlap or
-touch; those of the lid alone are taken off. A part whose triangles bound an oriented volume (every directed edge is met by its opposite) has no lid. Real data is open,
-flat and self-crossing, but its borders are short: tens of edges where there are thousands of faces. Away from a lid its winding number hardly changes, so it is asked
-once a voxel where that is enough. Nothing outside a part's box is inside.
+A part is closed by a lid (``crossings``). Winding numbers of both together are integers, counted
+exactly as signed crossings along columns, however pieces overlap or touch; those of the lid alone
+are taken off. A part whose triangles bound an oriented volume (every directed edge is met by its
+opposite) has no lid. Real data is open, flat and self-crossing, but its borders are short: tens of
+edges where there are thousands of faces. Away from a lid its winding number hardly changes, so it
+is asked once a voxel where that is enough. Nothing outside a part's box is inside.
 """
 
 from __future__ import annotations
@@ -20,7 +22,9 @@ from uniart_jax.voxels.nearest import tree_query
 
 VOXELS_AT_ONCE = 4096  # bounds the memory
 BRUTE_FORCE_FACES = 100  # from this many faces on the hierarchy beats the exact sum
-DRIFT = 0.5  # of the lid's winding number over a distance, per that distance from the lid: three times that of a straight border, 1 / 2 pi
+# of the lid's winding number over a distance, per that distance from the lid: three times that of a
+# straight border, 1 / 2 pi
+DRIFT = 0.5
 FLAT = 1e-9  # object units: how high a triangle is that has no area
 RAY_OFFSET = 1e-5  # of rays from the face they leave
 POINT_NUDGE = 1e-8 * NUDGE / NUDGE.max()  # object units
@@ -62,7 +66,8 @@ class Solid:
         self.doubled = uses[shared.reshape(-1)] > 1
 
     def contains(self, points: np.ndarray, block: float) -> np.ndarray:
-        """[n] bool, |winding number| > 1/2 at points [n, 3]; the lid is asked of cubes of side ``block`` where that settles it."""
+        """[n] bool, |winding number| > 1/2 at points [n, 3]; the lid is asked of cubes of side
+        ``block`` where that settles it."""
         whole = windings(self._whole, points, POINT_NUDGE)
         if not len(self._lid_faces):
             return whole != 0
@@ -82,10 +87,12 @@ class Solid:
         middle: np.ndarray,
         block: float,
     ) -> np.ndarray:
-        """[n] bool, |winding number| > 1/2 at points where that of the part with its lid is ``whole`` [n].
+        """[n] bool, |winding number| > 1/2 at points where that of the part with its lid is
+        ``whole`` [n].
 
-        Away from the lid its winding number is smooth: by a straight border it changes by 1 in 2 pi distances. So it is asked in the middle [m, 3] of
-        the cubes that the points are ``member`` [n] of, and at the points only where a cube may hold both answers.
+        Away from the lid its winding number is smooth: by a straight border it changes by 1 in 2 pi
+        distances. So it is asked in the middle [m, 3] of the cubes that the points are ``member``
+        [n] of, and at the points only where a cube may hold both answers.
         """
         winding = self._lid_winding(middle)
         radius = 3**0.5 / 2 * block
@@ -106,10 +113,12 @@ class Solid:
         return self._tree.winding_number(points)
 
     def thicker(self, faces: np.ndarray, points: np.ndarray, length: float) -> np.ndarray:
-        """[n] bool: going in from points on faces, along the normal, the part goes on for ``length``.
+        """[n] bool: going in from points on faces, along the normal, the part goes on for
+        ``length``.
 
-        It must still be there after half of the length and after all of it. Where the part is no outward-oriented volume, either side
-        may be the inner one. Rays answer first: beneath a face of an outward volume that meets nothing for ``length`` all is inside.
+        It must still be there after half of the length and after all of it. Where the part is no
+        outward-oriented volume, either side may be the inner one. Rays answer first: beneath a face
+        of an outward volume that meets nothing for ``length`` all is inside.
         """
         corner = self.vertices[self.faces[faces]]
         normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])

@@ -170,7 +170,8 @@ def _on_axis(point: np.ndarray, joint: Joint) -> np.ndarray:
 
 
 def _round_about(centre: np.ndarray, size: np.ndarray, joint: Joint) -> int | None:
-    """The side of a box that a part's axis runs along through its middle; None where it is no disc."""
+    """The side of a box that a part's axis runs along through its middle; None where it is no
+    disc."""
     if not joint.rotates:
         return None
     axis = int(np.abs(joint.direction).argmax())

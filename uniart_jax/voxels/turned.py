@@ -144,7 +144,8 @@ def _outside(
     center: np.ndarray,
     size: int,
 ) -> int:
-    """The way along ``across`` that a part sets out to open, turned by ``straight`` about ``axis``."""
+    """The way along ``across`` that a part sets out to open, turned by ``straight`` about
+    ``axis``."""
     closed = closed_end(joint, cells, center, size)
     opens = sum(joint.limits) / 2 - closed  # towards the other end
     arm = places(cells, size).mean(0) - joint.origin

@@ -1,14 +1,16 @@
 """Articulated object -> part grid: active voxels, truncated signed distance, colour, owner.
 
-Active voxels are those that the surface touches, by exact triangle-box overlap. Signs come from each part's winding number w_k,
-magnitudes from an unsigned query d_k >= 0 (docs/architecture.md, "Sign and owner"), lengths in sub-cells:
+Active voxels are those that the surface touches, by exact triangle-box overlap. Signs come from
+each part's winding number w_k, magnitudes from an unsigned query d_k >= 0 (docs/architecture.md,
+"Sign and owner"), lengths in sub-cells:
 
     s_k = -d_k where |w_k| > 1/2, else d_k                                              (1)
     s_k <- min(s_k, d_k - sqrt(3)/2) where part k is thinner than sqrt(3)               (2)
     sdf = min_k s_k,  owner = argmin_k s_k (ties: nearest surface)                      (3)
 
-One query over the whole surface finds the nearest part a everywhere. Another part can only win (3) where it contains the sub-cell, or
-where (2) applies to it and not to a; only there it is asked, so the result is exact and most parts cost nothing.
+One query over the whole surface finds the nearest part a everywhere. Another part can only win (3)
+where it contains the sub-cell, or where (2) applies to it and not to a; only there it is asked, so
+the result is exact and most parts cost nothing.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ from uniart_jax.voxels.solid import Solid
 
 THIN = 3**0.5  # sub-cells: thinner shells leak between the samples
 HALF_THIN = THIN / 2
-INSET = 0.05  # sub-cells that a thickness probe keeps off its triangle's border, so that it does not graze the next face
+# sub-cells that a thickness probe keeps off its triangle's border, so that it does not graze the
+# next face
+INSET = 0.05
 MAX_PARTS = 256  # ids are uint8
 
 
@@ -47,7 +51,8 @@ class _Surface:
 
 
 def voxelize(obj: ArticulatedObject, resolution: int = 32, subdivisions: int = 4) -> PartGrid:
-    """The unified voxel representation of an object (paper, section on the unified 3D representation).
+    """The unified voxel representation of an object (paper, section on the unified 3D
+    representation).
 
     Args:
       obj: normalised (inside [-1/2, 1/2]^3).
@@ -55,11 +60,13 @@ def voxelize(obj: ArticulatedObject, resolution: int = 32, subdivisions: int = 4
       subdivisions: r.
 
     Returns:
-      PartGrid. ``voxel_part`` is the part with the largest area of triangles clipped to the voxel; ``color`` is that of the nearest
-      surface point of the owner; sub-cells farther than SDF_CLIP are clipped, their owner and colour still exact.
+      PartGrid. ``voxel_part`` is the part with the largest area of triangles clipped to the voxel;
+      ``color`` is that of the nearest surface point of the owner; sub-cells farther than SDF_CLIP
+      are clipped, their owner and colour still exact.
 
     Raises:
-      ValueError: the object is not normalised, has more than 256 parts, two parts with the same box, or parts too small to own a voxel.
+      ValueError: the object is not normalised, has more than 256 parts, two parts with the same
+        box, or parts too small to own a voxel.
     """
     if np.abs(obj.bounds).max() > 0.5 + 1e-4:
         raise ValueError(
@@ -117,7 +124,8 @@ def _join(obj: ArticulatedObject) -> _Surface:
 
 
 def _largest_parts(obj, surface, resolution, face, cell, voxel, count) -> np.ndarray:
-    """[V] part with the largest clipped area in each voxel; a part that wins none takes its best voxel."""
+    """[V] part with the largest clipped area in each voxel; a part that wins none takes its best
+    voxel."""
     part = surface.face_part[face]
     parts = len(obj.parts)
     present = np.unique(voxel * parts + part)
@@ -140,8 +148,8 @@ def _largest_parts(obj, surface, resolution, face, cell, voxel, count) -> np.nda
         alone = np.count_nonzero(winner == winner[place]) == 1
         if place in taken or alone:
             raise ValueError(
-                f"object '{obj.name}': part '{obj.parts[k].name}' is too small to own a voxel at resolution {resolution}; "
-                "merge it with its parent or raise the resolution"
+                f"object '{obj.name}': part '{obj.parts[k].name}' is too small to own a voxel at "
+                f"resolution {resolution}; merge it with its parent or raise the resolution"
             )
         winner[place] = k
         taken.add(place)
@@ -149,7 +157,8 @@ def _largest_parts(obj, surface, resolution, face, cell, voxel, count) -> np.nda
 
 
 def _thin_voxels(surface, solids, resolution, subdivisions, face, cell) -> np.ndarray:
-    """[K, R^3] bool: the part is thinner than ``THIN`` somewhere in the voxel. One probe for each triangle in each voxel."""
+    """[K, R^3] bool: the part is thinner than ``THIN`` somewhere in the voxel. One probe for each
+    triangle in each voxel."""
     thin = np.zeros((len(solids), resolution**3), bool)
     length = 1 / (resolution * subdivisions)
     corner = surface.vertices[surface.faces[face]]
@@ -163,7 +172,8 @@ def _thin_voxels(surface, solids, resolution, subdivisions, face, cell) -> np.nd
     part = surface.face_part[face]
     for k, solid in enumerate(solids):
         left = np.flatnonzero((part == k) & surface.proper[face])
-        # a voxel that one probe finds thin needs no other: where parts are sheets, the first ones settle nearly all
+        # a voxel that one probe finds thin needs no other: where parts are sheets, the first ones
+        # settle nearly all
         for probes in (1, 3, len(left)):
             mine, left = _first_of_each(key, left, probes)
             thick = solid.thicker(face[mine] - surface.first[k], point[mine], THIN * length)
@@ -181,9 +191,11 @@ def _first_of_each(key: np.ndarray, rows: np.ndarray, count: int) -> tuple[np.nd
 
 
 def _distances(surface, solids, thin, coords, resolution, subdivisions):
-    """(sdf, owner, nearest face of the owner, weights of its corners at the nearest point) [n ..] of all sub-cells; sdf in sub-cells.
+    """(sdf, owner, nearest face of the owner, weights of its corners at the nearest point) [n ..]
+    of all sub-cells; sdf in sub-cells.
 
-    The weights are there only where they matter: a part with thin places, or with colours that vary over a face.
+    The weights are there only where they matter: a part with thin places, or with colours that vary
+    over a face.
     """
     cells = resolution * subdivisions
     distance, face = nearest_faces(

@@ -1,1 +1,2 @@
-"""Published weights of other projects under our names: tensors in, parameters and config out. Pure: nothing here writes a file."""
+"""Published weights of other projects under our names: tensors in, parameters and config out. Pure:
+nothing here writes a file."""

@@ -1,7 +1,9 @@
-"""Converted networks of TRELLIS put together to the networks of a UniArt checkpoint; what they do not fill is drawn anew.
+"""Converted networks of TRELLIS put together to the networks of a UniArt checkpoint; what they do
+not fill is drawn anew.
 
-The UniArt VAE is wider than TRELLIS's: of the encoder's input layer the rows of ``visual``, which stand first, are TRELLIS's and the rest
-starts at zero, so that at first it gives TRELLIS's latents; the decoder's trunk is TRELLIS's. Front and heads are new.
+The UniArt VAE is wider than TRELLIS's: of the encoder's input layer the rows of ``visual``, which
+stand first, are TRELLIS's and the rest starts at zero, so that at first it gives TRELLIS's latents;
+the decoder's trunk is TRELLIS's. Front and heads are new.
 """
 
 from __future__ import annotations
@@ -57,7 +59,9 @@ def compose(
     """
     classes = [piece.upstream for piece in pieces]
     if twice := sorted({name for name in classes if classes.count(name) > 1}):
-        raise ValueError(f"there are several networks of class {', '.join(twice)}; keep one of each")  # fmt: skip
+        raise ValueError(
+            f"there are several networks of class {', '.join(twice)}; keep one of each"
+        )
     model = model_of(merged([(piece.upstream, piece.settings) for piece in pieces]), base)
     model = _with_image_encoder(model, pieces)
     networks = {}
@@ -77,21 +81,29 @@ def compose(
         if any(piece.upstream == "SLatEncoder" for piece in own):
             values, note = _widened(values, model)
             notes.append(note)
-        networks[name] = _completed(name, model, values, tuple(p.upstream for p in own), notes, seed)  # fmt: skip
+        networks[name] = _completed(
+            name, model, values, tuple(p.upstream for p in own), notes, seed
+        )
     for piece in pieces:
         if piece.upstream == "SLatGaussianDecoder":
             count = len(jax.tree.leaves(piece.params))
-            networks["gaussian_decoder"] = Filled(piece.params, (piece.upstream,), count, (), piece.notes)  # fmt: skip
+            networks["gaussian_decoder"] = Filled(
+                piece.params, (piece.upstream,), count, (), piece.notes
+            )
     return model, networks
 
 
 def _widened(values: Mapping[str, Any], model: ModelConfig) -> tuple[dict[str, Any], str]:
-    """The encoder's input layer with rows for what TRELLIS does not have, zero; and a note that says so."""
+    """The encoder's input layer with rows for what TRELLIS does not have, zero; and a note that
+    says so."""
     kernel = values["encoder.input_layer.kernel"]
     shape = flatten(build("uniart_vae", model).abstract())["encoder.input_layer.kernel"].shape
     wide = np.zeros(shape, kernel.dtype)
     wide[: len(kernel)] = kernel
-    note = f"encoder.input_layer: {len(kernel)} rows of visual features, {len(wide) - len(kernel)} new ones zero"
+    note = (
+        f"encoder.input_layer: {len(kernel)} rows of visual features, {len(wide) - len(kernel)} "
+        "new ones zero"
+    )
     return {**values, "encoder.input_layer.kernel": wide}, note
 
 
@@ -106,7 +118,11 @@ def _completed(
     """A network with everything that is not among ``values`` drawn."""
     network = build(name, model)
     expected = flatten(network.abstract())
-    wrong = [f"{k} {list(v.shape)}" for k, v in values.items() if k not in expected or expected[k].shape != v.shape]  # fmt: skip
+    wrong = [
+        f"{k} {list(v.shape)}"
+        for k, v in values.items()
+        if k not in expected or expected[k].shape != v.shape
+    ]
     if wrong:
         raise ValueError(f"{name}: its files do not fit each other: {', '.join(wrong)}")
     new = [key for key in expected if key not in values]
@@ -123,7 +139,8 @@ def _draw(network: Network, names: Sequence[str], seed: int) -> dict[str, np.nda
         drawn = flatten(network.init(key))
         return {name: drawn[name] for name in names}
 
-    # run once, so compiling is what takes time: without optimisation it is ten times faster; on the CPU, so that all machines draw the same
+    # run once, so compiling is what takes time: without optimisation it is ten times faster; on the
+    # CPU, so that all machines draw the same
     with jax.default_device(jax.local_devices(backend="cpu")[0]):
         key = jax.random.key(seed)
         options = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
@@ -138,12 +155,15 @@ def prefixes(names: Mapping[str, Any] | Sequence[str], chosen: Sequence[str]) ->
     for name in chosen:
         parts = name.split(".")
         candidates = [".".join(parts[: n + 1]) for n in range(len(parts))]
-        found.append(next(c for c in candidates if not any(f"{o}.".startswith(f"{c}.") for o in others)))  # fmt: skip
+        found.append(
+            next(c for c in candidates if not any(f"{o}.".startswith(f"{c}.") for o in others))
+        )
     return tuple(dict.fromkeys(found))
 
 
 def _with_image_encoder(model: ModelConfig, pieces: Sequence[Converted]) -> ModelConfig:
-    """DINOv2 with registers, of the width that the flows are conditioned on; without flows the model stays as it is."""
+    """DINOv2 with registers, of the width that the flows are conditioned on; without flows the
+    model stays as it is."""
     widths = {
         getattr(model, piece.network).cond_channels
         for piece in pieces

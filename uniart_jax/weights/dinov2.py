@@ -1,4 +1,5 @@
-"""DINOv2 with registers (facebookresearch/dinov2, ``dinov2_vit{s,b,l}14_reg``) as our image encoder.
+"""DINOv2 with registers (facebookresearch/dinov2, ``dinov2_vit{s,b,l}14_reg``) as our image
+encoder.
 
 The file holds a state dict and no config: what the tensors' shapes say is all there is.
 """
@@ -59,7 +60,10 @@ def converted_config(shapes: Mapping[str, tuple[int, ...]]) -> ImageEncoderConfi
     names = ("pos_embed", "register_tokens", "patch_embed.proj.kernel", "blocks.0.mlp.fc1.kernel")
     axes = dict(zip(names, (3, 3, 4, 2), strict=True))
     if wrong := [name for name in names if len(shapes.get(name, ())) != axes[name]]:
-        raise ValueError(f"not a converted DINOv2: it lacks {', '.join(wrong)}; make one with: uniart convert dinov2 FILE --out image_encoder.safetensors")  # fmt: skip
+        raise ValueError(
+            f"not a converted DINOv2: it lacks {', '.join(wrong)}; make one with: uniart convert "
+            "dinov2 FILE --out image_encoder.safetensors"
+        )
     (_, places, width), patch = shapes["pos_embed"], shapes["patch_embed.proj.kernel"][0]
     blocks = {name.split(".")[1] for name in shapes if name.startswith("blocks.")}
     return ImageEncoderConfig(
@@ -76,19 +80,35 @@ def converted_config(shapes: Mapping[str, tuple[int, ...]]) -> ImageEncoderConfi
 
 def _config(tensors: Mapping[str, np.ndarray], num_heads: int | None) -> ImageEncoderConfig:
     """The config that the tensors have the shapes of."""
-    axes = {"pos_embed": 3, "register_tokens": 3, "patch_embed.proj.weight": 4, "blocks.0.mlp.fc1.weight": 2}  # fmt: skip
+    axes = {
+        "pos_embed": 3,
+        "register_tokens": 3,
+        "patch_embed.proj.weight": 4,
+        "blocks.0.mlp.fc1.weight": 2,
+    }
     wrong = [name for name, n in axes.items() if name not in tensors or tensors[name].ndim != n]
     if wrong:
-        hint = "; take a model with registers, dinov2_vit{s,b,l}14_reg" if "register_tokens" in wrong else ""  # fmt: skip
-        raise ValueError(f"DINOv2: it lacks {', '.join(wrong)}, or they have another number of axes{hint}")  # fmt: skip
+        hint = (
+            "; take a model with registers, dinov2_vit{s,b,l}14_reg"
+            if "register_tokens" in wrong
+            else ""
+        )
+        raise ValueError(
+            f"DINOv2: it lacks {', '.join(wrong)}, or they have another number of axes{hint}"
+        )
     _, places, width = tensors["pos_embed"].shape
     patch = tensors["patch_embed.proj.weight"].shape[-1]
     side = math.isqrt(max(places - 1, 0))
     if side < 1 or side**2 != places - 1 or width < 1 or patch < 1:
-        raise ValueError(f"DINOv2: pos_embed {list(tensors['pos_embed'].shape)} is not a class token and a square of patches")  # fmt: skip
+        raise ValueError(
+            f"DINOv2: pos_embed {list(tensors['pos_embed'].shape)} is not a class token and a "
+            "square of patches"
+        )
     heads = num_heads or max(1, width // HEAD_WIDTH)
     if width % heads:
-        raise ValueError(f"DINOv2: width {width} does not divide into {heads} heads of {HEAD_WIDTH}")  # fmt: skip
+        raise ValueError(
+            f"DINOv2: width {width} does not divide into {heads} heads of {HEAD_WIDTH}"
+        )
     blocks = [name.split(".")[1] for name in tensors if name.startswith("blocks.")]
     return ImageEncoderConfig(
         architecture="dinov2",

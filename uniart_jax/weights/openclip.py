@@ -1,4 +1,5 @@
-"""OpenCLIP's image tower (mlfoundations/open_clip, ViT-bigG-14) as ``models.openclip`` has it; the text tower is left out."""
+"""OpenCLIP's image tower (mlfoundations/open_clip, ViT-bigG-14) as ``models.openclip`` has it; the
+text tower is left out."""
 
 from __future__ import annotations
 
@@ -42,6 +43,9 @@ def convert_image_tower(
     """
     tower = {k.removeprefix(PREFIX): v for k, v in tensors.items() if k.startswith(PREFIX)}
     if not tower:
-        raise ValueError(f"OpenCLIP: no tensor is called {PREFIX}…; take the weights in open_clip's own layout, open_clip_model.safetensors or open_clip_pytorch_model.*")  # fmt: skip
+        raise ValueError(
+            f"OpenCLIP: no tensor is called {PREFIX}…; take the weights in open_clip's own layout, "
+            "open_clip_model.safetensors or open_clip_pytorch_model.*"
+        )
     expected = abstract(config or ImageTowerConfig())
     return convert(TABLE, tower, expected, "OpenCLIP's image tower")

@@ -1,9 +1,12 @@
-"""OpenShape's point cloud encoder (OpenShape/openshape-pointbert-vitg14-rgb ``model.pt``) as ``models.openshape`` has it.
+"""OpenShape's point cloud encoder (OpenShape/openshape-pointbert-vitg14-rgb ``model.pt``) as
+``models.openshape`` has it.
 
-The file is a training checkpoint: the state dict is under ``state_dict``, its names under ``module.``. Converted, it lies in one folder with
-the image tower that it was trained towards (``weights.openclip``), a file a block, so that neither making nor reading takes much memory:
+The file is a training checkpoint: the state dict is under ``state_dict``, its names under
+``module.``. Converted, it lies in one folder with the image tower that it was trained towards
+(``weights.openclip``), a file a block, so that neither making nor reading takes much memory:
 
-    openshape.json, point_encoder.safetensors, image_tower.safetensors, image_tower-<block>.safetensors
+    openshape.json, point_encoder.safetensors, image_tower.safetensors,
+    image_tower-<block>.safetensors
 """
 
 from __future__ import annotations
@@ -79,7 +82,8 @@ def convert_point_encoder(
 
     Args:
       tensors: the state dict.
-      config: None = ``openshape-pointbert-vitg14-rgb``'s; what no shape tells (radius, neighbours, patches, heads) is taken from it.
+      config: None = ``openshape-pointbert-vitg14-rgb``'s; what no shape tells (radius, neighbours,
+        patches, heads) is taken from it.
 
     Raises:
       ValueError: not this encoder; all names and shapes that do not fit are listed.
@@ -98,7 +102,8 @@ def files_of(points: Params, tower: Params) -> dict[str, Params]:
 
 
 def read_encoders(folder: Path) -> tuple[OpenShapeConfig, Params, Params]:
-    """What ``uniart convert openshape`` wrote: sizes, point encoder, image tower; arrays are memory maps.
+    """What ``uniart convert openshape`` wrote: sizes, point encoder, image tower; arrays are memory
+    maps.
 
     Raises:
       FileNotFoundError: no such folder, or a file is missing.
@@ -106,7 +111,10 @@ def read_encoders(folder: Path) -> tuple[OpenShapeConfig, Params, Params]:
     """
     card = folder / CARD
     if not card.is_file():
-        raise FileNotFoundError(f"OpenShape weights '{folder}': no {CARD} in it; make them with: uniart convert openshape FOLDER --out DIR")  # fmt: skip
+        raise FileNotFoundError(
+            f"OpenShape weights '{folder}': no {CARD} in it; make them with: uniart convert "
+            "openshape FOLDER --out DIR"
+        )
     try:
         config = from_json(OpenShapeConfig, card.read_text(encoding="utf-8"))
     except ValueError as error:
@@ -119,7 +127,9 @@ def read_encoders(folder: Path) -> tuple[OpenShapeConfig, Params, Params]:
         wrong = sorted(tensors.keys() ^ wanted.keys())
         wrong += [n for n, v in wanted.items() if n in tensors and tensors[n].shape != v.shape]
         if wrong:
-            raise ValueError(f"'{path}': not as {CARD} says: {', '.join(wrong)}; convert the weights again")  # fmt: skip
+            raise ValueError(
+                f"'{path}': not as {CARD} says: {', '.join(wrong)}; convert the weights again"
+            )
         read[stem] = nest(tensors)
     blocks = {str(i): read[f"image_tower-{i:02d}"] for i in range(config.image_tower.num_blocks)}
     tower = {**read["image_tower"], "transformer": {"resblocks": blocks}}

@@ -1,4 +1,5 @@
-"""Tensors of a weight file by name, as numpy: safetensors, and what ``torch.save`` writes (``weights.torch_file``).
+"""Tensors of a weight file by name, as numpy: safetensors, and what ``torch.save`` writes
+(``weights.torch_file``).
 
 No code of a file is run and PyTorch is not needed.
 """
@@ -33,10 +34,12 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
     """Every tensor of a file by its name.
 
     Args:
-      path: ``.safetensors``, or a PyTorch state dict ``.pt``, ``.pth``, ``.bin`` (alone, or under the key state_dict, model or teacher).
+      path: ``.safetensors``, or a PyTorch state dict ``.pt``, ``.pth``, ``.bin`` (alone, or under
+        the key state_dict, model or teacher).
 
     Returns:
-      Read-only arrays of the stored type, mapped from the file where that can be; bfloat16, which numpy lacks, as float32 (exact).
+      Read-only arrays of the stored type, mapped from the file where that can be; bfloat16, which
+      numpy lacks, as float32 (exact).
 
     Raises:
       FileNotFoundError: no such file.
@@ -52,13 +55,15 @@ def read_tensors(path: str | Path) -> dict[str, np.ndarray]:
             return read_legacy(path)
         except ValueError as error:
             raise ValueError(
-                f"weights '{path}': PyTorch's format of before 1.6, but {' '.join(str(error).split())}; "
-                "download it again, or save the state dict alone as safetensors"
+                f"weights '{path}': PyTorch's format of before 1.6, but "
+                f"{' '.join(str(error).split())}; download it again, or save the state dict alone "
+                "as safetensors"
             ) from None
     if path.suffix in TORCH_SUFFIXES:
         return read_torch(path)
     raise ValueError(
-        f"weights '{path}': unknown kind of file; give .safetensors or a PyTorch state dict {', '.join(TORCH_SUFFIXES)}"
+        f"weights '{path}': unknown kind of file; give .safetensors or a PyTorch state dict "
+        f"{', '.join(TORCH_SUFFIXES)}"
     )
 
 
@@ -77,7 +82,8 @@ def _read_safetensors(path: Path) -> dict[str, np.ndarray]:
     strange = {entry["dtype"] for entry in header.values()} - _TYPES.keys()
     if strange:
         raise ValueError(
-            f"weights '{path}': it holds tensors of type {', '.join(sorted(strange))}; convert them to float16 or float32"
+            f"weights '{path}': it holds tensors of type {', '.join(sorted(strange))}; convert "
+            "them to float16 or float32"
         )
     content = np.memmap(path, np.uint8, mode="r", offset=8 + length) if any(
         np.prod(entry["shape"]) for entry in header.values()

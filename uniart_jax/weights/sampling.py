@@ -33,7 +33,8 @@ class Sampling:
 
 
 def read_sampling(pipeline: Any = None) -> Sampling:
-    """What a ``pipeline.json`` (as JSON gives it) says; what it does not say, and all without one, by default.
+    """What a ``pipeline.json`` (as JSON gives it) says; what it does not say, and all without one,
+    by default.
 
     Raises:
       ValueError: it is malformed.
@@ -45,7 +46,10 @@ def read_sampling(pipeline: Any = None) -> Sampling:
         for key, default in (("mean", LATENT_MEAN), ("std", LATENT_STD))
     )
     if len(mean) != len(std) or not (np.array(std) > 0).all():
-        raise ValueError("pipeline.json: args.slat_normalization needs as many standard deviations above 0 as means")  # fmt: skip
+        raise ValueError(
+            "pipeline.json: args.slat_normalization needs as many standard deviations above 0 as "
+            "means"
+        )
     return Sampling(
         StructureSampleConfig(**_settings(args, "sparse_structure_sampler")),
         LatentSampleConfig(**_settings(args, "slat_sampler")),
@@ -60,7 +64,9 @@ def _settings(args: Mapping[str, Any], sampler: str) -> dict[str, Any]:
     steps = params.get("steps", DEFAULT.steps)
     guidance = params.get("cfg_strength", DEFAULT.guidance)
     rescale = params.get("rescale_t", DEFAULT.rescale_t)
-    interval = _numbers(params.get("cfg_interval", DEFAULT.guidance_interval), f"{where}.params.cfg_interval")  # fmt: skip
+    interval = _numbers(
+        params.get("cfg_interval", DEFAULT.guidance_interval), f"{where}.params.cfg_interval"
+    )
     _numbers([steps, guidance, rescale], f"{where}.params")
     if type(steps) is not int or steps < 1 or rescale <= 0 or len(interval) != 2:
         raise ValueError(f"pipeline.json: {where}.params is malformed")
@@ -79,6 +85,8 @@ def _object(value: Any, where: str) -> Mapping[str, Any]:
 
 
 def _numbers(values: Any, where: str) -> tuple[float, ...]:
-    if not isinstance(values, list | tuple) or not all(type(v) in (int, float) and np.isfinite(v) for v in values):  # fmt: skip
+    if not isinstance(values, list | tuple) or not all(
+        type(v) in (int, float) and np.isfinite(v) for v in values
+    ):
         raise ValueError(f"pipeline.json: {where} is not a list of numbers")
     return tuple(float(v) for v in values)

@@ -1,8 +1,9 @@
 """State dicts that ``torch.save`` wrote, read without PyTorch and without unpickling.
 
-Such a file is a zip: ``<name>/data.pkl`` says which tensors there are, ``<name>/data/<key>`` hold the numbers. A pickle is a program
-that may call anything. This is an interpreter for the few instructions that a dict of tensors needs; names of functions and classes
-are symbols to it and never looked up, and whatever it does not know ends the reading.
+Such a file is a zip: ``<name>/data.pkl`` says which tensors there are, ``<name>/data/<key>`` hold
+the numbers. A pickle is a program that may call anything. This is an interpreter for the few
+instructions that a dict of tensors needs; names of functions and classes are symbols to it and
+never looked up, and whatever it does not know ends the reading.
 """
 
 from __future__ import annotations
@@ -97,12 +98,17 @@ def _read(archive: zipfile.ZipFile, path: Path) -> dict[str, np.ndarray]:
     entries = {entry.filename: entry for entry in archive.infolist()}
     pickles = [name for name in entries if name.count("/") == 1 and name.endswith("/data.pkl")]
     if len(pickles) != 1:
-        raise ValueError(f"weights '{path}': a zip, but without PyTorch's data.pkl; give a state dict")  # fmt: skip
+        raise ValueError(
+            f"weights '{path}': a zip, but without PyTorch's data.pkl; give a state dict"
+        )
     # torch.save never compresses, so nothing can grow: entries are together no larger than the file
     total = sum(entry.file_size for entry in entries.values())
     packed = any(entry.compress_type != zipfile.ZIP_STORED for entry in entries.values())
     if packed or total > path.stat().st_size or entries[pickles[0]].file_size > MAX_PICKLE:
-        raise ValueError(f"weights '{path}': its parts are compressed or overlap, as torch.save never writes them; {_ADVICE}")  # fmt: skip
+        raise ValueError(
+            f"weights '{path}': its parts are compressed or overlap, as torch.save never writes "
+            f"them; {_ADVICE}"
+        )
     root = pickles[0].removesuffix("data.pkl")
     order = root + "byteorder"
     big = order in entries and archive.read(order).strip() == b"big"
@@ -118,7 +124,10 @@ def _read(archive: zipfile.ZipFile, path: Path) -> dict[str, np.ndarray]:
             place = f"{root}data/{storage.key}"
             dtype = np.dtype(_STORAGES[storage.kind]).newbyteorder(">" if big else "<")
             if place not in entries or entries[place].file_size != storage.size * dtype.itemsize:
-                raise ValueError(f"weights '{path}': the numbers of {name} are missing or of another length; download it again")  # fmt: skip
+                raise ValueError(
+                    f"weights '{path}': the numbers of {name} are missing or of another length; "
+                    "download it again"
+                )
             values = np.frombuffer(archive.read(place), dtype)
             values = values.astype(dtype.newbyteorder("=")) if big else values
             if (
@@ -151,7 +160,10 @@ def view(values: np.ndarray, tensor: Tensor) -> np.ndarray:
     for n in shape:
         elements *= n
     if last >= len(values) or elements > len(values):
-        raise ValueError(f"shape {shape}, strides {strides}, offset {offset} reach outside its {len(values)} numbers")  # fmt: skip
+        raise ValueError(
+            f"shape {shape}, strides {strides}, offset {offset} reach outside its {len(values)} "
+            "numbers"
+        )
     steps = [s * values.itemsize for s in strides]
     return np.lib.stride_tricks.as_strided(values[offset:], shape, steps, writeable=False)
 
@@ -168,7 +180,9 @@ def state_dict(value: Any) -> dict[str, Tensor]:
             break
     if not isinstance(value, dict) or not value:
         raise ValueError(f"it holds a {type(value).__name__}, no dict of tensors")
-    strange = [str(k) for k, v in value.items() if not (isinstance(k, str) and isinstance(v, Tensor))]  # fmt: skip
+    strange = [
+        str(k) for k, v in value.items() if not (isinstance(k, str) and isinstance(v, Tensor))
+    ]
     if strange:
         raise ValueError(f"beside tensors it holds {', '.join(strange[:5])}")
     return value
@@ -209,7 +223,10 @@ def interpret(program: bytes) -> Any:
             stack.append(argument)
         elif name == "GLOBAL":
             if argument not in (_DICT, _TENSOR, _PARAMETER) and argument not in _STORAGES:
-                raise ValueError(f"its pickle names {str(argument).replace(' ', '.')}, which is no part of a state dict")  # fmt: skip
+                raise ValueError(
+                    f"its pickle names {str(argument).replace(' ', '.')}, which is no part of a "
+                    "state dict"
+                )
             stack.append(Symbol(str(argument)))
         elif name == "MARK":
             stack.append(_Mark())
@@ -254,7 +271,9 @@ def interpret(program: bytes) -> Any:
                 raise ValueError("its pickle sets attributes of an object")
             _top(stack, dict)
         else:
-            raise ValueError(f"its pickle has an instruction {name}, which a state dict has no need of")  # fmt: skip
+            raise ValueError(
+                f"its pickle has an instruction {name}, which a state dict has no need of"
+            )
     raise ValueError("its pickle is malformed")
 
 
@@ -292,7 +311,9 @@ def _call(function: Symbol, arguments: tuple) -> Any:
             (Storage() as storage, int(offset), tuple(shape), tuple(strides), *_),
         ) if all(type(n) is int for n in (offset, *shape, *strides)):
             return Tensor(storage, offset, shape, strides)
-    raise ValueError(f"its pickle calls {function.name.replace(' ', '.')} in a way that no state dict does")  # fmt: skip
+    raise ValueError(
+        f"its pickle calls {function.name.replace(' ', '.')} in a way that no state dict does"
+    )
 
 
 def widened(bits: np.ndarray) -> np.ndarray:

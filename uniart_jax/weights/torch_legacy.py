@@ -1,7 +1,8 @@
 """State dicts in ``torch.save``'s format of before PyTorch 1.6, read without unpickling.
 
-Five pickles (magic number, version, system, the dict, the storages' keys), then of each storage in the keys' order its number
-of elements as int64 and the elements, little-endian. The pickles run in ``torch_file.interpret``, which calls nothing.
+Five pickles (magic number, version, system, the dict, the storages' keys), then of each storage in
+the keys' order its number of elements as int64 and the elements, little-endian. The pickles run in
+``torch_file.interpret``, which calls nothing.
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ def read_legacy(path: Path) -> dict[str, np.ndarray]:
 
 
 def _pickles(data: bytes, count: int) -> tuple[list, int]:
-    """The values of the first ``count`` pickles of ``data`` and where they end; ValueError if there are none."""
+    """The values of the first ``count`` pickles of ``data`` and where they end; ValueError if there
+    are none."""
     values, place = [], 0
     for _ in range(count):
         part = data[place : place + MAX_PICKLE]

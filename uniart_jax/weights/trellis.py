@@ -1,7 +1,8 @@
 """One network of TRELLIS v1 as parameters of ours: which class is which, and the table of each.
 
-Names are upstream's own (github.com/microsoft/TRELLIS, ``trellis/models``). Two buffers in its files are not learned: ``pos_emb`` of the
-structure flow and ``offset_perturbation`` of the Gaussian decoder. They are compared with what we compute.
+Names are upstream's own (github.com/microsoft/TRELLIS, ``trellis/models``). Two buffers in its
+files are not learned: ``pos_emb`` of the structure flow and ``offset_perturbation`` of the Gaussian
+decoder. They are compared with what we compute.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _RESIDUAL = ("blocks.{i}", "middle_block.{i}")
 STRUCTURE_VAE = (
     *weight_and_bias("input_layer", CONV3D),
     *(rule for block in _RESIDUAL for i in (1, 2) for rule in norm(f"{block}.norm{i}")),
-    *(rule for block in _RESIDUAL for i in (1, 2) for rule in weight_and_bias(f"{block}.conv{i}", CONV3D)),
+    *(rule for block in _RESIDUAL for i in (1, 2) for rule in weight_and_bias(f"{block}.conv{i}", CONV3D)),  # noqa: E501
     *weight_and_bias("blocks.{i}.conv", CONV3D),  # down or up
     *norm("out_layer.0"),
     *weight_and_bias("out_layer.2", CONV3D),
@@ -80,7 +81,7 @@ _SPARSE = ("input_blocks.{i}", "out_blocks.{i}")
 LATENT_FLOW = (
     *FLOW,
     *(rule for block in _SPARSE for rule in norm(f"{block}.norm1")),
-    *(rule for block in _SPARSE for i in (1, 2) for rule in weight_and_bias(f"{block}.conv{i}.conv", SUBMANIFOLD)),
+    *(rule for block in _SPARSE for i in (1, 2) for rule in weight_and_bias(f"{block}.conv{i}.conv", SUBMANIFOLD)),  # noqa: E501
     *(rule for block in _SPARSE for rule in weight_and_bias(f"{block}.emb_layers.1", LINEAR)),
     *(rule for block in _SPARSE for rule in weight_and_bias(f"{block}.skip_connection", LINEAR)),
 )  # fmt: skip
@@ -110,11 +111,13 @@ class Converted:
 
     Attributes:
       upstream: its class, without ``Elastic``.
-      network, part: whose parameters these are: all of a network ('' part), or its encoder or decoder.
+      network, part: whose parameters these are: all of a network ('' part), or its encoder or
+        decoder.
       settings: what it says of the model (``trellis_options``).
       model: the config that follows from it alone.
-      params: nested, our names and layouts, of the stored float width. Of the SLAT classes they are TRELLIS's own, narrower trunks with their
-        ``out_layer``; ``compose`` puts them into the UniArt VAE.
+      params: nested, our names and layouts, of the stored float width. Of the SLAT classes they are
+        TRELLIS's own, narrower trunks with their ``out_layer``; ``compose`` puts them into the
+        UniArt VAE.
       notes: what a person should know.
     """
 
@@ -138,11 +141,15 @@ def convert_trellis(
       tensors: its state dict.
 
     Raises:
-      ValueError: not a class that has a place here, options that we do not have, or tensors that do not fit; one line each.
+      ValueError: not a class that has a place here, options that we do not have, or tensors that do
+        not fit; one line each.
     """
     name = class_name(name)
     if name not in PLACES:
-        raise ValueError(f"{name}: not a network of TRELLIS that has a place here; there are {', '.join(OPTIONS)}")  # fmt: skip
+        raise ValueError(
+            f"{name}: not a network of TRELLIS that has a place here; there are "
+            f"{', '.join(OPTIONS)}"
+        )
     settings = settings_of(name, args)
     tensors = dict(tensors)
     notes: tuple[str, ...] = ()
@@ -164,7 +171,8 @@ def convert_trellis(
 
 
 def slat_encoder(model: ModelConfig) -> Network:
-    """TRELLIS's SLAT encoder by itself: a trunk on visual features only. The UniArt VAE has a wider one."""
+    """TRELLIS's SLAT encoder by itself: a trunk on visual features only. The UniArt VAE has a wider
+    one."""
     c = model.uniart_vae
     return Network(
         "slat_encoder",
@@ -190,7 +198,8 @@ def _positions(model: ModelConfig, resolution: int) -> np.ndarray:
 
 
 def _is_computed(stored: np.ndarray, computed: np.ndarray) -> bool:
-    """Whether a buffer is what we compute, within the rounding of its type (and of another library's sine and atanh)."""
+    """Whether a buffer is what we compute, within the rounding of its type (and of another
+    library's sine and atanh)."""
     if stored.shape != computed.shape:
         return False
     tolerance = 1e-5 if stored.dtype.itemsize > 2 else 1e-3
@@ -203,5 +212,6 @@ def _check_offsets(stored: np.ndarray | None, config: GaussianConfig) -> None:
     if stored is None or not _is_computed(stored, computed):
         problem = "missing" if stored is None else "not the Hammersley points of its config"
         raise ValueError(
-            f"SLatGaussianDecoder: offset_perturbation is {problem}; such a decoder is not supported, leave its file out"
+            f"SLatGaussianDecoder: offset_perturbation is {problem}; such a decoder is not "
+            "supported, leave its file out"
         )

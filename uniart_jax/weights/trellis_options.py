@@ -1,6 +1,8 @@
-"""TRELLIS v1's constructor arguments, as its checkpoints' JSON gives them, in terms of our ``ModelConfig``.
+"""TRELLIS v1's constructor arguments, as its checkpoints' JSON gives them, in terms of our
+``ModelConfig``.
 
-Defaults are upstream's constructors' (``trellis/models/*.py``). An option that changes the mathematics and that we do not have is an error.
+Defaults are upstream's constructors' (``trellis/models/*.py``). An option that changes the
+mathematics and that we do not have is an error.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ _NO_EFFECT = {"use_fp16", "use_checkpoint"}  # on the result
 
 
 class Option(NamedTuple):
-    """An argument: its type, upstream's default, our field and the values that we have (none given: all)."""
+    """An argument: its type, upstream's default, our field and the values that we have (none given:
+    all)."""
 
     kind: type
     default: Any = _REQUIRED
@@ -113,14 +116,16 @@ RATES = {
 
 
 def class_name(name: str) -> str:
-    """Upstream's class without the prefix of its memory-managed training variant, which has the same parameters."""
+    """Upstream's class without the prefix of its memory-managed training variant, which has the
+    same parameters."""
     return name.removeprefix("Elastic")
 
 
 def out_of_scope(name: str, args: Mapping[str, Any], file: str = "") -> str:
     """Why a network of TRELLIS has no place here; '' if it has one.
 
-    A flow is a text flow if its file is called ``…txt…``, or, where the name says neither ``txt`` nor ``img``, if its condition has CLIP's width.
+    A flow is a text flow if its file is called ``…txt…``, or, where the name says neither ``txt``
+    nor ``img``, if its condition has CLIP's width.
     """
     name = class_name(name)
     if name in FLOWS:
@@ -144,13 +149,19 @@ def settings_of(name: str, args: Mapping[str, Any]) -> Settings:
     if name == "SparseStructureDecoder":
         fields["structure_vae.channels"] = fields["structure_vae.channels"][::-1]
     if name in FLOWS and found["out_channels"] != found["in_channels"]:
-        raise ValueError(f"{name}: out_channels {found['out_channels']} differs from in_channels {found['in_channels']}; such a flow is not supported")  # fmt: skip
+        raise ValueError(
+            f"{name}: out_channels {found['out_channels']} differs from in_channels "
+            f"{found['in_channels']}; such a flow is not supported"
+        )
     if "num_heads" in found and found["num_heads"] is None:
         field = OPTIONS[name]["num_heads"].field
         fields[field] = found["model_channels"] // found["num_head_channels"]
     heads = [value for field, value in fields.items() if field.endswith(".num_heads")]
     if heads and (heads[0] < 1 or found["model_channels"] % heads[0]):
-        raise ValueError(f"{name}: model_channels {found['model_channels']} does not divide into {heads[0]} heads")  # fmt: skip
+        raise ValueError(
+            f"{name}: model_channels {found['model_channels']} does not divide into {heads[0]} "
+            "heads"
+        )
     if name == "SLatFlowModel" and not fields["latent_flow.io_channels"]:
         # without these blocks upstream does not go down, whatever patch_size says
         fields |= {"latent_flow.io_channels": (), "latent_flow.patch_size": 1}
@@ -188,11 +199,18 @@ def merged(settings: Iterable[tuple[str, Settings]]) -> Settings:
         resolution = together.setdefault("grid.resolution", side << (levels - 1))
         if resolution != side << (levels - 1):
             conflicts.append(
-                f"the structure flow's latent has {side} cells a side, a grid of {resolution} halved {levels - 1} times has {resolution >> (levels - 1)}"
+                f"the structure flow's latent has {side} cells a side, a grid of {resolution} "
+                f"halved {levels - 1} times has {resolution >> (levels - 1)}"
             )
-    widths = {together[f"{flow}.cond_channels"] for flow in ("structure_flow", "latent_flow") if f"{flow}.cond_channels" in together}  # fmt: skip
+    widths = {
+        together[f"{flow}.cond_channels"]
+        for flow in ("structure_flow", "latent_flow")
+        if f"{flow}.cond_channels" in together
+    }
     if len(widths) > 1:
-        conflicts.append(f"the flows are conditioned on images of different widths {sorted(widths)}")  # fmt: skip
+        conflicts.append(
+            f"the flows are conditioned on images of different widths {sorted(widths)}"
+        )
     if conflicts:
         raise ValueError(f"the networks do not belong to one model: {'; '.join(conflicts)}")
     return together

@@ -66,7 +66,8 @@ def test_pieces_keep_their_clearance_at_rest(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_moving_parts_are_held(name):
-    """Pulled three clearances along or off a turn's axis or past a slide's end, a part is stopped."""
+    """Pulled three clearances along or off a turn's axis or past a slide's end, a part is
+    stopped."""
     made = print_of(name)
     pull = 3 * made.settings.clearance
     for joint in made.joints:
