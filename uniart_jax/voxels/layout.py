@@ -6,8 +6,8 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
 
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
      "camera": [7] code (``voxels.camera_code``) or null,
-     "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]}, "color": [3],
-       "confidence",
+     "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
+                "color": [3], "confidence",
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]}}]}
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
