@@ -112,7 +112,9 @@ def test_what_arms_share_begins_alike(tmp_path):
         folder = drawn_alike(other, stages, tmp_path / kind)
         network = build("uniart_vae", other.model)
         found[kind] = flat_names(load_network(folder, "uniart_vae", network.abstract()))
-    key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index("uniart_vae"))  # stages.py
+    key = jax.random.fold_in(
+        jax.random.key(config.seed), NETWORKS.index("uniart_vae")
+    )  # stages/trainer.py
     base = flat_names(jax.jit(build("uniart_vae", config.model).init)(key))
     for names in found.values():
         shared = [n for n, leaf in names.items() if n in base and base[n].shape == leaf.shape]

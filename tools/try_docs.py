@@ -1,5 +1,5 @@
-"""Runs the commands and the Python of README and tutorial, in their order, in a copy of the
-repository.
+"""Runs the commands and the Python of README, quickstart and tutorial, in their order, in a copy of
+the last commit.
 
     make try-docs        (or: python tools/try_docs.py [README.md docs/tutorial.md …] [--list])
 

@@ -135,10 +135,12 @@ class Pipeline:
         name: str = "object",
         layout: Layout | bool = True,
         background: Background = "auto",
+        progress: Callable[[str], None] = lambda step: None,
         **sampling: Unpack[SamplingOptions],
     ) -> ArticulatedObject:
         """The object alone of ``sample``, which see."""
         chosen: dict[str, Any] = {"layout": layout, "background": background, **sampling}
+        chosen["progress"] = progress
         return self.sample(image, seed=seed, name=name, **chosen).obj
 
     def sample(

@@ -6,9 +6,8 @@ Expected (the paper, generated objects, RS / AS): PSNR and Chamfer distance: uni
     .0095 / .0376; self_attention 25.33 / 22.04, .0148 / .0457; residual 20.92 / 18.62,
     .0170 / .0499; pooling 20.37 / 17.23, .0176 / .0493; concat (Table 2) 23.75 / 21.37,
     .0149 / .0462.
-Time, nano: one CPU core; 500 steps at .46 s on an idle one and 28 objects at 6 s, five arms, three
-    seeds: two hours beside other work. Paper: four trainings of configs/paper.py (8 x A100 each)
-    beside that of main; unknown, never run by us.
+Time, nano: one CPU core; five arms, three seeds: two hours beside other work, as measured without
+    part features. Paper: four trainings of configs/paper.py beside that of main; never run by us.
 """
 
 import dataclasses

@@ -12,7 +12,7 @@ import trimesh
 
 from uniart_jax import cli
 from uniart_jax.evaluation import compare as frame
-from uniart_jax.evaluation.compare import compare
+from uniart_jax.evaluation.compare import _reading, compare
 from uniart_jax.evaluation.pairs import Missing, find_pairs, find_references, shared_files
 from uniart_jax.objects.facing import faced
 from uniart_jax.objects.load import load_object
@@ -286,6 +286,28 @@ def test_what_is_shared_changes_with_meshes_alone(cabinet, tmp_path):
     assert shared_files(pred, pairs, pred / "out") == before != ""
     write_meshes(pred / "meshes", depth=0.25)
     assert shared_files(pred, pairs, pred / "out") != before
+
+
+@pytest.mark.parametrize("place", ["", "category/meshes", "a/b"])
+def test_what_is_shared_is_seen_at_any_depth(cabinet, tmp_path, place):
+    _, ref = cabinet
+    pred = tmp_path / "pred"
+    write_truth(pred / "label3")
+    pairs, _ = find_pairs(pred, find_references(ref))
+    found = [shared_files(pred, pairs, tmp_path / "out")]
+    for depth in (0.2, 0.25):
+        write_meshes(pred / place, depth=depth)
+        found.append(shared_files(pred, pairs, tmp_path / "out"))
+    assert len(set(found)) == 3
+
+
+def test_a_prediction_cannot_name_its_references_meshes(cabinet, tmp_path):
+    """Where the references lie in the predictions' folder, nothing is shared there."""
+    pred = tmp_path / "pred"
+    pred.mkdir()
+    outside = _reading(pred, tmp_path / "ref", False, "-x")
+    inside = _reading(pred, pred / "ref", False, "-x")
+    assert outside.within == pred and inside.within is None
 
 
 @pytest.mark.parametrize(

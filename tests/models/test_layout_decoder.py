@@ -1,7 +1,7 @@
 """A UniArt VAE whose decoder sees a layout: begins as it was, ignores padding, copies what its
 pointers name."""
 
-import jax  # noqa: I001
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from toy import finite, flow_table, init, vae_config, voxel_batch
 
 from uniart_jax.models.layout_decoder import Refinement, pointed
 from uniart_jax.models.network import build
-from uniart_jax.training.objectives import pointer_loss
+from uniart_jax.training.vae_losses import pointer_loss
 
 MODEL = vae_config(attention="serial", window=16, layout_channels=8)
 VOXELS = jnp.asarray([[0, 5, 60], [36, 2, 2]])

@@ -1,7 +1,7 @@
 """The UniArt VAE at toy size: padding, its width and its content never matter; parts keep to
 themselves."""
 
-import jax  # noqa: I001
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from toy import MODEL, finite, init, vae_config, voxel_batch
 from uniart_jax.data.records import decode_color, decode_sdf
 from uniart_jax.models.network import build
 from uniart_jax.models.uniart_vae import cell_color, cell_sdf, voxel_boxes, voxel_codes
-from uniart_jax.training.objectives import decoded_losses
+from uniart_jax.training.flow_losses import decoded_losses
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import ast
 import itertools
 import pickle
@@ -208,7 +209,12 @@ def test_what_is_no_object_of_nap_is_said_in_one_line(tmp_path, change, said):
 
 
 def test_bytes_that_are_no_npz(tmp_path):
-    for data in (b"", b"PK\x03\x04broken"):
+    np.savez_compressed(tmp_path / "nap.npz", parents=np.arange(2000) % 7)
+    whole = bytearray((tmp_path / "nap.npz").read_bytes())
+    whole[90] ^= 0xFF  # within what is compressed
+    header = io.BytesIO()
+    np.save(header, np.zeros(2))
+    for data in (b"", b"PK\x03\x04broken", bytes(whole), header.getvalue() + bytes(whole)):
         (tmp_path / "nap.npz").write_bytes(data)
         with pytest.raises(ValueError, match=r"nap\.npz: it is not an npz that can be read"):
             load_object(tmp_path)

@@ -93,6 +93,52 @@ def test_counted_batches_go_back_and_forth():
     assert next(counted) == 1 and counted.get_state() == {"read": 2}
 
 
+class Placed:
+    """An iterator with a place and nothing to close."""
+
+    def __init__(self, batches):
+        self.batches, self.at = batches, 0
+
+    def __next__(self):
+        self.at += 1
+        return self.batches[self.at - 1]
+
+    def __iter__(self):
+        return self
+
+    def get_state(self):
+        return {"at": self.at}
+
+    def set_state(self, state):
+        self.at = state["at"]
+
+
+def test_an_iterator_with_a_place_of_its_own_needs_nothing_to_close(tmp_path):
+    config = tiny_run.make_config(tmp_path)
+    config = dataclasses.replace(config, data=dataclasses.replace(config.data, records=""))
+    batches = list(occupancies(config, 3))
+    own = trained(config, tmp_path / "own", 3, Placed(batches))
+    counted = trained(config, tmp_path / "counted", 3, batches)
+    for key, value in counted.items():
+        np.testing.assert_array_equal(own[key], value)
+
+
+def test_batches_that_cannot_be_gone_on_with_are_told(tmp_path):
+    generator = CountedBatches(iter(range(5)))
+    for _ in range(3):
+        next(generator)
+    with pytest.raises(ValueError, match=r"batch 3 of an iterator was read, .* from batch 1; give"):
+        generator.set_state({"read": 1})
+    with pytest.raises(ValueError, match="goes on from batch 7, and there are 5; give as many"):
+        CountedBatches(range(5)).set_state({"read": 7})
+    config = tiny_run.make_config(tmp_path)
+    config = dataclasses.replace(config, data=dataclasses.replace(config.data, records=""))
+    with pytest.raises(ValueError, match="structure_vae: a batch has no 'occupancy', which the"):
+        trained(config, tmp_path / "w", 2, [{"image": np.zeros(2)}] * 2)
+    with pytest.raises(ValueError, match="no stage was given; choose of image_encoder, "):
+        Trainer(config, tmp_path / "w").fit([])
+
+
 def test_the_trainer_is_public():
     assert uniart_jax.Trainer is Trainer
     assert Trainer(tiny_run.make_config(Path("x"))).workdir.parts[0] == "runs"

@@ -8,6 +8,7 @@ import socket
 import tempfile
 import threading
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -116,6 +117,7 @@ def _launch(pipeline: Any, sessions: Sessions, checkpoint: str, port: int) -> An
     sessions.keep_present()
     system = ("system-ui", "-apple-system", "Segoe UI", "Roboto", "Arial", "sans-serif")
     mono = ("ui-monospace", "Consolas", "monospace")
+    origins = [f"http://{name}:{port}" for name in (HOST, "localhost")]
     blocks.launch(
         server_name=HOST,
         server_port=port,
@@ -135,9 +137,10 @@ def _launch(pipeline: Any, sessions: Sessions, checkpoint: str, port: int) -> An
         app_kwargs={
             "middleware": [
                 Middleware(TrustedHostMiddleware, allowed_hosts=[HOST, "localhost"]),
-                Middleware(WithPolicy),
+                Middleware(WithPolicy, origins=origins),
             ],
             "docs_url": None,
+            "openapi_url": None,
             "redoc_url": None,
         },
         theme=gr.themes.Default(
@@ -151,12 +154,20 @@ def _launch(pipeline: Any, sessions: Sessions, checkpoint: str, port: int) -> An
 
 
 class WithPolicy:
-    """ASGI middleware: every answer says what its page may load (``POLICY``)."""
+    """ASGI middleware: every answer says what its page may load (``POLICY``), and pages of other
+    origins are refused, which could upload files otherwise (a form needs no permission)."""
 
-    def __init__(self, app: Any):
-        self.app = app
+    def __init__(self, app: Any, origins: Sequence[str] = ()):
+        self.app, self.origins = app, {origin.encode() for origin in origins}
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
+        asked = [v for k, v in scope.get("headers", ()) if k == b"origin"]
+        if self.origins and scope["type"] == "http" and not self.origins.issuperset(asked):
+            head = [(b"content-type", b"text/plain")]
+            await send({"type": "http.response.start", "status": 403, "headers": head})
+            await send({"type": "http.response.body", "body": b"another page's request"})
+            return
+
         async def said(message: Any) -> None:
             if message["type"] == "http.response.start":
                 policy = (b"content-security-policy", POLICY.encode())

@@ -158,10 +158,10 @@ def compare(
         console.print(f"OpenShape similarity is {module.NOT_COMPUTED}", markup=False)
     options = {"openshape": {"weights": openshape}} if openshape else {}
     setup = Setup({name: families[name] for name in groups if name != PHYSICS}, options)
-    readings = {m: _reading(p, allow_outside, front) for m, p in methods.items()}
+    readings = {m: _reading(p, reference, allow_outside, front) for m, p in methods.items()}
     shared = {m: shared_files(p, pairs[m], out) for m, p in methods.items()}
     shared_truth = shared_files(reference, pairs[next(iter(pairs))], out)
-    reading = _reading(reference, allow_outside, ref_front)
+    reading = _reading(reference, next(iter(methods.values())), allow_outside, ref_front)
     trials = list(_trials(pairs, out, readings, shared, reading, shared_truth))
     results = _run(setup, trials, processes)
     _tell_of_refusals(results)
@@ -234,9 +234,12 @@ def _metrics(
     return groups, metrics
 
 
-def _reading(source: Predictions, allow_outside: bool, front: str) -> Reading:
-    """Assets of one folder may share what lies in it."""
+def _reading(source: Predictions, other: Predictions, allow_outside: bool, front: str) -> Reading:
+    """Assets of one folder may share what lies in it; not where the ``other`` side lies in it too,
+    whose meshes a prediction could name as its own."""
     within = source if isinstance(source, Path) and source.is_dir() else None
+    if within and isinstance(other, Path) and other.resolve().is_relative_to(within.resolve()):
+        within = None
     return Reading(allow_outside, within, front)
 
 

@@ -312,24 +312,29 @@ def shared_files(root: Predictions, pairs: Sequence[Pair], out: Path) -> str:
       root: the folder. pairs: what of it is compared. out: a folder of results, which is none.
 
     Returns:
-      Of what lies in the folders beside the assets; "" where there is nothing, or no folder.
+      Of what lies beside the assets, at any depth; "" where there is nothing, or no folder. What
+      lies in another asset's own folder is not in it.
     """
     if not isinstance(root, Path) or not root.is_dir():
         return ""
-    names = {pair.name for pair in pairs}
-    used = [s.resolve() for p in pairs for s in (p.reference, *p.samples) if isinstance(s, Path)]
-    lines = []
-    for name, path in _children(root):
-        real = path.resolve()
-        if not path.is_dir() or name in names or real == out.resolve():
-            continue
-        if (
-            _samples(path, root, True)
-            or (path / RESULTS).is_file()
-            or any(u.is_relative_to(real) for u in used)
-        ):
-            continue
-        lines += [f"{name!r} {f!r}" for f in _listing(path, out) if f[0].lower().endswith(SHARED)]
+    used = {s.resolve() for p in pairs for s in (p.reference, *p.samples) if isinstance(s, Path)}
+    left_out, lines = out.resolve(), []
+
+    def apart(folder: Path) -> bool:
+        """Whether it is an asset's own folder (its trial looks at it), or holds results."""
+        real = folder.resolve()
+        if real == left_out or real in used or folder.name.startswith("."):
+            return True
+        return (folder / RESULTS).is_file() or _is_asset(folder, True)
+
+    for where, inner, files in os.walk(root):
+        inner[:] = sorted(name for name in inner if not apart(Path(where) / name))
+        for name in sorted(files):
+            path = Path(where) / name
+            if path.suffix.lower() in SHARED and path.exists():
+                status = path.stat()
+                at = os.path.relpath(path, root)
+                lines.append(f"{at!r} {status.st_size} {status.st_mtime_ns}")
     return hashlib.blake2b("\n".join(lines).encode(), digest_size=16).hexdigest() if lines else ""
 
 

@@ -85,7 +85,8 @@ def drawn_alike(config: Config, stages: Sequence[str], folder: Path) -> Path | N
     if "uniart_vae" not in stages or model.uniart_vae == wanted:
         return None
     for name in stages:
-        key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))  # stages.py
+        # as stages/trainer.py does
+        key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
         params = jax.jit(build(name, model).init)(key)
         if name == "uniart_vae":
             other = build(name, dataclasses.replace(model, uniart_vae=wanted))

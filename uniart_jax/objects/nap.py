@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+import zlib
 
 import numpy as np
 
@@ -28,6 +29,15 @@ from uniart_jax.objects.singapo import BASE
 
 NAME = "nap.npz"
 LEAST_RANGE = 3e-3  # radians, or NAP's units of length
+DAMAGED = (  # what numpy and zipfile raise on files that are none
+    zipfile.BadZipFile,
+    zlib.error,
+    OSError,
+    EOFError,
+    KeyError,
+    TypeError,
+    NotImplementedError,
+)
 MAX_ARRAYS = 64 * 2**20  # bytes, unpacked
 SHAPES = {"parents": (), "plucker": (6,), "rotation": (2,), "travel": (2,)}
 
@@ -87,7 +97,7 @@ def _arrays(data: bytes) -> dict[str, np.ndarray]:
             raise ValueError(f"its arrays have more than {MAX_ARRAYS // 2**20} MiB")
         with np.load(io.BytesIO(data), allow_pickle=False) as file:
             arrays = {key: file[key] for key in file.files if key in (*SHAPES, "boxed")}
-    except (zipfile.BadZipFile, OSError, EOFError, KeyError, NotImplementedError) as error:
+    except DAMAGED as error:
         raise ValueError(f"it is not an npz that can be read: {error}") from None
     if missing := [key for key in SHAPES if key not in arrays]:
         raise ValueError(

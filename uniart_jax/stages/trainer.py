@@ -133,13 +133,26 @@ class CountedBatches:
         return {"read": self._read}
 
     def set_state(self, state: dict[str, int]) -> None:
+        """
+        Raises:
+          ValueError: there are fewer batches, or they were read farther and cannot begin anew.
+        """
         if state["read"] < self._read:
-            self._iterator, self._read = iter(self._batches), 0
+            again = iter(self._batches)
+            if again is self._iterator:
+                raise ValueError(
+                    f"fit: batch {self._read} of an iterator was read, and a training goes on from "
+                    f"batch {state['read']}; give something that can be read from its beginning"
+                )
+            self._iterator, self._read = again, 0
         while self._read < state["read"]:
-            next(self)
-
-    def close(self) -> None:
-        """Nothing is held open."""
+            try:
+                next(self)
+            except StopIteration:
+                raise ValueError(
+                    f"fit: the training goes on from batch {state['read']}, and there are "
+                    f"{self._read}; give as many as before, and those that follow"
+                ) from None
 
 
 def run(
@@ -210,6 +223,8 @@ def trainable(config: Config, names: Sequence[str]) -> list[str]:
     Raises:
       ValueError: no such stage, or nothing is left; why and what to do is said.
     """
+    if not names:
+        raise ValueError(f"no stage was given; choose of {', '.join(STAGES)}")
     if unknown := [name for name in names if name not in STAGES]:
         raise ValueError(f"stage {unknown[0]}: unknown; choose one of {', '.join(STAGES)}")
     asked = [stage for name, stage in STAGES.items() if name in names]
@@ -279,12 +294,16 @@ def train_network(
             start = begin_with(start, first_weights(source, name, config.model))
         elif first := stage.first_weights(config):
             start = begin_with(start, first)
-    given = stage_batches(stage, config, workdir) if batches is None else counted(batches)
+    iterator = (
+        iter(stage_batches(stage, config, workdir)) if batches is None else counted(stage, batches)
+    )
     evaluate = stage.evaluation(config, workdir, statistics)
     with (
         Checkpoints(folder, settings.keep_checkpoints) as checkpoints,
-        contextlib.closing(iter(given)) as iterator,
+        contextlib.ExitStack() as stack,
     ):
+        if hasattr(iterator, "close"):
+            stack.callback(iterator.close)
         state = run_stage(
             name,
             state=start,
@@ -301,9 +320,10 @@ def train_network(
     distributed.first_does(lambda: mark(workdir, [name], ()))
 
 
-def counted(batches: Iterable[Any]) -> Any:
-    """Batches with a place to come back to."""
-    return batches if hasattr(iter(batches), "get_state") else CountedBatches(batches)
+def counted(stage: Stage, batches: Iterable[Any]) -> Any:
+    """An iterator over batches of one's own, with a place to come back to."""
+    iterator = iter(batches)
+    return iterator if hasattr(iterator, "get_state") else CountedBatches(batches)
 
 
 def stage_batches(stage: Stage, config: Config, workdir: Path) -> Any:
@@ -320,7 +340,13 @@ def stage_batches(stage: Stage, config: Config, workdir: Path) -> Any:
 
 def make_put(stage: Stage, mesh: jax.sharding.Mesh) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Host batch -> what the stage's loss reads, on the devices."""
-    return lambda batch: put_batch({k: batch[k] for k in stage.wanted or batch}, mesh)
+
+    def put(batch: dict[str, Any]) -> dict[str, Any]:
+        if lacking := [key for key in stage.wanted if key not in batch]:
+            raise ValueError(f"{stage.name}: a batch has no '{lacking[0]}', which the stage reads")
+        return put_batch({k: batch[k] for k in stage.wanted or batch}, mesh)
+
+    return put
 
 
 def make_step(
