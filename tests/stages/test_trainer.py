@@ -41,6 +41,15 @@ def test_stages_without_anything_to_train_say_why():
         trainable(config, ["vae"])
 
 
+def test_more_views_than_records_have_are_refused_before_any_work(tmp_path):
+    config = tiny_run.make_config(tmp_path)  # no records there yet: as many as it would prepare
+    for views in (0, config.data.views + 1):
+        data = dataclasses.replace(config.data, condition_views=views)
+        with pytest.raises(ValueError, match=f"condition_views is {views}, records have 2 views"):
+            Trainer(dataclasses.replace(config, data=data), tmp_path / "w").fit("latent_flow")
+    assert not (tmp_path / "w").exists()
+
+
 def occupancies(config, count):
     """Batches of boxes of random sizes."""
     rng, side = np.random.default_rng(0), config.model.grid.resolution

@@ -15,11 +15,11 @@ import numpy as np
 
 from uniart_jax.adoption import exported, same_ground, untrained
 from uniart_jax.config import Config, ModelConfig
-from uniart_jax.data.folder import write_text
+from uniart_jax.data.folder import read_metadata, write_text
 from uniart_jax.data.latents import latent_batches
 from uniart_jax.encoding import ENCODED, digest, encode_all
 from uniart_jax.models.network import Network, build
-from uniart_jax.samplers import Condition, make_conditioner, make_layout_finder
+from uniart_jax.samplers import Condition, join_views, make_conditioner, make_layout_finder
 from uniart_jax.stages.stage import Stage, Statistics, load
 from uniart_jax.training import distributed
 from uniart_jax.training.export import load_network, read_statistics, write_statistics
@@ -34,6 +34,16 @@ class FlowStage(Stage):
 
     def shows_found_layouts(self, config: Config) -> bool:
         return True
+
+    def check(self, config: Config) -> None:
+        data, held = config.data, config.data.views
+        if (Path(data.records) / "metadata.json").is_file():
+            held = int(read_metadata(data.records).get("views", held))
+        if not 1 <= data.condition_views <= held:
+            raise ValueError(
+                f"config: data.condition_views is {data.condition_views}, records have {held} "
+                "views; give 1 to as many, or prepare records with more --views"
+            )
 
     def decodes(self, config: Config) -> str:
         """The network whose output on the flow's samples the loss reads; "" for none."""
@@ -155,14 +165,23 @@ def load_layout_finder(config: Config, workdir: Path) -> Callable[[jax.Array], P
 
 def first_pictures(items: list[dict[str, Any]]) -> jax.Array:
     """[B, S, S, 3] in [0, 1] of items of ``data.latents``."""
-    return jnp.asarray(np.stack([item["images"][0] for item in items]).astype(np.float32) / 255)
+    return _pictures(items, 1)[:, 0]
+
+
+def _pictures(items: list[dict[str, Any]], views: int) -> jax.Array:
+    """[B, N, S, S, 3] in [0, 1], the first N views of items."""
+    return jnp.asarray(np.stack([i["images"][:views] for i in items]).astype(np.float32) / 255)
 
 
 def condition_of_items(
     items: list[dict[str, Any]], condition_of: Callable[..., Condition], config: Config
 ) -> Condition:
-    """What flows see of the first picture of each item, and of its true layout."""
-    condition, model = condition_of(first_pictures(items)), config.model
+    """What flows see of the first pictures of each item (``data.condition_views``), and of its true
+    layout."""
+    model, pictures = config.model, _pictures(items, config.data.condition_views)
+    condition = condition_of(pictures.reshape(-1, *pictures.shape[2:]))
+    if config.data.condition_views > 1:
+        condition = join_views(condition, len(items))
     if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
         return condition
     return condition._replace(layout=item_tables(items, model))
