@@ -204,7 +204,9 @@ def test_an_object_without_a_truth_counts_for_nobody(monkeypatch, tmp_path):
 def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
     (name,) = judge.test_names(ARM.tests, 1)
     model = dataclasses.replace(
-        Config().model, grid=dataclasses.replace(Config().model.grid, resolution=8)
+        Config().model,
+        grid=dataclasses.replace(Config().model.grid, resolution=8),
+        uniart_vae=dataclasses.replace(Config().model.uniart_vae, visual_channels=0),
     )
     test = judge.test_object(ARM, name, model)
 

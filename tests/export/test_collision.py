@@ -207,12 +207,15 @@ def specks():
     """What becomes of specks and needles, by extent, in a process of its own: manifold3d would end
     it."""
     script = (
-        "import trimesh\nfrom uniart_jax.export.collision import collision_shapes\nfor extent in "
-        f"{SPECKS}:\n    speck = trimesh.creation.icosphere(2, extent / 2)\n    needle = "
-        "trimesh.creation.box([1, extent, extent])\n    found = "
-        "collision_shapes([trimesh.creation.box([1, 1, 1]), speck, needle])\n    boxes = "
-        "[(type(s).__name__, bool(s.size.min() >= .99e-5)) for own in found for s in own]\n    "
-        "print(boxes, flush=True)\n"
+        "import trimesh\n"
+        "from uniart_jax.export.collision import collision_shapes\n"
+        f"for extent in {SPECKS}:\n"
+        "    speck = trimesh.creation.icosphere(2, extent / 2)\n"
+        "    needle = trimesh.creation.box([1, extent, extent])\n"
+        "    found = collision_shapes([trimesh.creation.box([1, 1, 1]), speck, needle])\n"
+        "    large = lambda s: bool(s.size.min() >= .99e-5)\n"
+        "    boxes = [(type(s).__name__, large(s)) for own in found for s in own]\n"
+        "    print(boxes, flush=True)\n"
     )
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     return dict(zip(SPECKS, done.stdout.splitlines(), strict=False)), done.stderr
@@ -283,3 +286,13 @@ def test_open_shells_are_covered_and_stay_open():
         for a, b in zip(shapes, again, strict=True)
         if isinstance(a, Hull)
     )
+
+
+@pytest.mark.parametrize(("sides", "kind"), [(4, Box), (64, Hull)])
+def test_what_is_thinner_than_collision_keeps_its_outline(sides, kind):
+    """A sheet stays a box; a disc of less than a five-hundredth of its size stays round."""
+    disc = trimesh.creation.cylinder(0.5, 1e-4, sections=sides)
+    (shape,) = collision_shapes([disc])[0]
+    assert isinstance(shape, kind)
+    area = solid(shape).volume() / np.ptp(vertices(shape)[:, 2])
+    assert area == pytest.approx(disc.volume / 1e-4, rel=0.05)

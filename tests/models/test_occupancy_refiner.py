@@ -93,7 +93,7 @@ def test_it_needs_the_pictures_and_their_camera(params):
     with pytest.raises(ValueError, match="part table"):
         network.apply(params, logits, pixels, cameras, None, method="refine")
     encoder = dataclasses.replace(MODEL.image_encoder, architecture="dinov2")
-    with pytest.raises(ValueError, match="refine_channels needs the camera"):
+    with pytest.raises(ValueError, match="needs an image encoder that estimates the"):
         build("structure_flow", dataclasses.replace(refining(), image_encoder=encoder)).abstract()
 
 

@@ -339,7 +339,8 @@ def test_object(arm: Arm, name: str, model: ModelConfig) -> Test:
         truth = HeldOut(family, index, obj, record.grid(), images[0])
         return Test(truth, images, {c: getattr(record, c).astype(np.float32) for c in columns})
     truth = held_out_for(model, index, tests.unseen)
-    return Test(truth, views_of(truth, arm.views), features_of(truth, model))
+    features = features_of(truth, model) if arm.station == "vae" else {}
+    return Test(truth, views_of(truth, arm.views), features)
 
 
 def features_of(truth: HeldOut, model: ModelConfig) -> dict[str, np.ndarray]:

@@ -12,6 +12,7 @@ from uniart_jax.export.convex_split import Surface, triangles
 
 BOX_BUDGET = 64  # boxes a solid; more means that it is not built of boxes
 MAX_PLANES = 32  # along an axis; likewise
+RECTANGLE = 1.15  # times a flat outline's area, up to which its box stands for it
 FLAT_COSINE = 0.999  # a face lies in the frame above this
 FLAT_SHARE = 0.95  # of the area of a solid built of boxes
 NEAR_COSINE = 0.98  # normals that are averaged into an axis
@@ -119,6 +120,23 @@ def flat_box(points: np.ndarray, faces: np.ndarray, thin: float) -> Manifold:
     frame = own_frame(points, faces) if areas.sum() > 1e-3 * thin**2 else _line_frame(points)
     center, size = fitted_box(points, frame)
     return box_solid(center, np.maximum(size, thin), frame)
+
+
+def flat_plate(hull: Manifold, thin: float) -> Manifold:
+    """A convex solid thinner than ``thin`` made so thick: a box where it is about a rectangle, else
+    of its own outline (a disc stays round)."""
+    points, faces = triangles(hull)
+    box = flat_box(points, faces, thin)
+    normals, areas = _normals(points, faces)
+    if not (areas > 0).any():
+        return box
+    normals = normals[areas > 0]
+    spans = np.ptp(normals @ points.T, axis=1)
+    normal = normals[int(spans.argmin())]
+    along = points @ normal
+    flat = points - (along - (along.min() + along.max()) / 2)[:, None] * normal
+    plate = Manifold.hull_points(np.concatenate([flat + s * thin / 2 * normal for s in (-1, 1)]))
+    return box if plate.is_empty() or box.volume() <= RECTANGLE * plate.volume() else plate
 
 
 def _line_frame(points: np.ndarray) -> np.ndarray:

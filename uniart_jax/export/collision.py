@@ -20,7 +20,7 @@ from manifold3d import Manifold
 from scipy.spatial import ConvexHull, QhullError
 from skimage import measure
 
-from uniart_jax.export.box_cover import as_box, box_cover, flat_box, own_frame
+from uniart_jax.export.box_cover import as_box, box_cover, flat_box, flat_plate, own_frame
 from uniart_jax.export.convex_split import (
     Surface,
     as_manifold,
@@ -243,7 +243,7 @@ def _few_pieces(solid: Manifold, surface: Surface, thin: float) -> list[Manifold
     else."""
     hull = solid.hull()
     if not surface.exceeded(hull):
-        return [hull] if width(hull) > thin else [flat_box(*triangles(hull), thin)]
+        return [hull] if width(hull) > thin else [flat_plate(hull, thin)]
     return [piece for piece in box_cover(surface) if width(piece) > SLIVER * thin]
 
 
