@@ -16,6 +16,8 @@ clouds": with singular values s1 >= s2 >= s3, (s1 - s2) / s1, (s2 - s3) / s1, s3
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from scipy import ndimage
 
@@ -61,7 +63,7 @@ def _dense(record: Record, index: np.ndarray, sdf: np.ndarray) -> np.ndarray:
     coords = record.coords.astype(np.int32)
     empty = np.ones((side,) * 3, bool)
     empty[tuple(coords.T)] = False
-    regions, count = ndimage.label(empty)
+    regions, count = cast("tuple[np.ndarray, int]", ndimage.label(empty))
     block = np.sign(sdf).reshape(-1, cells, cells, cells)
     votes = np.zeros(count + 1)
     for axis in range(3):
