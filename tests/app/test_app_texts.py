@@ -46,7 +46,7 @@ class Elements(HTMLParser):
         self.text += data
 
 
-def made(seed=0, validation=FOUND, folder="/tmp/a b/<x>"):
+def made(seed=0, validation=FOUND, folder="/made/a b/<x>"):
     report = {"parts": [{}, {}]} | ({"validation": validation} if validation else {})
     return Made(Path(folder), seed, "1 slider", report)
 
@@ -111,7 +111,7 @@ def test_stages_over_going_on_and_to_come():
 def test_objects_side_by_side():
     page = Elements(texts.objects_html([made(0), made(1, None)]))
     frames = [attributes for tag, attributes in page.tags if tag == "iframe"]
-    assert len(frames) == 2 and frames[0]["src"] == "gradio_api/file=/tmp/a%20b/%3Cx%3E/view.html"
+    assert len(frames) == 2 and frames[0]["src"] == "gradio_api/file=/made/a%20b/%3Cx%3E/view.html"
     assert "seed 1" in page.text and "Does not look like an object" in page.text
     assert "ua-many" in page.tags[0][1]["class"]
     assert "ua-many" not in texts.objects_html([made()])

@@ -297,11 +297,7 @@ def latent_batches(
         unread.append("coords")
     source = LatentSource(latents, without=unread)
     held = len(source[0]["images"]) if len(source) else 1
-    if not 1 <= data.condition_views <= held:
-        raise ValueError(
-            f"config: data.condition_views is {data.condition_views}, records have {held} views; "
-            "give 1 to as many, or prepare records with more --views"
-        )
+    check_views(data, held)
     seed = data.seed if seed is None else seed
     if stage == "latent_flow":
         sizes = np.stack([source.voxels, np.zeros_like(source.voxels)], 1)
@@ -350,6 +346,15 @@ def _draw_items(
             bent = [bend(i, data.image_warp, g) for i, g in zip(flat, each, strict=True)]
             batch["image"] = np.stack(bent).reshape(batch["image"].shape)
     return items, batch
+
+
+def check_views(data: DataConfig, held: int) -> None:
+    """ValueError where a flow's step cannot be shown ``data.condition_views`` of ``held`` views."""
+    if not 1 <= data.condition_views <= held:
+        raise ValueError(
+            f"config: data.condition_views is {data.condition_views}, records have {held} views; "
+            "give 1 to as many, or prepare records with more --views"
+        )
 
 
 def _views(place: float, held: int, shown: int) -> list[int]:

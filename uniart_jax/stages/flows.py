@@ -3,6 +3,7 @@ what their evaluations show them."""
 
 from __future__ import annotations
 
+import abc
 import functools
 import hashlib
 from collections.abc import Callable
@@ -16,7 +17,7 @@ import numpy as np
 from uniart_jax.adoption import exported, same_ground, untrained
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.folder import read_metadata, write_text
-from uniart_jax.data.latents import latent_batches
+from uniart_jax.data.latents import check_views, latent_batches
 from uniart_jax.encoding import ENCODED, digest, encode_all
 from uniart_jax.models.network import Network, build
 from uniart_jax.samplers import Condition, join_views, make_conditioner, make_layout_finder
@@ -39,11 +40,7 @@ class FlowStage(Stage):
         data, held = config.data, config.data.views
         if (Path(data.records) / "metadata.json").is_file():
             held = int(read_metadata(data.records).get("views", held))
-        if not 1 <= data.condition_views <= held:
-            raise ValueError(
-                f"config: data.condition_views is {data.condition_views}, records have {held} "
-                "views; give 1 to as many, or prepare records with more --views"
-            )
+        check_views(data, held)
 
     def decodes(self, config: Config) -> str:
         """The network whose output on the flow's samples the loss reads; "" for none."""
@@ -76,12 +73,12 @@ class FlowStage(Stage):
         distributed.first_does(lambda: write_statistics(workdir / "export", self.latent, *ours))
         return found
 
+    @abc.abstractmethod
     def flow_loss(
         self, network: Network, config: Config, workdir: Path, mean: Any, std: Any
     ) -> Any:
         """The loss of batches that hold what an image encoder sees, of latents in units of ``mean``
         and ``std``."""
-        raise NotImplementedError
 
     def loss(
         self, network: Network, config: Config, workdir: Path, statistics: dict[str, Statistics]

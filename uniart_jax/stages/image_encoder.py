@@ -9,20 +9,25 @@ import jax
 import numpy as np
 
 from uniart_jax.config import Config, ModelConfig
-from uniart_jax.data.image_table import image_batches
 from uniart_jax.data.records import RecordSource
 from uniart_jax.models.network import Network, build
-from uniart_jax.stages.pictures import PICTURES, beside, filled, iou, validation_pictures
-from uniart_jax.stages.stage import Evaluation, Stage
+from uniart_jax.stages.pictures import (
+    PICTURES,
+    PictureStage,
+    beside,
+    filled,
+    iou,
+    validation_pictures,
+)
+from uniart_jax.stages.stage import Evaluation
 from uniart_jax.training.encoder_loss import make_image_encoder_loss
 from uniart_jax.training.metrics import part_readings, summarize_readings
 
 
-class ImageEncoderStage(Stage):
+class ImageEncoderStage(PictureStage):
     """Regression of coarse structure from pictures of records."""
 
     name = "image_encoder"
-    reads_pictures_only = True
 
     def left_out(self, model: ModelConfig) -> str:
         if model.image_encoder.kind.trained:
@@ -31,10 +36,6 @@ class ImageEncoderStage(Stage):
             f"{model.image_encoder.architecture} is taken as it is, not trained; convert its "
             "weights (uniart convert dinov2 FILE --out CHECKPOINT) and give CHECKPOINT as --init"
         )
-
-    def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:
-        data, items = config.data, self.settings(config).batch_size
-        return image_batches(data.records, data, config.model, items, split=data.split, **share)
 
     def loss(self, network: Network, config: Config, workdir: Path, statistics: Any) -> Any:
         return make_image_encoder_loss(network, config)

@@ -1,5 +1,5 @@
-"""What the evaluations of stages share: how many validation records they look at, overlaps,
-pictures.
+"""What stages on pictures of records share; and evaluations: how many validation records they look
+at, overlaps, drawings.
 
 Validation seeds are neither training seeds nor the held-out seeds of the evaluation, so that
 nothing is tuned on the latter.
@@ -7,16 +7,30 @@ nothing is tuned on the latter.
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
 from uniart_jax.config import Config
-from uniart_jax.data.image_table import image_pass
+from uniart_jax.data.image_table import image_batches, image_pass
+from uniart_jax.stages.stage import Stage
 
 IMAGE_BATCH = 16
 RECORDS = 128  # of the validation records at most; enough to see a trend, few enough to look often
 OBJECTS = 48  # for flows, which sample them
 PICTURES, PICTURE = 4, 128  # objects that are shown, and pixels a side of each view
 Cells = tuple[np.ndarray, np.ndarray | None]  # [N, 3] indices, [N, 3] linear colours
+
+
+class PictureStage(Stage):
+    """A stage on pictures and dense tables of records (``data.image_table``)."""
+
+    reads_pictures_only = True
+
+    def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:
+        data, items = config.data, self.settings(config).batch_size
+        return image_batches(data.records, data, config.model, items, split=data.split, **share)
 
 
 def iou(predicted: np.ndarray, truth: np.ndarray) -> np.ndarray:

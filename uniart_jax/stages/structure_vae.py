@@ -9,23 +9,24 @@ import jax
 import numpy as np
 
 from uniart_jax.config import Config
-from uniart_jax.data.image_table import image_batches
 from uniart_jax.models.network import Network, build
-from uniart_jax.stages.pictures import PICTURES, beside, filled, iou, validation_pictures
-from uniart_jax.stages.stage import Evaluation, Stage
+from uniart_jax.stages.pictures import (
+    PICTURES,
+    PictureStage,
+    beside,
+    filled,
+    iou,
+    validation_pictures,
+)
+from uniart_jax.stages.stage import Evaluation
 from uniart_jax.training.vae_losses import make_structure_vae_loss
 
 
-class StructureVAEStage(Stage):
+class StructureVAEStage(PictureStage):
     """The dense VAE on the occupancy of records."""
 
     name = "structure_vae"
-    reads_pictures_only = True
     wanted = ("occupancy",)
-
-    def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:
-        data, items = config.data, self.settings(config).batch_size
-        return image_batches(data.records, data, config.model, items, split=data.split, **share)
 
     def loss(self, network: Network, config: Config, workdir: Path, statistics: Any) -> Any:
         return make_structure_vae_loss(network, config)
