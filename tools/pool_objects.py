@@ -34,6 +34,7 @@ def make_files(worker: int, workers: int, first: int, folder: str, size: int, si
       first: number of the first object. size: pixels a side. side: voxels a side.
     """
     os.nice(10)
+    keep_to_core(worker)
     settings = LayoutSettings(size, views=1, families=procedural.WORLDS["wide"])
     for number in itertools.count(worker, workers):
         while len(list(Path(folder).glob("*.npz"))) > WAITING:
@@ -53,12 +54,20 @@ def make_files(worker: int, workers: int, first: int, folder: str, size: int, si
             partial.rename(Path(folder, f"{number:07d}.npz"))
 
 
+def keep_to_core(worker: int) -> None:
+    """Keep this process, and the threads that embree would start, to one core: the last ones are
+    taken first."""
+    if hasattr(os, "sched_setaffinity"):
+        cores = sorted(os.sched_getaffinity(0), reverse=True)
+        os.sched_setaffinity(0, {cores[worker % len(cores)]})
+
+
 def packed_voxels(obj: Any, side: int = 32) -> np.ndarray:
     """[side^3 / 8] uint8, the bits of the voxels that an object's surface touches."""
     corners = np.concatenate([part.mesh.vertices[part.mesh.faces] for part in obj.parts])
     cells = touched_cells((corners + 0.5) * side, side)[1]
     grid = np.zeros((side,) * 3, bool)
-    grid[tuple(np.unique(cells, axis=0).T)] = True
+    grid[tuple(cells.T)] = True
     return np.packbits(grid.reshape(-1))
 
 

@@ -31,6 +31,7 @@ import json
 import shutil
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -142,6 +143,10 @@ def train(given: argparse.Namespace) -> None:
     rng, pool = np.random.default_rng(1), Pool(given.capacity)
     sizes = (config.model.layout.image_size, config.model.grid.resolution)
     with Objects(given.processes, given.first, *sizes, pool) as objects:
+        objects.wait_for(1)
+        batch = prepare(jax.device_put(objects.batch(rng, given.batch)), jax.random.key(0), True)
+        weights = (*(fixed[n] for n in frozen), runs["layout"].average)
+        updates = compile_both(updates, runs, batch, weights)
         objects.wait_for(given.begin_with)
         print(f"{pool.total} objects; step 1", flush=True)
         began = saved = said = time.time()
@@ -190,6 +195,22 @@ def read_deadline(file: str, before: float) -> float:
         return float(Path(file).read_text())
     except (OSError, ValueError):
         return before
+
+
+def compile_both(
+    updates: dict[str, Any], runs: dict[str, Run], batch: Any, weights: tuple[Any, ...]
+) -> dict[str, Any]:
+    """The updates of both networks compiled for a batch, side by side: a lent hour is short."""
+    import jax
+
+    frozen = {"layout": (), "structure_flow": (weights,)}
+
+    def compiled(name: str) -> Any:
+        given = (runs[name], batch, jax.random.key(0), np.float32(1), *frozen[name])
+        return updates[name].lower(*given).compile()
+
+    with ThreadPoolExecutor() as threads:
+        return dict(zip(updates, threads.map(compiled, updates), strict=True))
 
 
 def make_update(loss_fn: Callable[..., Any], optimizer: Any) -> Callable[..., Any]:

@@ -110,15 +110,35 @@ class Camera:
         depth = np.where(seen[..., 2:] > 0, seen[..., 2:], np.nan)
         return size / 2 * (1 + seen[..., :2] / (depth * self._tangent))
 
-    def rays(self, size: int, offset: tuple[float, float] = (0.5, 0.5)) -> np.ndarray:
-        """[size, size, 3] float32 unit directions in the object frame, through the point ``offset``
-        (x, y) of each pixel."""
-        steps = np.arange(size)
-        x = (2 * (steps + offset[0]) / size - 1) * self._tangent
-        y = (2 * (steps + offset[1]) / size - 1) * self._tangent
-        right, down, forward = self._axes()
-        rays = x[None, :, None] * right + y[:, None, None] * down + forward
-        return (rays / np.linalg.norm(rays, axis=-1, keepdims=True)).astype(np.float32)
+    def rays(
+        self,
+        size: int,
+        offset: tuple[float, float] = (0.5, 0.5),
+        window: tuple[int, int, int, int] | None = None,
+    ) -> np.ndarray:
+        """[rows, columns, 3] float32 unit directions in the object frame, through the point
+        ``offset`` (x, y) of each pixel of a ``window``: first row, row after the last, first
+        column, column after the last; None is the whole frame."""
+        top, bottom, left, right = window or (0, size, 0, size)
+        x = (2 * (np.arange(left, right) + offset[0]) / size - 1) * self._tangent
+        y = (2 * (np.arange(top, bottom) + offset[1]) / size - 1) * self._tangent
+        length = np.sqrt(1 + (x * x)[None, :] + (y * y)[:, None])
+        right_axis, down, forward = self._axes()
+        rays = np.empty((*length.shape, 3), np.float32)
+        for c in range(3):
+            plane = x[None, :] * right_axis[c] + (y * down[c] + forward[c])[:, None]
+            np.divide(plane, length, out=rays[..., c], casting="same_kind")
+        return rays
+
+    def window(self, bounds: np.ndarray, size: int) -> tuple[int, int, int, int]:
+        """The pixels that may see a box [2, 3], as ``rays`` takes them; all where the pinhole is
+        not in front of the whole box."""
+        corners = self.project(np.array(list(itertools.product(*bounds.T))), size)
+        if not np.isfinite(corners).all():
+            return 0, size, 0, size
+        low = np.clip(np.floor(corners.min(0)) - 1, 0, size).astype(int)
+        high = np.clip(np.ceil(corners.max(0)) + 1, 0, size).astype(int)
+        return int(low[1]), int(high[1]), int(low[0]), int(high[0])
 
     @property
     def _tangent(self) -> float:
@@ -189,9 +209,13 @@ def render(
         raise ValueError(f"render: {samples} samples a pixel; give a square number (1, 4, 9, 16)")
     scene, triangles, face_part, first_face = scene or build_scene(obj, q)
     origin = camera.position.astype(np.float32)
+    window = camera.window(_bounds(triangles), size)
+    top, bottom, left, right = window
+    shape = (bottom - top, right - left)
     hits, lights = [], []
     for row, column in itertools.product(range(side), range(side)):
-        rays = camera.rays(size, ((column + 0.5) / side, (row + 0.5) / side)).reshape(-1, 3)
+        offset = ((column + 0.5) / side, (row + 0.5) / side)
+        rays = camera.rays(size, offset, window).reshape(-1, 3)
         found = scene.run(np.broadcast_to(origin, rays.shape).copy(), rays, output=1)
         pixel = np.flatnonzero(found["primID"] >= 0)
         face = found["primID"][pixel]
@@ -199,8 +223,9 @@ def render(
         hits.append((pixel, face, weight))
         corner = triangles[face]
         point = corner[:, 0] + weight[:, :1] * corner[:, 1] + weight[:, 1:] * corner[:, 2]
-        normal = corner[:, 3]
-        normal = np.where(np.einsum("nc,nc->n", normal, rays[pixel])[:, None] > 0, -normal, normal)
+        normal = corner[:, 3]  # of ours: fancy indexing copies
+        away = np.einsum("nc,nc->n", normal, rays[pixel]) > 0
+        normal *= np.where(away, np.float32(-1), np.float32(1))[:, None]
         lights.append(_light(scene, point, normal, row, column, side))
     pixel = np.concatenate([h[0] for h in hits])
     face = np.concatenate([h[1] for h in hits])
@@ -217,13 +242,23 @@ def render(
             barycentric = np.stack([1 - u - v, u, v], -1)
             color[mine] = sample_color(obj.parts[k].mesh, face[mine] - first_face[k], barycentric)
     color *= light[:, None]
-    count = np.bincount(pixel, minlength=size * size)
-    image = np.zeros((size * size, 4), np.float32)
-    for c in range(3):
-        total = np.bincount(pixel, color[:, c], minlength=size * size)
-        image[:, c] = linear_to_srgb(total / np.maximum(count, 1))
-    image[:, 3] = count / samples
-    return image.reshape(size, size, 4)
+    pixels = shape[0] * shape[1]
+    count = np.bincount(pixel, minlength=pixels)
+    total = [np.bincount(pixel, color[:, c], minlength=pixels) for c in range(3)]
+    hit = np.flatnonzero(count)
+    seen = np.zeros((pixels, 4), np.float32)
+    seen[hit, :3] = linear_to_srgb(np.stack(total, -1)[hit] / count[hit, None])
+    seen[:, 3] = count / samples
+    image = np.zeros((size, size, 4), np.float32)
+    image[top:bottom, left:right] = seen.reshape(*shape, 4)
+    return image
+
+
+def _bounds(triangles: np.ndarray) -> np.ndarray:
+    """[2, 3] box of triangles [F, 4, 3] as ``build_scene`` gives them."""
+    first, ends = triangles[:, 0], triangles[:, :1] + triangles[:, 1:3]
+    low = np.minimum(first.min(0), ends.min((0, 1)))
+    return np.stack([low, np.maximum(first.max(0), ends.max((0, 1)))])
 
 
 def build_scene(obj: ArticulatedObject, q: np.ndarray | dict[str, float] | None = None) -> Scene:
@@ -258,7 +293,7 @@ def _light(scene: EmbreeScene, point, normal, row: int, column: int, side: int) 
     total = np.zeros(len(point), np.float32)
     for direction in _sky_directions(row, column, side):
         cosine = normal @ direction
-        towards = np.where(cosine[:, None] < 0, -direction, direction)
+        towards = np.where(cosine < 0, np.float32(-1), np.float32(1))[:, None] * direction
         free = ~occluded(scene, start, towards)
         total += np.abs(cosine)
         seen += np.abs(cosine) * free
