@@ -219,3 +219,34 @@ def test_sampled_cameras_look_at_the_front_and_hold_the_object():
         assert abs(np.rad2deg(camera.azimuth)) <= 50 and 5 <= np.rad2deg(camera.elevation) <= 40
         assert 25 <= camera.fov_degrees <= 45
         assert 1 / 1.36 < np.abs(camera.project(corners, 2) - 1).max() < 1 / 1.04
+
+
+@pytest.mark.parametrize("distance", [0.4, 2.0])
+@pytest.mark.parametrize("samples", [1, 4])
+def test_rays_only_where_the_object_is_give_the_whole_picture(monkeypatch, samples, distance):
+    """Off to a side, and with the pinhole inside its box."""
+    box = trimesh.creation.box((0.3, 0.2, 0.6))
+    box.apply_translation([-0.2, 0.25, 0.1])
+    obj = ArticulatedObject((Part("box", box, -1, Joint.fixed()),))
+    camera = Camera(0.4, 0.3, 50.0, distance)
+    top, bottom, left, right = camera.window(box.bounds, 64)
+    assert (bottom - top) * (right - left) < 64 * 64 or distance < 1
+    windowed = render(obj, camera, 64, samples=samples)
+    assert windowed[..., 3].any()
+    monkeypatch.setattr(Camera, "window", lambda self, bounds, size: (0, size, 0, size))
+    np.testing.assert_array_equal(windowed, render(obj, camera, 64, samples=samples))
+
+
+def test_an_object_outside_the_frame_gives_an_empty_picture():
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    box.apply_translation([0, 5, 0])
+    picture = render(ArticulatedObject((Part("box", box, -1, Joint.fixed()),)), Camera(), 32)
+    assert picture.shape == (32, 32, 4) and not picture.any()
+
+
+def test_window_of_rays_is_that_part_of_all():
+    camera = Camera(0.4, 0.3, 50.0, 2.0)
+    whole = camera.rays(16, (0.25, 0.75))
+    part = camera.rays(16, (0.25, 0.75), (2, 9, 5, 6))
+    np.testing.assert_array_equal(part, whole[2:9, 5:6])
+    np.testing.assert_allclose(np.linalg.norm(whole, axis=-1), 1, rtol=1e-6)

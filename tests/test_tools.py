@@ -1,6 +1,7 @@
 """The tools beside the package that write something."""
 
 import importlib
+import os
 import runpy
 import sys
 import time
@@ -228,6 +229,36 @@ def test_a_step_that_is_not_finite_changes_nothing(pool_tools):
     np.testing.assert_array_equal(kept.params, 1)
     np.testing.assert_array_equal(kept.average, 1)
     assert np.isnan(metrics["loss"])
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="Linux keeps processes to cores")
+def test_each_maker_keeps_to_a_core_of_its_own(pool_tools):
+    cores = sorted(os.sched_getaffinity(0))
+    try:
+        for worker, core in enumerate(reversed(cores)):
+            pool_tools.host.keep_to_core(worker)
+            assert os.sched_getaffinity(0) == {core}
+            os.sched_setaffinity(0, cores)
+    finally:
+        os.sched_setaffinity(0, cores)
+
+
+def test_both_updates_are_compiled_for_a_batch(pool_tools):
+    tool = importlib.import_module("train_pool")
+    updates = {
+        "layout": tool.make_update(lambda p, b, k: ((p * b).sum(), {}), optax.sgd(1.0)),
+        "structure_flow": tool.make_update(
+            lambda p, b, k, weights: ((p * b * weights[0]).sum(), {}), optax.sgd(1.0)
+        ),
+    }
+    start = lambda: tool.Run(np.ones(2), optax.sgd(1.0).init(np.ones(2)), np.ones(2))  # noqa: E731
+    weights = (np.full(2, 2.0),)
+    runs = {name: start() for name in updates}
+    compiled = tool.compile_both(updates, runs, np.ones(2), weights)
+    key, half = jax.random.key(0), np.float32(0.5)
+    np.testing.assert_allclose(compiled["layout"](start(), np.ones(2), key, half)[0].params, 0.5)
+    found = compiled["structure_flow"](start(), np.ones(2), key, half, weights)[0].params
+    np.testing.assert_allclose(found, 0.0)
 
 
 def test_the_deadline_of_no_file_is_the_one_before(pool_tools, tmp_path):

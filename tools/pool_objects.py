@@ -121,6 +121,7 @@ class Objects:
         for maker in self._makers:
             maker.terminate()
             maker.join()
+        self._reader.join()
         self._folder.cleanup()
 
     def wait_for(self, count: int) -> None:

@@ -19,7 +19,7 @@ def layout(
     /,
     out: Out,
     checkpoint: str = "nano",
-    threshold: float = 0.4,  # voxels.layout.THRESHOLD
+    threshold: float = 0.5,  # voxels.layout.THRESHOLD
     background: CutOut = "auto",
     overwrite: Overwrite = False,
 ) -> None:
