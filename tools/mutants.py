@@ -32,7 +32,7 @@ class Mutant(NamedTuple):
     test: str
 
 
-VAE = "uniart_jax/models/uniart_vae.py"
+AGGREGATION = "uniart_jax/models/aggregation.py"
 DINOV2 = "uniart_jax/models/dinov2.py"
 SAMPLERS = "uniart_jax/samplers.py"
 VAE_LOSSES = "uniart_jax/training/vae_losses.py"
@@ -51,9 +51,14 @@ INTERVAL = (
     "tests/flow/test_rectified_flow.py::test_outside_its_interval_the_condition_alone_is_asked_for"
 )
 MUTANTS = (
-    Mutant(VAE, "(self.to_q(articulation), k, v)", "(0 * self.to_q(articulation), k, v)", EQUATION),
-    Mutant(VAE, "[geometry, fused + articulation]", "[geometry, fused]", EQUATION),
-    Mutant(VAE, "articulation + self.part_feature(", "articulation + 0 * self.part_feature(", EQUATION),  # noqa: E501
+    Mutant(
+        AGGREGATION,
+        "(self.to_q(articulation), k, v)",
+        "(0 * self.to_q(articulation), k, v)",
+        EQUATION,
+    ),
+    Mutant(AGGREGATION, "[geometry, fused + articulation]", "[geometry, fused]", EQUATION),
+    Mutant(AGGREGATION, "articulation + self.part_feature(", "articulation + 0 * self.part_feature(", EQUATION),  # noqa: E501
     Mutant(VAE_LOSSES, "weights.articulation * sum(", "1.0 * sum(", SUM),
     Mutant(VAE_LOSSES, "+ weights.kl * kl", "+ kl", SUM),
     Mutant(VAE_LOSSES, "weights.part_feature * restored", "0 * restored", SUM),

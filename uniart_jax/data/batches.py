@@ -255,7 +255,7 @@ def collate(
     """Records as one padded batch of voxels and parts, without images and plans.
 
     What is said of every sub-cell stays in its stored type, a quarter of the bytes to copy and to
-    send; ``models.uniart_vae.cell_sdf`` and ``cell_color`` decode it on the device.
+    send; ``models.voxel_batch.cell_sdf`` and ``cell_color`` decode it on the device.
 
     Args:
       width: V, at least the largest count. size: B, at least ``len(records)``; missing items are

@@ -22,7 +22,8 @@ import numpy as np
 from flax import nnx
 
 from uniart_jax.config import GaussianConfig, ModelConfig
-from uniart_jax.models.uniart_vae import Batch, Trunk, valid_tokens
+from uniart_jax.models.uniart_vae import Trunk
+from uniart_jax.models.voxel_batch import Batch, valid_tokens
 
 LAYOUT = {"xyz": (3,), "features_dc": (1, 3), "scaling": (3,), "rotation": (4,), "opacity": (1,)}
 VALUES = sum(math.prod(shape) for shape in LAYOUT.values())  # 14 a Gaussian

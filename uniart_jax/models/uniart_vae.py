@@ -1,16 +1,7 @@
 """UniArt VAE: voxel features <-> one latent per voxel (paper section 4.1; trunks as TRELLIS's SLAT
-encoder and decoder).
-
-Encoder front, the part-wise UniArt attention (see docs/architecture.md):
-
-    V_geo = [visual || Linear(sdf, colour, owner mask)]          V_art = Linear(part_feature) + Embed(voxel code)
-    F_art = Attention(Q = V_art, K = V = V_geo) + V_art          each voxel attending within its own part
-    V     = Concat(V_geo, F_art)
-
-The owner mask (which sub-cells belong to the voxel's own part) is ours: without it the latent could
-not hold the segmentation below a voxel. The paper's alternatives are
-``UniArtVAEConfig.aggregation``.
-"""  # noqa: E501
+encoder and decoder). How geometry and articulation meet in front of the encoder:
+``models.aggregation``.
+"""
 
 from __future__ import annotations
 
@@ -21,76 +12,17 @@ import jax
 import jax.numpy as jnp
 from flax import nnx
 
-from uniart_jax.config import Kernel, ModelConfig
+from uniart_jax.config import ModelConfig
+from uniart_jax.models.aggregation import make_front
 from uniart_jax.models.layout_decoder import LayoutDecoder, pointed, required
 from uniart_jax.models.structure_vae import sample_posterior
-from uniart_jax.nn.attention import attend_segments
-from uniart_jax.nn.blocks import SelfAttention, TransformerBlock, layer_norm, linear, zeros
+from uniart_jax.models.voxel_batch import Batch, valid_tokens
+from uniart_jax.nn.blocks import TransformerBlock, layer_norm, linear, zeros
 from uniart_jax.nn.embeddings import position_embedding
 from uniart_jax.nn.precision import compute_dtype
-from uniart_jax.nn.segments import Segments
 from uniart_jax.nn.stack import run_stack
-from uniart_jax.voxels.grid import SDF_CLIP
 
-CODE_CHANNELS = 21
 LOGVAR_START = -6.0
-Batch = Mapping[str, Any]
-
-
-def voxel_codes(batch: Batch) -> jax.Array:
-    """[B, V, 21] full code of each voxel's part: joint code 9, own box 6, parent box 6; from ids
-    and tables of the batch."""
-    part = batch["voxel_part"].astype(jnp.int32)
-    parent = jnp.take_along_axis(batch["parents"], part, axis=1, mode="clip")
-
-    def of(table: jax.Array, index: jax.Array) -> jax.Array:
-        return jnp.take_along_axis(table, index[..., None], axis=1, mode="clip")
-
-    boxes = batch["boxes"]
-    return jnp.concatenate([of(batch["codes"], part), of(boxes, part), of(boxes, parent)], -1)
-
-
-def cell_sdf(sdf: jax.Array) -> jax.Array:
-    """Distances in sub-cells [...] from what a batch holds: int8 as records store it
-    (``data.records``), or float as it is."""
-    return sdf.astype(jnp.float32) * (SDF_CLIP / 127) if sdf.dtype == jnp.int8 else sdf
-
-
-def cell_color(color: jax.Array) -> jax.Array:
-    """Linear RGB [...] from what a batch holds: sRGB-encoded uint8 as records store it, or linear
-    float as it is."""
-    if color.dtype != jnp.uint8:
-        return color
-    srgb = color.astype(jnp.float32) / 255
-    return jnp.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
-def voxel_boxes(batch: Batch, voxels: jax.Array | None = None) -> dict[str, jax.Array]:
-    """What a voxel, on one part or shared by several, must say of its sub-cells; at ``voxels`` [B,
-    Q] or at all.
-
-    Returns:
-      own, other [B, Q, 6]: boxes of the voxel's part and of another one in it (its own where there
-        is none); shared [B, Q] bool: there is one;
-      foreign [B, Q, r^3] bool: the sub-cell is not the voxel's part's.
-    """
-    part, owner = (batch[key].astype(jnp.int32) for key in ("voxel_part", "owner"))
-    if voxels is not None:
-        part = jnp.take_along_axis(part, voxels, axis=1, mode="clip")
-        owner = jnp.take_along_axis(owner, voxels[..., None], axis=1, mode="clip")
-    foreign = owner != part[..., None]
-    first = foreign.argmax(-1)
-    other = jnp.take_along_axis(owner, first[..., None], axis=-1)[..., 0]
-
-    def box(index: jax.Array) -> jax.Array:
-        return jnp.take_along_axis(batch["boxes"], index[..., None], axis=1, mode="clip")
-
-    return {"own": box(part), "other": box(other), "shared": foreign.any(-1), "foreign": foreign}
-
-
-def valid_tokens(counts: jax.Array, width: int) -> jax.Array:
-    """[B, V, 1] bool."""
-    return (jnp.arange(width) < counts[:, None])[..., None]
 
 
 class Trunk(nnx.Module):
@@ -154,93 +86,6 @@ class Trunk(nnx.Module):
         return h if self.path is None else h + self.path(x)
 
 
-class Front(nnx.Module):
-    """Voxel attributes -> V [B, V, channels], by the configured aggregation of geometry and
-    articulation."""
-
-    def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
-        c, dtype = config.uniart_vae, compute_dtype(config)
-        cells = config.grid.subdivisions**3
-        self.config = c
-        self.kernel: Kernel = config.kernel
-        art, geo = c.articulation_channels, c.visual_channels + c.geometry_channels
-        # TRELLIS has heads of 64; ours keep the trunk's head width where it divides
-        self.heads = max(1, art * c.num_heads // c.width)
-        self.geometry = linear(cells * 5, c.geometry_channels, rngs, dtype=dtype)
-        self.code_in = linear(CODE_CHANNELS, art, rngs, dtype=dtype)
-        self.code_out = linear(art, art, rngs, dtype=dtype)
-        self.part_feature = (
-            # zero, so that a network that read none begins with the function that it was
-            linear(c.part_feature_channels, art, rngs, init=zeros, dtype=dtype)
-            if c.part_feature_channels
-            else None
-        )
-        self.channels = geo + art
-        if c.aggregation == "uniart":
-            self.to_q = linear(art, art, rngs, dtype=dtype)
-            self.to_kv = linear(geo, 2 * art, rngs, dtype=dtype)
-            self.to_out = linear(art, art, rngs, dtype=dtype)
-        elif c.aggregation == "self_attention":
-            heads = next(h for h in range(c.num_heads, 0, -1) if (geo + art) % h == 0)
-            self.self_attn = SelfAttention(
-                geo + art, heads, rngs, kernel=config.kernel, dtype=dtype
-            )
-        elif c.aggregation == "residual":
-            self.to_geometry = linear(art, geo, rngs, dtype=dtype)
-            self.channels = geo
-        elif c.aggregation == "pooling":
-            self.to_out = linear(geo, art, rngs, dtype=dtype)
-        else:
-            self.fuse = linear(geo + art, geo + art, rngs, dtype=dtype)
-
-    def __call__(self, batch: Batch) -> tuple[jax.Array, jax.Array, jax.Array]:
-        """V [B, V, channels], V_geo and V_art."""
-        valid = valid_tokens(batch["counts"], batch["coords"].shape[1])
-        own = (batch["owner"] == batch["voxel_part"][..., None]).astype(jnp.float32)
-        color = cell_color(batch["color"].reshape(*batch["color"].shape[:2], -1))
-        cells = jnp.concatenate([cell_sdf(batch["sdf"]), color * 2 - 1, own], -1)
-        geometry = self.geometry(jnp.where(valid, cells, 0))
-        if self.config.visual_channels:
-            visual = jnp.where(valid, batch["visual"], 0).astype(geometry.dtype)
-            geometry = jnp.concatenate([visual, geometry], -1)
-        code = jnp.where(valid, voxel_codes(batch), 0)
-        articulation = self.code_out(jax.nn.silu(self.code_in(code)))
-        if self.part_feature is not None:
-            articulation = articulation + self.part_feature(
-                jnp.where(valid, batch["part_feature"], 0)
-            )
-        return self.aggregate(geometry, articulation, batch), geometry, articulation
-
-    def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:
-        kind = self.config.aggregation
-        if kind == "residual":
-            return geometry + self.to_geometry(articulation)
-        both = jnp.concatenate([geometry, articulation], -1)
-        if kind == "concat":
-            return jax.nn.silu(self.fuse(both))
-        if kind == "self_attention":
-            full = self.config.attention == "full"
-            segments = batch["counts"] if full else batch["plans"]["window_0"]
-            return both + self.self_attn(layer_norm(both, 1e-6), segments)
-        fuse = self._attend if kind == "uniart" else self._pool
-        fused = fuse(geometry, articulation, batch["plans"]["parts"])
-        return jnp.concatenate([geometry, fused + articulation], -1)
-
-    def _attend(self, geometry: jax.Array, articulation: jax.Array, parts: Segments) -> jax.Array:
-        shape = (-1, self.heads, articulation.shape[-1] // self.heads)
-        k, v = jnp.split(self.to_kv(geometry), 2, -1)
-        qkv = jnp.stack([x.reshape(shape) for x in (self.to_q(articulation), k, v)], 1)
-        out = attend_segments(qkv, parts, kernel=self.kernel)
-        return self.to_out(out.reshape(articulation.shape))
-
-    def _pool(self, geometry: jax.Array, articulation: jax.Array, parts: Segments) -> jax.Array:
-        """The mean over the part: attention that looks everywhere alike."""
-        value = self.to_out(geometry).reshape(-1, 1, articulation.shape[-1])
-        alike = jnp.zeros_like(value)
-        out = attend_segments(jnp.stack([alike, alike, value], 1), parts, kernel=self.kernel)
-        return out.reshape(articulation.shape)
-
-
 class UniArtVAE(nnx.Module):
     """Methods: ``encode``, ``decode``; calling runs both.
 
@@ -251,7 +96,7 @@ class UniArtVAE(nnx.Module):
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs):
         c, dtype = config.uniart_vae, compute_dtype(config)
         self.cells = config.grid.subdivisions**3
-        self.front = Front(config, rngs)
+        self.front = make_front(config, rngs)
         self.encoder = Trunk(self.front.channels, 2 * c.latent_channels, config, rngs)
         # a posterior that starts narrow: with TRELLIS's start (variance 1) the code drowns in noise
         # for hundreds of steps

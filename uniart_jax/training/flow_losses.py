@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from uniart_jax.config import Config
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
 from uniart_jax.models.network import Network, build
-from uniart_jax.models.uniart_vae import valid_tokens
+from uniart_jax.models.voxel_batch import valid_tokens
 from uniart_jax.samplers import Condition, join_views, make_structure_sampler
 from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import (

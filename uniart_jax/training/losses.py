@@ -118,7 +118,7 @@ def articulation_losses(
     Args:
       predicted: "box_pair" [B, V, 2, 6], "foreign" [B, V, r^3] logits, "joint_code" [B, V, 9],
         "parent_box" [B, V, 6].
-      boxes: the truth, of ``models.uniart_vae.voxel_boxes``. joint_code, parent_box: the truth,
+      boxes: the truth, of ``models.voxel_batch.voxel_boxes``. joint_code, parent_box: the truth,
         shapes as predicted. weights: [B, V].
 
     Two boxes told apart by name, not a mixture: fitted as a mixture, a voxel's box is right only as

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from uniart_jax.config import Config
 from uniart_jax.models.network import Network
 from uniart_jax.models.structure_vae import sample_posterior
-from uniart_jax.models.uniart_vae import (
+from uniart_jax.models.voxel_batch import (
     cell_color,
     cell_sdf,
     valid_tokens,
