@@ -19,10 +19,14 @@ from uniart_jax.export.mass import part_inertials
         trimesh.creation.box([1e-6, 1, 1]),
         trimesh.Trimesh(trimesh.creation.box().vertices, trimesh.creation.box().faces[:7]),
         trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], process=False),
+        trimesh.Trimesh(
+            trimesh.creation.box().vertices * [1, 1, 0], trimesh.creation.box().faces, process=False
+        ),
     ],
 )
-def test_inertia_is_possible_whatever_the_mesh(body):
+def test_inertia_is_possible_whatever_the_mesh(body, recwarn):
     ((mass, center, inertia),) = part_inertials([body], 0.3, None, None)
+    assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
     principal = np.linalg.eigvalsh(inertia)
     assert mass >= 1e-3 and principal[0] > 0 and principal[0] + principal[1] > principal[2]
     assert np.all(center >= body.bounds[0] * 0.3 - 1e-3) and np.all(

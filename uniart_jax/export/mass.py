@@ -89,7 +89,8 @@ def _solid(mesh: trimesh.Trimesh, scale: float) -> trimesh.Trimesh:
         return solid
     extents, center = np.maximum(solid.extents, MIN_GYRATION), solid.bounds.mean(0)
     try:
-        solid = solid.convex_hull
+        with np.errstate(all="ignore"):
+            solid = solid.convex_hull
     except Exception:  # qhull on a flat or tiny mesh; the check below sees it
         solid = trimesh.Trimesh()
     if not _is_solid(solid):

@@ -40,7 +40,8 @@ def without_debris(obj: ArticulatedObject) -> ArticulatedObject:
         apart.
     """
     size = float(np.ptp(obj.bounds, axis=0).max())
-    volume = np.array([abs(part.mesh.volume) for part in obj.parts])
+    with np.errstate(all="ignore"):  # a flat part has no centre of mass
+        volume = np.array([abs(part.mesh.volume) for part in obj.parts])
     kept = list(range(len(obj.parts)))
     for k in reversed(range(1, len(obj.parts))):  # children stand behind their parents
         carries = any(obj.parts[i].parent == k for i in kept)
