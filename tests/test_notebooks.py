@@ -28,6 +28,9 @@ def test_cells_are_bare_and_import_what_exists(notebook):
             module = importlib.import_module(str(node.module))
             for name in node.names:
                 assert hasattr(module, name.name), f"{node.module} has no {name.name}"
+        elif isinstance(node, ast.Import):
+            for name in node.names:
+                importlib.import_module(name.name)
 
 
 def test_there_are_two():

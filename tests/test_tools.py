@@ -239,6 +239,8 @@ def test_each_maker_keeps_to_a_core_of_its_own(pool_tools):
             pool_tools.host.keep_to_core(worker)
             assert os.sched_getaffinity(0) == {core}
             os.sched_setaffinity(0, cores)
+        pool_tools.host.keep_to_core(len(cores))  # more makers than cores: the first again
+        assert os.sched_getaffinity(0) == {cores[-1]}
     finally:
         os.sched_setaffinity(0, cores)
 
@@ -259,6 +261,8 @@ def test_both_updates_are_compiled_for_a_batch(pool_tools):
     np.testing.assert_allclose(compiled["layout"](start(), np.ones(2), key, half)[0].params, 0.5)
     found = compiled["structure_flow"](start(), np.ones(2), key, half, weights)[0].params
     np.testing.assert_allclose(found, 0.0)
+    with pytest.raises(TypeError):  # it is compiled, for this shape alone
+        compiled["layout"](start(), np.ones((3, 2)), key, half)
 
 
 def test_the_deadline_of_no_file_is_the_one_before(pool_tools, tmp_path):

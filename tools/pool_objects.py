@@ -55,8 +55,8 @@ def make_files(worker: int, workers: int, first: int, folder: str, size: int, si
 
 
 def keep_to_core(worker: int) -> None:
-    """Keep this process, and the threads that embree would start, to one core: the last ones are
-    taken first."""
+    """Keep this thread, and those that it starts (embree's), to one core; the last are taken
+    first."""
     if hasattr(os, "sched_setaffinity"):
         cores = sorted(os.sched_getaffinity(0), reverse=True)
         os.sched_setaffinity(0, {cores[worker % len(cores)]})

@@ -200,7 +200,7 @@ def read_deadline(file: str, before: float) -> float:
 def compile_both(
     updates: dict[str, Any], runs: dict[str, Run], batch: Any, weights: tuple[Any, ...]
 ) -> dict[str, Any]:
-    """The updates of both networks compiled for a batch, side by side: a lent hour is short."""
+    """The updates of both networks compiled for a batch, side by side."""
     import jax
 
     frozen = {"layout": (), "structure_flow": (weights,)}

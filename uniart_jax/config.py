@@ -19,7 +19,6 @@ from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hint
 from uniart_jax.config_files import CONFIGS, find_file, run_file
 
 Background = Literal["auto", "keep", "rembg"]  # how an object is cut out (data.background)
-Aggregation = Literal["uniart", "self_attention", "residual", "pooling", "concat"]
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash", "plain"]
 TOLERANCES = (1e-4, 1.0)  # of adaptive solvers
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
@@ -160,7 +159,7 @@ class UniArtVAEConfig:
     attention: Literal["swin", "serial", "full"] = "swin"
     window: int = 8
     qk_rms_norm: bool = False
-    aggregation: Aggregation = "uniart"
+    aggregation: str = "uniart"  # a key of ``models.aggregation.AGGREGATIONS``
     visual_channels: int = 1024
     part_feature_channels: int = 0
     geometry_channels: int = 128

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from toy import MODEL, finite, init, vae_config, voxel_batch
 
+from uniart_jax.config import ModelConfig, from_json, to_json
 from uniart_jax.data.records import decode_color, decode_sdf
 from uniart_jax.models.aggregation import AGGREGATIONS, Front
 from uniart_jax.models.network import build
@@ -64,9 +65,20 @@ def test_uniart_vae_ignores_padding(attention, linear_path, qk_rms_norm):
             np.testing.assert_allclose(a, b, rtol=2e-3, atol=2e-3 * np.abs(b).max())
 
 
+SHARED = {"geometry", "code_in", "code_out", "part_feature"}
+LAYERS = {
+    "uniart": {"to_q", "to_kv", "to_out"},
+    "self_attention": {"self_attn"},
+    "residual": {"to_geometry"},
+    "pooling": {"to_out"},
+    "concat": {"fuse"},
+}
+
+
 def test_the_five_aggregations_run_and_differ():
     seen = []
-    for kind in ("uniart", "self_attention", "residual", "pooling", "concat"):
+    assert set(LAYERS) == set(AGGREGATIONS)
+    for kind in LAYERS:
         model = vae_config(aggregation=kind, visual_channels=3, part_feature_channels=5)
         network = build("uniart_vae", model)
         batch = voxel_batch(model)
@@ -75,13 +87,14 @@ def test_the_five_aggregations_run_and_differ():
         )
         assert mean.shape == (2, 70, 4) and finite(mean)
         seen.append(np.asarray(mean))
+        assert set(init(network)["front"]) - SHARED == LAYERS[kind]  # as checkpoints name them
     for i in range(5):
         for j in range(i):
             assert np.abs(seen[i] - seen[j]).max() > 1e-3
 
 
 def test_a_new_aggregation_is_a_class_and_its_name(monkeypatch):
-    """As docs/tutorial.md says; the others' layers and their draws stay as they are."""
+    """As docs/tutorial.md says; its checkpoint can be read again."""
 
     class GatedFront(Front):
         def make(self, rngs):
@@ -96,6 +109,8 @@ def test_a_new_aggregation_is_a_class_and_its_name(monkeypatch):
     network = build("uniart_vae", vae_config(aggregation="gated"))
     mean = network.apply(params, voxel_batch(vae_config()), method="encode")["mean"]
     assert finite(mean) and "gate" in params["front"]
+    model = vae_config(aggregation="gated")
+    assert from_json(ModelConfig, to_json(model)) == model
     with pytest.raises(ValueError, match=r"aggregation 'mine' is none of uniart, .*, gated"):
         build("uniart_vae", vae_config(aggregation="mine")).abstract()
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
-from uniart_jax.config import Aggregation, Config
+from uniart_jax.config import Config
 from uniart_jax.config_files import CONFIGS, find_file
 
 Size = Literal["nano", "paper"]
@@ -157,7 +157,7 @@ def trained_on(config: Config, records: Records, **more: Any) -> Config:
     return dataclasses.replace(config, data=dataclasses.replace(config.data, **data | more))
 
 
-def with_aggregation(config: Config, kind: Aggregation) -> Config:
+def with_aggregation(config: Config, kind: str) -> Config:
     """The config with another aggregation in its UniArt VAE."""
     vae = dataclasses.replace(config.model.uniart_vae, aggregation=kind)
     return dataclasses.replace(config, model=dataclasses.replace(config.model, uniart_vae=vae))

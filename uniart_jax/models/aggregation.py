@@ -61,7 +61,7 @@ class Front(nnx.Module):
         self.make(rngs)
 
     def make(self, rngs: nnx.Rngs) -> None:
-        """The aggregation's own layers; ``channels`` where V is not as wide as both together."""
+        """Make the aggregation's own layers; set ``channels`` where V is not as wide as both."""
         raise NotImplementedError
 
     def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:

@@ -33,7 +33,7 @@ from uniart_jax.voxels.part_table import SMALLEST_SIDE
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
-THRESHOLD = 0.5  # of a part's probability (docs/evaluation.md, layouts)
+THRESHOLD = 0.5  # of a part's probability (docs/model_card.md, layouts)
 ROOT = -1  # name of the virtual root
 KNOB = 0.15  # object units; what turns far and is no larger is a knob
 FAR = np.deg2rad(144)
