@@ -119,7 +119,8 @@ class _Sheet:
     """Several cameras as one, their pictures side by side in a square: the renderer sorts the
     triangles once, not once a view.
 
-    It has what ``render`` asks of a camera: ``position``, here one for each pixel, and ``rays``.
+    It has what ``render`` asks of a camera: ``position``, here one for each pixel, ``rays`` and the
+    ``window`` of pixels that they go through, here always all.
     """
 
     cameras: tuple[Camera, ...]
@@ -136,7 +137,15 @@ class _Sheet:
         shape = (len(self.cameras), self.tile, self.tile, 3)
         return self._lay(np.broadcast_to(pinholes, shape)).reshape(-1, 3)
 
-    def rays(self, size: int, offset: tuple[float, float] = (0.5, 0.5)) -> np.ndarray:
+    def window(self, bounds: np.ndarray, size: int) -> tuple[int, int, int, int]:
+        return 0, size, 0, size
+
+    def rays(
+        self,
+        size: int,
+        offset: tuple[float, float] = (0.5, 0.5),
+        window: tuple[int, int, int, int] | None = None,
+    ) -> np.ndarray:
         """[size, size, 3] float32 unit directions; ``size`` is that of the whole sheet."""
         return self._lay(np.stack([c.rays(self.tile, offset) for c in self.cameras]))
 
