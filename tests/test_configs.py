@@ -30,6 +30,7 @@ def outputs(network, *inputs, method="__call__", **options):
     return jax.eval_shape(run, network.abstract(), inputs, options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", CONFIGS, ids=lambda p: p.stem)
 def test_the_networks_of_a_config_fit_each_other(path):
     model = load_config(path).model

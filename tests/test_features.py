@@ -325,6 +325,7 @@ def toy(folder, **data):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_training_and_encoding_read_the_columns_of_their_split(tmp_path):
     splits = ["test", "train", "train", "test", "train", "train"]
     folder = prepared(tmp_path / "records", splits=splits)
@@ -398,6 +399,7 @@ def test_prepare_makes_the_column_too(tmp_path):
         cli.prepare("layouts", out=tmp_path / "layouts", part_features="geometric")
 
 
+@pytest.mark.slow
 def test_a_vae_that_read_no_part_features_goes_on_with_them(tmp_path):
     """It begins with the function that it was, trains on the features and their loss, and
     decodes."""

@@ -301,6 +301,7 @@ def trellis():
     return Pipeline(config, parameters, statistics)
 
 
+@pytest.mark.slow
 def test_networks_of_trelliss_form_go_from_image_to_gaussians(trellis):
     image = np.random.default_rng(0).integers(0, 255, (40, 30, 4)).astype(np.uint8)
     image[..., 3] = 0

@@ -75,6 +75,7 @@ def test_mujoco_opens_it(asset):
     assert np.isfinite(data.qpos).all()
 
 
+@pytest.mark.slow
 @shipped
 def test_same_seed_same_object(asset, tmp_path):
     sample(EXAMPLE, "--out", tmp_path / "again", "--steps", 4)
@@ -176,6 +177,7 @@ class Finder:
         return Sample(ArticulatedObject(parts), options, evaluations, {"structure": 0, "latent": 2})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seeds", "code"), [((0, 2), 1), ((1,), 1), ((0, 1, 2), 0), ((), 2)])
 def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, capsys, seeds, code):
     finder = Finder(seeds)

@@ -193,6 +193,7 @@ def test_the_metric_of_the_latents_found_is_positive_definite(trained):
     assert metric.shape == (4, 4) and np.linalg.eigvalsh(metric).min() >= 0.5 / 4 - 1e-5
 
 
+@pytest.mark.slow
 def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
     """Learning rate 0: the trained stage ends with the weights that it began with; the others are
     taken as they are, and all of it loads."""
@@ -206,6 +207,7 @@ def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
     assert uniart_jax.load(tmp_path / "work").config.name == "debug"
 
 
+@pytest.mark.slow
 def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys):
     """Its weights are kept and the new layers add nothing yet, so the network begins with the
     function that it was."""
@@ -243,6 +245,7 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys)
     assert len(added) == 4 and not any(after[name].any() for name in added)
 
 
+@pytest.mark.slow
 def test_a_flows_step_sees_by_the_exported_encoder(trained):
     config, workdir = trained
     mesh, network = make_mesh(config.mesh), build("structure_flow", config.model)
@@ -305,6 +308,7 @@ def test_flows_are_taken_over_only_with_their_encoder_and_vaes(trained, tmp_path
     assert adoption.adoptable(config, workdir, ["latent_flow"], tmp_path / "own") == []
 
 
+@pytest.mark.slow
 def test_training_goes_on_from_a_checkpoint_with_one_flow(trained, tmp_path):
     config, workdir = trained
     adoption.adopt(workdir, [n for n in NETWORKS if n != "latent_flow"], tmp_path / "source")
@@ -315,6 +319,7 @@ def test_training_goes_on_from_a_checkpoint_with_one_flow(trained, tmp_path):
     assert set(statistics) == {"structure.mean", "structure.std"}
 
 
+@pytest.mark.slow
 def test_a_flow_leaves_the_other_ones_statistics(trained, tmp_path):
     config, workdir = trained
     shutil.copytree(workdir, tmp_path / "work")
@@ -362,6 +367,7 @@ def test_a_layout_network_must_be_there_before_anything_is_written(trained, tmp_
     check_found(changed, [STAGES["uniart_vae"]], tmp_path, [])  # sees nothing sampled
 
 
+@pytest.mark.slow
 def test_a_decoder_learns_on_what_a_flow_samples_while_the_encoder_stays(trained, tmp_path):
     config, workdir = trained
     sees = dataclasses.replace(config.model.uniart_vae, layout_channels=4)
@@ -387,6 +393,7 @@ def test_a_decoder_learns_on_what_a_flow_samples_while_the_encoder_stays(trained
     assert any(name.startswith("layout.") for name in after)
 
 
+@pytest.mark.slow
 def test_a_flow_gets_a_refiner_that_trains_while_the_flow_stays(trained, tmp_path):
     config, workdir = trained
     refining = dataclasses.replace(config.model.structure_flow, refine_channels=4)
@@ -439,6 +446,7 @@ def test_records_of_other_settings_are_refused(trained, tmp_path):
             stages.run(other, ["structure_vae"], tmp_path / "work")
 
 
+@pytest.mark.slow
 def test_evaluation_is_the_same_in_workers(trained, tmp_path):
     """Every row of the table, with pictures and assets; the weights are noise, so only their being
     there is looked at."""
@@ -488,6 +496,7 @@ def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
     assert not (tmp_path / "work").exists()
 
 
+@pytest.mark.slow
 def test_what_is_untrained_stays_marked_until_its_stage_is_through(trained, tmp_path):
     config, workdir = trained
     source = tmp_path / "converted"

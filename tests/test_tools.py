@@ -73,6 +73,7 @@ def test_weights_are_averaged_by_the_share_of_the_second(tmp_path, monkeypatch, 
         runpy.run_path(str(ROOT / "tools/average_weights.py"), run_name="__main__")
 
 
+@pytest.mark.slow
 def test_the_gallery_shows_input_rest_and_open_and_counts_failures(tmp_path, monkeypatch, capsys):
     """A pipeline that gives the truth, and finds nothing in every other picture."""
     tool = runpy.run_path(str(ROOT / "tools/gallery.py"), run_name="tool")

@@ -161,6 +161,7 @@ def test_validate_of_what_is_no_asset_is_one_line(run, assets, tmp_path):
     assert code == 2 and "not replaced" in err
 
 
+@pytest.mark.slow
 def test_validate_refines_on_request(run, tmp_path):
     chest(-1.0).save(tmp_path / "inward", formats=("mjcf",), motion=False)
     wide = chest(

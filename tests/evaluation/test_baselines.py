@@ -115,6 +115,7 @@ def same_meshes(a: ArticulatedObject, b: ArticulatedObject) -> bool:
     )
 
 
+@pytest.mark.slow
 def test_all_methods_are_measured(networks, folder, monkeypatch):
     quick = functools.partial(compare, only=("articulation", "pose_error"))
     monkeypatch.setattr(baselines, "compare", quick)
@@ -135,6 +136,7 @@ def test_all_methods_are_measured(networks, folder, monkeypatch):
     assert (folder / "table.md").is_file()
 
 
+@pytest.mark.slow
 def test_the_nearest_image_is_asked_where_there_are_records(patch, tmp_path, monkeypatch):
     asked = []
 
@@ -158,6 +160,7 @@ def test_the_nearest_image_is_asked_where_there_are_records(patch, tmp_path, mon
     assert list(again) == ["model", "nearest_image", *METHODS[1:]] and not again["model"]
 
 
+@pytest.mark.slow
 def test_a_library_of_assets_takes_the_place_of_procedural_parts(patch, tmp_path, monkeypatch):
     """The nearest asset is copied as it lies, and both retrievals of parts take the library's."""
     for name, height in (("low", 0.2), ("tall", 2.0)):

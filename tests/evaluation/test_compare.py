@@ -182,6 +182,7 @@ def test_two_runs_are_equal(folders, tmp_path):
     assert files(folders[2]) == files(tmp_path / "other")
 
 
+@pytest.mark.slow
 def test_workers_find_the_same_and_one_that_dies_is_a_failure(folders, tmp_path):
     alone = run(folders)["methods"]["ours"]["objects"]
     toy_assets.write(folders[0] / "two samples" / "sample-1", "body", "die")

@@ -44,6 +44,7 @@ def test_limits_are_said_in_degrees_and_units():
     assert "0..180 deg" in screw and "0.000..0.100" in screw
 
 
+@pytest.mark.slow
 def test_commands(records, tmp_path, capsys):
     inspect(records, index=1, out=tmp_path / "a")
     assert (tmp_path / "a" / "record.png").is_file() and (tmp_path / "a" / "object.urdf").is_file()

@@ -47,6 +47,7 @@ def test_a_folder_of_assets_with_a_bad_one(tmp_path):
         evaluate_physics(out, root=tmp_path / "other", engines=ENGINES)
 
 
+@pytest.mark.slow
 def test_every_joint_of_a_part_is_tried(tmp_path):
     """A lever that turns and lifts: codes hold one joint a part, files and checks both."""
     turn, lift = (

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 from uniart_jax import procedural
 from uniart_jax.config import ImageEncoderConfig, ModelConfig
@@ -38,6 +39,7 @@ def test_an_object_against_itself_and_against_another():
     assert other.chamfer > 2 * same.chamfer and other.chamfer_open > 2 * same.chamfer_open
 
 
+@pytest.mark.slow
 def test_workers_change_nothing(tmp_path):
     for processes in (1, 2):
         evaluate_representation(tmp_path / str(processes), count=2, processes=processes)

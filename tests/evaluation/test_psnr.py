@@ -160,6 +160,7 @@ def test_articulated_figures_are_the_mean_of_five_states_and_rest_is_one_of_them
         assert abs(np.mean(values) - np.mean(values[1:])) > 0.001
 
 
+@pytest.mark.slow
 @settings(max_examples=3)
 @given(st.permutations([0, 1, 2]), st.floats(0.2, 5))
 def test_part_order_scale_and_place_do_not_matter(order, scale):

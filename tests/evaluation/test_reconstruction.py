@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 import trimesh
 
 from uniart_jax.data import prepare
@@ -28,6 +29,7 @@ def panel() -> ArticulatedObject:
     )
 
 
+@pytest.mark.slow
 def test_a_small_motion_is_told_by_the_copy(tmp_path, capsys):
     folder = panel().save(tmp_path / "a", formats=(), motion=False)
     assert [p.joint.type for p in load_object(folder).parts] == ["fixed", "prismatic", "revolute"]

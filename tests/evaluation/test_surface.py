@@ -125,6 +125,7 @@ def test_right_is_better_than_shut_is_better_than_inwards():
     assert measure(cabinet((0, 0.3 * np.pi / 2)), ref, FEW)["as_chamfer"] > chamfer[1]
 
 
+@pytest.mark.slow
 def test_a_missing_and_a_surplus_part_count_in_part_f_score():
     whole = cabinet()
     body = single(whole.parts[0].mesh)
@@ -175,6 +176,7 @@ def test_points_lie_on_their_parts_and_move_with_them():
     np.testing.assert_allclose(motions(obj)[-1], obj.forward_kinematics(obj.open()))
 
 
+@pytest.mark.slow
 def test_degenerate_surfaces_are_figures_not_crashes():
     ref = cabinet()
     needle = trimesh.Trimesh([[0, 0, -0.5], [0, 0, 0], [0, 0, 0.5]], [[0, 1, 2]], process=False)

@@ -201,6 +201,7 @@ def test_an_object_without_a_truth_counts_for_nobody(monkeypatch, tmp_path):
     assert arm["rows"]["rs_chamfer"]["mean"] != arm["rows"]["rs_chamfer"]["mean"]  # NaN
 
 
+@pytest.mark.slow
 def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
     (name,) = judge.test_names(ARM.tests, 1)
     model = dataclasses.replace(

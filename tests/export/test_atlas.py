@@ -155,6 +155,7 @@ def test_an_open_surface_with_an_odd_number_of_faces_does_not_crash():
     assert collision_shapes([odd])
 
 
+@pytest.mark.slow
 def test_sheets_that_come_to_touch_do_not_keep_all_faces():
     """A bumpy solid full of thin places, where simplifying brings vertices of two sheets into one
     place."""

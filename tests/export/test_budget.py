@@ -39,6 +39,7 @@ def washer():
     return obj, make_bodies(obj, meshes), meshes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("budget", [1, 12, 64])
 def test_an_object_keeps_within_its_budget(washer, budget):
     obj, bodies, meshes = washer
@@ -50,6 +51,7 @@ def test_an_object_keeps_within_its_budget(washer, budget):
     assert [b.volume_error for b in again] == [b.volume_error for b in light]
 
 
+@pytest.mark.slow
 def test_more_shapes_err_less(washer):
     obj, bodies, meshes = washer
     few, many = (within_budget(obj, bodies, meshes, n) for n in (3, 64))

@@ -99,6 +99,7 @@ def test_walls_are_boxes_in_their_own_frame(angle):
     assert (depth_in(cavity @ turn.T, shapes) > 0).all()
 
 
+@pytest.mark.slow
 @settings(max_examples=5, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_what_is_cut_out_of_a_turned_block_stays_free(seed):
@@ -147,6 +148,7 @@ def test_what_nearly_fills_its_hull_is_its_hull():
     assert 0.85 * ball.volume < shape.mesh.volume <= ball.volume * (1 + 1e-9)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None, phases=[Phase.explicit, Phase.generate])
 @given(
     st.sampled_from(["cylinder", "lens", "sphere"]),

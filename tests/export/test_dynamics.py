@@ -164,6 +164,7 @@ def test_friction_and_spring_beat_gravity_in_any_allowed_state(seed):
                 assert given_.alone >= 1.1 * abs(load)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("links", [6, 30, 100])
 def test_a_long_chain_asks_for_few_states(links, monkeypatch):
     ball = trimesh.creation.box([0.1, 0.1, 0.1])

@@ -65,6 +65,7 @@ def test_watertight_is_what_the_edges_of_the_written_file_say(tmp_path, scale):
     assert told["box"] and told["soup"] and not told["joined"]
 
 
+@pytest.mark.slow
 def test_surfaces_found_on_voxels_are_known_again(tmp_path):
     """So what is made of them next is made of cells too; a report that is broken says nothing."""
     for made in (True, False):

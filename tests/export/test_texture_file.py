@@ -67,6 +67,7 @@ def five_parts(dense: bool) -> ArticulatedObject:
     return dataclasses.replace(obj, parts=tuple(parts), from_voxels=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dense", [False, True])
 def test_a_folder_of_five_parts_is_small(tmp_path, dense):
     """With every format that is written by default."""
@@ -84,6 +85,7 @@ def test_a_folder_of_five_parts_is_small(tmp_path, dense):
         assert off < 2
 
 
+@pytest.mark.slow
 def test_a_package_holds_its_smaller_texture(tmp_path):
     pytest.importorskip("pxr", reason="pip install 'uniart_jax[usd]'")
     from pxr import Sdf, Usd, UsdShade, UsdUtils

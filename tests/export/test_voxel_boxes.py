@@ -124,6 +124,7 @@ def test_open_surfaces_count_by_their_corners():
     assert cells.full[0].sum() > 0.8 * CELLS**2
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), share=st.floats(0.05, 0.9))
 def test_boxes_hold_the_cells_and_nothing_that_is_not_allowed(seed, share):

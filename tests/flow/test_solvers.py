@@ -64,6 +64,7 @@ def bumpy(x, t):
     return jnp.where(t > 0.7, 1.0, 1 + 3 * jnp.cos(20 * t))[:, None] * jnp.ones_like(x)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_step_that_is_too_long_is_taken_back(solver):
     found, times = counted(bumpy, jnp.ones((1, 1)), solver, 4, tolerance=0.03)

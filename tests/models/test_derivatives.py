@@ -103,6 +103,7 @@ def refusals(jaxpr):
     return number
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_every_network_lets_forward_mode_through(case):
     """Traced alone; with the usual kernel there is something that JAX refuses."""

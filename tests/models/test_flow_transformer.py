@@ -201,6 +201,7 @@ def test_reading_pixels_begins_at_nothing():
     np.testing.assert_allclose(found, before, rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_flow_sees_the_layout_of_its_own_picture_and_begins_without():
     """Both flows: new layers add nothing yet; once they do, a part moves its own object alone, and
     the table's order and padding do not matter."""

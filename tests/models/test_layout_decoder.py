@@ -25,6 +25,7 @@ def decode(network, params, batch):
     return jax.jit(lambda p, b: network.apply(p, latent, b, VOXELS, method="decode"))(params, batch)
 
 
+@pytest.mark.slow
 def test_it_begins_as_the_decoder_that_sees_none():
     blind = vae_config(attention="serial", window=16)
     network, params = build("uniart_vae", MODEL), init(build("uniart_vae", MODEL))

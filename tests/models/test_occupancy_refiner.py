@@ -97,6 +97,7 @@ def test_it_needs_the_pictures_and_their_camera(params):
         build("structure_flow", dataclasses.replace(refining(), image_encoder=encoder)).abstract()
 
 
+@pytest.mark.slow
 def test_its_loss_trains_the_refiner_alone_and_falls():
     model = refining()
     config = Config(model=model, loss=LossConfig(refined=1.0))

@@ -73,6 +73,7 @@ def test_a_screw_rises_by_its_travel(left_handed):
     np.testing.assert_allclose(quarter[:2, 0], [0, -1 if left_handed else 1], atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", OTHERS)
 def test_the_voxels_keep_parts_and_joints(family):
     obj = generate(family, HELD_OUT_SEED)

@@ -66,6 +66,7 @@ def deepest(obj: ArticulatedObject, cells, part: str, states=40) -> float:
     return max(found) / obj.scale
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 0.02])
 def test_a_sill_in_the_way_is_cut_down(scale):
     obj = shelf(0.06, scale)
@@ -98,6 +99,7 @@ def test_a_door_that_should_be_open_is_left_whole():
     assert cut.full[1].sum() < cells.full[1].sum() and any("'door' and 'rack'" in x for x in lines)
 
 
+@pytest.mark.slow
 def test_no_part_loses_more_than_half():
     """A bar through a wall that is hardly larger."""
     bar = boxes([[-0.1, -0.2, -0.2], [0.3, 0.2, 0.2]])
@@ -109,6 +111,7 @@ def test_no_part_loses_more_than_half():
     assert (kept >= 1 - MOST_LOST).all() and lines == ()
 
 
+@pytest.mark.slow
 def test_parts_side_by_side_do_not_touch_where_one_is_turned():
     """A square knob beside another: its corners sweep over the gap."""
     wall = boxes([[-0.05, -0.5, -0.5], [0.0, 0.5, 0.5]])
@@ -125,6 +128,7 @@ def test_parts_side_by_side_do_not_touch_where_one_is_turned():
     assert first > 0.01 and left < 0.1 / CELLS
 
 
+@pytest.mark.slow
 def test_what_meets_only_while_both_are_open_is_cut_too():
     """Two blocks that slide into one corner from two sides and share a layer of cells there."""
     plate = boxes([[-0.5, -0.5, -0.2], [0.5, 0.5, -0.15]])

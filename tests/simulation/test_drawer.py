@@ -23,6 +23,7 @@ def first_drawer(family: str, seed: int):
     raise AssertionError(f"no {family} with a drawer")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("family", "seed"), DRAWERS)
 def test_a_drawer_holds_a_ball_while_it_moves(family, seed, tmp_path):
     obj, k = first_drawer(family, seed)

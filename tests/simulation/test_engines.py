@@ -100,6 +100,7 @@ def test_masses_are_those_of_the_file(name, tmp_path):
     assert np.sort(block.moments) == pytest.approx([0.03, 0.04, 0.05])
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("parts", [1, 2])
 def test_an_asset_without_a_moving_joint_stands(name, tmp_path, parts):

@@ -50,6 +50,7 @@ def pulled(model: mujoco.MjModel, part: dict, report: dict) -> float:
     return best
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [None, 60.0])
 @pytest.mark.parametrize(("family", "seed"), OBJECTS)
 def test_a_hand_opens_what_is_written(family, seed, mass, tmp_path):

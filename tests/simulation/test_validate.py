@@ -60,6 +60,7 @@ def test_a_sound_asset_passes(tmp_path, engine, make, checks):
         assert all(set(verdict) == {"passed", "value", "limit"} for verdict in group.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("engine", BOTH)
 def test_what_is_behind_a_door_moves_once_it_is_open(tmp_path, engine):
     result = validate(pantry(tmp_path / "a"), engines=[engine])
@@ -196,6 +197,7 @@ def test_a_file_that_breaks_an_engine_is_a_failed_check(tmp_path, monkeypatch):
     assert "'b'" in failed(validate(refused, engines=["mujoco"]))["reads"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit of processor time")
 def test_an_engine_is_stopped_by_the_time_that_it_computes_not_by_the_clock(tmp_path, monkeypatch):
     """One that a busy machine keeps waiting for three times the limit is judged; one that computes
@@ -346,6 +348,7 @@ def test_engines_that_are_not_there(tmp_path, monkeypatch):
         validate(tmp_path / "nothing", engines=["mujoco"])
 
 
+@pytest.mark.slow
 def test_what_is_written_is_complete_and_the_same_twice(tmp_path):
     asset = slider(tmp_path / "a", friction=1.0)
     first = validate(asset, engines=["mujoco"], out=tmp_path / "out")

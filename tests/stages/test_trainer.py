@@ -122,6 +122,7 @@ class Placed:
         self.at = state["at"]
 
 
+@pytest.mark.slow
 def test_an_iterator_with_a_place_of_its_own_needs_nothing_to_close(tmp_path):
     config = tiny_run.make_config(tmp_path)
     config = dataclasses.replace(config, data=dataclasses.replace(config.data, records=""))

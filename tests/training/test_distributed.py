@@ -102,6 +102,7 @@ def test_two_processes_equal_one_and_either_goes_on_from_the_other(tmp_path):
     assert not list(work.rglob("damaged-*"))
 
 
+@pytest.mark.slow
 def test_sigterm_to_one_process_saves_the_same_step_of_both(tmp_path):
     work = tmp_path / "work"
     programs = one_each(toy(work, 10_000, 10_000, "--slow", 0.05), 2)
@@ -120,6 +121,7 @@ def test_sigterm_to_one_process_saves_the_same_step_of_both(tmp_path):
     assert int(np.load(tmp_path / "one.npz")["step"]) == steps
 
 
+@pytest.mark.slow
 def test_a_record_that_one_process_cannot_read_ends_both_at_once(tmp_path):
     """It comes while a step that is saved computes: nobody waits in a save for the one that has
     failed."""
@@ -135,6 +137,7 @@ def test_a_record_that_one_process_cannot_read_ends_both_at_once(tmp_path):
     assert [path.name for path in (work / "checkpoints/toy").iterdir()] == ["3"]
 
 
+@pytest.mark.slow
 def test_a_part_that_one_process_cannot_read_sets_the_checkpoint_aside_for_both(tmp_path):
     # small arrays would stand in the first process's file
     work, splits = tmp_path / "work", ("--devices", 2, "--fsdp", 4, "--width", 8192)
@@ -178,6 +181,7 @@ def command(config: Path, port: int, process: int, *options) -> list:
     return ["train.py", "--config", config, *where, *options]
 
 
+@pytest.mark.slow
 def test_other_settings_on_one_process_are_named_on_all(tmp_path):
     port, config = free_port(), ROOT / "configs/debug.py"
     found = finished(
@@ -191,6 +195,7 @@ def test_other_settings_on_one_process_are_named_on_all(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_an_error_of_one_process_ends_both(tmp_path):
     """The second cannot write where its WORKDIR lies."""
     port, config = free_port(), ROOT / "configs/debug.py"
@@ -207,6 +212,7 @@ def test_an_error_of_one_process_ends_both(tmp_path):
     assert "not the first process's folder" in found[0][1] + found[1][1]
 
 
+@pytest.mark.slow
 def test_a_process_that_does_not_come_is_one_line(tmp_path):
     program = command(ROOT / "configs/debug.py", free_port(), 0, "--wait", 3)
     ((code, text),) = finished([*program, "--workdir", tmp_path / "work"])

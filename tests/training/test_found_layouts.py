@@ -63,6 +63,7 @@ def loss_of():
     return run
 
 
+@pytest.mark.slow
 def test_a_decoder_sees_the_layout_found_in_place_of_its_own(loss_of):
     batch, other = make_batch(), make_batch(1)
     own, found = loss_of(0.0, batch)[0], loss_of(1.0, batch)[0]

@@ -123,6 +123,7 @@ def test_a_prediction_without_error_costs_next_to_nothing(setting):
     assert float(losses(out, batch)["loss"]) < 1e-4
 
 
+@pytest.mark.slow
 def test_muon_moves_hidden_matrices_and_a_small_network_learns():
     model = ModelConfig(
         layout=LayoutConfig(

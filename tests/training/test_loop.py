@@ -85,6 +85,7 @@ def test_stops_where_values_are_not_finite_and_saves_nothing_after(tmp_path):
     assert saved_steps(tmp_path) == [1, 2]
 
 
+@pytest.mark.slow
 def test_steps_that_are_not_finite_are_passed_over_as_often_as_asked(tmp_path, capsys):
     stage = toy_run.make_stage(8, 2, log_every=8, skip_not_finite=1)
     state = toy_run.train(tmp_path / "a", stage, toy_run.make_batches(nan_at=(4, 6)))
@@ -164,6 +165,7 @@ def test_data_that_ends_is_an_error(tmp_path):
         toy_run.train(tmp_path, toy_run.make_stage(2, 2), Ends())
 
 
+@pytest.mark.slow
 def test_a_batch_that_fails_costs_no_step(tmp_path, straight, capsys):
     batches = toy_run.make_batches()
 
@@ -194,6 +196,7 @@ def evaluation(calls):
     return evaluate
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stopped", [3, 6])
 def test_an_evaluation_that_a_signal_forestalls_is_made_up_for(tmp_path, stopped):
     """At the last step too, which has only been saved then: the rows are those of a run without a

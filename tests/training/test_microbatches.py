@@ -133,6 +133,7 @@ def voxels(items=4, width=64):
     return {"coords": coords, "counts": counts, "voxel_part": part, "latent": normal(4)}
 
 
+@pytest.mark.slow
 def test_parts_of_a_batch_of_voxels_mean_what_the_whole_means():
     """Positions in plans are those of the micro-batch: a decoder and a flow give each item what
     they give it in the whole batch."""

@@ -262,6 +262,7 @@ def test_every_ambiguous_cube_is_closed(share):
         assert_closed(part_mesh(dense, 0, window, np.zeros((1, 3), np.uint8)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.2, 1.0])
 def test_fine_noise_keeps_the_face_budget(noise):
     rng = np.random.default_rng(0)

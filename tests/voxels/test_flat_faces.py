@@ -180,6 +180,7 @@ def share_that_differs(field, part, distance, beyond=0.0):
     return differ.sum() / (distance < 0).sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [30, 60])
 @pytest.mark.parametrize("carries", [(), (0,)])
 def test_a_plate_that_stands_open_becomes_flat_and_its_edges_straight(degrees, carries):

@@ -72,6 +72,7 @@ def test_a_row_that_no_voxel_shows_is_left_out_and_said(oven):
     assert compare_parts(made, obj).tree_right  # its child hangs on its parent
 
 
+@pytest.mark.slow
 def test_a_knob_that_is_found_twice_is_made_once():
     obj = procedural.generate("oven", 1)
     grid = voxelize(obj, 32, 4)
@@ -101,6 +102,7 @@ def with_row(true, box, parent=0, joint=None):
     )
 
 
+@pytest.mark.slow
 def test_a_fixed_part_of_which_voxels_show_a_fragment_is_left_out_and_said(oven):
     obj, grid = oven
     told, true = grid.gather(), Layout.of_object(obj)
@@ -190,6 +192,7 @@ def buried(made):
     return deep.reshape(len(ways), -1).mean(1).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("flat", [True, False])
 def test_a_door_whose_way_the_frame_bars_is_given_room(flat):
     grid, layout = cabinet(solid(DOOR), DOOR, SWINGS, lip=True)
@@ -207,6 +210,7 @@ def test_a_door_whose_way_the_frame_bars_is_given_room(flat):
     np.testing.assert_allclose(body.bounds[1], barred_body.bounds[1], atol=0.005)
 
 
+@pytest.mark.slow
 def test_an_open_door_is_made_flat_and_has_room():
     """Its plate is rough where it is shown, 40 degrees open."""
     angle = np.deg2rad(40)

@@ -266,6 +266,7 @@ def test_distances_never_lie_next_to_zero():
     assert np.abs(after.sdf).min() >= ZERO
 
 
+@pytest.mark.slow
 def test_empty_parts_and_the_grids_border_are_borne():
     whole = block((0.5,) * 3, (64.5,) * 3)
     joints = [FIXED, hinge((2, 60, 30), (0, 0, 1), -1.0, 2.0)]

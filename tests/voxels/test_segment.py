@@ -117,6 +117,7 @@ def make_drawers(number: int = 3) -> PartGrid:
     return grid_of(distances, boxes, parents=[0] * (number + 1), resolution=32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.003, 0.02])
 def test_low_drawers_stay_apart_where_votes_are_good(noise):
     """Neighbours' boxes differ by little in two of six corners; under votes as wrong as a flow's
@@ -131,6 +132,7 @@ def test_low_drawers_stay_apart_where_votes_are_good(noise):
     assert (match[found.owner] == grid.owner).mean() > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_votes_that_are_wrong_together_give_the_same_parts(seed):
     """As out of a flow: each cube of 4^3 voxels is off by its own error, and drifts towards what

@@ -91,6 +91,7 @@ def test_a_part_that_turns_about_its_middle_is_a_disc_and_others_are_blocks():
     assert flat.is_watertight and np.ptp(flat.bounds, 0)[0] == pytest.approx(1 / 128)
 
 
+@pytest.mark.slow
 def test_a_knob_that_voxels_lost_is_there_and_said():
     obj = procedural.generate("oven", 3)
     grid = voxelize(obj, 32, 4)

@@ -264,6 +264,7 @@ def test_dinov2_from_a_pickled_file_and_from_safetensors(tmp_path, capsys, monke
     assert code == 2 and "exists" in told and "--overwrite" in told
 
 
+@pytest.mark.slow
 def test_dinov2_joins_a_converted_checkpoint(converted, tmp_path, capsys, monkeypatch):
     folder = tmp_path / "checkpoint"
     folder.mkdir()

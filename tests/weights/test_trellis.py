@@ -71,6 +71,7 @@ def millions(tree):
     return round(sum(int(np.prod(leaf.shape)) for leaf in jax.tree.leaves(tree)) / 1e6, 3)
 
 
+@pytest.mark.slow
 def test_the_paper_size_is_trelliss_size():
     """Parameters of the published networks, buffers apart, from configs/paper.py alone."""
     model = load_config(Path(__file__).parents[2] / "configs" / "paper.py").model
@@ -98,6 +99,7 @@ def stored(file):
     return {name: np.broadcast_to(np.float16(0), shape) for name, shape in shapes.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES)
 def test_every_published_name_has_its_place(file):
     tensors = stored(file)
@@ -223,6 +225,7 @@ def test_networks_of_different_models_do_not_mix():
         compose([piece("slat_enc"), piece("slat_enc")])
 
 
+@pytest.mark.slow
 def test_a_filled_network_is_upstreams_where_it_can_be():
     pieces = []
     for name in ("slat_enc", "slat_dec_gs"):

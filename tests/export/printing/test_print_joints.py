@@ -39,6 +39,7 @@ def trio(made: Print, joint: PrintedJoint):
     return by[joint.parent].solid, child.solid, pins
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_parts_do_not_touch_at_any_state(name):
     made = print_of(name)
