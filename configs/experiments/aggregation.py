@@ -12,10 +12,9 @@ Time, nano: one CPU core; five arms, three seeds: two hours beside other work, a
 
 import dataclasses
 from pathlib import Path
-from typing import get_args
 
 from uniart_jax.cli import load_config
-from uniart_jax.config import Aggregation, Config
+from uniart_jax.config import Config
 from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
 from uniart_jax.experiments.design import (
     OBJECT_COLUMNS,
@@ -29,6 +28,7 @@ from uniart_jax.experiments.design import (
 )
 
 CONFIGS = Path(__file__).parent.parent
+KINDS = ("uniart", "self_attention", "residual", "pooling", "concat")
 RECORDS = Records("data-cache/experiments-seen", count=2000, part_features="geometric")
 
 
@@ -52,14 +52,11 @@ def nano() -> Config:
 
 def experiment(size: str) -> Experiment:
     if size == "nano":
-        arms = {
-            kind: Arm(with_aggregation(nano(), kind), ("uniart_vae",), "vae")
-            for kind in get_args(Aggregation)
-        }
+        arms = {kind: Arm(with_aggregation(nano(), kind), ("uniart_vae",), "vae") for kind in KINDS}
         return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=3, count=28, records=(RECORDS,))
     config = load_config(CONFIGS / "paper.py")
     tests = Objects(records=config.data.validation, split="test")
     arms = {"uniart": Arm(config, (), "object", tests, of="main/uniart")}
-    for kind in get_args(Aggregation)[1:]:
+    for kind in KINDS[1:]:
         arms[kind] = Arm(with_aggregation(config, kind), PAPER_STAGES, "object", tests)
     return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=1, count=200)

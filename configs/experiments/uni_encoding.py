@@ -16,7 +16,7 @@ import dataclasses
 from pathlib import Path
 
 from uniart_jax.cli import load_config
-from uniart_jax.config import Aggregation, Config
+from uniart_jax.config import Config
 from uniart_jax.experiments.design import (
     OBJECT_COLUMNS,
     Arm,
@@ -29,7 +29,7 @@ from uniart_jax.experiments.design import (
 
 CONFIGS = Path(__file__).parent.parent
 RECORDS = Records("data-cache/experiments-seen", count=2000)
-KINDS: tuple[Aggregation, ...] = ("uniart", "concat")
+KINDS = ("uniart", "concat")
 
 
 def nano() -> Config:
