@@ -7,7 +7,7 @@ Expected (the paper, generated objects, RS / AS): PSNR and Chamfer distance: uni
     .0170 / .0499; pooling 20.37 / 17.23, .0176 / .0493; concat (Table 2) 23.75 / 21.37,
     .0149 / .0462.
 Time, nano: one CPU core; five arms, three seeds: two hours beside other work, as measured without
-    part features. Paper: four trainings of configs/paper.py beside that of main; never run by us.
+    part features; ten minutes a training and its judging with them. Paper: four trainings of configs/paper.py beside that of main; never run by us.
 """
 
 import dataclasses
