@@ -6,8 +6,8 @@ Expected (the paper, generated objects, RS / AS): PSNR and Chamfer distance: uni
     .0095 / .0376; self_attention 25.33 / 22.04, .0148 / .0457; residual 20.92 / 18.62,
     .0170 / .0499; pooling 20.37 / 17.23, .0176 / .0493; concat (Table 2) 23.75 / 21.37,
     .0149 / .0462.
-Time, nano: one CPU core; five arms, three seeds: two hours beside other work, as measured without
-    part features; ten minutes a training and its judging with them. Paper: four trainings of configs/paper.py beside that of main; never run by us.
+Time, nano: one CPU core beside other work; five arms, three seeds, each trained and judged in ten
+    minutes. Paper: four trainings of configs/paper.py beside that of main; never run by us.
 """
 
 import dataclasses

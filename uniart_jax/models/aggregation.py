@@ -15,6 +15,8 @@ A new aggregation is a subclass of ``Front`` and its line in ``AGGREGATIONS``; i
 
 from __future__ import annotations
 
+import abc
+
 import jax
 import jax.numpy as jnp
 from flax import nnx
@@ -60,14 +62,14 @@ class Front(nnx.Module):
         )
         self.make(rngs)
 
+    @abc.abstractmethod
     def make(self, rngs: nnx.Rngs) -> None:
         """Make the aggregation's own layers; set ``channels`` where V is not as wide as both."""
-        raise NotImplementedError
 
+    @abc.abstractmethod
     def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:
         """V [B, V, channels]; padding may hold anything. ``batch["plans"]["parts"]`` are the
         segments of the parts."""
-        raise NotImplementedError
 
     def __call__(self, batch: Batch) -> tuple[jax.Array, jax.Array, jax.Array]:
         """V [B, V, channels], V_geo and V_art."""
