@@ -207,7 +207,7 @@ def render(
     side = round(samples**0.5)
     if side < 1 or side * side != samples:
         raise ValueError(f"render: {samples} samples a pixel; give a square number (1, 4, 9, 16)")
-    scene, triangles, face_part, first_face = scene or build_scene(obj, q)
+    embree, triangles, face_part, first_face = scene or build_scene(obj, q)
     origin = camera.position.astype(np.float32)
     window = camera.window(_bounds(triangles), size)
     top, bottom, left, right = window
@@ -216,7 +216,7 @@ def render(
     for row, column in itertools.product(range(side), range(side)):
         offset = ((column + 0.5) / side, (row + 0.5) / side)
         rays = camera.rays(size, offset, window).reshape(-1, 3)
-        found = scene.run(np.broadcast_to(origin, rays.shape).copy(), rays, output=1)
+        found = embree.run(np.broadcast_to(origin, rays.shape).copy(), rays, output=1)
         pixel = np.flatnonzero(found["primID"] >= 0)
         face = found["primID"][pixel]
         weight = np.stack([found["u"][pixel], found["v"][pixel]], -1)
@@ -226,7 +226,7 @@ def render(
         normal = corner[:, 3]  # of ours: fancy indexing copies
         away = np.einsum("nc,nc->n", normal, rays[pixel]) > 0
         normal *= np.where(away, np.float32(-1), np.float32(1))[:, None]
-        lights.append(_light(scene, point, normal, row, column, side))
+        lights.append(_light(embree, point, normal, row, column, side))
     pixel = np.concatenate([h[0] for h in hits])
     face = np.concatenate([h[1] for h in hits])
     weight = np.concatenate([h[2] for h in hits])
