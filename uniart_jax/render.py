@@ -223,7 +223,7 @@ def render(
         hits.append((pixel, face, weight))
         corner = triangles[face]
         point = corner[:, 0] + weight[:, :1] * corner[:, 1] + weight[:, 1:] * corner[:, 2]
-        normal = corner[:, 3]  # of ours: fancy indexing copies
+        normal = corner[:, 3]  # a copy (fancy indexing), so it may be turned in place
         away = np.einsum("nc,nc->n", normal, rays[pixel]) > 0
         normal *= np.where(away, np.float32(-1), np.float32(1))[:, None]
         lights.append(_light(embree, point, normal, row, column, side))

@@ -23,15 +23,12 @@ place: with that, failing would pay.
 
 from __future__ import annotations
 
-import dataclasses
-from typing import cast
-
 import numpy as np
 
 from uniart_jax.evaluation.materials import uncolored, with_materials
 from uniart_jax.evaluation.metric import STATES, Figures, Metric
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, render
+from uniart_jax.render import Camera, build_scene, render
 
 SIZE = 112
 CAP = 60.0
@@ -80,10 +77,10 @@ def measure(pred: ArticulatedObject, ref: ArticulatedObject) -> Figures:
 def views(obj: ArticulatedObject, q: np.ndarray) -> np.ndarray:
     """[9, SIZE, SIZE, 4] pictures from ``CAMERAS`` at state q: sRGB over white and the silhouette
     (0 or 1), float32."""
-    sheet = _Sheet(CAMERAS, SIZE)
-    rgba = render(obj, cast(Camera, sheet), sheet.side * SIZE, q, samples=1)
+    scene = build_scene(obj, q)
+    rgba = np.stack([render(obj, c, SIZE, q, samples=1, scene=scene) for c in CAMERAS])
     rgba[..., :3] += 1 - rgba[..., 3:]  # a ray hits or not, and colour is 0 where it does not
-    return sheet.cut(rgba)
+    return rgba
 
 
 def compare(pred: np.ndarray, ref: np.ndarray) -> tuple[float, float, float]:
@@ -112,48 +109,3 @@ def psnr(a: np.ndarray, b: np.ndarray, mask: np.ndarray | None = None) -> np.nda
     counted = np.ones(error.shape, bool) if mask is None else mask
     mean = (error * counted).sum((1, 2)) / counted.sum((1, 2))
     return -10 * np.log10(np.maximum(mean, 10 ** (-CAP / 10)))
-
-
-@dataclasses.dataclass(frozen=True)
-class _Sheet:
-    """Several cameras as one, their pictures side by side in a square: the renderer sorts the
-    triangles once, not once a view.
-
-    It has what ``render`` asks of a camera: ``position``, here one for each pixel, ``rays`` and the
-    ``window`` of pixels that they go through, here always all.
-    """
-
-    cameras: tuple[Camera, ...]
-    tile: int
-
-    @property
-    def side(self) -> int:
-        return round(len(self.cameras) ** 0.5)
-
-    @property
-    def position(self) -> np.ndarray:
-        """[side * tile * side * tile, 3] of the pinhole that each pixel belongs to."""
-        pinholes = np.stack([c.position for c in self.cameras])[:, None, None]
-        shape = (len(self.cameras), self.tile, self.tile, 3)
-        return self._lay(np.broadcast_to(pinholes, shape)).reshape(-1, 3)
-
-    def window(self, bounds: np.ndarray, size: int) -> tuple[int, int, int, int]:
-        return 0, size, 0, size
-
-    def rays(
-        self,
-        size: int,
-        offset: tuple[float, float] = (0.5, 0.5),
-        window: tuple[int, int, int, int] | None = None,
-    ) -> np.ndarray:
-        """[size, size, 3] float32 unit directions; ``size`` is that of the whole sheet."""
-        return self._lay(np.stack([c.rays(self.tile, offset) for c in self.cameras]))
-
-    def cut(self, sheet: np.ndarray) -> np.ndarray:
-        """[side * tile, side * tile, c] to [n, tile, tile, c]."""
-        n, t = self.side, self.tile
-        return sheet.reshape(n, t, n, t, -1).swapaxes(1, 2).reshape(n * n, t, t, -1)
-
-    def _lay(self, tiles: np.ndarray) -> np.ndarray:
-        n, t = self.side, self.tile
-        return tiles.reshape(n, n, t, t, -1).swapaxes(1, 2).reshape(n * t, n * t, -1)
