@@ -14,7 +14,7 @@ from asset_objects import make_cabinet
 from uniart_jax import procedural
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.physics import Body, Box, Hull
-from uniart_jax.export.placement import moved_bodies, place, reversed_joint
+from uniart_jax.export.placement import moved_bodies, place
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -47,7 +47,7 @@ def test_a_moved_box_is_the_same_box(axis, angle):
 def test_reversing_a_joint_keeps_its_motions():
     for angle, travel in (((-2, 0.5), (0, 0)), ((0, 0), (-0.2, 0.1)), ((-1, 3), (0.1, -0.3))):
         joint = Joint([0.1, 0.2, 0.3], [1, 2, -1], angle, travel)
-        back = reversed_joint(joint)
+        back = joint.reversed()
         for q in np.linspace(*joint.limits, 5):
             np.testing.assert_allclose(back.motion(-q), joint.motion(q), atol=1e-12)
         assert back.limits == (-joint.limits[1], -joint.limits[0])

@@ -200,3 +200,33 @@ def test_what_is_no_json_is_one_line(text):
     with pytest.raises(ValueError, match=r"^layout: not valid JSON") as caught:
         Layout.from_json(text)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (-1, 0, 0), (0, 0, 1), (0, -1, 0)])
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_a_rack_behind_an_open_door_is_closed_in_its_body(direction, share):
+    """The door reaches as far as the rack, so the object is as large at both ends."""
+    way = np.array(direction, float)
+    side = np.abs(way)
+    shapes = [
+        (0 * way, (0.6, 0.6, 0.6)),
+        (0.6 * way, 0.5 + 0.1 * side),  # an open door, in front of its body
+        ((0.35 * share) * way, 0.4 - 0.05 * side),
+    ]
+    joints = [
+        Joint.fixed(),
+        Joint(0.3 * way, np.roll(side, 1), angle=(-1.5, 0)),
+        Joint(np.zeros(3), way, travel=(-0.35 * share, 0.35 * (1 - share))),
+    ]
+    parts = [
+        Part(name, trimesh.creation.box(size).apply_translation(at), up, joint)
+        for name, (at, size), up, joint in zip(
+            ("body", "door", "rack"), shapes, (-1, 0, 0), joints, strict=True
+        )
+    ]
+    obj = read_layout(outputs_of(ArticulatedObject(tuple(parts)).normalized())).to_object()
+    rack = next(k for k, joint in enumerate(obj.joints) if joint.type == "prismatic")
+    closed = obj.shown_at(obj.rest())
+    inside = closed.boxes[rack, :3] - closed.boxes[0, :3]
+    assert np.abs(inside).max() < 0.02
+    assert obj.joints[rack].direction @ way > 0.99

@@ -66,15 +66,9 @@ def check_origin(origin: str | None) -> None:
         raise ValueError(f"origin '{origin}': choose of {', '.join(ORIGINS)}")
 
 
-def reversed_joint(joint: Joint) -> Joint:
-    """The same motions with the coordinate's sign turned: about the opposite direction."""
-    angle, travel = ((-ends[1], -ends[0]) for ends in (joint.angle, joint.travel))
-    return dataclasses.replace(joint, direction=-joint.direction, angle=angle, travel=travel)
-
-
 def _opening(joint: Joint) -> Joint:
     """A joint at rest whose coordinate grows as it opens."""
-    return reversed_joint(joint) if _opens_down(joint) else joint
+    return joint.reversed() if _opens_down(joint) else joint
 
 
 def _opens_down(joint: Joint) -> bool:

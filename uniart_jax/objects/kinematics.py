@@ -144,6 +144,11 @@ class Joint:
             direction, travel = -direction, (-travel[0], -travel[1])
         return Joint(origin, direction, self.angle, travel, self.dead_zone * scale)
 
+    def reversed(self) -> Joint:
+        """The same motions with the coordinate's sign turned: about the opposite direction."""
+        angle, travel = ((-ends[1] + 0.0, -ends[0] + 0.0) for ends in (self.angle, self.travel))
+        return Joint(self.origin, -self.direction, angle, travel, self.dead_zone)
+
     def shown_at(self, q: float) -> Joint:
         """The same joint with its coordinate measured from ``q`` (its own axis is not moved by its
         own motion)."""

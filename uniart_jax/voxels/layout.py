@@ -28,7 +28,13 @@ from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.camera_code import camera_position
-from uniart_jax.voxels.joint_code import KAPPA, NETWORK_TOLERANCE, decode_part, encode_joint
+from uniart_jax.voxels.joint_code import (
+    KAPPA,
+    NETWORK_TOLERANCE,
+    box_corners,
+    decode_part,
+    encode_joint,
+)
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
 
 SCHEMA = 1
@@ -39,6 +45,7 @@ KNOB = 0.15  # object units; what turns far and is no larger is a knob
 FAR = np.deg2rad(144)
 OFF_AXIS = 0.3  # of a knob's largest side, that its axis passes its centre at most
 NEAREST_EYE = 0.8  # object units from the origin; a camera that is nearer is none
+ALIKE = 0.01  # of a volume
 UNDECIDED = 0.5  # least ratio of a knob's turns to both sides where its state is not known
 
 
@@ -208,8 +215,33 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
         )
         for k, row in enumerate(rows)
     )
+    joints = tuple(
+        joint if parents[k] < 0 else _closed_first(joint, boxes[k], boxes[parents[k]])
+        for k, joint in enumerate(joints)
+    )
     colors = np.clip(np.asarray(outputs["colors"], np.float64)[rows], 0, 1)
     return Layout(boxes, joints, parents, colors, probability[rows], camera)
+
+
+def _closed_first(joint: Joint, box: np.ndarray, parent: np.ndarray) -> Joint:
+    """The joint of a slider, turned so that its lower end is the closed one: where the box around
+    its part and its parent is smaller. Other joints, and those whose ends are alike, as they are.
+
+    The sign of a code's direction does not say which end is closed. ``ArticulatedObject.rest``
+    takes the lower end where an object is as large at both, as with a rack behind an open door.
+
+    Args:
+      box, parent: [6] centre and size of the part and of its parent at the shown state.
+    """
+    if joint.type != "prismatic":
+        return joint
+    part, around = box_corners(box), box_corners(parent)
+    volumes = []
+    for end in joint.travel:
+        moved = part + np.tile(end * joint.direction, 2)
+        lower, upper = np.minimum(around, moved)[:3], np.maximum(around, moved)[3:]
+        volumes.append(float((upper - lower).prod()))
+    return joint.reversed() if volumes[1] < (1 - ALIKE) * volumes[0] else joint
 
 
 def _knobs_turn_clockwise(
