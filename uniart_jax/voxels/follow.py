@@ -32,6 +32,7 @@ from uniart_jax.voxels.loose_parts import (
     without_floating_pieces,
 )
 from uniart_jax.voxels.rooms import with_clean_rooms
+from uniart_jax.voxels.round_doors import round_doors, with_round_doors
 from uniart_jax.voxels.segment import Segmentation, outside
 from uniart_jax.voxels.stand_ins import doubles, in_front, needed, side_by_side, stand_in
 from uniart_jax.voxels.ways import still_parts
@@ -134,6 +135,8 @@ def assemble_layout(
             field = with_flat_faces(field, boxes, joints[: len(shown)], carries, body)
             field = with_whole_legs(field, body)
             field = with_clean_rooms(field, boxes, joints, up)
+            discs = round_doors(drawn, boxes, joints[: len(shown)], body)
+            field = with_round_doors(field, discs, body)
         field = with_lost_parts(field, drawn)
         for k in boxed:
             meshes[k] = in_front(meshes[k], layout.joints[k], field)
