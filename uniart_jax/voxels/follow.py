@@ -35,6 +35,7 @@ from uniart_jax.voxels.rooms import with_clean_rooms
 from uniart_jax.voxels.round_doors import round_doors, with_round_doors
 from uniart_jax.voxels.segment import Segmentation, outside
 from uniart_jax.voxels.stand_ins import doubles, in_front, needed, side_by_side, stand_in
+from uniart_jax.voxels.walls import with_whole_walls
 from uniart_jax.voxels.ways import still_parts
 
 SAID = 0.25
@@ -133,6 +134,7 @@ def assemble_layout(
         if flat:
             carries = [rows.index(k) for k in set(layout.parents) if k >= 0]
             field = with_flat_faces(field, boxes, joints[: len(shown)], carries, body)
+            field = with_whole_walls(field, boxes, joints[: len(shown)], body)
             field = with_whole_legs(field, body)
             field = with_clean_rooms(field, boxes, joints, up)
             discs = round_doors(drawn, boxes, joints[: len(shown)], body)
