@@ -1,8 +1,8 @@
 """``view.html``: an asset in one file that any browser opens from disk, without a network.
 
-The page holds everything: the GLB (gzip, base64), joints and collision shapes (JSON), and three.js
-(``page_files/three.min.js``, made by ``tools/page_bundle``). Its policy (CSP) lets nothing but its
-own two scripts run and nothing be fetched, whatever a part is called.
+The page holds everything: joints and collision shapes (JSON), the GLB and three.js
+(``page_files/three.min.js``, made by ``tools/page_bundle``), both gzip in base64. Its policy (CSP)
+lets nothing but its own two scripts run and nothing be fetched, whatever a part is called.
 """
 
 from __future__ import annotations
@@ -54,8 +54,9 @@ def write_page(obj: ArticulatedObject, glb: Path, bodies: Sequence[Body], path: 
         "policy": _policy([read["three.min.js"], page], read["page.css"]),
         "style": read["page.css"],
         "asset": _json(page_data(obj, bodies)),
-        "glb": base64.b64encode(gzip.compress(glb.read_bytes(), mtime=0)).decode("ascii"),
-        "three": read["three.min.js"],
+        "glb": _packed(glb.read_bytes()),
+        "licence": "three.js: " + read["THREE_LICENSE.txt"].strip(),
+        "three": _packed(read["three.min.js"].encode()),
         "page": page,
     }
     text = re.sub(r"\{\{(\w+)\}\}", lambda hole: content[hole[1]], read["template.html"])
@@ -172,6 +173,10 @@ def _json(data: dict) -> str:
     begin a comment."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _packed(data: bytes) -> str:
+    return base64.b64encode(gzip.compress(data, mtime=0)).decode("ascii")
 
 
 def _policy(scripts: Sequence[str], style: str) -> str:

@@ -64,6 +64,7 @@ async function main() {
   const asset = JSON.parse(element("asset").textContent);
   document.title = asset.name;
   element("name").textContent = asset.name;
+  await addThree(element("three").textContent);
   const model = await loadModel(asset, element("glb").textContent);
   const rows = [];
   let stage = null;
