@@ -1,14 +1,14 @@
 """What kinds of collision shapes cost and gain:  python benchmarks/collision_budget.py [--count 20]
-[--real ROOT] [--generated ROOT] [--sampled 0] [--budget 64] [--copies 1000]
-[--kinds no-budget merged boxes hull coacd]
+[--real ROOT] [--generated ROOT] [--budget 64] [--copies 1000]
+[--kinds no-budget merged boxes hull coacd] [--limit SECONDS]
 
 A table over procedural objects (validation seeds, families in turn), with --real over as many URDF
-and MJCF files by others, with --generated over asset folders that sample.py wrote, and with
---sampled over what the shipped model makes of rendered images. Each object is written without a
-budget, with it, and with other kinds of shapes: shapes an object, MB of its folder (URDF, MJCF,
-meshes, texture, a picture), error of their volume, whether drawers hold a ball, MuJoCo's steps of
-one object a second in a model of many copies. The last row of generated objects is of the folders
-as they lie there. What is not there is told and left out.
+and MJCF files by others, and with --generated over asset folders that sample.py wrote. Each object
+is written without a budget, with it, and with other kinds of shapes: shapes an object, MB of its
+folder (URDF, MJCF, meshes, texture, a picture), error of their volume, whether drawers hold a ball,
+MuJoCo's steps of one object a second where many copies stand in models of a hundred. The last row
+of generated objects is of the folders as they lie there. What is not there is told and left out,
+and with --limit what takes more seconds of processor time.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from __future__ import annotations
 import argparse
 import copy
 import json
+import multiprocessing
+import resource
 import tempfile
 import time
 from pathlib import Path
@@ -172,18 +174,25 @@ def _renamed(element: etree._Element, prefix: str) -> None:
                 each.set(key, prefix + each.get(key))
 
 
-def speed(asset: Path, copies: int, together: int = TOGETHER) -> float:
-    """Steps of one object a second of processor time (MuJoCo takes one core): copies that stand in
-    fields of ``together`` with a ball dropped on each, a model and its state a field, stepped in
-    turn.
+def fields(
+    asset: Path, copies: int, together: int = TOGETHER
+) -> list[tuple[mujoco.MjModel, mujoco.MjData]]:
+    """About ``copies`` of an asset, a ball dropped on each: models of ``together``, and states.
 
-    MuJoCo's time to compile a model grows faster than the square of its bodies.
+    One model of all takes minutes: MuJoCo's time to compile grows faster than the square of the
+    bodies.
     """
-    fields = max(1, round(copies / together))
-    copies = fields * min(copies, together)
-    model = mujoco.MjModel.from_xml_string(many(asset, copies // fields), files(asset))
-    models = [copy.copy(model) for _ in range(fields)]
-    pairs = [(each, mujoco.MjData(each)) for each in models]
+    count = max(1, round(copies / together))
+    text = many(asset, min(copies, together))
+    model = mujoco.MjModel.from_xml_string(text, files(asset))
+    models = [model, *(copy.copy(model) for _ in range(count - 1))]
+    return [(each, mujoco.MjData(each)) for each in models]
+
+
+def speed(asset: Path, copies: int, together: int = TOGETHER) -> float:
+    """Steps of one object a second of processor time (MuJoCo takes one core), where many stand in
+    ``fields`` that are stepped in turn."""
+    pairs = fields(asset, copies, together)
     for pair in pairs:
         mujoco.mj_step(*pair)
     start, steps = time.process_time(), 0
@@ -191,26 +200,8 @@ def speed(asset: Path, copies: int, together: int = TOGETHER) -> float:
         for pair in pairs:
             mujoco.mj_step(*pair)
         steps += 1
-    return steps * copies / (time.process_time() - start)
-
-
-def sampled(count: int) -> list[ArticulatedObject]:
-    """What the shipped model makes of images of validation objects."""
-    import uniart_jax as ua
-    from uniart_jax.data.images import PICTURE_SIDE
-    from uniart_jax.objects.states import sample_state
-    from uniart_jax.pipeline import enable_compilation_cache
-    from uniart_jax.render import render, sample_camera
-
-    enable_compilation_cache()
-    pipeline = ua.load("nano")
-    objects = []
-    for index, (family, seed) in enumerate(_drawn(count)):
-        rng = np.random.default_rng([seed, 1])
-        shown = sample_state(procedural.generate(family, seed), rng)
-        picture = render(shown, sample_camera(rng), size=PICTURE_SIDE, samples=4)
-        objects.append(pipeline(np.round(picture * 255).astype(np.uint8), seed=index))
-    return objects
+    stepped = steps * len(pairs) * min(copies, together)
+    return stepped / (time.process_time() - start)
 
 
 def read(root: Path, count: int) -> list[ArticulatedObject]:
@@ -276,6 +267,27 @@ def figures(
             "balls": balls(asset, place(written).obj),
             "speed": speed(asset, copies),
         }
+
+
+def within(seconds: int, *args) -> dict | None:
+    """``figures(*args)`` by a process of its own; None if that takes more seconds of processor
+    time, its imports (three or so) among them."""
+    spawn = multiprocessing.get_context("spawn")
+    ours, its = spawn.Pipe(duplex=False)
+    process = spawn.Process(target=_bounded, args=(seconds, its, args))
+    process.start()
+    its.close()
+    try:
+        return ours.recv()
+    except EOFError:
+        return None
+    finally:
+        process.join()
+
+
+def _bounded(seconds: int, pipe, args: tuple) -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+    pipe.send(figures(*args))
 
 
 def as_written(asset: Path, obj: ArticulatedObject, copies: int) -> dict:
@@ -360,9 +372,9 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=20, help="objects of each sort")
     parser.add_argument("--real", type=Path, help="a folder of URDFs and MJCFs by others")
     parser.add_argument("--generated", type=Path, help="a folder of assets that sample.py wrote")
-    parser.add_argument("--sampled", type=int, default=0)
     parser.add_argument("--budget", type=int, default=64)
     parser.add_argument("--copies", type=int, default=1000)
+    parser.add_argument("--limit", type=int, help="seconds of processor time a row")
     parser.add_argument("--kinds", nargs="*", default=KINDS, help=" ".join(KINDS))
     parser.add_argument("--no-procedural", action="store_true", help="the other sorts alone")
     options = parser.parse_args()
@@ -377,16 +389,21 @@ def main() -> None:
         "real": read(options.real, options.count)
         if options.real is not None and options.real.is_dir()
         else [],
-        "what nano makes": sampled(options.sampled) if options.sampled else [],
         "generated": [obj for _, obj in folders],
     }
     rows: dict[str, dict[str, list[dict]]] = {}
     chosen = settings(options.budget, options.kinds)
     for name, objects in given.items():
-        made = name in ("what nano makes", "generated")
+        made = name == "generated"
         for i, obj in enumerate(objects):
             for label, (budget, kind) in chosen.items():
-                found = figures(obj, budget, kind, made, options.copies)
+                if options.limit:
+                    found = within(options.limit, obj, budget, kind, made, options.copies)
+                else:
+                    found = figures(obj, budget, kind, made, options.copies)
+                if found is None:
+                    print(f"{name} {i}, {label}: left out, over {options.limit} s", flush=True)
+                    continue
                 rows.setdefault(name, {}).setdefault(label, []).append(found)
                 print(f"{name} {i}, {label}: {json.dumps(found)}", flush=True)
     for path, obj in folders:

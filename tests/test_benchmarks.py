@@ -78,6 +78,25 @@ def test_a_field_of_copies_shares_meshes_and_each_has_its_own_joint(tmp_path):
     assert collision_budget.speed(asset, 2) > 0
 
 
+@pytest.mark.parametrize(("copies", "models"), [(300, [100] * 3), (20, [20])])
+def test_copies_stand_in_models_of_a_hundred(tmp_path, monkeypatch, copies, models):
+    body = "<body><geom size='1'/></body>"
+    made = lambda asset, n: f"<mujoco><worldbody>{body * n}</worldbody></mujoco>"  # noqa: E731
+    monkeypatch.setattr(collision_budget, "many", made)
+    pairs = collision_budget.fields(tmp_path, copies)
+    assert [model.nbody - 1 for model, _ in pairs] == models
+    assert len({id(part) for pair in pairs for part in pair}) == 2 * len(models)
+
+
+@pytest.mark.slow
+def test_what_takes_too_long_is_left_out():
+    block = trimesh.creation.box([0.4, 0.4, 0.4])
+    work = (ArticulatedObject((Part("block", block),)), None, "merged", False, 2)
+    assert collision_budget.within(1, *work) is None
+    found = collision_budget.within(120, *work)
+    assert found is not None and (found["shapes"], found["balls"]) == (1, [])
+
+
 def test_a_table_of_shapes_has_a_row_for_each_setting(capsys):
     chosen = collision_budget.settings(32, ["no-budget", "merged", "hull"])
     assert chosen == {

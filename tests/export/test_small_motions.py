@@ -21,34 +21,35 @@ from uniart_jax.voxels.joint_code import encode_object
 TRAVEL, TURN = 0.002, np.deg2rad(0.5)
 
 
-def panel() -> ArticulatedObject:
+def panel(travel: float = TRAVEL, turns: float = TURN) -> ArticulatedObject:
     """A metre high: a box with a recess for a button, and a lever beside it."""
     box = trimesh.creation.box(bounds=[[-0.2, -0.3, -0.5], [0.2, 0.3, 0.5]])
     hole = trimesh.creation.box(bounds=[[-0.3, 0.05, 0.3], [-0.18, 0.12, 0.37]])
     body = trimesh.boolean.difference([box, hole], engine="manifold")
     button = trimesh.creation.box(bounds=[[-0.21, 0.055, 0.305], [-0.183, 0.115, 0.365]])
     lever = trimesh.creation.box(bounds=[[-0.23, -0.15, 0.3], [-0.202, -0.05, 0.34]])
-    press = Joint([0, 0, 0], [1, 0, 0], (0, 0), (0, TRAVEL))
-    turn = Joint([-0.2, -0.1, 0.32], [1, 0, 0], (0, TURN))
+    press = Joint([0, 0, 0], [1, 0, 0], (0, 0), (0, travel))
+    turn = Joint([-0.2, -0.1, 0.32], [1, 0, 0], (0, turns))
     return ArticulatedObject(
         (Part("body", body), Part("button", button, 0, press), Part("lever", lever, 0, turn))
     )
 
 
-def test_they_come_through_files(tmp_path):
-    obj = panel()
-    obj = obj.shown_at([0, 0.5 * TRAVEL, 0.5 * TURN])
-    assert obj.parts[1].joint.travel == pytest.approx((-TRAVEL / 2, TRAVEL / 2))
+@pytest.mark.parametrize(("travel", "turn"), [(TRAVEL, TURN), (1e-4, np.deg2rad(0.1))])
+def test_they_come_through_files(tmp_path, travel, turn):
+    obj = panel(travel, turn)
+    obj = obj.shown_at([0, 0.5 * travel, 0.5 * turn])
+    assert obj.parts[1].joint.travel == pytest.approx((-travel / 2, travel / 2))
     folder = save_asset(obj, tmp_path / "out", formats=("mjcf",), motion=False)
     for read in (load_object(folder), load_object(folder / "object.xml")):
         joints = {p.name: p.joint for p in read.parts}
-        assert joints["button"].travel == pytest.approx((0, TRAVEL))
-        assert joints["lever"].angle == pytest.approx((0, TURN))
+        assert joints["button"].travel == pytest.approx((0, travel))
+        assert joints["lever"].angle == pytest.approx((0, turn))
         assert not any("held" in line or "less than" in line for line in read.provenance)
     model = mujoco.MjModel.from_xml_path(str(folder / "object.xml"))
-    assert model.joint("button_joint").range == pytest.approx([0, TRAVEL])
+    assert model.joint("button_joint").range == pytest.approx([0, travel])
     report = json.loads((folder / "report.json").read_text())
-    assert report["shown"]["button_joint"] == pytest.approx(TRAVEL / 2)
+    assert report["shown"]["button_joint"] == pytest.approx(travel / 2)
     result = validate(folder, engines=["mujoco"])
     assert set(result["joints"]["mujoco"]) == {"button_joint", "lever_joint"}
     assert is_sound(result), result
