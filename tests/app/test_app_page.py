@@ -165,6 +165,13 @@ def joints_of(urdf):
     return {model.joint(i).name: model.jnt_range[i].tolist() for i in range(model.njnt)}
 
 
+def gone(sessions, name):
+    end = time.monotonic() + PATIENCE
+    while list(sessions.root.rglob(name)) or len(sessions.all()) > 1:
+        assert time.monotonic() < end, list(sessions.root.rglob("*"))
+        time.sleep(0.2)
+
+
 @pytest.mark.browser
 def test_an_example_becomes_an_object_and_a_zip(opened, toy, tmp_path):
     patient(opened, "document.querySelector('#seen')?.innerText.includes('pick an example')")
@@ -236,11 +243,32 @@ def test_a_second_request_waits_and_files_go_with_their_page(opened, toy, tmp_pa
         toy.pipeline.go.set()
     assert list(toy.sessions.root.rglob("mine.png"))
     opened.open("about:blank")
-    end = time.monotonic() + PATIENCE
-    while list(toy.sessions.made.iterdir()) or list(toy.sessions.root.rglob("mine.png")):
-        assert time.monotonic() < end, list(toy.sessions.root.rglob("*"))
-        time.sleep(0.2)
+    gone(toy.sessions, "mine.png")
+    assert not list(toy.sessions.made.iterdir())
     assert list(toy.sessions.root.rglob("oven.png"))  # an example
+
+
+@pytest.mark.browser
+def test_an_upload_whose_turn_never_came_goes_with_its_page(opened, toy, tmp_path):
+    late = tmp_path / "late.png"
+    Image.open(OVEN).resize((80, 80)).save(late)
+    toy.pipeline.go.clear()
+    try:
+        upload(opened, OVEN)
+        patient(opened, "!document.querySelector('#make').disabled")
+        opened.evaluate("document.querySelector('#make').click()")
+        patient(opened, "document.querySelector('#stages li.now') !== null")
+        with chromium(tmp_path / "other") as other:
+            show(other, toy.address)
+            upload(other, late)
+            end = time.monotonic() + PATIENCE
+            while not any(f.name == "late.png" for s in toy.sessions.all() for f in s.uploads):
+                assert time.monotonic() < end, list(toy.sessions.root.rglob("*"))
+                time.sleep(0.1)
+        gone(toy.sessions, "late.png")  # while the model is still busy with the other page
+        assert opened.evaluate("document.querySelector('#objects iframe') === null")
+    finally:
+        toy.pipeline.go.set()
 
 
 @needs_gradio

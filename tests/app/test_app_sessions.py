@@ -34,7 +34,7 @@ def test_a_session_takes_its_uploads_and_results_along(sessions):
     assert files(sessions) == ["theirs.zip"]
     assert not (sessions.root / "hash-x").exists()
     sessions.close("one")  # twice is once
-    assert sessions.of("one") is not one
+    assert one.closed
 
 
 def test_what_two_sessions_uploaded_goes_with_the_last(sessions):
@@ -74,6 +74,38 @@ def test_work_that_goes_on_is_told_and_its_files_go_when_it_has_stopped(sessions
         sessions.close("one")
         assert session.closed and files(sessions) == ["half"]
     assert files(sessions) == []
+
+
+def test_a_page_that_was_left_is_not_opened_again_by_its_last_requests(sessions, monkeypatch):
+    session = sessions.of("one")
+    sessions.close("one")
+    assert sessions.of("one") is session and session.closed
+    sessions.take(session, upload(sessions))  # the upload was faster than the word that it ended
+    assert files(sessions) == []
+    monkeypatch.setattr("uniart_jax.app.sessions.LATE", 0.0)
+    back = sessions.of("one")  # a browser that was away for a while
+    assert back is not session and not back.closed
+    sessions.take(back, upload(sessions))
+    assert files(sessions) == ["a.png"]
+
+
+def test_uploads_of_nobody_and_silent_sessions_go_after_a_time(sessions):
+    upload(sessions, "kept", "example.png")
+    sessions.keep_present()
+    mine = sessions.of("mine")
+    sessions.take(mine, upload(sessions, "mine", "mine.png"))
+    (sessions.fresh(mine, "object") / "object.zip").write_text("z")
+    upload(sessions, "nobody", "orphan.png")
+    sessions.sweep()
+    assert files(sessions) == ["example.png", "mine.png", "object.zip", "orphan.png"]
+    sessions.sweep(unclaimed=-1)
+    assert files(sessions) == ["example.png", "mine.png", "object.zip"]
+    assert not (sessions.root / "hash-nobody").exists()
+    with sessions.working(mine):
+        sessions.sweep(unused=-1)
+        assert not mine.closed
+    sessions.sweep(unused=-1)
+    assert mine.closed and files(sessions) == ["example.png"]
 
 
 def test_at_the_end_everything_goes(sessions):

@@ -7,6 +7,7 @@ with every format that Pillow knows, and say what is wrong with them in its own 
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import logging
 import queue
@@ -66,6 +67,12 @@ class Desk:
     def __init__(self, pipeline: Pipeline, sessions: Sessions, checkpoint: str):
         self.pipeline, self.sessions, self.checkpoint = pipeline, sessions, checkpoint
         self._turn = threading.Lock()  # work of a page that was left may go on for a moment
+
+    def came(self, payload: Any, request: gr.Request) -> None:
+        """A picture was uploaded, and goes with its page even if its turn never comes."""
+        session = self.sessions.of(str(request.session_hash))
+        with contextlib.suppress(ValueError, OSError):  # ``look`` tells of it
+            self.sessions.take(session, payload)
 
     def look(self, payload: Any, background: Any, request: gr.Request) -> tuple[Any, ...]:
         """A picture was chosen or taken away: cut-out and parts, and whether the button works."""
@@ -265,6 +272,7 @@ def build(desk: Desk) -> gr.Blocks:
         asked = {"preprocess": False, "api_visibility": "private"}
         worked = {**asked, "concurrency_id": MODEL, "concurrency_limit": 1}
         quiet = {"show_progress": "minimal", "show_progress_on": [seen]}
+        picture.change(desk.came, [picture], queue=False, show_progress="hidden", **asked)
         gr.on(
             [picture.change, background.change],
             desk.look,

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from uniart_jax.app.sessions import Sessions
+from uniart_jax.app.sessions import SWEEP, Sessions
 
 HOST = "127.0.0.1"
 PORTS = 100  # that are tried, from the one that was asked for
@@ -64,6 +64,8 @@ class Server:
         except BaseException:
             self.sessions.close_all(0)
             raise
+        self._ended = threading.Event()
+        threading.Thread(target=self._sweeps, daemon=True, name="uniart-app-sweeps").start()
 
     def wait(self, open_browser: bool = True) -> None:
         """Say the address, open it, and go on until Ctrl-C or a signal ends it; then ``stop``."""
@@ -79,8 +81,13 @@ class Server:
 
     def stop(self) -> None:
         """End the page and remove all files."""
+        self._ended.set()
         self._blocks.close(verbose=False)
         self.sessions.close_all()
+
+    def _sweeps(self) -> None:
+        while not self._ended.wait(SWEEP):
+            self.sessions.sweep()
 
 
 def free_port(first: int) -> int:

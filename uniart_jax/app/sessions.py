@@ -3,7 +3,8 @@
     ROOT/<hash>/<name>        uploads, put there by Gradio under the hash of their content
     ROOT/sessions/<secret>/   what was made for one session
 
-Two sessions that upload the same file share it; it goes with the last of them.
+Two sessions that upload the same file share it; it goes with the last of them. A page that does not
+say that it is left, and a file that no page ever named, go after a time (``sweep``).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import secrets
 import shutil
+import stat
 import threading
 import time
 from collections.abc import Iterator
@@ -19,6 +21,11 @@ from typing import Any
 
 SECRET = 16  # bytes of a folder's name, which nobody can guess
 POLL = 0.05  # seconds between two looks at whether work has stopped
+# seconds
+SWEEP = 60.0  # between two sweeps
+UNCLAIMED = 600.0  # an uploaded file stays that no session has named
+UNUSED = 24 * 3600.0  # a session stays of which nothing is heard
+LATE = 5.0  # after a page was left its last requests may still come
 
 
 class Session:
@@ -36,6 +43,7 @@ class Session:
         self.closed = False
         self.works = 0
         self.runs = 0
+        self.used = time.monotonic()
 
 
 class Sessions:
@@ -51,6 +59,7 @@ class Sessions:
         self.made = self.root / "sessions"
         self.made.mkdir(exist_ok=True)
         self._open: dict[str, Session] = {}
+        self._left: dict[str, tuple[float, Session]] = {}  # name -> when, for LATE seconds
         self._kept: frozenset[Path] = frozenset()
         self._lock = threading.Lock()
 
@@ -59,14 +68,26 @@ class Sessions:
         self._kept = frozenset(path for path in self.root.rglob("*") if path.is_file())
 
     def of(self, name: str) -> Session:
-        """The session of that name; a new one where there is none."""
+        """The session of that name; a new one where there is none. Of one that was closed a moment
+        ago, the closed one: what its page asked for last must not open it again."""
         with self._lock:
+            now = time.monotonic()
+            self._left = {n: left for n, left in self._left.items() if now - left[0] < LATE}
+            if name in self._left:
+                return self._left[name][1]
             if name not in self._open:
                 self._open[name] = Session(self.made / secrets.token_hex(SECRET))
+            self._open[name].used = now
             return self._open[name]
 
+    def all(self) -> list[Session]:
+        """Those that are open."""
+        with self._lock:
+            return list(self._open.values())
+
     def take(self, session: Session, payload: Any) -> Path:
-        """The uploaded file that a page names, from now on the session's.
+        """The uploaded file that a page names, from now on the session's; removed at once if that
+        is closed.
 
         Args:
           payload: what Gradio's frontend sends for a picture: {"path", …}.
@@ -85,6 +106,9 @@ class Sessions:
             raise FileNotFoundError(f"{file.name}: it is not here any more; upload it again")
         with self._lock:
             session.uploads.add(file)
+            gone = session.closed and not session.works
+        if gone:
+            self._remove(session)
         return file
 
     def fresh(self, session: Session, kind: str) -> Path:
@@ -120,9 +144,34 @@ class Sessions:
             if session is None:
                 return
             session.closed = True
+            self._left[name] = time.monotonic(), session
             busy = session.works > 0
         if not busy:
             self._remove(session)
+
+    def sweep(self, unclaimed: float = UNCLAIMED, unused: float = UNUSED) -> None:
+        """Close sessions of which nothing was heard for ``unused`` seconds, and remove uploads that
+        are older than ``unclaimed`` seconds and no session's, as of a page that was closed before
+        it could name them."""
+        now = time.monotonic()
+        with self._lock:
+            silent = [
+                name
+                for name, session in self._open.items()
+                if now - session.used > unused and not session.works
+            ]
+        for name in silent:
+            self.close(name)
+        old = [
+            file
+            for file in self.root.glob("*/*")
+            if file.parent != self.made and _age(file) > unclaimed
+        ]
+        with self._lock:
+            held = self._kept.union(*(session.uploads for session in self._open.values()))
+            for file in old:
+                if file not in held:
+                    _discard(file)
 
     def close_all(self, patience: float = 10.0) -> None:
         """Close every session and remove ``root``; work that is going on gets so many seconds to
@@ -143,6 +192,19 @@ class Sessions:
             held = self._kept.union(*(other.uploads for other in self._open.values()))
             mine, session.uploads = session.uploads - held, set()
         for file in mine:
-            file.unlink(missing_ok=True)
-            with contextlib.suppress(OSError):  # the folder of another file, too
-                file.parent.rmdir()
+            _discard(file)
+
+
+def _age(file: Path) -> float:
+    """Seconds since a file came where it is; 0 of what is none."""
+    with contextlib.suppress(OSError):
+        found = file.stat()
+        if stat.S_ISREG(found.st_mode):
+            return time.time() - max(found.st_mtime, found.st_ctime)
+    return 0.0
+
+
+def _discard(file: Path) -> None:
+    file.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):  # the folder of another file, too
+        file.parent.rmdir()
