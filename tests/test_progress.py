@@ -33,6 +33,34 @@ def test_on_a_terminal_there_is_a_bar(capsys, monkeypatch):
     assert "4/4" in shown and "letters/s" in shown and "ETA" in shown
 
 
+def test_what_is_being_done_is_said_in_a_file_too(capsys):
+    with progress.working(progress.messages(), "loading") as say:
+        say("a.png: structure [1]")
+        say("a.png: structure [1]")
+        say("a.png: parts")
+    lines = ["· loading", "· a.png: structure [1]", "· a.png: parts"]
+    assert capsys.readouterr().err.splitlines() == lines
+
+
+def test_what_is_being_done_is_one_line_on_a_terminal(capsys):
+    console = progress.messages(force_terminal=True, width=80)
+    with progress.working(console, "loading [1]") as say:
+        say("a.png: [b] parts")
+        console.print("made")
+    shown = capsys.readouterr().err
+    assert "a.png: [b] parts" in shown and "\x1b[" in shown and "· " not in shown
+
+
+def test_quiet_says_nothing_of_what_is_being_done(capsys):
+    progress.be_quiet()
+    try:
+        with progress.working(progress.messages(), "loading") as say:
+            say("structure")
+    finally:
+        progress.be_quiet(False)
+    assert capsys.readouterr().err == ""
+
+
 def test_durations():
     assert progress.duration(99.6) == "0:01:40" and progress.duration(-3) == "0:00:00"
     assert progress.duration(2 * 86400 + 3661) == "2 days, 1:01:01"

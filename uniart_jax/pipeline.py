@@ -85,7 +85,7 @@ class Sample:
     for it. Of both flows ("structure", "latent") the options, the velocities that were asked for
     (with guidance each is one call of the network on twice the batch) and the adaptive steps whose
     error was above the tolerance (``flow.solvers.Solution``). ``background``: how the object was
-    cut out of each image (``data.background``)."""
+    cut out of each image (``data.background``); ``cut``: each image so cut out, [H, W, 4] uint8."""
 
     obj: ArticulatedObject
     options: dict[str, SampleConfig]
@@ -93,6 +93,7 @@ class Sample:
     forced: dict[str, int]
     picture: Picture | None = None
     background: tuple[str, ...] = ()
+    cut: tuple[np.ndarray, ...] = ()
 
 
 class Pipeline:
@@ -136,12 +137,30 @@ class Pipeline:
         layout: Layout | bool = True,
         background: Background = "auto",
         progress: Callable[[str], None] = lambda step: None,
-        **sampling: Unpack[SamplingOptions],
+        steps: int | None = None,
+        guidance: float | None = None,
+        guidance_interval: tuple[float, float] | None = None,
+        rescale_t: float | None = None,
+        solver: Literal["euler", "heun"] | None = None,
+        adaptive: bool | None = None,
+        tolerance: float | None = None,
     ) -> ArticulatedObject:
         """The object alone of ``sample``, which see."""
-        chosen: dict[str, Any] = {"layout": layout, "background": background, **sampling}
-        chosen["progress"] = progress
-        return self.sample(image, seed=seed, name=name, **chosen).obj
+        return self.sample(
+            image,
+            seed=seed,
+            name=name,
+            layout=layout,
+            background=background,
+            progress=progress,
+            steps=steps,
+            guidance=guidance,
+            guidance_interval=guidance_interval,
+            rescale_t=rescale_t,
+            solver=solver,
+            adaptive=adaptive,
+            tolerance=tolerance,
+        ).obj
 
     def sample(
         self,
@@ -223,6 +242,7 @@ class Pipeline:
             {flow: int(solved.forced[0]) for flow, solved in flows.items()},
             self._picture(shown[0], found, condition),
             tuple(way for _, way in cut),
+            tuple(shown),
         )
 
     def _picture(

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -37,6 +38,26 @@ def be_quiet(quiet: bool = True) -> None:
 def messages(**options: Any) -> Console:
     """Where a command says what it does: stderr. ``options``: of ``rich.console.Console``."""
     return Console(stderr=True, highlight=False, quiet=_quiet, **options)
+
+
+@contextlib.contextmanager
+def working(console: Console, what: str) -> Iterator[Callable[[str], None]]:
+    """Says what is being done while the block runs, and gives the function that says what comes
+    next: on a terminal one line that changes, elsewhere (a file, a pipe) a line each."""
+    if console.is_terminal:
+        with console.status(escape(what)) as status:
+            yield lambda text: status.update(escape(text))
+        return
+    said = ""
+
+    def say(text: str) -> None:
+        nonlocal said
+        if text != said:
+            console.print(f"· {text}", markup=False, soft_wrap=True)
+        said = text
+
+    say(what)
+    yield say
 
 
 class _Rate(ProgressColumn):

@@ -1,5 +1,6 @@
 """What ``sample`` says and reports of one sample beside its figures."""
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -37,10 +38,10 @@ def cooker():
     return thing(*knobs, Part("door", door, 0, HINGE), Part("foot", door, 0))
 
 
-def one(obj, background=()):
+def one(obj, background=(), cut=()):
     flow = SampleConfig(steps=1)
     both, calls = {"structure": flow, "latent": flow}, {"structure": 1, "latent": 1}
-    return Sample(obj, both, calls, {"structure": 0, "latent": 0}, background=background)
+    return Sample(obj, both, calls, {"structure": 0, "latent": 0}, None, background, cut)
 
 
 def test_moving_parts_in_words():
@@ -69,4 +70,9 @@ def test_how_the_object_was_cut_out(tmp_path, ways, said):
     made = [one(cooker(), ways)]
     assert details(made, 0)["background"] == list(ways)
     told = [line for line in lines("x.png", made[0], tmp_path, []) if "cut out" in line]
+    assert "mask" not in details(made, 0)
+    cut = np.zeros((2, 3, 4), np.uint8)
+    cut[:, 1, 3] = 255
+    masked = details([one(cooker(), ways, (cut,))], 0)["mask"]
+    assert masked == [{"size": [2, 3], "counts": [2, 2, 2]}]
     assert told == (["  cut out of its background by grabcut: look at preview.png"] if said else [])

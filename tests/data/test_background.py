@@ -147,6 +147,21 @@ def test_grabcut_cuts_a_photograph_out(monkeypatch):
     assert (picture == before).all() and (grabcut(picture) == cut[..., 3]).all()
 
 
+def test_the_mask_is_written_as_run_lengths_by_columns():
+    picture = np.zeros((3, 4, 4), np.uint8)
+    picture[1:, 1, 3] = picture[0, 2, 3] = picture[2, 3, 3] = 255
+    # columns: 000 011 100 001
+    assert background.run_lengths(picture) == {"size": [3, 4], "counts": [4, 3, 4, 1]}
+    picture[..., 3] = 255
+    assert background.run_lengths(picture)["counts"] == [0, 12]
+    large, box = photograph(600, 800)
+    large[..., 3] = np.where(box, 255, 0)
+    found = background.run_lengths(large)
+    assert found["size"] == [192, 256]
+    inside = sum(found["counts"][1::2]) / sum(found["counts"])
+    assert sum(found["counts"]) == 192 * 256 and abs(inside - box.mean()) < 0.01
+
+
 def test_grabcut_gives_up_where_nothing_is_left(monkeypatch):
     """With a stand-in for OpenCV that calls all of the picture background."""
     module = types.ModuleType("cv2")

@@ -233,7 +233,7 @@ def _write(
     tell("files")
     one.obj.save(
         folder,
-        image=seen.rgba,
+        image=seen.cut,
         picture=one.picture,
         seed=seed,
         checkpoint=checkpoint,

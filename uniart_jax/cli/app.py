@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uniart_jax.progress import messages
+from uniart_jax.progress import messages, working
 
 
 def app(checkpoint: str = "nano", port: int = 7860, browser: bool = True) -> None:
@@ -19,6 +19,6 @@ def app(checkpoint: str = "nano", port: int = 7860, browser: bool = True) -> Non
     from uniart_jax.pipeline import enable_compilation_cache
 
     enable_compilation_cache()
-    with messages().status("loading the model"):
+    with working(messages(), "loading the model"):
         server = start(checkpoint, port)
     server.wait(open_browser=browser)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -37,7 +38,7 @@ from uniart_jax.config import TOLERANCES
 from uniart_jax.evaluation.sampled import details, steps_of_several
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.printing.settings import PrintSettings
-from uniart_jax.progress import messages
+from uniart_jax.progress import messages, working
 
 if TYPE_CHECKING:
     from uniart_jax.pipeline import Sample
@@ -160,7 +161,7 @@ def sample(
     }
     enable_compilation_cache()
     console = messages()
-    with console.status("loading the model") as status:
+    with working(console, "loading the model") as say:
         pipeline = load(checkpoint)
         if num_samples > 1 and steps is None and not adaptive:
             changes["steps"] = steps_of_several(pipeline.options())
@@ -174,7 +175,8 @@ def sample(
         for g, (name, views) in enumerate(groups):
             drawn: dict[int, Sample] = {}
             for i in range(num_samples):
-                status.update(f"{name}: sample {i + 1} of {num_samples}")
+                if num_samples > 1:
+                    say(f"{name}: sample {i + 1} of {num_samples}")
                 with _noted(failed, name, seed + i, wanted):
                     drawn[i] = pipeline.sample(
                         [picture for _, picture in views],
@@ -182,12 +184,12 @@ def sample(
                         name=views[0][0].stem,
                         layout=given,
                         background=background,
-                        progress=lambda step, name=name: status.update(f"{name}: {step}"),
+                        progress=lambda step, name=name: say(f"{name}: {step}"),
                         **changes,
                     )
             made = list(drawn.values())
             for index, (i, one) in enumerate(drawn.items()):
-                status.update(f"{name}: collision shapes, textures, physics")
+                say(f"{name}: collision shapes, textures, files")
                 found: list[dict] = []
                 with _noted(failed, name, seed + i, wanted):
                     one.obj.save(
@@ -202,14 +204,22 @@ def sample(
                         origin=origin,
                         actuators=actuators,
                         printing=settings,
-                        image=views[0][1],
+                        image=one.cut[0] if one.cut else views[0][1],
                         picture=one.picture if texture == "both" else None,
                         seed=seed + i,
                         checkpoint=checkpoint,
                         details=details(made, index),
                         overwrite=overwrite,
-                        mend=mend if refine else None,
-                        check=(lambda path, found=found: tried(path, found)) if check else None,
+                        mend=told(mend, say, f"{name}: joints that run into the object")
+                        if refine
+                        else None,
+                        check=told(
+                            functools.partial(tried, found=found),
+                            say,
+                            f"{name}: tried in physics engines",
+                        )
+                        if check
+                        else None,
                     )
                     for line in lines(name, one, folders[g, i], found):
                         console.print(line, highlight=False, markup=False, soft_wrap=True)
@@ -255,6 +265,17 @@ def _noted(
         if wanted == 1:
             raise
         failed.append((f"{name}, seed {seed}", error))
+
+
+def told(work: Callable[..., Any], say: Callable[[str], None], what: str) -> Callable[..., Any]:
+    """``work``, said when it begins."""
+
+    @functools.wraps(work)
+    def run(*given: Any) -> Any:
+        say(what)
+        return work(*given)
+
+    return run
 
 
 def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[str]:

@@ -24,6 +24,7 @@ Way = Literal["alpha", "plain", "rembg", "grabcut", "none"]
 REMBG_MODEL = "u2net"  # Apache-2.0, as rembg is MIT; its newest default is not for every use
 GRABCUT_SIDE = 384  # pixels; a larger picture is cut at this size
 GRABCUT_ROUNDS = 5
+MASK_SIDE = 256  # pixels of a mask that is written down
 _MISSING = "needs rembg: pip install 'uniart_jax[photo]'"
 _LEAST, _MOST = 0.01, 0.98  # share of the picture that an object can be
 
@@ -85,6 +86,21 @@ def cut_out(
 def with_alpha(rgba: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """[H, W, 4] with the smaller of its alpha and ``mask`` [H, W] uint8."""
     return np.dstack([rgba[..., :3], np.minimum(rgba[..., 3], mask)])
+
+
+def run_lengths(rgba: np.ndarray) -> dict[str, Any]:
+    """What of an image [H, W, 4] uint8 counts as object, as COCO writes masks: ``size`` [h, w], at
+    most ``MASK_SIDE`` pixels a side, and ``counts``, the lengths of background and object in turn,
+    column by column, background first."""
+    height, width = rgba.shape[:2]
+    factor = min(1.0, MASK_SIDE / max(height, width))
+    size = max(round(width * factor), 1), max(round(height * factor), 1)
+    alpha = Image.fromarray(np.ascontiguousarray(rgba[..., 3]))
+    mask = np.asarray(alpha.resize(size, Image.Resampling.BOX)) > 127
+    line = np.concatenate([[False], mask.ravel("F")])
+    changes = np.flatnonzero(line[1:] != line[:-1])
+    counts = np.diff(np.concatenate([[0], changes, [mask.size]]))
+    return {"size": list(mask.shape), "counts": counts.tolist()}
 
 
 def grabcut(rgba: np.ndarray) -> np.ndarray | None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from uniart_jax.config import SampleConfig
+from uniart_jax.data.background import run_lengths
 
 if TYPE_CHECKING:
     from uniart_jax.pipeline import Sample
@@ -42,6 +43,8 @@ def details(made: Sequence[Sample], index: int) -> dict[str, Any]:
     told: dict[str, Any] = {"sampling": sampling}
     if one.background:
         told["background"] = list(one.background)  # of each view
+    if one.cut:
+        told["mask"] = [run_lengths(view) for view in one.cut]
     if len(made) == 1:
         return told
     return told | {"spread": joint_spread([s.obj for s in made], index)}
