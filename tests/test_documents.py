@@ -114,12 +114,31 @@ def test_the_commands_of_the_documents_are_found_and_most_of_them_run():
         "output\n```\n\n```python\nprint(1)\n```\n"
     )
     shell, python = try_docs.commands("d.md", text)
-    assert shell == ("d.md", 4, "uniart prepare x --out y", False)
-    assert python == ("d.md", 10, "print(1)\n", True)
+    assert shell == ("d.md", 4, "uniart prepare x --out y", False, 0.0)
+    assert python == ("d.md", 10, "print(1)\n", True, 0.0)
     found = [c for d in try_docs.DOCUMENTS for c in try_docs.commands(d, (ROOT / d).read_text())]
     assert {c.document for c in found} == set(try_docs.DOCUMENTS)
     run = {c.text.split("\n")[0] for c in found if not c.left_out}
     assert "python train.py --config configs/debug.py" in run
     assert "uniart layout examples/images/oven.png --out out/layout" in run
-    assert sum(not c.left_out for c in found) >= 12
+    assert sum(not c.left_out for c in found) >= 14
     assert all(c.left_out for c in found if "ROOT" in c.text)
+    commands = [c for c in found if not c.python and not c.left_out]
+    assert [c.text for c in commands if not c.stated] == []  # each has its time beside it
+
+
+@pytest.mark.parametrize(
+    ("line", "stated"),
+    [
+        ("python x.py --count 9 s   # 28 s", 28),
+        ("x  # 40 s: every stage, four steps", 40),
+        ("y = 3  # about 2 minutes, once", 120),
+        ("x --steps 30", 0),
+        ("x  # why 4 of them", 0),
+    ],
+)
+def test_times_stated_beside_commands(line, stated):
+    sys.path.insert(0, str(ROOT / "tools"))
+    import try_docs
+
+    assert try_docs.seconds(line) == stated

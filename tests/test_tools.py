@@ -102,8 +102,8 @@ def test_the_gallery_shows_input_rest_and_open_and_counts_failures(tmp_path, mon
     assert asked[0] == ((256, 256, 4), 0, "0000-storage_furniture")
     with Image.open(tmp_path / "gallery.jpg") as sheet:
         assert sheet.width == 3 * 3 * 176
-        row = np.asarray(sheet)[:176, : 3 * 176].astype(int)
-    for tile in np.split(row, 3, axis=1):  # each shows something
+        row = np.asarray(sheet)[:176, : 4 * 176].astype(int)
+    for tile in np.split(row, 4, axis=1):  # each shows something, that of the failure its picture
         assert np.ptp(tile[20:-20, 20:-20].mean(-1)) > 60
     tool["main"]()  # what is there is kept
     assert len(asked) == 3

@@ -3,9 +3,9 @@
     python tools/gallery.py OUT [--count 24] [--checkpoint nano] [--unseen]
 
 OUT gets an asset folder an object, made and checked as ``sample.py`` does, and ``gallery.jpg``:
-input, rest and open of each. Prints of each whether it loads and stands and whether it is plausible
-(``uniart validate``), and the shares. Assets that are there are kept. About 30 s an object on one
-core.
+input, rest and open of each, and the picture alone where no object could be made of it. Prints of
+each whether it loads and stands and whether it is plausible (``uniart validate``), and the shares.
+Assets that are there are kept. About 30 s an object on one core.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import argparse
 import json
 from pathlib import Path
 
+import numpy as np
 from PIL import Image, ImageDraw
 
 from uniart_jax.evaluation.baselines import object_name, split_families
@@ -61,6 +62,15 @@ def tiles(preview: Path, line: str) -> Image.Image:
     return out
 
 
+def failure(image: np.ndarray, line: str) -> Image.Image:
+    """A tile as ``tiles`` makes, of a picture [H, W, 4] uint8 of which nothing could be made."""
+    out = Image.new("RGB", (SHOWN * SIDE, SIDE + 20), BACKGROUND)
+    shown = Image.fromarray(image).convert("RGBA").resize((SIDE, SIDE), Image.Resampling.LANCZOS)
+    out.paste(shown, (0, 0), shown)
+    ImageDraw.Draw(out).text((6, SIDE + 3), line, fill=INK)
+    return out
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("out", type=Path)
@@ -77,9 +87,11 @@ def main() -> None:
         name = object_name(index, split_families(given.unseen))
         try:
             report = make_asset(pipeline, index, given.unseen, given.out / name)
-        except ValueError as error:  # counts as a failure
+        except ValueError as error:
             print(f"{name}: {error}", flush=True)
             found.append((False, False))
+            test = held_out_for(pipeline.config.model, index, given.unseen)
+            rows.append(failure(test.image, f"{name}: no object"))
             continue
         good = stands(report["validation"]), is_plausible(report["validation"])
         line = f"{name}: {'stands' if good[0] else 'fails'}, {'' if good[1] else 'not '}plausible"

@@ -3,9 +3,10 @@ the last commit.
 
     make try-docs        (or: python tools/try_docs.py [README.md docs/tutorial.md …] [--list])
 
-Each is printed with its seconds. What cannot run as it stands (a name to replace, hours of
-training) is listed with the reason. A command that fails makes the program end with 1.
-About ten minutes on two cores.
+Each is printed with its seconds and those that the document states beside it ("# 28 s", on two
+cores, compiled programs kept from a run before); "slower" marks what took more than three times as
+long. What cannot run as it stands (a name to replace, hours of training) is listed with the reason.
+A command that fails makes the program end with 1. About a quarter of an hour on two cores.
 """
 
 from __future__ import annotations
@@ -21,7 +22,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENTS = ("README.md", "docs/quickstart.md", "docs/tutorial.md", "docs/app.md")
+DOCUMENTS = (
+    "README.md",
+    "docs/quickstart.md",
+    "docs/tutorial.md",
+    "docs/photograph.md",
+    "docs/app.md",
+)
 PROGRAMS = ("make", "python", "python3", "uniart", "git", "pip")
 LEFT_OUT = (  # what a command holds, and why it is not run
     (r"\b(URL|ROOT|PRED|ASSET|OUT|TRELLIS-image-large/ckpts|dinov2\w*\.pth)\b", "a name to replace"),  # noqa: E501
@@ -31,18 +38,23 @@ LEFT_OUT = (  # what a command holds, and why it is not run
     (r"configs/nano\.py|runs/nano|data-cache/mine|evaluate procedural", "takes hours, or needs what hours made"),  # noqa: E501
     (r"^make sample", "sets up an environment; sample.py is run"),
     (r"^uniart app", "runs until it is stopped; tests/app"),
+    (r"^python -m mujoco\.viewer", "opens a window"),
 )  # fmt: skip
 LONGEST = 900  # seconds
-SHOWS = r"^\w+\.show\(\).*$"  # serves a page until it is stopped
+SHOWS = r"^\w+\.show\(\).*$"  # opens a page
+STATED = r"#.*?\b(\d+) (s|seconds|minutes?)\b"
+SLOWER = 3.0  # times what a document states
 
 
 class Command(NamedTuple):
-    """A line of a shell block, or a block of Python; where it stands."""
+    """A line of a shell block, or a block of Python; where it stands, and the seconds that are
+    stated beside it (0: none)."""
 
     document: str
     line: int
     text: str
     python: bool
+    stated: float = 0.0
 
     @property
     def left_out(self) -> str:
@@ -58,15 +70,21 @@ def commands(document: str, text: str) -> list[Command]:
     for block in re.finditer(r"^```(\w*)\n(.*?)^```", text, re.S | re.M):
         line = text[: block.start()].count("\n") + 2
         if block[1] == "python":
-            found.append(Command(document, line, block[2], True))
+            found.append(Command(document, line, block[2], True, seconds(block[2])))
         elif not block[1]:
             at = line
             for whole in re.sub(r"\\\n\s*", "", block[2]).splitlines():
                 bare = re.sub(r"\s+#.*$", "", whole).strip()
                 if bare.split(" ")[0] in PROGRAMS:
-                    found.append(Command(document, at, bare, False))
+                    found.append(Command(document, at, bare, False, seconds(whole)))
                 at += 1
     return found
+
+
+def seconds(text: str) -> float:
+    """The first time that a comment states; 0 where none does."""
+    found = re.search(STATED, text)
+    return float(found[1]) * (60 if found[2].startswith("m") else 1) if found else 0.0
 
 
 def run(command: Command, folder: Path, environment: dict[str, str]) -> tuple[int, float, str]:
@@ -106,9 +124,11 @@ def main() -> None:
             if arguments.list or command.left_out:
                 print(f"{'-':>8}  {where}  {text}  ({command.left_out or 'is run'})", flush=True)
                 continue
-            code, seconds, said = run(command, copy, environment)
+            code, took, said = run(command, copy, environment)
+            slower = "  slower" if took > SLOWER * command.stated > 0 else ""
+            told = f"  ({code})\n{said}" if code else ""
             print(
-                f"{seconds:6.1f} s  {where}  {text}" + ("" if not code else f"  ({code})\n{said}"),
+                f"{took:6.1f} s ({command.stated:3.0f} stated){slower}  {where}  {text}{told}",
                 flush=True,
             )
             failed += bool(code)
