@@ -1,3 +1,5 @@
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,8 +39,19 @@ def plain(q, k, v, seen):
     return jnp.einsum("snlm,smnh->slnh", weights, v)
 
 
+def with_gradients(function, *x):
+    """What a function gives and the gradients of its sines' sum, from one program."""
+
+    def loss(*x):
+        out = function(*x)
+        return jnp.sin(out).sum(), out
+
+    found, out = jax.jit(jax.grad(loss, tuple(range(len(x))), has_aux=True))(*x)
+    return out, found
+
+
 def gradients(function, *x):
-    return jax.jit(jax.grad(lambda *x: jnp.sin(function(*x)).sum(), tuple(range(len(x)))))(*x)
+    return with_gradients(function, *x)[1]
 
 
 @pytest.mark.parametrize("logits", LOGITS)
@@ -87,22 +100,24 @@ def test_garbage_in_padding_reaches_nothing(monkeypatch, kernel):
             assert not np.asarray(a)[np.broadcast_to(padding, q.shape)].any()
 
 
+@functools.cache
+def on_rows(kernel, queries, keys, masked):
+    """Attention of rows with all keys, one and none (``masked``), and its gradients."""
+    (q,) = arrays(3, queries, 2, 16, count=1)
+    k, v = arrays(3, keys, 2, 16, count=2, seed=1)
+    lengths = jnp.array([keys, 1, 0]) if masked else None
+
+    return with_gradients(lambda *x: attend(*x, lengths, kernel=kernel), q, k, v)
+
+
 @pytest.mark.parametrize("kernel", OTHERS)
 @pytest.mark.parametrize(("queries", "keys"), [(130, 130), (64, 201)])
 def test_kernels_agree_on_rows(kernel, queries, keys):
     """Odd lengths, a row of one key and one of none; forward and gradients."""
-    (q,) = arrays(3, queries, 2, 16, count=1)
-    k, v = arrays(3, keys, 2, 16, count=2, seed=1)
-    lengths = jnp.array([keys, 1, 0])
-    for given_lengths in (lengths, None):
-        both = [
-            lambda *x, name=name, n=given_lengths: attend(*x, n, kernel=name)
-            for name in ("xla", kernel)
-        ]
-        expected, found = (jax.jit(f)(q, k, v) for f in both)
-        np.testing.assert_allclose(found, expected, atol=2e-5)
-        expected, found = (gradients(f, q, k, v) for f in both)
-        for a, b in zip(found, expected, strict=True):
+    for masked in (True, False):
+        expected, found = (on_rows(name, queries, keys, masked) for name in ("xla", kernel))
+        np.testing.assert_allclose(found[0], expected[0], atol=2e-5)
+        for a, b in zip(found[1], expected[1], strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-4, atol=5e-5)
 
 
@@ -119,6 +134,22 @@ def plans(width=150, kinds=5):
     )  # fmt: skip
 
 
+@functools.cache
+def masked_attention():
+    """Queries, keys and values of ``plans``' tokens; what they attend to by the book, and its
+    gradient."""
+    seen = plans()[1]
+    valid = seen.any(-1)[..., None, None, None]
+    (qkv,) = arrays(2, 150, 3, 2, 16, count=1)
+
+    def expected(x):
+        out = plain(*(x.reshape(2, 150, 3, 2, 16)[:, :, i] for i in range(3)), jnp.asarray(seen))
+        return jnp.where(valid[:, :, 0], out, 0).reshape(300, 2, 16)
+
+    clean, dirty = (a.reshape(300, 3, 2, 16) for a in (qkv, jnp.where(valid, qkv, jnp.nan)))
+    return dirty, *with_gradients(expected, clean)
+
+
 @pytest.mark.parametrize("kind", plans()[0])
 @pytest.mark.parametrize(
     ("kernel", "logits"), [*[("xla", n) for n in LOGITS], *[(k, 0) for k in OTHERS]]
@@ -126,22 +157,11 @@ def plans(width=150, kinds=5):
 def test_segments_are_masked_attention(monkeypatch, kind, kernel, logits):
     """Every plan and kernel, forward and gradient, NaN in the padding; lengths are odd."""
     monkeypatch.setattr(attention_xla, "CPU_LOGITS", logits)
-    every, seen = plans()
-    valid = seen.any(-1)[..., None, None, None]
-    (qkv,) = arrays(2, 150, 3, 2, 16, count=1)
-    dirty = jnp.where(valid, qkv, jnp.nan).reshape(300, 3, 2, 16)
-
-    def expected(x):
-        out = plain(*(x.reshape(2, 150, 3, 2, 16)[:, :, i] for i in range(3)), jnp.asarray(seen))
-        return jnp.where(valid[:, :, 0], out, 0).reshape(300, 2, 16)
-
-    def run(x):
-        return attend_segments(x, jax.tree.map(jnp.asarray, every[kind]), kernel=kernel)
-
-    clean = qkv.reshape(300, 3, 2, 16)
-    np.testing.assert_allclose(jax.jit(run)(dirty), expected(clean), atol=2e-5)
-    (found,), (wanted,) = gradients(run, dirty), gradients(expected, clean)
-    np.testing.assert_allclose(found, wanted, atol=5e-5)
+    plan = jax.tree.map(jnp.asarray, plans()[0][kind])
+    dirty, out, (gradient,) = masked_attention()
+    found, (slope,) = with_gradients(lambda x: attend_segments(x, plan, kernel=kernel), dirty)
+    np.testing.assert_allclose(found, out, atol=2e-5)
+    np.testing.assert_allclose(slope, gradient, atol=5e-5)
 
 
 def test_long_attention_never_holds_all_logits():
