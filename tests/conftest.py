@@ -6,7 +6,9 @@ import ctypes
 import gc
 import importlib.util
 import os
+import subprocess
 import sys
+import types
 from importlib import metadata
 from pathlib import Path
 
@@ -60,6 +62,50 @@ def pytest_collection_finish():
     """What is imported by now stays: the collector need not walk it again and again."""
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
+
+
+@pytest.fixture(scope="module")
+def small_pictures():
+    """Textures and pictures of assets have few pixels, for modules that do not look at them: most
+    of the time of ``save`` is theirs."""
+    from uniart_jax.export import atlas, preview
+    from uniart_jax.simulation import figure
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name, pixels in (
+            (atlas, "TEXTURE_SIZE", 128),
+            (atlas, "ROUGH_TEXTURE", 128),
+            (preview, "TILE", 48),
+            (preview, "MOTION_SIZE", 48),
+            (figure, "TILE", 48),
+        ):
+            assert getattr(module, name) > pixels
+            patch.setattr(module, name, pixels)
+        yield
+
+
+@pytest.fixture
+def mujoco_here():
+    """``validate`` and ``gate`` run MuJoCo in this process: starting one, with its imports, costs
+    more than what it does. Not for tests of the process itself."""
+    from uniart_jax.simulation import validate, worker
+
+    def start(command, *, cwd, **options):
+        job, result = command[-2:]
+        if not job.endswith("mujoco.job"):
+            return subprocess.Popen(command, cwd=cwd, **options)
+        with pytest.MonkeyPatch.context() as within:
+            within.chdir(cwd)  # MuJoCo writes its log where it stands
+            within.setattr(worker, "_end_with_parent", lambda: None)
+            within.setattr(worker, "_bound", lambda seconds: None)
+            worker.main(job, result)
+        return types.SimpleNamespace(stdin=None, kill=lambda: None, wait=lambda *seconds: 0)
+
+    names = ("PIPE", "DEVNULL", "TimeoutExpired")
+    known = {name: getattr(subprocess, name) for name in names}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(validate, "subprocess", types.SimpleNamespace(Popen=start, **known))
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)

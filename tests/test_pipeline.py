@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from drawn import parameters as parameters_of
 
 from uniart_jax.cli import load_config
 from uniart_jax.config import (
@@ -37,14 +38,6 @@ ROOT = Path(__file__).parent.parent
 GUIDED = SampleConfig(steps=2, guidance=1.5, rescale_t=3.0)
 
 
-def disturbed(params):
-    """Noise on all weights: layers that begin at zero, or are constant before a norm, must not hide
-    mistakes."""
-    rng = np.random.default_rng(0)
-    noise = lambda x: 0.02 * rng.normal(size=x.shape).astype(np.float32)  # noqa: E731
-    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x) + noise(x)), params)
-
-
 @pytest.fixture(scope="module")
 def pipeline():
     config = load_config(ROOT / "configs" / "debug.py")
@@ -54,8 +47,7 @@ def pipeline():
     }
     config = dataclasses.replace(config, model=dataclasses.replace(config.model, **flows))
     parameters = {
-        name: disturbed(build(name, config.model).init(jax.random.key(i)))
-        for i, name in enumerate(NETWORKS)
+        name: parameters_of(build(name, config.model), seed=i) for i, name in enumerate(NETWORKS)
     }
     channels = (
         config.model.structure_vae.latent_channels,
@@ -243,7 +235,7 @@ def test_the_layout_network_is_shown_a_crop_of_its_own_size(pipeline, tmp_path, 
     )  # fmt: skip
     write_config(tmp_path, mine.config)
     network = build("layout", model)
-    export_network(tmp_path, "layout", network.init(jax.random.key(0)))
+    export_network(tmp_path, "layout", parameters_of(network))
     shown, look = [], mine._layout_predictor._look
     monkeypatch.setattr(
         mine._layout_predictor, "_look", lambda images: shown.extend(images) or look(images)
@@ -291,7 +283,7 @@ def trellis():
         sample_latent=LatentSampleConfig(steps=2, guidance=3.0, guidance_interval=(0.5, 1.0)),
     )
     parameters = {
-        name: disturbed(build(name, model).init(jax.random.key(i)))
+        name: parameters_of(build(name, model), seed=i)
         for i, name in enumerate((*NETWORKS, "gaussian_decoder"))
     }
     statistics = {

@@ -11,6 +11,7 @@ import trimesh
 import yourdfpy
 from PIL import Image
 
+from uniart_jax import cli
 from uniart_jax.cli import guarded
 from uniart_jax.cli import sample as sample_command
 from uniart_jax.config import SampleConfig
@@ -23,6 +24,7 @@ shipped = pytest.mark.skipif(
     not (PRETRAINED / "nano" / "config.json").is_file(),
     reason="no shipped weights here; make them with: python train.py --config configs/nano.py",
 )
+pytestmark = pytest.mark.usefixtures("small_pictures")
 EXAMPLE = ROOT / "examples" / "images" / "cabinet.png"
 
 
@@ -31,6 +33,20 @@ def sample(*arguments, expect=0):
     result = subprocess.run(command, capture_output=True, text=True, timeout=600)
     assert result.returncode == expect, result.stderr[-2000:]
     return result
+
+
+@pytest.fixture
+def refused(monkeypatch, capsys):
+    """The same in this process, of what must end with code 2: its stderr."""
+
+    def call(*arguments) -> str:
+        monkeypatch.setattr(sys, "argv", ["sample.py", *map(str, arguments)])
+        with pytest.raises(SystemExit) as done:
+            cli.sample_main()
+        assert done.value.code == 2
+        return capsys.readouterr().err
+
+    return call
 
 
 @pytest.fixture(scope="module")
@@ -83,10 +99,10 @@ def test_same_seed_same_object(asset, tmp_path):
 
 
 @shipped
-def test_a_full_folder_is_left_alone(asset):
+def test_a_full_folder_is_left_alone(asset, refused):
     before = sorted(p.name for p in asset.iterdir())
-    result = sample(EXAMPLE, "--out", asset, expect=2)
-    assert "not empty" in result.stderr and "--overwrite" in result.stderr
+    said = refused(EXAMPLE, "--out", asset)
+    assert "not empty" in said and "--overwrite" in said
     assert sorted(p.name for p in asset.iterdir()) == before
 
 
@@ -100,13 +116,20 @@ def test_a_full_folder_is_left_alone(asset):
         (lambda p: Image.new("RGBA", (64, 64)).save(p), "transparent"),
     ],
 )
-def test_bad_images_are_one_line(tmp_path, write, says):
+def test_bad_images_are_one_line(tmp_path, refused, write, says):
     image = tmp_path / "image.png"
     write(image)
-    result = sample(image, "--out", tmp_path / "out", expect=2)
-    assert says in result.stderr
-    assert len(result.stderr.strip().splitlines()) == 1 and result.stderr.startswith("error: ")
+    said = refused(image, "--out", tmp_path / "out")
+    assert says in said
+    assert len(said.strip().splitlines()) == 1 and said.startswith("error: ")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_mistake_is_one_line_of_the_program(tmp_path):
+    """The program itself: nothing that it loads says anything more."""
+    said = sample(tmp_path / "absent.png", "--out", tmp_path / "out", expect=2).stderr
+    assert "no such file" in said and len(said.strip().splitlines()) == 1
+    assert said.startswith("error: ") and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(
@@ -126,9 +149,9 @@ def test_bad_images_are_one_line(tmp_path, write, says):
         (("--layout", str(ROOT / "README.md")), "not valid JSON"),
     ],
 )
-def test_nonsense_options(tmp_path, options, says):
-    result = sample(EXAMPLE, "--out", tmp_path / "out", *options, expect=2)
-    assert says in result.stderr and not (tmp_path / "out").exists()
+def test_nonsense_options(tmp_path, refused, options, says):
+    said = refused(EXAMPLE, "--out", tmp_path / "out", *options)
+    assert says in said and not (tmp_path / "out").exists()
 
 
 @shipped
@@ -280,20 +303,18 @@ def test_an_edited_layout_is_followed(tmp_path):
     assert kinds.count("prismatic") == wanted.count("prismatic") + 1
 
 
-def test_unknown_checkpoint(tmp_path):
-    result = sample(EXAMPLE, "--out", tmp_path / "out", "--checkpoint", "absent", expect=2)
-    assert (
-        "neither a folder nor a shipped model" in result.stderr and not (tmp_path / "out").exists()
-    )
+def test_unknown_checkpoint(tmp_path, refused):
+    said = refused(EXAMPLE, "--out", tmp_path / "out", "--checkpoint", "absent")
+    assert "neither a folder nor a shipped model" in said and not (tmp_path / "out").exists()
 
 
 @shipped
-def test_truncated_checkpoint(tmp_path):
+def test_truncated_checkpoint(tmp_path, refused):
     import shutil
 
     folder = tmp_path / "broken"
     shutil.copytree(PRETRAINED / "nano", folder)
     path = folder / "latent_flow.safetensors"
     path.write_bytes(path.read_bytes()[:1000])
-    result = sample(EXAMPLE, "--out", tmp_path / "out", "--checkpoint", folder, expect=2)
-    assert "truncated" in result.stderr and not (tmp_path / "out").exists()
+    said = refused(EXAMPLE, "--out", tmp_path / "out", "--checkpoint", folder)
+    assert "truncated" in said and not (tmp_path / "out").exists()

@@ -3,9 +3,9 @@
 import inspect
 import json
 
-import jax
 import numpy as np
 import pytest
+from drawn import parameters
 from PIL import Image
 
 from uniart_jax.cli.layout import layout
@@ -27,7 +27,7 @@ def checkpoint(tmp_path_factory):
     model = ModelConfig(layout=small)
     folder = tmp_path_factory.mktemp("checkpoint")
     write_config(folder, Config(model=model))
-    export_network(folder, "layout", build("layout", model).init(jax.random.key(0)))
+    export_network(folder, "layout", parameters(build("layout", model)))
     return folder
 
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from drawn import parameters
 
 from uniart_jax.config import LayoutConfig, ModelConfig
 from uniart_jax.models.layout import resize
@@ -24,10 +25,7 @@ def make(**changes):
 
 @pytest.fixture(scope="module")
 def params():
-    drawn = jax.jit(make().init)(jax.random.key(0))
-    # boxes are not corrected at first: let them be
-    key = jax.random.key(1)
-    return jax.tree.map(lambda x: x + 0.05 * jax.random.normal(key, x.shape), drawn)
+    return parameters(make())
 
 
 def look(params, image, **changes):

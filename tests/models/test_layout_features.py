@@ -6,6 +6,7 @@ import itertools
 import jax
 import jax.numpy as jnp
 import numpy as np
+from drawn import parameters
 from toy import flow_table
 
 from uniart_jax.models.layout_features import LayoutFeatures, candidates, child_depth
@@ -15,7 +16,7 @@ from uniart_jax.voxels.part_table import PartTable
 R = 8
 COORDS = jnp.asarray(np.random.default_rng(1).integers(0, R, (2, 30, 3)))
 NETWORK = Network("features", None, lambda rngs: LayoutFeatures(4, rngs))
-PARAMS = NETWORK.init(jax.random.key(0))
+PARAMS = parameters(NETWORK)
 run = jax.jit(lambda table, coords: NETWORK.apply(PARAMS, table, coords, R))
 
 
