@@ -20,13 +20,14 @@ SETTINGS = folder.Settings(
 )
 
 
-@pytest.fixture(scope="session")
-def assets(tmp_path_factory):
+@pytest.fixture(scope="module")
+def assets(small_pictures, tmp_path_factory):
     """<root>/<category>/<name>/object.urdf, one of them broken and one that names a missing
     mesh."""
     root = tmp_path_factory.mktemp("assets")
     for k, family in enumerate(("microwave", "table", "door")):
-        procedural.generate(family, k).save(root / family / f"{k}", motion=False)
+        obj = procedural.generate(family, k)
+        obj.save(root / family / f"{k}", formats=(), collision="hull", motion=False)
     (root / "broken").mkdir()
     (root / "broken" / "a b.urdf").write_text("<robot")
     shutil.copytree(root / "table" / "1", root / "table" / "2")

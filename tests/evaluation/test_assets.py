@@ -9,10 +9,14 @@ import pytest
 from uniart_jax import procedural
 from uniart_jax.evaluation.assets import evaluate_assets
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 
 def test_round_trip_of_a_folder(tmp_path, capsys):
     for family, seed in (("microwave", 3), ("table", 4)):
-        procedural.generate(family, seed).save(tmp_path / "in" / family / "0", motion=False)
+        procedural.generate(family, seed).save(
+            tmp_path / "in" / family / "0", formats=(), collision="hull", motion=False
+        )
     (tmp_path / "in" / "broken.urdf").write_text("<robot/>")
     made = evaluate_assets(tmp_path / "in", tmp_path / "out", resolutions=(16, 32))
     assert set(made["objects"]) == {"microwave/0", "table/0"} and set(made["errors"]) == {
