@@ -22,6 +22,7 @@ from uniart_jax.evaluation.retrieval import training_objects
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
 COUNT = 3
 NAMES = ["0000-storage_furniture", "0001-table", "0002-refrigerator"]
 METHODS = ["model", "retrieval_true_boxes", "retrieval_predicted_boxes", "rest_only", "mirrored"]

@@ -13,20 +13,23 @@ from uniart_jax.evaluation.real import real_objects
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.layout import Layout
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+PLAIN = {"formats": (), "collision": "hull", "motion": False}  # only the URDF is read
+
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory):
     folder = tmp_path_factory.mktemp("assets")
     for category, family in (("Oven", "oven"), ("Table", "table")):
-        procedural.generate(family, 7).save(folder / category / "1", motion=False)
+        procedural.generate(family, 7).save(folder / category / "1", **PLAIN)
     still = procedural.generate("oven", 8)
     flat = procedural.generate("table", 9)
     sheet = flat.parts[1].mesh.copy()
     sheet.vertices[:, 0] = sheet.vertices[:, 0].min()  # as real drawers are that are mere fronts
     parts = (flat.parts[0], dataclasses.replace(flat.parts[1], mesh=sheet), *flat.parts[2:])
-    dataclasses.replace(flat, parts=parts).save(folder / "Table" / "2", motion=False)
+    dataclasses.replace(flat, parts=parts).save(folder / "Table" / "2", **PLAIN)
     fixed = [dataclasses.replace(p, joint=Joint.fixed()) for p in still.parts]
-    dataclasses.replace(still, parts=tuple(fixed)).save(folder / "Oven" / "2", motion=False)
+    dataclasses.replace(still, parts=tuple(fixed)).save(folder / "Oven" / "2", **PLAIN)
     (folder / "Table" / "3").mkdir()
     (folder / "Table" / "3" / "object.urdf").write_text("<robot")
     return folder
