@@ -17,6 +17,8 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject, Part
 
+pytestmark = pytest.mark.usefixtures("small_pictures", "mujoco_here")
+
 
 def chest(angle: float = 1.4) -> ArticulatedObject:
     """A closed block with a lid hinged at its back edge; a negative angle turns the lid into the
