@@ -282,3 +282,13 @@ def test_bent_pictures_are_moved_a_little(pool_tools):
     )
     inner = np.abs(out - ramp)[:, 8:-8, 8:-8]
     assert 0 < inner.mean() < 0.05 and not np.allclose(out[0], out[1])
+
+
+def test_what_modules_cost_is_told_the_dearest_first(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "tools"))
+    import suite_seconds
+
+    cheap, dear = suite_seconds.Cost(3, 0.25), suite_seconds.Cost(1, 12.5, 40, 2, 700.0)
+    _, first, second, total = suite_seconds.table({"a.py": cheap, "b.py": dear}).splitlines()
+    assert first.split() == ["1", "12.5", "40", "2", "700", "b.py"]
+    assert second.split() == ["3", "0.2", "0", "0", "0", "a.py"] and total.startswith("13 CPU")
