@@ -14,6 +14,8 @@ from uniart_jax.evaluation import compare as frame
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 
 def box(angle: float) -> ArticulatedObject:
     """A block with a lid hinged at its back edge; a negative angle turns the lid the other way."""

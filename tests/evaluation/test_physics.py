@@ -16,6 +16,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
 ENGINES = ("mujoco",)
+pytestmark = pytest.mark.usefixtures("small_pictures", "mujoco_here")
 
 
 def test_a_folder_of_assets_with_a_bad_one(tmp_path):

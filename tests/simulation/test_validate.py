@@ -120,6 +120,7 @@ def solid_mass() -> float:
     return solid(DOOR)[0]
 
 
+@pytest.mark.usefixtures("mujoco_here")
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_planted_fault_is_caught_by_name(tmp_path, fault):
     make, expected = FAULTS[fault]
@@ -280,6 +281,7 @@ def test_an_mjcf_is_simulated_and_pybullet_says_why_not(tmp_path):
     assert both is None or "URDF" in both["not_run"]["pybullet"]
 
 
+@pytest.mark.usefixtures("mujoco_here")
 def test_mujoco_takes_the_mjcf_beside_a_urdf(tmp_path):
     asset = cabinet(tmp_path / "a")
     (asset / "object.xml").write_text(MJCF.format(sign=-1, upper=1.5))
@@ -292,6 +294,7 @@ def test_mujoco_takes_the_mjcf_beside_a_urdf(tmp_path):
         validate(asset, engines=["mujoco"])
 
 
+@pytest.mark.usefixtures("mujoco_here")
 def test_a_hand_turns_the_dial_that_lifts_the_burner(tmp_path):
     path = tmp_path / "stove.xml"
     path.write_text(STOVE)
@@ -303,6 +306,7 @@ def test_a_hand_turns_the_dial_that_lifts_the_burner(tmp_path):
     assert max(motion["force"]) < 5  # N; pushing the burner itself takes a hundred times as much
 
 
+@pytest.mark.usefixtures("mujoco_here")
 def test_nothing_outside_the_folder_is_read(tmp_path):
     door_mesh(tmp_path)
     shown = '<visual><geometry><mesh filename="../door.obj"/></geometry></visual>'
@@ -348,6 +352,7 @@ def test_engines_that_are_not_there(tmp_path, monkeypatch):
         validate(tmp_path / "nothing", engines=["mujoco"])
 
 
+@pytest.mark.usefixtures("mujoco_here")
 @pytest.mark.slow
 def test_what_is_written_is_complete_and_the_same_twice(tmp_path):
     asset = slider(tmp_path / "a", friction=1.0)
