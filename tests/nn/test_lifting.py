@@ -5,10 +5,14 @@ import scipy.ndimage
 
 from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.images import MARGIN
-from uniart_jax.nn.lifting import hidden_depth, project, read_map, read_pixels, sample_map
+from uniart_jax.nn import lifting
+from uniart_jax.nn.lifting import read_map
 from uniart_jax.render import sample_camera
 
 SIZE = 64
+project, sample_map = jax.jit(lifting.project), jax.jit(lifting.sample_map)
+hidden_depth = jax.jit(lifting.hidden_depth, static_argnums=3)
+read_pixels = jax.jit(lifting.read_pixels, static_argnums=4)
 
 
 def _seen(rng, rows, columns):
@@ -44,10 +48,9 @@ def test_mirrored_code_sees_the_mirrored_point_in_the_flipped_place():
 
 
 def test_a_code_of_no_length_and_a_point_behind_the_camera_stay_finite():
-    code = jnp.zeros((1, 7)).at[0, 3:5].set(jnp.array([1.6, 5.0]))
-    value, gradient = jax.value_and_grad(
-        lambda c: project(c, jnp.array([[0.5, 0.5, 0.5], [-0.5, 0.5, 0.0]]))[0].sum()
-    )(code)
+    code = np.array([[0, 0, 0, 1.6, 5.0, 0, 0]], np.float32)
+    points = jnp.array([[0.5, 0.5, 0.5], [-0.5, 0.5, 0.0]])
+    value, gradient = jax.jit(jax.value_and_grad(lambda c: project(c, points)[0].sum()))(code)
     assert np.isfinite(value) and np.isfinite(gradient).all()
 
 
@@ -69,7 +72,7 @@ def test_read_map_is_sample_map_by_other_means():
     rng = np.random.default_rng(4)
     features = jnp.asarray(rng.normal(size=(2, 6, 6, 3)), jnp.float32)
     places = jnp.asarray(rng.uniform(-1.3, 1.3, (2, 40, 2)), jnp.float32)
-    found = jax.vmap(read_map)(features, places)
+    found = jax.jit(jax.vmap(read_map))(features, places)
     np.testing.assert_allclose(found, sample_map(features, places), atol=1e-5)
 
 
@@ -123,8 +126,9 @@ def test_voxels_read_the_picture_where_the_camera_sees_them():
 
 def test_reading_pixels_knows_no_padding_and_no_view_without_a_camera():
     maps, cameras, coords, counts = _pixels()
-    run = jax.jit(read_pixels, static_argnums=4)
-    read = run(maps, cameras.at[1, 2].set(0), coords, counts, 8)
+    run, unseen = read_pixels, np.array(cameras)
+    unseen[1, 2] = 0
+    read = run(maps, unseen, coords, counts, 8)
     assert not np.asarray(read[1, 2]).any() and np.asarray(read[1, 1]).any()
     whole = run(maps, cameras, coords, counts, 8)
     everywhere = jnp.asarray(np.tile(np.argwhere(np.ones((8, 8, 8))), (2, 1, 1)), jnp.int32)
@@ -138,5 +142,6 @@ def test_reading_pixels_knows_no_padding_and_no_view_without_a_camera():
 
 def test_no_gradient_reaches_maps_and_cameras():
     maps, cameras, coords, counts = _pixels()
-    found = jax.grad(lambda *a: read_pixels(*a, coords, counts, 8).sum(), (0, 1))(maps, cameras)
+    total = jax.grad(lambda *a: read_pixels(*a, coords, counts, 8).sum(), (0, 1))
+    found = jax.jit(total)(maps, cameras)
     assert not any(np.asarray(g).any() for g in found)
