@@ -38,15 +38,14 @@ import jax
 import numpy as np
 from results import report
 
-from uniart_jax.adoption import adopt
 from uniart_jax.config import NETWORKS, Config
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.encoding import encode_all
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.stages import STAGES
 from uniart_jax.stages.trainer import claim, make_put, make_step, stage_batches
 from uniart_jax.training.checkpoints import Checkpoints
-from uniart_jax.training.export import checkpoint_folder
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
@@ -114,9 +113,9 @@ def in_run(
 def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -> dict[str, Any]:
     own, stage, latents = STAGES[name], getattr(config, name), {}
     if own.latent:
-        taken = [n for n in NETWORKS if not STAGES[n].latent]
+        needed = [n for n in NETWORKS if not STAGES[n].latent]
         claim(config, workdir)
-        adopt(checkpoint_folder("nano"), taken, workdir)
+        Checkpoint.find("nano").copy_networks(needed, workdir / "export")
         latents = encode_all(config, workdir)
     network, mesh = build(name, config.model), make_mesh(config.mesh)
     optimizer = make_optimizer(stage)

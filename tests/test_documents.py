@@ -11,7 +11,7 @@ import pytest
 from uniart_jax import __version__
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
-from uniart_jax.training.export import read_config
+from uniart_jax.models.checkpoint import Checkpoint
 
 ROOT = Path(__file__).parent.parent
 
@@ -69,7 +69,7 @@ def test_the_headers_of_configs_are_short():
 
 
 def test_the_shipped_model_is_that_of_its_config():
-    shipped = read_config(ROOT / "uniart_jax" / "pretrained" / "nano")
+    shipped = Checkpoint(ROOT / "uniart_jax" / "pretrained" / "nano").config
     config = load_config(ROOT / "configs" / "nano.py")
     for part in ("model", "sample_structure", "sample_latent"):
         assert getattr(shipped, part) == getattr(config, part), part

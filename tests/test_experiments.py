@@ -31,15 +31,10 @@ from uniart_jax.experiments.fronts import drawn_alike, fitted
 from uniart_jax.experiments.settings import described
 from uniart_jax.experiments.table import write_tables
 from uniart_jax.locks import alone
-from uniart_jax.models.network import build
+from uniart_jax.models.checkpoint import PRETRAINED, Checkpoint
+from uniart_jax.models.checkpoint_files import write_config, write_network
+from uniart_jax.models.network import build, flat_names
 from uniart_jax.procedural import HELD_OUT_SEED, generate
-from uniart_jax.training.export import (
-    PRETRAINED,
-    export_network,
-    flat_names,
-    load_network,
-    write_config,
-)
 
 TRAINS = pytest.mark.slow  # two arms: half a minute
 
@@ -110,8 +105,7 @@ def test_what_arms_share_begins_alike(tmp_path):
     for kind in ("concat", "residual"):  # the second without the width of the first
         other = with_aggregation(config, kind)
         folder = drawn_alike(other, stages, tmp_path / kind)
-        network = build("uniart_vae", other.model)
-        found[kind] = flat_names(load_network(folder, "uniart_vae", network.abstract()))
+        found[kind] = flat_names(Checkpoint(folder).load("uniart_vae", other.model))
     key = jax.random.fold_in(
         jax.random.key(config.seed), NETWORKS.index("uniart_vae")
     )  # stages/trainer.py
@@ -168,7 +162,7 @@ def test_settings_are_what_figures_depend_on(tmp_path):
     rows.write_text(rows.read_text() + "a" + "," * (len(COLUMNS_OF_ROWS) - 1) + "\n")
     assert described(arm)["records"] != found["records"]
     for folder, weight in (("a", 0.0), ("b", 1.0)):
-        export_network(tmp_path / folder, "uniart_vae", {"w": np.full(3, weight)})
+        write_network(tmp_path / folder, "uniart_vae", {"w": np.full(3, weight)})
     judged = dataclasses.replace(arm, stages=(), of="", init=str(tmp_path / "a"))
     other = dataclasses.replace(judged, init=str(tmp_path / "b"))
     first = described(judged)
@@ -314,15 +308,16 @@ def test_another_front_keeps_everything_behind_it(done, tmp_path):
     vae = dataclasses.replace(config.model.uniart_vae, visual_channels=8)
     config = dataclasses.replace(config, model=dataclasses.replace(config.model, uniart_vae=vae))
     network = build("uniart_vae", config.model)
-    export_network(tmp_path / "old", "uniart_vae", network.init(jax.random.key(0)), "float32")
+    write_network(tmp_path / "old", "uniart_vae", network.init(jax.random.key(0)), "float32")
     write_config(tmp_path / "old", config)
-    assert fitted(tmp_path / "old", config, tmp_path / "same") == tmp_path / "old"
+    old = Checkpoint(tmp_path / "old")
+    assert fitted(old, config, tmp_path / "same") == old.folder
     wanted = dataclasses.replace(vae, aggregation="residual")
     model = dataclasses.replace(config.model, uniart_vae=wanted)
-    new = fitted(tmp_path / "old", dataclasses.replace(config, model=model), tmp_path / "new")
+    new = fitted(old, dataclasses.replace(config, model=model), tmp_path / "new")
     before, after = (
-        flat_names(load_network(folder, "uniart_vae", build("uniart_vae", m).abstract()))
-        for folder, m in ((tmp_path / "old", config.model), (new, model))
+        flat_names(checkpoint.load("uniart_vae", m))
+        for checkpoint, m in ((old, config.model), (Checkpoint(new), model))
     )
     rows = after.pop("encoder.input_layer.kernel")
     assert np.array_equal(rows[:8], before["encoder.input_layer.kernel"][:8])

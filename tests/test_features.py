@@ -18,7 +18,6 @@ from hand_records import features_of, make_record, write_folder, write_items
 from PIL import Image
 
 from uniart_jax import cli, encoding, features, stages
-from uniart_jax.adoption import first_weights
 from uniart_jax.config import (
     Config,
     DataConfig,
@@ -36,10 +35,11 @@ from uniart_jax.data.latents import LatentSource
 from uniart_jax.data.part_features import CHANNELS, input_name, surface_points
 from uniart_jax.data.records import RecordSource, shard_paths
 from uniart_jax.data.shards import open_shards, write_shard
-from uniart_jax.models.network import build
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.checkpoint_files import read_network, write_config, write_network
+from uniart_jax.models.network import build, flat_names
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.render import Camera, orbit_cameras
-from uniart_jax.training.export import export_network, flat_names, load_network, write_config
 
 ENCODER = ImageEncoderConfig(
     architecture="dinov2", image_size=16, patch_size=4, registers=2, width=12, num_blocks=1, num_heads=1, mlp_ratio=2.0,  # noqa: E501
@@ -54,7 +54,7 @@ def weights(folder, seed=0, network=NETWORK):
     drawn = jax.tree.map(
         lambda s: rng.normal(0, 0.3, s.shape).astype(np.float32), network.abstract()
     )
-    return export_network(folder, network.name, drawn, "stored")
+    return write_network(folder, network.name, drawn, "stored")
 
 
 def orbit(record, size=16, views=VIEWS):
@@ -118,7 +118,7 @@ def test_a_voxel_holds_the_mean_of_what_it_reads_in_all_views(tmp_path, size):
     folder = prepared(tmp_path / "records", size)
     file = weights(tmp_path)
     features.write_visual(folder, file, batch=3, progress=False)
-    params = load_network(tmp_path, "image_encoder", NETWORK.abstract())
+    params = read_network(file, NETWORK.abstract())
     source = RecordSource(folder, columns=("visual",))
     for index in (0, 5):  # of both shards
         record, seen = source[index], orbit(source[index], size)
@@ -148,9 +148,10 @@ def test_fewer_views_are_spread_over_the_sphere(folder, tmp_path):
     forward = np.stack([Camera(*many[i]).matrix()[2, :3] for i in chosen])
     angles = np.degrees(np.arccos(np.clip(forward @ forward.T, -1, 1))) + 360 * np.eye(24)
     assert angles.min() > 25  # 24 caps that fill the sphere are 47 degrees wide
-    features.write_visual(folder, weights(tmp_path), views=3, progress=False)
+    file = weights(tmp_path)
+    features.write_visual(folder, file, views=3, progress=False)
     record = RecordSource(folder, columns=("visual",))[1]
-    seen, params = orbit(record), load_network(tmp_path, "image_encoder", NETWORK.abstract())
+    seen, params = orbit(record), read_network(file, NETWORK.abstract())
     three = features.spread_views(cameras, 3)
     expected = reference(record, seen["images"][three], cameras[three], params)
     np.testing.assert_allclose(record.visual, expected, atol=2e-3, rtol=2e-3)
@@ -225,7 +226,7 @@ def test_refusals_are_one_line(folder, tmp_path, capsys):
     assert "uniart convert dinov2" in missing
     (tmp_path / "bad.safetensors").write_bytes(b"nonsense")
     assert "bad.safetensors" in complaint(folder, weights=tmp_path / "bad.safetensors")
-    export_network(tmp_path, "vae", {"x": np.zeros(3)}, "stored")
+    write_network(tmp_path, "vae", {"x": np.zeros(3)}, "stored")
     assert "not a converted DINOv2: it lacks pos_embed" in complaint(
         folder, weights=tmp_path / "vae.safetensors"
     )
@@ -352,8 +353,7 @@ def test_training_and_encoding_read_the_columns_of_their_split(tmp_path):
         RecordSource(folder, "train", ("visual", "part_feature")),
     )
     assert [latents[i]["mirrored"] for i in range(len(latents))] == [False] * 4
-    network = build("uniart_vae", config.model)
-    params = load_network(work, "uniart_vae", network.abstract())
+    params = Checkpoint.find(work).load("uniart_vae")
     pipeline = Pipeline(config, {"uniart_vae": params}, {})
     for i in range(4):
         record = source[int(latents[i]["record"])]
@@ -422,7 +422,7 @@ def test_a_vae_that_read_no_part_features_goes_on_with_them(tmp_path):
     write_config(source, dataclasses.replace(config, model=blind))
 
     network = build("uniart_vae", model)
-    first = first_weights(source, "uniart_vae", model)
+    first = Checkpoint(source).load("uniart_vae", model, widen=True)
     record = RecordSource(folder, columns=("part_feature",))[0]
     given = {**network.init(jax.random.key(1)), **first}
     given["front"] = {**network.init(jax.random.key(1))["front"], **first["front"]}
@@ -433,7 +433,7 @@ def test_a_vae_that_read_no_part_features_goes_on_with_them(tmp_path):
     np.testing.assert_allclose(means[1], means[0], atol=1e-5)
 
     stages.run(config, ("uniart_vae",), work, init=source)
-    after = load_network(work, "uniart_vae", network.abstract())
+    after = Checkpoint.find(work).load("uniart_vae")
     new = {name for name in flat_names(after) if name not in flat_names(first)}
     assert new == {
         f"{layer}.{leaf}"

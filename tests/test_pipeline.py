@@ -27,11 +27,11 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
+from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.pipeline import Pipeline, SamplingOptions, load
 from uniart_jax.samplers import Condition, flow_inputs, join_views, pad_coords
-from uniart_jax.training.export import export_network, write_config, write_statistics
 from uniart_jax.voxels.layout import Layout
 
 ROOT = Path(__file__).parent.parent
@@ -209,7 +209,7 @@ def test_widths():
 def test_a_checkpoint_folder_round_trip_and_its_errors(pipeline, tmp_path):
     write_config(tmp_path / "export", pipeline.config)
     for name in NETWORKS:
-        export_network(tmp_path / "export", name, pipeline.parameters[name], dtype="float32")
+        write_network(tmp_path / "export", name, pipeline.parameters[name], dtype="float32")
     for name, (mean, std) in pipeline.statistics.items():
         write_statistics(tmp_path / "export", name, mean, std)
     again = load(tmp_path)  # a WORKDIR: its export is found
@@ -235,7 +235,7 @@ def test_the_layout_network_is_shown_a_crop_of_its_own_size(pipeline, tmp_path, 
     )  # fmt: skip
     write_config(tmp_path, mine.config)
     network = build("layout", model)
-    export_network(tmp_path, "layout", parameters_of(network))
+    write_network(tmp_path, "layout", parameters_of(network))
     shown, look = [], mine._layout_predictor._look
     monkeypatch.setattr(
         mine._layout_predictor, "_look", lambda images: shown.extend(images) or look(images)
@@ -333,13 +333,13 @@ def test_a_checkpoint_names_all_that_it_lacks_and_reads_gaussians_late(trellis, 
     folder = tmp_path / "converted"
     write_config(folder, trellis.config)
     for name in ("structure_vae", "uniart_vae", "structure_flow"):
-        export_network(folder, name, trellis.parameters[name], dtype="float32")
+        write_network(folder, name, trellis.parameters[name], dtype="float32")
     with pytest.raises(
         FileNotFoundError, match=r"no image_encoder.safetensors, latent_flow.safetensors in it"
     ):
         load(folder)
     for name in ("image_encoder", "latent_flow"):
-        export_network(folder, name, trellis.parameters[name], dtype="float32")
+        write_network(folder, name, trellis.parameters[name], dtype="float32")
     for name, (mean, std) in trellis.statistics.items():
         write_statistics(folder, name, mean, std)
     pipeline = load(folder)
@@ -347,7 +347,7 @@ def test_a_checkpoint_names_all_that_it_lacks_and_reads_gaussians_late(trellis, 
     coords, latent = np.array([[1, 2, 3]], np.int32), np.ones((1, 4), np.float32)
     with pytest.raises(FileNotFoundError, match=r"no gaussian_decoder.safetensors"):
         pipeline.gaussians([coords], [latent])
-    export_network(
+    write_network(
         folder, "gaussian_decoder", trellis.parameters["gaussian_decoder"], dtype="float32"
     )
     found, expected = pipeline.gaussians([coords], [latent]), trellis.gaussians([coords], [latent])

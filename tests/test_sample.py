@@ -15,9 +15,9 @@ from uniart_jax import cli
 from uniart_jax.cli import guarded
 from uniart_jax.cli import sample as sample_command
 from uniart_jax.config import SampleConfig
+from uniart_jax.models.checkpoint import PRETRAINED
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.pipeline import Sample
-from uniart_jax.training.export import PRETRAINED
 
 ROOT = Path(__file__).parent.parent
 shipped = pytest.mark.skipif(

@@ -6,6 +6,7 @@ import jax
 import numpy as np
 
 from uniart_jax.config import Config, ModelConfig, StructureVAEConfig
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import Pipeline
@@ -41,7 +42,7 @@ def test_a_pipeline_says_what_it_holds(tmp_path):
         "64^3 voxels of 4^3 sub-cells; from memory)"
     )
     (tmp_path / "layout.safetensors").touch()
-    pipeline.folder = tmp_path
+    pipeline.checkpoint = Checkpoint(tmp_path)
     assert "image_encoder, and a layout network; " in str(pipeline) and str(tmp_path) in str(
         pipeline
     )

@@ -12,7 +12,7 @@ import pytest
 from safetensors.numpy import load_file
 
 import uniart_jax
-from uniart_jax import adoption, encoding, procedural, stages
+from uniart_jax import encoding, procedural, stages
 from uniart_jax.cli import load_config
 from uniart_jax.config import (
     NETWORKS,
@@ -26,19 +26,14 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
 from uniart_jax.locks import alone
-from uniart_jax.models.network import build
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
+from uniart_jax.models.network import build, flat_names
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.stages import STAGES
-from uniart_jax.stages.checks import check_found
+from uniart_jax.stages.checks import check_found, networks_to_copy
 from uniart_jax.stages.flows import load_conditioner
 from uniart_jax.stages.trainer import make_put, make_step, stage_batches, trainable
-from uniart_jax.training.export import (
-    export_network,
-    flat_names,
-    read_config,
-    write_config,
-    write_statistics,
-)
 from uniart_jax.training.flow_losses import make_structure_flow_loss
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
@@ -219,13 +214,14 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys)
     source = tmp_path / "source"
     shutil.copytree(workdir / "export", source)
     before = build("latent_flow", model).init(jax.random.key(7))
-    export_network(source, "latent_flow", before, "float32")
+    write_network(source, "latent_flow", before, "float32")
     still = dataclasses.replace(config.latent_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
     config = dataclasses.replace(config, latent_flow=still)
     with pytest.raises(ValueError, match=r"does not fit this config; missing: pixel_cube\.bias"):
         stages.run(config, ["latent_flow"], tmp_path / "work", init=source)  # it should have them
     write_config(source, dataclasses.replace(config, model=model))
-    assert adoption.adoptable(config, source, ["structure_flow"], tmp_path / "work") == [
+    target = Checkpoint(tmp_path / "work" / "export")
+    assert networks_to_copy(config, Checkpoint(source), ["structure_flow"], target) == [
         "image_encoder",
         "structure_vae",
         "uniart_vae",
@@ -289,29 +285,32 @@ def test_a_checkpoint_that_does_not_fit_leaves_nothing(trained, tmp_path, name):
     assert not (tmp_path / "work").exists()
 
 
-def test_flows_are_taken_over_only_with_their_encoder_and_vaes(trained, tmp_path):
+def test_flows_are_copied_only_with_their_encoder_and_vaes(trained, tmp_path):
     config, workdir = trained
-    assert adoption.adoptable(config, workdir, ["image_encoder"], tmp_path / "empty") == [
+    source, empty = Checkpoint.find(workdir), Checkpoint(tmp_path / "empty" / "export")
+    assert networks_to_copy(config, source, ["image_encoder"], empty) == [
         "structure_vae",
         "uniart_vae",
     ]
-    rest = adoption.adoptable(config, workdir, ["latent_flow"], tmp_path / "empty")
+    rest = networks_to_copy(config, source, ["latent_flow"], empty)
     assert rest == ["image_encoder", "structure_vae", "uniart_vae", "structure_flow"]
-    adoption.adopt(workdir, rest, tmp_path / "empty")
+    source.copy_networks(rest, empty.folder)
     assert {path.stem for path in (tmp_path / "empty/export").iterdir()} == {*rest, "latent_stats"}
-    taken = load_file(tmp_path / "empty/export/latent_stats.safetensors")
-    assert set(taken) == {"structure.mean", "structure.std"}  # the other flow has not spoken yet
+    statistics = load_file(tmp_path / "empty/export/latent_stats.safetensors")
+    assert set(statistics) == {"structure.mean", "structure.std"}  # the other flow is not there yet
     shutil.copytree(workdir / "export", tmp_path / "own" / "export")
     vae = tmp_path / "own" / "export" / "uniart_vae.safetensors"
     vae.write_bytes(vae.read_bytes()[:-1] + b"x")
     (tmp_path / "own" / "export" / "structure_flow.safetensors").unlink()
-    assert adoption.adoptable(config, workdir, ["latent_flow"], tmp_path / "own") == []
+    own = Checkpoint(tmp_path / "own" / "export")
+    assert networks_to_copy(config, source, ["latent_flow"], own) == []
 
 
 @pytest.mark.slow
 def test_training_goes_on_from_a_checkpoint_with_one_flow(trained, tmp_path):
     config, workdir = trained
-    adoption.adopt(workdir, [n for n in NETWORKS if n != "latent_flow"], tmp_path / "source")
+    others = [n for n in NETWORKS if n != "latent_flow"]
+    Checkpoint.find(workdir).copy_networks(others, tmp_path / "source")
     still = dataclasses.replace(config.structure_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
     frozen = dataclasses.replace(config, structure_flow=still)
     stages.run(frozen, ["structure_flow"], tmp_path / "work", init=tmp_path / "source")
@@ -330,14 +329,13 @@ def test_a_flow_leaves_the_other_ones_statistics(trained, tmp_path):
     assert (statistics["structure.mean"] == 7).all()
 
 
-def test_a_layout_network_is_taken_where_the_model_has_one(trained, tmp_path):
+def test_a_layout_network_is_copied_where_the_model_has_one(trained, tmp_path):
     config, _ = trained
     (tmp_path / "source").mkdir()
     (tmp_path / "source/layout.safetensors").touch()
     model = dataclasses.replace(config.model, layout=LayoutConfig(queries=4, image_size=32))
     for one, wanted in ((config, []), (dataclasses.replace(config, model=model), ["layout"])):
-        arguments = (tmp_path / "source", ["structure_flow"], tmp_path / "work")
-        assert adoption.taken(one, *arguments) == wanted
+        assert Checkpoint(tmp_path / "source").copyable(one, ["structure_flow"]) == wanted
 
 
 @pytest.mark.parametrize(("share", "message"), [(1.5, "give 0 to 1"), (0.5, "layout_channels")])
@@ -363,8 +361,9 @@ def test_a_layout_network_must_be_there_before_anything_is_written(trained, tmp_
     with pytest.raises(FileNotFoundError, match="--stage layout"):
         stages.run(changed, ["latent_flow"], tmp_path / "w", init=workdir)
     assert not (tmp_path / "w").exists()
-    check_found(changed, [STAGES["latent_flow"]], tmp_path, ["layout"])
-    check_found(changed, [STAGES["uniart_vae"]], tmp_path, [])  # sees nothing sampled
+    empty = Checkpoint(tmp_path / "export")
+    check_found(changed, [STAGES["latent_flow"]], empty, ["layout"])
+    check_found(changed, [STAGES["uniart_vae"]], empty, [])  # sees nothing sampled
 
 
 @pytest.mark.slow
@@ -501,12 +500,12 @@ def test_what_is_untrained_stays_marked_until_its_stage_is_through(trained, tmp_
     config, workdir = trained
     source = tmp_path / "converted"
     shutil.copytree(workdir / "export", source)
-    marked = dataclasses.replace(read_config(source), untrained=("uniart_vae.front", "x.y"))
+    marked = dataclasses.replace(Checkpoint(source).config, untrained=("uniart_vae.front", "x.y"))
     write_config(source, marked)
     work = tmp_path / "work"
     stages.run(config, ("image_encoder",), work, source)
-    assert read_config(work / "export").untrained == ("uniart_vae.front",)
+    assert Checkpoint(work / "export").config.untrained == ("uniart_vae.front",)
     with pytest.raises(ValueError, match=r"uniart_vae: not trained yet .*--stage uniart_vae"):
         stages.run(config, ("latent_flow",), work)
     stages.run(config, ("uniart_vae",), work)
-    assert read_config(work / "export").untrained == ()
+    assert Checkpoint(work / "export").config.untrained == ()

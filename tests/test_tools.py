@@ -21,8 +21,8 @@ from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
 from uniart_jax.evaluation.procedural import held_out_for
+from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build
-from uniart_jax.training.export import export_network, write_config
 from uniart_jax.voxels.voxelize import voxelize
 
 ROOT = Path(__file__).parent.parent
@@ -60,7 +60,7 @@ def test_weights_are_averaged_by_the_share_of_the_second(tmp_path, monkeypatch, 
     for name, value in (("first", 1.0), ("second", 3.0), ("out", 0.0)):
         write_config(tmp_path / name, config)
         filled = jax.tree.map(lambda a, value=value: np.full(a.shape, value, np.float32), abstract)
-        export_network(tmp_path / name, "structure_vae", filled)
+        write_network(tmp_path / name, "structure_vae", filled)
     folders = [str(tmp_path / name) for name in ("first", "second")]
     command = ["x", "structure_vae", *folders, "--share", "0.75", "--out", str(tmp_path / "out")]
     monkeypatch.setattr(sys, "argv", command)

@@ -14,13 +14,8 @@ import argparse
 import jax
 
 from uniart_jax.config import STAGES
-from uniart_jax.models.network import build
-from uniart_jax.training.export import (
-    checkpoint_folder,
-    export_network,
-    load_network,
-    read_config,
-)
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.checkpoint_files import write_network
 
 
 def main() -> None:
@@ -31,14 +26,13 @@ def main() -> None:
     parser.add_argument("--share", type=float, required=True, help="of the second, 0 to 1")
     parser.add_argument("--out", required=True, help="checkpoint whose file is replaced")
     given = parser.parse_args()
-    out = checkpoint_folder(given.out)
-    abstract = build(given.network, read_config(out).model).abstract()
+    out = Checkpoint.find(given.out)
     first, second = (
-        load_network(checkpoint_folder(c), given.network, abstract)
+        Checkpoint.find(c).load(given.network, out.config.model)
         for c in (given.first, given.second)
     )
     averaged = jax.tree.map(lambda a, b: (1 - given.share) * a + given.share * b, first, second)
-    print(export_network(out, given.network, averaged))
+    print(write_network(out.folder, given.network, averaged))
 
 
 if __name__ == "__main__":

@@ -21,11 +21,11 @@ from uniart_jax.evaluation.baselines import object_name, split_families
 from uniart_jax.evaluation.kept import claim
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.export.preview import BACKGROUND, GAP, INK, TILE
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.pipeline import Pipeline, enable_compilation_cache, load
 from uniart_jax.simulation.refine import mend
 from uniart_jax.simulation.summary import is_plausible, stands, verdicts
 from uniart_jax.simulation.validate import validate
-from uniart_jax.training.export import checkpoint_digest
 
 SIDE = 176  # pixels of a tile in the gallery
 COLUMNS = 3  # objects a row
@@ -79,7 +79,7 @@ def main() -> None:
     parser.add_argument("--unseen", action="store_true", help="families never trained on")
     given = parser.parse_args()
     enable_compilation_cache()
-    which = f"{given.checkpoint} {checkpoint_digest(given.checkpoint)}"
+    which = f"{given.checkpoint} {Checkpoint.find(given.checkpoint).digest()}"
     settings = {"checkpoint": which, "unseen": given.unseen}
     claim(given.out, settings, "another checkpoint or split")
     pipeline, rows, found = load(given.checkpoint), [], []

@@ -80,42 +80,35 @@ def train(given: argparse.Namespace) -> None:
     import jax.numpy as jnp
     from pool_losses import make_structure_loss, prepared
 
+    from uniart_jax.models.checkpoint import Checkpoint
+    from uniart_jax.models.checkpoint_files import write_config, write_network
     from uniart_jax.models.network import build
-    from uniart_jax.training.export import (
-        checkpoint_folder,
-        export_network,
-        load_network,
-        read_config,
-        read_statistics,
-        write_config,
-    )
     from uniart_jax.training.layout_loss import make_layout_loss
     from uniart_jax.training.state import make_optimizer
 
     print(jax.devices(), jax.__version__, flush=True)
-    init, replace = checkpoint_folder(given.init), dataclasses.replace
-    base = read_config(init)
+    init, replace = Checkpoint.find(given.init), dataclasses.replace
+    base = init.config
     layout = replace(base.model.layout, repeats=given.repeats)
     flow = replace(base.model.structure_flow, refine_channels=given.refine_channels)
     shipped = replace(base, model=replace(base.model, layout=layout, structure_flow=flow))
     out = Path(given.out)
-    shutil.copytree(init, out, dirs_exist_ok=True)
+    shutil.copytree(init.folder, out, dirs_exist_ok=True)
     write_config(out, shipped)
     # on a GPU JAX's own derivatives of shifted sums are the faster ones, and rows are short
     config = replace(shipped, model=replace(shipped.model, kernel="plain"))
     frozen = ("image_encoder", "structure_vae")
     nets = {n: build(n, config.model) for n in ("layout", "structure_flow", *frozen)}
-    fixed = {n: load_network(init, n, nets[n].abstract()) for n in frozen}
+    fixed = {n: init.load(n) for n in frozen}
     fixed = jax.device_put(fixed)
-    old_flow = build("structure_flow", base.model)
     drawn = jax.device_get(nets["structure_flow"].init(jax.random.key(3)))  # of new layers
     begin = {
-        "layout": load_network(init, "layout", nets["layout"].abstract()),
-        "structure_flow": drawn | load_network(init, "structure_flow", old_flow.abstract()),
+        "layout": init.load("layout", config.model),
+        "structure_flow": drawn | init.load("structure_flow"),
     }
     losses = {
         "layout": make_layout_loss(nets["layout"], config),
-        "structure_flow": make_structure_loss(nets, config, read_statistics(init, "structure")),
+        "structure_flow": make_structure_loss(nets, config, init.statistics("structure")),
     }
     rates = {"layout": given.rate, "structure_flow": given.flow_rate}
     runs, updates = {}, {}
@@ -138,7 +131,7 @@ def train(given: argparse.Namespace) -> None:
 
     def save() -> None:
         for name, run in runs.items():
-            export_network(out, name, run.average)
+            write_network(out, name, run.average)
 
     rng, pool = np.random.default_rng(1), Pool(given.capacity)
     sizes = (config.model.layout.image_size, config.model.grid.resolution)

@@ -1,5 +1,5 @@
 """``uniart convert``: published checkpoints of TRELLIS and DINOv2 -> a checkpoint folder of ours
-(``training.export``); OpenShape's encoders.
+(``models.checkpoint``); OpenShape's encoders.
 
     CKPT_DIR/[ckpts/]<name>.json, <name>.safetensors, pipeline.json  ->  DIR/config.json, <network>.safetensors, latent_stats.safetensors
     dinov2_vit?14_reg….pth                                           ->  image_encoder.safetensors
@@ -23,8 +23,9 @@ from rich.table import Table
 
 from uniart_jax.config import Config, ModelConfig, to_json
 from uniart_jax.export.folder import check_target, complete_folder
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 from uniart_jax.progress import messages
-from uniart_jax.training.export import export_network, read_config, write_config, write_statistics
 from uniart_jax.weights.compose import Filled, compose
 from uniart_jax.weights.dinov2 import convert_dinov2
 from uniart_jax.weights.openclip import convert_image_tower
@@ -101,7 +102,7 @@ def convert_trellis_folder(source: Path, out: Path, overwrite: bool = False) -> 
     )
     with complete_folder(out, overwrite, marks=MARKS) as folder:
         for name, filled in networks.items():
-            export_network(folder, name, filled.params, "stored")
+            write_network(folder, name, filled.params, "stored")
         if "structure_flow" in networks:  # TRELLIS does not normalise these
             channels = model.structure_vae.latent_channels
             write_statistics(folder, "structure", np.zeros(channels), np.ones(channels))
@@ -137,17 +138,18 @@ def convert_dinov2_file(source: Path, out: Path, overwrite: bool = False) -> Pat
     except ValueError as error:
         where = "" if str(source) in str(error) else f"'{source}': "
         raise ValueError(f"{where}{error}") from None
-    config = read_config(out.parent) if (out.parent / "config.json").is_file() else None
+    there = Checkpoint(out.parent)
+    config = there.config if (there.folder / "config.json").is_file() else None
     if config is not None:
         for flow in ("structure_flow", "latent_flow"):
             width = getattr(config.model, flow).cond_channels
-            if (out.parent / f"{flow}.safetensors").is_file() and width != encoder.width:
+            if there.has(flow) and width != encoder.width:
                 raise ValueError(
                     f"'{source}': its width {encoder.width} is not the {width} that {flow} in "
                     f"'{out.parent}' is conditioned on; take another size of DINOv2"
                 )
     before = out.read_bytes() if config is not None and out.is_file() else None
-    export_network(out.parent, "image_encoder", params, "stored")
+    write_network(out.parent, "image_encoder", params, "stored")
     if config is not None:
         margin = config.model.image_encoder.crop_margin  # belongs to the flows
         encoder = dataclasses.replace(encoder, crop_margin=margin)
@@ -197,7 +199,7 @@ def convert_openshape_folder(
             raise ValueError(f"{where}{error}") from None
     with complete_folder(out, overwrite, marks=(CARD,)) as folder:
         for stem, tree in files_of(*params).items():
-            export_network(folder, stem, tree, "stored")
+            write_network(folder, stem, tree, "stored")
         (folder / CARD).write_text(to_json(config) + "\n", encoding="utf-8")
     names = {"point_encoder": "OpenShape", "image_tower": "OpenCLIP"}
     filled = {

@@ -25,10 +25,10 @@ from uniart_jax.data.batches import (
 )
 from uniart_jax.data.columns import column_note, column_path
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.progress import advancing, messages
 from uniart_jax.training import distributed
-from uniart_jax.training.export import load_network
 from uniart_jax.training.readout import WEIGHTS, fit_metric
 
 ENCODED = ("structure_vae", "uniart_vae")  # what latents depend on
@@ -57,9 +57,8 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
 
     Several processes share the work; all return when it is done.
     """
-    parameters = {
-        name: load_network(workdir, name, build(name, config.model).abstract()) for name in ENCODED
-    }
+    exported = Checkpoint(workdir / "export")
+    parameters = {name: exported.load(name, config.model) for name in ENCODED}
     data = config.data
     both = (False, True) if data.mirror_latents and may_mirror(config.model) else (False,)
     jobs = [(data.records, data.split, workdir / "latents", both)]

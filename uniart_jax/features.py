@@ -50,11 +50,12 @@ from uniart_jax.data.part_features import (
 )
 from uniart_jax.data.records import Record, from_bytes, shard_paths
 from uniart_jax.data.shards import open_shards, pack_arrays, sweep, unpack_arrays, write_shard
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.checkpoint_files import read_network
 from uniart_jax.models.multiview import intrinsic_matrices, multiview_features
 from uniart_jax.models.network import Network, Params, build
 from uniart_jax.progress import advancing
 from uniart_jax.render import Camera
-from uniart_jax.training.export import find_export, load_network, read_config
 from uniart_jax.weights.dinov2 import converted_config
 
 GEOMETRIC = "geometric"  # a source of part features that is no folder
@@ -398,7 +399,7 @@ def load_encoder(path: Path) -> Encoder:
     Raises:
       FileNotFoundError: no such file. ValueError: it is truncated, not finite, or no DINOv2.
     """
-    path = find_export(path, "image_encoder.safetensors") if path.is_dir() else path
+    path = Checkpoint.find(path).path("image_encoder.safetensors") if path.is_dir() else path
     if not path.is_file():
         raise FileNotFoundError(
             f"weights '{path}': no such file; make it with: uniart convert dinov2 FILE --out "
@@ -411,10 +412,10 @@ def load_encoder(path: Path) -> Encoder:
     except (SafetensorError, ValueError) as error:
         raise ValueError(f"weights '{path}': {error}") from None
     if (path.parent / "config.json").is_file():
-        beside = read_config(path.parent).model.image_encoder
+        beside = Checkpoint(path.parent).config.model.image_encoder
         config = beside if beside.architecture == "dinov2" else config
     network = _network(config)
-    params = jax.device_put(load_network(path.parent, path.stem, network.abstract()))
+    params = jax.device_put(read_network(path, network.abstract()))
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return Encoder(network, params, digest)

@@ -18,8 +18,8 @@ from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import load_block, settings_of
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
-from uniart_jax.training.export import checkpoint_folder, load_network, read_config
 from uniart_jax.voxels.joint_code import align, box_corners
 
 APART = 0.15  # object units between the corners of rows that two looks have of one part
@@ -147,10 +147,10 @@ def load_layout_predictor(checkpoint: str) -> LayoutPredictor:
     Raises:
       FileNotFoundError, ValueError: no such checkpoint, or one without a layout network.
     """
-    folder = checkpoint_folder(checkpoint)
-    model = read_config(folder).model
+    found = Checkpoint.find(checkpoint)
+    model = found.config.model
     if not model.layout.queries:
         raise ValueError(
             f"checkpoint '{checkpoint}': it has no layout network; train one with --stage layout"
         )
-    return LayoutPredictor(model, load_network(folder, "layout", build("layout", model).abstract()))
+    return LayoutPredictor(model, found.load("layout"))

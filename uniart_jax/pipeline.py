@@ -21,6 +21,7 @@ import jax
 import numpy as np
 
 from uniart_jax.config import (
+    LATENT_OF,
     NETWORKS,
     Background,
     Config,
@@ -33,7 +34,8 @@ from uniart_jax.data.background import cut_out
 from uniart_jax.data.images import crop, read_image
 from uniart_jax.export.picture_colors import Picture
 from uniart_jax.flow.solvers import Solution
-from uniart_jax.layouts import LayoutPredictor, load_layout_predictor
+from uniart_jax.layouts import LayoutPredictor
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.gaussian_decoder import gaussian_parameters
 from uniart_jax.models.network import build
 from uniart_jax.nn.voxel_plans import voxel_plans
@@ -48,22 +50,12 @@ from uniart_jax.samplers import (
     make_structure_sampler,
     pad_coords,
 )
-from uniart_jax.training.export import (
-    checkpoint_folder,
-    has_export,
-    load_network,
-    read_config,
-    read_statistics,
-)
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, smoothed
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.layout import THRESHOLD, Layout, read_layout
 from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table
-
-LATENTS = ("structure", "latent")
-GAUSSIANS = "gaussian_decoder.safetensors"
 
 
 class SamplingOptions(TypedDict, total=False):
@@ -103,7 +95,7 @@ class Pipeline:
       config: of the checkpoint.
       parameters: network name -> nested dict of float32 arrays.
       statistics: "structure", "latent" -> (mean, std).
-      folder: where the checkpoint lies; optional networks are read from it when they are first
+      checkpoint: where the networks come from; optional ones are read from it when they are first
         asked for.
     """
 
@@ -112,20 +104,33 @@ class Pipeline:
         config: Config,
         parameters: dict[str, Any],
         statistics: dict[str, Any],
-        folder: Path | None = None,
+        checkpoint: Checkpoint | None = None,
     ):
         self.config, self.parameters, self.statistics = config, parameters, statistics
-        self.folder = folder
+        self.checkpoint = checkpoint
+
+    @classmethod
+    def of(cls, checkpoint: Checkpoint, networks: Sequence[str] = NETWORKS) -> Pipeline:
+        """Some networks of a checkpoint, with the statistics of the latents that they sample.
+
+        Raises:
+          FileNotFoundError, ValueError: as ``Checkpoint.load`` and ``Checkpoint.statistics``.
+        """
+        parameters = {name: checkpoint.load(name) for name in networks}
+        latents = [LATENT_OF[name] for name in networks if name in LATENT_OF]
+        statistics = {latent: checkpoint.statistics(latent) for latent in latents}
+        return cls(checkpoint.config, parameters, statistics, checkpoint)
 
     def __repr__(self) -> str:
-        names = ", ".join(self.parameters)
-        if self.folder is not None and has_export(self.folder, "layout.safetensors"):
-            names += ", and a layout network"
+        names, where = ", ".join(self.parameters), "memory"
+        if self.checkpoint is not None:
+            where = self.checkpoint.folder
+            names += ", and a layout network" if self.checkpoint.has("layout") else ""
         count = sum(leaf.size for leaf in jax.tree.leaves(self.parameters))
         side, cells = self.config.model.grid.resolution, self.config.model.grid.subdivisions
         return (
             f"Pipeline({self.config.name}: {count / 1e6:.1f} million parameters in {names}; "
-            f"{side}^3 voxels of {cells}^3 sub-cells; from {self.folder or 'memory'})"
+            f"{side}^3 voxels of {cells}^3 sub-cells; from {where})"
         )
 
     def __call__(
@@ -284,11 +289,8 @@ class Pipeline:
         return self._find_layout(self._cut_out(image, background)[0])
 
     def _find_layout(self, cut_out: np.ndarray) -> Layout | None:
-        if not self.config.model.layout.queries or self.folder is None:
-            return None
-        if not has_export(self.folder, "layout.safetensors"):
-            return None
-        return self._read_layout(cut_out)
+        there = self.checkpoint is not None and self.checkpoint.has("layout")
+        return self._read_layout(cut_out) if there and self.config.model.layout.queries else None
 
     def following(self, condition: Condition, layouts: Sequence[Layout | None]) -> Condition:
         """The condition of B images with their layouts for flows that see them
@@ -314,9 +316,9 @@ class Pipeline:
 
     @functools.cached_property
     def _layout_predictor(self) -> LayoutPredictor:
-        if self.folder is None:
+        if self.checkpoint is None:
             raise ValueError("layout: this pipeline was not loaded from a checkpoint")
-        return load_layout_predictor(str(self.folder))
+        return LayoutPredictor(self.config.model, self.checkpoint.load("layout"))
 
     def options(
         self, **changes: Unpack[SamplingOptions]
@@ -501,15 +503,13 @@ class Pipeline:
           ValueError: its file is truncated, of another config or not finite.
         """
         if "gaussian_decoder" not in self.parameters:
-            if self.folder is None or not has_export(self.folder, GAUSSIANS):
+            if self.checkpoint is None or not self.checkpoint.has("gaussian_decoder"):
+                where = self.checkpoint.folder if self.checkpoint else "in memory"
                 raise FileNotFoundError(
-                    f"checkpoint {self.folder or 'in memory'}: no {GAUSSIANS}; only checkpoints "
+                    f"checkpoint {where}: no gaussian_decoder.safetensors; only checkpoints "
                     "converted from TRELLIS have one"
                 )
-            expected = build("gaussian_decoder", self.config.model).abstract()
-            self.parameters["gaussian_decoder"] = load_network(
-                self.folder, "gaussian_decoder", expected
-            )
+            self.parameters["gaussian_decoder"] = self.checkpoint.load("gaussian_decoder")
         latent, batch = self._padded(coords, latents)
         out = jax.device_get(
             self._decode_gaussians(self.parameters["gaussian_decoder"], latent, batch)
@@ -603,18 +603,13 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
       FileNotFoundError: no such checkpoint, or networks are missing in it; all of them are named.
       ValueError: it is truncated, of another config, or not finite; all differences are listed.
     """
-    folder = checkpoint_folder(checkpoint)
-    config = read_config(folder)
-    if missing := [f for f in map("{}.safetensors".format, NETWORKS) if not has_export(folder, f)]:
+    found = Checkpoint.find(checkpoint)
+    if missing := [f"{name}.safetensors" for name in NETWORKS if not found.has(name)]:
         raise FileNotFoundError(
             f"checkpoint '{checkpoint}': no {', '.join(missing)} in it; finish the training stages "
             "that write them, or convert them too"
         )
-    parameters = {
-        name: load_network(folder, name, build(name, config.model).abstract()) for name in NETWORKS
-    }
-    statistics = {name: read_statistics(folder, name) for name in LATENTS}
-    return Pipeline(config, parameters, statistics, folder)
+    return Pipeline.of(found)
 
 
 def enable_compilation_cache() -> None:

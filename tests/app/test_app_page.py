@@ -27,7 +27,7 @@ from uniart_jax.app import serve
 from uniart_jax.app.sessions import Sessions
 from uniart_jax.cli import guarded
 from uniart_jax.cli.app import app
-from uniart_jax.training.export import PRETRAINED
+from uniart_jax.models.checkpoint import PRETRAINED
 
 ROOT = Path(__file__).parents[2]
 OVEN = ROOT / "examples" / "images" / "oven.png"

@@ -11,8 +11,8 @@ from PIL import Image
 from uniart_jax.cli.layout import layout
 from uniart_jax.config import Config, LayoutConfig, ModelConfig
 from uniart_jax.layouts import joined, load_layout_predictor, mirror_parts
+from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build
-from uniart_jax.training.export import export_network, write_config
 from uniart_jax.voxels.joint_code import align, canonical
 from uniart_jax.voxels.layout import THRESHOLD, Layout
 
@@ -27,7 +27,7 @@ def checkpoint(tmp_path_factory):
     model = ModelConfig(layout=small)
     folder = tmp_path_factory.mktemp("checkpoint")
     write_config(folder, Config(model=model))
-    export_network(folder, "layout", parameters(build("layout", model)))
+    write_network(folder, "layout", parameters(build("layout", model)))
     return folder
 
 

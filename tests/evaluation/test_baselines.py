@@ -52,6 +52,17 @@ class Networks:
         return image[..., :3]
 
 
+class ToyCheckpoint:
+    """Stands for ``models.checkpoint.Checkpoint`` where there is no folder."""
+
+    @classmethod
+    def find(cls, given):
+        return cls()
+
+    def digest(self):
+        return "toy"
+
+
 @pytest.fixture(scope="module")
 def patch():
     with pytest.MonkeyPatch.context() as patch:
@@ -63,7 +74,7 @@ def patch():
 def networks(patch, tmp_path_factory) -> Networks:
     networks = Networks(1)
     patch.setattr(baselines, "load", lambda checkpoint: networks)
-    patch.setattr(baselines, "checkpoint_digest", lambda checkpoint: "toy")
+    patch.setattr(baselines, "Checkpoint", ToyCheckpoint)
     return networks
 
 
@@ -149,7 +160,7 @@ def test_the_nearest_image_is_asked_where_there_are_records(patch, tmp_path, mon
         return retrieve
 
     monkeypatch.setattr(baselines, "load", lambda checkpoint: Networks(0))
-    monkeypatch.setattr(baselines, "checkpoint_digest", lambda checkpoint: "other")
+    monkeypatch.setattr(baselines, "Checkpoint", ToyCheckpoint)
     monkeypatch.setattr(baselines, "make_retrieval", make)
     records = Path("records")
     methods, references = baseline_methods("toy", tmp_path, count=1, records=records)
@@ -174,7 +185,7 @@ def test_a_library_of_assets_takes_the_place_of_procedural_parts(patch, tmp_path
         return lambda pixels: asked.append(pixels.shape) or library[2]
 
     monkeypatch.setattr(baselines, "load", lambda checkpoint: Networks(1))
-    monkeypatch.setattr(baselines, "checkpoint_digest", lambda checkpoint: "toy")
+    monkeypatch.setattr(baselines, "Checkpoint", ToyCheckpoint)
     monkeypatch.setattr(baselines, "make_asset_retrieval", make)
     monkeypatch.setattr(baselines, "make_library", None)  # no procedural parts
     run = functools.partial(baseline_methods, "toy", tmp_path / "out", count=2)

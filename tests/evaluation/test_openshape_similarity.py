@@ -15,9 +15,9 @@ from uniart_jax.config import from_json, to_json
 from uniart_jax.evaluation import openshape
 from uniart_jax.evaluation.metric import STATES, at_rest
 from uniart_jax.models import openclip
+from uniart_jax.models.checkpoint_files import write_network
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.training.export import export_network
 from uniart_jax.weights.openclip import convert_image_tower
 from uniart_jax.weights.openshape import CARD, OpenShapeConfig, convert_point_encoder, files_of
 
@@ -36,7 +36,7 @@ def weights(tmp_path_factory):
     tower = convert_image_tower(state, config.image_tower)
     folder = tmp_path_factory.mktemp("weights")
     for stem, tree in files_of(points, tower).items():
-        export_network(folder, stem, tree, "stored")
+        write_network(folder, stem, tree, "stored")
     (folder / CARD).write_text(to_json(config))
     return folder
 

@@ -20,9 +20,10 @@ from uniart_jax.experiments import judge, run, settings, table
 from uniart_jax.experiments.design import Arm, Elsewhere, Experiment, Records
 from uniart_jax.experiments.inputs import check_networks
 from uniart_jax.experiments.settings import FILE, check_kept, claim_arm, differences
+from uniart_jax.models.checkpoint import PRETRAINED, Checkpoint
+from uniart_jax.models.checkpoint_files import write_config
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.training.export import PRETRAINED, read_config, write_config
 
 PIPELINE: Any = None  # nothing is asked of it
 ARM = Arm(Config(), ("uniart_vae",), "vae")
@@ -146,7 +147,7 @@ def test_an_arm_that_lacks_a_network_is_named_before_anything_is_made(monkeypatc
     records = (Records(str(tmp_path / "records"), count=1),)
     blind = tmp_path / "blind"  # a shipped model whose latent flow reads no pixels
     shutil.copytree(PRETRAINED / "nano", blind)
-    kept = read_config(blind)
+    kept = Checkpoint(blind).config
     flow = dataclasses.replace(kept.model.latent_flow, pixel_channels=0)
     write_config(
         blind, dataclasses.replace(kept, model=dataclasses.replace(kept.model, latent_flow=flow))

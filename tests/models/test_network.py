@@ -27,7 +27,7 @@ def test_wrong_parameters_are_listed():
     with pytest.raises(ValueError, match=r"missing.*decoder\.blocks\.0\.conv1\.kernel"):
         network.apply(lacking, occupancy)
     params["encoder"]["input_layer"]["bias"] = jnp.zeros(5)
-    with pytest.raises(ValueError, match=r"encoder\.input_layer\.bias \(5,\) instead of \(6,\)"):
+    with pytest.raises(ValueError, match=r"encoder\.input_layer\.bias is \[5\], expected \[6\]"):
         network.apply(params, occupancy)
     with pytest.raises(ValueError, match="image_encoder, structure_vae"):
         build("decoder", MODEL)

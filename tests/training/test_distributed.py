@@ -16,8 +16,8 @@ import toy_run
 from collectives import least, received
 
 from uniart_jax.data.order import local_rows
+from uniart_jax.models.network import flat_names
 from uniart_jax.training import distributed
-from uniart_jax.training.export import flat_names
 
 ROOT = Path(__file__).parents[2]
 TOLERANCE = 1e-5

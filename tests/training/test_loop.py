@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import toy_run
 
-from uniart_jax.training.export import flat_names
+from uniart_jax.models.network import flat_names
 
 PROGRAM = [sys.executable, str(Path(toy_run.__file__))]
 

@@ -11,10 +11,9 @@ import pytest
 import toy_run
 
 from uniart_jax.config import FlowConfig, GridConfig, ModelConfig, StageConfig, UniArtVAEConfig
-from uniart_jax.models.network import build
+from uniart_jax.models.network import build, flat_names
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
-from uniart_jax.training.export import flat_names
 from uniart_jax.training.microbatches import split_batch
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step

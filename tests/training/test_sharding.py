@@ -12,7 +12,7 @@ from collectives import least, received
 from jax.sharding import AbstractMesh, AxisType
 
 from uniart_jax.config import MeshConfig
-from uniart_jax.training.export import flat_names
+from uniart_jax.models.network import flat_names
 from uniart_jax.training.sharding import make_mesh, put_batch, state_sharding
 
 TOLERANCE = 1e-5

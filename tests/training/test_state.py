@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from uniart_jax.config import StageConfig
+from uniart_jax.models.network import flat_names
 from uniart_jax.training.checkpoints import Checkpoints
-from uniart_jax.training.export import flat_names
 from uniart_jax.training.state import (
     RecentNorms,
     clip_by_recent_norms,

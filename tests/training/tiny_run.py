@@ -117,9 +117,9 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
     import numpy as np
     from jax.experimental import multihost_utils
 
+    from uniart_jax.models.network import flat_names
     from uniart_jax.stages import trainer
     from uniart_jax.training import distributed, sharding
-    from uniart_jax.training.export import flat_names
 
     sharding.MIN_SHARDED_SIZE = MIN_SHARDED_SIZE
     workdir = folder / run / name

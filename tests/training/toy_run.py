@@ -177,8 +177,9 @@ def main() -> None:
         distributed.start(f"localhost:{args.port}", args.processes, args.process)
         size = 8 // args.processes
         share = slice(args.process * size, (args.process + 1) * size)
+    from uniart_jax.models.checkpoint_files import write_network
+    from uniart_jax.models.network import flat_names
     from uniart_jax.training import sharding
-    from uniart_jax.training.export import export_network, flat_names
 
     sharding.MIN_SHARDED_SIZE = 1
     batches = make_batches(nan_at=[args.nan], slow=args.slow, share=share, fail_at=args.fail)
@@ -191,7 +192,7 @@ def main() -> None:
         mesh = state.step.sharding.mesh
         whole = jax.jit(lambda tree: tree, out_shardings=sharding.replicated(mesh))
         np.savez(args.out, **{k: np.asarray(v) for k, v in flat_names(whole(state)).items()})
-        export_network(args.workdir / "export", "toy", state.ema, "float32")
+        write_network(args.workdir / "export", "toy", state.ema, "float32")
 
 
 if __name__ == "__main__":

@@ -15,10 +15,10 @@ from safetensors.numpy import load_file, save_file
 
 from uniart_jax import cli, conversion
 from uniart_jax.config import GaussianConfig, ImageEncoderConfig, ModelConfig
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.gaussian_decoder import offset_perturbation
 from uniart_jax.models.network import build
 from uniart_jax.nn.embeddings import grid_coords, position_embedding
-from uniart_jax.training.export import load_network, read_config, read_statistics
 from uniart_jax.weights.dinov2 import TABLE
 from uniart_jax.weights.mapping import _compiled, _filled, flatten
 
@@ -68,13 +68,13 @@ def converted(published, tmp_path_factory):
 
 
 def test_a_folder_becomes_a_checkpoint(converted):
-    config = read_config(converted)
+    config = Checkpoint(converted).config
     model = config.model
     networks = ("structure_vae", "structure_flow", "uniart_vae", "latent_flow", "gaussian_decoder")
     files = {f"{name}.safetensors" for name in (*networks, "latent_stats")} | {"config.json"}
     assert {path.name for path in converted.iterdir()} == files
     for name in networks:  # each fits the config that is beside it
-        load_network(converted, name, build(name, model).abstract())
+        Checkpoint(converted).load(name)
     assert model.grid.resolution == 16 and model.latent_flow.io_channels == (16,)
     assert model.image_encoder.architecture == "dinov2" and model.image_encoder.width == 24
     assert set(config.untrained) == {
@@ -84,9 +84,9 @@ def test_a_folder_becomes_a_checkpoint(converted):
     assert config.sample_structure.guidance == config.sample_latent.guidance == 5.0
     assert config.sample_latent.steps == 25 and config.sample_latent.rescale_t == 3.0
     assert config.sample_latent.guidance_interval == (0.5, 1.0)
-    mean, std = read_statistics(converted, "structure")
+    mean, std = Checkpoint(converted).statistics("structure")
     np.testing.assert_array_equal([mean, std], [[0] * 8, [1] * 8])
-    mean, std = read_statistics(converted, "latent")
+    mean, std = Checkpoint(converted).statistics("latent")
     np.testing.assert_allclose(mean[[0, 7]], [-2.16875, 1.20394], atol=1e-5)
     np.testing.assert_allclose(std[[0, 7]], [2.37765, 2.68452], atol=1e-5)
 
@@ -128,15 +128,14 @@ def test_parts_of_it_and_its_pipeline(tmp_path, capsys, monkeypatch):
         "not there: SparseStructureEncoder, SparseStructureFlowModel, SLatEncoder, "
         "SLatGaussianDecoder"
     ) in told
-    config = read_config(tmp_path / "out")
+    checkpoint = Checkpoint(tmp_path / "out")
+    config = checkpoint.config
     assert config.untrained == ("structure_vae.encoder",)
     assert config.sample_structure.steps == 12 and config.sample_structure.guidance == 7.5
     assert config.sample_structure.guidance_interval == (0.5, 0.95)
     assert config.sample_latent.steps == 25
-    np.testing.assert_array_equal(read_statistics(tmp_path / "out", "latent"), [[0.5] * 8, [2] * 8])
-    params = load_network(
-        tmp_path / "out", "structure_vae", build("structure_vae", config.model).abstract()
-    )
+    np.testing.assert_array_equal(checkpoint.statistics("latent"), [[0.5] * 8, [2] * 8])
+    params = checkpoint.load("structure_vae")
     assert np.asarray(params["encoder"]["input_layer"]["kernel"]).any()
 
 
@@ -249,11 +248,7 @@ def test_dinov2_from_a_pickled_file_and_from_safetensors(tmp_path, capsys, monke
         code, told = run(capsys, monkeypatch, "dinov2", tmp_path / f"dinov2.{suffix}", "--out", out)
         assert code == 0 and "28 pixels, patches of 14, 4 registers, width 64, 2 blocks" in told
         found.append(out.read_bytes())
-        params = load_network(
-            out.parent,
-            "image_encoder",
-            build("image_encoder", ModelConfig(image_encoder=ENCODER)).abstract(),
-        )
+        params = Checkpoint(out.parent).load("image_encoder", ModelConfig(image_encoder=ENCODER))
         np.testing.assert_array_equal(
             params["patch_embed"]["proj"]["kernel"][3, 5, 1], state["patch_embed.proj.weight"][:, 1, 3, 5]  # noqa: E501
         )  # fmt: skip
@@ -280,11 +275,11 @@ def test_dinov2_joins_a_converted_checkpoint(converted, tmp_path, capsys, monkey
     save_file(dinov2_state(narrow), tmp_path / "fits.safetensors")
     code, told = run(capsys, monkeypatch, "dinov2", tmp_path / "fits.safetensors", "--out", folder)
     assert code == 0 and "config.json says so now" in told
-    model = read_config(folder).model
-    assert model.image_encoder == dataclasses.replace(
+    checkpoint = Checkpoint(folder)
+    assert checkpoint.config.model.image_encoder == dataclasses.replace(
         narrow, crop_margin=1.2
     )  # as its flows know it
-    load_network(folder, "image_encoder", build("image_encoder", model).abstract())
+    checkpoint.load("image_encoder")
     samples_as_the_docs_say(folder, tmp_path, capsys, monkeypatch)
 
 

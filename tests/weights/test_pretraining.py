@@ -13,9 +13,9 @@ from test_convert import BUFFERS, ENCODER, dinov2_state
 from test_features import orbit, write_orbits
 
 import uniart_jax
-from uniart_jax import adoption, cli, features, stages
+from uniart_jax import cli, features, stages
 from uniart_jax.config import NETWORKS, DataConfig, StageConfig
-from uniart_jax.training.export import read_config
+from uniart_jax.models.checkpoint import Checkpoint
 
 FROZEN = {
     "structure_vae": ("encoder",),
@@ -39,8 +39,8 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
     save_file(dinov2_state(dataclasses.replace(ENCODER, width=24)), tmp_path / "dinov2.safetensors")
     convert(monkeypatch, "trellis", tmp_path / "official", "--out", checkpoint)
     convert(monkeypatch, "dinov2", tmp_path / "dinov2.safetensors", "--out", checkpoint)
-    assert adoption.untrained(checkpoint)
-    model = read_config(checkpoint).model
+    assert Checkpoint(checkpoint).untrained()
+    model = Checkpoint(checkpoint).config.model
 
     grid, size = model.grid, model.image_encoder.image_size
     made = [
@@ -62,7 +62,7 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
         save_every=2,
     )
     config = dataclasses.replace(
-        read_config(checkpoint),
+        Checkpoint(checkpoint).config,
         untrained=(),
         data=DataConfig(records=str(folder), voxel_buckets=(128,), mirror_latents=False),
         **{name: dataclasses.replace(stage, freeze=kept) for name, kept in FROZEN.items()},
@@ -89,5 +89,5 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
         )
     ]
     assert encoder[0] == encoder[1]
-    assert not adoption.untrained(work / "export")
+    assert not Checkpoint(work / "export").untrained()
     assert uniart_jax.load(work).config.model == model

@@ -42,12 +42,12 @@ from uniart_jax.evaluation.retrieval import (
     training_objects,
 )
 from uniart_jax.export.asset import save_asset
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import load
 from uniart_jax.processes import in_order, process_pool
 from uniart_jax.progress import track
-from uniart_jax.training.export import checkpoint_digest
 
 BASELINE_CONTROLS = ("rest_only", "mirrored")
 Objects = Mapping[str, Source]
@@ -112,7 +112,7 @@ def baseline_methods(
     claim(
         folder,
         {
-            "checkpoint": f"{checkpoint} {checkpoint_digest(checkpoint)}",
+            "checkpoint": f"{checkpoint} {Checkpoint.find(checkpoint).digest()}",
             "records": str(records or ""),
             "unseen": unseen,
             "picture": PICTURE_SIDE,

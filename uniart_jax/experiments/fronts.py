@@ -21,23 +21,15 @@ import jax
 import numpy as np
 
 from uniart_jax.config import NETWORKS, Config
-from uniart_jax.models.network import build
-from uniart_jax.training.export import (
-    STATISTICS,
-    copy_export,
-    export_network,
-    flat_names,
-    has_export,
-    load_network,
-    read_config,
-    write_config,
-)
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.checkpoint_files import write_config, write_network
+from uniart_jax.models.network import build, flat_names
 
 FRONT = "front."
 INPUTS = ("encoder.input_layer.kernel", "encoder.path.kernel")
 
 
-def fitted(source: Path, config: Config, folder: Path) -> Path:
+def fitted(source: Checkpoint, config: Config, folder: Path) -> Path:
     """``source``, or, where its aggregation is another than the config's, a checkpoint in
     ``folder`` with a front of the config's.
 
@@ -45,14 +37,13 @@ def fitted(source: Path, config: Config, folder: Path) -> Path:
       FileNotFoundError, ValueError: ``source`` is no checkpoint with a UniArt VAE, or differs from
         the config in more than the aggregation.
     """
-    model = read_config(source).model
-    wanted = config.model.uniart_vae.aggregation
-    if model.uniart_vae.aggregation == wanted or not has_export(source, "uniart_vae.safetensors"):
-        return source
-    found = read_config(source)
+    found, wanted = source.config, config.model.uniart_vae.aggregation
+    model = found.model
+    if model.uniart_vae.aggregation == wanted or not source.has("uniart_vae"):
+        return source.folder
     other = dataclasses.replace(model.uniart_vae, aggregation=wanted)
     found = dataclasses.replace(found, model=dataclasses.replace(model, uniart_vae=other))
-    old = flat_names(load_network(source, "uniart_vae", build("uniart_vae", model).abstract()))
+    old = flat_names(source.load("uniart_vae"))
     drawn = build("uniart_vae", found.model).init(jax.random.key(config.seed))
     leaves, visual = [], other.visual_channels
     for name, leaf in flat_names(drawn).items():
@@ -65,13 +56,10 @@ def fitted(source: Path, config: Config, folder: Path) -> Path:
         else:
             leaves.append(old[name])
     params = jax.tree.unflatten(jax.tree.structure(drawn), leaves)
-    export_network(folder, "uniart_vae", params, "stored")
-    for name in NETWORKS:
-        if name != "uniart_vae" and has_export(source, f"{name}.safetensors"):
-            copy_export(source, folder, f"{name}.safetensors")
-    if has_export(source, STATISTICS):
-        copy_export(source, folder, STATISTICS)
+    write_network(folder, "uniart_vae", params, "stored")
     write_config(folder, found)
+    others = [name for name in NETWORKS if name != "uniart_vae" and source.has(name)]
+    source.copy_networks(others, folder)
     return folder
 
 
@@ -98,5 +86,5 @@ def drawn_alike(config: Config, stages: Sequence[str], folder: Path) -> Path | N
                 for n, leaf in flat_names(params).items()
             ]
             params = jax.tree.unflatten(jax.tree.structure(params), leaves)
-        export_network(folder, name, params, "float32")
+        write_network(folder, name, params, "float32")
     return folder

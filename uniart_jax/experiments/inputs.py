@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uniart_jax.adoption import taken
-from uniart_jax.config import LATENT_OF, NETWORKS, ModelConfig
+from uniart_jax.config import LATENT_OF, ModelConfig
 from uniart_jax.data.folder import read_manifest, read_metadata, write_text
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, record_rows, shard_paths
@@ -21,10 +20,10 @@ from uniart_jax.experiments.design import Arm, Records
 from uniart_jax.experiments.judge import NEEDS, test_names, test_object
 from uniart_jax.features import write_geometric_features
 from uniart_jax.locks import in_turn
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.procedural import SEEN_FAMILIES
 from uniart_jax.progress import messages
 from uniart_jax.stages.checks import prepared_objects
-from uniart_jax.training.export import checkpoint_folder, has_export
 
 MAX_PARTS = 64
 console = messages()
@@ -163,30 +162,30 @@ def check_networks(name: str, arm: Arm, trained: Arm) -> None:
         from one.
     """
     try:
-        folders = {given: checkpoint_folder(given) for given in trained.checkpoints()}
+        found = {given: Checkpoint.find(given) for given in trained.checkpoints()}
     except FileNotFoundError as error:
         raise FileNotFoundError(
             f"arm {name}: {error}; the experiment's file, or the config that it trains, says at "
             "its head where it comes from"
         ) from None
-    has, nowhere = {*trained.stages}, Path(os.devnull)
+    has = {*trained.stages}
     if not trained.stages:
-        has |= {n for n in NETWORKS if has_export(folders[trained.init], f"{n}.safetensors")}
+        has |= {*found[trained.init].networks()}
     elif init := trained.init or trained.config.init:
-        has |= {*taken(trained.config, folders[init], trained.stages, nowhere)}
+        has |= {*found[init].copyable(trained.config, trained.stages)}
     if trained.beside:
-        has |= {*beside(trained, folders[trained.beside], nowhere)}
+        has |= {*other_networks(trained, found[trained.beside])}
     if lacking := [network for network in NEEDS[arm.station] if network not in has]:
         raise ValueError(
             f"arm {name}: is judged by {', '.join(lacking)}, which it neither trains nor can take "
-            f"from {' or '.join(folders) or 'a checkpoint'}"
+            f"from {' or '.join(found) or 'a checkpoint'}"
         )
 
 
-def beside(arm: Arm, source: Path, workdir: Path) -> list[str]:
-    """The networks that WORKDIR takes from the checkpoint beside an arm: no flow, which would speak
-    of other latents."""
-    found = taken(arm.config, source, arm.stages, workdir)
+def other_networks(arm: Arm, source: Checkpoint, target: Checkpoint | None = None) -> list[str]:
+    """The networks that an arm copies from the checkpoint beside it; no flow, since its latent
+    space would differ. ``target``: the arm's own checkpoint, if it is begun."""
+    found = source.copyable(arm.config, arm.stages, target)
     return [network for network in found if network not in LATENT_OF]
 
 

@@ -25,7 +25,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from uniart_jax.config import LATENT_OF, ModelConfig
+from uniart_jax.config import ModelConfig
 from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
 from uniart_jax.data.geometric_features import geometric_features
@@ -35,6 +35,7 @@ from uniart_jax.evaluation.metric import Figures, Metric, at_rest
 from uniart_jax.evaluation.procedural import HeldOut, held_out_for
 from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.experiments.design import Arm, Objects, Station
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot_object import one_line
@@ -43,7 +44,6 @@ from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, UNSEEN_FAMILIES,
 from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
 from uniart_jax.samplers import Condition, join_views
-from uniart_jax.training.export import checkpoint_folder, load_network, read_config, read_statistics
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import occupancy
@@ -134,17 +134,13 @@ def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
     """A pipeline of some networks of a checkpoint.
 
     Raises:
-      FileNotFoundError, ValueError: as ``training.export.load_network``, or one of them is not
+      FileNotFoundError, ValueError: as ``Pipeline.of``, or one of them is not
         trained.
     """
-    folder = checkpoint_folder(checkpoint)
-    config = read_config(folder)
-    if left := [mark for mark in config.untrained if mark.split(".")[0] in networks]:
-        raise ValueError(f"checkpoint '{folder}': not trained yet ({', '.join(left[:3])})")
-    parameters = {n: load_network(folder, n, build(n, config.model).abstract()) for n in networks}
-    latents = [LATENT_OF[n] for n in networks if n in LATENT_OF]
-    statistics = {name: read_statistics(folder, name) for name in latents}
-    return Pipeline(config, parameters, statistics, folder)
+    found = Checkpoint.find(checkpoint)
+    if left := found.untrained(*networks):
+        raise ValueError(f"checkpoint '{found.folder}': not trained yet ({', '.join(left[:3])})")
+    return Pipeline.of(found, networks)
 
 
 @functools.lru_cache

@@ -20,18 +20,17 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from uniart_jax.adoption import adopt, exported
 from uniart_jax.evaluation.kept import keep
 from uniart_jax.experiments.design import Arm, Experiment
 from uniart_jax.experiments.fronts import drawn_alike, fitted
-from uniart_jax.experiments.inputs import beside, check_arm, check_networks, make_records
+from uniart_jax.experiments.inputs import check_arm, check_networks, make_records, other_networks
 from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
 from uniart_jax.locks import alone
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.progress import messages
 from uniart_jax.stages.trainer import claim, run
-from uniart_jax.training.export import checkpoint_folder
 
 console = messages()
 
@@ -123,8 +122,8 @@ def missing_networks(experiment: Experiment, out: Path, chosen: Sequence[str], s
         of = experiment.arms[name].of
         if not of or "/" in of or of in chosen:
             continue
-        folders = [out / of / f"seed-{seed}" for seed in range(seeds)]
-        if not all(exported(f, stage) for f in folders for stage in experiment.arms[of].stages):
+        exports = [Checkpoint(out / of / f"seed-{seed}" / "export") for seed in range(seeds)]
+        if not all(export.has(*experiment.arms[of].stages) for export in exports):
             raise ValueError(
                 f"experiment: arm '{name}' judges the networks of '{of}', which are not trained in "
                 f"{out}; give it too: --arms {of} {name}"
@@ -181,16 +180,16 @@ def train_arm(arm: Arm, seed: int, workdir: Path) -> Path:
       FloatingPointError: it diverged.
     """
     if not arm.stages:
-        return checkpoint_folder(arm.init)
+        return Checkpoint.find(arm.init).folder
     data = dataclasses.replace(arm.config.data, seed=seed)
     config = dataclasses.replace(arm.config, seed=seed, data=data)
     if arm.beside:
-        source = checkpoint_folder(arm.beside)
+        source, exported = Checkpoint.find(arm.beside), Checkpoint(workdir / "export")
         claim(config, workdir)
-        adopt(source, beside(arm, source, workdir), workdir)
+        source.copy_networks(other_networks(arm, source, exported), exported.folder)
     init = arm.init or config.init
     if init and "uniart_vae" in arm.stages:
-        init = fitted(checkpoint_folder(init), config, workdir / "init")
+        init = fitted(Checkpoint.find(init), config, workdir / "init")
     elif not init:
         init = drawn_alike(config, arm.stages, workdir / "init")
     run(config, arm.stages, workdir, init or None)

@@ -12,7 +12,7 @@ from uniart_jax.config import Config, to_json
 from uniart_jax.evaluation.kept import keep, read_kept
 from uniart_jax.experiments.design import Arm, Experiment
 from uniart_jax.experiments.inputs import records_digest
-from uniart_jax.training.export import checkpoint_digest
+from uniart_jax.models.checkpoint import Checkpoint
 
 FILE = "settings.json"
 SHOWN = 3  # differences that a message names
@@ -45,7 +45,7 @@ def described(arm: Arm) -> dict[str, Any]:
     if arm.stages:
         found["config"] = json.loads(to_json(arm.config))
         records.add(arm.config.data.records)
-    found["weights"] = {name: checkpoint_digest(name) for name in arm.checkpoints()}
+    found["weights"] = {n: Checkpoint.find(n).digest() for n in arm.checkpoints()}
     found["records"] = {name: records_digest(name) for name in sorted(records - {""})}
     return json.loads(json.dumps(found))
 

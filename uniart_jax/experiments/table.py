@@ -14,7 +14,7 @@ from uniart_jax.evaluation.summary import LEVEL
 from uniart_jax.experiments.design import Experiment
 from uniart_jax.experiments.intervals import difference, row, unpaired
 from uniart_jax.experiments.judge import METRICS, TRUTH, parameter_count, test_names
-from uniart_jax.training.export import checkpoint_folder, read_config
+from uniart_jax.models.checkpoint import Checkpoint
 
 FAILED = "failure.json"  # in a training's folder: why it has no result
 
@@ -115,7 +115,7 @@ def collect(experiment: Experiment, out: Path, name: str, count: int) -> Judged:
 def parameters(experiment: Experiment, name: str) -> int:
     """Of the networks that an arm is judged by."""
     arm, made = experiment.arms[name], experiment.trained(name)
-    config = made.config if made.stages else read_config(checkpoint_folder(made.init))
+    config = made.config if made.stages else Checkpoint.find(made.init).config
     return parameter_count(config.model, arm.station)
 
 

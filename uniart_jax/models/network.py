@@ -62,25 +62,16 @@ class Network:
             listed.
         """
         graph, state = self._split
-        names = {_name(path): path for path, _ in nnx.to_flat_state(state)}
-        values = _flat(params)
-        if names.keys() != values.keys():
-            missing, extra = (
-                sorted(names.keys() - values.keys()),
-                sorted(values.keys() - names.keys()),
-            )
-            raise ValueError(
-                f"{self.name}: parameters do not match; missing {missing}, unexpected {extra}"
-            )
-        wrong = [
-            f"{_name(path)} {tuple(values[_name(path)].shape)} instead of {tuple(leaf.shape)}"
-            for path, leaf in nnx.to_flat_state(state)
-            if tuple(values[_name(path)].shape) != tuple(leaf.shape)
-        ]
-        if wrong:
-            raise ValueError(f"{self.name}: parameter shapes differ: {'; '.join(wrong)}")
+        leaves, values = nnx.to_flat_state(state), flat_names(params)
+        expected = {".".join(map(str, path)): list(leaf.shape) for path, leaf in leaves}
+        found = {name: list(value.shape) for name, value in values.items()}
+        if problems := differences(expected, found):
+            raise ValueError(f"{self.name}: parameters do not match; {'; '.join(problems)}")
         filled = nnx.from_flat_state(
-            [(path, leaf.replace(values[_name(path)])) for path, leaf in nnx.to_flat_state(state)]
+            [
+                (path, leaf.replace(values[name]))
+                for name, (path, leaf) in zip(expected, leaves, strict=True)
+            ]
         )
         return getattr(nnx.merge(graph, filled), method)(*args, **kwargs)
 
@@ -108,19 +99,24 @@ def build(name: str, config: ModelConfig) -> Network:
     return Network(name, config, lambda rngs: module(config, rngs))
 
 
-def _name(path: tuple) -> str:
-    return ".".join(str(part) for part in path)
+def flat_names(tree: Any) -> dict[str, Any]:
+    """Leaves of a pytree by dotted name, in the tree's own order."""
+    leaves = jax.tree_util.tree_flatten_with_path(tree)[0]
+    return {jax.tree_util.keystr(path, simple=True, separator="."): leaf for path, leaf in leaves}
 
 
-def _flat(params: Params, prefix: str = "") -> dict[str, Any]:
-    flat = {}
-    for key, value in params.items():
-        flat.update(
-            _flat(value, f"{prefix}{key}.")
-            if isinstance(value, dict)
-            else {prefix + str(key): value}
-        )
-    return flat
+def differences(expected: dict[str, Any], found: dict[str, Any]) -> list[str]:
+    """How the named values that were found differ from those expected: missing, extra and
+    mismatched names; empty if equal."""
+    common = sorted(expected.keys() & found.keys())
+    lists = {
+        "missing": sorted(expected.keys() - found.keys()),
+        "extra": sorted(found.keys() - expected.keys()),
+        "mismatched": [
+            f"{n} is {found[n]}, expected {expected[n]}" for n in common if found[n] != expected[n]
+        ],
+    }
+    return [f"{kind}: {', '.join(names)}" for kind, names in lists.items() if names]
 
 
 def _plain(state: dict) -> Params:

@@ -8,15 +8,16 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from uniart_jax.adoption import exported
 from uniart_jax.config import Config, DataConfig, GridConfig
 from uniart_jax.data.batches import open_records
 from uniart_jax.data.folder import read_manifest, read_metadata
 from uniart_jax.data.prepare import prepare_procedural
+from uniart_jax.models.checkpoint import WIDENABLE, Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.procedural import WORLDS
 from uniart_jax.progress import messages
 from uniart_jax.stages.stage import Stage
+from uniart_jax.training import distributed
 from uniart_jax.training.state import frozen_mask
 
 COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
@@ -63,13 +64,38 @@ def check_features(config: Config, stages: Sequence[Stage]) -> None:
             open_records(folder, config.model.grid, split, features)
 
 
+def networks_to_copy(
+    config: Config, source: Checkpoint, trained: Sequence[str], target: Checkpoint
+) -> list[str]:
+    """The networks of checkpoint ``source`` that a training copies (``Checkpoint.copyable``), each
+    looked at. Those that lack layers are named on the console.
+
+    Raises:
+      ValueError: one of them does not fit the config.
+    """
+    names = source.copyable(config, trained, target)
+    for name in names:
+        source.load(name, config.model)
+    for name in WIDENABLE:
+        if name in trained or target.has(name) or not distributed.is_first():
+            continue
+        for option in source.missing_layers(name, config.model):
+            console.print(
+                f"{source.folder}: its {name} has no {option}, the config's has, so it is not "
+                f"copied; train it: --stage {name}",
+                style="yellow",
+                markup=False,
+            )
+    return names
+
+
 def check_found(
-    config: Config, stages: Sequence[Stage], workdir: Path, taken: Sequence[str]
+    config: Config, stages: Sequence[Stage], exported: Checkpoint, copied: Sequence[str]
 ) -> None:
     """Whether layouts can be found for the networks that are to be shown them (``loss.found``).
 
     Args:
-      taken: networks that WORKDIR will take from another checkpoint.
+      exported: of the training. copied: networks that it will get from another checkpoint.
 
     Raises:
       ValueError: one of them sees no layouts. FileNotFoundError: no layout network is there.
@@ -84,9 +110,9 @@ def check_found(
                 f"config: loss.found shows the {name} layouts that are found; give "
                 f"model.layout.queries and model.{name}.layout_channels above 0, or loss.found 0"
             )
-        if not exported(workdir, "layout") and "layout" not in taken:
+        if not exported.has("layout") and "layout" not in copied:
             raise FileNotFoundError(
-                f"{workdir}/export/layout.safetensors: loss.found needs it and it is not there; "
+                f"{exported.folder}/layout.safetensors: loss.found needs it and it is not there; "
                 "train it first: --stage layout, or give a checkpoint that has it as --init"
             )
 

@@ -14,16 +14,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from uniart_jax.adoption import exported, same_ground, untrained
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.folder import read_metadata, write_text
 from uniart_jax.data.latents import check_views, latent_batches
-from uniart_jax.encoding import ENCODED, digest, encode_all
-from uniart_jax.models.network import Network, build
+from uniart_jax.encoding import digest, encode_all
+from uniart_jax.models.checkpoint import FLOW_INPUTS, Checkpoint
+from uniart_jax.models.checkpoint_files import write_statistics
+from uniart_jax.models.network import Network
 from uniart_jax.samplers import Condition, join_views, make_conditioner, make_layout_finder
 from uniart_jax.stages.stage import Stage, Statistics, load
 from uniart_jax.training import distributed
-from uniart_jax.training.export import load_network, read_statistics, write_statistics
 from uniart_jax.training.flow_losses import of_pictures
 from uniart_jax.voxels.part_table import ROWS, PartTable, part_table
 
@@ -46,10 +46,10 @@ class FlowStage(Stage):
         """The network whose output on the flow's samples the loss reads; "" for none."""
         return ""
 
-    def claim(self, config: Config, workdir: Path, source: Path | None) -> None:
+    def claim(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
         folder = workdir / "checkpoints" / self.name
-        units = units_of(source, workdir)
-        distributed.first_does(lambda: claim_inputs(folder, config, workdir, self.latent, units))
+        fixed = fixed_statistics(source, workdir, self.latent)
+        distributed.first_does(lambda: claim_inputs(folder, config, workdir, fixed))
 
     def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:
         return latent_batches(
@@ -63,13 +63,12 @@ class FlowStage(Stage):
         )
 
     def statistics(
-        self, config: Config, workdir: Path, source: Path | None
+        self, config: Config, workdir: Path, source: Checkpoint | None
     ) -> dict[str, Statistics]:
         """Encodes the records where that is not done yet."""
         found = encode_all(config, workdir)
-        if (units := units_of(source, workdir)) is not None:
-            found[self.latent] = read_statistics(units, self.latent)
-        ours = found[self.latent]
+        ours = fixed_statistics(source, workdir, self.latent) or found[self.latent]
+        found[self.latent] = ours
         distributed.first_does(lambda: write_statistics(workdir / "export", self.latent, *ours))
         return found
 
@@ -87,31 +86,34 @@ class FlowStage(Stage):
         loss_fn = self.flow_loss(network, config, workdir, *statistics[self.latent])
         return of_pictures(loss_fn, make_conditioner(config.model), find, config.loss.found)
 
-    def given(self, config: Config, workdir: Path, source: Path | None) -> tuple[Any, ...]:
+    def given(self, config: Config, workdir: Path, source: Checkpoint | None) -> tuple[Any, ...]:
         frozen = ["image_encoder", *filter(None, [self.decodes(config)])]
         frozen += ["layout"] if config.loss.found > 0 else []
         return tuple(load(workdir, name, config) for name in frozen)
 
 
-def units_of(source: Path | None, workdir: Path) -> Path | None:
-    """The checkpoint in whose units a flow's latents are: flows of the same encoder and VAEs go on
-    in the units that they know. None: the records' own."""
-    return source if source is not None and same_ground(source, (), workdir) else None
+def fixed_statistics(source: Checkpoint | None, workdir: Path, latent: str) -> Statistics | None:
+    """Mean and standard deviation of a latent by which a flow that goes on from checkpoint
+    ``source`` was normalised; None where its latent space differs: those of the records count."""
+    if source is None or not source.same_latent_space(Checkpoint(workdir / "export")):
+        return None
+    return source.statistics(latent)
 
 
 def claim_inputs(
-    folder: Path, config: Config, workdir: Path, latent: str, units: Path | None = None
+    folder: Path, config: Config, workdir: Path, statistics: Statistics | None = None
 ) -> None:
-    """Tie a flow's checkpoints to the latents, their units (of checkpoint ``units``, or the
-    records' own) and the image encoder that it trains on.
+    """Tie a flow's checkpoints to the latents, the statistics that normalise them (None: those of
+    the records) and the image encoder that it trains on.
 
     Raises:
       FileNotFoundError: a network that it needs has not been trained.
       ValueError: the checkpoints belong to others; a flow finished on these would not fit the
         networks exported beside it.
     """
-    for name in ("image_encoder", *ENCODED):
-        if not exported(workdir, name):
+    exported = Checkpoint(workdir / "export")
+    for name in FLOW_INPUTS:
+        if not exported.has(name):
             frozen = name == "image_encoder" and not config.model.image_encoder.kind.trained
             how = (
                 "give a checkpoint that has it as --init"
@@ -119,19 +121,18 @@ def claim_inputs(
                 else f"train it first: --stage {name}"
             )
             raise FileNotFoundError(f"{workdir}/export/{name}.safetensors: not there; {how}")
-        if left := [m for m in untrained(workdir / "export") if m.split(".")[0] == name]:
+        if left := exported.untrained(name):
             raise ValueError(
                 f"{name}: not trained yet ({', '.join(left)}); train it first: --stage {name}"
             )
-    encoder = (workdir / "export" / "image_encoder.safetensors").read_bytes()
+    encoder = exported.path("image_encoder.safetensors").read_bytes()
     latents = digest(config, workdir, Path(config.data.records), config.data.split)
     key = f"{latents} {hashlib.sha256(encoder).hexdigest()}"
     if config.loss.found:
-        layout = (workdir / "export" / "layout.safetensors").read_bytes()
+        layout = exported.path("layout.safetensors").read_bytes()
         key += f" {hashlib.sha256(layout).hexdigest()}"
-    if units is not None:
-        both = read_statistics(units, latent)
-        key += f" {hashlib.sha256(b''.join(v.tobytes() for v in both)).hexdigest()}"
+    if statistics is not None:
+        key += f" {hashlib.sha256(b''.join(v.tobytes() for v in statistics)).hexdigest()}"
     note = folder.with_name(f"{folder.name}.inputs")
     trained = folder.is_dir() and any(p.name.isdigit() for p in folder.iterdir())
     if trained and note.is_file() and note.read_text() != key:
@@ -148,15 +149,13 @@ def claim_inputs(
 def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Condition]:
     """``samplers.make_conditioner`` with the trained image encoder of WORKDIR, on one device as
     long as the function is kept."""
-    abstract = build("image_encoder", config.model).abstract()
-    parameters = jax.device_put(load_network(workdir, "image_encoder", abstract))
+    parameters = jax.device_put(load(workdir, "image_encoder", config))
     return functools.partial(make_conditioner(config.model), parameters)
 
 
 def load_layout_finder(config: Config, workdir: Path) -> Callable[[jax.Array], PartTable]:
     """``samplers.make_layout_finder`` with the layout network of WORKDIR."""
-    abstract = build("layout", config.model).abstract()
-    parameters = jax.device_put(load_network(workdir, "layout", abstract))
+    parameters = jax.device_put(load(workdir, "layout", config))
     return functools.partial(make_layout_finder(config.model), parameters)
 
 

@@ -16,8 +16,8 @@ import jax
 import numpy as np
 
 from uniart_jax.config import Config, ModelConfig, StageConfig
-from uniart_jax.models.network import Network, build
-from uniart_jax.training.export import load_network
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.network import Network
 from uniart_jax.training.state import TrainState
 
 Statistics = tuple[np.ndarray, np.ndarray]  # mean and deviation of a latent's channels
@@ -64,7 +64,7 @@ class Stage(abc.ABC):
         """Whether ``loss.found`` shows its network layouts that the layout network finds."""
         return False
 
-    def claim(self, config: Config, workdir: Path, source: Path | None) -> None:
+    def claim(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
         """Tie the stage's checkpoints in WORKDIR to what it trains on.
 
         Raises:
@@ -88,7 +88,7 @@ class Stage(abc.ABC):
         """(params, batch, key) -> loss and scalar metrics; with ``given``, (params, batch, key,
         given)."""
 
-    def given(self, config: Config, workdir: Path, source: Path | None) -> tuple[Any, ...]:
+    def given(self, config: Config, workdir: Path, source: Checkpoint | None) -> tuple[Any, ...]:
         """Parameters of frozen networks that the loss takes after its key; () for none.
 
         Args:
@@ -97,7 +97,7 @@ class Stage(abc.ABC):
         return ()
 
     def statistics(
-        self, config: Config, workdir: Path, source: Path | None
+        self, config: Config, workdir: Path, source: Checkpoint | None
     ) -> dict[str, Statistics]:
         """Of latents that the loss or the evaluation reads, other than those of a flow's own
         encoding."""
@@ -117,5 +117,5 @@ class Stage(abc.ABC):
 
 
 def load(workdir: Path, name: str, config: Config) -> Any:
-    """Parameters of a network that WORKDIR has trained or taken."""
-    return load_network(workdir, name, build(name, config.model).abstract())
+    """Parameters of a network that WORKDIR has trained or copied."""
+    return Checkpoint(workdir / "export").load(name, config.model)

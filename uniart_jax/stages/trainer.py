@@ -18,10 +18,11 @@ from typing import Any
 import jax
 import optax
 
-from uniart_jax.adoption import adopt, adoptable, exported, first_weights, mark, untrained
 from uniart_jax.config import Config
 from uniart_jax.data.image_table import load_image_table
 from uniart_jax.locks import alone
+from uniart_jax.models.checkpoint import Checkpoint, set_untrained
+from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import Network, build
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.pipeline import load as load_pipeline
@@ -32,18 +33,13 @@ from uniart_jax.stages.checks import (
     check_freeze,
     check_settings,
     ensure_records,
+    networks_to_copy,
     overlapping,
 )
 from uniart_jax.stages.stage import Stage, Statistics
 from uniart_jax.stages.table import STAGES
 from uniart_jax.training import distributed
 from uniart_jax.training.checkpoints import Checkpoints
-from uniart_jax.training.export import (
-    checkpoint_folder,
-    export_network,
-    read_config,
-    write_config,
-)
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.microbatches import in_parts
 from uniart_jax.training.programs import Programs
@@ -166,7 +162,7 @@ def run(
     are not there.
 
     Args:
-      init: a checkpoint (``training.export.checkpoint_folder``) to go on from, see ``adopt``;
+      init: a checkpoint (``Checkpoint.find``) to go on from, see ``Checkpoint.copyable``;
         default: the config's own. A stage that has a checkpoint of its own resumes from that.
       batches: of one stage, in place of its own (``Trainer.fit``).
 
@@ -193,14 +189,14 @@ def run(
             stacklevel=2,
         )
     init = init or config.init
-    source = checkpoint_folder(init) if init else None
-    taken: list[str] = []
+    source, exported = Checkpoint.find(init) if init else None, Checkpoint(workdir / "export")
+    copied: list[str] = []
     check_freeze(config, chosen)
     if source is not None:  # before anything is written
         for name in names:
-            first_weights(source, name, config.model)
-        taken = adoptable(config, source, names, workdir)
-    check_found(config, chosen, workdir, taken)
+            source.load(name, config.model, widen=True)
+        copied = networks_to_copy(config, source, names, exported)
+    check_found(config, chosen, exported, copied)
     with alone(workdir) if distributed.is_first() else contextlib.nullcontext():
         distributed.first_does(lambda: claim(config, workdir))
         if not (workdir / "config.json").is_file():
@@ -209,7 +205,7 @@ def run(
                 "shared file system"
             )
         if source is not None:
-            adopt(source, taken, workdir)
+            distributed.first_does(lambda: source.copy_networks(copied, exported.folder))
         if not all(stage.makes_data for stage in chosen):
             distributed.first_does(lambda: ensure_records(config, training=batches is None))
         for stage in chosen:
@@ -238,7 +234,7 @@ def trainable(config: Config, names: Sequence[str]) -> list[str]:
 def claim(config: Config, workdir: Path) -> None:
     """Make WORKDIR this config's, or check that it is: one folder holds one model."""
     if (workdir / "config.json").is_file():
-        found = read_config(workdir)
+        found = Checkpoint(workdir).config
         runtime = {name: getattr(config.model, name) for name in RUNTIME}
         other = dataclasses.replace(found.model, **runtime)
         parts = [f.name for f in dataclasses.fields(other)]
@@ -250,16 +246,15 @@ def claim(config: Config, workdir: Path) -> None:
             )
     workdir.mkdir(parents=True, exist_ok=True)
     write_config(workdir, config)
-    write_config(
-        workdir / "export", dataclasses.replace(config, untrained=untrained(workdir / "export"))
-    )
+    untrained = Checkpoint(workdir / "export").untrained()
+    write_config(workdir / "export", dataclasses.replace(config, untrained=untrained))
 
 
 def train_network(
     stage: Stage,
     config: Config,
     workdir: Path,
-    source: Path | None = None,
+    source: Checkpoint | None = None,
     batches: Iterable[Any] | None = None,
 ) -> None:
     """One stage, from its checkpoint, the weights of checkpoint ``source`` or from scratch, to
@@ -267,11 +262,11 @@ def train_network(
     name, settings = stage.name, stage.settings(config)
     network = build(name, config.model)
     mesh = make_mesh(config.mesh)
-    folder = workdir / "checkpoints" / name
+    folder, exported = workdir / "checkpoints" / name, Checkpoint(workdir / "export")
     stage.claim(config, workdir, source)
     with Checkpoints(folder, settings.keep_checkpoints) as checkpoints:
         trained = distributed.told(max(checkpoints.steps, default=0))
-    if distributed.told(trained >= settings.steps and exported(workdir, name)):
+    if distributed.told(trained >= settings.steps and exported.has(name)):
         if distributed.is_first():
             console.print(f"{name}: already trained ({settings.steps} steps); skipped")
         return
@@ -291,7 +286,7 @@ def train_network(
     else:
         start = create_state(network.init, optimizer, key, mesh)
         if source is not None:
-            start = begin_with(start, first_weights(source, name, config.model))
+            start = begin_with(start, source.load(name, config.model, widen=True))
         elif first := stage.first_weights(config):
             start = begin_with(start, first)
     iterator = (
@@ -316,8 +311,8 @@ def train_network(
             workdir=workdir,
             evaluate=distributed.by_the_first(evaluate),
         )
-    export_network(workdir / "export", name, state.ema)  # on every process; the first one writes
-    distributed.first_does(lambda: mark(workdir, [name], ()))
+    write_network(exported.folder, name, state.ema)  # on every process; the first one writes
+    distributed.first_does(lambda: set_untrained(exported.folder, [name]))
 
 
 def counted(stage: Stage, batches: Iterable[Any]) -> Any:
@@ -357,7 +352,7 @@ def make_step(
     workdir: Path,
     mesh: jax.sharding.Mesh,
     statistics: dict[str, Statistics],
-    source: Path | None = None,
+    source: Checkpoint | None = None,
 ) -> Programs:
     """The train step of a stage; a flow's begins with the frozen image encoder's reading of the
     pictures, by WORKDIR's export.

@@ -11,10 +11,10 @@ import numpy as np
 from uniart_jax.config import Config
 from uniart_jax.data.batches import record_batches, voxel_batches
 from uniart_jax.data.records import decode_color
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import Network, build
 from uniart_jax.stages.pictures import PICTURES, RECORDS, beside, solid, sub_cells
 from uniart_jax.stages.stage import Evaluation, Stage, Statistics, load
-from uniart_jax.training.export import has_export, load_network, read_statistics
 from uniart_jax.training.metrics import part_readings, summarize_readings
 from uniart_jax.training.vae_losses import make_uniart_vae_loss
 
@@ -50,31 +50,30 @@ class UniArtVAEStage(Stage):
         )
 
     def statistics(
-        self, config: Config, workdir: Path, source: Path | None
+        self, config: Config, workdir: Path, source: Checkpoint | None
     ) -> dict[str, Statistics]:
         if config.loss.sampled <= 0:
             return {}
-        return {"latent": read_statistics(sampler_folder(config, workdir, source), "latent")}
+        return {"latent": sampler_checkpoint(config, workdir, source).statistics("latent")}
 
     def loss(
         self, network: Network, config: Config, workdir: Path, statistics: dict[str, Statistics]
     ) -> Any:
         return make_uniart_vae_loss(network, config, *statistics.get("latent", ()))
 
-    def given(self, config: Config, workdir: Path, source: Path | None) -> tuple[Any, ...]:
+    def given(self, config: Config, workdir: Path, source: Checkpoint | None) -> tuple[Any, ...]:
         if config.loss.sampled <= 0:
             return ()
-        folder = sampler_folder(config, workdir, source)
-        abstract = {name: build(name, config.model).abstract() for name in SAMPLER}
-        frozen = tuple(load_network(folder, name, abstract[name]) for name in SAMPLER)
+        checkpoint = sampler_checkpoint(config, workdir, source)
+        frozen = tuple(checkpoint.load(name, config.model) for name in SAMPLER)
         return (*frozen, load(workdir, "layout", config)) if config.loss.found > 0 else frozen
 
     def evaluation(self, config: Config, workdir: Path, statistics: Any) -> Evaluation | None:
         return _evaluation(config) if config.data.validation else None
 
 
-def sampler_folder(config: Config, workdir: Path, source: Path | None) -> Path:
-    """The folder with the image encoder and the latent flow whose samples are shown: WORKDIR's
+def sampler_checkpoint(config: Config, workdir: Path, source: Checkpoint | None) -> Checkpoint:
+    """The checkpoint with the image encoder and the latent flow whose samples are shown: WORKDIR's
     export, or else checkpoint ``source``.
 
     Raises:
@@ -86,9 +85,9 @@ def sampler_folder(config: Config, workdir: Path, source: Path | None) -> Path:
             "loss.sampled: the flow's latents are those of the encoder as it is; "
             "give --uniart_vae.freeze front encoder"
         )
-    for folder in (workdir / "export", source):
-        if folder is not None and all(has_export(folder, f"{n}.safetensors") for n in SAMPLER):
-            return folder
+    for checkpoint in (Checkpoint(workdir / "export"), source):
+        if checkpoint is not None and checkpoint.has(*SAMPLER):
+            return checkpoint
     raise FileNotFoundError(
         "loss.sampled: needs a trained image encoder and latent flow; "
         "give a checkpoint that has them as --init"

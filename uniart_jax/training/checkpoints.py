@@ -25,8 +25,8 @@ from typing import Any, Protocol, TypeVar
 import jax
 from orbax.checkpoint import v1 as ocp
 
+from uniart_jax.models.network import differences, flat_names
 from uniart_jax.training import distributed
-from uniart_jax.training.export import differences, flat_names
 
 State = TypeVar("State")
 _ASIDE = "damaged-"

@@ -26,7 +26,7 @@ from typing import Any, TypeVar
 import jax
 from jax.experimental import multihost_utils
 
-from uniart_jax.training.export import differences
+from uniart_jax.models.network import differences
 
 T = TypeVar("T")
 POLL = 1000  # milliseconds between two looks at whether another process has failed

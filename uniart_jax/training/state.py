@@ -17,7 +17,7 @@ import optax
 import optax.contrib
 
 from uniart_jax.config import StageConfig
-from uniart_jax.training.export import flat_names
+from uniart_jax.models.network import flat_names
 from uniart_jax.training.sharding import state_sharding
 
 FROZEN = jax.tree_util.DictKey("pos_emb")  # a structure flow's position table: no gradient either

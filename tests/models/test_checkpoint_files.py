@@ -8,7 +8,15 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 from uniart_jax.config import Config, GridConfig, ModelConfig
-from uniart_jax.training import export
+from uniart_jax.models import checkpoint_files
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.checkpoint_files import (
+    STATISTICS,
+    read_network,
+    write_config,
+    write_network,
+    write_statistics,
+)
 
 RNG = np.random.default_rng(0)
 PARAMS = {
@@ -20,7 +28,7 @@ ABSTRACT = jax.eval_shape(lambda: jax.tree.map(jnp.asarray, PARAMS))
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [("float16", 2**-11), ("float32", 0)])
 def test_weights_come_back(tmp_path, dtype, tolerance):
-    path = export.export_network(tmp_path / "export", "latent_flow", PARAMS, dtype)
+    path = write_network(tmp_path / "export", "latent_flow", PARAMS, dtype)
     assert path == tmp_path / "export/latent_flow.safetensors"
     plain = tmp_path / "plain"
     plain.touch()
@@ -31,7 +39,7 @@ def test_weights_come_back(tmp_path, dtype, tolerance):
     assert "blocks.10.kernel" in stored
     assert {str(value.dtype) for value in stored.values()} == {dtype}
     for folder in (tmp_path, tmp_path / "export"):  # a WORKDIR or the export folder
-        loaded = export.load_network(folder, "latent_flow", ABSTRACT)
+        loaded = read_network(Checkpoint.find(folder).path("latent_flow.safetensors"), ABSTRACT)
         assert jax.tree.structure(loaded) == jax.tree.structure(PARAMS)
         for ours, theirs in zip(jax.tree.leaves(loaded), jax.tree.leaves(PARAMS), strict=True):
             assert ours.dtype == np.float32
@@ -39,10 +47,10 @@ def test_weights_come_back(tmp_path, dtype, tolerance):
 
 
 def test_every_difference_is_listed_in_one_line(tmp_path):
-    export.export_network(tmp_path, "net", {"a": np.ones((2, 3)), "b": np.ones(2), "c": np.ones(1)})
+    write_network(tmp_path, "net", {"a": np.ones((2, 3)), "b": np.ones(2), "c": np.ones(1)})
     other = {"a": np.ones((3, 3)), "b": np.ones(2), "d": np.ones(1)}
     with pytest.raises(ValueError) as error:
-        export.load_network(tmp_path, "net", other)
+        read_network(tmp_path / "net.safetensors", other)
     text = str(error.value)
     assert "missing: d; extra: c; mismatched: a is [2, 3], expected [3, 3];" in text
     assert "net.safetensors" in text and "\n" not in text
@@ -51,54 +59,54 @@ def test_every_difference_is_listed_in_one_line(tmp_path):
 def test_values_that_are_not_finite_are_neither_written_nor_read(tmp_path):
     bad = {"a": {"x": np.array([1.0, np.nan])}, "b": np.array([1e6]), "c": np.ones(1)}
     with pytest.raises(ValueError, match=r"not finite as float16: a\.x, b"):
-        export.export_network(tmp_path, "net", bad)
+        write_network(tmp_path, "net", bad)
     assert list(tmp_path.iterdir()) == []
     save_file({"a": np.array([1.0, np.inf]), "b": np.ones(1)}, tmp_path / "net.safetensors")
     with pytest.raises(ValueError, match="not finite: a;"):
-        export.load_network(tmp_path, "net", {"a": np.ones(2), "b": np.ones(1)})
+        read_network(tmp_path / "net.safetensors", {"a": np.ones(2), "b": np.ones(1)})
 
 
 @pytest.mark.parametrize("keep", [0, 4, 100, -1])
 def test_a_truncated_file_is_told(tmp_path, keep):
-    path = export.export_network(tmp_path, "net", PARAMS)
+    path = write_network(tmp_path, "net", PARAMS)
     path.write_bytes(path.read_bytes()[:keep])
     with pytest.raises(ValueError, match=r"net\.safetensors: truncated or not a safetensors file"):
-        export.load_network(tmp_path, "net", ABSTRACT)
+        read_network(tmp_path / "net.safetensors", ABSTRACT)
 
 
 def test_what_is_not_there_is_told(tmp_path):
-    with pytest.raises(FileNotFoundError, match="no such folder"):
-        export.load_network(tmp_path / "none", "net", ABSTRACT)
-    with pytest.raises(FileNotFoundError, match=r"no net\.safetensors in it or in its export/"):
-        export.load_network(tmp_path, "net", ABSTRACT)
+    with pytest.raises(FileNotFoundError, match="neither a folder nor a shipped model"):
+        Checkpoint.find(tmp_path / "none")
+    with pytest.raises(FileNotFoundError, match=r"no layout\.safetensors in it; finish"):
+        Checkpoint(tmp_path).load("layout", ModelConfig())
     with pytest.raises(FileNotFoundError, match=r"no config\.json"):
-        export.read_config(tmp_path)
+        _ = Checkpoint(tmp_path).config
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
-    path = export.export_network(tmp_path, "net", PARAMS)
+    path = write_network(tmp_path, "net", PARAMS)
     before = path.read_bytes()
 
     def full(_descriptor):
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(export.os, "fsync", full)
+    monkeypatch.setattr(checkpoint_files.os, "fsync", full)
     with pytest.raises(OSError, match="no space"):
-        export.export_network(tmp_path, "net", PARAMS)
+        write_network(tmp_path, "net", PARAMS)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["net.safetensors"]
 
 
 def test_configs_come_back_and_bad_ones_are_told(tmp_path):
     config = Config(name="x", model=ModelConfig(grid=GridConfig(resolution=32)))
-    path = export.write_config(tmp_path / "export", config)
-    assert export.read_config(tmp_path) == config
+    path = write_config(tmp_path / "export", config)
+    assert Checkpoint.find(tmp_path).config == config
     path.write_text(path.read_text().replace('"resolution"', '"resolutoin"'))
     with pytest.raises(ValueError, match=r"config\.json: .*model\.grid\.resolutoin"):
-        export.read_config(tmp_path)
+        _ = Checkpoint.find(tmp_path).config
     path.write_text("{")
     with pytest.raises(ValueError, match=r"config\.json: config: not valid JSON"):
-        export.read_config(tmp_path)
+        _ = Checkpoint.find(tmp_path).config
 
 
 def test_weights_that_are_no_real_numbers_are_told(tmp_path):
@@ -107,7 +115,7 @@ def test_weights_that_are_no_real_numbers_are_told(tmp_path):
     with pytest.raises(
         ValueError, match=r"not floating-point numbers: a \(int32\), b \(bool\);"
     ) as caught:
-        export.load_network(tmp_path, "net", {"a": np.ones(2), "b": np.ones(1)})
+        read_network(tmp_path / "net.safetensors", {"a": np.ones(2), "b": np.ones(1)})
     assert "\n" not in str(caught.value)
 
 
@@ -117,7 +125,7 @@ def test_weights_that_are_no_real_numbers_are_told(tmp_path):
 def test_a_config_that_nests_without_end_is_one_short_line(tmp_path, text):
     (tmp_path / "config.json").write_text(text)
     with pytest.raises(ValueError, match=r"config\.json: config: ") as caught:
-        export.read_config(tmp_path)
+        _ = Checkpoint.find(tmp_path).config
     assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
 
 
@@ -131,20 +139,20 @@ def test_a_config_that_nests_without_end_is_one_short_line(tmp_path, text):
     ],
 )
 def test_statistics_that_no_latent_has_are_told(tmp_path, mean, std, words):
-    save_file({"vae.mean": mean, "vae.std": std}, tmp_path / export.STATISTICS)
+    save_file({"vae.mean": mean, "vae.std": std}, tmp_path / STATISTICS)
     with pytest.raises(ValueError, match=rf"latent_stats\.safetensors: .*{words}"):
-        export.read_statistics(tmp_path, "vae")
+        Checkpoint.find(tmp_path).statistics("vae")
 
 
 def test_statistics_of_several_latents_share_a_file(tmp_path):
     folder = tmp_path / "export"
-    export.write_statistics(folder, "structure_vae", np.arange(8.0), np.ones(8))
-    export.write_statistics(folder, "uniart_vae", np.zeros(16), np.full(16, 2.0))
-    mean, std = export.read_statistics(tmp_path, "structure_vae")
+    write_statistics(folder, "structure_vae", np.arange(8.0), np.ones(8))
+    write_statistics(folder, "uniart_vae", np.zeros(16), np.full(16, 2.0))
+    mean, std = Checkpoint.find(tmp_path).statistics("structure_vae")
     np.testing.assert_array_equal(mean, np.arange(8.0))
     np.testing.assert_array_equal(std, np.ones(8))
-    assert export.read_statistics(tmp_path, "uniart_vae")[1].dtype == np.float32
+    assert Checkpoint.find(tmp_path).statistics("uniart_vae")[1].dtype == np.float32
     with pytest.raises(ValueError, match=r"missing: other\.mean, other\.std"):
-        export.read_statistics(tmp_path, "other")
+        Checkpoint.find(tmp_path).statistics("other")
     with pytest.raises(ValueError, match=r"not finite: x\.std"):
-        export.write_statistics(folder, "x", np.zeros(1), np.array([np.nan]))
+        write_statistics(folder, "x", np.zeros(1), np.array([np.nan]))

@@ -8,7 +8,8 @@ import types
 import pytest
 
 from uniart_jax.config import Config
-from uniart_jax.training.export import checkpoint_folder, read_config, write_config
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.checkpoint_files import write_config
 
 
 @pytest.fixture
@@ -39,14 +40,17 @@ def hub(tmp_path, monkeypatch):
 
 
 def test_a_name_of_the_hub_is_a_folder_of_weights_and_nothing_else(hub):
-    folder = checkpoint_folder("hf:some/model@v2")
-    assert read_config(folder).name == "theirs"
-    assert sorted(p.name for p in folder.iterdir()) == ["config.json", "structure_vae.safetensors"]
+    checkpoint = Checkpoint.find("hf:some/model@v2")
+    assert checkpoint.config.name == "theirs"
+    assert sorted(p.name for p in checkpoint.folder.iterdir()) == [
+        "config.json",
+        "structure_vae.safetensors",
+    ]
     assert hub == [("some/model", "v2")]
 
 
 def test_without_a_revision_the_newest_is_asked_for(hub):
-    checkpoint_folder("hf:some/model")
+    Checkpoint.find("hf:some/model")
     assert hub == [("some/model", None)]
 
 
@@ -55,17 +59,17 @@ def test_what_is_not_there_is_one_line(hub):
         FileNotFoundError,
         match=r"checkpoint 'hf:some/other': not on the hub or not reachable \(404 Client Error.\)$",
     ):
-        checkpoint_folder("hf:some/other")
+        Checkpoint.find("hf:some/other")
 
 
 @pytest.mark.parametrize("name", ["hf:model", "hf:a/b/c", "hf:/b", "hf:"])
 def test_names_that_cannot_be_are_not_asked_for(hub, name):
     with pytest.raises(ValueError, match="give hf:ORG/NAME"):
-        checkpoint_folder(name)
+        Checkpoint.find(name)
     assert hub == []
 
 
 def test_without_the_extra_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     with pytest.raises(ValueError, match=r"needs huggingface_hub: pip install 'uniart_jax\[hub\]'"):
-        checkpoint_folder("hf:some/model")
+        Checkpoint.find("hf:some/model")
