@@ -27,7 +27,7 @@ from uniart_jax.experiments.design import (
     load_experiment,
     with_aggregation,
 )
-from uniart_jax.experiments.fronts import drawn_alike, fitted
+from uniart_jax.experiments.reinit_aggregation import reinit_aggregation, shared_init
 from uniart_jax.experiments.settings import described
 from uniart_jax.experiments.table import write_tables
 from uniart_jax.locks import alone
@@ -100,11 +100,11 @@ def test_the_papers_configuration_is_trained_once():
 def test_what_arms_share_begins_alike(tmp_path):
     config = load_config(ROOT / "configs/debug.py")
     stages = ("uniart_vae",)
-    assert drawn_alike(config, stages, tmp_path / "none") is None
+    assert shared_init(config, stages, tmp_path / "none") is None
     found = {}
     for kind in ("concat", "residual"):  # the second without the width of the first
         other = with_aggregation(config, kind)
-        folder = drawn_alike(other, stages, tmp_path / kind)
+        folder = shared_init(other, stages, tmp_path / kind)
         found[kind] = flat_names(Checkpoint(folder).load("uniart_vae", other.model))
     key = jax.random.fold_in(
         jax.random.key(config.seed), NETWORKS.index("uniart_vae")
@@ -311,10 +311,10 @@ def test_another_front_keeps_everything_behind_it(done, tmp_path):
     write_network(tmp_path / "old", "uniart_vae", network.init(jax.random.key(0)), "float32")
     write_config(tmp_path / "old", config)
     old = Checkpoint(tmp_path / "old")
-    assert fitted(old, config, tmp_path / "same") == old.folder
+    assert reinit_aggregation(old, config, tmp_path / "same") == old.folder
     wanted = dataclasses.replace(vae, aggregation="residual")
     model = dataclasses.replace(config.model, uniart_vae=wanted)
-    new = fitted(old, dataclasses.replace(config, model=model), tmp_path / "new")
+    new = reinit_aggregation(old, dataclasses.replace(config, model=model), tmp_path / "new")
     before, after = (
         flat_names(checkpoint.load("uniart_vae", m))
         for checkpoint, m in ((old, config.model), (Checkpoint(new), model))

@@ -323,9 +323,8 @@ class LossConfig:
     part_share: float = (
         0.0  # of the latent flow's loss spread evenly over parts, the rest over voxels
     )
-    readout_share: float = (
-        0.0  # of the latent flow's loss measured on what the latent says (``training.readout``)
-    )
+    # of the latent flow's loss, measured on attributes of the latent (``training.latent_metric``)
+    readout_share: float = 0.0
     # latent flow: weight of what the frozen UniArt VAE makes of its x_0 (distances, colours)
     # against what it makes of the true latent
     decoded: float = 0.0

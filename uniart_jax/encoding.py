@@ -29,7 +29,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.progress import advancing, messages
 from uniart_jax.training import distributed
-from uniart_jax.training.readout import WEIGHTS, fit_metric
+from uniart_jax.training.latent_metric import WEIGHTS, fit_metric
 
 ENCODED = ("structure_vae", "uniart_vae")  # what latents depend on
 ENCODE_KEYS = (
@@ -68,7 +68,7 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
         )
     for records, split, out, mirrors in jobs:
         key = digest(config, workdir, Path(records), split)
-        if distributed.told(latent_store.latents_key(out) != key):
+        if distributed.broadcast_from_first(latent_store.latents_key(out) != key):
             encode_records(config, parameters, records, mirrors, split, out, key)
     found = latent_store.read_statistics(workdir / "latents")
     return {
@@ -78,7 +78,7 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
 
 
 def latent_metric(latents: Path, records: str | Path, share: float, split: str = "") -> np.ndarray:
-    """[C, C] of ``training.readout.fit_metric``, from voxels of some items at even distances.
+    """[C, C] of ``training.latent_metric.fit_metric``, from voxels of some items at even distances.
 
     Args:
       split: of the records, that which was encoded.
@@ -151,13 +151,13 @@ def encode_records(
         console.print(f"encoding {records}")
     # what lies in which shard depends on all widths, what is encoded on the largest alone
     order = f"{key} {sorted(config.data.voxel_buckets)}"
-    distributed.first_does(lambda: latent_store.begin_latents(out, order))
+    distributed.on_first_process(lambda: latent_store.begin_latents(out, order))
     _encode_shards(config, parameters, records, mirrors, split, out)
     distributed.wait()
     features = config.model.uniart_vae.feature_channels
     _, sizes = open_records(records, config.model.grid, split, features)
     number = int(fitting(sizes, config.data, config.model.grid).sum()) * len(mirrors)
-    distributed.first_does(lambda: latent_store.finish_latents(out, key, number))
+    distributed.on_first_process(lambda: latent_store.finish_latents(out, key, number))
 
 
 def _encode_shards(

@@ -275,8 +275,8 @@ def test_slurm_tasks_share_their_nodes_gpus(changes, devices):
 
 
 def test_alone_everything_is_free():
-    assert distributed.is_first() and distributed.told([1, "a"]) == [1, "a"]
-    assert distributed.largest([3, 4]) == [3, 4] and distributed.first_does(lambda: 5) == 5
+    assert distributed.is_first() and distributed.broadcast_from_first([1, "a"]) == [1, "a"]
+    assert distributed.largest([3, 4]) == [3, 4] and distributed.on_first_process(lambda: 5) == 5
     distributed.check_equal({"a": 1})
     with pytest.raises(KeyError), distributed.together():
         raise KeyError("as it is")

@@ -124,7 +124,7 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
     sharding.MIN_SHARDED_SIZE = MIN_SHARDED_SIZE
     workdir = folder / run / name
     if name.endswith("_flow"):  # the first process looks: a later one would find what it has begun
-        distributed.first_does(
+        distributed.on_first_process(
             lambda: workdir.exists() or begin_flow(folder / "base", workdir, latents)
         )
     ends, steps = [], []

@@ -22,9 +22,9 @@ from pathlib import Path
 
 from uniart_jax.evaluation.kept import keep
 from uniart_jax.experiments.design import Arm, Experiment
-from uniart_jax.experiments.fronts import drawn_alike, fitted
 from uniart_jax.experiments.inputs import check_arm, check_networks, make_records, other_networks
 from uniart_jax.experiments.judge import judge
+from uniart_jax.experiments.reinit_aggregation import reinit_aggregation, shared_init
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
 from uniart_jax.locks import alone
@@ -189,8 +189,8 @@ def train_arm(arm: Arm, seed: int, workdir: Path) -> Path:
         source.copy_networks(other_networks(arm, source, exported), exported.folder)
     init = arm.init or config.init
     if init and "uniart_vae" in arm.stages:
-        init = fitted(Checkpoint.find(init), config, workdir / "init")
+        init = reinit_aggregation(Checkpoint.find(init), config, workdir / "init")
     elif not init:
-        init = drawn_alike(config, arm.stages, workdir / "init")
+        init = shared_init(config, arm.stages, workdir / "init")
     run(config, arm.stages, workdir, init or None)
     return workdir

@@ -13,7 +13,7 @@ zero with zero gradients, and its content, NaN included, never reaches a valid t
     plain     anywhere: whole rows at once, differentiated by JAX in every mode (``nn.attention_plain``)
     auto      by ``choose``: TPU splash; NVIDIA in bfloat16 cudnn; all else xla
 
-Rows, and the shares of a plan, are computed by the device that holds them (``nn.by_device``).
+Rows, and the shares of a plan, are computed by the device that holds them (``nn.shard_map``).
 """  # noqa: E501
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ import jax.numpy as jnp
 
 from uniart_jax.config import Kernel
 from uniart_jax.nn import attention_kernels, attention_plain, attention_xla
-from uniart_jax.nn.by_device import alone, by_device
 from uniart_jax.nn.gathers import flat_positions, take_rows
 from uniart_jax.nn.segments import Bucket, Segments
+from uniart_jax.nn.shard_map import on_single_device, shard_map_items
 
 SHORT = 64  # keys below which a row is not worth a kernel's tile of 128
 MASKED = 1024  # tokens of a packed row up to which a mask [L, L] may be made
@@ -51,7 +51,7 @@ def choose(
     if kernel != "auto":
         return kernel
     backend = backend or jax.default_backend()
-    if backend == "tpu" and keys >= SHORT and (alone() if single is None else single):
+    if backend == "tpu" and keys >= SHORT and (on_single_device() if single is None else single):
         return "splash"
     if backend in ("gpu", "cuda") and keys >= SHORT and dtype == jnp.bfloat16:
         return "cudnn"
@@ -83,8 +83,8 @@ def attend(
         return jnp.zeros(q.shape, v.dtype)
     given = (q, k, v, lengths, query_lengths)
     if lengths is query_lengths:  # some kernels need to know
-        return by_device(lambda q, k, v, n: _attend(q, k, v, n, n, kernel), given[:4])
-    return by_device(functools.partial(_attend, kernel=kernel), given)
+        return shard_map_items(lambda q, k, v, n: _attend(q, k, v, n, n, kernel), given[:4])
+    return shard_map_items(functools.partial(_attend, kernel=kernel), given)
 
 
 def _attend(q, k, v, lengths, query_lengths, kernel: Kernel):
@@ -137,7 +137,7 @@ def attend_segments(qkv: jax.Array, segments: Segments, *, kernel: Kernel = "xla
             *qkv.shape[:2], *qkv.shape[3:]
         )
 
-    out = by_device(attend_shares, (qkv.reshape(shares, -1, *qkv.shape[1:]), segments))
+    out = shard_map_items(attend_shares, (qkv.reshape(shares, -1, *qkv.shape[1:]), segments))
     return out.reshape(len(qkv), *qkv.shape[2:])
 
 

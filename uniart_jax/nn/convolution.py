@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from flax import nnx
 
-from uniart_jax.nn.by_device import by_device
 from uniart_jax.nn.gathers import flat_positions, take_rows
+from uniart_jax.nn.shard_map import shard_map_items
 
 TAPS = 9  # of 27, worked on at a time
 
@@ -187,7 +187,7 @@ class SubmanifoldConv(nnx.Module):
             return taps(x.reshape(-1, channels), kernel, near).reshape(items, width, -1)
 
         kernel = self.kernel[...].astype(self.dtype)
-        out = by_device(convolve, (x.astype(self.dtype), neighbors), (kernel,))
+        out = shard_map_items(convolve, (x.astype(self.dtype), neighbors), (kernel,))
         return out + self.bias[...].astype(self.dtype)
 
 

@@ -9,23 +9,23 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from uniart_jax.nn.by_device import by_device
 from uniart_jax.nn.convolution import space_to_depth
 from uniart_jax.nn.gathers import flat_positions, permute_rows, take_rows
 from uniart_jax.nn.grids import FlowPlan, Pool
+from uniart_jax.nn.shard_map import shard_map_items
 
 
 def to_cells(x: jax.Array, pool: Pool, *, plain: bool = False) -> jax.Array:
     """Voxels [B, V, C] -> cells [B, L, f^3, C]; empty slots zero."""
     permute = _take if plain else _permute
-    out = by_device(permute, (x, pool.children.reshape(len(x), -1), pool.parent))
+    out = shard_map_items(permute, (x, pool.children.reshape(len(x), -1), pool.parent))
     return out.reshape(*pool.children.shape, -1)
 
 
 def from_cells(cells: jax.Array, pool: Pool, *, plain: bool = False) -> jax.Array:
     """Cells [B, L, f^3, C] -> voxels [B, V, C]; padding zero."""
     rows, permute = cells.reshape(len(cells), -1, cells.shape[-1]), _take if plain else _permute
-    return by_device(permute, (rows, pool.parent, pool.children.reshape(len(cells), -1)))
+    return shard_map_items(permute, (rows, pool.parent, pool.children.reshape(len(cells), -1)))
 
 
 def _permute(x: jax.Array, index: jax.Array, inverse: jax.Array) -> jax.Array:
@@ -70,7 +70,7 @@ def at_cells(dense: jax.Array, coords: jax.Array) -> jax.Array:
     def take(rows, index):
         return take_rows(rows.reshape(-1, channels), flat_positions(index, side**3))
 
-    return by_device(take, (dense.reshape(items, -1, channels), index))
+    return shard_map_items(take, (dense.reshape(items, -1, channels), index))
 
 
 def align_volume(volume: jax.Array, side: int) -> jax.Array:

@@ -49,7 +49,7 @@ class FlowStage(Stage):
     def claim(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
         folder = workdir / "checkpoints" / self.name
         fixed = fixed_statistics(source, workdir, self.latent)
-        distributed.first_does(lambda: claim_inputs(folder, config, workdir, fixed))
+        distributed.on_first_process(lambda: claim_inputs(folder, config, workdir, fixed))
 
     def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:
         return latent_batches(
@@ -69,7 +69,9 @@ class FlowStage(Stage):
         found = encode_all(config, workdir)
         ours = fixed_statistics(source, workdir, self.latent) or found[self.latent]
         found[self.latent] = ours
-        distributed.first_does(lambda: write_statistics(workdir / "export", self.latent, *ours))
+        distributed.on_first_process(
+            lambda: write_statistics(workdir / "export", self.latent, *ours)
+        )
         return found
 
     @abc.abstractmethod

@@ -198,16 +198,16 @@ def run(
         copied = networks_to_copy(config, source, names, exported)
     check_found(config, chosen, exported, copied)
     with alone(workdir) if distributed.is_first() else contextlib.nullcontext():
-        distributed.first_does(lambda: claim(config, workdir))
+        distributed.on_first_process(lambda: claim(config, workdir))
         if not (workdir / "config.json").is_file():
             raise ValueError(
                 f"workdir '{workdir}': not the first process's folder; give all processes one on a "
                 "shared file system"
             )
         if source is not None:
-            distributed.first_does(lambda: source.copy_networks(copied, exported.folder))
+            distributed.on_first_process(lambda: source.copy_networks(copied, exported.folder))
         if not all(stage.makes_data for stage in chosen):
-            distributed.first_does(lambda: ensure_records(config, training=batches is None))
+            distributed.on_first_process(lambda: ensure_records(config, training=batches is None))
         for stage in chosen:
             train_network(stage, config, workdir, source, batches)
 
@@ -265,8 +265,8 @@ def train_network(
     folder, exported = workdir / "checkpoints" / name, Checkpoint(workdir / "export")
     stage.claim(config, workdir, source)
     with Checkpoints(folder, settings.keep_checkpoints) as checkpoints:
-        trained = distributed.told(max(checkpoints.steps, default=0))
-    if distributed.told(trained >= settings.steps and exported.has(name)):
+        trained = distributed.broadcast_from_first(max(checkpoints.steps, default=0))
+    if distributed.broadcast_from_first(trained >= settings.steps and exported.has(name)):
         if distributed.is_first():
             console.print(f"{name}: already trained ({settings.steps} steps); skipped")
         return
@@ -309,10 +309,10 @@ def train_network(
             checkpoints=checkpoints,
             stage=settings,
             workdir=workdir,
-            evaluate=distributed.by_the_first(evaluate),
+            evaluate=distributed.evaluate_on_first(evaluate),
         )
     write_network(exported.folder, name, state.ema)  # on every process; the first one writes
-    distributed.first_does(lambda: set_untrained(exported.folder, [name]))
+    distributed.on_first_process(lambda: set_untrained(exported.folder, [name]))
 
 
 def counted(stage: Stage, batches: Iterable[Any]) -> Any:

@@ -94,7 +94,7 @@ class Checkpoints:
 
     def __exit__(self, *_: Any) -> None:
         try:
-            with self._told():
+            with self._full_disk_as_a_line():
                 self._orbax.close()
         finally:
             if self._full and jax.process_index() == 0:
@@ -129,9 +129,9 @@ class Checkpoints:
         return {path: int(name[1]) for path, name in found if name}
 
     @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
-        """A save that found the disk full is one line, and what it left is removed on leaving; the
-        checkpoints before stand."""
+    def _full_disk_as_a_line(self) -> Iterator[None]:
+        """Raise a full disk as an error of one line. What the failed save left is removed on
+        leaving; earlier checkpoints stay."""
         try:
             yield
         except Exception as error:
@@ -164,14 +164,14 @@ class Checkpoints:
             items: dict[str, Any] = {"state": flat_names(state)}
             if iterator is not None:
                 items["data"] = _Position(iterator.get_state())
-            with self._told():
+            with self._full_disk_as_a_line():
                 self._orbax.save_checkpointables_async(step, items, force=True)
         if wait:
             self.wait()
 
     def wait(self) -> None:
         """Until all saves are on disk."""
-        with self._told():
+        with self._full_disk_as_a_line():
             self._orbax.wait()
 
     def restore(self, like: State, iterator: CheckpointableIterator | None = None) -> State | None:
@@ -192,7 +192,7 @@ class Checkpoints:
         """
         abstract = jax.tree.map(_abstract, like)
         expected = flat_names(abstract)
-        for step in distributed.told(self.steps[::-1]):
+        for step in distributed.broadcast_from_first(self.steps[::-1]):
             saved = self._read(step, _metadata)
             if saved is None:
                 continue

@@ -210,23 +210,23 @@ def wait() -> None:
     _meet("", lambda _: "")
 
 
-def told(value: T) -> T:
-    """The first process's value (JSON-able), on all: for what files say, which may show up later on
-    other hosts."""
+def broadcast_from_first(value: T) -> T:
+    """The first process's value (JSON-able) on all processes. For what is read from files: they may
+    appear later on other hosts."""
     return json.loads(_meet(json.dumps(value), lambda texts: texts[0]))
 
 
-def first_does(action: Callable[[], T]) -> T | None:
-    """``action()`` by the first process while the others wait; None on those. What it raises, all
-    raise."""
+def on_first_process(action: Callable[[], T]) -> T | None:
+    """Call ``action()`` on the first process while the others wait; they return None. All raise
+    what it raises."""
     result = action() if is_first() else None
     wait()
     return result
 
 
-def by_the_first(evaluate: Callable[..., Any] | None) -> Callable[..., Any] | None:
-    """``loop.run_stage``'s evaluation, run by the first process alone, on one device, while the
-    others wait; with one process it stays as it is."""
+def evaluate_on_first(evaluate: Callable[..., Any] | None) -> Callable[..., Any] | None:
+    """An evaluation (``loop.run_stage``) that runs on one device of the first process while the
+    other processes wait; with one process it is unchanged."""
     if evaluate is None or jax.process_count() == 1:
         return evaluate
 
@@ -237,7 +237,7 @@ def by_the_first(evaluate: Callable[..., Any] | None) -> Callable[..., Any] | No
             placed = jax.device_put(whole, jax.local_devices()[0])
             return evaluate(state._replace(ema=placed), step)
 
-        return first_does(judge) or ({}, {})
+        return on_first_process(judge) or ({}, {})
 
     return run
 

@@ -150,7 +150,7 @@ def make_latent_flow_loss(
     """Rectified flow of the UniArt latents on the active voxels, ``part_share`` of the loss spread
     evenly over parts.
 
-    ``metric`` [C, C]: of ``training.readout``; None measures all channels alike. With
+    ``metric`` [C, C]: of ``training.latent_metric``; None measures all channels alike. With
     ``loss.decoded`` the function takes the UniArt VAE's parameters after the key, and its batches
     hold the plans of a decoder.
     """

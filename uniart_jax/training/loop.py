@@ -23,7 +23,7 @@ from uniart_jax.config import StageConfig
 from uniart_jax.progress import messages
 from uniart_jax.training.checkpoints import CheckpointableIterator, Checkpoints
 from uniart_jax.training.dashboard import Meter, Reporter, Scalars, has_row
-from uniart_jax.training.distributed import is_first, largest, stop_together, told
+from uniart_jax.training.distributed import broadcast_from_first, is_first, largest, stop_together
 from uniart_jax.training.prefetch import Prefetch
 from uniart_jax.training.profiling import Profiler
 from uniart_jax.training.programs import Programs
@@ -75,7 +75,8 @@ def run_stage(
     state = state if restored is None else restored
     step, workdir = int(state.step), Path(workdir)
     due = step > 0 and (step % stage.evaluate_every == 0 or step >= stage.steps)
-    missed = evaluate is not None and due and not told(has_row(workdir, name, step, "evaluation"))
+    missed = evaluate is not None and due
+    missed = missed and not broadcast_from_first(has_row(workdir, name, step, "evaluation"))
     if step >= stage.steps and is_first():
         messages(soft_wrap=True).print(
             f"{name}: already trained ({step} steps); skipped", markup=False

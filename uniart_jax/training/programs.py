@@ -116,7 +116,7 @@ class Programs:
             # the second step anew.
             shardings = jax.tree.map(lambda leaf: leaf.sharding, state)
             self._jitted = jax.jit(self.update, donate_argnums=0, out_shardings=(shardings, None))
-        with _mesh_of(state):  # for what each device does with its own items (``nn.by_device``)
+        with _mesh_of(state):  # for what each device does with its own items (``nn.shard_map``)
             traced = self._jitted.trace(state, batch, key, self.given)
         call = traced.lower().compile()
         memory = call.memory_analysis()

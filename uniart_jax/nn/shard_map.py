@@ -1,11 +1,11 @@
-"""Work on the items of a batch that each device does with its own, where the compiler by itself
-would ask all devices for theirs.
+"""Per-device computation with ``jax.shard_map``, where XLA's partitioner would insert an
+all-gather.
 
-XLA splits products and norms over a mesh, but where rows are gathered by computed positions, or
-sorted into tiles for a loop, it cannot know that an item's rows stay with the item: it sends every
-device everybody's, many times the gradients, and more with every block (docs/scaling.md).
-``by_device`` says so, by ``jax.shard_map``. It also lets Pallas kernels, which XLA cannot split,
-run on many devices.
+XLA splits products and norms over a mesh. But where rows are gathered by computed positions, or
+sorted into tiles for a loop, it cannot know that an item's rows stay with the item. It would send
+every device the rows of all, which is many times the size of the gradients and grows with every
+block (docs/scaling.md). ``shard_map_items`` keeps them where they are. It also lets Pallas kernels,
+which XLA cannot split, run on many devices.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from jax.sharding import AxisType
 from jax.sharding import PartitionSpec as P
 
 
-def by_device(
+def shard_map_items(
     function: Callable[..., Any], split: tuple[Any, ...], whole: tuple[Any, ...] = ()
 ) -> Any:
-    """``function(*split, *whole)``, by each device on its part of ``split`` where a mesh is set
-    (``jax.set_mesh``).
+    """``function(*split, *whole)``, computed by each device on its part of ``split``, where a mesh
+    is set (``jax.set_mesh``).
 
     Args:
-      function: whose results' rows depend on the same rows of ``split`` alone, whatever their
-        number; all results have that leading axis.
+      function: each row of its results depends on the same row of ``split`` only, whatever the
+        number of rows; all results have that leading axis.
       split: arrays, or pytrees of them, whose first axis is a batch's items or consecutive equal
         shares of them.
-      whole: what every device needs all of, such as a kernel; gradients by it are summed.
+      whole: what every device needs all of, such as a kernel; its gradients are summed.
 
     Without a mesh, on one device, and where a first axis does not divide over the devices, the
     function is called as it is.
@@ -46,8 +46,8 @@ def by_device(
     return mapped(*split, *whole)
 
 
-def alone() -> bool:
-    """Whether what is traced now runs on one device: there is no other, or this is inside
-    ``by_device``."""
+def on_single_device() -> bool:
+    """Whether the code being traced runs on one device: there is only one, or this is inside
+    ``shard_map_items``."""
     mesh = jax.sharding.get_abstract_mesh()
     return jax.device_count() == 1 or (not mesh.empty and AxisType.Manual in mesh.axis_types)

@@ -64,10 +64,10 @@ with jax.set_mesh(mesh):
 for a, b in zip(jax.tree.leaves(expected), jax.tree.leaves(found), strict=True):
     np.testing.assert_allclose(a, b, rtol=0, atol=1e-5 * np.abs(a).max())
 
-from uniart_jax.nn.by_device import alone, by_device
+from uniart_jax.nn.shard_map import on_single_device, shard_map_items
 seen = []
 with jax.set_mesh(mesh):
-    jax.jit(lambda x: (seen.append(alone()), by_device(lambda x: (seen.append(alone()), x)[1], (x,)))[1])(given[0])
+    jax.jit(lambda x: (seen.append(on_single_device()), shard_map_items(lambda x: (seen.append(on_single_device()), x)[1], (x,)))[1])(given[0])
     assert seen == [False, True], seen
     # six items on eight devices, and one share of eight items: no part of its own for each, the same numbers
     for n, own in ((8, plans(1)), (6, voxel_plans({k: v[:6] for k, v in batch.items()}, UniArtVAEConfig(window=4), grid))):

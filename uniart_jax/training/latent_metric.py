@@ -1,15 +1,15 @@
-"""How much an error of the UniArt latent matters: its size once the latent is read out as boxes,
-joints, colours and distances.
+"""A metric on the UniArt latent: the size of an error in the boxes, joints, colours and distances
+that are read off the latent.
 
 Boxes and joints, on which everything that moves depends, share a latent's variance with colour and
-surface detail, and the plain square error gives each whatever share it happens to have. Here the
-error is measured on linear readouts of the latent instead, fitted by least squares on training
-records:
+surface detail. The plain squared error gives each of them whatever share it happens to have. Here
+the error is measured on linear maps of the latent to these attributes, fitted by least squares on
+training records:
 
     |e|^2_M = e^T M e,     M = (1 - share) / C  +  share sum_g lambda_g W_g^T W_g / var_g
 
-with W_g the readout of attribute group g and var_g the group's variance. What minimises it is still
-the conditional mean, so the flow stays what it is. Not in the paper.
+with W_g the linear map to attribute group g and var_g the group's variance. The minimiser is still
+the conditional mean, so the flow samples the same distribution. Not in the paper.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def fit_metric(
     metric = (1 - share) * np.eye(channels) / channels
     for name, weight in WEIGHTS.items():
         values = attributes[name] - attributes[name].mean(0)
-        readout, *_ = np.linalg.lstsq(scaled, values, rcond=None)  # [C, D]
+        linear_map, *_ = np.linalg.lstsq(scaled, values, rcond=None)  # [C, D]
         variance = max(float(values.var(0).sum()), 1e-12)
-        metric += share * weight * readout @ readout.T / variance
+        metric += share * weight * linear_map @ linear_map.T / variance
     return metric.astype(np.float32)

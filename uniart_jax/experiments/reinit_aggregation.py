@@ -1,14 +1,14 @@
-"""A checkpoint to begin with whose UniArt VAE has another aggregation, so that arms begin as alike
+"""First weights for arms whose UniArt VAE has another aggregation, so that all arms begin as alike
 as they can.
 
-``fitted``: from a checkpoint; the front is drawn anew, everything else is kept. As
-``weights.compose`` does with TRELLIS's: of the encoder's input layer the rows of the visual
-features, which stand first, are kept and the others begin at zero, so that the first latents are
-those of the visual features alone. The linear path past it, where there is one, likewise; without
-visual features these layers are drawn anew too.
+``reinit_aggregation``: from a checkpoint. The aggregation (``front``) is initialised anew, all else
+is kept. As in ``weights.compose`` with TRELLIS's weights, the encoder's input layer keeps the rows
+of the visual features, which stand first, and the other rows are zero: the first latents depend on
+the visual features only. The same holds for the linear path past that layer, where there is one.
+Without visual features these layers are initialised anew too.
 
-``drawn_alike``: from nothing; what has the same name and shape as in the network with part-wise
-attention has its values too.
+``shared_init``: from nothing. Parameters with the same name and shape as in the network with
+part-wise attention have its initial values.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ FRONT = "front."
 INPUTS = ("encoder.input_layer.kernel", "encoder.path.kernel")
 
 
-def fitted(source: Checkpoint, config: Config, folder: Path) -> Path:
-    """``source``, or, where its aggregation is another than the config's, a checkpoint in
-    ``folder`` with a front of the config's.
+def reinit_aggregation(source: Checkpoint, config: Config, folder: Path) -> Path:
+    """The folder of ``source`` or, where its aggregation is not the config's, of a checkpoint in
+    ``folder`` that has the config's, initialised anew.
 
     Raises:
       FileNotFoundError, ValueError: ``source`` is no checkpoint with a UniArt VAE, or differs from
@@ -63,10 +63,11 @@ def fitted(source: Checkpoint, config: Config, folder: Path) -> Path:
     return folder
 
 
-def drawn_alike(config: Config, stages: Sequence[str], folder: Path) -> Path | None:
-    """A checkpoint in ``folder`` with the networks of ``stages`` as a training of ``config`` draws
-    them, but for the UniArt VAE: what it shares by name and shape with that of aggregation 'uniart'
-    is drawn as there. None where that is its own aggregation, or it is not trained.
+def shared_init(config: Config, stages: Sequence[str], folder: Path) -> Path | None:
+    """A checkpoint in ``folder`` with the networks of ``stages`` as a training of ``config``
+    initialises them, except the UniArt VAE: parameters that one of aggregation 'uniart' has by the
+    same name and shape are initialised as there. None where that is its own aggregation, or it is
+    not trained.
     """
     model = config.model
     wanted = dataclasses.replace(model.uniart_vae, aggregation="uniart")
