@@ -23,8 +23,10 @@ def make(folder: Path, *networks: str, config: Config | None = None) -> Checkpoi
 
 
 def test_a_workdir_is_its_export_and_a_folder_of_networks_is_itself(tmp_path):
-    exported = make(tmp_path / "work/export", "image_encoder")
+    exported = make(tmp_path / "work/export", "image_encoder", config=Config(untrained=("x.y",)))
+    write_config(tmp_path / "work", Config())  # what its training was asked for
     assert Checkpoint.find(tmp_path / "work") == exported == Checkpoint.find(exported.folder)
+    assert Checkpoint.find(tmp_path / "work").untrained() == ("x.y",)
     (tmp_path / "work/layout.safetensors").touch()
     assert Checkpoint.find(tmp_path / "work") == Checkpoint(tmp_path / "work")
     assert Checkpoint.find("nano").folder == PRETRAINED / "nano"
