@@ -44,7 +44,8 @@ def test_what_is_untrained_is_told_network_by_network(tmp_path):
     make(tmp_path / "a", config=Config(untrained=marks))
     checkpoint = Checkpoint(tmp_path / "a")
     assert checkpoint.untrained() == marks
-    assert checkpoint.untrained("uniart_vae", "layout") == (marks[0], marks[2])
+    assert checkpoint.untrained(["uniart_vae", "layout"]) == (marks[0], marks[2])
+    assert checkpoint.untrained([]) == ()
     set_untrained(tmp_path / "a", ["uniart_vae"], ("uniart_vae.new",))
     assert Checkpoint(tmp_path / "a").untrained() == ("latent_flow", "uniart_vae.new")
     assert Checkpoint(tmp_path / "nothing").untrained() == ()
@@ -83,6 +84,7 @@ def test_copies_bring_statistics_and_what_is_untrained(tmp_path):
         write_statistics(source.folder, latent, np.full(3, 2.0), np.ones(3))
     copy = make(tmp_path / "copy", config=Config(untrained=("image_encoder.heads",)))
     source.copy_networks(["latent_flow", "structure_vae"], copy.folder)
+    source.copy_networks([], copy.folder)
     copy = Checkpoint(copy.folder)
     assert copy.networks() == ["structure_vae", "latent_flow"]
     assert (copy.folder / "latent_flow.safetensors").read_text() == "latent_flow"

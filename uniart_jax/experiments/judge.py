@@ -138,7 +138,7 @@ def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
         trained.
     """
     found = Checkpoint.find(checkpoint)
-    if left := found.untrained(*networks):
+    if left := found.untrained(networks):
         raise ValueError(f"checkpoint '{found.folder}': not trained yet ({', '.join(left[:3])})")
     return Pipeline.of(found, networks)
 

@@ -7,6 +7,7 @@ trained yet, and which of them another training can go on from.
 from __future__ import annotations
 
 import dataclasses
+import filecmp
 import functools
 import hashlib
 import os
@@ -107,13 +108,13 @@ class Checkpoint:
         """Those of ``config.STAGES`` that it holds."""
         return [name for name in STAGES if self.has(name)]
 
-    def untrained(self, *networks: str) -> tuple[str, ...]:
+    def untrained(self, networks: Sequence[str] | None = None) -> tuple[str, ...]:
         """Names of parameters, or prefixes of such names, that still hold their initial values
-        (``Config.untrained``): of these networks, or of all; () where there is no config."""
+        (``Config.untrained``): of these networks; None = of all. () where there is no config."""
         if not (self.folder / "config.json").is_file():
             return ()
         names = self.config.untrained
-        return tuple(n for n in names if not networks or n.split(".")[0] in networks)
+        return tuple(n for n in names if networks is None or n.split(".")[0] in networks)
 
     def statistics(self, latent: str) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation [C] of latent "structure" or "latent".
@@ -164,8 +165,8 @@ class Checkpoint:
         )
 
     def _same_file(self, other: Checkpoint, name: str) -> bool:
-        one, two = (c.path(f"{name}.safetensors").read_bytes() for c in (self, other))
-        return one == two
+        file = f"{name}.safetensors"
+        return filecmp.cmp(self.path(file), other.path(file), shallow=False)
 
     def copyable(
         self, config: Config, trained: Sequence[str], target: Checkpoint | None = None
@@ -200,7 +201,7 @@ class Checkpoint:
             write_file(folder / path.name, path.read_bytes())
             if name in LATENT_OF:
                 write_statistics(folder, LATENT_OF[name], *self.statistics(LATENT_OF[name]))
-        if untrained := self.untrained(*names):
+        if untrained := self.untrained(names):
             set_untrained(folder, names, untrained)
 
     def digest(self) -> str:

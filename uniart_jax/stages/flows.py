@@ -123,7 +123,7 @@ def claim_inputs(
                 else f"train it first: --stage {name}"
             )
             raise FileNotFoundError(f"{workdir}/export/{name}.safetensors: not there; {how}")
-        if left := exported.untrained(name):
+        if left := exported.untrained([name]):
             raise ValueError(
                 f"{name}: not trained yet ({', '.join(left)}); train it first: --stage {name}"
             )
