@@ -27,7 +27,7 @@ FLOORS = [
         "layouts",
         "layout_picture",
     },
-    {"simulation", "evaluation", "viewer"},
+    {"simulation", "evaluation"},
     {"experiments", "app"},
     {"cli"},
     {"__main__"},
@@ -37,7 +37,7 @@ FLOOR = {name: level for level, names in enumerate(FLOORS) for name in names}
 # stage's latents likewise.
 LAZY = {
     ("objects/object.py", f"uniart_jax.{module}")
-    for module in ("export.asset", "simulation.validate", "viewer")
+    for module in ("export.asset", "export.show", "simulation.validate")
 }
 SAME_FLOOR = {
     ("render", "voxels"),

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from uniart_jax.export.atlas import make_atlas
 from uniart_jax.export.glb import write_glb
 from uniart_jax.export.page import joint_symbol, page_data, part_color, write_page
-from uniart_jax.export.physics import Body, Box, Hull
+from uniart_jax.export.physics import Box, Hull, Shape
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -39,16 +39,16 @@ HOSTILE = (
 )
 
 
-def make_solids(obj: ArticulatedObject) -> list[Body]:
+def make_solids(obj: ArticulatedObject) -> list[tuple[Shape]]:
     """A hull for every other part, a box for the rest."""
-    bodies = []
+    shapes = []
     for k, part in enumerate(obj.parts):
         lo, hi = part.mesh.bounds * obj.scale
         shape = Box((lo + hi) / 2, hi - lo, np.eye(3))
         if k % 2 == 0:
             shape = Hull(part.mesh.convex_hull.copy().apply_scale(obj.scale))
-        bodies.append(Body(1.0, (lo + hi) / 2, np.eye(3), (shape,), None))
-    return bodies
+        shapes.append((shape,))
+    return shapes
 
 
 def write_all(obj: ArticulatedObject, folder):
@@ -160,15 +160,14 @@ def test_three_js_is_small_and_brings_its_licence(page_file):
 
 
 def test_a_body_for_every_part(cabinet, tmp_path):
-    with pytest.raises(ValueError, match="5 bodies for 6 parts"):
+    with pytest.raises(ValueError, match="shapes of 5 parts for 6 parts"):
         write_page(cabinet, tmp_path / "object.glb", make_solids(cabinet)[:5], tmp_path / "x.html")
     assert not (tmp_path / "x.html").exists()
 
 
 def test_collision_shapes_are_those_given(cabinet, elements):
     bodies = json.loads(elements.embedded("asset"))["bodies"]
-    for body, (shape,) in zip(make_solids(cabinet), bodies, strict=True):
-        (meant,) = body.shapes
+    for (meant,), (shape,) in zip(make_solids(cabinet), bodies, strict=True):
         if isinstance(meant, Box):
             np.testing.assert_allclose(shape["center"], meant.center, atol=NEAR)
             np.testing.assert_allclose(shape["size"], meant.size, atol=NEAR)

@@ -213,18 +213,18 @@ def validate(
 VALIDATION_MARKS = ("validation.json",)
 
 
-def view(asset: Asset, /, port: int = 8080, allow_outside: bool = False) -> None:
-    """Open a page with a slider for every joint of an asset (pip install 'uniart_jax[view]').
-    Ctrl-C ends it.
+def view(asset: Asset, /, browser: bool = True, allow_outside: bool = False) -> None:
+    """Open a page with a slider for every joint of an asset, and print where it lies: view.html
+    beside the asset, or one that is made for it and removed on Ctrl-C.
 
     Args:
         asset: A URDF, an MJCF, SINGAPO's object.json, or a folder with one.
-        port: Where the page is served on this machine.
+        browser: Open it in a browser, if there is a display.
         allow_outside: Let the asset name files outside its own folder.
     """
-    from uniart_jax.viewer import view as show
+    from uniart_jax.export.show import show
 
-    show(asset, port=port, allow_outside=allow_outside)
+    show(asset, open_browser=browser, wait=True, allow_outside=allow_outside)
 
 
 def reconstruct(

@@ -176,7 +176,8 @@ def save_asset(
         if "glb" in chosen or "page" in chosen:
             glb = write_glb(placed.obj, textured, target / "object.glb")
             if "page" in chosen:
-                write_page(placed.obj, glb, bodies, target / "view.html")
+                shapes = [body.shapes for body in bodies]
+                write_page(placed.obj, glb, shapes, target / "view.html")
             if "glb" not in chosen:
                 glb.unlink()
         textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.export.frames import moves
-from uniart_jax.export.physics import Body, Box, Shape
+from uniart_jax.export.physics import Box, Shape
 from uniart_jax.export.preview import DEFAULT_VIEW
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.render import PART_COLORS
@@ -32,20 +32,22 @@ ON_AXIS = (
 )
 
 
-def write_page(obj: ArticulatedObject, glb: Path, bodies: Sequence[Body], path: Path) -> Path:
+def write_page(
+    obj: ArticulatedObject, glb: Path, shapes: Sequence[Sequence[Shape]], path: Path
+) -> Path:
     """Write the page.
 
     Args:
       obj: tree, joints and scale.
       glb: the object's GLB (``export.glb.write_glb``), taken in as it is, compressed.
-      bodies: [K] collision shapes of the parts.
+      shapes: [K] collision shapes of each part, metres, object frame at the shown state.
       path: the .html file.
 
     Raises:
-      ValueError: not a body for each part.
+      ValueError: not shapes for each part.
     """
-    if len(bodies) != len(obj.parts):
-        raise ValueError(f"write_page: {len(bodies)} bodies for {len(obj.parts)} parts")
+    if len(shapes) != len(obj.parts):
+        raise ValueError(f"write_page: shapes of {len(shapes)} parts for {len(obj.parts)} parts")
     files = resources.files("uniart_jax.export") / "page_files"
     read = {f.name: f.read_text("utf-8") for f in files.iterdir() if f.is_file()}
     body = "\n".join(read[name] for name in SCRIPTS)
@@ -53,7 +55,7 @@ def write_page(obj: ArticulatedObject, glb: Path, bodies: Sequence[Body], path: 
     content = {
         "policy": _policy([read["three.min.js"], page], read["page.css"]),
         "style": read["page.css"],
-        "asset": _json(page_data(obj, bodies)),
+        "asset": _json(page_data(obj, shapes)),
         "glb": _packed(glb.read_bytes()),
         "licence": "three.js: " + read["THREE_LICENSE.txt"].strip(),
         "three": _packed(read["three.min.js"].encode()),
@@ -64,7 +66,7 @@ def write_page(obj: ArticulatedObject, glb: Path, bodies: Sequence[Body], path: 
     return path
 
 
-def page_data(obj: ArticulatedObject, bodies: Sequence[Body]) -> dict:
+def page_data(obj: ArticulatedObject, shapes: Sequence[Sequence[Shape]]) -> dict:
     """What the page knows besides the meshes, as plain JSON values in metres and radians, object
     frame at the shown state.
 
@@ -100,7 +102,7 @@ def page_data(obj: ArticulatedObject, bodies: Sequence[Body]) -> dict:
             "fov": DEFAULT_VIEW.fov_degrees,
         },
         "parts": parts,
-        "bodies": [[_shape(shape) for shape in body.shapes] for body in bodies],
+        "bodies": [[_shape(shape) for shape in of_part] for of_part in shapes],
     }
 
 

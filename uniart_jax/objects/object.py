@@ -341,8 +341,8 @@ class ArticulatedObject:
             asset = save_asset(self, Path(folder) / "asset", formats=("mjcf",), motion=False)
             return validate(asset, **options)
 
-    def show(self, **options) -> None:
-        """Open a page in the browser with a slider for every joint; see ``viewer.view``."""
-        from uniart_jax.viewer import view
+    def show(self, **options) -> Path:
+        """Open a page in the browser with a slider for every joint; see ``export.show.show``."""
+        from uniart_jax.export.show import show
 
-        view(self, **options)
+        return show(self, **options)
