@@ -51,7 +51,7 @@ format: .venv/ready
 TORCH ?= torch --index-url https://download.pytorch.org/whl/cpu
 bench: .venv/ready
 	@$(BIN)/python -c "import torch" 2>/dev/null || { echo "· installing PyTorch, the peer"; $(BIN)/python -m pip install --quiet --disable-pip-version-check $(TORCH); }
-	@for script in joint_code_noise networks voxelize prepare attention chamfer full_size training_step; do echo "· benchmarks/$$script.py"; $(BIN)/python benchmarks/$$script.py || exit 1; done
+	@for script in joint_code_noise networks voxelize prepare attention full_size training_step; do echo "· benchmarks/$$script.py"; $(BIN)/python benchmarks/$$script.py || exit 1; done
 
 clean:
 	rm -rf .venv out
