@@ -9,10 +9,7 @@ whatever an object is called.
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import os
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
@@ -35,6 +32,7 @@ from uniart_jax.evaluation.report_elements import (
 )
 from uniart_jax.evaluation.report_pictures import data_uri, draw_pair
 from uniart_jax.evaluation.table import TITLES
+from uniart_jax.export.html_page import content_hash, fill
 from uniart_jax.objects.object import ArticulatedObject
 
 WORST = 10  # predictions of each method that are drawn
@@ -63,15 +61,13 @@ def write_report(out: Path, content: Content, load_pair: LoadPair | None = None)
     """
     files = resources.files("uniart_jax.evaluation") / "report_files"
     style = (files / "report.css").read_text("utf-8")
-    digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     holes = {
-        "policy": f"default-src 'none'; style-src 'sha256-{digest}'; img-src data:; base-uri 'none'; "  # noqa: E501
-        "form-action 'none'",
+        "policy": f"default-src 'none'; style-src {content_hash(style)}; img-src data:; "
+        "base-uri 'none'; form-action 'none'",
         "style": style,
         "body": lxml.html.tostring(_page(content, load_pair), encoding="unicode"),
     }
-    template = (files / "template.html").read_text("utf-8")
-    page = re.sub(r"\{\{(\w+)\}\}", lambda hole: holes[hole[1]], template)
+    page = fill((files / "template.html").read_text("utf-8"), holes)
     file = Path(out) / "report.html"
     partial = file.with_suffix(".new")
     partial.write_text(page, encoding="utf-8", newline="\n")  # the hash is of "\n"

@@ -10,9 +10,7 @@ from __future__ import annotations
 import base64
 import dataclasses
 import gzip
-import hashlib
 import json
-import re
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -20,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.export.frames import moves
+from uniart_jax.export.html_page import content_hash, fill
 from uniart_jax.export.physics import Box, Shape
 from uniart_jax.export.preview import DEFAULT_VIEW
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -61,7 +60,7 @@ def write_page(
         "three": _packed(read["three.min.js"].encode()),
         "page": page,
     }
-    text = re.sub(r"\{\{(\w+)\}\}", lambda hole: content[hole[1]], read["template.html"])
+    text = fill(read["template.html"], content)
     path.write_text(text, encoding="utf-8", newline="\n")  # the hashes are of "\n"
     return path
 
@@ -184,12 +183,8 @@ def _packed(data: bytes) -> str:
 def _policy(scripts: Sequence[str], style: str) -> str:
     """Nothing runs but the given scripts, nothing is fetched but what the page itself holds (the
     GLB's textures are blobs)."""
-    script_hashes = " ".join(_hash(text) for text in scripts)
+    script_hashes = " ".join(map(content_hash, scripts))
     return (
-        f"default-src 'none'; script-src {script_hashes}; style-src {_hash(style)}; "
+        f"default-src 'none'; script-src {script_hashes}; style-src {content_hash(style)}; "
         "img-src data: blob:; connect-src blob:; base-uri 'none'; form-action 'none'"
     )
-
-
-def _hash(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
