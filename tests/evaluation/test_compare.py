@@ -12,8 +12,9 @@ import toy_assets
 import trimesh
 
 from uniart_jax.evaluation import compare as frame
-from uniart_jax.evaluation import trial
+from uniart_jax.evaluation import comparison
 from uniart_jax.evaluation.compare import compare
+from uniart_jax.evaluation.runner import Passing
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -206,12 +207,11 @@ def test_a_figure_that_falls_over(folders, part, said):
     assert said in ours["failures"]["right"] and ours["objects"]["right"]["overlap"] == 0
 
 
-def one_trial(folders, setup, name="right"):
+def one_comparison(folders, setup, name="right"):
     pred, ref, out = folders
-    reference = trial.Reference(name, ref / name, "")
-    return trial.run_trial(
-        setup, trial.Trial("ours", 0, pred / name, reference, "", out / "0.json")
-    )
+    reference = comparison.Reference(name, ref / name, "")
+    one = comparison.Comparison("ours", 0, pred / name, reference, "", out / "0.json")
+    return comparison.compare_one(setup, one)
 
 
 @pytest.mark.parametrize(
@@ -219,13 +219,12 @@ def one_trial(folders, setup, name="right"):
 )
 def test_a_failure_that_may_not_come_again_is_not_kept(folders, part, said):
     toy_assets.write(folders[0] / "right", "body", part)
-    found = one_trial(folders, trial.Setup(FAMILIES, {}, limit=0.2))
-    assert (
-        said in found["failure"] and not found["figures"] and not (folders[2] / "0.json").exists()
-    )
+    found = one_comparison(folders, comparison.Setup(FAMILIES, {}, limit=0.2))
+    assert isinstance(found, Passing)
+    assert said in found.result["failure"] and not found.result["figures"]
     toy_assets.write(folders[0] / "right", "body", "lid")
-    assert not one_trial(folders, trial.Setup(FAMILIES, {}))["failure"]
-    assert (folders[2] / "0.json").is_file()
+    found = one_comparison(folders, comparison.Setup(FAMILIES, {}))
+    assert not isinstance(found, Passing) and not found["failure"]
 
 
 def test_what_no_prediction_could_have_is_not_held_against_a_failed_one(folders):
@@ -259,14 +258,14 @@ def test_reading_has_a_limit_that_no_reader_swallows(folders, monkeypatch):
         except Exception as error:  # as readers of meshes do
             raise ValueError("a broken file") from error
 
-    monkeypatch.setattr(trial, "load_object", read)
+    monkeypatch.setattr(comparison, "load_object", read)
     pred, ref, out = folders
-    truth = trial.Reference("right", load_object(ref / "right"), "")
-    setup = trial.Setup(FAMILIES, {}, limit=0.1)
-    found = trial.run_trial(
-        setup, trial.Trial("ours", 0, pred / "right", truth, "", out / "0.json")
-    )
-    assert found["failure"] == "it took longer than 0.1 seconds" and not out.exists()
+    truth = comparison.Reference("right", load_object(ref / "right"), "")
+    setup = comparison.Setup(FAMILIES, {}, limit=0.1)
+    one = comparison.Comparison("ours", 0, pred / "right", truth, "", out / "0.json")
+    found = comparison.compare_one(setup, one)
+    assert isinstance(found, Passing)
+    assert found.result["failure"] == "it took longer than 0.1 seconds"
 
 
 def test_an_object_without_extent_is_a_failure(folders, tmp_path):
@@ -281,7 +280,7 @@ def test_an_object_without_extent_is_a_failure(folders, tmp_path):
 
 def test_the_report_does_not_try_again_what_could_not_be_read(folders, report, monkeypatch):
     run(folders)
-    monkeypatch.setattr(trial, "load_object", lambda *_, **__: pytest.fail("read again"))
+    monkeypatch.setattr(comparison, "load_object", lambda *_, **__: pytest.fail("read again"))
     with pytest.raises(ValueError, match=r"object\.urdf"):
         report[0][2]("ours", "bad")
 

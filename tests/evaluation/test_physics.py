@@ -11,7 +11,7 @@ import trimesh
 
 pytest.importorskip("mujoco")
 
-from uniart_jax.evaluation.physics import evaluate_physics, markdown, summarize_trials
+from uniart_jax.evaluation.physics import evaluate_physics, summarize_trials, table_of
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -87,7 +87,7 @@ def test_figures_of_a_row():
     row = summarize_trials([good, bad])
     assert row["loads mujoco"] == 0.5 and row["stands mujoco"] == 0.5 and row["sound"] == 0.5
     assert row["joints mujoco"] == 4 and row["70 % mujoco"] == 0.25 and row["export s"] == 2.0
-    assert markdown({"truth": row}).count("\n") == 2
+    assert table_of({"truth": row}).count("\n") == 2
     assert "plausible" not in row  # figures kept from before do not know
     known = [good | {"stands": True, "plausible": s} for s in (True, False)]
     assert summarize_trials(known)["plausible"] == 0.5

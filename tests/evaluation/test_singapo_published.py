@@ -13,8 +13,9 @@ import pytest
 import trimesh
 
 from uniart_jax.evaluation import singapo
+from uniart_jax.evaluation.comparison import Comparison, Reference, Setup, compare_one
+from uniart_jax.evaluation.families import FAMILIES
 from uniart_jax.evaluation.singapo import measure
-from uniart_jax.evaluation.trial import FAMILIES, Reference, Setup, Trial, run_trial
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -61,8 +62,8 @@ def test_and_so_does_the_command_where_sizes_differ(mistake, tmp_path):
     setup = Setup({"singapo": FAMILIES["singapo"]}, {})
     for i, pair in enumerate(p for p in PAIRS if p["mistake"] == mistake):
         pred, ref = of_boxes(pair["pred"]), of_boxes(pair["ref"])
-        trial = Trial("m", 0, pred, Reference(str(i), ref, ""), "", tmp_path / f"{i}.json")
-        assert_theirs(run_trial(setup, trial)["figures"], pair["theirs"])
+        one = Comparison("m", 0, pred, Reference(str(i), ref, ""), "", tmp_path / f"{i}.json")
+        assert_theirs(compare_one(setup, one)["figures"], pair["theirs"])
 
 
 @pytest.mark.parametrize("key", ["fixed_aor", "compat_aor"])

@@ -14,8 +14,8 @@ import trimesh
 
 from uniart_jax.config import Config
 from uniart_jax.data.folder import COLUMNS
+from uniart_jax.evaluation.families import posed
 from uniart_jax.evaluation.kept import keep, read_kept
-from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.experiments import judge, run, settings, table
 from uniart_jax.experiments.design import Arm, Elsewhere, Experiment, Records
 from uniart_jax.experiments.inputs import check_networks
@@ -218,7 +218,7 @@ def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
     monkeypatch.setattr(judge, "make_object", broken)
     figures, failure = judge.measure(ARM, PIPELINE, test, 0)
     assert failure == "IndexError: no part at all"
-    own = judge.worst("articulation", at_rest(test.truth.obj))
+    own = judge.worst("articulation", posed(test.truth.obj))
     assert own["axis_median"] == judge.METRICS["axis_median"].worst
     assert set(figures) == set(judge.figure_names(ARM.station))
     assert figures["rs_chamfer"] == judge.METRICS["rs_chamfer"].worst
@@ -246,7 +246,7 @@ def test_a_failure_counts_for_nothing_where_the_truth_has_nothing_to_compare():
             Part("drawer", trimesh.creation.box((0.5, 0.5, 0.2)), 0, slide),
         ]
     )
-    figures = judge.worst("articulation", at_rest(chest))
+    figures = judge.worst("articulation", posed(chest))
     assert np.isnan(figures["pivot"]) and figures["axis_median"] == 180  # nothing turns
 
 

@@ -2,12 +2,12 @@
 against the reference.
 
 Parts are matched one to one by their boxes at rest (Hungarian, ``parts.match_parts``). A part is
-**matched** if its match is within ``parts.FOUND``, and a **joint pair** is a moving reference part,
-matched, whose match has the same joint type. Two rules for all figures:
+**matched** if its match is within ``thresholds.FOUND``, and a **joint pair** is a moving reference
+part, matched, whose match has the same joint type. Two rules for all figures:
 
-* A missing part is 0 in every share of the reference's parts (recall, edges, parts right, part
-  IoU). Axis, pivot and range are means over the joint pairs, so they say how good the joints are
-  that were found; read them beside recall and types.
+* A missing part is 0 in every share of the reference's parts (box recall, edges, parts right,
+  part IoU). Axis, pivot and range are means over the joint pairs, so they say how good the joints
+  are that were found; read them beside box recall and types.
 * NaN means that the *reference* has nothing to compare: it has no moving part (types, joints), no
   axis with a place (pivots), no edge. Where it has, and no pair of the prediction qualifies, the
   figure is ``Metric.worst``: nobody gains by failing on a whole object.
@@ -25,8 +25,9 @@ import numpy as np
 
 from uniart_jax.evaluation.geometry import mesh_iou
 from uniart_jax.evaluation.metric import Figures, Metric
-from uniart_jax.evaluation.parts import FOUND, PartScores, compare_parts
+from uniart_jax.evaluation.parts import PartScores, compare_parts
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.thresholds import FOUND, RIGHT_AXIS, RIGHT_BOX, RIGHT_PIVOT, WRONG_WAY
 
 MISSING, SURPLUS = "missing", "surplus"
 # Noise over seeds, procedural objects moved and resized by 6 %: .012 a part, .008 an object
@@ -36,10 +37,12 @@ OVERLAP_POINTS = 3_000
 METRICS: dict[str, Metric] = {
     "part_count": Metric("count", "higher", 0.0, "1 if there are as many parts as in the reference"),  # noqa: E501
     "part_recall": Metric(
-        "recall", "higher", 0.0, f"share of the reference's parts with a predicted part whose box is within {FOUND}"  # noqa: E501
+        "box recall", "higher", 0.0, f"share of the reference's parts, fixed ones too, with a predicted part whose box is "  # noqa: E501
+            f"within {FOUND} at rest, whatever its joint"
     ),
     "part_precision": Metric(
-        "precision", "higher", 0.0, f"share of the predicted parts with a reference part whose box is within {FOUND}"  # noqa: E501
+        "box precision", "higher", 0.0, f"share of the predicted parts with a reference part whose box is within {FOUND} at "  # noqa: E501
+            "rest, whatever its joint"
     ),
     "type_accuracy": Metric(
         "type", "higher", 0.0, "share of right joint types over matched parts of which one or both move (fixed, "  # noqa: E501
@@ -75,8 +78,8 @@ METRICS: dict[str, Metric] = {
             "edge and type right"
     ),
     "parts_right": Metric(
-        "parts right", "higher", 0.0, "share of the moving parts with box (.1), type, signed axis (10 degrees) and place of "  # noqa: E501
-            "the axis (.05) right"
+        "parts right", "higher", 0.0, f"share of the moving parts with box ({RIGHT_BOX}), type, signed axis ({RIGHT_AXIS:g} degrees) "  # noqa: E501
+            f"and place of the axis ({RIGHT_PIVOT}) right"
     ),
     "all_right": Metric("all right", "higher", 0.0, "1 if every part is right, fixed ones too, and none is surplus"),  # noqa: E501
     "part_iou": Metric(
@@ -111,7 +114,7 @@ def measure(pred: ArticulatedObject, ref: ArticulatedObject) -> Figures:
         "type_accuracy": over("type_accuracy", types, moves),
         "axis_median": over("axis_median", axis, moves, np.median),
         "axis_mean": over("axis_mean", axis, moves),
-        "wrong_way": over("wrong_way", axis > 90, moves),
+        "wrong_way": over("wrong_way", axis > WRONG_WAY, moves),
         "pivot": over("pivot", np.minimum(scores.pivot[turning], 1), turns),
         "pivot_at_part": over("pivot_at_part", np.minimum(scores.pivot_at_part[turning], 1), turns),
         "range_iou": over("range_iou", scores.range_iou[pairs], moves),

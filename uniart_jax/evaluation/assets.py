@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import collections
 import functools
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,10 +14,10 @@ import numpy as np
 from uniart_jax.data.card import error_kinds
 from uniart_jax.data.folder import Settings
 from uniart_jax.data.sources import Entry, find_entries, load_entry
-from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.reconstruction import reconstruct, score_reconstruction
-from uniart_jax.processes import each
-from uniart_jax.progress import messages, track
+from uniart_jax.evaluation.runner import run_or_reason, write_metrics
+from uniart_jax.evaluation.table import markdown
+from uniart_jax.progress import messages
 
 COLUMNS = {
     "chamfer": "Chamfer",
@@ -26,7 +25,7 @@ COLUMNS = {
     "part_iou": "part IoU",
     "count": "count",
     "tree": "tree",
-    "recall": "recall",
+    "recall": "moving found",
     "parts_right": "parts right",
     "axis_median": "axis (deg)",
     "opens_wrong_way": "wrong way",
@@ -59,8 +58,7 @@ def evaluate_assets(
     )
     entries = find_entries(root, "urdf")[:count]
     trip = functools.partial(_round_trip, settings, tuple(resolutions))
-    made = each(processes, trip, entries, 2 * processes, lambda e: "its worker process died")
-    results = list(track(made, "assets", len(entries)))
+    results = list(run_or_reason(trip, entries, "assets", processes=processes))
     good = [(e, r) for e, r in zip(entries, results, strict=True) if not isinstance(r, str)]
     bad = {e.key: r for e, r in zip(entries, results, strict=True) if isinstance(r, str)}
     if not good:
@@ -80,10 +78,8 @@ def evaluate_assets(
         for resolution in resolutions
     }
     results_by_object = {e.key: {str(r): s for r, s in scores.items()} for e, scores in good}
-    out.mkdir(parents=True, exist_ok=True)
     content = {"rows": rows, "objects": results_by_object, "errors": bad}
-    (out / "metrics.json").write_text(json.dumps(without_nan(content), indent=2) + "\n")
-    (out / "table.md").write_text(table(rows) + "\n")
+    write_metrics(out, content, table(rows))
     print(table(rows))
     if bad:
         kinds = "; ".join(
@@ -96,12 +92,11 @@ def evaluate_assets(
 def table(rows: dict[str, dict[str, float]]) -> str:
     """Markdown: a line a category and resolution; "-" where nothing is measured (no joint of the
     kind)."""
-    lines = ["| category, R | objects | " + " | ".join(COLUMNS.values()) + " |"]
-    lines.append("|" + "---|" * (len(COLUMNS) + 2))
+    lines = []
     for name, row in rows.items():
         cells = ["-" if np.isnan(row[key]) else f"{row[key]:.3f}" for key in COLUMNS]
-        lines.append(f"| {name} | {row['objects']:.0f} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+        lines.append([name, f"{row['objects']:.0f}", *cells])
+    return markdown(["category, R", "objects", *COLUMNS.values()], lines)
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -109,16 +104,12 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(known)) if known else float("nan")
 
 
-def _round_trip(settings: Settings, resolutions: Sequence[int], entry: Entry) -> Scores | str:
-    """The figures at each resolution, or why there are none."""
-    try:
-        obj = load_entry(entry, settings).normalized()
-        if len(obj.parts) > MAX_PARTS:
-            raise ValueError(f"{len(obj.parts)} parts, more than {MAX_PARTS}")
-        return {
-            r: score_reconstruction(obj, reconstruct(obj, r, settings.subdivisions))
-            for r in resolutions
-        }
-    except Exception as error:  # one asset must not cost the figures of all others
-        text = " ".join(str(error).split())
-        return text if isinstance(error, ValueError) else f"{type(error).__name__}: {text}"
+def _round_trip(settings: Settings, resolutions: Sequence[int], entry: Entry) -> Scores:
+    """The figures at each resolution."""
+    obj = load_entry(entry, settings).normalized()
+    if len(obj.parts) > MAX_PARTS:
+        raise ValueError(f"{len(obj.parts)} parts, more than {MAX_PARTS}")
+    return {
+        r: score_reconstruction(obj, reconstruct(obj, r, settings.subdivisions))
+        for r in resolutions
+    }

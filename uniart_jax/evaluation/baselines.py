@@ -18,8 +18,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
-from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ from uniart_jax.evaluation.kept import claim, keep, read_kept
 from uniart_jax.evaluation.library import Asset
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.pairs import Source
-from uniart_jax.evaluation.procedural import held_out_for
+from uniart_jax.evaluation.procedural import HeldOut, held_out_for
 from uniart_jax.evaluation.retrieval import (
     make_asset_library,
     make_asset_retrieval,
@@ -41,13 +40,12 @@ from uniart_jax.evaluation.retrieval import (
     retrieve_parts,
     training_objects,
 )
+from uniart_jax.evaluation.runner import run, run_staged
 from uniart_jax.export.asset import save_asset
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import load
-from uniart_jax.processes import in_order, process_pool
-from uniart_jax.progress import track
 
 BASELINE_CONTROLS = ("rest_only", "mirrored")
 Objects = Mapping[str, Source]
@@ -122,9 +120,9 @@ def baseline_methods(
     )
     model = make_assets(checkpoint, folder, records, library, count, unseen, processes)
     draw = functools.partial(_truth, unseen=unseen, model=model)
-    with process_pool(processes) as submit:
-        drawn = in_order(submit, draw, range(count), 2 * processes)
-        truth: dict[str, ArticulatedObject] = dict(track(drawn, "references", count))
+    truth: dict[str, ArticulatedObject] = dict(
+        run(draw, range(count), "references", processes=processes)
+    )
     methods: dict[str, Objects] = {
         method: {name: folder / method / name for name in truth if _is_made(folder, method, name)}
         for method in ("model", *(["nearest_image"] if records else []))
@@ -190,30 +188,26 @@ def make_assets(
     if library and missing["nearest_asset"]:
         pictures = folder.parent / "library"
         retrieve_asset = make_asset_retrieval(pipeline, library, pictures, processes)
-    written: list[Future[None]] = []
-    ahead = 2 * processes
-    with process_pool(processes) as submit:
-        draw = functools.partial(held_out_for, model, unseen=unseen)
-        tests = in_order(submit, draw, todo, ahead)
-        for index, test in zip(todo, track(tests, "images to objects", len(todo)), strict=True):
-            name = names[index]
-            if index in missing["model"]:
-                try:
-                    obj = pipeline(test.image, seed=index, name=name)
-                    written.append(submit(_write, obj, folder / "model" / name))
-                except ValueError as error:  # no object in the image: a failure that counts
-                    keep(_said_of(folder, "model", name), {"why": str(error)})
-            if retrieve is not None and index in missing["nearest_image"]:
-                obj = retrieve(pipeline.prepare(test.image))
-                written.append(submit(_write, obj, folder / "nearest_image" / name))
-            if retrieve_asset is not None and index in missing["nearest_asset"]:
-                asset = retrieve_asset(pipeline.prepare(test.image))
-                kept = _said_of(folder, "nearest_asset", name)  # the asset stays where it is
-                keep(kept, {"asset": dataclasses.asdict(asset)})
-            for future in written[:-ahead]:  # wait rather than pile them up
-                future.result()
-        for future in written:
-            future.result()
+
+    def from_image(index: int, test: HeldOut) -> list[Callable[[], None]]:
+        name, written = names[index], []
+        if index in missing["model"]:
+            try:
+                obj = pipeline(test.image, seed=index, name=name)
+                written.append(functools.partial(_write, obj, folder / "model" / name))
+            except ValueError as error:  # no object in the image: a failure that counts
+                keep(_said_of(folder, "model", name), {"why": str(error)})
+        if retrieve is not None and index in missing["nearest_image"]:
+            obj = retrieve(pipeline.prepare(test.image))
+            written.append(functools.partial(_write, obj, folder / "nearest_image" / name))
+        if retrieve_asset is not None and index in missing["nearest_asset"]:
+            asset = retrieve_asset(pipeline.prepare(test.image))
+            kept = _said_of(folder, "nearest_asset", name)  # the asset stays where it is
+            keep(kept, {"asset": dataclasses.asdict(asset)})
+        return written
+
+    draw = functools.partial(held_out_for, model, unseen=unseen)
+    run_staged(draw, from_image, todo, "images to objects", processes=processes)
     return model
 
 

@@ -23,7 +23,19 @@ from typing import Any
 import uniart_jax
 from uniart_jax.evaluation import kept_checks
 from uniart_jax.evaluation.articulation import MISSING, SURPLUS
-from uniart_jax.evaluation.kept import claim, keep, read_kept, without_nan
+from uniart_jax.evaluation.comparison import (
+    PHYSICS,
+    Comparison,
+    Reading,
+    Reference,
+    Setup,
+    compare_one,
+    died,
+    load_posed,
+    load_reference,
+)
+from uniart_jax.evaluation.families import FAMILIES, family_module
+from uniart_jax.evaluation.kept import claim
 from uniart_jax.evaluation.metric import Metric
 from uniart_jax.evaluation.pairs import (
     Missing,
@@ -38,6 +50,7 @@ from uniart_jax.evaluation.pairs import (
     shared_files,
 )
 from uniart_jax.evaluation.report import write_report
+from uniart_jax.evaluation.runner import DIED, Kept, run, write_metrics
 from uniart_jax.evaluation.summary import (
     FAILED,
     FAILED_METRIC,
@@ -53,25 +66,9 @@ from uniart_jax.evaluation.summary import (
     summarize_objects,
 )
 from uniart_jax.evaluation.table import print_table, write_table
-from uniart_jax.evaluation.trial import (
-    DIED,
-    FAMILIES,
-    PHYSICS,
-    Reading,
-    Reference,
-    Setup,
-    Trial,
-    died,
-    family_module,
-    light_jax,
-    run_trial,
-    see,
-    see_reference,
-)
 from uniart_jax.objects.facing import FRONTS, check_front
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.processes import each
-from uniart_jax.progress import messages, track
+from uniart_jax.progress import messages
 
 # Raised when a kept result would have other numbers or fields: older ones are not taken.
 RESULTS = 2
@@ -162,8 +159,8 @@ def compare(
     shared = {m: shared_files(p, pairs[m], out) for m, p in methods.items()}
     shared_truth = shared_files(reference, pairs[next(iter(pairs))], out)
     reading = _reading(reference, next(iter(methods.values())), allow_outside, ref_front)
-    trials = list(_trials(pairs, out, readings, shared, reading, shared_truth))
-    results = _run(setup, trials, processes)
+    work = list(_comparisons(pairs, out, readings, shared, reading, shared_truth))
+    results = _run(setup, work, processes)
     _tell_of_refusals(results)
     content = {
         "methods": {
@@ -194,12 +191,10 @@ def compare(
             for method in others
         },
     }
-    keep(out / "metrics.json", without_nan(content))
+    write_metrics(out, content)
     write_table(out / "table.md", content)
     with console.status("drawing the worst"):
-        write_report(
-            out, content, functools.partial(_load_pair, trials, results, content["methods"])
-        )
+        write_report(out, content, functools.partial(_load_pair, work, results, content["methods"]))
     print_table(content)
     return content
 
@@ -243,14 +238,14 @@ def _reading(source: Predictions, other: Predictions, allow_outside: bool, front
     return Reading(allow_outside, within, front)
 
 
-def _trials(
+def _comparisons(
     pairs: Mapping[str, list[Pair]],
     out: Path,
     readings: Mapping[str, Reading],
     shared: Mapping[str, str],
     reading: Reading,
     shared_truth: str,
-) -> Iterator[Trial]:
+) -> Iterator[Comparison]:
     """All samples of all methods, those of one object one after the other.
 
     Args:
@@ -266,7 +261,7 @@ def _trials(
             for i, prediction in enumerate(pair.samples):
                 file = out / "results" / method / pair.name / f"{i}.json"
                 made_of = f"{fingerprint(prediction, out)}{shared[method]} {reference.made_of}"
-                yield Trial(method, i, prediction, reference, made_of, file, readings[method])
+                yield Comparison(method, i, prediction, reference, made_of, file, readings[method])
 
 
 def _tell_of_refusals(results: Results) -> None:
@@ -282,24 +277,19 @@ def _tell_of_refusals(results: Results) -> None:
             )
 
 
-def _run(setup: Setup, trials: Sequence[Trial], processes: int) -> Results:
+def _run(setup: Setup, work: Sequence[Comparison], processes: int) -> Results:
     """All results, those that lie there and those that are missing."""
-    results: Results = {}
-    missing = []
-    for trial in trials:
-        found = read_kept(trial.file)
-        if found is None or found.get("made_of") != trial.made_of:
-            missing.append(trial)
-        else:
-            results[trial.method, trial.reference.name, trial.sample] = found
-    if results:
-        console.print(f"{len(results)} of {len(trials)} comparisons were made before")
-    with light_jax(processes):
-        run = functools.partial(run_trial, setup)
-        made = each(processes, run, missing, 2 * processes, died)
-        for trial, result in zip(missing, track(made, "comparisons", len(missing)), strict=True):
-            results[trial.method, trial.reference.name, trial.sample] = result
-    return _with_known(results)
+    kept = Kept[Comparison](
+        lambda one: one.file, lambda one, found: found.get("made_of") == one.made_of
+    )
+    compare = functools.partial(compare_one, setup)
+    made = run(compare, work, "comparisons", processes=processes, kept=kept, died=died)
+    return _with_known(
+        {
+            (one.method, one.reference.name, one.sample): result
+            for one, result in zip(work, made, strict=True)
+        }
+    )
 
 
 def _with_known(results: Results) -> Results:
@@ -378,7 +368,7 @@ def _method(
 
 
 def _load_pair(
-    trials: Sequence[Trial],
+    work: Sequence[Comparison],
     results: Results,
     methods: Mapping[str, Mapping[str, Any]],
     method: str,
@@ -390,14 +380,14 @@ def _load_pair(
       ValueError: there is no such prediction, or it could not be read: it is not tried again, here
         nothing would stop it.
     """
-    same = [t for t in trials if (t.method, t.reference.name) == (method, name)]
+    same = [t for t in work if (t.method, t.reference.name) == (method, name)]
     called = methods[method]["drawn"].get(name)
-    trial = next(t for t in same if called in (None, _called(t.prediction, t.sample)))
-    found = results[method, name, trial.sample]
-    if isinstance(trial.prediction, Missing) or not found["figures"]:
+    one = next(t for t in same if called in (None, _called(t.prediction, t.sample)))
+    found = results[method, name, one.sample]
+    if isinstance(one.prediction, Missing) or not found["figures"]:
         raise ValueError(found["failure"])
-    reference = see_reference(trial.reference)
-    return see(trial.prediction, trial.reading).shown, reference.shown
+    reference = load_reference(one.reference)
+    return load_posed(one.prediction, one.reading).shown, reference.shown
 
 
 def _called(prediction: Source | Missing, sample: int) -> str:

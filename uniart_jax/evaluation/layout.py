@@ -4,13 +4,12 @@
 Figures are over moving parts (``evaluation.parts``: found, right) or over objects (count, tree),
 for all objects, by family and by number of moving parts; intervals resample objects.
 ``calibration``: expected calibration error of the rows' confidence against whether a row matches a
-true part within ``parts.FOUND``.
+true part within ``thresholds.FOUND``.
 """
 
 from __future__ import annotations
 
 import functools
-import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,16 +17,16 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from uniart_jax.data.folder import write_text
 from uniart_jax.data.images import MARGIN, PICTURE_SIDE, crop
-from uniart_jax.evaluation.parts import FOUND, PartScores, compare_parts, match_parts, summarize
+from uniart_jax.evaluation.parts import PartScores, compare_parts, match_parts, summarize
 from uniart_jax.evaluation.procedural import HeldOut, held_out
 from uniart_jax.evaluation.real import RealObject, real_objects
+from uniart_jax.evaluation.runner import run, write_metrics
 from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED
 from uniart_jax.layout_picture import contact_sheet, draw_layout
 from uniart_jax.layouts import load_layout_predictor
-from uniart_jax.processes import in_order, process_pool
-from uniart_jax.progress import messages, track
+from uniart_jax.objects.thresholds import FOUND
+from uniart_jax.progress import messages
 from uniart_jax.voxels.layout import Layout, read_layout
 
 BINS = 10
@@ -133,10 +132,8 @@ def evaluate_layout(
     tests: list[HeldOut] | list[RealObject]
     if root is None:
         count = COUNT if count is None else count
-        with process_pool(processes) as submit:
-            make = functools.partial(held_out, unseen=unseen, image_size=side)
-            made = in_order(submit, make, range(count), 2 * processes)
-            tests = list(track(made, "held-out objects", count))
+        make = functools.partial(held_out, unseen=unseen, image_size=side)
+        tests = list(run(make, range(count), "held-out objects", processes=processes))
         shown = list(range(min(SHOWN, count)))
     else:
         tests, refused = real_objects(
@@ -156,7 +153,7 @@ def evaluate_layout(
     found = judge(layouts, tests)
     if root is not None:
         found["objects"] = [t.name for t in tests]
-    write_text(out / "metrics.json", json.dumps({"settings": settings, **found}, indent=2) + "\n")
+    write_metrics(out, {"settings": settings, **found})
     drawn = [draw_layout(crops[i], layouts[i]) for i in shown]
     contact_sheet(drawn).save(out / "layouts.png")
     console.print(table(found))
@@ -175,7 +172,7 @@ def table(found: dict[str, Any]) -> Table:
     """The figures for a terminal."""
     names = {
         "parts_right": "right",
-        "recall": "recall",
+        "recall": "moving found",
         "count": "count",
         "tree": "tree",
         "type_accuracy": "type",

@@ -25,11 +25,11 @@ from PIL import Image
 from uniart_jax.data.folder import Settings, temporary_path
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.metric import at_rest
+from uniart_jax.evaluation.runner import run_or_reason
 from uniart_jax.objects.facing import check_front
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
-from uniart_jax.processes import each
-from uniart_jax.progress import messages, track
+from uniart_jax.progress import messages
 from uniart_jax.render import render, sample_camera
 
 VIEWS = 4  # pictures an asset, as prepared records have
@@ -109,8 +109,8 @@ def library_pictures(
     """
     cache.mkdir(parents=True, exist_ok=True)
     show = functools.partial(_show, cache, size)
-    made = each(processes, show, assets, 2 * processes, lambda asset: "its worker process died")
-    return good_ones(assets, track(made, "library pictures", len(assets)))
+    made = run_or_reason(show, assets, "library pictures", processes=processes)
+    return good_ones(assets, made)
 
 
 def good_ones(assets: Sequence[Asset], results: Iterable[Any]) -> Iterator[tuple[Asset, Any]]:
@@ -134,22 +134,13 @@ def good_ones(assets: Sequence[Asset], results: Iterable[Any]) -> Iterator[tuple
     console.print(told, markup=False, soft_wrap=True)
 
 
-def why_not(error: Exception) -> str:
-    """An asset's error in one line."""
-    text = " ".join(str(error).split())
-    return text if isinstance(error, ValueError) else f"{type(error).__name__}: {text}"
-
-
-def _show(cache: Path, size: int, asset: Asset) -> np.ndarray | str:
+def _show(cache: Path, size: int, asset: Asset) -> np.ndarray:
     file = cache / f"{asset.path.replace('/', '+')}{asset.front}-{size}.png"
-    try:
-        if file.is_file():
-            with Image.open(file) as kept:
-                strip = np.asarray(kept)
-        else:
-            strip = np.concatenate(asset.pictures(size), 1)
-            Image.fromarray(strip).save(partial := temporary_path(file), "PNG")
-            os.replace(partial, file)
-        return strip.reshape(size, VIEWS, size, 4).swapaxes(0, 1)
-    except Exception as error:  # one asset must not cost all others
-        return why_not(error)
+    if file.is_file():
+        with Image.open(file) as kept:
+            strip = np.asarray(kept)
+    else:
+        strip = np.concatenate(asset.pictures(size), 1)
+        Image.fromarray(strip).save(partial := temporary_path(file), "PNG")
+        os.replace(partial, file)
+    return strip.reshape(size, VIEWS, size, 4).swapaxes(0, 1)

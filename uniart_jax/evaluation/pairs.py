@@ -321,7 +321,7 @@ def shared_files(root: Predictions, pairs: Sequence[Pair], out: Path) -> str:
     left_out, lines = out.resolve(), []
 
     def apart(folder: Path) -> bool:
-        """Whether it is an asset's own folder (its trial looks at it), or holds results."""
+        """Whether it is an asset's own folder (its comparison looks at it), or holds results."""
         real = folder.resolve()
         if real == left_out or real in used or folder.name.startswith("."):
             return True

@@ -1,10 +1,11 @@
 """Part-level comparison of a predicted object with the truth: are the parts there, and do they move
 the right way?
 
-Both objects are normalised at the shown state. Parts are matched one to one (Hungarian) by how far
+Both objects stand at one state: at rest for ``uniart evaluate PRED REF``, at the shown state for
+procedural, layout and representation. Parts are matched one to one (Hungarian) by how far
 their own boxes are apart, L-infinity over the lower and upper corners. A reference part is
 
-* found   if its match is within ``FOUND`` of it and has the same joint type,
+* found   if its match is within ``thresholds.FOUND`` of it and has the same joint type,
 * right   if its match is within ``RIGHT_BOX``, has the same type, a *signed* axis error below ``RIGHT_AXIS`` degrees and, where the
           axis has a place (rotations and screws), a line-to-line distance below ``RIGHT_PIVOT``.
 
@@ -22,11 +23,7 @@ from scipy.optimize import linear_sum_assignment
 from uniart_jax.objects.joint_errors import pivot_at_part, range_iou, signed_axis_error
 from uniart_jax.objects.kinematics import line_distance
 from uniart_jax.objects.object import ArticulatedObject
-
-FOUND = 0.2
-RIGHT_BOX = 0.1
-RIGHT_AXIS = 10.0
-RIGHT_PIVOT = 0.05
+from uniart_jax.objects.thresholds import FOUND, RIGHT_AXIS, RIGHT_BOX, RIGHT_PIVOT, WRONG_WAY
 
 
 def corners(boxes: np.ndarray) -> np.ndarray:
@@ -128,7 +125,8 @@ def compare_parts(predicted: ArticulatedObject, reference: ArticulatedObject) ->
 def summarize(scores: list[PartScores]) -> dict[str, float]:
     """Means over all parts of all objects (parts) and over objects (count, tree).
 
-    ``recall`` and ``parts_right`` are over moving parts; ``type_accuracy``, ``axis_median``
+    ``recall`` (parts found; "moving found" in tables) and ``parts_right`` are over moving parts;
+    ``type_accuracy``, ``axis_median``
     (degrees), ``pivot_median`` and ``range_iou`` over moving parts whose match is within ``FOUND``
     (type) and of the right type (the others). NaN where no part qualifies.
     """
@@ -150,7 +148,7 @@ def summarize(scores: list[PartScores]) -> dict[str, float]:
         "type_accuracy": over(join("type_right"), moving & matched),
         "axis_median": over(join("axis_error"), ok, np.median),
         "axis_mean": over(join("axis_error"), ok),
-        "opens_wrong_way": over(join("axis_error") > 90, ok & ~np.isnan(join("axis_error"))),
+        "opens_wrong_way": over(join("axis_error") > WRONG_WAY, ok & ~np.isnan(join("axis_error"))),
         "pivot_median": over(join("pivot"), ok, np.median),
         "range_iou": over(join("range_iou"), ok),
         "objects": float(len(scores)),

@@ -11,27 +11,26 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from uniart_jax import procedural
-from uniart_jax.data.folder import Settings
 from uniart_jax.data.images import PICTURE_SIDE
-from uniart_jax.data.sources import Entry, find_entries
-from uniart_jax.evaluation.kept import claim, keep
-from uniart_jax.evaluation.procedural import held_out_for
+from uniart_jax.data.sources import find_entries
+from uniart_jax.evaluation.kept import claim
+from uniart_jax.evaluation.procedural import held_out_for, opens
+from uniart_jax.evaluation.runner import DIED, Kept, error_line, run, write_metrics
+from uniart_jax.evaluation.table import markdown
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.frames import joint_name, moves
 from uniart_jax.export.naming import named
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import enable_compilation_cache, load
-from uniart_jax.processes import each
 from uniart_jax.progress import messages, track
 from uniart_jax.simulation.primitives import REACH
 from uniart_jax.simulation.refine import mend
@@ -50,27 +49,18 @@ class Trial:
     Attributes:
       row: of the table.
       name: of its folder.
-      source: the object itself, what it is made from (a family and seed, an entry with its
-        settings), or why there is none.
+      source: the object, a function that makes it, or why there is none.
     """
 
     row: str
     name: str
-    source: ArticulatedObject | tuple[str, int] | tuple[Entry, Settings] | str
+    source: ArticulatedObject | Callable[[], ArticulatedObject] | str
 
     def make(self) -> ArticulatedObject:
         """The object; raises what its source raises."""
-        if isinstance(self.source, ArticulatedObject):
-            return self.source
         if isinstance(self.source, str):
             raise ValueError(self.source)
-        first, second = self.source
-        if isinstance(first, Entry):
-            assert isinstance(second, Settings)
-            path = Path(second.root) / first.path  # with every joint; ``load_entry`` keeps one
-            return load_object(path, allow_outside=second.allow_outside)
-        assert isinstance(second, int)
-        return procedural.generate(first, second)
+        return self.source if isinstance(self.source, ArticulatedObject) else self.source()
 
 
 def evaluate_physics(
@@ -111,26 +101,24 @@ def evaluate_physics(
     claim(out, settings, "other objects or engines")
     if checkpoint is not None:
         count = count or 64
-        total = 2 * count
         sampled = _sampled(checkpoint, count, unseen, out)
-        trials = list(track(sampled, "images to objects", total, unit="trials"))
+        trials = list(track(sampled, "images to objects", 2 * count, unit="trials"))
     else:
         trials = (
             _assets(root, count, allow_outside)
             if root is not None
             else _truth(count or 200, unseen)
         )
-        total = len(trials)
-    run = functools.partial(_run, Path(out), tuple(engines or ()) or None)
-    made = each(processes, run, trials, 2 * processes, functools.partial(_died, Path(out)))
+    kept = Kept[Trial](lambda trial: _result_file(out, trial.row, trial.name))
+    measure = functools.partial(_try, out / "assets", tuple(engines or ()) or None)
+    made = run(measure, trials, "assets in simulators", processes=processes, kept=kept, died=_died)
     rows: dict[str, list[dict]] = {}
-    for row, result in track(made, "assets in simulators", total):
-        rows.setdefault(row, []).append(result)
+    for trial, result in zip(trials, made, strict=True):
+        rows.setdefault(trial.row, []).append(result)
     table = {row: summarize_trials(results) for row, results in rows.items()}
     content = {**settings, "rows": table, "objects": rows}
-    keep(out / "metrics.json", content)
-    (out / "table.md").write_text(markdown(table) + "\n")
-    print(markdown(table))
+    write_metrics(out, content, table_of(table))
+    print(table_of(table))
     for row, results in rows.items():
         for result in results:
             if not result["sound"]:
@@ -141,14 +129,19 @@ def evaluate_physics(
 def _truth(count: int, unseen: bool) -> list[Trial]:
     families = procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
     drawn = [(families[i % len(families)], procedural.HELD_OUT_SEED + i) for i in range(count)]
-    return [Trial("truth", f"{family}-{seed}", (family, seed)) for family, seed in drawn]
+    return [
+        Trial("truth", f"{family}-{seed}", functools.partial(procedural.generate, family, seed))
+        for family, seed in drawn
+    ]
 
 
 def _assets(root: Path, count: int | None, allow_outside: bool) -> list[Trial]:
-    settings = Settings("urdf", root=str(root), allow_outside=allow_outside)
     entries = find_entries(root, "urdf")[:count]
+    # with every joint; ``load_entry`` keeps one a part
+    load = functools.partial(load_object, allow_outside=allow_outside)
     return [
-        Trial("assets", f"{i:04d}-{Path(e.key).name}", (e, settings)) for i, e in enumerate(entries)
+        Trial("assets", f"{i:04d}-{Path(e.key).name}", functools.partial(load, Path(root) / e.path))
+        for i, e in enumerate(entries)
     ]
 
 
@@ -178,18 +171,8 @@ def _result_file(out: Path, row: str, name: str) -> Path:
     return out / "results" / row / f"{name}.json"
 
 
-def _run(out: Path, engines: Sequence[str] | None, trial: Trial) -> tuple[str, dict]:
-    """One object's figures; kept in a file."""
-    file = _result_file(out, trial.row, trial.name)
-    if file.is_file():
-        return trial.row, json.loads(file.read_text())
-    result = _try(out / "assets" / trial.row / trial.name, engines, trial)
-    return trial.row, keep(file, result)
-
-
-def _died(out: Path, trial: Trial) -> tuple[str, dict]:
-    result = _failure(trial.name, "its worker process died")
-    return trial.row, keep(_result_file(out, trial.row, trial.name), result)
+def _died(trial: Trial) -> dict:
+    return _failure(trial.name, DIED)
 
 
 def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
@@ -201,8 +184,9 @@ def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
     return told | dict.fromkeys(no, False) | nothing
 
 
-def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
-    moving: list[str] = []
+def _try(assets: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
+    """One object's figures; it lies in ``assets/<row>/<name>``."""
+    folder, moving = assets / trial.row / trial.name, []
     try:
         obj = named(trial.make())
         moving = [joint_name(part) for part in obj.parts if moves(part)]
@@ -219,8 +203,7 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
         found = validate(folder, out=folder, engines=engines)
         done = time.perf_counter()
     except Exception as error:  # one object must not cost the figures of all others
-        why = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return _failure(trial.name, why, moving)
+        return _failure(trial.name, error_line(error), moving)
     ran = found["engines"]
     failed = [
         f"{where} {name} ({check.get('reason', check['value'])})"
@@ -236,7 +219,7 @@ def _try(folder: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
         "plausible": is_plausible(verdicts(found)),
         "failed": failed,
         "engines": {e: {name: c["passed"] for name, c in checks.items()} for e, checks in ran.items()},  # noqa: E501
-        "yourdfpy": _opens(folder / "object.urdf"),
+        "yourdfpy": opens("yourdfpy", folder / "object.urdf"),
         "watertight": bool(found["geometry"]["watertight"]["passed"]),
         "joints": {
             e: {name: _works(joint) for name, joint in found["joints"][e].items()} for e in ran
@@ -249,17 +232,6 @@ def _works(joint: dict) -> bool:
     """The paper's rule: the driven joint comes to 70 % of its range and nothing runs into
     anything."""
     return joint["reached"] >= REACH and joint["collision"] <= DEPTH
-
-
-def _opens(urdf: Path) -> bool:
-    import yourdfpy
-
-    try:
-        yourdfpy.URDF.load(str(urdf))
-    except Exception as error:  # whatever a foreign loader raises is a failure to be counted
-        console.print(f"{urdf.parent.name}: yourdfpy refused it ({error})")
-        return False
-    return True
 
 
 def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
@@ -294,14 +266,14 @@ def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
     return row
 
 
-def markdown(table: dict[str, dict[str, float]]) -> str:
-    """A line a row."""
-    columns = list(dict.fromkeys(key for row in table.values() for key in row))
-    lines = ["| | " + " | ".join(columns) + " |", "|" + "---|" * (len(columns) + 1)]
-    for name, row in table.items():
-        cells = [_cell(key, row[key]) if key in row else "-" for key in columns]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
+def table_of(rows: dict[str, dict[str, float]]) -> str:
+    """Markdown: a line a row."""
+    columns = list(dict.fromkeys(key for row in rows.values() for key in row))
+    lines = [
+        [name, *(_cell(key, row[key]) if key in row else "-" for key in columns)]
+        for name, row in rows.items()
+    ]
+    return markdown(["", *columns], lines)
 
 
 def _cell(key: str, value: float) -> str:

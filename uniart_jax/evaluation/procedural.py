@@ -20,9 +20,7 @@ import dataclasses
 import functools
 import importlib
 import importlib.util
-import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -34,15 +32,15 @@ from uniart_jax import procedural
 from uniart_jax.config import ModelConfig
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.evaluation.geometry import object_chamfer
-from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.parts import PartScores, compare_parts, summarize
 from uniart_jax.evaluation.pictures import write_comparison
 from uniart_jax.evaluation.retrieval import make_retrieval
+from uniart_jax.evaluation.runner import run, run_staged, write_metrics
+from uniart_jax.evaluation.table import markdown
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
 from uniart_jax.pipeline import Pipeline, load
-from uniart_jax.processes import in_order, process_pool
-from uniart_jax.progress import messages, track
+from uniart_jax.progress import messages
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
@@ -66,6 +64,7 @@ COLUMNS = {
     "chamfer_open": "Chamfer open",
     "watertight": "watertight",
 }
+Finish = Callable[[], tuple[dict[str, "Score"], dict[str, bool]]]
 console = messages()
 
 
@@ -160,16 +159,9 @@ def evaluate_representation(
 ) -> dict[str, Any]:
     """Truth -> voxels -> object over ``count`` held-out objects: the ceiling of everything else.
     Writes ``metrics.json``, ``table.md``."""
-    with process_pool(processes) as submit:
-        ceiling = functools.partial(_ceiling, unseen=unseen)
-        results = in_order(submit, ceiling, range(count), _ahead(processes))
-        scores = list(track(results, "representation", count))
+    ceiling = functools.partial(_ceiling, unseen=unseen)
+    scores = list(run(ceiling, range(count), "representation", processes=processes))
     return write_results(Path(out), {"representation": scores}, {"count": count, "unseen": unseen})
-
-
-def _ahead(processes: int) -> int:
-    """Objects begun before they are asked for; they are large."""
-    return 1 if processes == 1 else 2 * processes
 
 
 def _ceiling(index: int, unseen: bool) -> Score:
@@ -199,22 +191,18 @@ def evaluate_checkpoint(
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
     overlaps: list[float] = []
-    found: list[Future[tuple[dict[str, Score], dict[str, bool]]]] = []
-    ahead = _ahead(processes)
-    with process_pool(processes) as submit:
-        tests = in_order(
-            submit, functools.partial(held_out_for, model, unseen=unseen), range(count), ahead
-        )
-        for k, test in enumerate(track(tests, "held-out objects", count)):
-            grids, overlap, pixels, layout = predict(pipeline, test, k)
-            overlaps.append(overlap)
-            others = {} if retrieve is None else {"retrieval": retrieve(pixels)}
-            folder = out if k < pictures else None
-            name = f"{k:03d}-{test.family}"
-            found.append(submit(finish, test, grids, others, folder, name, layout))
-            if k >= ahead:  # wait rather than pile them up
-                found[k - ahead].result()
-        results = [future.result() for future in found]
+
+    def at_stations(index: int, test: HeldOut) -> list[Finish]:
+        grids, overlap, pixels, layout = predict(pipeline, test, index)
+        overlaps.append(overlap)
+        others = {} if retrieve is None else {"retrieval": retrieve(pixels)}
+        folder = out if index < pictures else None
+        name = f"{index:03d}-{test.family}"
+        return [functools.partial(finish, test, grids, others, folder, name, layout)]
+
+    draw = functools.partial(held_out_for, model, unseen=unseen)
+    made = run_staged(draw, at_stations, range(count), "held-out objects", processes=processes)
+    results = [one for (one,) in made]
     loads = [load for _, load in results if load]
     extra = {
         "count": count,
@@ -279,23 +267,22 @@ def finish(
 def check_asset(obj: ArticulatedObject, folder: Path) -> dict[str, bool]:
     """Write an object as an asset and open it as its users do: yourdfpy, and MuJoCo where it is
     installed; all parts closed."""
-    import yourdfpy
-
     obj.save(folder, overwrite=True, motion=False)
     found = {"watertight": all(part.mesh.is_watertight for part in obj.parts)}
-    path = str(folder / "object.urdf")
-    openers: dict[str, Callable[[], Any]] = {"yourdfpy": lambda: yourdfpy.URDF.load(path)}
-    if importlib.util.find_spec("mujoco"):
-        mujoco = importlib.import_module("mujoco")
-        openers["mujoco"] = lambda: mujoco.MjModel.from_xml_path(path)
-    for name, opener in openers.items():
-        try:
-            opener()
-            found[name] = True
-        except Exception as error:  # whatever a foreign loader raises is a failure to be counted
-            console.print(f"{folder.name}: {name} refused it ({error})")
-            found[name] = False
-    return found
+    loaders = [name for name in ("yourdfpy", "mujoco") if importlib.util.find_spec(name)]
+    return found | {name: opens(name, folder / "object.urdf") for name in loaders}
+
+
+def opens(loader: str, urdf: Path) -> bool:
+    """Whether "yourdfpy" or "mujoco" takes a URDF; if not, what it says is told."""
+    try:
+        module = importlib.import_module(loader)
+        load = module.URDF.load if loader == "yourdfpy" else module.MjModel.from_xml_path
+        load(str(urdf))
+    except Exception as error:  # whatever a foreign loader raises is a failure to be counted
+        console.print(f"{urdf.parent.name}: {loader} refused it ({error})")
+        return False
+    return True
 
 
 def write_results(out: Path, rows: dict[str, list[Score]], extra: dict[str, Any]) -> dict[str, Any]:
@@ -313,12 +300,9 @@ def write_results(out: Path, rows: dict[str, list[Score]], extra: dict[str, Any]
             for f in families
         },
     }
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "metrics.json").write_text(json.dumps(without_nan(results), indent=2) + "\n")
-    header = ["", *COLUMNS.values()]
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     cells = {name: [f"{results['rows'][name][key]:.3f}" for key in COLUMNS] for name in rows}
-    lines += ["| " + " | ".join([name, *values]) + " |" for name, values in cells.items()]
+    named = [[name, *values] for name, values in cells.items()]
+    lines = [markdown(["", *COLUMNS.values()], named)]
     table = Table("", *rows)  # a terminal is narrower than it is high
     for title, *values in zip(COLUMNS.values(), *cells.values(), strict=True):
         table.add_row(title, *values)
@@ -327,7 +311,7 @@ def write_results(out: Path, rows: dict[str, list[Score]], extra: dict[str, Any]
         if extra["assets"]:
             shares = ", ".join(f"{name} {share:.0%}" for name, share in extra["assets"].items())
             lines += [f"Assets written and opened again: {shares}."]
-    (out / "table.md").write_text("\n".join(lines) + "\n")
+    write_metrics(out, results, "\n".join(lines))
     console.print(table)
     if "structure_iou" in extra:
         console.print(f"structure IoU {extra['structure_iou']:.3f}")

@@ -24,9 +24,8 @@ from uniart_jax.data.folder import Settings, temporary_path, write_text
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.data.layouts import encodable_state, part_colors
 from uniart_jax.data.sources import Entry, find_entries, load_entry
+from uniart_jax.evaluation.runner import run_or_reason
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.processes import each
-from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
@@ -67,9 +66,9 @@ def real_objects(
     entries = find_entries(root, "urdf")[:count]
     cache.mkdir(parents=True, exist_ok=True)
     show = functools.partial(_show, settings, cache, image_size)
-    made = each(processes, show, entries, 2 * processes, lambda e: "its worker process died")
+    made = run_or_reason(show, entries, "real objects", processes=processes)
     found, refused = [], {}
-    for entry, result in zip(entries, track(made, "real objects", len(entries)), strict=True):
+    for entry, result in zip(entries, made, strict=True):
         if isinstance(result, str):
             refused[entry.key] = result
         else:
@@ -97,26 +96,22 @@ def shown_object(entry: Entry, settings: Settings) -> ArticulatedObject:
     return found[0]
 
 
-def _show(settings: Settings, cache: Path, size: int, entry: Entry) -> RealObject | str:
+def _show(settings: Settings, cache: Path, size: int, entry: Entry) -> RealObject:
     stem = f"{entry.key.replace('/', '+')}-{size}"
-    try:
-        kept = cache / f"{stem}.json"
-        if kept.is_file():
-            data = json.loads(kept.read_text())
-            obj = Layout.from_json(json.dumps(data["layout"])).to_object()
-            with Image.open(cache / f"{stem}.png") as picture:
-                return RealObject(entry.key, data["category"], obj, np.asarray(picture))
-        obj = shown_object(entry, settings)
-        picture = render(obj, sample_camera(entry.generator(2)), size=size, samples=4)
-        image = np.round(picture * 255).astype(np.uint8)
-        layout = Layout.of_object(obj, part_colors(obj))
-        layout.boxes[:, 3:] = np.maximum(layout.boxes[:, 3:], SMALLEST_SIDE)  # flat sheets
-        data = {"category": entry.category or "-", "layout": json.loads(layout.to_json())}
-        picture = cache / f"{stem}.png"
-        Image.fromarray(image).save(partial := temporary_path(picture), "PNG")
-        os.replace(partial, picture)
-        write_text(kept, json.dumps(data) + "\n")
-        return RealObject(entry.key, data["category"], layout.to_object(), image)
-    except Exception as error:  # one asset must not cost the figures of all others
-        text = " ".join(str(error).split())
-        return text if isinstance(error, ValueError) else f"{type(error).__name__}: {text}"
+    kept = cache / f"{stem}.json"
+    if kept.is_file():
+        data = json.loads(kept.read_text())
+        obj = Layout.from_json(json.dumps(data["layout"])).to_object()
+        with Image.open(cache / f"{stem}.png") as picture:
+            return RealObject(entry.key, data["category"], obj, np.asarray(picture))
+    obj = shown_object(entry, settings)
+    picture = render(obj, sample_camera(entry.generator(2)), size=size, samples=4)
+    image = np.round(picture * 255).astype(np.uint8)
+    layout = Layout.of_object(obj, part_colors(obj))
+    layout.boxes[:, 3:] = np.maximum(layout.boxes[:, 3:], SMALLEST_SIDE)  # flat sheets
+    data = {"category": entry.category or "-", "layout": json.loads(layout.to_json())}
+    picture = cache / f"{stem}.png"
+    Image.fromarray(image).save(partial := temporary_path(picture), "PNG")
+    os.replace(partial, picture)
+    write_text(kept, json.dumps(data) + "\n")
+    return RealObject(entry.key, data["category"], layout.to_object(), image)

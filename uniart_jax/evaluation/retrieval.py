@@ -31,12 +31,12 @@ from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.image_table import load_image_table
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.data.records import RecordSource
-from uniart_jax.evaluation.library import VIEWS, Asset, good_ones, library_pictures, why_not
+from uniart_jax.evaluation.library import VIEWS, Asset, good_ones, library_pictures
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.reconstruction import object_of_record
+from uniart_jax.evaluation.runner import run, run_or_reason
 from uniart_jax.objects.object import ArticulatedObject, moved_mesh
 from uniart_jax.pipeline import Pipeline
-from uniart_jax.processes import each, in_order, process_pool
 from uniart_jax.progress import track
 
 LIBRARY_OBJECTS = 2_000
@@ -87,8 +87,8 @@ def make_asset_library(assets: Sequence[Asset], processes: int = 1) -> PartLibra
     Raises:
       ValueError: no asset can be read.
     """
-    made = each(processes, _asset_parts, assets, 64, lambda asset: "its worker process died")
-    return _library(list(good_ones(assets, track(made, "part library", len(assets)))))
+    made = run_or_reason(_sizes_and_labels, assets, "part library", processes=processes)
+    return _library(list(good_ones(assets, made)))
 
 
 def make_library(sources: Sequence[tuple[str, int]], processes: int = 1) -> PartLibrary:
@@ -104,10 +104,8 @@ def make_library(sources: Sequence[tuple[str, int]], processes: int = 1) -> Part
             f"library: it holds held-out objects (seed {last}); give seeds below "
             f"{procedural.HELD_OUT_SEED}"
         )
-    with process_pool(processes) as submit:
-        made = in_order(submit, _sizes_and_labels, sources, 64)
-        found = list(track(made, "part library", len(sources)))
-    return _library(list(zip(sources, found, strict=True)))
+    made = run(_sizes_and_labels, sources, "part library", processes=processes)
+    return _library(list(zip(sources, made, strict=True)))
 
 
 def _library(found: Sequence[tuple[Source, tuple[np.ndarray, np.ndarray]]]) -> PartLibrary:
@@ -164,13 +162,6 @@ def _at_rest(source: Source) -> ArticulatedObject:
 def _sizes_and_labels(source: Source) -> tuple[np.ndarray, np.ndarray]:
     obj = _at_rest(source)
     return obj.boxes[:, 3:], np.array([part.label for part in obj.parts])
-
-
-def _asset_parts(asset: Asset) -> tuple[np.ndarray, np.ndarray] | str:
-    try:
-        return _sizes_and_labels(asset)
-    except Exception as error:  # one asset must not cost all others
-        return why_not(error)
 
 
 def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], ArticulatedObject]:

@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from uniart_jax.evaluation.parts import FOUND, match_parts
+from uniart_jax.evaluation.parts import match_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.thresholds import FOUND
 
 HINGES = ("revolute", "continuous")  # one kind of axis: only limits tell them apart
 

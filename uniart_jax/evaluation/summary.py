@@ -48,7 +48,7 @@ def chosen_samples(
     """The samples of one object that count.
 
     Args:
-      results: of ``trial.run_trial``, in the samples' order.
+      results: of ``comparison.compare_one``, in the samples' order.
       best_by: the figure that ``best`` goes by; of equals the first.
     """
     if samples == "mean":

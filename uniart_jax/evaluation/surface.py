@@ -4,7 +4,7 @@ distance and F-score.
 With A and B points on the two surfaces, and d(p, B) the distance of p from the nearest point of B,
 
     chamfer = (mean_A d(p, B) + mean_B d(p, A)) / 2                          not squared                                         (1)
-    f_score = harmonic mean of share_A [d(p, B) <= t] and share_B [d(p, A) <= t]                          t = THRESHOLD          (2)
+    f_score = harmonic mean of share_A [d(p, B) <= t] and share_B [d(p, A) <= t]                          t = F_SCORE            (2)
 
 **Points.** ``POINTS`` on either object, uniform on the whole surface: what is hidden inside counts
 as much as what is seen. They are drawn once, at rest, and carried by their part's motion, so AS
@@ -37,9 +37,9 @@ from uniart_jax.evaluation.metric import STATES, Figures, Metric
 from uniart_jax.evaluation.nearest import chamfer_of, f_score_of, mutual_distances, posed_points
 from uniart_jax.evaluation.parts import match_parts
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.thresholds import F_SCORE
 
 POINTS = 65_536
-THRESHOLD = 0.02
 FARTHEST = 3**0.5
 _APART = 3.0  # more than FARTHEST between cubes of side 1
 
@@ -52,14 +52,14 @@ METRICS: dict[str, Metric] = {
         "AS CD", "lower", FARTHEST, "Chamfer distance, mean over five states from rest to open"
     ),
     "rs_f_score": Metric(
-        "RS F", "higher", 0.0, f"F-score of the surfaces at rest: points with a neighbour within {THRESHOLD} of the "  # noqa: E501
+        "RS F", "higher", 0.0, f"F-score of the surfaces at rest: points with a neighbour within {F_SCORE} of the "  # noqa: E501
             "longest side"
     ),
     "as_f_score": Metric(
-        "AS F", "higher", 0.0, f"F-score within {THRESHOLD}, mean over five states from rest to open"  # noqa: E501
+        "AS F", "higher", 0.0, f"F-score within {F_SCORE}, mean over five states from rest to open"
     ),
     "part_f_score": Metric(
-        "part F", "higher", 0.0, f"F-score within {THRESHOLD} between matched parts at rest, mean over the parts of "  # noqa: E501
+        "part F", "higher", 0.0, f"F-score within {F_SCORE} between matched parts at rest, mean over the parts of "  # noqa: E501
             "both objects, 0 without a match"
     ),
 }  # fmt: skip
@@ -76,7 +76,7 @@ def measure(pred: ArticulatedObject, ref: ArticulatedObject, points: int = POINT
             for p, part, obj in ((a, part_a, pred), (b, part_b, ref))
         )
     )
-    apart, f_scores = chamfer_of(*distances), f_score_of(*distances, THRESHOLD)
+    apart, f_scores = chamfer_of(*distances), f_score_of(*distances, F_SCORE)
     apart = np.minimum(apart, FARTHEST)  # a drawer that flies away must not swamp a mean
     return {
         "rs_chamfer": float(apart[0]),
@@ -128,7 +128,7 @@ def _part_f_score(pred, ref, pred_points, ref_points) -> float:
         moved.append(points + _APART * place)
     there, back = mutual_distances(*moved)
     total = sum(
-        float(f_score_of(there[pred_points[1] == match[k]], back[ref_points[1] == k], THRESHOLD))
+        float(f_score_of(there[pred_points[1] == match[k]], back[ref_points[1] == k], F_SCORE))
         for k in cube_of_ref[matched]
     )
     return 2 * total / cubes

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from uniart_jax.data.folder import write_text
 from uniart_jax.evaluation.summary import FAILED
 
 Row = Mapping[str, Mapping[str, float]]
@@ -26,12 +26,16 @@ TITLES = {
 }
 
 
+def markdown(head: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """A table of Markdown; ``head`` and each line are cells."""
+    first, *others = (f"| {' | '.join(cells)} |" for cells in (head, *lines))
+    return "\n".join([first, "|" + "---|" * len(head), *others])
+
+
 def write_table(file: Path, content: Mapping[str, Any]) -> None:
     """Markdown: a table a family of figures, a line a method and, below it, one for each of its
     sets and categories."""
-    partial = file.with_suffix(".new")
-    partial.write_text("\n".join(_lines(content)) + "\n", encoding="utf-8")
-    os.replace(partial, file)
+    write_text(file, "\n".join(_lines(content)) + "\n")
 
 
 def print_table(content: Mapping[str, Any]) -> None:
@@ -60,13 +64,13 @@ def _lines(content: Mapping[str, Any]) -> Iterator[str]:
     )
     for family, keys in _groups(content).items():
         yield f"\n## {family}\n"
-        yield f"| | objects | {' | '.join(_title(key, content) for key in keys)} |"
-        yield "|" + "---|" * (len(keys) + 2)
+        lines = []
         for name, method in content["methods"].items():
-            yield _line(_text(name), method["rows"], keys)
+            lines.append(_line(_text(name), method["rows"], keys))
             for part in ("sets", "categories"):
                 for group, rows in method[part].items():
-                    yield _line(f"{_text(name)}: {_text(group)}", rows, keys)
+                    lines.append(_line(f"{_text(name)}: {_text(group)}", rows, keys))
+        yield markdown(["", "objects", *(_title(key, content) for key in keys)], lines)
     yield from _differences(content)
     for name, method in content["methods"].items():
         if remarks := list(_remarks(name, method)):
@@ -91,10 +95,9 @@ def _differences(content: Mapping[str, Any]) -> Iterator[str]:
         "intervals; one that holds 0 does not tell the two apart."
     )
     for family, keys in _groups(content).items():
-        yield f"\n| {family} | objects | {' | '.join(_title(key, content) for key in keys)} |"
-        yield "|" + "---|" * (len(keys) + 2)
-        for name, rows in found["methods"].items():
-            yield _line(_text(name), rows, keys)
+        lines = [_line(_text(name), rows, keys) for name, rows in found["methods"].items()]
+        yield ""
+        yield markdown([family, "objects", *(_title(key, content) for key in keys)], lines)
 
 
 def _groups(content: Mapping[str, Any]) -> dict[str, list[str]]:
@@ -108,9 +111,9 @@ def _title(key: str, content: Mapping[str, Any]) -> str:
     return f"{_text(metric['title'])} {'↑' if metric['better'] == 'higher' else '↓'}"
 
 
-def _line(name: str, rows: Row, keys: list[str]) -> str:
-    cells = [_cell(rows[key], rows[FAILED]["count"]) for key in keys]
-    return f"| {name} | {rows[FAILED]['count']} | {' | '.join(cells)} |"
+def _line(name: str, rows: Row, keys: list[str]) -> list[str]:
+    objects = rows[FAILED]["count"]
+    return [name, str(objects), *(_cell(rows[key], objects) for key in keys)]
 
 
 def _cell(figure: Mapping[str, float], objects: float) -> str:
@@ -142,10 +145,8 @@ def _remarks(name: str, method: Mapping[str, Any]) -> Iterator[str]:
 
 def _confusion(table: Mapping[str, Mapping[str, float]]) -> Iterator[str]:
     guesses = sorted({guess for row in table.values() for guess in row})
-    yield f"| reference \\ prediction | {' | '.join(guesses)} |"
-    yield "|" + "---|" * (len(guesses) + 1)
-    for truth, row in table.items():
-        yield f"| {truth} | {' | '.join(f'{row.get(g, 0):g}' for g in guesses)} |"
+    lines = [[truth, *(f"{row.get(g, 0):g}" for g in guesses)] for truth, row in table.items()]
+    yield markdown(["reference \\ prediction", *guesses], lines)
 
 
 def _text(text: str) -> str:

@@ -15,9 +15,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from uniart_jax.data.layouts import part_colors
-from uniart_jax.evaluation.parts import RIGHT_BOX, match_parts
+from uniart_jax.evaluation.parts import match_parts
 from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.objects.thresholds import RIGHT_BOX
 
 FAMILIES = {
     "StorageFurniture": "storage_furniture",

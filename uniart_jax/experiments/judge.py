@@ -16,11 +16,10 @@ from __future__ import annotations
 import dataclasses
 import functools
 import gc
-import importlib
 import math
-import operator
 import time
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -30,18 +29,19 @@ from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
 from uniart_jax.data.geometric_features import geometric_features
 from uniart_jax.data.records import RecordSource, from_object, split_places
-from uniart_jax.evaluation.kept import keep, read_kept, without_nan
-from uniart_jax.evaluation.metric import Figures, Metric, at_rest
+from uniart_jax.evaluation.families import FAMILIES as ALL_FAMILIES
+from uniart_jax.evaluation.families import Posed, family_module, measure_families, posed
+from uniart_jax.evaluation.kept import without_nan
+from uniart_jax.evaluation.metric import Figures, Metric
 from uniart_jax.evaluation.procedural import HeldOut, held_out_for
 from uniart_jax.evaluation.reconstruction import object_of_record
+from uniart_jax.evaluation.runner import Kept, error_line, run
 from uniart_jax.experiments.design import Arm, Objects, Station
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.objects.robot_object import one_line
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, UNSEEN_FAMILIES, generate
-from uniart_jax.progress import track
 from uniart_jax.render import render, sample_camera
 from uniart_jax.samplers import Condition, join_views
 from uniart_jax.voxels.assemble import assemble
@@ -56,7 +56,8 @@ NEEDS: dict[Station, tuple[str, ...]] = {
     "latent_flow": ("image_encoder", "uniart_vae", "latent_flow"),
     "object": ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow"),
 }
-FAMILIES = ("surface", "articulation", "pose_error", "appearance")
+JUDGED = ("surface", "articulation", "pose_error", "appearance")
+FAMILIES = {name: ALL_FAMILIES[name] for name in JUDGED}
 METRICS: dict[str, Metric] = {
     "structure_iou": Metric(
         "structure IoU", "higher", 0.0, "overlap of the sampled active voxels with the true ones"
@@ -70,9 +71,7 @@ METRICS: dict[str, Metric] = {
     **{
         name: metric
         for family in FAMILIES
-        for name, metric in importlib.import_module(
-            f"uniart_jax.evaluation.{family}"
-        ).METRICS.items()
+        for name, metric in family_module(family).METRICS.items()
     },
 }
 MACHINE = (MemoryError, OSError, jax.errors.JaxRuntimeError)  # no network's failures
@@ -106,28 +105,29 @@ def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> No
       FileNotFoundError, ValueError: the checkpoint lacks a network that the station needs, or it is
         not trained.
     """
-    names = test_names(arm.tests, count)
-    missing = [k for k, name in enumerate(names) if read_kept(folder / f"{name}.json") is None]
-    if not missing:
-        return
-    pipeline = load_networks(checkpoint, NEEDS[arm.station])
-    for k in track(missing, "judging", len(missing)):
+    networks = functools.cache(lambda: load_networks(checkpoint, NEEDS[arm.station]))
+    tests = list(enumerate(test_names(arm.tests, count)))
+
+    def judge_one(place: tuple[int, str]) -> dict[str, Any]:
+        k, name = place
+        pipeline = networks()
         gc.collect()  # meshes hold themselves in cycles
         begin = time.perf_counter()
         try:
-            test = test_object(arm, names[k], pipeline.config.model)
-            at_rest(test.truth.obj)
+            test = test_object(arm, name, pipeline.config.model)
+            posed(test.truth.obj)
         except MACHINE:
             raise
         except Exception as error:
-            figures, failure = dict.fromkeys(figure_names(arm.station), np.nan), TRUTH + why(error)
+            figures = dict.fromkeys(figure_names(arm.station), math.nan)
+            failure = TRUTH + error_line(error)
         else:
             figures, failure = measure(arm, pipeline, test, seed * 10_000 + k)
         seconds = time.perf_counter() - begin
-        keep(
-            folder / f"{names[k]}.json",
-            {"figures": without_nan(figures), "failure": failure, "seconds": seconds},
-        )
+        return {"figures": without_nan(figures), "failure": failure, "seconds": seconds}
+
+    kept = Kept[tuple[int, str]](lambda place: folder / f"{place[1]}.json")
+    list(run(judge_one, tests, "judging", kept=kept))
 
 
 def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
@@ -157,50 +157,42 @@ def measure(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> tuple[Figure
     Raises:
       OSError, MemoryError, JaxRuntimeError: the machine is at fault.
     """
-    truth = test.truth
-    ref = at_rest(truth.obj)
+    ref = posed(test.truth.obj)
     try:
         if arm.station == "structure":
             return structure_overlap(arm, pipeline, test, seed), ""
         made, velocities = make_object(arm, pipeline, test, seed)
-        pred = at_rest(made)
+        pred = posed(made)
     except MACHINE:
         raise
     except Exception as error:  # one object must not cost the figures of all others
         if arm.station == "structure":
-            return {name: METRICS[name].worst for name in figure_names(arm.station)}, why(error)
-        missed = [worst(family, ref) for family in FAMILIES]
-        none: Figures = {} if arm.station == "vae" else {"velocities": math.nan}
-        return functools.reduce(operator.or_, missed, none), why(error)
-    figures: Figures = {} if velocities is None else {"velocities": velocities}
-    failures = []
-    for family in FAMILIES:
-        module = importlib.import_module(f"uniart_jax.evaluation.{family}")
-        try:
-            found = module.measure(pred, ref)
-            if bad := [name for name, value in found.items() if math.isinf(value)]:
-                raise ValueError(f"'{bad[0]}' is infinite")
-        except MACHINE:
-            raise
-        except Exception as error:  # figures of other families still stand
-            found = worst(family, ref)
-            failures.append(f"{family}: {why(error)}")
-        figures |= found
-    return figures, "; ".join(failures)
+            missed = {name: METRICS[name].worst for name in figure_names(arm.station)}
+            return missed, error_line(error)
+        figures: Figures = {} if arm.station == "vae" else {"velocities": math.nan}
+        for family in FAMILIES:
+            figures |= worst(family, ref)
+        return figures, error_line(error)
+    found = measure_families(FAMILIES, pred, ref)
+    figures = {} if velocities is None else {"velocities": velocities}
+    figures |= found.figures
+    for family, error in found.errors.items():
+        if isinstance(error, MACHINE):
+            raise error
+        figures |= worst(family, ref)
+    return figures, "; ".join(f"{name}: {error_line(e)}" for name, e in found.errors.items())
 
 
-def worst(family: str, ref: ArticulatedObject) -> Figures:
+def worst(family: str, ref: Posed) -> Figures:
     """A family's worst values, and NaN where the truth has nothing to compare, as for every other
     prediction."""
-    module = importlib.import_module(f"uniart_jax.evaluation.{family}")
-    try:
-        own = module.measure(ref, ref)
-    except MACHINE:
-        raise
-    except Exception:  # it fails of the truth itself: nothing tells what there is to compare
-        own = {}
+    own = measure_families({family: FAMILIES[family]}, ref, ref)
+    for error in own.errors.values():  # of the truth itself: nothing tells what there is to compare
+        if isinstance(error, MACHINE):
+            raise error
+    metrics = family_module(family).METRICS
     return {
-        n: math.nan if math.isnan(own.get(n, 0.0)) else m.worst for n, m in module.METRICS.items()
+        n: math.nan if math.isnan(own.figures.get(n, 0.0)) else m.worst for n, m in metrics.items()
     }
 
 
@@ -213,14 +205,6 @@ def figure_names(station: Station) -> list[str]:
         for n in METRICS
         if n not in ("structure_iou", *(("velocities",) if station == "vae" else ()))
     ]
-
-
-def why(error: Exception) -> str:
-    """An error on one line."""
-    text = one_line(str(error))
-    if isinstance(error, ValueError) and text:
-        return text
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def structure_overlap(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> Figures:

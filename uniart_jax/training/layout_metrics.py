@@ -8,10 +8,8 @@ from scipy.optimize import linear_sum_assignment
 
 from uniart_jax.objects.joint_errors import signed_axis_error
 from uniart_jax.objects.kinematics import line_distance
-from uniart_jax.training.metrics import RIGHT_AXIS, RIGHT_BOX, RIGHT_PIVOT
+from uniart_jax.objects.thresholds import FOUND, RIGHT_AXIS, RIGHT_BOX, RIGHT_PIVOT
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE, box_corners, decode_joint, decode_part
-
-FOUND = 0.2
 
 
 def layout_readings(

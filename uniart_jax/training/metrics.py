@@ -11,6 +11,7 @@ import numpy as np
 
 from uniart_jax.objects.joint_errors import signed_axis_error
 from uniart_jax.objects.kinematics import line_distance
+from uniart_jax.objects.thresholds import FOUND, RIGHT_AXIS, RIGHT_BOX, RIGHT_PIVOT
 from uniart_jax.voxels.joint_code import (
     NETWORK_TOLERANCE,
     box_corners,
@@ -19,7 +20,6 @@ from uniart_jax.voxels.joint_code import (
 )
 
 MIN_VOXELS = 3
-RIGHT_BOX, RIGHT_AXIS, RIGHT_PIVOT = 0.1, 10.0, 0.05  # as in ``evaluation.parts``
 
 
 def part_readings(
@@ -62,7 +62,7 @@ def part_readings(
         rows.append(
             {
                 "box": error,
-                "found": float(same and error < 0.2),
+                "found": float(same and error < FOUND),
                 "right": float(right),
                 "type": float(same),
                 "axis": axis,
