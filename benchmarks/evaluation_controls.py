@@ -32,8 +32,8 @@ from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.evaluation.summary import interval
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.processes import in_order, process_pool
-from uniart_jax.progress import track
+from uniart_jax.runtime.processes import in_order, process_pool
+from uniart_jax.runtime.progress import track
 
 PICTURE = Path(__file__).resolve().parent.parent / "docs" / "evaluation.png"
 FAMILIES = (singapo, articulation, pose_error)

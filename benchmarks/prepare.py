@@ -38,8 +38,8 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.sources import Entry, ProceduralEntries, find_entries, load_entry
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES
-from uniart_jax.processes import in_order, process_pool
-from uniart_jax.render import render, sample_camera
+from uniart_jax.runtime.processes import in_order, process_pool
+from uniart_jax.visual.render import render, sample_camera
 from uniart_jax.voxels.voxelize import voxelize
 
 

@@ -26,7 +26,7 @@ from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.evaluation.spread import joint_spread
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import enable_compilation_cache, load
-from uniart_jax.progress import track
+from uniart_jax.runtime.progress import track
 
 RESAMPLES = 2000
 

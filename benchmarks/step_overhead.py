@@ -40,9 +40,9 @@ from results import report
 
 from uniart_jax.config import NETWORKS, Config
 from uniart_jax.data.prepare import prepare_procedural
-from uniart_jax.encoding import encode_all
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
+from uniart_jax.precompute.encoding import encode_all
 from uniart_jax.stages import STAGES
 from uniart_jax.stages.trainer import claim, make_put, make_step, stage_batches
 from uniart_jax.training.checkpoints import Checkpoints

@@ -25,7 +25,7 @@ import numpy as np
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, generate
-from uniart_jax.render import render, sample_camera
+from uniart_jax.visual.render import render, sample_camera
 from uniart_jax.voxels.grid import SDF_CLIP, PartGrid, subcell_centers
 from uniart_jax.voxels.voxelize import voxelize
 

@@ -14,7 +14,7 @@ import skimage.data
 from PIL import Image
 
 from uniart_jax.procedural import HELD_OUT_SEED, generate
-from uniart_jax.render import Camera, fit, render
+from uniart_jax.visual.render import Camera, fit, render
 
 FOLDER = Path(__file__).parent / "images"
 EXAMPLES = {  # file stem: family, seed offset, azimuth and elevation in degrees

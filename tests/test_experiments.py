@@ -30,11 +30,11 @@ from uniart_jax.experiments.design import (
 from uniart_jax.experiments.reinit_aggregation import reinit_aggregation, shared_init
 from uniart_jax.experiments.settings import described
 from uniart_jax.experiments.table import write_tables
-from uniart_jax.locks import alone
 from uniart_jax.models.checkpoint import PRETRAINED, Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build, flat_names
 from uniart_jax.procedural import HELD_OUT_SEED, generate
+from uniart_jax.runtime.locks import alone
 
 TRAINS = pytest.mark.slow  # two arms: half a minute
 

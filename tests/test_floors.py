@@ -10,25 +10,15 @@ import pytest
 
 PACKAGE = Path(__file__).parent.parent / "uniart_jax"
 FLOORS = [
-    {"config_files"},
-    {"allocator", "config", "locks", "processes", "progress"},
-    {"objects", "nn"},
-    {"voxels", "procedural", "render", "diagram", "flow"},
+    {"runtime"},
+    {"config"},
+    {"nn", "objects"},
+    {"flow", "procedural", "voxels", "visual"},
     {"data", "models"},
-    {"weights", "export", "samplers"},
-    {
-        "training",
-        "pipeline",
-        "encoding",
-        "features",
-        "found",
-        "stages",
-        "conversion",
-        "layouts",
-        "layout_picture",
-    },
-    {"simulation", "evaluation"},
-    {"experiments", "app"},
+    {"export", "inference", "weights"},
+    {"pipeline", "stages", "training", "precompute"},
+    {"evaluation", "simulation"},
+    {"app", "experiments"},
     {"cli"},
     {"__main__"},
 ]
@@ -40,18 +30,16 @@ LAZY = {
     for module in ("export.asset", "export.show", "simulation.validate")
 }
 SAME_FLOOR = {
-    ("render", "voxels"),
-    ("procedural", "voxels"),
-    ("procedural", "render"),
-    ("diagram", "render"),
     ("evaluation", "simulation"),
-    ("encoding", "training"),
-    ("found", "pipeline"),
-    ("pipeline", "layouts"),
-    ("stages", "encoding"),
-    ("stages", "layouts"),
-    ("stages", "training"),
+    ("precompute", "pipeline"),
+    ("precompute", "training"),
+    ("procedural", "visual"),
+    ("procedural", "voxels"),
     ("stages", "pipeline"),
+    ("stages", "precompute"),
+    ("stages", "training"),
+    ("visual", "voxels"),
+    ("weights", "export"),
 }
 NO_JAX = ["objects", "voxels", "procedural", "data", "export", "simulation"]
 BARE = ["nn", "models", "flow", "training"]
@@ -111,7 +99,7 @@ def test_no_two_files_import_each_other():
 
 def test_data_side_never_names_jax():
     for path in FILES:
-        if path.relative_to(PACKAGE).parts[0].removesuffix(".py") in [*NO_JAX, "render"]:
+        if path.relative_to(PACKAGE).parts[0].removesuffix(".py") in [*NO_JAX, "visual"]:
             assert not [
                 m for m in imports(path) if m.split(".")[0] in ("jax", "flax", "optax", "orbax")
             ], path

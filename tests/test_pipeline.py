@@ -27,11 +27,11 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
+from uniart_jax.inference.samplers import Condition, flow_inputs, join_views, pad_coords
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.pipeline import Pipeline, SamplingOptions, load
-from uniart_jax.samplers import Condition, flow_inputs, join_views, pad_coords
 from uniart_jax.voxels.layout import Layout
 
 ROOT = Path(__file__).parent.parent

@@ -12,7 +12,7 @@ import pytest
 from safetensors.numpy import load_file
 
 import uniart_jax
-from uniart_jax import encoding, procedural, stages
+from uniart_jax import procedural, stages
 from uniart_jax.cli import load_config
 from uniart_jax.config import (
     NETWORKS,
@@ -25,11 +25,12 @@ from uniart_jax.config import (
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
-from uniart_jax.locks import alone
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 from uniart_jax.models.network import build, flat_names
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.precompute import encoding
+from uniart_jax.runtime.locks import alone
 from uniart_jax.stages import STAGES
 from uniart_jax.stages.checks import check_found, networks_to_copy
 from uniart_jax.stages.flows import load_conditioner

@@ -15,9 +15,9 @@ from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layout_errors import COARSE, LOST, MISTAKEN, MOVED, TINTED
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
+from uniart_jax.inference.samplers import found_table
 from uniart_jax.models.image_encoder import shrink
 from uniart_jax.models.network import Network
-from uniart_jax.samplers import found_table
 from uniart_jax.training.flow_losses import summarize_flow
 from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import occupancy_terms

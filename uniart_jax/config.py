@@ -16,7 +16,7 @@ import types
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args, get_origin, get_type_hints
 
-from uniart_jax.config_files import CONFIGS, find_file, run_file
+from uniart_jax.runtime.config_files import CONFIGS, find_file, run_file
 
 Background = Literal["auto", "keep", "rembg"]  # how an object is cut out (data.background)
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash", "plain"]

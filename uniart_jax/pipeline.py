@@ -34,13 +34,8 @@ from uniart_jax.data.background import cut_out
 from uniart_jax.data.images import crop, read_image
 from uniart_jax.export.picture_colors import Picture
 from uniart_jax.flow.solvers import Solution
-from uniart_jax.layouts import LayoutPredictor
-from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.models.gaussian_decoder import gaussian_parameters
-from uniart_jax.models.network import build
-from uniart_jax.nn.voxel_plans import voxel_plans
-from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.samplers import (
+from uniart_jax.inference.layouts import LayoutPredictor
+from uniart_jax.inference.samplers import (
     Condition,
     flow_inputs,
     join_views,
@@ -50,6 +45,11 @@ from uniart_jax.samplers import (
     make_structure_sampler,
     pad_coords,
 )
+from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.gaussian_decoder import gaussian_parameters
+from uniart_jax.models.network import build
+from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, smoothed

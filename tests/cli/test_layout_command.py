@@ -10,7 +10,7 @@ from PIL import Image
 
 from uniart_jax.cli.layout import layout
 from uniart_jax.config import Config, LayoutConfig, ModelConfig
-from uniart_jax.layouts import joined, load_layout_predictor, mirror_parts
+from uniart_jax.inference.layouts import joined, load_layout_predictor, mirror_parts
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build
 from uniart_jax.voxels.joint_code import align, canonical

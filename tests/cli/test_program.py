@@ -9,10 +9,11 @@ from typing import Annotated, Literal
 import pytest
 import tyro
 
-from uniart_jax import __version__, cli, progress
+from uniart_jax import __version__, cli
 from uniart_jax.cli import COMMANDS
 from uniart_jax.cli.help_texts import joined_lines, readable, value_name
 from uniart_jax.cli.verbosity import take_verbosity
+from uniart_jax.runtime import progress
 
 
 @pytest.fixture(autouse=True)

@@ -15,7 +15,7 @@ from uniart_jax.data import records
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_dense, mirror_record
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.states import sample_state
-from uniart_jax.render import render, sample_camera
+from uniart_jax.visual.render import render, sample_camera
 from uniart_jax.voxels.grid import occupancy
 from uniart_jax.voxels.joint_code import encode_joint, gauge_variants
 from uniart_jax.voxels.voxelize import voxelize

@@ -11,7 +11,7 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.inspection import describe, draw_record, part_lines
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.render import PART_COLORS
+from uniart_jax.visual.render import PART_COLORS
 
 
 @pytest.fixture(scope="module")

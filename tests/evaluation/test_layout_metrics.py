@@ -8,8 +8,8 @@ import pytest
 
 from uniart_jax.evaluation import layout as judging
 from uniart_jax.evaluation.procedural import held_out
-from uniart_jax.layout_picture import draw_layout
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.visual.layout_picture import draw_layout
 from uniart_jax.voxels.camera_code import project
 from uniart_jax.voxels.layout import Layout
 

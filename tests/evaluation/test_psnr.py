@@ -31,7 +31,7 @@ from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.objects.appearance import srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.render import render
+from uniart_jax.visual.render import render
 
 BODY, DOOR = (200, 120, 40), (30, 60, 160)
 

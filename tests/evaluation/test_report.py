@@ -26,7 +26,7 @@ from uniart_jax.evaluation.report_elements import clearly_best, decimals, ends_o
 from uniart_jax.evaluation.report_pictures import draw_pair
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.render import PART_COLORS
+from uniart_jax.visual.render import PART_COLORS
 
 HOSTILE = (
     "</style><script>window.pwned = 1</script>",

@@ -14,7 +14,7 @@ from uniart_jax.nn import lifting
 from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.render import Camera, fit, render
+from uniart_jax.visual.render import Camera, fit, render
 from uniart_jax.voxels.camera_code import camera_position, project
 
 FRONT, SIDE, HIDDEN = (

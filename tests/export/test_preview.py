@@ -18,7 +18,7 @@ from uniart_jax.export.preview import (
     write_preview,
 )
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, fit, render
+from uniart_jax.visual.render import Camera, fit, render
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.images import MARGIN
 from uniart_jax.nn import lifting
 from uniart_jax.nn.lifting import read_map
-from uniart_jax.render import sample_camera
+from uniart_jax.visual.render import sample_camera
 
 SIZE = 64
 project, sample_map = jax.jit(lifting.project), jax.jit(lifting.sample_map)

@@ -13,9 +13,9 @@ sys.path.append(str(Path(__file__).resolve().parents[1] / "models"))
 from toy import MODEL, flow_table, init, voxel_batch
 
 from uniart_jax.config import Config, LayoutConfig, LossConfig
+from uniart_jax.inference.samplers import make_layout_finder
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
-from uniart_jax.samplers import make_layout_finder
 from uniart_jax.training.found_layouts import show_found
 from uniart_jax.training.vae_losses import make_uniart_vae_loss
 

@@ -3,7 +3,7 @@ import numpy as np
 from uniart_jax.data import latents as latent_store
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf
-from uniart_jax.encoding import latent_metric
+from uniart_jax.precompute.encoding import latent_metric
 from uniart_jax.training.latent_metric import WEIGHTS, fit_metric
 from uniart_jax.voxels.part_table import EMPTY
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uniart_jax.config import Config, FlowConfig, LossConfig
-from uniart_jax.samplers import Condition
+from uniart_jax.inference.samplers import Condition
 from uniart_jax.training import losses
 from uniart_jax.training.flow_losses import draw, make_latent_flow_loss, normalize, of_pictures
 from uniart_jax.training.found_layouts import matching_rows

@@ -186,7 +186,7 @@ def main() -> None:
     import jax
 
     jax.config.update("jax_num_cpu_devices", args.devices)
-    from uniart_jax import encoding
+    from uniart_jax.precompute import encoding
     from uniart_jax.training import distributed
 
     if args.processes > 1:

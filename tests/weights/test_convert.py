@@ -13,12 +13,13 @@ from PIL import Image
 from rich.console import Console
 from safetensors.numpy import load_file, save_file
 
-from uniart_jax import cli, conversion
+from uniart_jax import cli
 from uniart_jax.config import GaussianConfig, ImageEncoderConfig, ModelConfig
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.gaussian_decoder import offset_perturbation
 from uniart_jax.models.network import build
 from uniart_jax.nn.embeddings import grid_coords, position_embedding
+from uniart_jax.weights import conversion
 from uniart_jax.weights.dinov2 import TABLE
 from uniart_jax.weights.mapping import _compiled, _filled, flatten
 

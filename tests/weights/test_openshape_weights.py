@@ -12,9 +12,10 @@ from official import torch_state
 from rich.console import Console
 from safetensors.numpy import save_file
 
-from uniart_jax import cli, conversion
+from uniart_jax import cli
 from uniart_jax.config import from_json
 from uniart_jax.models import openclip, openshape
+from uniart_jax.weights import conversion
 from uniart_jax.weights.mapping import flatten
 from uniart_jax.weights.openclip import convert_image_tower
 from uniart_jax.weights.openshape import OpenShapeConfig, convert_point_encoder, read_encoders

@@ -13,9 +13,10 @@ from test_convert import BUFFERS, ENCODER, dinov2_state
 from test_features import orbit, write_orbits
 
 import uniart_jax
-from uniart_jax import cli, features, stages
+from uniart_jax import cli, stages
 from uniart_jax.config import NETWORKS, DataConfig, StageConfig
 from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.precompute import features
 
 FROZEN = {
     "structure_vae": ("encoder",),

@@ -23,10 +23,10 @@ from uniart_jax.data.background import cut_out
 from uniart_jax.data.images import crop, read_image
 from uniart_jax.evaluation.sampled import details, steps_of_several
 from uniart_jax.export.words import moving_words
-from uniart_jax.layout_picture import draw_layout
 from uniart_jax.simulation.refine import mend
 from uniart_jax.simulation.summary import verdicts
 from uniart_jax.simulation.validate import validate
+from uniart_jax.visual.layout_picture import draw_layout
 from uniart_jax.voxels.layout import Layout
 
 if TYPE_CHECKING:

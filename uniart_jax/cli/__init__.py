@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 import tyro
 
 from uniart_jax import __version__
-from uniart_jax.allocator import keep_freed_memory
 from uniart_jax.cli.app import app
 from uniart_jax.cli.arguments import guarded
 from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
@@ -25,6 +24,7 @@ from uniart_jax.cli.sample import sample
 from uniart_jax.cli.train import TrainArguments, train
 from uniart_jax.cli.verbosity import take_verbosity
 from uniart_jax.config import load_config
+from uniart_jax.runtime.allocator import keep_freed_memory
 
 __all__ = ["COMMANDS", "guarded", "load_config", "main", "sample_main", "train_main"]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uniart_jax.progress import messages, working
+from uniart_jax.runtime.progress import messages, working
 
 
 def app(checkpoint: str = "nano", port: int = 7860, browser: bool = True) -> None:

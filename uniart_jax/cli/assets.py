@@ -36,7 +36,7 @@ from uniart_jax.cli.arguments import (
 )
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.printing.settings import PrintSettings
-from uniart_jax.progress import messages, track
+from uniart_jax.runtime.progress import messages, track
 
 Asset = Annotated[Path, tyro.conf.Positional]
 
@@ -273,7 +273,7 @@ def convert(
             model.pt and OpenCLIP's open_clip_model.safetensors, for "uniart evaluate".
         path: The folder or file.
     """
-    from uniart_jax import conversion
+    from uniart_jax.weights import conversion
 
     converters = {
         "trellis": conversion.convert_trellis_folder,

@@ -115,7 +115,7 @@ def prepare(
             "prepare: --world is of procedural objects and layouts, and instead of --families"
         )
     if source == "found":
-        from uniart_jax.found import prepare_found
+        from uniart_jax.precompute.found import prepare_found
 
         if root is None:
             raise ValueError(
@@ -194,7 +194,7 @@ def prepare(
         settings = dataclasses.replace(settings, split=splits.rule_digest(split, split_list))
     records.prepare(out, entries, settings, processes=workers, part=part, run=run)
     if part_features == "geometric":
-        from uniart_jax.features import write_geometric_features
+        from uniart_jax.precompute.features import write_geometric_features
 
         write_geometric_features(out, part=part)
 
@@ -227,8 +227,8 @@ def features(
     part = shard_numbers(shard)
     if weights is None and part_features is None and export_points is None:
         raise ValueError("features: give --weights, --part-features or --export-points")
-    from uniart_jax import features as columns
     from uniart_jax.pipeline import enable_compilation_cache
+    from uniart_jax.precompute import features as columns
 
     if export_points is not None:
         columns.export_points(records, export_points, part=part)

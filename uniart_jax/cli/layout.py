@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from uniart_jax.cli.arguments import CutOut, Out, Overwrite
-from uniart_jax.progress import messages
+from uniart_jax.runtime.progress import messages
 
 MARKS = ("layouts.json",)  # what an output folder of this command holds
 
@@ -47,9 +47,9 @@ def layout(
 
     pictures = [cut_out(read_image(path), background, f"image '{path}'")[0] for path in images]
     check_target(out, overwrite, images, MARKS)
-    from uniart_jax.layout_picture import draw_layout
-    from uniart_jax.layouts import load_layout_predictor
+    from uniart_jax.inference.layouts import load_layout_predictor
     from uniart_jax.pipeline import enable_compilation_cache
+    from uniart_jax.visual.layout_picture import draw_layout
     from uniart_jax.voxels.layout import read_layout
 
     enable_compilation_cache()

@@ -38,7 +38,7 @@ from uniart_jax.config import TOLERANCES
 from uniart_jax.evaluation.sampled import details, steps_of_several
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.printing.settings import PrintSettings
-from uniart_jax.progress import messages, working
+from uniart_jax.runtime.progress import messages, working
 
 if TYPE_CHECKING:
     from uniart_jax.pipeline import Sample

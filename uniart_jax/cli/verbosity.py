@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 
-from uniart_jax.progress import be_quiet
+from uniart_jax.runtime.progress import be_quiet
 
 QUIET = ("-q", "--quiet")
 VERBOSE = ("-v", "--verbose")

@@ -16,9 +16,9 @@ from PIL import Image, ImageDraw
 from uniart_jax.data.folder import Settings, write_text
 from uniart_jax.data.records import RecordSource
 from uniart_jax.data.sources import entry_of, load_entry
-from uniart_jax.diagram import picture
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, fit
+from uniart_jax.visual.diagram import picture
+from uniart_jax.visual.render import Camera, fit
 from uniart_jax.voxels.joint_code import decode_joint
 
 MEASURED = 500  # records read for the ranges of the card

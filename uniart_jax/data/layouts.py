@@ -40,9 +40,9 @@ from uniart_jax.data.stream import Batch, Batches
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
-from uniart_jax.processes import in_order, process_pool
-from uniart_jax.progress import track
-from uniart_jax.render import Camera, render, sample_camera
+from uniart_jax.runtime.processes import in_order, process_pool
+from uniart_jax.runtime.progress import track
+from uniart_jax.visual.render import Camera, render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
 
 BLOCK = 256  # objects a file

@@ -45,9 +45,9 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.perturb import part_factors, scale_parts
 from uniart_jax.objects.robot_object import lost_pieces
 from uniart_jax.objects.states import sample_state
-from uniart_jax.processes import each
-from uniart_jax.progress import advancing
-from uniart_jax.render import Camera
+from uniart_jax.runtime.processes import each
+from uniart_jax.runtime.progress import advancing
+from uniart_jax.visual.render import Camera
 
 MAX_TEXT = 4000  # characters of a field of the manifest
 ATTEMPTS = 8  # shown states drawn before an object counts as failed
@@ -311,7 +311,7 @@ def _make_record(
     row: Row,
     attempt: int,
 ) -> tuple[bytes, bytes, Row]:
-    from uniart_jax.render import render, sample_camera
+    from uniart_jax.visual.render import render, sample_camera
     from uniart_jax.voxels.voxelize import voxelize
 
     # Own stream (last entry): generate() uses [seed, family index].
@@ -340,7 +340,7 @@ def _make_record(
 def _make_orbit(settings: Settings, shown: ArticulatedObject, name: str) -> bytes:
     """Pictures from all around, evenly over the sphere, as an item of the column "orbit"; b"" if
     none are asked for."""
-    from uniart_jax.render import orbit_cameras, render
+    from uniart_jax.visual.render import orbit_cameras, render
 
     if not settings.orbit_views:
         return b""

@@ -28,7 +28,7 @@ import numpy as np
 from uniart_jax.evaluation.materials import uncolored, with_materials
 from uniart_jax.evaluation.metric import STATES, Figures, Metric
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, build_scene, render
+from uniart_jax.visual.render import Camera, build_scene, render
 
 SIZE = 112
 CAP = 60.0

@@ -17,7 +17,7 @@ from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.reconstruction import reconstruct, score_reconstruction
 from uniart_jax.evaluation.runner import run_or_reason, write_metrics
 from uniart_jax.evaluation.table import markdown
-from uniart_jax.progress import messages
+from uniart_jax.runtime.progress import messages
 
 COLUMNS = {
     "chamfer": "Chamfer",

@@ -68,7 +68,7 @@ from uniart_jax.evaluation.summary import (
 from uniart_jax.evaluation.table import print_table, write_table
 from uniart_jax.objects.facing import FRONTS, check_front
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.progress import messages
+from uniart_jax.runtime.progress import messages
 
 # Raised when a kept result would have other numbers or fields: older ones are not taken.
 RESULTS = 2

@@ -22,7 +22,7 @@ from uniart_jax.evaluation.runner import DIED, Passing, error_line
 from uniart_jax.objects.facing import faced
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.processes import time_limit
+from uniart_jax.runtime.processes import time_limit
 
 PHYSICS = "physics"  # figures that the assets' own files tell
 _PASSING = {

@@ -21,7 +21,7 @@ import numpy as np
 
 from uniart_jax.evaluation.metric import Figures, resting
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.processes import time_limit
+from uniart_jax.runtime.processes import time_limit
 
 # Family -> its module, loaded where it is needed.
 FAMILIES = {

@@ -7,11 +7,11 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from uniart_jax.data.records import Record
-from uniart_jax.diagram import over, picture
 from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import PART_COLORS, Camera, fit
+from uniart_jax.visual.diagram import over, picture
+from uniart_jax.visual.render import PART_COLORS, Camera, fit
 from uniart_jax.voxels.joint_code import decode_joint
 
 TILE = 256

@@ -23,10 +23,10 @@ from uniart_jax.evaluation.procedural import HeldOut, held_out
 from uniart_jax.evaluation.real import RealObject, real_objects
 from uniart_jax.evaluation.runner import run, write_metrics
 from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED
-from uniart_jax.layout_picture import contact_sheet, draw_layout
-from uniart_jax.layouts import load_layout_predictor
+from uniart_jax.inference.layouts import load_layout_predictor
 from uniart_jax.objects.thresholds import FOUND
-from uniart_jax.progress import messages
+from uniart_jax.runtime.progress import messages
+from uniart_jax.visual.layout_picture import contact_sheet, draw_layout
 from uniart_jax.voxels.layout import Layout, read_layout
 
 BINS = 10
@@ -120,7 +120,7 @@ def evaluate_layout(
         all assets).
       cache: keeps the assets' pictures (default OUT/objects). predictor: in place of the
         checkpoint's
-        (``layouts.LayoutPredictor``).
+        (``inference.layouts.LayoutPredictor``).
     """
     if pred is None and predictor is None:
         predictor = load_layout_predictor(checkpoint)

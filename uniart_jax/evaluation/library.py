@@ -29,8 +29,8 @@ from uniart_jax.evaluation.runner import run_or_reason
 from uniart_jax.objects.facing import check_front
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
-from uniart_jax.progress import messages
-from uniart_jax.render import render, sample_camera
+from uniart_jax.runtime.progress import messages
+from uniart_jax.visual.render import render, sample_camera
 
 VIEWS = 4  # pictures an asset, as prepared records have
 console = messages()

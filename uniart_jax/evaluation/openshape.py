@@ -40,7 +40,7 @@ from uniart_jax.models import openclip, openshape
 from uniart_jax.models.openclip import Params
 from uniart_jax.objects.appearance import linear_to_srgb, sample_color
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, fit, render
+from uniart_jax.visual.render import Camera, fit, render
 from uniart_jax.weights.openshape import OpenShapeConfig, read_encoders
 
 NOT_COMPUTED = "not computed: no OpenShape weights (uniart convert openshape FOLDER --out WEIGHTS)"

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from uniart_jax.diagram import picture
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, fit
+from uniart_jax.visual.diagram import picture
+from uniart_jax.visual.render import Camera, fit
 
 TILE = 192
 CAPTION = 16

@@ -40,8 +40,8 @@ from uniart_jax.evaluation.table import markdown
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
 from uniart_jax.pipeline import Pipeline, load
-from uniart_jax.progress import messages
-from uniart_jax.render import render, sample_camera
+from uniart_jax.runtime.progress import messages
+from uniart_jax.visual.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, occupancy

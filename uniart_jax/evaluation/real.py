@@ -1,7 +1,7 @@
 """Folders of real assets as test objects for layouts: rendered as the procedural ones are, with
 what is true of their parts.
 
-    asset -> a shown state (``objects.states``) -> one picture by ``render.sample_camera`` ->
+    asset -> a shown state (``objects.states``) -> one picture by ``visual.render.sample_camera`` ->
     CACHE/<name>.png, CACHE/<name>.json
 
 The JSON holds the true layout (``voxels.layout``) and the category. Textured assets take seconds
@@ -26,7 +26,7 @@ from uniart_jax.data.layouts import encodable_state, part_colors
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.runner import run_or_reason
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import render, sample_camera
+from uniart_jax.visual.render import render, sample_camera
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
 

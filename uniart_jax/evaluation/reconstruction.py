@@ -12,7 +12,7 @@ from uniart_jax.evaluation.geometry import object_chamfer, part_iou
 from uniart_jax.evaluation.parts import compare_parts, summarize
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.progress import messages
+from uniart_jax.runtime.progress import messages
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.voxelize import voxelize
 

@@ -10,12 +10,12 @@ import io
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from uniart_jax.diagram import draw_axes, picture
 from uniart_jax.evaluation.materials import painted
 from uniart_jax.evaluation.parts import match_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.render import PART_COLORS, Camera, fit
+from uniart_jax.visual.diagram import draw_axes, picture
+from uniart_jax.visual.render import PART_COLORS, Camera, fit
 
 VIEW = Camera(azimuth=np.deg2rad(-30), elevation=np.deg2rad(20), fov_degrees=35)
 LINE = 18  # pixels of a line of text

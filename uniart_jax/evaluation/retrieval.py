@@ -37,7 +37,7 @@ from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.evaluation.runner import run, run_or_reason
 from uniart_jax.objects.object import ArticulatedObject, moved_mesh
 from uniart_jax.pipeline import Pipeline
-from uniart_jax.progress import track
+from uniart_jax.runtime.progress import track
 
 LIBRARY_OBJECTS = 2_000
 THINNEST = 1e-3  # object units: a box's side counts as no thinner, so that sheets have a size

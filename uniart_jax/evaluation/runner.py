@@ -22,8 +22,8 @@ from typing import Any, Generic, NamedTuple, TypeVar
 from uniart_jax.data.folder import write_text
 from uniart_jax.evaluation.kept import keep, read_kept, without_nan
 from uniart_jax.objects.robot_object import one_line
-from uniart_jax.processes import each, in_order, process_pool
-from uniart_jax.progress import messages, track
+from uniart_jax.runtime.processes import each, in_order, process_pool
+from uniart_jax.runtime.progress import messages, track
 
 DIED = "its worker process died (out of memory, a crash in C, or a call that never came back)"
 Item = TypeVar("Item")

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from uniart_jax.config import Config
-from uniart_jax.config_files import CONFIGS, find_file
+from uniart_jax.runtime.config_files import CONFIGS, find_file
 
 Size = Literal["nano", "paper"]
 # from what to what the networks of a checkpoint are judged: evaluation.procedural's rows, and the

@@ -37,13 +37,13 @@ from uniart_jax.evaluation.procedural import HeldOut, held_out_for
 from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.evaluation.runner import Kept, error_line, run
 from uniart_jax.experiments.design import Arm, Objects, Station
+from uniart_jax.inference.samplers import Condition, join_views
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, UNSEEN_FAMILIES, generate
-from uniart_jax.render import render, sample_camera
-from uniart_jax.samplers import Condition, join_views
+from uniart_jax.visual.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import occupancy

@@ -27,9 +27,9 @@ from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.reinit_aggregation import reinit_aggregation, shared_init
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
-from uniart_jax.locks import alone
 from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.progress import messages
+from uniart_jax.runtime.locks import alone
+from uniart_jax.runtime.progress import messages
 from uniart_jax.stages.trainer import claim, run
 
 console = messages()

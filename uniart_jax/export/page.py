@@ -22,7 +22,7 @@ from uniart_jax.export.html_page import content_hash, fill
 from uniart_jax.export.physics import Box, Shape
 from uniart_jax.export.preview import DEFAULT_VIEW
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.render import PART_COLORS
+from uniart_jax.visual.render import PART_COLORS
 
 SCRIPTS = ("model.js", "symbols.js", "stage.js", "panel.js")
 DIGITS = 7  # significant ones of collision shapes

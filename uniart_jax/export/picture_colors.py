@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from uniart_jax.data.images import MARGIN, crop
 from uniart_jax.objects.appearance import srgb_to_linear
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import build_scene, occluded
+from uniart_jax.visual.render import build_scene, occluded
 from uniart_jax.voxels.camera_code import camera_position, project
 
 SIZE = 512  # pixels a side that a picture is cropped to

@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from uniart_jax.diagram import picture
 from uniart_jax.objects.image_formats import image_formats
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, Scene, build_scene, fit, render
+from uniart_jax.visual.diagram import picture
+from uniart_jax.visual.render import Camera, Scene, build_scene, fit, render
 
 TILE = 320  # pixels a side
 GAP, CAPTION = 8, 26  # pixels between tiles, and above them

@@ -35,7 +35,8 @@ from uniart_jax.nn.precision import compute_dtype
 CAMERA_CODE = (
     7  # sine and cosine of the azimuth, elevation, focal, perspective, x, y (voxels.camera_code)
 )
-TYPICAL = (0.0, 0.87, 0.4, 1.6, 0.33, 0.0, 0.0)  # about the mean over ``render.sample_camera``
+# about the mean over ``visual.render.sample_camera``
+TYPICAL = (0.0, 0.87, 0.4, 1.6, 0.33, 0.0, 0.0)
 CODE_CHANNELS = 21  # joint code 9, own box 6, parent box 6
 _HEAD_WIDTH = 64
 _SKETCH_CHANNELS = 64

@@ -11,13 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from uniart_jax.diagram import picture
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import Camera, fit
 from uniart_jax.simulation.engine import Plan
 from uniart_jax.simulation.primitives import REACH
 from uniart_jax.simulation.summary import summary, verdicts
 from uniart_jax.simulation.sweep import DEPTH
+from uniart_jax.visual.diagram import picture
+from uniart_jax.visual.render import Camera, fit
 
 FRAMES = 5  # of a sweep
 MOST = 6  # joints that are drawn

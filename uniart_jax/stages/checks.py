@@ -15,7 +15,7 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.models.checkpoint import WIDENABLE, Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.procedural import WORLDS
-from uniart_jax.progress import messages
+from uniart_jax.runtime.progress import messages
 from uniart_jax.stages.stage import Stage
 from uniart_jax.training import distributed
 from uniart_jax.training.state import frozen_mask

@@ -17,11 +17,16 @@ import numpy as np
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.folder import read_metadata, write_text
 from uniart_jax.data.latents import check_views, latent_batches
-from uniart_jax.encoding import digest, encode_all
+from uniart_jax.inference.samplers import (
+    Condition,
+    join_views,
+    make_conditioner,
+    make_layout_finder,
+)
 from uniart_jax.models.checkpoint import FLOW_INPUTS, Checkpoint
 from uniart_jax.models.checkpoint_files import write_statistics
 from uniart_jax.models.network import Network
-from uniart_jax.samplers import Condition, join_views, make_conditioner, make_layout_finder
+from uniart_jax.precompute.encoding import digest, encode_all
 from uniart_jax.stages.stage import Stage, Statistics, load
 from uniart_jax.training import distributed
 from uniart_jax.training.flow_losses import of_pictures
@@ -149,14 +154,14 @@ def claim_inputs(
 
 
 def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Condition]:
-    """``samplers.make_conditioner`` with the trained image encoder of WORKDIR, on one device as
-    long as the function is kept."""
+    """``inference.samplers.make_conditioner`` with the trained image encoder of WORKDIR, on one
+    device as long as the function is kept."""
     parameters = jax.device_put(load(workdir, "image_encoder", config))
     return functools.partial(make_conditioner(config.model), parameters)
 
 
 def load_layout_finder(config: Config, workdir: Path) -> Callable[[jax.Array], PartTable]:
-    """``samplers.make_layout_finder`` with the layout network of WORKDIR."""
+    """``inference.samplers.make_layout_finder`` with the layout network of WORKDIR."""
     parameters = jax.device_put(load(workdir, "layout", config))
     return functools.partial(make_layout_finder(config.model), parameters)
 

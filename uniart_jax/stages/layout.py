@@ -11,7 +11,7 @@ import numpy as np
 
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.layouts import layout_batches, validation_layouts
-from uniart_jax.layouts import check_backbone, first_layout_weights
+from uniart_jax.inference.layouts import check_backbone, first_layout_weights
 from uniart_jax.models.network import Network, build
 from uniart_jax.stages.pictures import IMAGE_BATCH, RECORDS
 from uniart_jax.stages.stage import Evaluation, Stage

@@ -30,7 +30,7 @@ class Stage(abc.ABC):
     Attributes:
       name: of the network (``models.network.build``), of its ``StageConfig`` and of its files.
       latent: "structure" or "latent" where the stage is a flow of that latent, which is encoded
-        before (``encoding.encode_all``); else "".
+        before (``precompute.encoding.encode_all``); else "".
       makes_data: that it makes its own objects and reads no records.
       reads_features: that it reads the columns of the UniArt VAE (``data.columns``).
       reads_pictures_only: that it reads ``data.image_table``, which others need not keep in memory.

@@ -11,8 +11,8 @@ import numpy as np
 from uniart_jax.config import LATENT_OF, Config
 from uniart_jax.data.latents import LatentSource
 from uniart_jax.data.order import spread
+from uniart_jax.inference.samplers import make_structure_decoder, make_structure_sampler
 from uniart_jax.models.network import Network
-from uniart_jax.samplers import make_structure_decoder, make_structure_sampler
 from uniart_jax.stages.flows import (
     FlowStage,
     condition_of_items,

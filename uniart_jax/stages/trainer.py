@@ -20,13 +20,13 @@ import optax
 
 from uniart_jax.config import Config
 from uniart_jax.data.image_table import load_image_table
-from uniart_jax.locks import alone
 from uniart_jax.models.checkpoint import Checkpoint, set_untrained
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import Network, build
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.pipeline import load as load_pipeline
-from uniart_jax.progress import messages
+from uniart_jax.runtime.locks import alone
+from uniart_jax.runtime.progress import messages
 from uniart_jax.stages.checks import (
     check_features,
     check_found,

@@ -33,7 +33,7 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from uniart_jax.config import StageConfig
-from uniart_jax.progress import PLAIN_INTERVAL, duration, messages
+from uniart_jax.runtime.progress import PLAIN_INTERVAL, duration, messages
 from uniart_jax.training.board import Board
 from uniart_jax.training.flops import matmul_peak
 from uniart_jax.training.programs import Program

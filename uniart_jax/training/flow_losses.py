@@ -1,7 +1,7 @@
 """What the two flows minimise: ``make_*`` gives ``loss_fn(params, batch, key) -> (loss, scalar
 metrics)``. Batches are those of ``data.latents`` with what an image encoder sees
-(``samplers.Condition``) in place of the picture (``of_pictures``); every loss is a mean per object,
-then over objects."""
+(``inference.samplers.Condition``) in place of the picture (``of_pictures``); every loss is a mean
+per object, then over objects."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ import jax.numpy as jnp
 
 from uniart_jax.config import Config
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
+from uniart_jax.inference.samplers import Condition, join_views, make_structure_sampler
 from uniart_jax.models.network import Network, build
 from uniart_jax.models.voxel_batch import valid_tokens
-from uniart_jax.samplers import Condition, join_views, make_structure_sampler
 from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import (
     GivenLossFn,
@@ -51,10 +51,10 @@ def of_pictures(
 
     Args:
       condition: (encoder's parameters, images) -> what the flow sees
-        (``samplers.make_conditioner``).
-      find: (layout network's parameters, images) -> part tables (``samplers.make_layout_finder``),
-        shown in place of the batch's own to a ``share`` of the items; of several views it looks at
-        the first.
+        (``inference.samplers.make_conditioner``).
+      find: (layout network's parameters, images) -> part tables
+        (``inference.samplers.make_layout_finder``), shown in place of the batch's own to a
+        ``share`` of the items; of several views it looks at the first.
     """
 
     def seeing(params, batch, key, frozen):
@@ -214,8 +214,8 @@ def decoded_losses(
 
 
 def draw(batch, x0: jax.Array, key: jax.Array, config: Config):
-    """Times [B n], noise like x0, and the condition (``samplers.Condition``) with some items'
-    dropped to zero for guidance."""
+    """Times [B n], noise like x0, and the condition (``inference.samplers.Condition``) with some
+    items' dropped to zero for guidance."""
     weights = config.loss
     time_key, noise_key, drop_key = jax.random.split(key, 3)
     t = sample_times(

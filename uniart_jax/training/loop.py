@@ -20,7 +20,7 @@ import jax
 import numpy as np
 
 from uniart_jax.config import StageConfig
-from uniart_jax.progress import messages
+from uniart_jax.runtime.progress import messages
 from uniart_jax.training.checkpoints import CheckpointableIterator, Checkpoints
 from uniart_jax.training.dashboard import Meter, Reporter, Scalars, has_row
 from uniart_jax.training.distributed import broadcast_from_first, is_first, largest, stop_together

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 
 from uniart_jax.config import Config
+from uniart_jax.inference.samplers import make_conditioner, make_latent_sampler, make_layout_finder
 from uniart_jax.models.network import Network
 from uniart_jax.models.structure_vae import sample_posterior
 from uniart_jax.models.voxel_batch import (
@@ -21,7 +22,6 @@ from uniart_jax.models.voxel_batch import (
     voxel_boxes,
     voxel_codes,
 )
-from uniart_jax.samplers import make_conditioner, make_latent_sampler, make_layout_finder
 from uniart_jax.training.found_layouts import show_found
 from uniart_jax.training.losses import (
     LossFn,

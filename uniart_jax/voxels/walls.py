@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -47,7 +48,7 @@ def with_whole_walls(
     if not solid.any():
         return field
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
-    mine = np.bincount(field.owner[solid]).argmax()
+    mine = int(np.bincount(field.owner[solid]).argmax())
     size = field.sdf.shape[0] - 2
     ways = [
         _way(box, joint, size)
@@ -109,7 +110,9 @@ def _close_holes(
     if wall.mean() < COVERED:
         return
     taken = (sdf[: plane + DEEP] < 0).any(0)  # by the body, or what stands before it
-    holes, count = ndimage.label(ndimage.binary_fill_holes(wall | taken) & (depth > plane + DEEP))
+    enclosed = np.asarray(ndimage.binary_fill_holes(wall | taken), bool)
+    labels: Any = ndimage.label(enclosed & (depth > plane + DEEP))
+    holes, count = labels
     for hole in range(1, count + 1):
         columns = holes == hole
         left = columns & ~np.any([_passes(way, plane, columns.shape) for way in ways], axis=0)

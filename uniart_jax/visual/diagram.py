@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from uniart_jax.objects.kinematics import Joint, rotation
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.render import PART_COLORS, Camera, render
+from uniart_jax.visual.render import PART_COLORS, Camera, render
 
 
 def picture(

@@ -25,7 +25,7 @@ from uniart_jax.config import Config, ModelConfig, to_json
 from uniart_jax.export.folder import check_target, complete_folder
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
-from uniart_jax.progress import messages
+from uniart_jax.runtime.progress import messages
 from uniart_jax.weights.compose import Filled, compose
 from uniart_jax.weights.dinov2 import convert_dinov2
 from uniart_jax.weights.openclip import convert_image_tower

@@ -54,8 +54,8 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import read_network
 from uniart_jax.models.multiview import intrinsic_matrices, multiview_features
 from uniart_jax.models.network import Network, Params, build
-from uniart_jax.progress import advancing
-from uniart_jax.render import Camera
+from uniart_jax.runtime.progress import advancing
+from uniart_jax.visual.render import Camera
 from uniart_jax.weights.dinov2 import converted_config
 
 GEOMETRIC = "geometric"  # a source of part features that is no folder

@@ -6,7 +6,7 @@ from PIL import Image
 from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.render import UNIT_BOX, Camera, fit, render, sample_camera
+from uniart_jax.visual.render import UNIT_BOX, Camera, fit, render, sample_camera
 
 RED, GREEN, BLUE, WHITE = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)
 

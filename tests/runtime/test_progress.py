@@ -2,7 +2,7 @@
 
 import pytest
 
-from uniart_jax import progress
+from uniart_jax.runtime import progress
 
 
 def test_what_is_tracked_comes_through_and_the_end_is_told(capsys):

@@ -17,7 +17,7 @@ import pytest
 from hand_records import features_of, make_record, write_folder, write_items
 from PIL import Image
 
-from uniart_jax import cli, encoding, features, stages
+from uniart_jax import cli, stages
 from uniart_jax.config import (
     Config,
     DataConfig,
@@ -39,7 +39,8 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import read_network, write_config, write_network
 from uniart_jax.models.network import build, flat_names
 from uniart_jax.pipeline import Pipeline
-from uniart_jax.render import Camera, orbit_cameras
+from uniart_jax.precompute import encoding, features
+from uniart_jax.visual.render import Camera, orbit_cameras
 
 ENCODER = ImageEncoderConfig(
     architecture="dinov2", image_size=16, patch_size=4, registers=2, width=12, num_blocks=1, num_heads=1, mlp_ratio=2.0,  # noqa: E501
@@ -162,7 +163,7 @@ import os, signal, sys
 sys.path.insert(0, sys.argv[2])
 import numpy as np
 from hand_records import features_of
-from uniart_jax.features import _records, fill_column
+from uniart_jax.precompute.features import _records, fill_column
 
 def make(shard):
     for row, record in _records(shard):
@@ -181,8 +182,8 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(folder, tmp_path):
     whole = prepared(tmp_path / "whole")
     features.fill_column(whole, "visual", {"weights": "x"}, make, progress=False)
     run = subprocess.run(
-        [sys.executable, "-c", KILLED, folder, Path(__file__).parent / "data"],
-        env={"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(Path(__file__).parents[1])},
+        [sys.executable, "-c", KILLED, folder, Path(__file__).parent.parent / "data"],
+        env={"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(Path(__file__).parents[2])},
     )
     assert run.returncode == -signal.SIGKILL
     assert set(column(folder)) == {"visual-00000.arrayrecord", "visual.json"}

@@ -27,7 +27,7 @@ from uniart_jax.data.columns import column_note, column_path
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf, shard_paths
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
-from uniart_jax.progress import advancing, messages
+from uniart_jax.runtime.progress import advancing, messages
 from uniart_jax.training import distributed
 from uniart_jax.training.latent_metric import WEIGHTS, fit_metric
 

@@ -18,9 +18,7 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
-from uniart_jax.models.image_encoder import pixel_width
-from uniart_jax.models.network import build
-from uniart_jax.samplers import (
+from uniart_jax.inference.samplers import (
     Condition,
     flow_inputs,
     found_table,
@@ -29,6 +27,8 @@ from uniart_jax.samplers import (
     make_structure_sampler,
     pad_coords,
 )
+from uniart_jax.models.image_encoder import pixel_width
+from uniart_jax.models.network import build
 from uniart_jax.training.flow_losses import draw, make_structure_flow_loss
 from uniart_jax.voxels.joint_code import canonical
 from uniart_jax.voxels.layout import read_layout

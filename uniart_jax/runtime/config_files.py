@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 
-_PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).parent.parent
 _INSIDE, _BESIDE = _PACKAGE / "configs", _PACKAGE.parent / "configs"
 CONFIGS = _INSIDE if _INSIDE.is_dir() else _BESIDE
 

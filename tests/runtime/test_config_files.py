@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 import uniart_jax as ua
-from uniart_jax import config_files
 from uniart_jax.cli import guarded, load_config
 from uniart_jax.cli.train import train
 from uniart_jax.experiments.design import find_experiment, load_experiment
+from uniart_jax.runtime import config_files
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parent.parent.parent
 
 
 def test_a_config_by_its_name_from_any_folder(tmp_path, monkeypatch):
@@ -70,8 +70,11 @@ def test_an_installed_package_finds_its_own_copy(tmp_path, monkeypatch):
     assert set(wheel["only-include"]) == {"uniart_jax", "configs", "examples/images"}
     package = tmp_path / "uniart_jax"
     (tmp_path / inside).mkdir(parents=True)
-    (package / "config_files.py").write_text(Path(config_files.__file__).read_text())
-    spec = importlib.util.spec_from_file_location("installed", package / "config_files.py")
+    (package / "runtime").mkdir()
+    (package / "runtime" / "config_files.py").write_text(Path(config_files.__file__).read_text())
+    spec = importlib.util.spec_from_file_location(
+        "installed", package / "runtime" / "config_files.py"
+    )
     module = importlib.util.module_from_spec(spec)
     monkeypatch.setitem(sys.modules, "installed", module)
     spec.loader.exec_module(module)

@@ -5,12 +5,12 @@ import sys
 
 import pytest
 
-from uniart_jax import locks
+from uniart_jax.runtime import locks
 
 HOLD = """
 import sys
 from pathlib import Path
-from uniart_jax.locks import alone
+from uniart_jax.runtime.locks import alone
 with alone(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -28,7 +28,7 @@ from uniart_jax.data.records import (
     write_shard,
 )
 from uniart_jax.pipeline import Pipeline, load
-from uniart_jax.progress import track
+from uniart_jax.runtime.progress import track
 from uniart_jax.voxels.grid import SDF_CLIP, subcell_indices
 from uniart_jax.voxels.isosurface import dense_field
 

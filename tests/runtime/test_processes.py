@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from uniart_jax.processes import each, in_order, process_pool, time_limit
+from uniart_jax.runtime.processes import each, in_order, process_pool, time_limit
 
 
 @pytest.mark.parametrize("processes", [1, 2])
@@ -95,6 +95,6 @@ def test_time_limits_hold_whatever_is_caught_inside():
 
 def test_workers_that_cannot_start_are_told(monkeypatch):
     """Not taken for items that kill: those would be written down as failed."""
-    monkeypatch.setattr("uniart_jax.processes._begin", os.abort)
+    monkeypatch.setattr("uniart_jax.runtime.processes._begin", os.abort)
     with pytest.raises(ValueError, match="cannot start"):
         list(each(2, str, [1, 2, 3], 4, str))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw
 
-from uniart_jax.render import PART_COLORS
+from uniart_jax.visual.render import PART_COLORS
 from uniart_jax.voxels.camera_code import project
 from uniart_jax.voxels.layout import Layout
 

@@ -7,11 +7,11 @@ import sys
 
 import pytest
 
-from uniart_jax import allocator
+from uniart_jax.runtime import allocator
 
 PROGRAM = """
 import resource
-from uniart_jax.allocator import keep_freed_memory
+from uniart_jax.runtime.allocator import keep_freed_memory
 kept = keep_freed_memory()
 def fill():
     block = bytearray(64 << 20)

@@ -1,0 +1,1 @@
+"""Networks in use: samplers of the flows, and the layout network on pictures."""
