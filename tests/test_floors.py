@@ -15,7 +15,8 @@ FLOORS = [
     {"nn", "objects"},
     {"flow", "procedural", "voxels", "visual"},
     {"data", "models"},
-    {"export", "inference", "weights"},
+    {"export", "weights"},
+    {"inference"},
     {"pipeline", "stages", "training", "precompute"},
     {"evaluation", "simulation"},
     {"app", "experiments"},
@@ -23,8 +24,7 @@ FLOORS = [
     {"__main__"},
 ]
 FLOOR = {name: level for level, names in enumerate(FLOORS) for name in names}
-# Methods that people expect on an object import upwards inside their bodies; the comparison of a
-# stage's latents likewise.
+# Methods that people expect on an object import upwards inside their bodies.
 LAZY = {
     ("objects/object.py", f"uniart_jax.{module}")
     for module in ("export.asset", "export.show", "simulation.validate")

@@ -28,6 +28,7 @@ from uniart_jax.config import (
     UniArtVAEConfig,
 )
 from uniart_jax.inference.samplers import Condition, flow_inputs, join_views, pad_coords
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
@@ -231,7 +232,7 @@ def test_the_layout_network_is_shown_a_crop_of_its_own_size(pipeline, tmp_path, 
     model = dataclasses.replace(pipeline.config.model, layout=layout)
     mine = Pipeline(
         dataclasses.replace(pipeline.config, model=model), pipeline.parameters,
-        pipeline.statistics, tmp_path,
+        pipeline.statistics, Checkpoint(tmp_path),
     )  # fmt: skip
     write_config(tmp_path, mine.config)
     network = build("layout", model)

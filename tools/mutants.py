@@ -46,7 +46,7 @@ POSITIONS = "tests/models/test_dinov2.py::test_positions_are_interpolated_as_pyt
 NAP, EXPORT_NAP = "uniart_jax/objects/nap.py", "tools/export_nap.py"
 MOVES = "tests/objects/test_nap.py::test_parts_move_as_nap_moves_them"
 LAYOUT, KNOBS = "uniart_jax/voxels/layout.py", "tests/voxels/test_layout_table.py::test"
-UNITS = "tests/models/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
+UNITS = "tests/inference/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
 INTERVAL = (
     "tests/flow/test_rectified_flow.py::test_outside_its_interval_the_condition_alone_is_asked_for"
 )
@@ -116,7 +116,7 @@ MUTANTS = (
         "uniart_jax/models/flow_trunk.py",
         "else -out",
         "else out",
-        "tests/models/test_samplers.py::test_the_supplements_direction_is_the_mirror_image",
+        "tests/inference/test_samplers.py::test_the_supplements_direction_is_the_mirror_image",
     ),
     Mutant(
         SAMPLERS,
@@ -125,7 +125,7 @@ MUTANTS = (
         "model.structure_flow)",
         "guided = guide(velocity, condition, nothing, options.guidance)\n        found = "
         "_solve(guided, noise, options, model.structure_flow)",
-        "tests/models/test_samplers.py::test_outside_its_interval_guidance_changes_nothing",
+        "tests/inference/test_samplers.py::test_outside_its_interval_guidance_changes_nothing",
     ),
     Mutant(LAYOUT, "back, forth = forth, back", "pass", f"{KNOBS}_a_knob_turns_clockwise"),
     Mutant(LAYOUT, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),

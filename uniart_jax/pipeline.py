@@ -1,6 +1,7 @@
 """Image -> articulated object: the networks of a checkpoint and the voxel decoder behind one call.
 
-    image -> crop -> image encoder -> tokens, volume, pixels and camera (samplers.Condition)
+    image -> crop -> image encoder -> tokens, volume, pixels and camera
+        (inference.samplers.Condition)
     structure flow -> structure VAE decoder -> active voxels
     latent flow on them -> UniArt VAE decoder -> voxels with everything on them -> assemble ->
     object

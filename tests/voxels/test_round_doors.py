@@ -8,9 +8,9 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.round_doors import round_doors, with_round_doors
 
 BODY = (34.3, 4.3, 4.3), (60.3, 60.3, 60.3)
-LOWER, UPPER = (28.3, 12.3, 14.3), (36.3, 50.3, 52.3)  # of the door, closed in front of the body
-MIDDLE, HALF = np.array([31.3, 33.3]), 19.0  # of its face, y and z
-HINGE = (29.0, 12.3, 33.3)
+LOWER, UPPER = (28.3, 9.3, 11.3), (36.3, 53.3, 55.3)  # of the door, closed in front of the body
+MIDDLE, HALF = np.array([31.3, 33.3]), 22.0  # of its face, y and z
+HINGE = (29.0, 9.3, 33.3)
 
 
 def washer(corners, degrees=0, side=-1):
@@ -42,6 +42,19 @@ def washer(corners, degrees=0, side=-1):
 def test_a_door_is_round_where_its_corners_are_drawn_back(corners, count, side):
     field, boxes, joints = washer(corners, side=side)
     assert len(round_doors(field, boxes, joints, [0])) == count
+
+
+@pytest.mark.parametrize("half", [10, 13, 16, 19, 22])
+@pytest.mark.parametrize("loose", [0.0, 0.5, 1.0])
+def test_a_square_door_is_none_whatever_its_size_and_however_its_box_fits(half, loose):
+    middle = np.array([33.3, 33.3])
+    low, high = (28.3, *(middle - half)), (36.3, *(middle + half))
+    body = np.maximum(block(*BODY), 1.5 - block(low, high))
+    field = field_of(body, block(low, high))
+    hinge = Joint(place_of((29.0, middle[0] - half, 33.3)), (0, 0, 1), angle=(0, np.pi / 2))
+    box = box_of(np.array(low) - loose, np.array(high) + loose)
+    boxes = np.stack([box_of(*BODY), box])
+    assert round_doors(field, boxes, (Joint.fixed(), hinge), [0]) == []
 
 
 def test_what_is_no_square_plate_is_no_round_door():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
 import socket
@@ -87,7 +88,8 @@ class Server:
 
     def _sweeps(self) -> None:
         while not self._ended.wait(SWEEP):
-            self.sessions.sweep()
+            with contextlib.suppress(OSError):  # a file that another thread removes meanwhile
+                self.sessions.sweep()
 
 
 def free_port(first: int) -> int:

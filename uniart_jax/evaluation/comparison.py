@@ -94,9 +94,8 @@ def compare_one(setup: Setup, one: Comparison) -> dict[str, Any] | Passing:
 
     Returns:
       ``figures`` {metric: number or None for "nothing to compare"}; a metric that is absent could
-      not be measured, and ``failure`` says
-      why. ``inapplicable``: those of the absent for which this reference has nothing to compare.
-        Also ``category`` (the reference's), ``uncolored``,
+      not be measured, and ``failure`` says why. ``inapplicable``: those of the absent for which
+      this reference has nothing to compare. Also ``category`` (the reference's), ``uncolored``,
       ``confusion``, ``seconds`` {step: s}. What failed for want of memory, of time
       (``Setup.limit``) or of room on a disk is ``Passing``.
 

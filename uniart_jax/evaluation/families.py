@@ -90,7 +90,9 @@ def load_family(name: str, module: str) -> ModuleType:
         flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false"
         os.environ.update(JAX_PLATFORMS="cpu", NPROC="1", XLA_FLAGS=flags.strip())
     found = family_module(name, {name: module})
-    if "jax" in sys.modules:
+    if jax := sys.modules.get("jax"):
+        if multiprocessing.parent_process() is not None:
+            jax.config.update("jax_platforms", "cpu")
         from uniart_jax.pipeline import enable_compilation_cache
 
         enable_compilation_cache()

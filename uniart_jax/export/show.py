@@ -102,7 +102,11 @@ def make_page(
         shapes = [body.shapes for body in make_bodies(obj, [p.mesh for p in obj.parts])]
     else:
         obj = load_object(asset, allow_outside=allow_outside)
-        shapes = read_shapes(asset, obj, allow_outside=allow_outside)
+        try:
+            shapes = read_shapes(asset, obj, allow_outside=allow_outside)
+        except (ValueError, OSError) as error:
+            print(f"{asset}: the page shows no collision shapes: {error}", file=sys.stderr)
+            shapes = [[] for _ in obj.parts]
     atlas = make_atlas(obj)
     textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
     glb = write_glb(obj, textured, path.with_name("object.glb"))

@@ -196,13 +196,13 @@ class Checkpoint:
         Raises:
           FileNotFoundError: one is not there.
         """
-        for name in names:
-            path = self.path(f"{name}.safetensors")
-            write_file(folder / path.name, path.read_bytes())
-            if name in LATENT_OF:
-                write_statistics(folder, LATENT_OF[name], *self.statistics(LATENT_OF[name]))
         if untrained := self.untrained(names):
             set_untrained(folder, names, untrained)
+        for name in names:  # a network last, so that one that is there is whole
+            if name in LATENT_OF:
+                write_statistics(folder, LATENT_OF[name], *self.statistics(LATENT_OF[name]))
+            path = self.path(f"{name}.safetensors")
+            write_file(folder / path.name, path.read_bytes())
 
     def digest(self) -> str:
         """16 hexadecimal digits of all networks and of the options that they are sampled with."""

@@ -23,7 +23,7 @@ from uniart_jax.voxels.ways import center_of
 SQUARE = 1.2  # ratio of a round door's sides at most
 THIN = 0.35  # of its width, that a door's box is thick at most
 WIDE = 0.15  # object units, that a door is wide at least
-INNER = 0.97  # of a face's half side: columns beyond are ragged
+RAGGED = 2  # sub-cells along a face's edges that are not looked at in its corners
 CORNER = 1.2  # radius, in half sides, from which on a column is a corner's
 RIM = (0.75, 1.0)  # farther from the middle than this along a side, and within this radius
 BACK = 2  # sub-cells behind the front, within which a column reaches it
@@ -90,7 +90,7 @@ def _disc(part: int, cells: np.ndarray, turn: Turn, size: int) -> Disc | None:
     step = 1 if turn.still else 2
     count = tuple(int(np.ceil(side / step)) for side in sides)
     u, v = (
-        np.floor((straight[:, axis] - first + 0.5) / step).astype(int)
+        np.floor((straight[:, axis] - first) / step).astype(int)
         for axis, first in ((turn.along, turn.ends[0]), (turn.axis, turn.span[0]))
     )
     inside = (u >= 0) & (u < count[0]) & (v >= 0) & (v < count[1])
@@ -99,13 +99,14 @@ def _disc(part: int, cells: np.ndarray, turn: Turn, size: int) -> Disc | None:
     np.maximum.at(height, (u[inside], v[inside]), ahead[inside])
     x, y = np.meshgrid(*((np.arange(n) + 0.5) / n * 2 - 1 for n in count), indexing="ij")
     farthest, radius = np.maximum(np.abs(x), np.abs(y)), np.hypot(x, y)
+    inner = (np.abs(x) < 1 - 2 * RAGGED / sides[0]) & (np.abs(y) < 1 - 2 * RAGGED / sides[1])
     plate = height[(radius < RIM[0]) & np.isfinite(height)]
-    if not len(plate):
+    corners = (radius > CORNER) & inner
+    rim = (farthest > RIM[0]) & (radius < RIM[1])
+    if not len(plate) or not corners.any() or not rim.any():
         return None
     front = float(np.median(plate))
     reaches = height >= front - BACK
-    corners = (radius > CORNER) & (farthest < INNER)
-    rim = (farthest > RIM[0]) & (radius < RIM[1])
     whole, back = reaches[rim].mean(), float(np.percentile(ahead, 5))
     flat = front - back <= THIN * min(sides)
     if not flat or whole < WHOLE or reaches[corners].mean() > DRAWN * whole:
@@ -156,7 +157,7 @@ def _close_around(field: DenseField, disc: Disc, body: Sequence[int]) -> None:
     window = [slice(1, size + 1)] * 3
     for axis, (low, high) in spans.items():
         first, last = int(np.floor(low)) - AROUND, int(np.ceil(high)) + AROUND + 1
-        window[axis] = slice(max(first, 1), min(last, size + 1))
+        window[axis] = slice(max(first, 1), max(min(last, size + 1), 1))
     near = tuple(window)
     solid = (field.sdf[near] < 0) & np.isin(field.owner[near], body)
     shape = solid.shape

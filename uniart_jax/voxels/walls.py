@@ -19,7 +19,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
 
-# lengths in sub-cells, areas in columns of them
+# lengths in sub-cells, areas in columns of them, of a grid with 128 along its side
 OUTER = 8  # from the outermost layer of the body, within which a wall ends
 FLAT = 2  # from the wall's plane, within which its columns end
 COVERED = 0.4  # share of the body's rectangle that the wall takes at least
@@ -70,10 +70,9 @@ def with_whole_walls(
 
 
 def _way(box: np.ndarray, joint: Joint, size: int) -> np.ndarray:
-    """[2, 3] corners, in cells, of what a part's box takes at the shown state and at both ends of
-    its range."""
+    """[2, 3] corners, in cells, of what a part's box takes, as shown and on its way."""
     corners = trimesh.bounds.corners(box_corners(box).reshape(2, 3))
-    states = (0.0, *joint.limits)
+    states = (0.0, *joint.limits, *np.linspace(*joint.limits, 5)[1:-1])
     places = np.concatenate([trimesh.transform_points(corners, joint.motion(q)) for q in states])
     cells = (places + 0.5) * size + 0.5
     return np.stack([cells.min(0) - BESIDE, cells.max(0) + BESIDE])
