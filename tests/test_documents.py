@@ -121,7 +121,7 @@ def test_the_commands_of_the_documents_are_found_and_most_of_them_run():
     run = {c.text.split("\n")[0] for c in found if not c.left_out}
     assert "python train.py --config configs/debug.py" in run
     assert "uniart layout examples/images/oven.png --out out/layout" in run
-    assert sum(not c.left_out for c in found) >= 14
+    assert sum(not c.left_out for c in found) >= 22
     assert all(c.left_out for c in found if "ROOT" in c.text)
     commands = [c for c in found if not c.python and not c.left_out]
     assert [c.text for c in commands if not c.stated] == []  # each has its time beside it

@@ -27,6 +27,7 @@ DOCUMENTS = (
     "docs/quickstart.md",
     "docs/tutorial.md",
     "docs/photograph.md",
+    "docs/own_urdfs.md",
     "docs/app.md",
 )
 PROGRAMS = ("make", "python", "python3", "uniart", "git", "pip")

@@ -33,6 +33,7 @@ AROUND = 6  # sub-cells around a closed door, where the front of what closes aro
 LIP = 0.88  # radius of its opening
 GAP = 4  # sub-cells around a door's box that may be free
 WALL = 3  # sub-cells, thickness of what closes around a door
+APART = 3  # sub-cells between both: a door turns about a hinge within its thickness
 SOLID = 0.5  # distance of cells that are filled
 
 
@@ -174,7 +175,7 @@ def _close_around(field: DenseField, disc: Disc, body: Sequence[int]) -> None:
     back = side * (window[across].stop - 1 if side > 0 else window[across].start)
     back = round(back - side * disc.back)  # of the door, as deep
     door = (field.sdf[near] < 0) & (field.owner[near] == disc.part)
-    apart = ~np.asarray(ndimage.binary_dilation(door), bool)
+    apart = ~np.asarray(ndimage.binary_dilation(door, iterations=APART), bool)
     last = max(back + 1, first) + WALL
     wall = (depth >= first) & (depth < last) & (np.hypot(x, y) > LIP)
     for place, (low, high) in zip((x, y), (turn.ends, turn.span), strict=True):
