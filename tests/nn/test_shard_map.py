@@ -67,7 +67,11 @@ for a, b in zip(jax.tree.leaves(expected), jax.tree.leaves(found), strict=True):
 from uniart_jax.nn.shard_map import on_single_device, shard_map_items
 seen = []
 with jax.set_mesh(mesh):
-    jax.jit(lambda x: (seen.append(on_single_device()), shard_map_items(lambda x: (seen.append(on_single_device()), x)[1], (x,)))[1])(given[0])
+    def look(x):
+        seen.append(on_single_device())
+        return x
+
+    jax.jit(lambda x: shard_map_items(look, (look(x),)))(given[0])
     assert seen == [False, True], seen
     # six items on eight devices, and one share of eight items: no part of its own for each, the same numbers
     for n, own in ((8, plans(1)), (6, voxel_plans({k: v[:6] for k, v in batch.items()}, UniArtVAEConfig(window=4), grid))):

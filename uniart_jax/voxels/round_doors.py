@@ -38,12 +38,11 @@ SOLID = 0.5  # distance of cells that are filled
 
 
 class Disc(NamedTuple):
-    """A round door: ``part``, how it is turned, and its ``front`` and ``back`` along the third axis
-    where it lies straight, in cells."""
+    """A round door: ``part``, how it is turned, and the place of its ``back`` where it lies straight,
+    along the third axis, in cells."""
 
     part: int
     turn: Turn
-    front: float
     back: float
 
     @property
@@ -112,7 +111,7 @@ def _disc(part: int, cells: np.ndarray, turn: Turn, size: int) -> Disc | None:
     flat = front - back <= THIN * min(sides)
     if not flat or whole < WHOLE or reaches[corners].mean() > DRAWN * whole:
         return None
-    return Disc(part, turn, turn.outside * front, turn.outside * back)
+    return Disc(part, turn, turn.outside * back)
 
 
 def _on_face(cells: np.ndarray, turn: Turn) -> tuple[np.ndarray, np.ndarray]:
