@@ -38,8 +38,8 @@ SOLID = 0.5  # distance of cells that are filled
 
 
 class Disc(NamedTuple):
-    """A round door: ``part``, how it is turned, and the place of its ``back`` where it lies straight,
-    along the third axis, in cells."""
+    """A round door: ``part``, how it is turned, and the place of its ``back`` along the third axis,
+    in cells, where it lies straight."""
 
     part: int
     turn: Turn
