@@ -76,6 +76,18 @@ def test_work_that_goes_on_is_told_and_its_files_go_when_it_has_stopped(sessions
     assert files(sessions) == []
 
 
+def test_a_shared_upload_stays_while_work_of_a_page_that_was_left_reads_it(sessions):
+    payload = upload(sessions)
+    for name in ("one", "other"):
+        sessions.take(sessions.of(name), payload)
+    with sessions.working(sessions.of("one")):
+        sessions.close("one")
+        sessions.close("other")
+        sessions.sweep(unclaimed=-1)
+        assert files(sessions) == ["a.png"]
+    assert files(sessions) == []
+
+
 def test_a_page_that_was_left_is_not_opened_again_by_its_last_requests(sessions, monkeypatch):
     session = sessions.of("one")
     sessions.close("one")

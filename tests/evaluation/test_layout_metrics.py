@@ -66,6 +66,29 @@ def test_a_lost_part_costs_the_count(tests):
     assert found["count"] == 0 and found["recall"] < 1
 
 
+def test_parts_that_the_picture_hides_are_judged_apart(tests):
+    score = judging.score_layout(Layout.of_object(tests[0].obj), tests[0])[0]
+    moving = np.flatnonzero(score.moving)
+    right = np.ones_like(score.right)
+    right[moving[0]] = False
+    wrong = dataclasses.replace(score, right=right, count_right=False)
+    hidden, all_seen = np.ones(len(right)), np.ones(len(right))
+    hidden[moving[0]] = judging.SEEN / 2
+    found = judging.by_sight([wrong, score], [hidden, all_seen])
+    assert found["parts"]["hidden"] == {"recall": 1.0, "parts_right": 0.0, "moving_parts": 1}
+    assert found["parts"]["seen"]["moving_parts"] == 2 * len(moving) - 1
+    assert found["parts"]["seen"]["parts_right"] == 1.0
+    assert found["objects"]["hidden"]["count"] == 0.0 and found["objects"]["seen"]["count"] == 1.0
+    assert "1 hidden moving parts: 1.00 found, 0.00 right" in judging.sight_line(found)
+
+
+def test_the_picture_of_a_held_out_object_says_which_parts_it_shows(tests):
+    for test in tests:
+        opaque = (test.image[..., 3] > 127).mean()
+        assert test.sight.shape == (len(test.obj.parts),)
+        assert test.sight.sum() == pytest.approx(opaque, abs=0.03)
+
+
 def test_calibration_error():
     sure = np.array([0.9, 0.9, 0.9, 0.9, 0.2, 0.2])
     hits = np.array([1, 1, 1, 0, 0, 0])

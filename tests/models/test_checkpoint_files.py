@@ -75,8 +75,9 @@ def test_a_truncated_file_is_told(tmp_path, keep):
 
 
 def test_what_is_not_there_is_told(tmp_path):
-    with pytest.raises(FileNotFoundError, match="neither a folder nor a shipped model"):
-        Checkpoint.find(tmp_path / "none")
+    for name in (tmp_path / "none", "", " ", "x" * 300):
+        with pytest.raises(FileNotFoundError, match="neither a folder nor a shipped model"):
+            Checkpoint.find(name)
     with pytest.raises(FileNotFoundError, match=r"no layout\.safetensors in it; finish"):
         Checkpoint(tmp_path).load("layout", ModelConfig())
     with pytest.raises(FileNotFoundError, match=r"no config\.json"):

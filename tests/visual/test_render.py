@@ -6,7 +6,7 @@ from PIL import Image
 from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.visual.render import UNIT_BOX, Camera, fit, render, sample_camera
+from uniart_jax.visual.render import UNIT_BOX, Camera, fit, part_pixels, render, sample_camera
 
 RED, GREEN, BLUE, WHITE = (255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)
 
@@ -164,6 +164,15 @@ def test_part_colors_replace_the_appearance():
     )
     image = render(obj, Camera(0, 0, 35, 2.5), 32, part_colors=True)
     assert np.abs(image[16, 10, :3] - image[16, 22, :3]).max() > 0.2
+
+
+def test_pixels_of_a_part_behind_another_are_none():
+    wall = Part("base", block([-0.05, -0.5, -0.5], [0.05, 0.5, 0.5], RED))
+    behind = Part("back", block([0.2, -0.1, -0.1], [0.3, 0.1, 0.1], GREEN), 0, wall.joint)
+    obj = ArticulatedObject((wall, behind))
+    front, back = (part_pixels(obj, Camera(azimuth=a), 64) for a in (0.0, np.pi))
+    assert front[0] > 100 and front[1] == 0
+    assert back[0] > 100 and back[1] > 10
 
 
 def test_corners_and_undersides_are_darker():

@@ -59,6 +59,7 @@ class Sessions:
         self.made = self.root / "sessions"
         self.made.mkdir(exist_ok=True)
         self._open: dict[str, Session] = {}
+        self._holding: set[Session] = set()  # open ones, and closed ones whose work goes on
         self._left: dict[str, tuple[float, Session]] = {}  # name -> when, for LATE seconds
         self._kept: frozenset[Path] = frozenset()
         self._lock = threading.Lock()
@@ -77,6 +78,7 @@ class Sessions:
                 return self._left[name][1]
             if name not in self._open:
                 self._open[name] = Session(self.made / secrets.token_hex(SECRET))
+                self._holding.add(self._open[name])
             self._open[name].used = now
             return self._open[name]
 
@@ -140,13 +142,8 @@ class Sessions:
     def close(self, name: str) -> None:
         """A page was left: its files are removed, at once or when what works for it has stopped."""
         with self._lock:
-            session = self._open.pop(name, None)
-            if session is None:
-                return
-            session.closed = True
-            self._left[name] = time.monotonic(), session
-            busy = session.works > 0
-        if not busy:
+            session = self._leave(name)
+        if session is not None and not session.works:
             self._remove(session)
 
     def sweep(self, unclaimed: float = UNCLAIMED, unused: float = UNUSED) -> None:
@@ -160,15 +157,16 @@ class Sessions:
                 for name, session in self._open.items()
                 if now - session.used > unused and not session.works
             ]
-        for name in silent:
-            self.close(name)
+            closed = [self._leave(name) for name in silent]
+        for session in filter(None, closed):
+            self._remove(session)
         old = [
             file
             for file in self.root.glob("*/*")
             if file.parent != self.made and _age(file) > unclaimed
         ]
         with self._lock:
-            held = self._kept.union(*(session.uploads for session in self._open.values()))
+            held = self._kept.union(*(session.uploads for session in self._holding))
             for file in old:
                 if file not in held:
                     _discard(file)
@@ -186,13 +184,22 @@ class Sessions:
             time.sleep(POLL)
         shutil.rmtree(self.root, ignore_errors=True)
 
+    def _leave(self, name: str) -> Session | None:
+        """Marks a session as closed; under the lock."""
+        session = self._open.pop(name, None)
+        if session is not None:
+            session.closed = True
+            self._left[name] = time.monotonic(), session
+        return session
+
     def _remove(self, session: Session) -> None:
         shutil.rmtree(session.folder, ignore_errors=True)
         with self._lock:
-            held = self._kept.union(*(other.uploads for other in self._open.values()))
-            mine, session.uploads = session.uploads - held, set()
-        for file in mine:
-            _discard(file)
+            self._holding.discard(session)
+            held = self._kept.union(*(other.uploads for other in self._holding))
+            for file in session.uploads - held:
+                _discard(file)
+            session.uploads = set()
 
 
 def _age(file: Path) -> float:

@@ -5,6 +5,10 @@ Figures are over moving parts (``evaluation.parts``: found, right) or over objec
 for all objects, by family and by number of moving parts; intervals resample objects.
 ``calibration``: expected calibration error of the rows' confidence against whether a row matches a
 true part within ``thresholds.FOUND``.
+
+Of procedural objects it is known which parts the picture shows (``SEEN``). No picture says where a
+drawer behind a closed door is, or whether there is one: ``sight`` has the figures of moving parts
+that are seen and of those that are hidden, and of objects without and with hidden moving parts.
 """
 
 from __future__ import annotations
@@ -34,6 +38,7 @@ COUNT = 128  # held-out objects
 SHOWN = (
     20  # objects on the contact sheet: the first ones, of real ones evenly spread over the folder
 )
+SEEN = 2e-4  # share of the picture from which a part counts as seen: 13 of 256² pixels
 SIZES = ((1, 1), (2, 3), (4, 7), (8, 99))  # moving parts, from and to
 INTERVALS = ("parts_right", "recall", "count")
 console = messages()
@@ -84,8 +89,33 @@ def with_intervals(scored: Sequence[Any]) -> dict[str, Any]:
     return found
 
 
+def by_sight(scores: Sequence[PartScores], sights: Sequence[np.ndarray]) -> dict[str, Any]:
+    """{"parts": {"seen", "hidden"}, "objects": {…}}: moving parts by whether the picture shows them
+    (``sights``: [K] shares of it), objects by whether it shows all of theirs."""
+    join = lambda name: np.concatenate([getattr(s, name) for s in scores])  # noqa: E731
+    seen = [np.asarray(sight) >= SEEN for sight in sights]
+    of_part, moving = np.concatenate(seen), join("moving")
+    of_object = np.array([bool(row[s.moving].all()) for row, s in zip(seen, scores, strict=True)])
+    found: dict[str, Any] = {"parts": {}, "objects": {}}
+    for name, parts, objects in (("seen", of_part, of_object), ("hidden", ~of_part, ~of_object)):
+        rows = moving & parts
+        found["parts"][name] = {
+            "recall": float(join("found")[rows].mean()) if rows.any() else float("nan"),
+            "parts_right": float(join("right")[rows].mean()) if rows.any() else float("nan"),
+            "moving_parts": int(rows.sum()),
+        }
+        some = [s for s, yes in zip(scores, objects, strict=True) if yes]
+        found["objects"][name] = {
+            "count": float(np.mean([s.count_right for s in some])) if some else float("nan"),
+            "tree": float(np.mean([s.tree_right for s in some])) if some else float("nan"),
+            "objects": len(some),
+        }
+    return found
+
+
 def judge(layouts: Sequence[Layout], tests: Sequence[HeldOut | RealObject]) -> dict[str, Any]:
-    """All figures: {"all", "families": {name: …}, "moving_parts": {"2-3": …}}."""
+    """All figures: {"all", "families": {name: …}, "moving_parts": {"2-3": …}}, and "sight"
+    (``by_sight``) where it is known."""
     scored = [score_layout(layout, test) for layout, test in zip(layouts, tests, strict=True)]
     families = {
         family: figures([s for s, t in zip(scored, tests, strict=True) if t.family == family])
@@ -96,7 +126,11 @@ def judge(layouts: Sequence[Layout], tests: Sequence[HeldOut | RealObject]) -> d
         some = [s for s in scored if low <= s[0].moving.sum() <= high]
         if some:
             sizes[f"{low}-{high}" if high < 99 else f"{low}+"] = figures(some)
-    return {"all": with_intervals(scored), "families": families, "moving_parts": sizes}
+    found = {"all": with_intervals(scored), "families": families, "moving_parts": sizes}
+    sights = [getattr(test, "sight", None) for test in tests]
+    if all(sight is not None for sight in sights):
+        found["sight"] = by_sight([s for s, _, _ in scored], sights)
+    return found
 
 
 def evaluate_layout(
@@ -157,6 +191,8 @@ def evaluate_layout(
     drawn = [draw_layout(crops[i], layouts[i]) for i in shown]
     contact_sheet(drawn).save(out / "layouts.png")
     console.print(table(found))
+    if "sight" in found:
+        console.print(sight_line(found["sight"]), highlight=False)
     return found
 
 
@@ -185,3 +221,19 @@ def table(found: dict[str, Any]) -> Table:
     for name, row in groups.items():
         shown.add_row(name, *(f"{row[n]:.3f}" for n in names), f"{row['objects']:.0f}")
     return shown
+
+
+def sight_line(sight: dict[str, Any]) -> str:
+    """``by_sight`` in two sentences."""
+    parts, objects = sight["parts"], sight["objects"]
+    told = [
+        f"{parts[name]['moving_parts']} {name} moving parts: {parts[name]['recall']:.2f} found, "
+        f"{parts[name]['parts_right']:.2f} right"
+        for name in ("seen", "hidden")
+    ]
+    without, with_some = objects["seen"], objects["hidden"]
+    told.append(
+        f"count {without['count']:.2f} where all moving parts are seen ({without['objects']} "
+        f"objects), {with_some['count']:.2f} where some are hidden ({with_some['objects']})"
+    )
+    return "; ".join(told)

@@ -41,7 +41,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
 from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.runtime.progress import messages
-from uniart_jax.visual.render import render, sample_camera
+from uniart_jax.visual.render import part_pixels, render, sample_camera
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, occupancy
@@ -75,6 +75,7 @@ class HeldOut:
     Attributes:
       obj: the truth, normalised, at its shown state. grid: its voxels.
       image: [S, S, 4] uint8 straight-alpha rendering.
+      sight: [K] share of the picture's pixels that show each part, where the camera is known.
     """
 
     family: str
@@ -82,6 +83,7 @@ class HeldOut:
     obj: ArticulatedObject
     grid: PartGrid
     image: np.ndarray
+    sight: np.ndarray | None = None
 
 
 def held_out(
@@ -106,8 +108,10 @@ def held_out(
         except ValueError:
             if attempt == ATTEMPTS - 1:
                 raise
-    picture = render(obj, sample_camera(rng), size=image_size, samples=4)
-    return HeldOut(family, seed, obj, grid, np.round(picture * 255).astype(np.uint8))
+    camera = sample_camera(rng)
+    picture = render(obj, camera, size=image_size, samples=4)
+    sight = part_pixels(obj, camera, image_size) / image_size**2
+    return HeldOut(family, seed, obj, grid, np.round(picture * 255).astype(np.uint8), sight)
 
 
 def held_out_for(model: ModelConfig, index: int, unseen: bool = False) -> HeldOut:

@@ -61,8 +61,8 @@ class Checkpoint:
             folder = hub_folder(str(given))
         else:
             shipped = PRETRAINED / str(given)
-            folder = shipped if not os.path.isdir(given) and shipped.is_dir() else Path(given)
-        if not folder.is_dir():
+            folder = shipped if not os.path.isdir(given) and os.path.isdir(shipped) else Path(given)
+        if not str(given).strip() or not os.path.isdir(folder):  # isdir: False for a name too long
             known = sorted(p.name for p in PRETRAINED.glob("*") if p.is_dir())
             raise FileNotFoundError(
                 f"checkpoint '{given}': neither a folder nor a shipped model (shipped: "

@@ -254,6 +254,17 @@ def render(
     return image
 
 
+def part_pixels(obj: ArticulatedObject, camera: Camera, size: int = 256) -> np.ndarray:
+    """[K] int, pixels of a picture of ``size`` at the shown state whose centre shows each part; 0 =
+    hidden or outside of the picture."""
+    embree, triangles, face_part, _ = build_scene(obj)
+    window = camera.window(_bounds(triangles), size)
+    rays = camera.rays(size, window=window).reshape(-1, 3)
+    origin = np.broadcast_to(camera.position.astype(np.float32), rays.shape).copy()
+    face = embree.run(origin, rays, output=1)["primID"]
+    return np.bincount(face_part[face[face >= 0]], minlength=len(obj.parts))
+
+
 def _bounds(triangles: np.ndarray) -> np.ndarray:
     """[2, 3] box of triangles [F, 4, 3] as ``build_scene`` gives them."""
     first, ends = triangles[:, 0], triangles[:, :1] + triangles[:, 1:3]
