@@ -19,6 +19,7 @@ Writes docs/joint_code_noise.png and docs/joint_code_noise.md.
 from __future__ import annotations
 
 import argparse
+import subprocess
 from collections import defaultdict
 from pathlib import Path
 
@@ -41,6 +42,7 @@ from uniart_jax.voxels.joint_code import (
 from uniart_jax.voxels.voxelize import voxelize
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
+MEASURED = tuple(f"uniart_jax/{name}" for name in ("objects", "procedural", "voxels"))
 SIGMAS = (0.0, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 TYPES = ("fixed", "revolute", "continuous", "prismatic", "screw")
 KINDS = ("independent", "shared", "both", "network")
@@ -63,7 +65,7 @@ def main():
     results = {
         (kind, sigma): measure(cases, kind, sigma, rng) for kind in KINDS for sigma in SIGMAS
     }
-    text = table(results, len(cases))
+    text = table(results, len(cases), written_at())
     print(text)
     (DOCS / "joint_code_noise.md").write_text(text)
     plot(results, DOCS / "joint_code_noise.png")
@@ -164,12 +166,25 @@ def errors(true: Joint, got: Joint) -> tuple[float, float, float, float]:
     return 1.0, axis, pivot, float(np.abs(limits - true.limits).max() / span)
 
 
-def table(results, count: int) -> str:
+def written_at() -> str:
+    """The last commit that touched what the figures follow from, "and changes" where files of it
+    differ from what is committed."""
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(DOCS.parent), *arguments, "--", *MEASURED]
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+    changed = git("status", "--porcelain", "--untracked-files=no")
+    commit = git("log", "-1", "--format=%h", "--abbrev=7")
+    return f"`{commit}`" + (" and changes" if changed else "")
+
+
+def table(results, count: int, commit: str) -> str:
     lines = [
         "# The joint code under noise",
         "",
         f"{count} objects, half of them held-out procedural ones, half random trees. Written by "
-        "`benchmarks/joint_code_noise.py`,",
+        f"`python benchmarks/joint_code_noise.py` with the code as of commit {commit},",
         "whose header says what is measured. Medians are over the joints whose type is right; a "
         "limit's error is a share of the span.",
         "",
