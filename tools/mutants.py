@@ -47,6 +47,7 @@ NAP, EXPORT_NAP = "uniart_jax/objects/nap.py", "tools/export_nap.py"
 MOVES = "tests/objects/test_nap.py::test_parts_move_as_nap_moves_them"
 LAYOUT, KNOBS = "uniart_jax/voxels/layout.py", "tests/voxels/test_layout_table.py::test"
 UNITS = "tests/inference/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
+OUTSIDE = "tests/inference/test_samplers.py::test_outside_its_interval_guidance_changes_nothing"
 INTERVAL = (
     "tests/flow/test_rectified_flow.py::test_outside_its_interval_the_condition_alone_is_asked_for"
 )
@@ -125,7 +126,16 @@ MUTANTS = (
         "model.structure_flow)",
         "guided = guide(velocity, condition, nothing, options.guidance)\n        found = "
         "_solve(guided, noise, options, model.structure_flow)",
-        "tests/inference/test_samplers.py::test_outside_its_interval_guidance_changes_nothing",
+        f"{OUTSIDE}[structure]",
+    ),
+    Mutant(
+        SAMPLERS,
+        "guided = guide(velocity, condition, nothing, options.guidance, "
+        "options.guidance_interval)\n        found = _solve(guided, noise, options, "
+        "model.latent_flow, valid)",
+        "guided = guide(velocity, condition, nothing, options.guidance)\n        found = "
+        "_solve(guided, noise, options, model.latent_flow, valid)",
+        f"{OUTSIDE}[latent]",
     ),
     Mutant(LAYOUT, "back, forth = forth, back", "pass", f"{KNOBS}_a_knob_turns_clockwise"),
     Mutant(LAYOUT, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),

@@ -198,16 +198,22 @@ def test_samples_are_given_the_latents_mean_and_deviation(kind):
     np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
-def test_outside_its_interval_guidance_changes_nothing():
+@pytest.mark.parametrize("kind", ["structure", "latent"])
+def test_outside_its_interval_guidance_changes_nothing(kind):
     """Of three steps the first is at t = 1 and the last at .6: an interval that holds none, or
     one."""
     condition = seen(1)
+    coords = [np.argwhere(rng.random((8,) * 3) < 0.2).astype(np.int32)]
+    voxels = flow_inputs(*pad_coords(coords, (128,)), MODEL)
+    loud = jax.tree.map(lambda a: 3 * a, LATENT)  # so that the condition is heard
 
     def sampled(guidance, interval):
         options = dataclasses.replace(OPTIONS, guidance=guidance, guidance_interval=interval)
-        return np.asarray(
-            make_structure_sampler(MODEL, options)(STRUCTURE, PLAIN, condition, KEY).x
-        )
+        if kind == "structure":
+            found = make_structure_sampler(MODEL, options)(STRUCTURE, PLAIN, condition, KEY)
+        else:
+            found = make_latent_sampler(MODEL, options)(loud, PLAIN, condition, KEY, voxels)
+        return np.asarray(found.x)
 
     plain = sampled(0.0, (0.0, 1.0))
     np.testing.assert_allclose(sampled(5.0, (0.1, 0.5)), plain, atol=1e-5)
