@@ -3,6 +3,7 @@ parts frozen, load. Random weights, toy size."""
 
 import dataclasses
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,13 +11,19 @@ from hand_records import make_record, write_folder
 from official import write_folder as write_official
 from safetensors.numpy import load_file, save_file
 from test_convert import BUFFERS, ENCODER, dinov2_state
-from test_features import orbit, write_orbits
 
 import uniart_jax
 from uniart_jax import cli, stages
 from uniart_jax.config import NETWORKS, DataConfig, StageConfig
+from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
+from uniart_jax.experiments.reinit_aggregation import reinit_aggregation
+from uniart_jax.models.aggregation import AGGREGATIONS
 from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.network import build, flat_names
 from uniart_jax.precompute import features
+
+sys.path.append(str(Path(__file__).parents[1] / "precompute"))
+from test_features import orbit, write_orbits
 
 FROZEN = {
     "structure_vae": ("encoder",),
@@ -52,6 +59,10 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
     write_folder(folder, made)
     write_orbits(folder, [(r.meta["id"], orbit(r, size)) for r in made])
     features.write_visual(folder, checkpoint / "image_encoder.safetensors", progress=False)
+    features.write_geometric_features(folder, progress=False)
+    # part features, which TRELLIS has none of: configs/paper.py has PartField's 448
+    reads = dataclasses.replace(model.uniart_vae, part_feature_channels=GEOMETRIC_CHANNELS)
+    model = dataclasses.replace(model, uniart_vae=reads)
 
     stage = StageConfig(
         steps=2,
@@ -64,6 +75,7 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
     )
     config = dataclasses.replace(
         Checkpoint(checkpoint).config,
+        model=model,
         untrained=(),
         data=DataConfig(records=str(folder), voxel_buckets=(128,), mirror_latents=False),
         **{name: dataclasses.replace(stage, freeze=kept) for name, kept in FROZEN.items()},
@@ -92,3 +104,17 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
     assert encoder[0] == encoder[1]
     assert not Checkpoint(work / "export").untrained()
     assert uniart_jax.load(work).config.model == model
+    heard = Checkpoint.find(work).load("uniart_vae")["front"]["part_feature"]["kernel"]
+    assert np.asarray(heard).any()  # it began at zero
+
+    # and so do the arms of Table 3
+    for kind in set(AGGREGATIONS) - {"uniart"}:
+        other = dataclasses.replace(model, uniart_vae=dataclasses.replace(reads, aggregation=kind))
+        arm = dataclasses.replace(config, model=other)
+        first = Checkpoint(reinit_aggregation(Checkpoint(checkpoint), arm, tmp_path / kind))
+        loaded = first.load("uniart_vae", other, widen=True)
+        missing = set(flat_names(build("uniart_vae", other).abstract())) - set(flat_names(loaded))
+        assert {name.rpartition(".")[0] for name in missing} == {
+            "front.part_feature",
+            "part_feature_head",
+        }
