@@ -100,6 +100,7 @@ def test_a_folder_with_everything_that_goes_wrong(folders):
     assert kept["metrics"]["overlap"]["better"] == "higher"
     table = (folders[2] / "table.md").read_text()
     assert "| ours: closed | 2 |" in table and "- missing: there is no prediction" in table
+    assert "1 of 5 objects have no colours" in table and "mean colour of the true part" in table
 
 
 def test_the_report_draws_what_was_measured(folders, report):

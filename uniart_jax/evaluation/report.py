@@ -170,8 +170,9 @@ def _summary(content: Content) -> Iterator:
         if bare := method.get("uncolored"):
             yield element(
                 "p",
-                f"{text(name)}: {len(bare)} of {total} objects without colours, given the truth's "
-                "for PSNR (†).",
+                f"{text(name)}: {len(bare)} of {total} objects without colours; for PSNR each part "
+                "was given the mean colour of the true part that it was matched with, not its "
+                "material (†).",
             )
         if failed := method.get("failures"):
             yield element(

@@ -138,8 +138,9 @@ def _remarks(name: str, method: Mapping[str, Any]) -> Iterator[str]:
         )
     if method["uncolored"]:
         yield (
-            f"{name}: {len(method['uncolored'])} of {objects} objects have no colours and were "
-            "given the truth's for PSNR."
+            f"{name}: {len(method['uncolored'])} of {objects} objects have no colours; for PSNR "
+            "each part was given the mean colour of the true part that it was matched with, not "
+            "its material."
         )
 
 
