@@ -15,9 +15,11 @@ R(l, theta), t = (1 - R)(l x m) + l d against ``src``; the root is the node with
 and where an edge points towards the root the motion is inverted. Here every line is written in the
 object's frame at theta = d = 0, negated where the edge points towards the root: the same motion.
 
-NAP's code does not say which way is up, and its preprocessing is not public; its renderer shows
-objects upright with y up, which is PartNet-Mobility's own frame (front +z). ``--up z`` is for
-graphs in the frame of PartNet-Mobility's URDFs (z up, front -x).
+Which axis is up is inferred, not known: NAP's code does not say it, its preprocessing is not
+public, and no graph of its checkpoint has been seen here. Its renderer takes y for up, which is
+PartNet-Mobility's own frame (front +z), so that is the default. ``--up z`` is for graphs in the
+frame of PartNet-Mobility's URDFs (z up, front -x). Look at one exported object (``uniart view``)
+before you measure: if it lies on its back, export again with the other.
 
 NAP generates without an image, so its names (``gen_12``) are no reference's: rename the folders to
 what they are held against. The image-conditioned NAP-ICA of the paper's Table 1 has no public code.
@@ -105,7 +107,13 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("graphs", type=pathlib.Path, help="folder of <name>.pkl that you made")
     parser.add_argument("out", type=pathlib.Path, help="folder that gets <name>/nap.npz")
-    parser.add_argument("--up", choices=("y", "z"), default="y", help="axis that is up in them")
+    parser.add_argument(
+        "--up",
+        choices=("y", "z"),
+        default="y",
+        help="axis that is up in the graphs; y is inferred from NAP's renderer, "
+        "not known: look at one object (uniart view), else give z",
+    )
     given = parser.parse_args()
     files = sorted(given.graphs.glob("*.pkl"))
     if not files:
