@@ -189,7 +189,6 @@ def test_the_metric_of_the_latents_found_is_positive_definite(trained):
     assert metric.shape == (4, 4) and np.linalg.eigvalsh(metric).min() >= 0.5 / 4 - 1e-5
 
 
-@pytest.mark.slow
 def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
     """Learning rate 0: the trained stage ends with the weights that it began with; the others are
     taken as they are, and all of it loads."""
