@@ -4,9 +4,11 @@ from uniart_jax.voxels.grid import (
     SDF_CLIP,
     PartGrid,
     VoxelGrid,
+    connected,
     occupancy,
     smoothed,
     subcell_centers,
+    subcell_indices,
     subcell_offsets,
 )
 
@@ -106,3 +108,23 @@ def test_smoothing_along_surfaces_leaves_a_knob():
     found = smoothed(grid, 0.0, 0.0, 3.0)
     assert np.abs(found.sdf - knob).max() < 0.76
     assert (found.sdf < 0).any()
+
+
+def test_smoothing_leaves_a_thin_leg_in_one_piece():
+    """A leg two to three sub-cells thick, torn by noise."""
+    coords = np.array(list(np.ndindex(3, 3, 6)))
+    centres = subcell_centers(coords, 6, 4)
+    across = np.abs(centres[..., :2] * 24 + 6).max(-1)
+    leg = np.clip(across - 1.2, -SDF_CLIP, SDF_CLIP)
+    rough = leg + np.random.default_rng(0).normal(0, 1.2, leg.shape)
+    cells = leg.shape
+    rest = (np.zeros((*cells, 3)), np.zeros((*cells, 6)), np.zeros((len(coords), 9)))
+    grid = VoxelGrid(6, 4, coords, rough, *rest, np.zeros((len(coords), 6)))
+    wrong = lambda found: ((found.sdf < 0) != (leg < 0)).mean()  # noqa: E731
+    along = smoothed(grid, 0.0, 0.5, 2.0)
+    assert wrong(along) < 0.5 * wrong(smoothed(grid, 0.0, 0.5))
+    inside = np.zeros((24,) * 3, bool)
+    at = tuple(subcell_indices(coords, 4).reshape(-1, 3).T)
+    inside[at] = along.sdf.ravel() < 0
+    sizes = np.bincount(connected(inside).ravel())[1:]
+    assert sizes.max() > 0.95 * sizes.sum()

@@ -23,6 +23,11 @@ from scipy import ndimage
 SDF_CLIP = 3.0  # sub-cells
 FLATTENED = 0.75  # sub-cells by which smoothing along a surface moves it at most: knobs stay
 FACING = 2.0  # sub-cells, deviation of the Gaussian before it is asked which way a surface faces
+NEAR = 3.0  # sub-cells, deviation of the Gaussian over which that is asked
+ROD = 3.0  # sub-cells, deviation of the Gaussian along a rod
+# along a rod's surface distances change in two directions: in the second more than so much of the
+# change in the first, as mean squares
+ROD_CHANGE = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -128,34 +133,55 @@ def smoothed(grid: VoxelGrid, offset: float, blur: float, along: float = 0.0) ->
     Distances that are not finite stay so, and do not count.
 
     Args:
-      blur: deviation of the Gaussian in sub-cells, in every direction; with ``along``, in that of
-        the axis which the surface faces.
-      along: deviation in the other two directions, so that flat panels become flat and stay as
-        thick as they are; it moves no distance by more than ``FLATTENED``. 0: as ``blur``.
+      blur: deviation of the Gaussian in sub-cells, in every direction; with ``along``, across the
+        surface.
+      along: deviation in the directions along which the surface does not change, so that what is
+        flat becomes flat, and what is long and thin is in one piece: the two along a panel, the one
+        along a leg (there ``ROD``). It moves no distance by more than ``FLATTENED``. 0: as
+        ``blur``.
     """
     if not (offset or blur or along):
         return grid
     sdf = np.asarray(grid.sdf, np.float32)
     if blur or along:
-        at = tuple(subcell_indices(grid.coords, grid.subdivisions).reshape(-1, 3).T)
-        dense = np.zeros((2, *(grid.resolution * grid.subdivisions,) * 3), np.float32)
+        cells = subcell_indices(grid.coords, grid.subdivisions).reshape(-1, 3)
+        cells = cells - cells.min(0) + 1  # room around them: beyond, nothing changes either
+        at = tuple(cells.T)
+        dense = np.zeros((2, *(cells.max(0) + 2)), np.float32)
         known = np.isfinite(sdf).ravel()
         dense[0][at], dense[1][at] = np.where(known, sdf.ravel(), 0), known
         mean = _average(dense, at, blur)
         if along:
-            axis = _facing(*dense)[at]
-            for facing in range(3):
-                flat = _average(dense, at, [blur if k == facing else along for k in range(3)])
-                moved = np.clip(flat - mean, -FLATTENED, FLATTENED)
-                mean = np.where(axis == facing, mean + moved, mean)
+            mean = mean + _along(dense, at, mean, blur, along)
         sdf = np.where(known, mean, np.nan).reshape(sdf.shape).astype(np.float32)
     return dataclasses.replace(grid, sdf=np.clip(sdf - offset, -SDF_CLIP, SDF_CLIP))
+
+
+def _along(
+    dense: np.ndarray, at: tuple[np.ndarray, ...], mean: np.ndarray, blur: float, along: float
+) -> np.ndarray:
+    """How far smoothing along panels and rods moves the ``mean`` of cells."""
+    change = _change(*dense)[(slice(None), *at)]
+    least, middle, most = np.argsort(change, 0)
+    at_axis = lambda axis: np.take_along_axis(change, axis[None], 0)[0]  # noqa: E731
+    rod = at_axis(middle) > ROD_CHANGE * at_axis(most)
+    moved = np.zeros_like(mean)
+    for axis in range(3):
+        panel = [blur if k == axis else along for k in range(3)]
+        length = [ROD if k == axis else blur for k in range(3)]
+        for deviation, chosen in (
+            (panel, (most == axis) & ~rod),
+            (length, (least == axis) & rod),
+        ):
+            if chosen.any():
+                moved[chosen] = (_average(dense, at, deviation) - mean)[chosen]
+    return np.clip(moved, -FLATTENED, FLATTENED)
 
 
 def _average(
     dense: np.ndarray, at: tuple[np.ndarray, ...], deviation: float | list[float]
 ) -> np.ndarray:
-    """Weighted means of values and weights [2, n, n, n] at cells, 0 where nothing has weight."""
+    """Weighted means of values and weights [2, n, m, l] at cells, 0 where nothing has weight."""
     total, weight = (_gaussian(values, deviation)[at] for values in dense)
     return total / np.where(weight > 0, weight, 1)
 
@@ -164,8 +190,8 @@ def _gaussian(values: np.ndarray, deviation: float | list[float]) -> np.ndarray:
     return ndimage.gaussian_filter(values, deviation, mode="constant")
 
 
-def _facing(sdf: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """[n, n, n] the axis along which known distances change most, seen from ``FACING``
-    sub-cells."""
+def _change(sdf: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """[3, n, m, l] how much known distances change along each axis, seen from ``FACING`` sub-cells:
+    mean squares over ``NEAR`` of them (the diagonal of the structure tensor)."""
     coarse = _gaussian(sdf, FACING) / np.maximum(_gaussian(known, FACING), 1e-3)
-    return np.stack([np.abs(ndimage.sobel(coarse, axis)) for axis in range(3)]).argmax(0)
+    return np.stack([_gaussian(ndimage.sobel(coarse, k) ** 2 * known, NEAR) for k in range(3)])
