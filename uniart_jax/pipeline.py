@@ -55,6 +55,7 @@ from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, smoothed
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
+from uniart_jax.voxels.kind import Kind, kind_of
 from uniart_jax.voxels.layout import THRESHOLD, Layout, read_layout
 from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table
 
@@ -78,7 +79,8 @@ class Sample:
     for it. Of both flows ("structure", "latent") the options, the velocities that were asked for
     (with guidance each is one call of the network on twice the batch) and the adaptive steps whose
     error was above the tolerance (``flow.solvers.Solution``). ``background``: how the object was
-    cut out of each image (``data.background``); ``cut``: each image so cut out, [H, W, 4] uint8."""
+    cut out of each image (``data.background``); ``cut``: each image so cut out, [H, W, 4] uint8.
+    ``layout``: what it follows, if anything."""
 
     obj: ArticulatedObject
     options: dict[str, SampleConfig]
@@ -87,6 +89,12 @@ class Sample:
     picture: Picture | None = None
     background: tuple[str, ...] = ()
     cut: tuple[np.ndarray, ...] = ()
+    layout: Layout | None = None
+
+    @property
+    def kind(self) -> Kind:
+        """The kind of thing that its parts are likest to."""
+        return kind_of(self.layout or Layout.of_object(self.obj))
 
 
 class Pipeline:
@@ -249,6 +257,7 @@ class Pipeline:
             self._picture(shown[0], found, condition),
             tuple(way for _, way in cut),
             tuple(shown),
+            found,
         )
 
     def _picture(

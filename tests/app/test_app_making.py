@@ -11,12 +11,13 @@ import mujoco
 import numpy as np
 import pytest
 from PIL import Image
-from toy_pipeline import ToyPipeline
+from toy_pipeline import ToyPipeline, toy_layout
 
 from uniart_jax.app import making
 from uniart_jax.app.examples import example_pictures
 from uniart_jax.app.making import Options, look, make, planned, sentence, stage_of, zip_assets
 from uniart_jax.pipeline import Pipeline
+from uniart_jax.voxels.kind import kind_of
 
 ROOT = Path(__file__).parents[2]
 OVEN = ROOT / "examples" / "images" / "oven.png"
@@ -62,7 +63,7 @@ def test_several_samples_and_one_that_fails(made):
 
 def test_reports_say_how_it_was_made(made):
     for one in made[1]:
-        assert one.found == "1 slider"
+        assert one.found == f"{kind_of(toy_layout())}: 1 slider"
         assert one.report["seed"] == one.seed and one.report["checkpoint"] == "toy"
         assert one.report["background"] == ["alpha"] and one.report["spread"]["samples"] == 2
         assert (one.folder / "view.html").is_file()

@@ -15,6 +15,7 @@ from uniart_jax.app.part_words import motion, read_parts, root_first
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.simulation.summary import verdicts
 from uniart_jax.simulation.validate import validate
+from uniart_jax.voxels.kind import kind_of
 
 GOOD = {"passed": True, "value": 0.0, "limit": 0}
 BAD = {"passed": False, "value": 3.0, "limit": 0, "reason": "'<door>' hangs in the air"}
@@ -67,7 +68,9 @@ def test_the_cut_out_and_the_parts():
     page = Elements(texts.look_html(seen(layout=toy_layout())))
     pictures = [attributes["src"] for tag, attributes in page.tags if tag == "img"]
     assert pictures == ["gradio_api/file=/s/cut.png", "gradio_api/file=/s/parts.png"]
-    for words in ("plain background", "2 parts, 1 of them moves", "slider", "confidence 0.90"):
+    said = str(kind_of(toy_layout()))
+    title = f"{said[:1].upper()}{said[1:]}: 2 parts, 1 of them moves"
+    for words in ("plain background", title, "slider", "confidence 0.90"):
         assert words in page.text
     assert "slides by 30% of the object's size" in page.text
     page = Elements(texts.look_html(seen("none")))

@@ -15,6 +15,7 @@ from uniart_jax.pipeline import Sample
 from uniart_jax.voxels.layout import Layout
 
 BODY, DRAWER = [0, 0, 0, 0.6, 1, 0.8], [-0.31, 0, 0, 0.02, 0.9, 0.3]
+PATIENCE = 800.0  # seconds that a sample waits at most: a second browser starts meanwhile
 PULL = Joint([0, 0, 0], [-1, 0, 0], travel=(0, 0.3))
 
 
@@ -57,7 +58,7 @@ class ToyPipeline:
         self.asked.append(asked)
         progress("looking at the image")
         progress("structure")
-        assert self.go.wait(60)
+        assert self.go.wait(PATIENCE)
         if asked["seed"] in self.bad:
             raise ValueError(f"{asked['name']}: the model found no object in the image")
         progress("12 voxels")
@@ -65,4 +66,4 @@ class ToyPipeline:
         flows = ("structure", "latent")
         one, none = dict.fromkeys(flows, 1), dict.fromkeys(flows, 0)
         options = dict.fromkeys(flows, self.flow)
-        return Sample(toy_object(), options, one, none, None, ("alpha",))
+        return Sample(toy_object(), options, one, none, None, ("alpha",), layout=toy_layout())

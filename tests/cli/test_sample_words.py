@@ -1,5 +1,7 @@
 """What ``sample`` says and reports of one sample beside its figures."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,9 +9,13 @@ import trimesh
 from uniart_jax.cli.sample import details, lines
 from uniart_jax.cli.words import moving_words
 from uniart_jax.config import SampleConfig
+from uniart_jax.data.layouts import shown_object
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.pipeline import Sample
+from uniart_jax.procedural import HELD_OUT_SEED
+from uniart_jax.voxels.kind import kind_of
+from uniart_jax.voxels.layout import Layout
 
 HINGE = Joint((-0.5, 0.5, 0), (0, 0, 1), (0, 1.5), (0, 0))
 SLIDER = Joint((0, 0, 0), (-1, 0, 0), (0, 0), (0, 0.3))
@@ -55,14 +61,24 @@ def test_moving_parts_in_words():
 
 
 def test_the_last_line_says_what_was_found_and_where_to_click(tmp_path):
-    last = list(lines("x.png", one(cooker()), tmp_path, []))[-1]
-    assert last == "found: 1 hinge, 2 knobs"  # no page was asked for
+    made = one(cooker())
+    said = f"found: {made.kind}: 1 hinge, 2 knobs"
+    assert list(lines("x.png", made, tmp_path, []))[-1] == said  # no page was asked for
     (tmp_path / "view.html").touch()
-    last = list(lines("x.png", one(cooker()), tmp_path, []))[-1]
-    assert last == (
-        f"found: 1 hinge, 2 knobs; open {tmp_path / 'view.html'} in a browser: a slider for every "
-        "joint"
-    )
+    look = f"open {tmp_path / 'view.html'} in a browser: a slider for every joint"
+    assert list(lines("x.png", made, tmp_path, []))[-1] == f"{said}; {look}"
+
+
+def test_the_kind_is_that_of_the_layout_that_was_found(tmp_path):
+    oven, _ = shown_object(HELD_OUT_SEED + 1, ("oven",), np.random.default_rng(0))
+    found = Layout.of_object(oven)
+    made = dataclasses.replace(one(cooker()), layout=found)
+    assert made.kind == kind_of(found) and made.kind.family == "oven"
+    assert list(lines("x.png", made, tmp_path, []))[-1].startswith("found: an oven-like object: ")
+    told = details([made], 0)["kind"]
+    assert told["words"] == "an oven-like object" and told["family"] == "oven"
+    assert told["probability"] == pytest.approx(made.kind.probability, abs=1e-4)
+    assert one(cooker()).kind == kind_of(Layout.of_object(cooker()))  # where none was found
 
 
 @pytest.mark.parametrize(("ways", "said"), [(("alpha", "plain"), False), (("grabcut",), True)])

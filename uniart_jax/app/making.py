@@ -117,7 +117,8 @@ class Look:
 
 @dataclasses.dataclass(frozen=True)
 class Made:
-    """An object that was made. ``folder``: the asset's; ``found``: what moves, in words;
+    """An object that was made. ``folder``: the asset's; ``found``: what it is like and
+    what moves, in words;
     ``report``: its ``report.json``."""
 
     folder: Path
@@ -242,7 +243,7 @@ def _write(
         check=checked if options.check else None,
     )
     report = json.loads((folder / "report.json").read_text("utf-8"))
-    return Made(folder, seed, moving_words(one.obj), report)
+    return Made(folder, seed, f"{one.kind}: {moving_words(one.obj)}", report)
 
 
 def stage_of(step: str) -> str | None:

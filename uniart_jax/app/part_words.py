@@ -6,10 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from uniart_jax.export.naming import KINDS
 from uniart_jax.export.page import part_color
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.layout import KNOB, OFF_AXIS, Layout
+from uniart_jax.voxels.kind import part_kinds
+from uniart_jax.voxels.layout import Layout
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,10 +26,7 @@ class ReadPart:
 def read_parts(layout: Layout) -> list[ReadPart]:
     """[K], in the order of ``root_first``."""
     rows, layout = [], root_first(layout)
-    for k, joint in enumerate(layout.joints):
-        kind = "base" if layout.parents[k] < 0 else KINDS[joint.type]
-        if kind == "hinge" and _is_knob(joint, layout.boxes[k]):
-            kind = "knob"
+    for k, (joint, kind) in enumerate(zip(layout.joints, part_kinds(layout), strict=True)):
         sure = float(layout.confidence[k])
         rows.append(ReadPart(part_color(k), kind, motion(joint), sure, joint.type != "fixed"))
     return rows
@@ -47,13 +44,6 @@ def root_first(layout: Layout) -> Layout:
         colors=layout.colors[order],
         confidence=layout.confidence[order],
     )
-
-
-def _is_knob(joint: Joint, box: np.ndarray) -> bool:
-    """Whether what turns is small and about its own axis; of a box no outline tells it."""
-    largest = float(box[3:].max())
-    off = np.linalg.norm(np.cross(joint.direction, box[:3] - joint.origin))
-    return bool(largest <= KNOB and off <= OFF_AXIS * largest)
 
 
 def motion(joint: Joint) -> str:

@@ -13,6 +13,7 @@ from urllib.parse import quote
 from uniart_jax.app.check_words import CheckLine, check_groups, verdict_lines
 from uniart_jax.app.making import STAGES, Look, Made
 from uniart_jax.app.part_words import ReadPart, read_parts
+from uniart_jax.voxels.kind import kind_of
 
 FILES = "gradio_api/file="  # where Gradio serves files, relative to the page
 CUT_OUT = {
@@ -45,7 +46,7 @@ def look_html(seen: Look) -> str:
         alt = "The parts' boxes and joint axes, drawn over the picture"
         told = "Boxes; axes in white; the way that each moving part goes."
         figures.append(_figure(seen.drawn, alt, "Parts as they are read", told))
-        figures.append(_parts_html(read_parts(seen.layout)))
+        figures.append(_parts_html(str(kind_of(seen.layout)), read_parts(seen.layout)))
     else:
         figures.append('<p class="ua-soft">This checkpoint reads no parts ahead.</p>')
     return f'<div class="ua-look">{"".join(figures)}</div>'
@@ -100,7 +101,7 @@ def objects_html(made: Sequence[Made]) -> str:
         lines = "".join(_line(line) for line in verdict_lines(one.report.get("validation")))
         cards.append(
             f'<section class="ua-object"><iframe src="{html.escape(page)}" title="{title}">'
-            f"</iframe><p><b>{html.escape(one.found)}</b> "
+            f"</iframe><p><b>{html.escape(_upper(one.found))}</b> "
             f'<span class="ua-soft">{_count(len(one.report["parts"]), "part")}, seed {one.seed}'
             f"</span></p><ul>{lines}</ul></section>"
         )
@@ -117,7 +118,7 @@ def checks_html(made: Sequence[Made], failed: Sequence[str]) -> str:
         if not found:
             continue
         groups = "".join(
-            f"<section><h4>{html.escape(title[:1].upper() + title[1:])}</h4>"
+            f"<section><h4>{html.escape(_upper(title))}</h4>"
             f"<ul>{''.join(_line(line) for line in lines)}</ul></section>"
             for title, lines in check_groups(found).items()
         )
@@ -149,7 +150,7 @@ def _figure(path: Path, alt: str, title: str, told: str) -> str:
     )
 
 
-def _parts_html(parts: Sequence[ReadPart]) -> str:
+def _parts_html(kind: str, parts: Sequence[ReadPart]) -> str:
     rows = "".join(
         f'<li><i style="background:{part.color}"></i><b>{html.escape(part.kind)}</b>'
         f'<span class="ua-soft">confidence {part.confidence:.2f}</span>'
@@ -157,8 +158,13 @@ def _parts_html(parts: Sequence[ReadPart]) -> str:
         for part in parts
     )
     moving = sum(part.moves for part in parts)
-    title = f"{_count(len(parts), 'part')}, {moving} of them {'moves' if moving == 1 else 'move'}"
+    moves = f"{moving} of them {'moves' if moving == 1 else 'move'}"
+    title = f"{_upper(kind)}: {_count(len(parts), 'part')}, {moves}"
     return f'<section class="ua-parts"><h4>{title}</h4><ul>{rows}</ul></section>'
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]
 
 
 def _count(number: int, what: str) -> str:

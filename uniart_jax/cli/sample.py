@@ -296,7 +296,7 @@ def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[s
         yield f"  {line}"
     from uniart_jax.cli.words import closing_line
 
-    yield closing_line(one.obj, folder)
+    yield closing_line(one.kind, one.obj, folder)
 
 
 def sample_folders(

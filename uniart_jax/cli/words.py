@@ -6,11 +6,12 @@ from pathlib import Path
 
 from uniart_jax.export.words import moving_words
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.voxels.kind import Kind
 
 
-def closing_line(obj: ArticulatedObject, folder: Path) -> str:
-    """What was found, and what to open to move it."""
+def closing_line(kind: Kind, obj: ArticulatedObject, folder: Path) -> str:
+    """What was found ("an oven-like object: 1 hinge, 2 knobs"), and what to open to move it."""
     page = folder / "view.html"
     moves = any(part.joint.type != "fixed" for part in obj.parts)
     look = f"open {page} in a browser" + (": a slider for every joint" if moves else "")
-    return f"found: {moving_words(obj)}" + (f"; {look}" if page.is_file() else "")
+    return f"found: {kind}: {moving_words(obj)}" + (f"; {look}" if page.is_file() else "")

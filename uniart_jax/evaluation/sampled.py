@@ -40,7 +40,15 @@ def details(made: Sequence[Sample], index: int) -> dict[str, Any]:
             "guidance": options.guidance,
             "evaluations": one.evaluations[flow],
         }
-    told: dict[str, Any] = {"sampling": sampling}
+    kind = one.kind
+    told: dict[str, Any] = {
+        "kind": {
+            "words": str(kind),
+            "family": kind.family,
+            "probability": round(kind.probability, 4),
+        },
+        "sampling": sampling,
+    }
     if one.background:
         told["background"] = list(one.background)  # of each view
     if one.cut:
