@@ -1,7 +1,11 @@
-"""A checkpoint of the Hugging Face hub by its name, with a stand-in for huggingface_hub."""
+"""A checkpoint of the Hugging Face hub by its name: with a stand-in for huggingface_hub, and itself
+with a cache."""
 
 import fnmatch
+import importlib.util
+import os
 import shutil
+import subprocess
 import sys
 import types
 
@@ -73,3 +77,31 @@ def test_without_the_extra_it_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "huggingface_hub", None)
     with pytest.raises(ValueError, match=r"needs huggingface_hub: pip install 'uniart_jax\[hub\]'"):
         Checkpoint.find("hf:some/model")
+
+
+@pytest.mark.skipif(importlib.util.find_spec("huggingface_hub") is None, reason="an extra: hub")
+def test_the_hubs_own_cache_is_read_offline(tmp_path):
+    """huggingface_hub itself, in a program that has no network: what its cache holds, and what it
+    does not hold."""
+    revision = "0123456789abcdef0123456789abcdef01234567"
+    repository = tmp_path / "models--some--model"
+    write_config(repository / "snapshots" / revision, Config(name="theirs"))
+    (repository / "refs").mkdir()
+    (repository / "refs" / "main").write_text(revision)
+    code = (
+        "import sys; from uniart_jax.models.checkpoint import Checkpoint\n"
+        "for name in sys.argv[1:]:\n"
+        "    try: print(Checkpoint.find(name).config.name)\n"
+        "    except FileNotFoundError as error: print(error)"
+    )
+    names = ["hf:some/model", f"hf:some/model@{revision}", "hf:some/other"]
+    told = subprocess.run(
+        [sys.executable, "-c", code, *names],
+        env={**os.environ, "HF_HUB_CACHE": str(tmp_path), "HF_HUB_OFFLINE": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    *found, missing = told.stdout.splitlines()
+    assert found == ["theirs", "theirs"]
+    assert missing.startswith("checkpoint 'hf:some/other': not on the hub or not reachable (")
