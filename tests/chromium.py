@@ -41,7 +41,7 @@ FLAGS = [
     "--hide-scrollbars",
     "--disable-dev-shm-usage",
 ]
-PATIENCE = 60.0  # seconds until an answer counts as lost: software rendering on a busy machine
+PATIENCE = 300.0  # seconds until an answer counts as lost: software rendering on a busy machine
 
 
 def find_chromium() -> str:
@@ -193,7 +193,7 @@ def chromium(profile: Path) -> Iterator[Page]:
         page.call("Browser.close")
     finally:
         try:
-            process.wait(10)
+            process.wait(60)
         except subprocess.TimeoutExpired:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, 9)
