@@ -2,6 +2,7 @@
 
 import importlib.util
 import re
+import runpy
 import sys
 from pathlib import Path
 
@@ -142,3 +143,13 @@ def test_times_stated_beside_commands(line, stated):
     import try_docs
 
     assert try_docs.seconds(line) == stated
+
+
+def test_every_command_that_is_tried_has_its_time_beside_it():
+    tool = runpy.run_path(str(ROOT / "tools" / "try_docs.py"), run_name="tool")
+    tried = []
+    for name in tool["DOCUMENTS"]:
+        found = tool["commands"](name, (ROOT / name).read_text())
+        tried += [command for command in found if not command.left_out]
+    assert len(tried) > 20
+    assert not [f"{c.document}:{c.line}" for c in tried if not c.stated]

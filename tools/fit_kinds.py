@@ -44,7 +44,7 @@ from uniart_jax.pipeline import enable_compilation_cache
 from uniart_jax.procedural import HELD_OUT_SEED
 from uniart_jax.visual.render import sample_camera
 from uniart_jax.voxels import kind
-from uniart_jax.voxels.kind import NAMELESS, WORDS, KindTable, features
+from uniart_jax.voxels.kind import MOVING, NAMELESS, WORDS, KindTable, features
 from uniart_jax.voxels.layout import Layout, read_layout
 
 FOUND = 3.0  # true layouts that a found one counts as
@@ -152,10 +152,13 @@ def fit(rows: Sequence[Row]) -> KindTable:
 
 
 def kinds_of(table: KindTable, rows: Sequence[Row]) -> tuple[np.ndarray, np.ndarray]:
-    """[N] the likeliest family of each row, "" where it has no word; [N] its probability."""
-    shares = table.probabilities(np.array([row.values for row in rows]))
+    """[N] the likeliest family of each row, "" where it has no word or nothing moves; [N] its
+    probability."""
+    values = np.array([row.values for row in rows])
+    shares, moves = table.probabilities(values), values[:, MOVING].any(1)
     names = [table.families[k] for k in shares.argmax(1)]
-    return np.array([name if WORDS.get(name, name) else "" for name in names]), shares.max(1)
+    named = [m and WORDS.get(name, name) for name, m in zip(names, moves, strict=True)]
+    return np.where(np.array(named, bool), names, ""), shares.max(1)
 
 
 def strangers(train: Sequence[Row], rows: Sequence[Row]) -> np.ndarray:

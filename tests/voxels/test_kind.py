@@ -11,7 +11,7 @@ from uniart_jax import procedural
 from uniart_jax.data.layouts import shown_object
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES
-from uniart_jax.voxels.kind import NAMELESS, Kind, KindTable, features, kind_of, part_kinds
+from uniart_jax.voxels.kind import MOVING, NAMELESS, Kind, KindTable, features, kind_of, part_kinds
 from uniart_jax.voxels.layout import Layout
 
 ROOT = Path(__file__).parents[2]
@@ -77,6 +77,7 @@ def test_parts_are_named_by_what_they_do():
     )
     layout = Layout(boxes, joints, (-1, 0, 0, 0, 0, 0), np.zeros((6, 3)), np.ones(6))
     assert part_kinds(layout) == ["base", "fixed", "knob", "hinge", "slider", "screw"]
+    np.testing.assert_allclose(features(layout)[MOVING], np.log(2))  # one of each
     one = dataclasses.replace(layout, boxes=boxes[:1], joints=joints[:1], parents=(-1,))
     assert np.isfinite(features(one)).all() and len(features(one)) == len(features(layout))
 
@@ -103,6 +104,9 @@ def test_a_kind_is_named_from_the_tables_probability_on(held_out):
     kind = table.kind(held_out[0][1])
     assert kind.probability == pytest.approx(0.7) and str(kind) == "an oven-like object"
     assert str(dataclasses.replace(table, threshold=0.71).kind(held_out[0][1])) == NAMELESS
+    layout = held_out[0][1]
+    still = dataclasses.replace(layout, joints=tuple(Joint.fixed() for _ in layout.joints))
+    assert str(table.kind(still)) == NAMELESS  # nothing of it moves
     again = KindTable.from_json(table.to_json())
     assert again.kind(held_out[0][1]).probability == pytest.approx(0.7, abs=0.01)
     np.testing.assert_array_equal(again.mean, table.mean)

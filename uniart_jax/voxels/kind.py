@@ -31,6 +31,7 @@ WORDS = {
 }  # other families are called what they are
 NAMELESS = "an object"
 CLIP = 3.0  # standard deviations from the mean that a feature counts at most
+MOVING = slice(10, 14)  # of ``features``: how many sliders, screws, knobs and hinges there are
 LEAST_EXTENT = 0.01  # object units, that sides are divided by at least
 
 
@@ -77,11 +78,12 @@ class KindTable:
         return np.concatenate([scaled, np.ones((len(rows), 1))], 1)
 
     def kind(self, layout: Layout) -> Kind:
-        """The likeliest family of a layout."""
-        shares = self.probabilities(features(layout)[None])[0]
+        """The likeliest family of a layout; it is not named where nothing moves."""
+        row = features(layout)
+        shares = self.probabilities(row[None])[0]
         best = int(shares.argmax())
-        sure = float(shares[best])
-        return Kind(self.families[best], sure, sure >= self.threshold)
+        sure, moves = float(shares[best]), bool(row[MOVING].any())
+        return Kind(self.families[best], sure, moves and sure >= self.threshold)
 
     def to_json(self) -> str:
         """Text that ``from_json`` reads, a line a feature."""
