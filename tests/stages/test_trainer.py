@@ -1,6 +1,7 @@
 """The table of stages, and training from Python on batches of one's own."""
 
 import dataclasses
+import json
 import sys
 import typing
 from pathlib import Path
@@ -47,6 +48,18 @@ def test_more_views_than_records_have_are_refused_before_any_work(tmp_path):
         data = dataclasses.replace(config.data, condition_views=views)
         with pytest.raises(ValueError, match=f"condition_views is {views}, records have 2 views"):
             Trainer(dataclasses.replace(config, data=data), tmp_path / "w").fit("latent_flow")
+    assert not (tmp_path / "w").exists()
+
+
+@pytest.mark.parametrize("stage", ["image_encoder", "structure_flow", "latent_flow"])
+def test_pictures_of_another_size_are_refused_before_any_work(tmp_path, stage):
+    config = tiny_run.make_config(tmp_path)
+    folder = Path(config.data.records)
+    folder.mkdir(parents=True)
+    size = config.model.image_encoder.image_size
+    (folder / "metadata.json").write_text(json.dumps({"image_size": 2 * size, "views": 2}))
+    with pytest.raises(ValueError, match=f"{2 * size} pixels a side.*--image-size {size}"):
+        Trainer(config, tmp_path / "w").fit(stage)
     assert not (tmp_path / "w").exists()
 
 

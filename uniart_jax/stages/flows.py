@@ -27,7 +27,7 @@ from uniart_jax.models.checkpoint import FLOW_INPUTS, Checkpoint
 from uniart_jax.models.checkpoint_files import write_statistics
 from uniart_jax.models.network import Network
 from uniart_jax.precompute.encoding import digest, encode_all
-from uniart_jax.stages.stage import Stage, Statistics, load
+from uniart_jax.stages.stage import Stage, Statistics, check_picture_size, load
 from uniart_jax.training import distributed
 from uniart_jax.training.flow_losses import of_pictures
 from uniart_jax.voxels.part_table import ROWS, PartTable, part_table
@@ -46,6 +46,7 @@ class FlowStage(Stage):
         if (Path(data.records) / "metadata.json").is_file():
             held = int(read_metadata(data.records).get("views", held))
         check_views(data, held)
+        check_picture_size(config)
 
     def decodes(self, config: Config) -> str:
         """The network whose output on the flow's samples the loss reads; "" for none."""

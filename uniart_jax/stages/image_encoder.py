@@ -19,7 +19,7 @@ from uniart_jax.stages.pictures import (
     iou,
     validation_pictures,
 )
-from uniart_jax.stages.stage import Evaluation
+from uniart_jax.stages.stage import Evaluation, check_picture_size
 from uniart_jax.training.encoder_loss import make_image_encoder_loss
 from uniart_jax.training.metrics import part_readings, summarize_readings
 
@@ -36,6 +36,9 @@ class ImageEncoderStage(PictureStage):
             f"{model.image_encoder.architecture} is taken as it is, not trained; convert its "
             "weights (uniart convert dinov2 FILE --out CHECKPOINT) and give CHECKPOINT as --init"
         )
+
+    def check(self, config: Config) -> None:
+        check_picture_size(config)
 
     def loss(self, network: Network, config: Config, workdir: Path, statistics: Any) -> Any:
         return make_image_encoder_loss(network, config)

@@ -16,6 +16,7 @@ import jax
 import numpy as np
 
 from uniart_jax.config import Config, ModelConfig, StageConfig
+from uniart_jax.data.folder import read_metadata
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import Network
 from uniart_jax.training.state import TrainState
@@ -119,3 +120,18 @@ class Stage(abc.ABC):
 def load(workdir: Path, name: str, config: Config) -> Any:
     """Parameters of a network that WORKDIR has trained or copied."""
     return Checkpoint(workdir / "export").load(name, config.model)
+
+
+def check_picture_size(config: Config) -> None:
+    """ValueError where records that are there hold pictures of another size than the image encoder
+    that is trained here reads."""
+    data, encoder = config.data, config.model.image_encoder
+    for folder in filter(None, (data.records, data.validation)):
+        if not encoder.kind.trained or not (Path(folder) / "metadata.json").is_file():
+            continue
+        held = int(read_metadata(folder).get("image_size", encoder.image_size))
+        if held != encoder.image_size:
+            raise ValueError(
+                f"{folder}: its pictures have {held} pixels a side, model.image_encoder.image_size "
+                f"is {encoder.image_size}; prepare records with --image-size {encoder.image_size}"
+            )
