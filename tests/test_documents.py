@@ -86,7 +86,10 @@ def test_the_research_example(monkeypatch):
     assert names["velocity"].shape == names["x"].shape
 
 
-@pytest.mark.parametrize("name", NETWORKS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=() if n == "latent_flow" else pytest.mark.slow) for n in NETWORKS],
+)
 def test_benchmark_cases_fit_the_networks(name):
     path = ROOT / "benchmarks" / "networks.py"
     spec = importlib.util.spec_from_file_location("networks", path)

@@ -65,6 +65,7 @@ def toy(folder: Path) -> Config:
             model,
             grid=smaller(model.grid, resolution=16),
             image_encoder=encoder,
+            uniart_vae=smaller(model.uniart_vae, num_blocks=1),
             structure_flow=smaller(model.structure_flow, volume_resolution=4, layout_channels=4),
             latent_flow=smaller(model.latent_flow, volume_resolution=4, layout_channels=4),
         ),

@@ -20,7 +20,10 @@ def taken(iterator, number):
     return [next(iterator)["records"].tolist() for _ in range(number)]
 
 
-@pytest.mark.parametrize(("before", "after"), [(0, 0), (0, 2), (2, 0), (2, 3)])
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [(0, 0), (2, 0), *(pytest.param(*n, marks=pytest.mark.slow) for n in ((0, 2), (2, 3)))],
+)
 def test_resuming_gives_what_would_have_come_with_any_number_of_workers(before, after):
     straight = taken(iter(batches()), 9)
     first = iter(batches(before))

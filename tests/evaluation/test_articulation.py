@@ -80,7 +80,13 @@ def check(pred: ArticulatedObject, ref: ArticulatedObject, **expected) -> None:
             assert figures[name] == pytest.approx(value, abs=1e-9, nan_ok=True), name
 
 
-@pytest.mark.parametrize("family", procedural.FAMILIES)
+@pytest.mark.parametrize(
+    "family",
+    [
+        *procedural.SEEN_FAMILIES,
+        *(pytest.param(f, marks=pytest.mark.slow) for f in procedural.FAMILIES[7:]),
+    ],
+)
 def test_every_family_against_itself_is_perfect(family):
     obj = at_rest(procedural.generate(family, 1))
     moving = [p.joint for p in obj.parts if p.joint.type != "fixed"]

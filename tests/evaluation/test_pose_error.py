@@ -98,7 +98,13 @@ def test_rest_is_geometry_alone():
     assert measure(cabinet(Joint.fixed()), ref)["pose_rest"] == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize("family", procedural.FAMILIES)
+@pytest.mark.parametrize(
+    "family",
+    [
+        *procedural.SEEN_FAMILIES,
+        *(pytest.param(f, marks=pytest.mark.slow) for f in procedural.FAMILIES[7:]),
+    ],
+)
 def test_every_family_against_itself_is_perfect(family):
     obj = at_rest(procedural.generate(family, 1))
     assert max(measure(obj, obj).values()) < 1e-12

@@ -16,6 +16,8 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject, Part
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 
 def panel() -> ArticulatedObject:
     """A metre high: a box, a button on it that travels 2 mm and a door that opens."""

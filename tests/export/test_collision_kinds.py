@@ -18,6 +18,8 @@ from uniart_jax.export.physics import Box, Hull
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 HAS_COACD = importlib.util.find_spec("coacd") is not None
 
 

@@ -19,6 +19,8 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject, Part
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 OBJECTS = [("oven", 900_001), ("refrigerator", 900_002), ("table", 900_003), ("toilet", 900_004)]
 
 

@@ -13,6 +13,8 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject, Part
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 
 def edge_counts(path) -> np.ndarray:
     """How many faces each edge of an OBJ has, as its indices of positions say, and then as the

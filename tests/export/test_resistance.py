@@ -17,6 +17,8 @@ from uniart_jax.export.resistance import check_resistance, parse_resistance, res
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 TURNS, SLIDES = "door_joint", "drawer_joint"
 
 

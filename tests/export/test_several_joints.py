@@ -17,6 +17,8 @@ from uniart_jax.objects.load import load_object
 from uniart_jax.simulation.planning import plan_asset
 from uniart_jax.simulation.reading import Description
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 # A tap: its lever is lifted and swung by two hinges on one body, its sieve is pulled out and
 # turned.
 TAP = """<mujoco model="tap"><compiler angle="radian"/><worldbody><body name="spout">

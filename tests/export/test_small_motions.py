@@ -18,6 +18,8 @@ from uniart_jax.simulation.summary import is_sound
 from uniart_jax.simulation.validate import validate
 from uniart_jax.voxels.joint_code import encode_object
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
+
 TRAVEL, TURN = 0.002, np.deg2rad(0.5)
 
 

@@ -7,10 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from toy import MODEL, flow_arguments, init, latent_config, vae_config, voxel_batch
+from toy import MODEL, build, flow_arguments, init, latent_config, vae_config, voxel_batch
 
 from uniart_jax.config import LayoutConfig
-from uniart_jax.models.network import build
 from uniart_jax.nn.depthwise import depthwise_conv, sum_of_shifts
 from uniart_jax.nn.grids import flow_plan
 

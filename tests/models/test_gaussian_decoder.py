@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from toy import finite, init, vae_config, voxel_batch
+from toy import build, finite, init, vae_config, voxel_batch
 
 from uniart_jax.config import GaussianConfig
 from uniart_jax.models.gaussian_decoder import (
@@ -15,12 +15,13 @@ from uniart_jax.models.gaussian_decoder import (
     gaussian_parameters,
     offset_perturbation,
 )
-from uniart_jax.models.network import build
 
 CONFIG = GaussianConfig(num_gaussians=3)
 
 
-@pytest.mark.parametrize("attention", ["swin", "serial", "full"])
+@pytest.mark.parametrize(
+    "attention", ["swin", *(pytest.param(a, marks=pytest.mark.slow) for a in ("serial", "full"))]
+)
 def test_padding_never_matters(attention):
     changes = dict(attention=attention, window=16 if attention == "serial" else 4, linear_path=True)
     model = dataclasses.replace(vae_config(**changes), gaussians=CONFIG)

@@ -5,10 +5,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from toy import finite, flow_table, init, vae_config, voxel_batch
+from toy import build, finite, flow_table, init, vae_config, voxel_batch
 
 from uniart_jax.models.layout_decoder import Refinement, pointed
-from uniart_jax.models.network import build
 from uniart_jax.training.vae_losses import pointer_loss
 
 MODEL = vae_config(attention="serial", window=16, layout_channels=8)
@@ -55,12 +54,12 @@ def test_padding_of_voxels_and_of_the_table_does_not_matter():
 
         return jax.grad(loss, has_aux=True)(params)
 
-    gradient, clean = step(params, with_layout(voxel_batch(MODEL)))
+    gradient, clean = step(params, with_layout(voxel_batch(MODEL, 83)))
     assert finite(gradient) and np.asarray(gradient["layout"]["after_in"]["kernel"]).any()
     table = flow_table()
     beyond = jnp.arange(5)[None, :, None] >= table.counts[:, None, None]
     boxes = jnp.where(beyond, 7.0, table.boxes)
-    for width, garbage in ((70, np.nan), (83, 1e5)):
+    for width, garbage in ((83, np.nan), (83, 1e5), (70, None)):
         batch = with_layout(voxel_batch(MODEL, width, garbage=garbage), boxes=boxes)
         _, out = step(params, batch)
         for name in clean:

@@ -8,17 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from test_dinov2 import NETWORK
-from toy import init
+from toy import build, init
 
-from uniart_jax.models.multiview import (
-    average_views,
-    camera_matrices,
-    multiview_features,
-    project,
-    sample_patches,
-)
-from uniart_jax.models.network import build
+from uniart_jax.models import multiview
+from uniart_jax.models.multiview import average_views, camera_matrices, multiview_features
 
+project, sample_patches = jax.jit(multiview.project), jax.jit(multiview.sample_patches)
 FOV = np.deg2rad(40)
 
 
@@ -119,7 +114,7 @@ def test_features_computed_on_the_way_are_those_computed_first():
     params = init(NETWORK)
     images = np.random.default_rng(0).random((5, 16, 16, 3), np.float32)
     extrinsics, intrinsics = cameras(5)
-    patches = NETWORK.apply(params, images)["patches"]
+    patches = jax.jit(NETWORK.apply)(params, images)["patches"]
     expected = average_views(patches, extrinsics, intrinsics, centers(30), 25)
     for chunk in (2, 5, 8):  # the last chunk is not full, or none is
         views = iter(images) if chunk == 2 else images

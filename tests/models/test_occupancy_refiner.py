@@ -9,10 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
-from toy import MODEL, finite, flow_table, flow_views, init
+from toy import MODEL, build, finite, flow_table, flow_views, init
 
 from uniart_jax.config import Config, LossConfig
-from uniart_jax.models.network import build
 from uniart_jax.training.flow_losses import make_structure_flow_loss
 
 SIDE = MODEL.grid.resolution
@@ -43,7 +42,7 @@ def params():
 
 def test_a_fresh_refiner_leaves_the_logits_as_they_are(refine):
     logits, *given = arguments()
-    fresh = build("structure_flow", refining()).init(jax.random.key(0))
+    fresh = jax.jit(build("structure_flow", refining()).init)(jax.random.key(0))
     np.testing.assert_array_equal(refine(fresh, logits, *given), logits)
 
 
@@ -117,7 +116,7 @@ def test_its_loss_trains_the_refiner_alone_and_falls():
     step = jax.jit(
         jax.value_and_grad(lambda p: loss_fn(p, batch, jax.random.key(0), vae_params), has_aux=True)
     )
-    params = network.init(jax.random.key(0))
+    params = jax.jit(network.init)(jax.random.key(0))
     (first, metrics), gradient = step(params)
     assert metrics["iou"] == metrics["iou_before"]
     moved = {

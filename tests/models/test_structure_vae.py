@@ -6,9 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from toy import MODEL, finite, init
+from toy import MODEL, build, finite, init
 
-from uniart_jax.models.network import build
 from uniart_jax.nn.blocks import GroupNorm
 
 

@@ -1,6 +1,7 @@
 """A model of every network at toy size, and random parameters and batches for it."""
 
 import dataclasses
+import functools
 
 import jax
 import jax.numpy as jnp
@@ -14,10 +15,13 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
+from uniart_jax.models import network
 from uniart_jax.models.image_encoder import TYPICAL, pixel_width
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.voxels.part_table import PartTable
 
+# the same network for the same model: what ``jax.jit`` has compiled of it is used again
+build = functools.cache(network.build)
 FLOW = FlowConfig(
     model_channels=24,
     num_blocks=2,

@@ -84,7 +84,7 @@ print(program.as_text())
 """  # noqa: E501
 
 
-@pytest.mark.parametrize("fsdp", [1, 4])
+@pytest.mark.parametrize("fsdp", [pytest.param(1, marks=pytest.mark.slow), 4])
 def test_eight_devices_send_nothing_but_sums(fsdp):
     env = {**os.environ, "JAX_PLATFORMS": "cpu"}
     program = [sys.executable, "-c", PROGRAM, str(fsdp)]
@@ -135,9 +135,11 @@ def test_a_plan_of_shares_attends_as_one_of_the_whole(kind, kernel):
     qkv = jax.random.normal(jax.random.key(0), (200, 3, 2, 8))
 
     def run(plan):
-        plan = jax.tree.map(jnp.asarray, plan)
-        f = lambda x: jnp.sin(attend_segments(x, plan, kernel=kernel)).sum()  # noqa: E731
-        return attend_segments(qkv, plan, kernel=kernel), jax.jit(jax.grad(f))(qkv)
+        def loss(x):
+            out = attend_segments(x, jax.tree.map(jnp.asarray, plan), kernel=kernel)
+            return jnp.sin(out).sum(), out
+
+        return jax.jit(jax.grad(loss, has_aux=True))(qkv)
 
     for a, b in zip(run(whole), run(join_shares(halves)), strict=True):
         np.testing.assert_allclose(a, b, atol=2e-5)

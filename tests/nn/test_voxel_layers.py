@@ -44,7 +44,7 @@ def test_conv3_is_xlas():
 
     np.testing.assert_allclose(conv3(x, kernel), xla(x, kernel), **CLOSE)
     ours, theirs = (
-        jax.grad(lambda x, k: jnp.sin(f(x, k)).sum(), (0, 1))(x, kernel)  # noqa: B023
+        jax.jit(jax.grad(lambda x, k: jnp.sin(f(x, k)).sum(), (0, 1)))(x, kernel)  # noqa: B023
         for f in (conv3, xla)
     )
     for a, b in zip(ours, theirs, strict=True):
@@ -105,7 +105,10 @@ def test_gathers_have_the_gradients_of_plain_indexing():
     ]
     for ours, reference in pairs:
         weights = normal(*reference(rows).shape)
-        a, b = (jax.grad(lambda r: (f(r) * weights).sum())(rows) for f in (ours, reference))  # noqa: B023
+        a, b = (
+            jax.jit(jax.grad(lambda r: (f(r) * weights).sum()))(rows)  # noqa: B023
+            for f in (ours, reference)
+        )
         valid = (np.arange(60) < counts[:, None]).reshape(-1)
         np.testing.assert_allclose(a[valid], b[valid], **CLOSE)
 
@@ -125,7 +128,9 @@ def test_submanifold_gradients_are_those_of_gathered_columns(outputs):
 
     valid = (np.arange(60) < counts[:, None]).reshape(-1)
     for a, b, which in zip(
-        *(jax.grad(f, (0, 1))(rows, kernel) for f in (ours, columns)), (valid, ...), strict=True
+        *(jax.jit(jax.grad(f, (0, 1)))(rows, kernel) for f in (ours, columns)),
+        (valid, ...),
+        strict=True,
     ):
         np.testing.assert_allclose(a[which], b[which], **CLOSE)
 

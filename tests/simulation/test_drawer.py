@@ -10,6 +10,7 @@ from uniart_jax import procedural
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.placement import place
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
 DRAWERS = [("storage_furniture", 1_000_000), ("table", 1_000_004), ("oven", 1_000_002)]
 
 

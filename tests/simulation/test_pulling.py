@@ -14,6 +14,7 @@ from uniart_jax.export.asset import save_asset
 from uniart_jax.simulation.reading import descriptions
 from uniart_jax.simulation.worker import load
 
+pytestmark = pytest.mark.usefixtures("small_pictures")
 FORCE = 25.0  # N
 SECONDS = 8.0
 OPEN = 0.7  # of the range
@@ -94,7 +95,11 @@ def pulled_in_bullet(folder, part: dict, tmp_path) -> float:
 @pytest.mark.pybullet
 @pytest.mark.parametrize(
     ("family", "seed", "mass"),
-    [("oven", 900_001, None), ("refrigerator", 900_001, 60.0), ("table", 900_001, 60.0)],
+    [
+        pytest.param("oven", 900_001, None, marks=pytest.mark.slow),
+        pytest.param("refrigerator", 900_001, 60.0, marks=pytest.mark.slow),
+        ("table", 900_001, 60.0),
+    ],
 )
 def test_a_hand_opens_what_is_written_in_pybullet(family, seed, mass, tmp_path):
     """What a spring carries elsewhere asks for more in a URDF, and is left out: friction holds it

@@ -92,10 +92,11 @@ def test_two_processes_equal_one_and_either_goes_on_from_the_other(tmp_path):
     np.savez(
         tmp_path / "straight.npz", **{n: np.asarray(v) for n, v in flat_names(straight).items()}
     )
-    assert finished(toy(work, 2, 100, "--devices", 2, "--fsdp", 2))[0][0] == 0
+    toy_run.train(work, toy_run.make_stage(2, 100), toy_run.make_batches())
     two = one_each(toy(work, 4, 100, "--devices", 4, "--fsdp", 4, "--out", tmp_path / "4.npz"), 2)
     assert [code for code, _ in finished(*two)] == [0, 0]
-    assert finished(toy(work, 6, 100, "--out", out))[0][0] == 0
+    last = toy_run.train(work, toy_run.make_stage(6, 100), toy_run.make_batches())
+    np.savez(out, **{n: np.asarray(v) for n, v in flat_names(last).items()})
     check(tmp_path / "straight.npz", out)
     rows = (work / "metrics/toy.jsonl").read_text().splitlines()
     assert [row.split(",")[0] for row in rows] == [f'{{"step": {i}' for i in range(1, 7)]

@@ -227,7 +227,7 @@ def test_an_evaluation_that_a_signal_forestalls_is_made_up_for(tmp_path, stopped
     assert calls == unbroken == [3, 6]
 
 
-@pytest.mark.parametrize("at", [3, 6])
+@pytest.mark.parametrize("at", [pytest.param(3, marks=pytest.mark.slow), 6])
 def test_a_signal_while_a_step_is_saved_or_evaluated_is_obeyed(tmp_path, at):
     calls = []
 
@@ -330,6 +330,7 @@ def check_killed_equals_straight(workdir: Path) -> None:
     assert losses(workdir / "straight") == losses(workdir / "killed")
 
 
+@pytest.mark.slow  # by day a damaged newest checkpoint (test_checkpoints.py), and SIGTERM
 def test_kill_9_during_a_save_loses_nothing_but_time(tmp_path):
     killed_during_a_save(tmp_path / "killed", 0.0)
     check_killed_equals_straight(tmp_path)

@@ -39,6 +39,7 @@ def check(expected, found):
         np.testing.assert_allclose(found[name], leaf, rtol=0, atol=TOLERANCE, err_msg=name)
 
 
+@pytest.mark.slow  # by day two processes of four devices (test_distributed.py)
 def test_one_device_equals_eight(tmp_path, one_device):
     check(one_device, on_eight(tmp_path, 2))
 
@@ -79,7 +80,7 @@ print(held.max() / whole)
 """  # noqa: E501
 
 
-@pytest.mark.parametrize("fsdp", [2, 8])
+@pytest.mark.parametrize("fsdp", [2, pytest.param(8, marks=pytest.mark.slow)])
 def test_no_device_holds_more_than_its_part_of_the_state(fsdp):
     program = [sys.executable, "-c", BORN, str(fsdp)]
     share = subprocess.run(program, check=True, text=True, capture_output=True).stdout

@@ -19,7 +19,15 @@ def box_of(low, high) -> list[float]:
 
 
 def grid_of(
-    distances, boxes, *, codes=None, parents=None, colors=None, resolution=8, subdivisions=4
+    distances,
+    boxes,
+    *,
+    codes=None,
+    parents=None,
+    colors=None,
+    resolution=8,
+    subdivisions=4,
+    steep=1.0,
 ) -> PartGrid:
     """Part grid of solids.
 
@@ -27,9 +35,14 @@ def grid_of(
       distances: one function points -> signed distance per part.
       boxes: [K, 6].
       codes, parents, colors: per part; default fixed, children of part 0, gray.
+      steep: how fast the distances change with the place, at most; voxels that the surface cannot
+        reach are passed over.
     """
     every = np.argwhere(np.ones((resolution,) * 3, bool)).astype(np.int32)
     cell = 1 / (resolution * subdivisions)
+    centers = (every + 0.5) / resolution - 0.5
+    reach = 0.51 * cell + steep * 3**0.5 / 2 / resolution
+    every = every[np.any([np.abs(d(centers)) <= reach for d in distances], axis=0)]
     each = np.stack([d(subcell_centers(every, resolution, subdivisions)) for d in distances]) / cell
     active = (np.abs(each) <= 0.5 + 1e-6).any(
         (0, 2)

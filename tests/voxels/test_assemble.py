@@ -278,7 +278,7 @@ def test_fine_noise_keeps_the_face_budget(noise):
 def families() -> list:
     from uniart_jax.procedural import FAMILIES as names
 
-    return [pytest.param(n, marks=pytest.mark.slow if i >= 2 else ()) for i, n in enumerate(names)]
+    return [pytest.param(n, marks=pytest.mark.slow if i else ()) for i, n in enumerate(names)]
 
 
 @pytest.mark.parametrize("family", families())

@@ -166,14 +166,14 @@ def solid(*blocks, but=()):
     return distance
 
 
-def cabinet(door, box, joint, lip):
+def cabinet(door, box, joint, lip, steep=1.0):
     """Voxels and the layout of a case and its door; with ``lip``, its frame reaches into the
     way."""
     gap = np.array(DOOR) + [[-0.006] * 3, [0.006] * 3]
     body = solid(CASE, LIP, but=(HOLLOW, gap)) if lip else solid(CASE, but=(HOLLOW,))
     boxes = np.array([box_of(LIP[0] if lip else CASE[0], CASE[1]), box_of(*box)])
     boxes[0, [1, 4]] = 0, 0.7
-    grid = grid_of([body, door], boxes, resolution=16)
+    grid = grid_of([body, door], boxes, resolution=16, steep=steep)
     layout = Layout(boxes, (Joint.fixed(), joint), (-1, 0), np.full((2, 3), 0.5), np.ones(2))
     return grid.gather(), layout
 
@@ -224,7 +224,7 @@ def test_an_open_door_is_made_flat_and_has_room():
     corners = trimesh.transform_points(trimesh.bounds.corners(DOOR), motion)
     box = corners.min(0), corners.max(0)
     shown = dataclasses.replace(SWINGS, angle=(-angle, 1.5 - angle))
-    grid, layout = cabinet(rough, box, shown, lip=False)
+    grid, layout = cabinet(rough, box, shown, lip=False, steep=3.0)
     plain, made = (assemble_layout(grid, layout, flat=flat) for flat in (False, True))
     rough_by = []
     for obj in (plain, made):
