@@ -97,6 +97,7 @@ folder, accumulate = Path(sys.argv[1]), int(sys.argv[2])
 sys.path[:0] = sys.argv[3:]
 import tiny_run
 tiny_run.make_records(folder)
+import jax.numpy as jnp
 from uniart_jax.models.network import build
 from uniart_jax.stages.trainer import STAGES, make_put, make_step, stage_batches
 from uniart_jax.training.microbatches import in_parts
@@ -111,7 +112,8 @@ batch = in_parts(make_put(STAGES["uniart_vae"], mesh), accumulate, config.model)
 parts = batch if accumulate > 1 else (batch,)
 assert all(len(p.inverse) == 4 for part in parts for p in part["plans"].values())
 step = make_step(STAGES["uniart_vae"], network, optimizer, config, folder, mesh, {})
-state = create_state(network.init, optimizer, jax.random.key(0), mesh)
+zeros = lambda key: jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), network.abstract())
+state = create_state(zeros, optimizer, jax.random.key(0), mesh)
 print(sum(leaf.size for leaf in jax.tree.leaves(state.params)))
 print(step.compile(state, batch, jax.random.key(0)).call.as_text())
 """  # noqa: E501

@@ -72,7 +72,8 @@ def make_batches(seen=None, nan_at=(), slow=0.0, share=slice(None), fail_at=-1):
         return {"x": xs[index], "y": np.tanh(xs[index] @ weights), "index": np.int32(index)}
 
     dataset = grain.MapDataset.range(40).seed(3).shuffle().repeat().map(item).batch(8)
-    iterator = iter(dataset.to_iter_dataset())
+    few = grain.ReadOptions(num_threads=1, prefetch_buffer_size=2)  # of 500 batches by default
+    iterator = iter(dataset.to_iter_dataset(few))
 
     class Recorded:
         count = 0
