@@ -26,6 +26,7 @@ LARGE = 0.8e9  # bytes: a worker above gives back what it can
 if os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] == "1" and metadata.version("jaxlib") == TRIED:
     os.environ["XLA_FLAGS"] = f"{QUICK} {os.environ.get('XLA_FLAGS', '')}"
 
+gc.disable()  # until all is imported: a quarter of collecting's time
 settings.register_profile(
     "suite",
     deadline=None,
@@ -62,6 +63,7 @@ def pytest_collection_finish():
     """What is imported by now stays: the collector need not walk it again and again."""
     gc.freeze()
     gc.set_threshold(10_000, 10, 10)
+    gc.enable()
 
 
 @pytest.fixture(scope="module")

@@ -308,7 +308,9 @@ def test_another_front_keeps_everything_behind_it(done, tmp_path):
     vae = dataclasses.replace(config.model.uniart_vae, visual_channels=8)
     config = dataclasses.replace(config, model=dataclasses.replace(config.model, uniart_vae=vae))
     network = build("uniart_vae", config.model)
-    write_network(tmp_path / "old", "uniart_vae", network.init(jax.random.key(0)), "float32")
+    write_network(
+        tmp_path / "old", "uniart_vae", jax.jit(network.init)(jax.random.key(0)), "float32"
+    )
     write_config(tmp_path / "old", config)
     old = Checkpoint(tmp_path / "old")
     assert reinit_aggregation(old, config, tmp_path / "same") == old.folder

@@ -46,7 +46,12 @@ def pipeline():
         name: dataclasses.replace(getattr(config.model, name), layout_channels=4)
         for name in ("structure_flow", "latent_flow")
     }
-    config = dataclasses.replace(config, model=dataclasses.replace(config.model, **flows))
+    shallow = {
+        "image_encoder": dataclasses.replace(config.model.image_encoder, num_blocks=0),
+        "uniart_vae": dataclasses.replace(config.model.uniart_vae, num_blocks=1),
+    }
+    model = dataclasses.replace(config.model, **flows, **shallow)
+    config = dataclasses.replace(config, model=model)
     parameters = {
         name: parameters_of(build(name, config.model), seed=i) for i, name in enumerate(NETWORKS)
     }

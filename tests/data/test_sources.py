@@ -47,6 +47,13 @@ def found(root):
     return splits.assign(sources.find_entries(root, "urdf"), "none")
 
 
+@pytest.fixture(scope="module")
+def whole(assets, tmp_path_factory):
+    """All of them prepared by one run; only read."""
+    out = tmp_path_factory.mktemp("whole")
+    return prepare.prepare(out, found(assets), settled(assets), processes=1, progress=False)
+
+
 def test_what_is_found(assets, tmp_path):
     made = sources.find_entries(assets, "urdf")
     assert [(e.key, e.category) for e in made] == [
@@ -100,23 +107,21 @@ def test_strict_leaves_out_what_lost_a_piece(assets, tmp_path):
     assert bad["table/2"].startswith("incomplete: ") and "gone.obj" in bad["table/2"]
 
 
-def test_runs_that_share_a_folder_end_as_one(assets, tmp_path):
+def test_runs_that_share_a_folder_end_as_one(assets, whole, tmp_path):
     entries, settings = found(assets), settled(assets)
-    whole = prepare.prepare(tmp_path / "a", entries, settings, processes=1, progress=False)
     for i in (2, 0, 1):
         assert not (tmp_path / "b" / "manifest.csv").exists()
         prepare.prepare(tmp_path / "b", entries, settings, processes=1, part=(i, 3), progress=False)
     assert digest(tmp_path / "b") == digest(whole)
 
 
-def test_beam_makes_the_same_folder(assets, tmp_path):
+def test_beam_makes_the_same_folder(assets, whole, tmp_path):
     pytest.importorskip(
         "apache_beam", reason="Apache Beam is absent: pip install 'uniart_jax[beam]'"
     )
     from uniart_jax.data.beam import run_beam
 
     entries, settings = found(assets), settled(assets)
-    whole = prepare.prepare(tmp_path / "a", entries, settings, processes=1, progress=False)
     made = prepare.prepare(tmp_path / "b", entries, settings, run=run_beam, progress=False)
     assert digest(made) == digest(whole)
 
@@ -148,10 +153,8 @@ def test_fronts_are_turned(assets, front, turns):
     )
 
 
-def test_other_assets_in_a_finished_folder_are_refused(assets, tmp_path):
-    entries = found(assets)
-    out = prepare.prepare(tmp_path, entries, settled(assets), processes=1, progress=False)
-    before = digest(out)
+def test_other_assets_in_a_finished_folder_are_refused(assets, whole):
+    entries, out, before = found(assets), whole, digest(whole)
     with pytest.raises(
         ValueError, match=r"made of other objects.*'broken/a b.urdf' where 'door/2'"
     ):
@@ -161,10 +164,9 @@ def test_other_assets_in_a_finished_folder_are_refused(assets, tmp_path):
     assert digest(out) == before
 
 
-def test_records_hold_what_their_asset_says(assets, tmp_path):
-    out = prepare.prepare(tmp_path, found(assets), settled(assets), processes=1, progress=False)
-    source = records.RecordSource(out)
-    rows = [row for row in folder.read_manifest(out) if not row["error"]]
+def test_records_hold_what_their_asset_says(assets, whole):
+    source = records.RecordSource(whole)
+    rows = [row for row in folder.read_manifest(whole) if not row["error"]]
     for row, record in zip(rows, (source[i] for i in range(len(source))), strict=True):
         truth = sources.load_entry(sources.entry_of(row, settled(assets)), settled(assets))
         types = [j.type for j in truth.joints]

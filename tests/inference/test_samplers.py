@@ -18,10 +18,10 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
+from uniart_jax.inference import samplers
 from uniart_jax.inference.samplers import (
     Condition,
     flow_inputs,
-    found_table,
     join_views,
     make_latent_sampler,
     make_structure_sampler,
@@ -52,6 +52,7 @@ MODEL = ModelConfig(
 )
 OPTIONS = LatentSampleConfig(steps=3, guidance=1.5, guidance_interval=(0.5, 1.0), tolerance=0.3)
 KEY = jax.random.key(0)
+found_table = jax.jit(samplers.found_table, static_argnums=2)
 PLAIN = (np.float32(0), np.float32(1))  # mean and deviation of the latents
 rng = np.random.default_rng(0)
 

@@ -2,6 +2,7 @@
 Parity with upstream: tests of the fixtures."""
 
 import dataclasses
+import functools
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +24,16 @@ ENCODER = ImageEncoderConfig(
     num_heads=2,
 )
 NETWORK = build("image_encoder", dataclasses.replace(MODEL, image_encoder=ENCODER))
+
+
+LOOK = jax.jit(NETWORK.apply)
+FEATURES = jax.jit(functools.partial(NETWORK.apply, method="features"))
+FINAL_NORM = jax.jit(functools.partial(NETWORK.apply, method="final_norm"))
+
+
+@functools.partial(jax.jit, static_argnums=(1, 2))
+def position_table(params, rows, columns):
+    return NETWORK.apply(params, rows, columns, method="position_table")
 
 
 @pytest.fixture(scope="module")
@@ -56,16 +67,16 @@ def test_names_are_upstreams(params):
 
 def test_the_condition_is_the_normalised_tokens_and_patches_are_not(params):
     image = images(16, 16)
-    out = jax.jit(NETWORK.apply)(params, image)
+    out = LOOK(params, image)
     normal = (image - jnp.array(IMAGE_MEAN)) / jnp.array(IMAGE_STD)
-    x = NETWORK.apply(params, normal, method="features")
+    x = FEATURES(params, normal)
     assert out["tokens"].shape == x.shape == (2, 1 + 3 + 16, 24)
     assert out["patches"].shape == (2, 4, 4, 24)
     np.testing.assert_allclose(out["patches"].reshape(2, 16, 24), x[:, 4:], atol=1e-5)
     centered = x - x.mean(-1, keepdims=True)
     deviation = jnp.sqrt(x.var(-1, keepdims=True) + 1e-5)
     np.testing.assert_allclose(out["tokens"], centered / deviation, atol=1e-4)
-    normed = NETWORK.apply(params, x, method="final_norm")
+    normed = FINAL_NORM(params, x)
     expected = centered / jnp.sqrt(x.var(-1, keepdims=True) + 1e-6)
     expected = expected * params["norm"]["scale"] + params["norm"]["bias"]
     np.testing.assert_allclose(normed, expected, atol=1e-4)
@@ -77,7 +88,7 @@ def test_tokens_are_cls_registers_patches_and_registers_have_no_position(params)
     network = build("image_encoder", dataclasses.replace(MODEL, image_encoder=flat))
     inputs = {name: value for name, value in params.items() if name != "blocks"}
     image = images(16, 16)
-    x = np.asarray(network.apply(inputs, image, method="features"))
+    x = np.asarray(jax.jit(functools.partial(network.apply, method="features"))(inputs, image))
     place = np.asarray(params["pos_embed"][0])
     np.testing.assert_allclose(x[0, 0], params["cls_token"][0, 0] + place[0], atol=1e-6)
     np.testing.assert_allclose(x[1, 1:4], params["register_tokens"][0], atol=1e-6)
@@ -89,14 +100,13 @@ def test_tokens_are_cls_registers_patches_and_registers_have_no_position(params)
 
 def test_other_picture_sizes(params):
     for shape in ((24, 24), (12, 20)):
-        out = jax.jit(NETWORK.apply)(params, images(*shape))
+        out = LOOK(params, images(*shape))
         rows, columns = shape[0] // 4, shape[1] // 4
         assert out["patches"].shape == (2, rows, columns, 24) and finite(out)
         assert out["tokens"].shape == (2, 4 + rows * columns, 24)
     # a table that is linear in the row stays so, upright, away from the border
     ramp = jnp.zeros((1, 17, 24)).at[:, 1:].add(jnp.repeat(jnp.arange(4.0), 4)[None, :, None])
-    network = build("image_encoder", dataclasses.replace(MODEL, image_encoder=ENCODER))
-    _, table = network.apply({**params, "pos_embed": ramp}, 8, 4, method="position_table")
+    _, table = position_table({**params, "pos_embed": ramp}, 8, 4)
     table = np.asarray(table).reshape(8, 4, 24)
     assert np.ptp(table, axis=(1, 2)).max() < 1e-5
     np.testing.assert_allclose(table[3:5, 0, 0], [1.25, 1.75], atol=0.05)
@@ -126,7 +136,7 @@ def bicubic_antialiased(length, new):
 def test_positions_are_interpolated_as_pytorch_does(params, shape):
     """The fixture dinov2_interp holds upstream's own larger table; antialiasing shows in smaller
     ones."""
-    first, table = NETWORK.apply(params, *shape, method="position_table")
+    first, table = position_table(params, *shape)
     places = np.asarray(params["pos_embed"], np.float64)[0, 1:].reshape(4, 4, 24)
     rows, columns = (bicubic_antialiased(4, n) for n in shape)
     expected = np.einsum("ia,jb,abd->ijd", rows, columns, places).reshape(1, -1, 24)
@@ -139,13 +149,11 @@ def test_masked_patches_are_not_looked_at(params):
     image = images(16, 16)
     changed = image.at[0, 4:8, 4:8].set(0.0)
 
-    def features(picture, masks):
-        return NETWORK.apply(params, picture, masks, method="features")
-
-    seen, same = features(image, masks), features(changed, masks)
+    seen, same = FEATURES(params, image, masks), FEATURES(params, changed, masks)
     np.testing.assert_allclose(seen, same, atol=1e-6)
-    assert np.abs(seen - features(image, None))[0].max() > 1e-3
-    assert np.abs(features(image, None) - features(changed, None))[0].max() > 1e-3
+    whole = FEATURES(params, image)
+    assert np.abs(seen - whole)[0].max() > 1e-3
+    assert np.abs(whole - FEATURES(params, changed))[0].max() > 1e-3
 
 
 def test_gradients_are_finite_and_reach_everything(params):

@@ -69,7 +69,7 @@ EVERY_OPTION = {  # at least once; the others nightly
 }
 
 
-ANY_WIDTH = {"patch-voxel-pixel", "conv-io3-noskip"}
+ANY_WIDTH = {"patch-voxel-pixel", "conv-cross-norm"}
 
 
 @pytest.mark.parametrize(
@@ -170,7 +170,7 @@ def test_draws_of_one_picture_may_have_voxels_of_their_own():
     batch = voxel_batch(model)
     plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
     voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
-    seen = (tokens[:1], volume[:1], *(v[:1] for v in flow_views()))
+    seen = (tokens[:1], volume[:1], *(v[:1] for v in flow_views(3)))
     twice = [jnp.repeat(a, 2, axis=0) for a in seen]
     apply = jax.jit(network.apply)
     once, each = (
@@ -243,7 +243,7 @@ def test_a_flow_sees_the_layout_of_its_own_picture_and_begins_without():
             build(name, m) for m in (dataclasses.replace(model, **{name: flow}), model)
         )
         params, table = init(plain), flow_table()
-        fresh = network.init(jax.random.key(0))
+        fresh = jax.jit(network.init)(jax.random.key(0))
         params |= {key: fresh[key] for key in fresh.keys() - params.keys()}
         known = {k: params[k] for k in plain.abstract()}
         before = jax.jit(plain.apply)(known, x, t, tokens, volume, **voxels)

@@ -36,7 +36,8 @@ def test_the_same_weights_see_pictures_of_every_size(params):
     shapes = jax.tree.map(jnp.shape, params)
     for side in (32, 64, 96):
         assert jax.tree.map(jnp.shape, make(image_size=side).abstract()) == shapes
-        out = look(params, jnp.full((2, side, side, 3), 0.4), image_size=side)
+        picture = jax.ShapeDtypeStruct((2, side, side, 3), np.float32)
+        out = jax.eval_shape(make(image_size=side).apply, params, picture)
         assert out["map"].shape[1] == side // 4 and out["parts"][-1]["corners"].shape == (2, 5, 6)
     with pytest.raises(ValueError, match="image_size that 32 divides and repeats >= 0, got 5, 48"):
         make(image_size=48).abstract()

@@ -28,7 +28,7 @@ def decode(network, params, batch):
 def test_it_begins_as_the_decoder_that_sees_none():
     blind = vae_config(attention="serial", window=16)
     network, params = build("uniart_vae", MODEL), init(build("uniart_vae", MODEL))
-    fresh = build("uniart_vae", MODEL).init(jax.random.key(0))["layout"]
+    fresh = jax.jit(build("uniart_vae", MODEL).init)(jax.random.key(0))["layout"]
     params["layout"] = fresh  # init() of the toys draws zero layers too
     batch = voxel_batch(MODEL)
     found = decode(network, params, with_layout(batch))

@@ -40,10 +40,12 @@ def params():
     return init(build("structure_flow", refining()))
 
 
-def test_a_fresh_refiner_leaves_the_logits_as_they_are(refine):
+def test_a_fresh_refiner_leaves_the_logits_as_they_are(refine, params):
     logits, *given = arguments()
-    fresh = jax.jit(build("structure_flow", refining()).init)(jax.random.key(0))
-    np.testing.assert_array_equal(refine(fresh, logits, *given), logits)
+    network = build("structure_flow", refining())
+    fresh = jax.jit(lambda key: network.init(key)["refiner"])(jax.random.key(0))
+    found = refine({**params, "refiner": fresh}, logits, *given)
+    np.testing.assert_array_equal(found, logits)
 
 
 def test_it_reads_logits_pictures_and_layout_of_its_own_item_alone(refine, params):
@@ -143,7 +145,8 @@ def test_the_flow_learns_from_what_its_sample_decodes_to():
     occupancy = np.zeros((2, SIDE, SIDE, SIDE), bool)
     occupancy[:, 2:6, 2:6, 2:6] = True
     params, vae_params = init(network), init(vae)
-    latent = vae.apply(vae_params, occupancy.astype(np.float32), method="encode")[0]
+    encode = jax.jit(lambda params, x: vae.apply(params, x, method="encode")[0])
+    latent = encode(vae_params, occupancy.astype(np.float32))
     batch = {
         "tokens": jnp.asarray(rng.normal(size=(2, 9, 16)), jnp.float32),
         "volume": jnp.asarray(rng.normal(size=(2, 4, 4, 4, 5)), jnp.float32),

@@ -40,11 +40,12 @@ def check_ops(case):
 
 def check_embeddings(given, out):
     # angles up to 1000 in float32 carry an error of 6e-5
-    time = timestep_embedding(given["t"])
+    time = jax.jit(timestep_embedding)(given["t"])
     np.testing.assert_allclose(time, out["timestep_embedding_256"], rtol=1e-4, atol=2e-4)
     places = [key for key in out if key.startswith("ape_")]
     for key in places:
-        ours = position_embedding(given["ape_coords"], int(key.removeprefix("ape_")))
+        width = int(key.removeprefix("ape_"))
+        ours = jax.jit(position_embedding, static_argnums=1)(given["ape_coords"], width)
         np.testing.assert_allclose(ours, out[key], **CLOSE)
     offsets = offset_perturbation(GaussianConfig(num_gaussians=32))
     np.testing.assert_allclose(offsets, out["gs_offset_perturbation_32"], **CLOSE)
@@ -92,15 +93,15 @@ def check_sparse(given, out):
     kernel = SUBMANIFOLD.change(given["conv3_weight_KRSC"])
     layer = SubmanifoldConv(*kernel.shape[1:], nnx.Rngs(0))
     layer.kernel[...], layer.bias[...] = jnp.asarray(kernel), jnp.asarray(given["conv3_bias"])
-    convolved = layer(jnp.asarray(feats), plan_neighbors(coords, counts))
+    convolved = jax.jit(lambda x, plan: layer(x, plan))(feats, plan_neighbors(coords, counts))
     np.testing.assert_allclose(np.asarray(convolved)[rows], out["conv3"], **CLOSE)
     pool = plan_pool(coords, counts, 2, coords.shape[1])
-    cells = downsample(jnp.asarray(feats), pool)
+    cells = jax.jit(downsample)(feats, pool)
     valid = np.arange(pool.coords.shape[1]) < pool.counts[:, None]
     np.testing.assert_array_equal(pool.coords[valid], out["down_coords"][:, 1:])
     np.testing.assert_array_equal(np.nonzero(valid)[0], out["down_coords"][:, 0])
     np.testing.assert_allclose(np.asarray(cells)[valid], out["down_feats"], **CLOSE)
-    raised = np.asarray(upsample(cells, pool))
+    raised = np.asarray(jax.jit(upsample)(cells, pool))
     np.testing.assert_allclose(raised[rows], out["up_feats"], **CLOSE)
     return {"conv3", "down_coords", "down_feats", "up_feats"}
 

@@ -425,8 +425,8 @@ def test_a_vae_that_read_no_part_features_goes_on_with_them(tmp_path):
     network = build("uniart_vae", model)
     first = Checkpoint(source).load("uniart_vae", model, widen=True)
     record = RecordSource(folder, columns=("part_feature",))[0]
-    given = {**network.init(jax.random.key(1)), **first}
-    given["front"] = {**network.init(jax.random.key(1))["front"], **first["front"]}
+    fresh = jax.jit(network.init)(jax.random.key(1))
+    given = {**fresh, **first, "front": {**fresh["front"], **first["front"]}}
     means = [
         Pipeline(dataclasses.replace(config, model=m), {"uniart_vae": p}, {}).encode_voxels(record.grid(), **more)  # noqa: E501
         for m, p, more in ((blind, first, {}), (model, given, {"part_feature": record.part_feature}))  # noqa: E501

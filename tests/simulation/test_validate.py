@@ -46,6 +46,7 @@ def failed(result: dict) -> dict[str, str]:
     }
 
 
+@pytest.mark.usefixtures("mujoco_here")
 @pytest.mark.parametrize("engine", BOTH)
 @pytest.mark.parametrize(("make", "checks"), [
     (cabinet, {"hinge_opening", "slider_pulling", "flip_and_rotate"}),

@@ -74,6 +74,17 @@ def occupancies(config, count):
         yield {"occupancy": ((cells >= low) & (cells <= high)).all(-1)}
 
 
+def quickest(folder):
+    """A structure VAE of one level; without records."""
+    config = tiny_run.make_config(folder)
+    vae = dataclasses.replace(config.model.structure_vae, channels=(8,), num_res_blocks_middle=0)
+    return dataclasses.replace(
+        config,
+        model=dataclasses.replace(config.model, structure_vae=vae),
+        data=dataclasses.replace(config.data, records=""),
+    )
+
+
 def trained(config, workdir, steps, batches):
     stage = dataclasses.replace(config.structure_vae, steps=steps, save_every=2)
     config = dataclasses.replace(config, structure_vae=stage)
@@ -82,9 +93,7 @@ def trained(config, workdir, steps, batches):
 
 
 def test_batches_of_ones_own_need_no_records_and_resume(tmp_path):
-    config = tiny_run.make_config(tmp_path)
-    data = dataclasses.replace(config.data, records="")
-    config = dataclasses.replace(config, data=data)
+    config = quickest(tmp_path)
     batches = list(occupancies(config, 3))
     straight = trained(config, tmp_path / "straight", 3, batches)
     with pytest.raises(ValueError, match="the data ended"):
@@ -136,8 +145,7 @@ class Placed:
 
 @pytest.mark.slow
 def test_an_iterator_with_a_place_of_its_own_needs_nothing_to_close(tmp_path):
-    config = tiny_run.make_config(tmp_path)
-    config = dataclasses.replace(config, data=dataclasses.replace(config.data, records=""))
+    config = quickest(tmp_path)
     batches = list(occupancies(config, 3))
     own = trained(config, tmp_path / "own", 3, Placed(batches))
     counted = trained(config, tmp_path / "counted", 3, batches)
@@ -153,8 +161,7 @@ def test_batches_that_cannot_be_gone_on_with_are_told(tmp_path):
         generator.set_state({"read": 1})
     with pytest.raises(ValueError, match="goes on from batch 7, and there are 5; give as many"):
         CountedBatches(range(5)).set_state({"read": 7})
-    config = tiny_run.make_config(tmp_path)
-    config = dataclasses.replace(config, data=dataclasses.replace(config.data, records=""))
+    config = quickest(tmp_path)
     with pytest.raises(ValueError, match="structure_vae: a batch has no 'occupancy', which the"):
         trained(config, tmp_path / "w", 2, [{"image": np.zeros(2)}] * 2)
     with pytest.raises(ValueError, match="no stage was given; choose of image_encoder, "):

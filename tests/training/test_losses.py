@@ -165,15 +165,12 @@ def test_geometry_losses_vanish_on_the_truth():
     rng = np.random.default_rng(0)
     sdf = np.float32(rng.choice([-3, 3], (2, 5, 8)))
     color = np.float32(rng.random((2, 5, 8, 3)))
-    found = losses.geometry_losses(
-        {"sdf": jnp.array(sdf), "color": jnp.array(color)}, sdf, color, jnp.ones((2, 5))
-    )
+    measure, ones = jax.jit(losses.geometry_losses), np.ones((2, 5), np.float32)
+    found = measure({"sdf": sdf, "color": color}, sdf, color, ones)
     assert (
         float(found["sdf"]) == 0 and float(found["color"]) == 0 and float(found["occupancy"]) < 0.01
     )
-    wrong = losses.geometry_losses(
-        {"sdf": jnp.array(-sdf), "color": jnp.array(color)}, sdf, color, jnp.ones((2, 5))
-    )
+    wrong = measure({"sdf": -sdf, "color": color}, sdf, color, ones)
     assert float(wrong["occupancy"]) > 3 and float(wrong["sdf"]) > 3
 
 
@@ -182,7 +179,8 @@ def test_balanced_voxels_hear_small_parts_and_never_padding():
     part[0, 990:995] = 3  # five voxels of one part among 995
     part[1, :] = 1
     counts = np.array([995, 10])
-    drawn = np.asarray(losses.balanced_voxels(jax.random.key(0), part, counts, 4000, 8))
+    draw_voxels = jax.jit(losses.balanced_voxels, static_argnums=(3, 4))
+    drawn = np.asarray(draw_voxels(jax.random.key(0), part, counts, 4000, 8))
     assert drawn[0].max() < 995 and drawn[1].max() < 10
     assert 0.45 < (part[0][drawn[0]] == 3).mean() < 0.55
 
@@ -251,7 +249,8 @@ def test_a_dropped_condition_is_nothing_in_all_its_parts():
     )
     for share in (0.0, 0.4, 1.0):
         config = dataclasses.replace(Config(), loss=LossConfig(condition_drop=share))
-        *_, seen = draw(batch, jnp.zeros((64, 5, 4)), jax.random.key(0), config)
+        shown = jax.jit(lambda batch, key, c=config: draw(batch, batch["x"], key, c)[-1])
+        seen = shown(batch | {"x": np.zeros((64, 5, 4), np.float32)}, jax.random.key(0))
         kept = [np.asarray(a).reshape(64, -1) for a in jax.tree.leaves(seen)]
         assert len(kept) == 9 and all(np.array_equal(a.min(1), a.max(1)) for a in kept)
         assert all(np.array_equal(a[:, 0], kept[0][:, 0]) for a in kept)
@@ -376,7 +375,7 @@ def test_the_latent_flow_weighs_parts_and_readouts_as_told():
             ),
         )
         loss = make_latent_flow_loss(Zero(), config, np.zeros(3), np.ones(3), metric)
-        found, metrics = loss({}, batch, jax.random.key(0))
+        found, metrics = jax.jit(loss)({}, batch, jax.random.key(0))
         np.testing.assert_allclose(found, expected, rtol=1e-5)
         np.testing.assert_allclose(metrics["x0_error"], 5 / 3 / 4, rtol=1e-5)
     with pytest.raises(ValueError, match=r"loss\.part_share is 1\.5"):

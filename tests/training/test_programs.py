@@ -20,7 +20,7 @@ from uniart_jax.nn.grids import CELL_SHARES
 from uniart_jax.voxels.part_table import EMPTY
 
 SIZES = [6 + 3 * k for k in range(40)]  # voxels: 6 to 123, two widths
-BATCHES = 120
+BATCHES = 60
 
 
 def shapes(batches) -> set:

@@ -245,7 +245,7 @@ def test_a_filled_network_is_upstreams_where_it_can_be():
         if not key.startswith("out_layer"):
             np.testing.assert_array_equal(filled[f"decoder.{key}"], value)
     assert not any(key.startswith("decoder.out_layer") for key in filled)
-    drawn = flatten(build("uniart_vae", model).init(jax.random.key(3)))
+    drawn = flatten(jax.jit(build("uniart_vae", model).init)(jax.random.key(3)))
     for key in filled:
         if key.startswith(("front.", "geometry_head.", "segmentation_head.", "articulation_head.")):
             np.testing.assert_allclose(filled[key], drawn[key], rtol=1e-6)
