@@ -18,7 +18,7 @@ sample: .venv/ready
 	@echo "· $(IMAGE) -> $(OUT) with the shipped model"
 	@$(BIN)/python sample.py $(IMAGE) --out $(OUT) --overwrite
 
-# a process a core, four at most (3 GB each); a module's tests stay together
+# a process a core, four at most (1.5 GB each); a module's tests stay together
 SPREAD := -n auto --maxprocesses 4 --dist loadscope
 
 test: .venv/ready

@@ -1,6 +1,7 @@
 """A module imports only from floors below its own, and light packages stay light."""
 
 import ast
+import functools
 import importlib.util
 import subprocess
 import sys
@@ -45,12 +46,15 @@ NO_JAX = ["objects", "voxels", "procedural", "data", "export", "simulation"]
 BARE = ["nn", "models", "flow", "training"]
 
 
-def imports(path: Path):
+@functools.cache
+def imports(path: Path) -> list[str]:
+    found = []
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            yield node.module
+            found.append(node.module)
+    return found
 
 
 def unit(module: str) -> str:

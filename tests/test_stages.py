@@ -65,6 +65,9 @@ def toy(folder: Path) -> Config:
             model,
             grid=smaller(model.grid, resolution=16),
             image_encoder=encoder,
+            structure_vae=smaller(
+                model.structure_vae, patch_size=4, channels=(8,), num_res_blocks_middle=0
+            ),
             uniart_vae=smaller(model.uniart_vae, num_blocks=1),
             structure_flow=smaller(model.structure_flow, volume_resolution=4, layout_channels=4),
             latent_flow=smaller(model.latent_flow, volume_resolution=4, layout_channels=4),
@@ -214,7 +217,7 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys)
     config = dataclasses.replace(config, model=dataclasses.replace(config.model, latent_flow=reads))
     source = tmp_path / "source"
     shutil.copytree(workdir / "export", source)
-    before = build("latent_flow", model).init(jax.random.key(7))
+    before = jax.jit(build("latent_flow", model).init)(jax.random.key(7))
     write_network(source, "latent_flow", before, "float32")
     still = dataclasses.replace(config.latent_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
     config = dataclasses.replace(config, latent_flow=still)

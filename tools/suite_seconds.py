@@ -42,10 +42,15 @@ def seconds() -> float:
     return sum(usage.ru_utime + usage.ru_stime for usage in both)
 
 
-def resident() -> float:
-    """MB that this process holds now; 0 where the system does not say."""
-    file = Path("/proc/self/statm")
-    return int(file.read_text().split()[1]) * resource.getpagesize() / 1e6 if file.exists() else 0.0
+def peak() -> float:
+    """MB that this process has held at most since the last call; 0 where the system does not
+    say."""
+    file = Path("/proc/self/status")  # Linux's
+    if not file.exists():
+        return 0.0
+    line = next(line for line in file.read_text().splitlines() if line.startswith("VmHWM"))
+    Path("/proc/self/clear_refs").write_text("5")  # the next call's begins here
+    return int(line.split()[1]) * 1024 / 1e6
 
 
 def listen() -> None:
@@ -77,6 +82,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
     global _now
     _now = COSTS.setdefault(item.nodeid.split("::")[0], Cost())
     listen()
+    peak()
     before = seconds()
     try:
         return (yield)
@@ -84,7 +90,7 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
         listen()
         _now.tests += 1
         _now.seconds += seconds() - before
-        _now.megabytes = max(_now.megabytes, resident())
+        _now.megabytes = max(_now.megabytes, peak())
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
