@@ -4,6 +4,7 @@ damping, screws, energy, the hand."""
 from __future__ import annotations
 
 import functools
+import gc
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,18 @@ def test_depths_are_those_of_the_boxes(name, tmp_path):
         "block",
         "rail",
     }
+
+
+@pytest.mark.pybullet
+def test_an_engine_that_is_let_go_gives_its_memory_back(tmp_path):
+    import pybullet
+
+    engine = loaded("pybullet", slider(tmp_path / "a"))
+    client = engine.sim.client
+    assert pybullet.getConnectionInfo(client)["isConnected"]
+    del engine
+    gc.collect()
+    assert not pybullet.getConnectionInfo(client)["isConnected"]
 
 
 @both

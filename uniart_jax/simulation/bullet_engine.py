@@ -12,6 +12,7 @@ millimetre whatever the size, vanishes there.
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -210,6 +211,8 @@ class _Copy:
     def __init__(self, path: Path, scale: float):
         self.scale = scale
         self.client = client = pybullet.connect(pybullet.DIRECT)
+        # else each keeps 60 MB until the process ends
+        weakref.finalize(self, pybullet.disconnect, client).atexit = False
         flags = (
             pybullet.URDF_USE_INERTIA_FROM_FILE
             | pybullet.URDF_USE_SELF_COLLISION
