@@ -101,7 +101,7 @@ def forward_products(job: dict[str, Any], batch: Any) -> float:
     if job["network"] == "image_encoder":
         network = build("image_encoder", model)
         return matmul_flops(
-            jax.make_jaxpr(network.apply)(network.abstract(), batch["image"])
+            jax.make_jaxpr(network.apply)(network.abstract(), batch.image)
         ).total()
     network, loss = loss_of(job["network"], model)
     return matmul_flops(jax.make_jaxpr(loss)(network.abstract(), batch, jax.random.key(0))).total()
@@ -118,7 +118,7 @@ def step(job: dict[str, Any]) -> dict[str, Any]:
         network = build("image_encoder", model)
         state = jax.jit(network.init)(key)
         size = state
-        lowered = jax.jit(lambda s, b, k: (s, network.apply(s, b["image"])), donate_argnums=0)
+        lowered = jax.jit(lambda s, b, k: (s, network.apply(s, b.image)), donate_argnums=0)
     else:
         network, loss = loss_of(job["network"], model)
         stage = StageConfig()

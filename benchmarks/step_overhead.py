@@ -120,7 +120,7 @@ def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -
     network, mesh = build(name, config.model), make_mesh(config.mesh)
     optimizer = make_optimizer(stage)
     bare = make_step(own, network, optimizer, config, workdir, mesh, latents)
-    put = make_put(own, mesh)
+    put = make_put(own, mesh, config.model)
     key = jax.random.key(0)
     loops, bares, idles, saves, each = [], [], [], [], []
     for round_ in range(rounds + 1):  # the first one compiles

@@ -21,6 +21,7 @@ from uniart_jax.nn.voxel_plans import voxel_plans, window_ids
 from uniart_jax.training.encoder_loss import make_image_encoder_loss
 from uniart_jax.training.flow_losses import make_latent_flow_loss, make_structure_flow_loss
 from uniart_jax.training.vae_losses import make_structure_vae_loss, make_uniart_vae_loss
+from uniart_jax.voxels.typed_batches import PictureBatch
 
 DISTINCT = 4  # objects of a batch; more items repeat them
 LOSSES = {
@@ -149,27 +150,25 @@ def dense(items: int, width: int, side: int) -> tuple[np.ndarray, np.ndarray]:
     return part >= 0, part
 
 
-def image_batch(model: ModelConfig, items: int, width: int) -> dict[str, Any]:
+def image_batch(model: ModelConfig, items: int, width: int) -> PictureBatch:
     """What the 'volume' image encoder trains on; of DINOv2, which is not trained, the images."""
     size, parts = model.image_encoder.image_size, model.grid.max_parts
     image = np.abs(normal(items, size, size, 3)) % 1
     if model.image_encoder.architecture != "volume":
-        return {"image": image}
+        return PictureBatch(image=image)
     coarse = dense(items, width, model.image_encoder.target_resolution)[1]
-    return {
-        "image": image,
-        "camera": normal(items, 7) * 0.3,
-        "occupancy": dense(items, width, model.grid.resolution)[0],
-        "cell_part": np.where(coarse >= 0, coarse % parts, -1),
-        "boxes": normal(items, parts, 6) * 0.2,
-        "codes": normal(items, parts, 9) * 0.3,
-        "parents": np.zeros((items, parts), np.int32),
-    }
+    return PictureBatch(
+        image=image,
+        camera=normal(items, 7) * 0.3,
+        occupancy=dense(items, width, model.grid.resolution)[0],
+        cell_part=np.where(coarse >= 0, coarse % parts, -1),
+        boxes=normal(items, parts, 6) * 0.2,
+        codes=normal(items, parts, 9) * 0.3,
+        parents=np.zeros((items, parts), np.int32),
+    )
 
 
-def training_batch(
-    name: str, model: ModelConfig, items: int, width: int, shares: int = 1
-) -> dict[str, Any]:
+def training_batch(name: str, model: ModelConfig, items: int, width: int, shares: int = 1) -> Any:
     """A batch of a network's loss (``make_loss``); ``width``: voxels of an item where they are a
     list; ``shares``: the devices that share it."""
     if name == "image_encoder":
@@ -178,7 +177,7 @@ def training_batch(
         return voxel_batch(model, items, width, shares)
     side, s = model.grid.resolution, model.structure_vae
     if name == "structure_vae":
-        return {"occupancy": dense(items, width, side)[0]}
+        return PictureBatch(occupancy=dense(items, width, side)[0])
     condition = {
         "tokens": normal(items, CONTEXT, getattr(model, name).cond_channels),
         "volume": np.zeros((items, 1, 1, 1, 1), np.float32),  # these networks read none

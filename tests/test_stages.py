@@ -264,7 +264,7 @@ def test_a_flows_step_sees_by_the_exported_encoder(trained):
 
     state = create_state(init, optimizer, key, mesh)
     with contextlib.closing(iter(stage_batches(STAGES["structure_flow"], config, workdir))) as it:
-        batch = make_put(STAGES["structure_flow"], mesh)(next(it))
+        batch = make_put(STAGES["structure_flow"], mesh, config.model)(next(it))
     loss_fn = make_structure_flow_loss(network, config, *statistics["structure"])
 
     @jax.jit

@@ -23,6 +23,7 @@ from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build
+from uniart_jax.voxels.part_table import ROWS, PartTable
 from uniart_jax.voxels.voxelize import voxelize
 
 ROOT = Path(__file__).parent.parent
@@ -153,26 +154,27 @@ def test_the_pools_mirror_is_that_of_records(pool_tools, pool_rows):
     flipped = 0
     for b in range(len(rows["boxes"])):
         image = rows["images"][b] / np.float32(255)
-        mirrored = not np.allclose(out["plain_image"][b], image)
+        mirrored = not np.allclose(out.plain_image[b], image)
         flipped += mirrored
         same = (lambda x: x, lambda x: x) if not mirrored else (mirror_boxes, mirror_codes)
-        np.testing.assert_allclose(out["boxes"][b], same[0](rows["boxes"][b]), atol=1e-6)
-        np.testing.assert_allclose(out["codes"][b], same[1](rows["codes"][b]), atol=1e-6)
-        cells = plain["occupancy"][b][:, ::-1] if mirrored else plain["occupancy"][b]
-        np.testing.assert_array_equal(out["occupancy"][b], cells)
+        np.testing.assert_allclose(out.layout.boxes[b], same[0](rows["boxes"][b]), atol=1e-6)
+        np.testing.assert_allclose(out.layout.codes[b], same[1](rows["codes"][b]), atol=1e-6)
+        cells = plain.occupancy[b][:, ::-1] if mirrored else plain.occupancy[b]
+        np.testing.assert_array_equal(out.occupancy[b], cells)
         if mirrored:
-            np.testing.assert_allclose(out["plain_image"][b], mirror_images(image), atol=1e-6)
+            np.testing.assert_allclose(out.plain_image[b], mirror_images(image), atol=1e-6)
             camera = mirror_camera_codes(rows["cameras"][b])
-            np.testing.assert_allclose(out["camera"][b], camera, atol=1e-6)
+            np.testing.assert_allclose(out.layout.camera[b], camera, atol=1e-6)
     assert 0 < flipped < len(rows["boxes"])
-    np.testing.assert_array_equal(plain["image"], plain["plain_image"])
-    assert ((out["image"] > 0) == (out["plain_image"] > 0)).mean() > 0.99  # black stays
+    np.testing.assert_array_equal(plain.layout.image, plain.plain_image)
+    assert ((out.layout.image > 0) == (out.plain_image > 0)).mean() > 0.99  # black stays
 
 
 def test_the_pools_layouts_with_errors_are_trees_of_the_objects_parts(pool_tools, pool_rows):
     rows, _ = pool_rows
     batch = {k: np.concatenate([rows[k]] * 4) for k in rows}
-    found = jax.device_get(jax.jit(pool_tools.device.tables_with_errors)(batch, jax.random.key(0)))
+    true = PartTable(*(batch[k] for k in ROWS), batch["part_counts"])
+    found = jax.device_get(jax.jit(pool_tools.device.tables_with_errors)(true, jax.random.key(0)))
     exact, lost = 0, 0
     for b, count in enumerate(found.counts):
         parts, parents = int(batch["part_counts"][b]), found.parents[b, :count]

@@ -3,8 +3,8 @@ with errors, and the structure flow's loss."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,44 +18,57 @@ from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, 
 from uniart_jax.inference.samplers import found_table
 from uniart_jax.models.image_encoder import shrink
 from uniart_jax.models.network import Network
+from uniart_jax.nn.shapes import Array
 from uniart_jax.training.flow_losses import summarize_flow
 from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import occupancy_terms
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
+from uniart_jax.voxels.typed_batches import LayoutBatch
 
 FOUND, ABSENT, EXACT = 0.4, 0.06, 0.35  # shares of the layouts that the structure flow is shown
 ONCE = 0.8  # share of the draws at t = 1
-Batch = dict[str, jax.Array]
 
 
-def prepared(batch: Batch, key: jax.Array, train: bool) -> Batch:
-    """A drawn batch as both losses take it; where it is to ``train`` on, half of its items are
-    mirrored, and half, drawn apart, are shown in another light."""
+class PoolBatch(NamedTuple):
+    """What both losses read.
+
+    Attributes:
+      layout: the layout network's batch. plain_image: its pictures without another light, for the
+        structure flow. occupancy: of the grid's voxels.
+    """
+
+    layout: LayoutBatch
+    plain_image: Annotated[Array, "B H W 3", "float"]
+    occupancy: Annotated[Array, "B R R R", "bool"]
+
+
+def prepared(rows: Mapping[str, jax.Array], key: jax.Array, train: bool) -> PoolBatch:
+    """Drawn rows (``pool_objects.Pool.draw``) as both losses take them. To ``train`` on,
+    half of the items are mirrored, and half, drawn apart, are shown in another light."""
     keys = jax.random.split(key, 3)
-    items = len(batch["boxes"])
+    items = len(rows["boxes"])
     flip = jax.random.bernoulli(keys[0], 0.5, (items,)) & train
 
     def either(mirrored, plain):
         return jnp.where(flip.reshape(-1, *[1] * (plain.ndim - 1)), mirrored, plain)
 
-    image = batch["images"]
+    image = rows["images"]
     image = either(mirror_images(image), image).astype(jnp.float32) / 255
-    cameras, codes, boxes = batch["cameras"], batch["codes"], batch["boxes"]
-    cells = jnp.unpackbits(batch["voxels"], axis=-1)
+    cameras, codes, boxes = rows["cameras"], rows["codes"], rows["boxes"]
+    cells = jnp.unpackbits(rows["voxels"], axis=-1)
     side = round(cells.shape[1] ** (1 / 3))
     cells = cells.reshape(items, side, side, side) > 0
     lit = relit(image, keys[1])
-    return {
-        "plain_image": image,
-        "image": jnp.where(train, lit, image),
-        "camera": either(mirror_camera_codes(cameras), cameras),
-        "boxes": either(mirror_boxes(boxes), boxes),
-        "codes": either(mirror_codes(codes, jnp), codes),
-        "parents": batch["parents"],
-        "colors": batch["colors"],
-        "part_counts": batch["part_counts"],
-        "occupancy": either(cells[:, :, ::-1], cells),
-    }
+    layout = LayoutBatch(
+        image=jnp.where(train, lit, image),
+        camera=either(mirror_camera_codes(cameras), cameras),
+        boxes=either(mirror_boxes(boxes), boxes),
+        codes=either(mirror_codes(codes, jnp), codes),
+        parents=rows["parents"],
+        colors=rows["colors"],
+        part_counts=rows["part_counts"],
+    )
+    return PoolBatch(layout, image, either(cells[:, :, ::-1], cells))
 
 
 def relit(image: jax.Array, key: jax.Array) -> jax.Array:
@@ -82,17 +95,19 @@ def make_structure_loss(
     def loss_fn(params, batch, key, frozen):
         encoder, vae_params, finder = jax.lax.stop_gradient(frozen)
         keys = jax.random.split(key, 8)
-        image, items = batch["plain_image"], len(batch["boxes"])
+        image, items = batch.plain_image, len(batch.plain_image)
         out = nets["layout"].apply(finder, image)
+        true = batch.layout
+        table = PartTable(true.boxes, true.codes, true.parents, true.colors, true.part_counts)
         found = found_table(out["parts"][-1], out["parents"], most)
         chosen = jax.random.bernoulli(keys[0], FOUND, (items,))
-        layout = choose(chosen, found, tables_with_errors(batch, keys[1]))
+        layout = choose(chosen, found, tables_with_errors(table, keys[1]))
         layout = jax.lax.stop_gradient(layout)
         small = shrink(image, config.model.image_encoder.image_size)
         warped = bent(small, config.data.image_warp, keys[2])
         small = jnp.where(chosen[:, None, None, None], small, warped)
         seen = nets["image_encoder"].apply(encoder, small)
-        latent = vae.apply(vae_params, batch["occupancy"], method="encode")[0]
+        latent = vae.apply(vae_params, batch.occupancy, method="encode")[0]
         x0 = jax.lax.stop_gradient((latent - mean) / std)
         once = jax.random.bernoulli(keys[3], ONCE, (items,))
         times = sample_times(keys[4], (items,), config.loss.time_mean, config.loss.time_std)
@@ -105,13 +120,13 @@ def make_structure_loss(
         )
         guess = predicted_sample(x, v, t) * std + mean
         logits = vae.apply(vae_params, guess, method="decode")
-        terms = occupancy_terms(logits, batch["occupancy"])
+        terms = occupancy_terms(logits, batch.occupancy)
         loss += terms["entropy"] + terms["dice"]
         metrics["iou"] = terms["iou"]
         if refines:
             given = (seen["pixels"][:, None], seen["camera"][:, None], layout)
             logits = flow.apply(params, jax.lax.stop_gradient(logits), *given, method="refine")
-            terms = occupancy_terms(logits, batch["occupancy"])
+            terms = occupancy_terms(logits, batch.occupancy)
             loss += terms["entropy"] + terms["dice"]
             metrics["refined"] = terms["iou"]
         return loss, {k: v for k, v in metrics.items() if k in ("iou", "refined", "x0_error")}
@@ -133,15 +148,15 @@ def bent(image: jax.Array, share: float, key: jax.Array) -> jax.Array:
     return jax.vmap(jax.vmap(one, (-1, None), -1))(image, places)
 
 
-def tables_with_errors(batch: Batch, key: jax.Array) -> PartTable:
-    """``data.layout_errors.with_errors`` of a batch, as a ``PartTable``."""
+def tables_with_errors(table: PartTable, key: jax.Array) -> PartTable:
+    """``data.layout_errors.with_errors`` of true layouts."""
     keys = jax.random.split(key, 8)
-    boxes, codes, parents, colors = (batch[k] for k in ("boxes", "codes", "parents", "colors"))
+    boxes, codes, parents, colors, known = table
     items, most = parents.shape
     exact = jax.random.bernoulli(keys[0], EXACT / (1 - FOUND), (items, 1))
     strength = jnp.where(exact, 0, jax.random.uniform(keys[1], (items, 1), minval=0.3, maxval=1.0))
     absent = jax.random.bernoulli(keys[2], ABSENT / (1 - FOUND), (items, 1))
-    real = jnp.arange(most) < batch["part_counts"][:, None]
+    real = jnp.arange(most) < known[:, None]
     roots = parents == jnp.arange(most)
     lost = ~roots & (jax.random.uniform(keys[3], roots.shape) < LOST * strength)
     kept = real & ~lost & ~absent

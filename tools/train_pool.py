@@ -106,8 +106,9 @@ def train(given: argparse.Namespace) -> None:
         "layout": init.load("layout", config.model),
         "structure_flow": drawn | init.load("structure_flow"),
     }
+    layout_loss = make_layout_loss(nets["layout"], config)
     losses = {
-        "layout": make_layout_loss(nets["layout"], config),
+        "layout": lambda params, batch, key: layout_loss(params, batch.layout, key),
         "structure_flow": make_structure_loss(nets, config, init.statistics("structure")),
     }
     rates = {"layout": given.rate, "structure_flow": given.flow_rate}

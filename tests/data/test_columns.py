@@ -175,7 +175,7 @@ def test_a_frozen_encoder_needs_no_pictures_in_memory(folder):
     encoder = dataclasses.replace(MODEL.image_encoder, architecture="dinov2", image_size=518)
     frozen = dataclasses.replace(MODEL, image_encoder=encoder)
     batch = next(iter(image_table.image_batches(folder, DATA, frozen, 3, split="train")))
-    assert batch["image"].shape == (3, 0, 0, 3) and batch["occupancy"].any((1, 2, 3)).all()
+    assert batch.image.shape == (3, 0, 0, 3) and batch.occupancy.any((1, 2, 3)).all()
 
 
 def test_mirroring_and_windows_keep_features_on_their_voxels(folder):

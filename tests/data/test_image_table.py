@@ -12,6 +12,7 @@ from uniart_jax.config import DataConfig, GridConfig
 from uniart_jax.data import image_table, records
 from uniart_jax.data.image_table import NO_PART
 from uniart_jax.data.mirror import mirror_record
+from uniart_jax.nn.shapes import check_shapes
 from uniart_jax.voxels.grid import occupancy
 
 DATA = DataConfig(seed=5)
@@ -21,22 +22,22 @@ def test_contract_and_values(folder):
     source = records.RecordSource(folder)
     table = image_table.load_image_table(folder, MODEL)
     batch = table.take(np.array([4, 9]), np.array([0.0, 0.9]), np.array([False, False]))
-    assert batch["image"].shape == (2, 16, 16, 3) and batch["image"].dtype == np.float32
-    assert batch["occupancy"].shape == (2, 8, 8, 8) and batch["occupancy"].dtype == bool
-    assert batch["cell_part"].shape == (2, 4, 4, 4) and batch["cell_part"].dtype == np.int32
+    assert batch.image.shape == (2, 16, 16, 3) and batch.image.dtype == np.float32
+    assert batch.occupancy.shape == (2, 8, 8, 8) and batch.occupancy.dtype == bool
+    assert batch.cell_part.shape == (2, 4, 4, 4) and batch.cell_part.dtype == np.int32
     for b, index in enumerate((4, 9)):
         record = source[index]
         dense = occupancy(record.coords, 8)
-        assert np.array_equal(batch["occupancy"][b], dense)
+        assert np.array_equal(batch.occupancy[b], dense)
         coarse = dense.reshape(4, 2, 4, 2, 4, 2).any((1, 3, 5))
-        assert np.array_equal(batch["cell_part"][b] >= 0, coarse)
+        assert np.array_equal(batch.cell_part[b] >= 0, coarse)
         parts = image_table.cell_parts(record, 4)
         assert np.array_equal(parts != NO_PART, coarse)
-        assert np.array_equal(batch["cell_part"][b][coarse], parts[coarse])
+        assert np.array_equal(batch.cell_part[b][coarse], parts[coarse])
         known = len(record.boxes)
-        assert np.array_equal(batch["boxes"][b][:known], record.boxes)
-        assert np.array_equal(batch["codes"][b][:known], record.codes)
-        assert np.array_equal(batch["parents"][b][:known], record.parents)
+        assert np.array_equal(batch.boxes[b][:known], record.boxes)
+        assert np.array_equal(batch.codes[b][:known], record.codes)
+        assert np.array_equal(batch.parents[b][:known], record.parents)
 
 
 def test_cell_belongs_to_the_part_with_most_surface():
@@ -61,8 +62,8 @@ def test_mirrored_rows_are_the_mirrored_record(folder, tmp_path):
     rows, views = np.arange(11), np.linspace(0, 0.99, 11)
     plain = image_table.load_image_table(tmp_path, MODEL).take(rows, views, np.zeros(11, bool))
     flipped = image_table.load_image_table(folder, MODEL).take(rows, views, np.ones(11, bool))
-    for key in plain:
-        assert np.array_equal(plain[key], flipped[key]), key
+    for key, one, other in zip(plain._fields, plain, flipped, strict=True):
+        assert np.array_equal(one, other), key
 
 
 def test_pipeline_resumes_and_shares(folder):
@@ -77,15 +78,18 @@ def test_pipeline_resumes_and_shares(folder):
     half = make(process_index=1, process_count=2)
     for step, batch in enumerate(expected):
         share = next(half)
-        for key in batch:
-            assert np.array_equal(batch[key][2:], share[key])
+        check_shapes(batch)
+        arrays = [array for array in batch if array is not None]
+        assert len(arrays) == 7
+        for array, part in zip(arrays, share, strict=False):
+            assert np.array_equal(array[2:], part)
         if step >= 3:
             resumed = next(second)
-            assert all(np.array_equal(batch[key], resumed[key]) for key in batch)
+            assert all(map(np.array_equal, arrays, resumed))
 
 
 def test_pass_sees_each_once(folder):
-    seen = [r for b in image_table.image_pass(folder, MODEL, 4) for r in b["record"].tolist()]
+    seen = [r for b in image_table.image_pass(folder, MODEL, 4) for r in b.record.tolist()]
     assert seen == [*range(11), -1]
 
 
@@ -95,17 +99,17 @@ def test_records_of_too_many_parts_are_left_out_and_keep_their_index(folder, cap
     source, kept = records.RecordSource(folder), [0, 1, 3, 4, 6, 7, 9, 10]
     seen = []
     for batch in image_table.image_pass(folder, model, 3):
-        for b, index in enumerate(batch["record"].tolist()):
+        for b, index in enumerate(batch.record.tolist()):
             if index >= 0:
                 seen.append(index)
-                assert np.array_equal(batch["occupancy"][b], occupancy(source[index].coords, 8))
+                assert np.array_equal(batch.occupancy[b], occupancy(source[index].coords, 8))
                 known = len(source[index].boxes)
-                assert np.array_equal(batch["boxes"][b][:known], source[index].boxes)
+                assert np.array_equal(batch.boxes[b][:known], source[index].boxes)
     assert seen == kept
     assert caplog.text.count("3 of 11 records left out: more than 3 parts") == 1
     batches = iter(image_table.image_batches(folder, DATA, model, 8))
     truth = {occupancy(source[i].coords, 8).sum() for i in kept}  # every record has its own count
-    assert {int(o.sum()) for o in next(batches)["occupancy"]} == truth
+    assert {int(o.sum()) for o in next(batches).occupancy} == truth
     with pytest.raises(ValueError, match="8 records are fewer than one batch of 9"):
         image_table.image_batches(folder, DATA, model, 9)
 

@@ -127,7 +127,7 @@ def test_a_training_begins_at_its_first_block(data):
     others."""
     later = dataclasses.replace(data, first_block=4, mirror=False)
     batches = itertools.islice(layouts.layout_batches(later, MODEL, 4), 3)  # 12: a whole window
-    shown = np.concatenate([batch["boxes"] for batch in batches])
+    shown = np.concatenate([batch.boxes for batch in batches])
     settings = layouts.settings_of(data, MODEL)
     held = np.concatenate([layouts.load_block(data.layouts, n, settings)["boxes"] for n in (4, 5)])
     places = [np.flatnonzero((held == boxes).all((1, 2))).tolist() for boxes in shown]
@@ -140,20 +140,20 @@ def test_batches_resume_and_are_shared(data):
     whole = list(itertools.islice(layouts.layout_batches(data, MODEL, 4), 5))
     later = iter(layouts.layout_batches(data, MODEL, 4))
     later.set_state({"batch": 3, "batch_size": 4})
-    np.testing.assert_array_equal(next(later)["image"], whole[3]["image"])
+    np.testing.assert_array_equal(next(later).image, whole[3].image)
     later.close()
     halves = [
         next(iter(layouts.layout_batches(data, MODEL, 4, process_index=i, process_count=2)))
         for i in (0, 1)
     ]
-    np.testing.assert_array_equal(np.concatenate([h["boxes"] for h in halves]), whole[0]["boxes"])
+    np.testing.assert_array_equal(np.concatenate([h.boxes for h in halves]), whole[0].boxes)
 
 
 def test_mirrored_items_belong_together(data):
     table = layouts.load_window(data.layouts, 0, SETTINGS)
     plain = layouts._item(table, 1, 0.0, False)
     turned = layouts._item(table, 1, 0.0, True)
-    np.testing.assert_array_equal(turned["image"], plain["image"][:, ::-1])
-    np.testing.assert_array_equal(turned["boxes"], mirror_boxes(plain["boxes"]))
-    back = layouts.mirror_codes(turned["codes"])
-    assert np.abs(gauge_variants(back) - plain["codes"][:, None]).max(-1).min(-1).max() < 1e-5
+    np.testing.assert_array_equal(turned.image, plain.image[:, ::-1])
+    np.testing.assert_array_equal(turned.boxes, mirror_boxes(plain.boxes))
+    back = layouts.mirror_codes(turned.codes)
+    assert np.abs(gauge_variants(back) - plain.codes[:, None]).max(-1).min(-1).max() < 1e-5

@@ -12,6 +12,7 @@ from uniart_jax.training.layout_loss import layout_losses, match
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 from uniart_jax.voxels.joint_code import gauge_variants
+from uniart_jax.voxels.typed_batches import LayoutBatch
 
 K, Q = 5, 8
 
@@ -32,14 +33,15 @@ def setting():
     out = {"parts": parts, "camera": rng.normal(size=(2, 7)), "parents": rng.normal(size=(2, Q, Q))}
     counts = np.array([3, 5])
     valid = np.arange(K) < counts[:, None]
-    batch = {
-        "boxes": np.abs(rng.normal(size=(2, K, 6))) * valid[..., None],
-        "codes": rng.normal(size=(2, K, 9)) * valid[..., None],
-        "colors": rng.random((2, K, 3)) * valid[..., None],
-        "parents": np.array([[0, 0, 1, 0, 0], [0, 0, 1, 2, 0]]),
-        "part_counts": counts,
-        "camera": rng.normal(size=(2, 7)),
-    }
+    batch = LayoutBatch(
+        boxes=np.abs(rng.normal(size=(2, K, 6))) * valid[..., None],
+        codes=rng.normal(size=(2, K, 9)) * valid[..., None],
+        colors=rng.random((2, K, 3)) * valid[..., None],
+        parents=np.array([[0, 0, 1, 0, 0], [0, 0, 1, 2, 0]]),
+        part_counts=counts,
+        camera=rng.normal(size=(2, 7)),
+        image=np.zeros((2, 4, 4, 3)),
+    )
     cast = lambda x: jnp.asarray(x, jnp.float32 if x.dtype.kind == "f" else jnp.int32)  # noqa: E731
     return jax.tree.map(cast, out), jax.tree.map(cast, batch)
 
@@ -66,10 +68,8 @@ def test_matching_is_scipys():
 
 def test_garbage_in_padding_changes_nothing(setting):
     out, batch = setting
-    spoiled = dict(batch)
-    for name in ("boxes", "codes", "colors"):
-        spoiled[name] = batch[name].at[0, 3:].set(1e6)
-    spoiled["parents"] = batch["parents"].at[0, 3:].set(4)
+    tables = {n: getattr(batch, n).at[0, 3:].set(1e6) for n in ("boxes", "codes", "colors")}
+    spoiled = batch._replace(**tables, parents=batch.parents.at[0, 3:].set(4))
     same(losses(out, batch), losses(out, spoiled))
 
 
@@ -77,10 +77,10 @@ def test_the_order_of_the_true_parts_does_not_matter(setting):
     out, batch = setting
     order = np.array([2, 0, 1, 4, 3])
     place = np.argsort(order)
-    moved = dict(batch, part_counts=jnp.array([5, 5]))
-    turned = {n: moved[n][:, order] for n in ("boxes", "codes", "colors")}
-    parents = jnp.asarray(place)[moved["parents"]][:, order]
-    same(losses(out, moved), losses(out, {**moved, **turned, "parents": parents}))
+    moved = batch._replace(part_counts=jnp.array([5, 5]))
+    turned = {n: getattr(moved, n)[:, order] for n in ("boxes", "codes", "colors")}
+    parents = jnp.asarray(place)[moved.parents][:, order]
+    same(losses(out, moved), losses(out, moved._replace(**turned, parents=parents)))
 
 
 def test_the_order_of_the_queries_does_not_matter(setting):
@@ -94,11 +94,11 @@ def test_the_order_of_the_queries_does_not_matter(setting):
 @pytest.mark.parametrize("gauge", range(3))
 def test_codes_are_compared_modulo_their_gauges(setting, gauge):
     out, batch = setting
-    variant = gauge_variants(np.asarray(batch["codes"]))[..., gauge, :]
-    tau = np.asarray(batch["codes"])[..., :1]  # keep within one step, as true codes are
-    usual = dict(batch, codes=batch["codes"].at[..., :1].set(np.tanh(tau)))
-    variant = gauge_variants(np.asarray(usual["codes"]))[..., 1, :]
-    a, b = losses(out, usual), losses(out, dict(usual, codes=jnp.asarray(variant)))
+    variant = gauge_variants(np.asarray(batch.codes))[..., gauge, :]
+    tau = np.asarray(batch.codes)[..., :1]  # keep within one step, as true codes are
+    usual = batch._replace(codes=batch.codes.at[..., :1].set(np.tanh(tau)))
+    variant = gauge_variants(np.asarray(usual.codes))[..., 1, :]
+    a, b = losses(out, usual), losses(out, usual._replace(codes=jnp.asarray(variant)))
     np.testing.assert_allclose(a["code"], b["code"], rtol=0.02)
 
 
@@ -106,20 +106,20 @@ def test_a_prediction_without_error_costs_next_to_nothing(setting):
     _, batch = setting
     rows = np.array([6, 1, 4, 0, 3])
     corners = np.concatenate(
-        [batch["boxes"][..., :3] - batch["boxes"][..., 3:] / 2,
-         batch["boxes"][..., :3] + batch["boxes"][..., 3:] / 2], -1
+        [batch.boxes[..., :3] - batch.boxes[..., 3:] / 2,
+         batch.boxes[..., :3] + batch.boxes[..., 3:] / 2], -1
     )  # fmt: skip
     part = {
         "corners": jnp.full((2, Q, 6), 9.0).at[:, rows].set(corners),
-        "codes": jnp.zeros((2, Q, 9)).at[:, rows].set(batch["codes"]),
+        "codes": jnp.zeros((2, Q, 9)).at[:, rows].set(batch.codes),
         "exists": jnp.full((2, Q), -20.0),
-        "colors": jnp.zeros((2, Q, 3)).at[:, rows].set(batch["colors"]),
+        "colors": jnp.zeros((2, Q, 3)).at[:, rows].set(batch.colors),
     }
     parents = jnp.full((2, Q, Q), -20.0)
     for b, n in enumerate((3, 5)):
         part["exists"] = part["exists"].at[b, rows[:n]].set(20.0)
-        parents = parents.at[b, rows[:n], rows[batch["parents"][b, :n]]].set(20.0)
-    out = {"parts": [part], "camera": batch["camera"], "parents": parents}
+        parents = parents.at[b, rows[:n], rows[batch.parents[b, :n]]].set(20.0)
+    out = {"parts": [part], "camera": batch.camera, "parents": parents}
     assert float(losses(out, batch)["loss"]) < 1e-4
 
 
@@ -133,15 +133,15 @@ def test_muon_moves_hidden_matrices_and_a_small_network_learns():
     )  # fmt: skip
     network = build("layout", model)
     rng = np.random.default_rng(3)
-    batch = {
-        "image": rng.random((2, 32, 32, 3), np.float32),
-        "camera": rng.normal(size=(2, 7)).astype(np.float32),
-        "boxes": np.tile(np.float32([0, 0, 0, 0.5, 0.5, 0.5]), (2, K, 1)),
-        "codes": np.zeros((2, K, 9), np.float32),
-        "colors": np.full((2, K, 3), 0.5, np.float32),
-        "parents": np.zeros((2, K), np.int32),
-        "part_counts": np.array([2, 3], np.int32),
-    }
+    batch = LayoutBatch(
+        image=rng.random((2, 32, 32, 3), np.float32),
+        camera=rng.normal(size=(2, 7)).astype(np.float32),
+        boxes=np.tile(np.float32([0, 0, 0, 0.5, 0.5, 0.5]), (2, K, 1)),
+        codes=np.zeros((2, K, 9), np.float32),
+        colors=np.full((2, K, 3), 0.5, np.float32),
+        parents=np.zeros((2, K), np.int32),
+        part_counts=np.array([2, 3], np.int32),
+    )
     stage = StageConfig(
         steps=12, learning_rate=3e-3, muon=2.0, slow=("backbone",), schedule="linear",
         warmup_steps=2,

@@ -100,7 +100,6 @@ tiny_run.make_records(folder)
 import jax.numpy as jnp
 from uniart_jax.models.network import build
 from uniart_jax.stages.trainer import STAGES, make_put, make_step, stage_batches
-from uniart_jax.training.microbatches import in_parts
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
 config = tiny_run.make_config(folder)
@@ -108,7 +107,7 @@ stage = dataclasses.replace(config.uniart_vae, accumulate=accumulate)
 config = dataclasses.replace(config, uniart_vae=stage)
 mesh, network, optimizer = make_mesh(config.mesh), build("uniart_vae", config.model), make_optimizer(stage)
 batch = next(iter(stage_batches(STAGES["uniart_vae"], config, folder)))
-batch = in_parts(make_put(STAGES["uniart_vae"], mesh), accumulate, config.model)(batch)
+batch = make_put(STAGES["uniart_vae"], mesh, config.model, accumulate)(batch)
 parts = batch if accumulate > 1 else (batch,)
 assert all(len(p.inverse) == 4 for part in parts for p in part["plans"].values())
 step = make_step(STAGES["uniart_vae"], network, optimizer, config, folder, mesh, {})

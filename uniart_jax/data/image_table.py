@@ -20,8 +20,9 @@ from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_dense, mirror_images
 from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, local_rows, spread
 from uniart_jax.data.records import Record
-from uniart_jax.data.stream import Batch, Batches
+from uniart_jax.data.stream import Batches
 from uniart_jax.voxels.grid import SDF_CLIP, occupancy
+from uniart_jax.voxels.typed_batches import PictureBatch
 
 logger = logging.getLogger(__name__)
 NO_PART = 255
@@ -62,15 +63,9 @@ class ImageTable:
     def __repr__(self) -> str:
         return f"ImageTable({len(self)} records)"
 
-    def take(self, records: np.ndarray, views: np.ndarray, mirrored: np.ndarray) -> Batch:
+    def take(self, records: np.ndarray, views: np.ndarray, mirrored: np.ndarray) -> PictureBatch:
         """A batch of these records: ``views`` [B] in [0, 1) choose among the images, ``mirrored``
-        [B] bool.
-
-        Returns:
-          image [B, H, W, 3] float32 in [0, 1]; camera [B, 7]; occupancy [B, R, R, R] bool;
-          cell_part [B, T, T, T] int32, the part that owns most surface in the cell, -1 where no
-          voxel is active; boxes [B, K, 6], codes [B, K, 9], parents [B, K] tables of the parts.
-        """
+        [B] bool."""
         view = (np.asarray(views) * self.images.shape[1]).astype(int)
         image, camera = self.images[records, view], self.cameras[records, view]
         count = self.resolution**3
@@ -82,15 +77,15 @@ class ImageTable:
             image[b], camera[b] = mirror_images(image[b]), mirror_camera_codes(camera[b])
             occupied[b], parts[b] = mirror_dense(occupied[b]), mirror_dense(parts[b])
             boxes[b], codes[b] = mirror_boxes(boxes[b]), mirror_codes(codes[b])
-        return {
-            "image": image.astype(np.float32) / np.float32(255),
-            "camera": camera,
-            "occupancy": occupied,
-            "cell_part": np.where(parts == NO_PART, -1, parts.astype(np.int32)),
-            "boxes": boxes,
-            "codes": codes,
-            "parents": self.parents[records],
-        }
+        return PictureBatch(
+            image=image.astype(np.float32) / np.float32(255),
+            camera=camera,
+            occupancy=occupied,
+            cell_part=np.where(parts == NO_PART, -1, parts.astype(np.int32)),
+            boxes=boxes,
+            codes=codes,
+            parents=self.parents[records],
+        )
 
 
 def cell_parts(record: Record, target_resolution: int) -> np.ndarray:
@@ -189,7 +184,7 @@ def image_batches(
     process_index: int = 0,
     process_count: int = 1,
     accumulate: int = 1,
-) -> Batches:
+) -> Batches[PictureBatch]:
     """Endless shuffled batches of ``ImageTable.take``, a random view each, mirrored with
     probability 1/2.
 
@@ -205,7 +200,9 @@ def image_batches(
     return Batches(order, load)
 
 
-def _load(draw: Draw, *, table: ImageTable, mirror: bool, seed: int, rows: np.ndarray) -> Batch:
+def _load(
+    draw: Draw, *, table: ImageTable, mirror: bool, seed: int, rows: np.ndarray
+) -> PictureBatch:
     rng = draw.generator(seed)
     views, mirrors = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
     return table.take(draw.records[rows], views[rows], (mirrors & mirror)[rows])
@@ -217,7 +214,7 @@ def image_pass(
     batch_size: int,
     split: str = "",
     most: int | None = None,
-) -> Batches:
+) -> Batches[PictureBatch]:
     """Every usable record once, its first view, unmirrored, with ``record`` [B] i4, its index in
     ``RecordSource(records, split)``.
 
@@ -232,7 +229,7 @@ def image_pass(
     return Batches(order, functools.partial(_load_pass, table=table))
 
 
-def _load_pass(draw: Draw, *, table: ImageTable) -> Batch:
+def _load_pass(draw: Draw, *, table: ImageTable) -> PictureBatch:
     zeros = np.zeros(len(draw.records))
     batch = table.take(np.maximum(draw.records, 0), zeros, zeros.astype(bool))
-    return {**batch, "record": draw.records.astype(np.int32)}
+    return batch._replace(record=draw.records.astype(np.int32))

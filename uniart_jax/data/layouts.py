@@ -8,12 +8,7 @@ makes them ahead.
 
 Batches go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on; in a window
 each object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored
-with probability 1/2:
-
-    image [B, S, S, 3] f4 in [0, 1] over black · camera [B, 7] f4 (``voxels.camera_code``)
-    boxes [B, K, 6] f4 (centre, size)
-    codes [B, K, 9] f4 · parents [B, K] i4 (root: its own) · colors [B, K, 3] f4 linear RGB ·
-    part_counts [B] i4
+with probability 1/2 (``voxels.typed_batches.LayoutBatch``).
 """
 
 from __future__ import annotations
@@ -36,7 +31,7 @@ from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.images import crop
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
 from uniart_jax.data.order import ENDLESS, Draw, local_rows
-from uniart_jax.data.stream import Batch, Batches
+from uniart_jax.data.stream import Batches
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
@@ -44,6 +39,7 @@ from uniart_jax.runtime.processes import in_order, process_pool
 from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
+from uniart_jax.voxels.typed_batches import LayoutBatch
 
 BLOCK = 256  # objects a file
 WINDOW = 4  # blocks that batches are drawn from at a time
@@ -276,7 +272,7 @@ def layout_batches(
     process_index: int = 0,
     process_count: int = 1,
     accumulate: int = 1,
-) -> Batches:
+) -> Batches[LayoutBatch]:
     """Endless batches (see the module's docstring) from ``data.layouts``; missing blocks are made
     on the way.
 
@@ -334,7 +330,7 @@ def _shuffled(window: int, length: int, seed: int) -> np.ndarray:
 def _load(
     draw: Draw, *, folder: str, settings: LayoutSettings, mirror: bool, seed: int, reuse: int,
     first_block: int, rows: np.ndarray,
-) -> Batch:  # fmt: skip
+) -> LayoutBatch:  # fmt: skip
     rng = draw.generator(seed)
     views, flips = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
     length = WINDOW * BLOCK * reuse
@@ -344,37 +340,42 @@ def _load(
         table = load_window(folder, first_block + window * WINDOW, settings)
         item = _shuffled(window, length, seed)[place] % len(table["images"])
         items.append(_item(table, int(item), views[row], bool(flips[row] and mirror)))
-    return {name: np.stack([item[name] for item in items]) for name in items[0]}
+    return _stacked(items)
 
 
-def _item(table: dict[str, np.ndarray], item: int, view: float, mirrored: bool) -> Batch:
+def _stacked(items: list[LayoutBatch]) -> LayoutBatch:
+    return LayoutBatch(*(np.stack(field) for field in zip(*items, strict=True)))
+
+
+def _item(table: dict[str, np.ndarray], item: int, view: float, mirrored: bool) -> LayoutBatch:
+    """One item, its arrays without the axis B."""
     index = int(view * table["images"].shape[1])
     image, camera = table["images"][item, index], table["cameras"][item, index]
     boxes, codes = table["boxes"][item], table["codes"][item]
     if mirrored:
         image, camera = mirror_images(image), mirror_camera_codes(camera)
         boxes, codes = mirror_boxes(boxes), mirror_codes(codes)
-    return {
-        "image": image.astype(np.float32) / np.float32(255),
-        "camera": camera,
-        "boxes": boxes,
-        "codes": codes,
-        "parents": table["parents"][item],
-        "colors": table["colors"][item],
-        "part_counts": table["part_counts"][item],
-    }
+    return LayoutBatch(
+        image=image.astype(np.float32) / np.float32(255),
+        camera=camera,
+        boxes=boxes,
+        codes=codes,
+        parents=table["parents"][item],
+        colors=table["colors"][item],
+        part_counts=table["part_counts"][item],
+    )
 
 
-def validation_layouts(data: DataConfig, model: ModelConfig, count: int) -> Batch:
+def validation_layouts(data: DataConfig, model: ModelConfig, count: int) -> LayoutBatch:
     """The first ``count`` validation objects, first view, unmirrored, as one batch."""
     settings = settings_of(data, model, validation=True)
     folder = f"{data.layouts}-validation"
     claim_folder(folder, settings)
-    items: list[Batch] = []
+    items: list[LayoutBatch] = []
     number = 0
     while len(items) < count:
         table = load_block(folder, number, settings)
         left = min(count - len(items), len(table["images"]))
         items += [_item(table, i, 0.0, False) for i in range(left)]
         number += 1
-    return {name: np.stack([item[name] for item in items]) for name in items[0]}
+    return _stacked(items)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from uniart_jax.data.order import Draw
 
 if TYPE_CHECKING:
     import grain
 
-Batch = dict[str, Any]
+Batch = TypeVar("Batch")  # of ``voxels.typed_batches``
 
 
 class Order(Protocol):
@@ -25,7 +25,7 @@ class Order(Protocol):
 
 
 @dataclasses.dataclass(frozen=True)
-class Batches:
+class Batches(Generic[Batch]):
     """``load`` over ``order``, in order; ``iter`` begins with the first batch.
 
     Attributes:
@@ -36,7 +36,7 @@ class Batches:
     load: Callable[[Draw], Batch]
     workers: int = 0
 
-    def __iter__(self) -> BatchIterator:
+    def __iter__(self) -> BatchIterator[Batch]:
         return BatchIterator(self)
 
     def after(self, number: int) -> grain.DatasetIterator[Batch]:
@@ -57,15 +57,15 @@ class Batches:
         return iter(batches.to_iter_dataset(ahead))
 
 
-class BatchIterator:
+class BatchIterator(Generic[Batch]):
     """Knows its place exactly: how many batches it has given. A place holds for any number of
     processes and workers."""
 
-    def __init__(self, batches: Batches):
+    def __init__(self, batches: Batches[Batch]):
         self._batches, self._number = batches, 0
         self._ahead: grain.DatasetIterator[Batch] | None = None
 
-    def __iter__(self) -> BatchIterator:
+    def __iter__(self) -> BatchIterator[Batch]:
         return self
 
     def __next__(self) -> Batch:

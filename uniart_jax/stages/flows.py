@@ -36,6 +36,7 @@ from uniart_jax.voxels.part_table import ROWS, PartTable, part_table
 class FlowStage(Stage):
     """A rectified flow of a latent, given the picture."""
 
+    batch = dict
     reads_features = True
 
     def shows_found_layouts(self, config: Config) -> bool:

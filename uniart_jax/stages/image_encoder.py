@@ -28,6 +28,7 @@ class ImageEncoderStage(PictureStage):
     """Regression of coarse structure from pictures of records."""
 
     name = "image_encoder"
+    wanted = ("image", "camera", "occupancy", "cell_part", "boxes", "codes", "parents")
 
     def left_out(self, model: ModelConfig) -> str:
         if model.image_encoder.kind.trained:
@@ -54,14 +55,14 @@ def _evaluation(config: Config) -> Evaluation:
     def evaluate(state, step):
         overlaps, cameras, rows, pictures = [], [], [], []
         for batch in validation_pictures(config):
-            out = jax.device_get(apply(state.ema, batch["image"]))
-            truth = np.asarray(batch["occupancy"], bool)
-            for b, index in enumerate(batch["record"]):
+            out = jax.device_get(apply(state.ema, batch.image))
+            truth = np.asarray(batch.occupancy, bool)
+            for b, index in enumerate(batch.record):
                 if index < 0:
                     continue
                 overlaps.append(iou(out["occupancy"][b : b + 1] > 0, truth[b : b + 1])[0])
-                cameras.append(np.abs(out["camera"][b] - batch["camera"][b]).mean())
-                part = batch["cell_part"][b]
+                cameras.append(np.abs(out["camera"][b] - batch.camera[b]).mean())
+                part = batch.cell_part[b]
                 mask = part >= 0
                 codes, record = out["codes"][b][mask], tables[int(index)]
                 rows += part_readings(
@@ -74,7 +75,7 @@ def _evaluation(config: Config) -> Evaluation:
                 )
                 if len(pictures) < PICTURES:
                     both = filled(truth[b]), filled(out["occupancy"][b] > 0)
-                    pictures.append(beside(*both, truth.shape[1], batch["image"][b]))
+                    pictures.append(beside(*both, truth.shape[1], batch.image[b]))
         figures = {"iou": float(np.mean(overlaps)), "camera": float(np.mean(cameras))}
         return {**figures, **summarize_readings(rows)}, {"occupancy": np.concatenate(pictures)}
 

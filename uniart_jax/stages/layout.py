@@ -17,12 +17,14 @@ from uniart_jax.stages.pictures import IMAGE_BATCH, RECORDS
 from uniart_jax.stages.stage import Evaluation, Stage
 from uniart_jax.training.layout_loss import make_layout_loss
 from uniart_jax.training.layout_metrics import layout_readings
+from uniart_jax.voxels.typed_batches import LayoutBatch
 
 
 class LayoutStage(Stage):
     """Parts as a set, from pictures of objects that are made as training goes."""
 
     name = "layout"
+    batch = LayoutBatch
     makes_data = True
 
     def left_out(self, model: ModelConfig) -> str:
@@ -50,12 +52,14 @@ def _evaluation(config: Config) -> Evaluation:
     def evaluate(state, step):
         truth = validation_layouts(config.data, config.model, RECORDS)
         rows, counts, cameras = [], [], []
-        for first in range(0, len(truth["image"]), IMAGE_BATCH):
+        for first in range(0, len(truth.image), IMAGE_BATCH):
             items = slice(first, first + IMAGE_BATCH)
-            out = jax.device_get(apply(state.ema, truth["image"][items]))
-            cameras.append(np.abs(out["camera"] - truth["camera"][items]).mean())
-            for b, known in enumerate(truth["part_counts"][items]):
-                tables = (truth[n][first + b, :known] for n in ("boxes", "codes", "parents"))
+            out = jax.device_get(apply(state.ema, truth.image[items]))
+            cameras.append(np.abs(out["camera"] - truth.camera[items]).mean())
+            for b, known in enumerate(truth.part_counts[items]):
+                tables = (
+                    table[first + b, :known] for table in (truth.boxes, truth.codes, truth.parents)
+                )
                 parts = {name: values[b] for name, values in out["parts"][-1].items()}
                 found, count = layout_readings(parts, *tables)
                 rows, counts = rows + found, counts + [count]

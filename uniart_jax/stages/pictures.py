@@ -15,6 +15,7 @@ import numpy as np
 from uniart_jax.config import Config
 from uniart_jax.data.image_table import image_batches, image_pass
 from uniart_jax.stages.stage import Stage
+from uniart_jax.voxels.typed_batches import PictureBatch
 
 IMAGE_BATCH = 16
 RECORDS = 128  # of the validation records at most; enough to see a trend, few enough to look often
@@ -26,6 +27,7 @@ Cells = tuple[np.ndarray, np.ndarray | None]  # [N, 3] indices, [N, 3] linear co
 class PictureStage(Stage):
     """A stage on pictures and dense tables of records (``data.image_table``)."""
 
+    batch = PictureBatch
     reads_pictures_only = True
 
     def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:

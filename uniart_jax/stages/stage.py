@@ -35,7 +35,8 @@ class Stage(abc.ABC):
       makes_data: that it makes its own objects and reads no records.
       reads_features: that it reads the columns of the UniArt VAE (``data.columns``).
       reads_pictures_only: that it reads ``data.image_table``, which others need not keep in memory.
-      wanted: arrays of a batch that go to the devices; () for all.
+      batch: the kind of its batches (``voxels.typed_batches``).
+      wanted: fields of a batch that it must have and that go to the devices; () for all.
     """
 
     name: ClassVar[str]
@@ -43,6 +44,7 @@ class Stage(abc.ABC):
     makes_data: ClassVar[bool] = False
     reads_features: ClassVar[bool] = False
     reads_pictures_only: ClassVar[bool] = False
+    batch: ClassVar[type]
     wanted: ClassVar[tuple[str, ...]] = ()
 
     def settings(self, config: Config) -> StageConfig:

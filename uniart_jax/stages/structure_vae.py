@@ -42,9 +42,9 @@ def _evaluation(config: Config) -> Evaluation:
     def evaluate(state, step):
         overlaps, pictures = [], []
         for batch in validation_pictures(config):
-            truth = np.asarray(batch["occupancy"], bool)
-            logits = np.asarray(apply(state.ema, batch["occupancy"].astype(np.float32)))
-            known = batch["record"] >= 0
+            truth = np.asarray(batch.occupancy, bool)
+            logits = np.asarray(apply(state.ema, batch.occupancy.astype(np.float32)))
+            known = batch.record >= 0
             overlaps += list(iou(logits > 0, truth)[known])
             for b in np.flatnonzero(known)[: PICTURES - len(pictures)]:
                 both = filled(truth[b]), filled(logits[b] > 0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -18,11 +19,12 @@ from typing import Any
 import jax
 import optax
 
-from uniart_jax.config import Config
+from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.image_table import load_image_table
 from uniart_jax.models.checkpoint import Checkpoint, set_untrained
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import Network, build
+from uniart_jax.nn.shapes import check_shapes
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.pipeline import load as load_pipeline
 from uniart_jax.runtime.locks import alone
@@ -51,6 +53,7 @@ from uniart_jax.training.state import (
     make_optimizer,
 )
 from uniart_jax.training.step import make_train_step
+from uniart_jax.voxels.typed_batches import batch_of
 
 RUNTIME = ("kernel", "compute_dtype", "scan_blocks", "remat")  # how a model is run, not what it is
 console = messages()
@@ -88,8 +91,8 @@ class Trainer:
         once it has taken its steps.
 
         Args:
-          batches: host batches of one stage, dictionaries of arrays as its own are
-            (``Stage.batches``), at least as many as the stage has steps. An iterator without
+          batches: host batches of one stage (``Stage.batch``), or dictionaries of their fields,
+            at least as many as the stage has steps. An iterator without
             ``get_state`` and ``set_state`` is read again from its beginning when a training is
             resumed.
 
@@ -304,7 +307,7 @@ def train_network(
             state=start,
             train_step=step,
             batches=iterator,
-            put=in_parts(make_put(stage, mesh), settings.accumulate, config.model),
+            put=make_put(stage, mesh, config.model, settings.accumulate),
             key=jax.random.fold_in(key, 1),
             checkpoints=checkpoints,
             stage=settings,
@@ -333,15 +336,28 @@ def stage_batches(stage: Stage, config: Config, workdir: Path) -> Any:
     return stage.batches(config, workdir, share)
 
 
-def make_put(stage: Stage, mesh: jax.sharding.Mesh) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    """Host batch -> what the stage's loss reads, on the devices."""
+def make_put(
+    stage: Stage, mesh: jax.sharding.Mesh, model: ModelConfig, accumulate: int = 1
+) -> Callable[[Any], Any]:
+    """Host batch, or a dictionary of its fields -> what the stage's loss reads, on the devices;
+    ``accumulate`` micro-batches of it (``microbatches.in_parts``).
 
-    def put(batch: dict[str, Any]) -> dict[str, Any]:
-        if lacking := [key for key in stage.wanted if key not in batch]:
-            raise ValueError(f"{stage.name}: a batch has no '{lacking[0]}', which the stage reads")
-        return put_batch({k: batch[k] for k in stage.wanted or batch}, mesh)
+    Raises:
+      ValueError: a field is missing that the stage reads, or an array has another shape.
+    """
+    put = in_parts(functools.partial(put_batch, mesh=mesh), accumulate, model)
 
-    return put
+    def run(given: Any) -> Any:
+        try:
+            batch = given
+            if stage.batch is not dict:
+                batch = batch_of(stage.batch, given, stage.wanted)
+                check_shapes(batch)
+        except ValueError as error:
+            raise ValueError(f"{stage.name}: {error}") from None
+        return put(batch)
+
+    return run
 
 
 def make_step(

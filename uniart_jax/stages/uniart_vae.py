@@ -27,6 +27,7 @@ class UniArtVAEStage(Stage):
     samples for their pictures."""
 
     name = "uniart_vae"
+    batch = dict
     reads_features = True
 
     def shows_found_layouts(self, config: Config) -> bool:

@@ -1,5 +1,5 @@
 """What the image encoder minimises: ``make_image_encoder_loss`` gives ``loss_fn(params, batch, key)
--> (loss, scalar metrics)``. Batches are those of ``data.image_table``."""
+-> (loss, scalar metrics)``. Batches are ``voxels.typed_batches.PictureBatch``."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
 
     def loss_fn(params, batch, key):
         known_key, draw_key = jax.random.split(key)
-        known = jax.random.bernoulli(known_key, 0.5, batch["image"].shape[:1])
-        out = network.apply(params, batch["image"], batch["camera"], known)
-        occupancy = batch["occupancy"].astype(jnp.float32)
+        known = jax.random.bernoulli(known_key, 0.5, batch.image.shape[:1])
+        out = network.apply(params, batch.image, batch.camera, known)
+        occupancy = batch.occupancy.astype(jnp.float32)
         items = occupancy.shape[0]
         entropy = binary_cross_entropy(out["occupancy"], occupancy).mean()
         codes = out["codes"].reshape(items, -1, out["codes"].shape[-1])
-        part = batch["cell_part"].reshape(items, -1)
+        part = batch.cell_part.reshape(items, -1)
         mask = (part >= 0).astype(jnp.float32)
         part = jnp.maximum(part, 0)
         weights = part_weights(part, mask, config.model.grid.max_parts)
@@ -49,15 +49,15 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
             rows = draw_rows(draw_key, weights, config.loss.voxels_per_object)
             codes, part = gather(codes, rows), gather(part, rows)
             weights = gather(mask, rows)  # an object without a cell counts as 0
-        own = gather(batch["boxes"], part)
-        parent = gather(batch["boxes"], gather(batch["parents"], part))
-        joint = gather(batch["codes"], part)
+        own = gather(batch.boxes, part)
+        parent = gather(batch.boxes, gather(batch.parents, part))
+        joint = gather(batch.codes, part)
         terms = {
             "joint_code": masked_mean(joint_code_loss(codes[..., :9], joint, delta), weights),
             "own_box": masked_mean(box_loss(codes[..., 9:15], own, delta), weights),
             "parent_box": masked_mean(box_loss(codes[..., 15:21], parent, delta), weights),
         }
-        camera = jnp.abs(out["camera"] - batch["camera"]).mean()
+        camera = jnp.abs(out["camera"] - batch.camera).mean()
         # boxes and joints learn early and, weighted like occupancy, keep it from being learnt at
         # all; Dice does too
         loss = OCCUPANCY_WEIGHT * entropy + CAMERA_WEIGHT * camera + sum(terms.values())

@@ -20,6 +20,7 @@ import optax
 from uniart_jax.config import Config
 from uniart_jax.models.network import Network
 from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss
+from uniart_jax.voxels.typed_batches import LayoutBatch
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
 LAYERS = 2.0
@@ -66,10 +67,10 @@ def match(cost: jax.Array, counts: jax.Array) -> jax.Array:
     return jax.vmap(of_item)(cost)
 
 
-def layout_losses(out: dict[str, Any], batch: dict[str, jax.Array]) -> dict[str, jax.Array]:
+def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers),
     "parent", "camera", and "loss"."""
-    corners, codes, counts = to_corners(batch["boxes"]), batch["codes"], batch["part_counts"]
+    corners, codes, counts = to_corners(batch.boxes), batch.codes, batch.part_counts
     items, known = corners.shape[:2]
     valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
     weights = valid / jnp.maximum(counts, 1)[:, None] / items
@@ -84,15 +85,15 @@ def layout_losses(out: dict[str, Any], batch: dict[str, jax.Array]) -> dict[str,
         wrong = joint_code_loss(take(part["codes"]), codes, HUBER)
         terms["code"] += (wrong * weights).sum()
         terms["exists"] += binary_cross_entropy(part["exists"], present).mean()
-        paint = jnp.abs(take(part["colors"]) - batch["colors"]).mean(-1)
+        paint = jnp.abs(take(part["colors"]) - batch.colors).mean(-1)
         terms["color"] += (paint * weights).sum()
     terms = {name: value / len(out["parts"]) for name, value in terms.items()}
     pointer = jnp.where(present[:, None] > 0, out["parents"], NOBODY)  # [B, child, parent]
     scores = jax.nn.log_softmax(take(pointer), -1)
-    parent_query = jnp.take_along_axis(query, batch["parents"], 1)
+    parent_query = jnp.take_along_axis(query, batch.parents, 1)
     picked = jnp.take_along_axis(scores, parent_query[..., None], 2)[..., 0]
     terms["parent"] = -(picked * weights).sum()
-    terms["camera"] = jnp.abs(out["camera"] - batch["camera"]).mean()
+    terms["camera"] = jnp.abs(out["camera"] - batch.camera).mean()
     layers = BOX * terms["box"] + CODE * terms["code"] + terms["exists"] + COLOR * terms["color"]
     loss = LAYERS * layers + PARENT * terms["parent"] + CAMERA * terms["camera"]
     return terms | {"loss": loss}
@@ -105,9 +106,9 @@ def make_layout_loss(network: Network, config: Config):
 
     def loss_fn(params, batch, key):
         known_key, phase_key = jax.random.split(key)
-        known = jax.random.bernoulli(known_key, 0.5, batch["image"].shape[:1])
+        known = jax.random.bernoulli(known_key, 0.5, batch.image.shape[:1])
         phase = jax.random.randint(phase_key, (2,), 0, 2)
-        out = network.apply(params, batch["image"], batch["camera"], known, phase)
+        out = network.apply(params, batch.image, batch.camera, known, phase)
         terms = layout_losses(out, batch)
         return terms.pop("loss"), terms
 

@@ -35,7 +35,9 @@ def split_batch(
     Raises:
       ValueError: the items do not divide.
     """
-    arrays = {name: value for name, value in batch.items() if name != "plans"}
+    arrays = batch
+    if isinstance(batch, dict):
+        arrays = {name: value for name, value in batch.items() if name != "plans"}
     items = len(jax.tree.leaves(arrays)[0])
     if count < 1 or items % count:
         raise ValueError(
@@ -44,7 +46,7 @@ def split_batch(
         )
     size = items // count
     parts = [jax.tree.map(lambda a, i=i: a[i : i + size], arrays) for i in range(0, items, size)]
-    if "plans" not in batch:
+    if not isinstance(batch, dict) or "plans" not in batch:
         return tuple(parts)
     plans = batch["plans"]
     segments = [plan for plan in plans.values() if isinstance(plan, Segments)]

@@ -40,7 +40,7 @@ def make_structure_vae_loss(network: Network, config: Config) -> LossFn:
     ``trainers/vae/sparse_structure_vae.py``."""
 
     def loss_fn(params, batch, key):
-        occupancy = batch["occupancy"].astype(jnp.float32)
+        occupancy = batch.occupancy.astype(jnp.float32)
         out = network.apply(params, occupancy, key)
         terms = occupancy_terms(out["logits"], occupancy)
         mean, logvar = (

@@ -3,9 +3,11 @@ only."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
+
+from uniart_jax.nn.shapes import Array
 
 
 class PartTable(NamedTuple):
@@ -18,11 +20,11 @@ class PartTable(NamedTuple):
       colors: [B, K, 3] linear RGB in 0..1. counts: [B] int.
     """
 
-    boxes: Any
-    codes: Any
-    parents: Any
-    colors: Any
-    counts: Any
+    boxes: Annotated[Array, "B K 6", "float"]
+    codes: Annotated[Array, "B K 9", "float"]
+    parents: Annotated[Array, "B K", "int"]
+    colors: Annotated[Array, "B K 3", "float"]
+    counts: Annotated[Array, "B", "int"]
 
 
 SMALLEST_SIDE = 0.004  # object units, of a box that a mesh is made of
