@@ -100,9 +100,7 @@ def forward_products(job: dict[str, Any], batch: Any) -> float:
     model = model_of(job["tiny"], kernel="xla")
     if job["network"] == "image_encoder":
         network = build("image_encoder", model)
-        return matmul_flops(
-            jax.make_jaxpr(network.apply)(network.abstract(), batch.image)
-        ).total()
+        return matmul_flops(jax.make_jaxpr(network.apply)(network.abstract(), batch.image)).total()
     network, loss = loss_of(job["network"], model)
     return matmul_flops(jax.make_jaxpr(loss)(network.abstract(), batch, jax.random.key(0))).total()
 

@@ -116,8 +116,8 @@ def slat() -> Case:
     converted = convert_trellis("SLatEncoder", args, randomise(peer))
     model, network = converted.model, slat_encoder(converted.model)
     x = normal(len(coords), 1024)
-    batch = {"coords": coords[None], "counts": np.array([len(coords)], np.int32)}
-    plans = voxel_plans(batch, model.uniart_vae, model.grid, parts=False, fitted=True)
+    counts = np.array([len(coords)], np.int32)
+    plans = voxel_plans(coords[None], counts, model.uniart_vae, model.grid, fitted=True)
     windows = [peers.Windows(window_ids(coords[None], 8, shift)[0]) for shift in (0, 4)]
     ours = lambda p, x, c, plans: network.apply(p, x, c, plans)[0]  # noqa: E731
     theirs = lambda: peer(torch.tensor(x), torch.as_tensor(coords), windows)  # noqa: E731

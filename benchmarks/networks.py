@@ -25,6 +25,7 @@ from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.voxels.part_table import PartTable, part_table
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 VOXELS = 6700  # usual active voxels of an object at 32^3
 
@@ -38,7 +39,9 @@ def nano() -> ModelConfig:
     return module.config().model
 
 
-def voxel_batch(model: ModelConfig, items: int, width: int, count: int, seed: int = 0) -> dict:
+def voxel_batch(
+    model: ModelConfig, items: int, width: int, count: int, seed: int = 0
+) -> VoxelBatch:
     """A batch of ``items`` solid-ish objects of ``count`` voxels padded to ``width``, parts cut by
     x."""
     rng = np.random.default_rng(seed)
@@ -55,7 +58,7 @@ def voxel_batch(model: ModelConfig, items: int, width: int, count: int, seed: in
     k = model.grid.max_parts
     part = np.minimum(coords[..., 0] // 4, k - 1).astype(np.int32)
     f = lambda *s: rng.normal(size=s).astype(np.float32)  # noqa: E731
-    batch = dict(
+    batch = VoxelBatch(
         coords=coords,
         counts=np.full(items, count, np.int32),
         sdf=f(items, width, cells),
@@ -68,11 +71,12 @@ def voxel_batch(model: ModelConfig, items: int, width: int, count: int, seed: in
         part_counts=np.full(items, min(k, side // 4), np.int32),
     )
     if model.uniart_vae.visual_channels:
-        batch["visual"] = f(items, width, model.uniart_vae.visual_channels)
-    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+        batch = batch._replace(visual=f(items, width, model.uniart_vae.visual_channels))
+    voxels, vae = (batch.coords, batch.counts), model.uniart_vae
+    plans = voxel_plans(*voxels, vae, model.grid, voxel_part=batch.voxel_part)
     if model.uniart_vae.layout_channels:
-        batch["layout"] = layouts(model, items)
-    return batch
+        batch = batch._replace(layout=layouts(model, items))
+    return batch._replace(plans=plans)
 
 
 def case(name: str, model: ModelConfig, items: int):
@@ -109,10 +113,10 @@ def case(name: str, model: ModelConfig, items: int):
         return network, structure_loss, (x, t, tokens, volume, layouts(model, items))
     batch = voxel_batch(model, items, width, count)
     plan = jax.tree.map(
-        jnp.asarray, flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
+        jnp.asarray, flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
     )
     x = normal(items * draws, width, model.uniart_vae.latent_channels)
-    coords, counts = jnp.asarray(batch["coords"]), jnp.asarray(batch["counts"])
+    coords, counts = jnp.asarray(batch.coords), jnp.asarray(batch.counts)
     side = e.image_size // e.stem_stride
     cameras = jnp.broadcast_to(jnp.asarray(TYPICAL), (items, 1, len(TYPICAL)))
     views = normal(items, 1, side, side, pixel_width(e)), cameras

@@ -21,7 +21,12 @@ from uniart_jax.nn.voxel_plans import voxel_plans, window_ids
 from uniart_jax.training.encoder_loss import make_image_encoder_loss
 from uniart_jax.training.flow_losses import make_latent_flow_loss, make_structure_flow_loss
 from uniart_jax.training.vae_losses import make_structure_vae_loss, make_uniart_vae_loss
-from uniart_jax.voxels.typed_batches import PictureBatch
+from uniart_jax.voxels.typed_batches import (
+    Condition,
+    PictureBatch,
+    StructureBatch,
+    VoxelBatch,
+)
 
 DISTINCT = 4  # objects of a batch; more items repeat them
 LOSSES = {
@@ -115,29 +120,31 @@ def segment_plan(kind: str, fitted: bool, ids: np.ndarray, counts: np.ndarray) -
     return pack_segments(ids, counts, (size,), rows=row_choices(items, width, size))
 
 
-def voxel_batch(model: ModelConfig, items: int, width: int, shares: int = 1) -> dict[str, Any]:
+def voxel_batch(model: ModelConfig, items: int, width: int, shares: int = 1) -> VoxelBatch:
     """What the UniArt VAE trains on, with its plans, in so many shares."""
     parts, cells = model.grid.max_parts, model.grid.subdivisions**3
     coords, counts, voxel_part = objects(items, width, model.grid.resolution, parts)
     valid = (np.arange(width) < counts[:, None])[..., None]
-    batch: dict[str, Any] = {
-        "coords": coords,
-        "counts": counts,
-        "sdf": np.clip(normal(items, width, cells), -3, 3) * valid,
-        "color": (np.abs(normal(items, width, cells, 3)) % 1) * valid[..., None],
-        "owner": np.repeat(voxel_part[..., None], cells, -1),
-        "voxel_part": voxel_part,
-        "boxes": normal(items, parts, 6) * 0.2,
-        "codes": normal(items, parts, 9) * 0.3,
-        "parents": np.zeros((items, parts), np.int32),
-        "part_counts": voxel_part.max(1) + 1,
+    vae = model.uniart_vae
+    features: dict[str, Any] = {
+        name: normal(items, width, channels) * valid
+        for name, channels in vae.feature_channels.items()
     }
-    for name in ("visual", "part_feature"):
-        channels = getattr(model.uniart_vae, f"{name}_channels")
-        if channels:
-            batch[name] = normal(items, width, channels) * valid
-    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, shares=shares)
-    return batch
+    plans = voxel_plans(coords, counts, vae, model.grid, voxel_part=voxel_part, shares=shares)
+    return VoxelBatch(
+        coords=coords,
+        counts=counts,
+        sdf=np.clip(normal(items, width, cells), -3, 3) * valid,
+        color=(np.abs(normal(items, width, cells, 3)) % 1) * valid[..., None],
+        owner=np.repeat(voxel_part[..., None], cells, -1),
+        voxel_part=voxel_part,
+        boxes=normal(items, parts, 6) * 0.2,
+        codes=normal(items, parts, 9) * 0.3,
+        parents=np.zeros((items, parts), np.int32),
+        part_counts=voxel_part.max(1) + 1,
+        plans=plans,
+        **features,
+    )
 
 
 def dense(items: int, width: int, side: int) -> tuple[np.ndarray, np.ndarray]:
@@ -178,20 +185,21 @@ def training_batch(name: str, model: ModelConfig, items: int, width: int, shares
     side, s = model.grid.resolution, model.structure_vae
     if name == "structure_vae":
         return PictureBatch(occupancy=dense(items, width, side)[0])
-    condition = {
-        "tokens": normal(items, CONTEXT, getattr(model, name).cond_channels),
-        "volume": np.zeros((items, 1, 1, 1, 1), np.float32),  # these networks read none
-    }
+    seen = Condition(
+        tokens=normal(items, CONTEXT, getattr(model, name).cond_channels),
+        volume=np.zeros((items, 1, 1, 1, 1), np.float32),  # these networks read none
+    )
     if name == "structure_flow":
         small = side // s.patch_size // 2 ** (len(s.channels) - 1)
-        return {"structure": normal(items, small, small, small, s.latent_channels), **condition}
+        structure = normal(items, small, small, small, s.latent_channels)
+        return StructureBatch(structure, seen=seen)
     coords, counts, voxel_part = objects(items, width, side, model.grid.max_parts)
     plan = flow_plan(coords, counts, model.latent_flow, model.grid, round_to=CELL_STEP)
-    return {
-        "latent": normal(items, width, model.uniart_vae.latent_channels),
-        "coords": coords,
-        "counts": counts,
-        "voxel_part": voxel_part,
-        "plans": {"flow": plan},
-        **condition,
-    }
+    return VoxelBatch(
+        coords,
+        counts,
+        voxel_part,
+        latent=normal(items, width, model.uniart_vae.latent_channels),
+        plans={"flow": plan},
+        seen=seen,
+    )

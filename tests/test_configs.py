@@ -11,8 +11,10 @@ from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS, StageConfig
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
+from uniart_jax.nn.shapes import check_shapes
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.voxels.part_table import PartTable
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 CONFIGS = sorted((Path(__file__).parent.parent / "configs").glob("*.py"))
 
@@ -60,21 +62,24 @@ def test_the_networks_of_a_config_fit_each_other(path):
         cells = np.sort(rng.choice(grid.resolution**3, n, replace=False))
         coords[b, :n] = np.stack(np.unravel_index(cells, (grid.resolution,) * 3), -1)
     parts = rng.integers(0, grid.max_parts, (2, width))
-    batch = {"coords": coords, "counts": counts, "voxel_part": parts}
-    plans = voxel_plans(batch, model.uniart_vae, grid)
+    plans = voxel_plans(coords, counts, model.uniart_vae, grid, voxel_part=parts)
     cells, k = grid.subdivisions**3, grid.max_parts
-    batch |= {
-        "sdf": shape(2, width, cells),
-        "color": shape(2, width, cells, 3),
-        "owner": shape(2, width, cells, dtype="int32"),
-        "boxes": shape(2, k, 6),
-        "codes": shape(2, k, 9),
-        "parents": shape(2, k, dtype="int32"),
-        "visual": shape(2, width, model.uniart_vae.visual_channels),
-        "part_feature": shape(2, width, model.uniart_vae.part_feature_channels),
-        "plans": plans,
-        "layout": layout,
-    }
+    batch = VoxelBatch(
+        coords,
+        counts,
+        parts,
+        sdf=shape(2, width, cells),
+        color=shape(2, width, cells, 3),
+        owner=shape(2, width, cells, dtype="int32"),
+        boxes=shape(2, k, 6),
+        codes=shape(2, k, 9),
+        parents=shape(2, k, dtype="int32"),
+        visual=shape(2, width, model.uniart_vae.visual_channels),
+        part_feature=shape(2, width, model.uniart_vae.part_feature_channels),
+        plans=plans,
+        layout=layout,
+    )
+    check_shapes(batch)
     out = outputs(networks["uniart_vae"], batch)
     assert out["sdf"].shape == (2, width, cells) and out["joint_code"].shape == (2, width, 9)
     plan = flow_plan(coords, counts, model.latent_flow, grid)

@@ -27,13 +27,14 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
-from uniart_jax.inference.samplers import Condition, flow_inputs, join_views, pad_coords
+from uniart_jax.inference.samplers import flow_arguments, flow_inputs, join_views, pad_coords
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.pipeline import Pipeline, SamplingOptions, load
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.typed_batches import Condition
 
 ROOT = Path(__file__).parent.parent
 GUIDED = SampleConfig(steps=2, guidance=1.5, rescale_t=3.0)
@@ -122,9 +123,7 @@ def test_guided_velocities_use_each_items_own_voxels(pipeline, condition):
             jnp.full(4, 0.5),
             seen.tokens,
             seen.volume,
-            views=(seen.pixels, seen.cameras),
-            layout=seen.layout,
-            **inputs,
+            **flow_arguments(inputs, seen),
         )
 
     def velocity(order, condition=condition):

@@ -269,11 +269,11 @@ def test_a_flows_step_sees_by_the_exported_encoder(trained):
 
     @jax.jit
     def loss(seen):
-        rest = {k: v for k, v in batch.items() if k != "image"}
-        return loss_fn(state.params, {**seen._asdict(), **rest}, jax.random.fold_in(key, 0))[0]
+        shown = batch._replace(image=None, seen=seen)
+        return loss_fn(state.params, shown, jax.random.fold_in(key, 0))[0]
 
     see = load_conditioner(config, workdir)
-    expected, bent = loss(see(batch["image"])), loss(see(1 - batch["image"]))
+    expected, bent = loss(see(batch.image)), loss(see(1 - batch.image))
     assert abs(bent - expected) > 1e-3 * abs(expected)
     found = step(state, batch, key)[1]["loss"]
     np.testing.assert_allclose(found, expected, rtol=1e-5)

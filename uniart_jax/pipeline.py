@@ -37,7 +37,6 @@ from uniart_jax.export.picture_colors import Picture
 from uniart_jax.flow.solvers import Solution
 from uniart_jax.inference.layouts import LayoutPredictor
 from uniart_jax.inference.samplers import (
-    Condition,
     flow_inputs,
     join_views,
     make_conditioner,
@@ -58,6 +57,7 @@ from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.kind import Kind, kind_of
 from uniart_jax.voxels.layout import THRESHOLD, Layout, read_layout
 from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table
+from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
 
 
 class SamplingOptions(TypedDict, total=False):
@@ -464,23 +464,33 @@ class Pipeline:
                 )
             features[name] = values
         coords, counts = pad_coords([grid.coords], self.config.data.voxel_buckets)
-        width, count = coords.shape[1], counts[0]
-        if (parts := len(grid.boxes)) > model.grid.max_parts:
-            raise ValueError(f"voxels: {parts} parts, the model holds {model.grid.max_parts}")
+        width, count, parts_held = coords.shape[1], counts[0], model.grid.max_parts
+        if (parts := len(grid.boxes)) > parts_held:
+            raise ValueError(f"voxels: {parts} parts, the model holds {parts_held}")
 
         def pad(values, rows, dtype):
             return np.concatenate([values, np.zeros((rows - len(values), *values.shape[1:]))])[
                 None
             ].astype(dtype)
 
-        batch: dict[str, Any] = {"coords": coords, "counts": counts}
-        for key, dtype in (("sdf", "f4"), ("color", "f4"), ("owner", "i4"), ("voxel_part", "i4")):
-            batch[key] = pad(getattr(grid, key), width, dtype)
-        for key, values in features.items():
-            batch[key] = pad(values, width, "f4")
-        for key, dtype in (("boxes", "f4"), ("codes", "f4"), ("parents", "i4")):
-            batch[key] = pad(getattr(grid, key), model.grid.max_parts, dtype)
-        batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, fitted=True)
+        voxel_part = pad(grid.voxel_part, width, "i4")
+        padded: dict[str, Any] = {n: pad(values, width, "f4") for n, values in features.items()}
+        plans = voxel_plans(
+            coords, counts, model.uniart_vae, model.grid, voxel_part=voxel_part, fitted=True
+        )
+        batch = VoxelBatch(
+            coords,
+            counts,
+            voxel_part,
+            sdf=pad(grid.sdf, width, "f4"),
+            color=pad(grid.color, width, "f4"),
+            owner=pad(grid.owner, width, "i4"),
+            boxes=pad(grid.boxes, parts_held, "f4"),
+            codes=pad(grid.codes, parts_held, "f4"),
+            parents=pad(grid.parents, parts_held, "i4"),
+            plans=plans,
+            **padded,
+        )
         return np.asarray(self._encode_voxels(self.parameters["uniart_vae"], batch))[0, :count]
 
     def decode(
@@ -497,9 +507,10 @@ class Pipeline:
         """
         latent, batch = self._padded(coords, latents)
         if self.config.model.uniart_vae.layout_channels:
-            batch["layout"] = self._part_table(list(layouts) or [None] * len(coords), len(coords))
+            table = self._part_table(list(layouts) or [None] * len(coords), len(coords))
+            batch = batch._replace(layout=table)
         out = jax.device_get(self._decode_voxels(self.parameters["uniart_vae"], latent, batch))
-        grid, kept = self.config.model.grid, zip(batch["coords"], batch["counts"], strict=True)
+        grid, kept = self.config.model.grid, zip(batch.coords, batch.counts, strict=True)
         return [voxel_grid(out, b, voxels[:count], grid) for b, (voxels, count) in enumerate(kept)]
 
     def gaussians(
@@ -527,21 +538,20 @@ class Pipeline:
         each = self.config.model.gaussians.num_gaussians
         return [
             {name: values[b, : count * each] for name, values in out.items()}
-            for b, count in enumerate(batch["counts"])
+            for b, count in enumerate(batch.counts)
         ]
 
     def _padded(
         self, coords: Sequence[np.ndarray], latents: Sequence[np.ndarray]
-    ) -> tuple[np.ndarray, dict[str, Any]]:
+    ) -> tuple[np.ndarray, VoxelBatch]:
         """Latents [B, V, C] and the batch that the voxel decoders read."""
         model = self.config.model
         padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
         latent = np.zeros((*padded.shape[:2], model.uniart_vae.latent_channels), np.float32)
         for b, values in enumerate(latents):
             latent[b, : len(values)] = values
-        batch: dict[str, Any] = {"coords": padded, "counts": counts}
-        batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, parts=False, fitted=True)
-        return latent, batch
+        plans = voxel_plans(padded, counts, model.uniart_vae, model.grid, fitted=True)
+        return latent, VoxelBatch(padded, counts, plans=plans)
 
     def decode_sampled(
         self,
@@ -578,7 +588,7 @@ class Pipeline:
         @jax.jit
         def run(params, latent, batch):
             raw = network.apply(params, latent, batch)
-            return gaussian_parameters(raw, batch["coords"], model.gaussians, model.grid.resolution)
+            return gaussian_parameters(raw, batch.coords, model.gaussians, model.grid.resolution)
 
         return run
 

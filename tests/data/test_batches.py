@@ -12,6 +12,7 @@ from hand_records import MODEL, make_record
 from uniart_jax.config import DataConfig, GridConfig
 from uniart_jax.data import batches, records
 from uniart_jax.data.order import OnePass, ShuffledOrder, fitting_width
+from uniart_jax.nn.shapes import check_shapes
 
 DATA = DataConfig(voxel_buckets=(64, 128), seed=3)
 
@@ -32,7 +33,7 @@ def take(iterator, count):
 
 def test_contract(folder):
     batch = next(iter(batches.voxel_batches(folder, DATA, MODEL, 2)))
-    width = batch["coords"].shape[1]
+    width = batch.coords.shape[1]
     assert width in DATA.voxel_buckets
     shapes = {
         "coords": ((2, width, 3), np.int32),
@@ -46,8 +47,10 @@ def test_contract(folder):
         "parents": ((2, 8), np.int32),
         "part_counts": ((2,), np.int32),
     }
-    assert {k: (v.shape, v.dtype) for k, v in batch.items() if k != "plans"} == shapes
-    assert set(batch["plans"]) == {"parts", "window_0", "window_1"}
+    held = {k: v for k, v in batch._asdict().items() if v is not None and k != "plans"}
+    assert {k: (v.shape, v.dtype) for k, v in held.items()} == shapes
+    check_shapes(batch)
+    assert set(batch.plans) == {"parts", "window_0", "window_1"}
 
 
 def test_values_and_padding(folder):
@@ -55,19 +58,19 @@ def test_values_and_padding(folder):
     source = records.RecordSource(folder)
     by_count = {len(source[i].coords): source[i] for i in range(len(source))}
     for batch in take(iter(batches.voxel_batches(folder, data, MODEL, 3)), 6):
-        smallest = min(w for w in data.voxel_buckets if w >= batch["counts"].max())
-        assert batch["coords"].shape[1] >= smallest
-        for b, count in enumerate(batch["counts"]):
+        smallest = min(w for w in data.voxel_buckets if w >= batch.counts.max())
+        assert batch.coords.shape[1] >= smallest
+        for b, count in enumerate(batch.counts):
             record = by_count[int(count)]
             grid = record.grid()
-            parts = batch["part_counts"][b]
+            parts = batch.part_counts[b]
             assert parts == len(record.boxes)
             for key in ("coords", "sdf", "color", "owner", "voxel_part"):  # as stored
-                assert np.array_equal(batch[key][b, :count], getattr(record, key)), key
-                assert not batch[key][b, count:].any(), key
+                assert np.array_equal(getattr(batch, key)[b, :count], getattr(record, key)), key
+                assert not getattr(batch, key)[b, count:].any(), key
             for key in ("boxes", "codes", "parents"):
-                assert np.array_equal(batch[key][b, :parts], getattr(grid, key)), key
-                assert not batch[key][b, parts:].any(), key
+                assert np.array_equal(getattr(batch, key)[b, :parts], getattr(grid, key)), key
+                assert not getattr(batch, key)[b, parts:].any(), key
 
 
 def test_layouts_name_the_row_of_each_true_part(folder):
@@ -82,15 +85,16 @@ def test_layouts_name_the_row_of_each_true_part(folder):
         assert equal(found, take(iter(stream), 8))
         lost = 0
         for batch in found:
-            assert batch["image"].shape[0] == 3 and batch["image"].min() >= 0
-            assert batch["image"].max() <= 1 and "flow" in batch["plans"]
-            for b, known in enumerate(batch["part_counts"]):
-                rows, table = batch["layout_rows"][b], batch["layout"]
+            check_shapes(batch)
+            assert batch.image.shape[0] == 3 and batch.image.min() >= 0
+            assert batch.image.max() <= 1 and "flow" in batch.plans
+            for b, known in enumerate(batch.part_counts):
+                rows, table = batch.layout_rows[b], batch.layout
                 assert (rows[known:] == -1).all()
                 there = np.flatnonzero(rows >= 0)
                 assert sorted(rows[there]) == list(range(table.counts[b]))
                 lost += known - len(there)
-                off = np.abs(table.boxes[b, rows[there]] - batch["boxes"][b, there]).max(initial=0)
+                off = np.abs(table.boxes[b, rows[there]] - batch.boxes[b, there]).max(initial=0)
                 assert off < (0.2 if errors else 1e-6)
         assert (lost > 0) == (errors > 0)
 
@@ -118,7 +122,7 @@ def test_resume_is_exact(folder):
 def test_seed_decides_the_order(folder):
     def counts(seed):
         return [
-            b["counts"].tolist()
+            b.counts.tolist()
             for b in take(iter(batches.voxel_batches(folder, DATA, MODEL, 2, seed=seed)), 5)
         ]
 
@@ -134,11 +138,9 @@ def test_processes_share_each_batch(folder):
         for i in range(2)
     ]
     for full, *halves in zip(whole, *shares, strict=True):
-        for key in full:
-            if key != "plans":
-                assert np.array_equal(full[key], np.concatenate([half[key] for half in halves])), (
-                    key
-                )
+        for key, array, *parts in zip(full._fields, full, *halves, strict=True):
+            if key != "plans" and array is not None:
+                assert np.array_equal(array, np.concatenate(parts)), key
     with pytest.raises(ValueError, match="batch of 3 cannot be shared equally by 2"):
         batches.voxel_batches(folder, DATA, MODEL, 3, process_count=2)
 
@@ -156,22 +158,20 @@ def test_record_pass_sees_each_once(folder):
     for mirrored in (False, True):
         seen, source = [], records.RecordSource(folder)
         for batch in batches.record_batches(folder, DATA, MODEL, 4, mirrored=mirrored):
-            valid = batch["record"] >= 0
-            seen += batch["record"][valid].tolist()
-            assert not batch["counts"][~valid].any() and not batch["images"][~valid].any()
+            valid = batch.record >= 0
+            seen += batch.record[valid].tolist()
+            assert not batch.counts[~valid].any() and not batch.images[~valid].any()
             for b in np.flatnonzero(valid):
-                record = source[int(batch["record"][b])]
+                record = source[int(batch.record[b])]
                 views = batches.seen_images(record.images)[..., :: -1 if mirrored else 1, :]
-                assert batch["counts"][b] == len(record.coords)
-                assert np.allclose(batch["images"][b] * 255, views, atol=3)
+                assert batch.counts[b] == len(record.coords)
+                assert np.allclose(batch.images[b] * 255, views, atol=3)
         assert sorted(seen) == list(range(11))
 
 
 def test_large_records_are_left_out_and_counted(folder, caplog):
     data = DataConfig(voxel_buckets=(64,))
-    seen = [
-        r for b in batches.record_batches(folder, data, MODEL, 4) for r in b["record"] if r >= 0
-    ]
+    seen = [r for b in batches.record_batches(folder, data, MODEL, 4) for r in b.record if r >= 0]
     assert sorted(seen) == [0, 1, 2, 3, 4]  # 20 to 60 voxels
     assert "6 of 11 records left out: more than 64 voxels or 8 parts" in caplog.text
 

@@ -104,19 +104,21 @@ def test_batches_hold_the_features_that_the_model_reads_and_mirror_nothing(folde
     stream = iter(batches.voxel_batches(folder, DATA, READS, 2, split="train"))
     seen = set()
     for batch in (next(stream) for _ in range(9)):
-        width = batch["coords"].shape[1]
-        assert batch["visual"].shape == (2, width, F) and batch["visual"].dtype == np.float32
-        assert batch["part_feature"].shape == (2, width, P)
-        for b, count in enumerate(batch["counts"]):
+        width = batch.coords.shape[1]
+        assert batch.visual.shape == (2, width, F) and batch.visual.dtype == np.float32
+        assert batch.part_feature.shape == (2, width, P)
+        for b, count in enumerate(batch.counts):
             record = by_id[int(count)]
             seen.add(record.meta["seed"])
-            assert np.array_equal(batch["coords"][b, :count], record.coords)  # never mirrored
+            assert np.array_equal(batch.coords[b, :count], record.coords)  # never mirrored
             for name, channels in (("visual", F), ("part_feature", P)):
-                assert np.array_equal(batch[name][b, :count], features_of(record, channels))
-                assert not batch[name][b, count:].any()
+                assert np.array_equal(
+                    getattr(batch, name)[b, :count], features_of(record, channels)
+                )
+                assert not getattr(batch, name)[b, count:].any()
     assert seen == {0, 1, 3, 6, 7, 8}
     plain = next(iter(batches.voxel_batches(folder, DATA, MODEL, 2)))
-    assert "visual" not in plain and "part_feature" not in plain
+    assert plain.visual is None and plain.part_feature is None
     assert batches.may_mirror(MODEL) and not batches.may_mirror(READS)
 
 
@@ -133,14 +135,14 @@ def test_indices_are_of_the_split_wherever_records_are_read(folder):
     source = RecordSource(folder, "test,unseen")
     seen = []
     for batch in batches.record_batches(folder, DATA, READS, 2, split="test,unseen"):
-        for b, index in enumerate(batch["record"]):
+        for b, index in enumerate(batch.record):
             if index >= 0:
-                record, count = source[int(index)], batch["counts"][b]
-                assert np.array_equal(batch["coords"][b, :count], record.coords)
-                assert np.array_equal(batch["visual"][b, :count], features_of(record, F))
+                record, count = source[int(index)], batch.counts[b]
+                assert np.array_equal(batch.coords[b, :count], record.coords)
+                assert np.array_equal(batch.visual[b, :count], features_of(record, F))
                 seen.append(int(index))
             else:
-                assert not batch["visual"][b].any()
+                assert not batch.visual[b].any()
     assert sorted(seen) == [0, 1, 2]
     table = image_table.load_image_table(folder, MODEL, "test,unseen")
     assert len(table) == 3
@@ -148,7 +150,7 @@ def test_indices_are_of_the_split_wherever_records_are_read(folder):
         assert np.array_equal(table.images[i], batches.seen_images(source[i].images))
         assert np.array_equal(table.boxes[i, :3], source[i].boxes)
     (batch,) = image_table.image_pass(folder, MODEL, 4, "test,unseen")
-    assert batch["record"].tolist() == [0, 1, 2, -1]
+    assert batch.record.tolist() == [0, 1, 2, -1]
 
 
 def test_live_records_are_of_the_split_too(folder, monkeypatch):

@@ -11,6 +11,8 @@ from hand_records import MODEL
 
 from uniart_jax.config import DataConfig
 from uniart_jax.data import latents
+from uniart_jax.models.network import flat_names
+from uniart_jax.nn.shapes import check_shapes
 from uniart_jax.voxels.part_table import ROWS
 
 DATA = DataConfig(voxel_buckets=(32, 64), seed=2)
@@ -72,17 +74,18 @@ def test_flow_batches(cache):
     views = set()
     for _ in range(8):
         batch = next(iterator)
-        width = batch["coords"].shape[1]
-        assert width in DATA.voxel_buckets and set(batch["plans"]) == {"flow"}
-        for b, count in enumerate(batch["counts"]):
+        check_shapes(batch)
+        width = batch.coords.shape[1]
+        assert width in DATA.voxel_buckets and set(batch.plans) == {"flow"}
+        for b, count in enumerate(batch.counts):
             item = items[int(count)]
-            assert np.array_equal(batch["coords"][b, :count], item["coords"])
-            np.testing.assert_allclose(batch["latent"][b, :count], item["latent"], atol=2e-3)
-            assert np.array_equal(batch["voxel_part"][b, :count], item["voxel_part"])
-            assert not batch["latent"][b, count:].any() and not batch["coords"][b, count:].any()
-            view = int(batch["image"][b].mean() > 0.5)
+            assert np.array_equal(batch.coords[b, :count], item["coords"])
+            np.testing.assert_allclose(batch.latent[b, :count], item["latent"], atol=2e-3)
+            assert np.array_equal(batch.voxel_part[b, :count], item["voxel_part"])
+            assert not batch.latent[b, count:].any() and not batch.coords[b, count:].any()
+            view = int(batch.image[b].mean() > 0.5)
             views.add(view)
-            np.testing.assert_allclose(batch["image"][b] * 255, item["images"][view], atol=1e-4)
+            np.testing.assert_allclose(batch.image[b] * 255, item["images"][view], atol=1e-4)
     assert views == {0, 1}
 
 
@@ -90,13 +93,14 @@ def test_structure_batches_resume(cache):
     make = lambda: iter(latents.latent_batches(cache, DATA, MODEL, 4, stage="structure_flow"))  # noqa: E731
     first = make()
     batch = next(first)
-    assert set(batch) == {"structure", "image"}
-    assert batch["structure"].shape == (4, 2, 2, 2, 4) and batch["structure"].dtype == np.float32
+    assert set(flat_names(batch)) == {"structure", "image"}
+    check_shapes(batch)
+    assert batch.structure.shape == (4, 2, 2, 2, 4) and batch.structure.dtype == np.float32
     second = make()
     second.set_state(first.get_state())
     for _ in range(4):
         a, b = next(first), next(second)
-        assert all(np.array_equal(a[key], b[key]) for key in a)
+        assert all(map(np.array_equal, a, b))
 
 
 def test_several_views_of_an_item_are_shown_together(cache):
@@ -106,7 +110,7 @@ def test_several_views_of_an_item_are_shown_together(cache):
         for data in (DATA, both)
     )
     for _ in range(4):
-        alone, together = next(one)["image"], next(two)["image"]
+        alone, together = next(one).image, next(two).image
         assert together.shape == (4, 2, *alone.shape[1:])
         np.testing.assert_array_equal(together[:, 0], alone)  # the first is drawn as it was
         assert np.abs(together[:, 0] - together[:, 1]).max() > 0.1
@@ -123,11 +127,11 @@ def test_a_refiners_batches_hold_the_occupancy(cache):
         iter(latents.latent_batches(cache, DATA, model, 4, stage="structure_flow", decoded=True))
     )
     side = MODEL.grid.resolution
-    assert batch["occupancy"].shape == (4, side, side, side)
+    assert batch.occupancy.shape == (4, side, side, side)
     source = latents.LatentSource(cache)
     stored = [source[i] for i in range(len(source))]
     items = {item["structure"].astype(np.float32).tobytes(): item for item in stored}
-    for structure, found in zip(batch["structure"], batch["occupancy"], strict=True):
+    for structure, found in zip(batch.structure, batch.occupancy, strict=True):
         coords = items[structure.tobytes()]["coords"]
         assert set(map(tuple, np.argwhere(found))) == set(map(tuple, coords.astype(int)))
 

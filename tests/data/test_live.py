@@ -6,6 +6,7 @@ import dataclasses
 import json
 import pickle
 
+import jax
 import numpy as np
 import pytest
 from hand_records import MODEL
@@ -53,12 +54,14 @@ def take(folder, data, count, start=0, model=PLAIN):
 
 
 def same(a, b):
-    return all(np.array_equal(a[key], b[key]) for key in a if key != "plans")
+    return all(
+        map(np.array_equal, *(jax.tree.leaves(batch._replace(plans=None)) for batch in (a, b)))
+    )
 
 
 def contents(batch):
     """Each item's bytes of shape and place."""
-    return [batch["boxes"][b].tobytes() + batch["sdf"][b].tobytes() for b in range(2)]
+    return [batch.boxes[b].tobytes() + batch.sdf[b].tobytes() for b in range(2)]
 
 
 def test_a_remade_record_is_whole(prepared):
@@ -121,8 +124,8 @@ def test_colours_change_alone(prepared):
     plain = take(prepared, dataclasses.replace(DATA, live=0.0), 2)
     bright = take(prepared, dataclasses.replace(DATA, live=0.0, part_color=0.2), 2)
     for a, b in zip(plain, bright, strict=True):
-        assert not np.array_equal(a["color"], b["color"])
-        assert same({**a, "color": 0}, {**b, "color": 0})
+        assert not np.array_equal(a.color, b.color)
+        assert same(a._replace(color=None), b._replace(color=None))
 
 
 def test_joints_drawn_anew_change_joints_and_parents_alone(prepared):
@@ -131,9 +134,9 @@ def test_joints_drawn_anew_change_joints_and_parents_alone(prepared):
     drawn = take(prepared, data, 2)
     assert all(same(a, b) for a, b in zip(drawn, take(prepared, data, 2), strict=True))
     for a, b in zip(plain, drawn, strict=True):
-        assert not np.array_equal(a["codes"], b["codes"])
-        rest = {"codes": 0, "parents": 0}
-        assert same(a | rest, b | rest)
+        assert not np.array_equal(a.codes, b.codes)
+        rest = {"codes": None, "parents": None}
+        assert same(a._replace(**rest), b._replace(**rest))
 
 
 def test_nothing_changes_by_default(prepared):
@@ -141,8 +144,8 @@ def test_nothing_changes_by_default(prepared):
     source = records.RecordSource(prepared)
     stored = {source[i].boxes.tobytes() for i in range(4)}
     for batch in take(prepared, data, 2):
-        for b, count in enumerate(batch["part_counts"]):
-            assert batch["boxes"][b, :count].tobytes() in stored
+        for b, count in enumerate(batch.part_counts):
+            assert batch.boxes[b, :count].tobytes() in stored
 
 
 def test_what_does_not_fit_is_the_stored_record(prepared, monkeypatch):
@@ -211,7 +214,7 @@ def test_a_split_is_remade_from_its_own_objects(tmp_path, monkeypatch):
 
 def test_windows_are_cut_from_remade_records(prepared):
     cropped = take(prepared, dataclasses.replace(DATA, voxel_crop=64), 2)
-    assert all(((batch["counts"] > 0) & (batch["counts"] <= 64)).all() for batch in cropped)
+    assert all(((batch.counts > 0) & (batch.counts <= 64)).all() for batch in cropped)
     assert len({c for batch in cropped for c in contents(batch)}) == 4
 
 

@@ -15,9 +15,9 @@ from uniart_jax.evaluation import library as library_module
 from uniart_jax.evaluation.library import VIEWS, find_assets, library_pictures
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.retrieval import make_asset_library, make_asset_retrieval, retrieve_parts
-from uniart_jax.inference.samplers import Condition
 from uniart_jax.objects.load import load_object
 from uniart_jax.pipeline import Pipeline
+from uniart_jax.voxels.typed_batches import Condition
 
 SIZE = 32
 

@@ -25,8 +25,8 @@ from uniart_jax.evaluation.retrieval import (
     retrieve_parts,
     training_objects,
 )
-from uniart_jax.inference.samplers import Condition
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.voxels.typed_batches import Condition
 
 # no two parts of these have equal boxes
 OWN = (("laptop", 3), ("bottle", 4), ("microwave", 6), ("trash_can", 2))

@@ -20,7 +20,7 @@ from uniart_jax.config import (
 )
 from uniart_jax.inference import samplers
 from uniart_jax.inference.samplers import (
-    Condition,
+    flow_arguments,
     flow_inputs,
     join_views,
     make_latent_sampler,
@@ -32,6 +32,7 @@ from uniart_jax.models.network import build
 from uniart_jax.training.flow_losses import draw, make_structure_flow_loss
 from uniart_jax.voxels.joint_code import canonical
 from uniart_jax.voxels.layout import read_layout
+from uniart_jax.voxels.typed_batches import Condition, StructureBatch
 
 FLOW = FlowConfig(
     model_channels=24,
@@ -168,9 +169,8 @@ def test_guidance_leads_away_from_no_picture_at_all():
     @jax.jit
     def velocity(c):
         one = np.ones(1, np.float32)
-        return network.apply(
-            params, noise, one, c.tokens, c.volume, views=(c.pixels, c.cameras), **voxels
-        )
+        given = flow_arguments(voxels, c)
+        return network.apply(params, noise, one, c.tokens, c.volume, **given)
 
     nothing = jax.tree.map(np.zeros_like, condition)
     with_image, without = velocity(condition), velocity(nothing)
@@ -237,14 +237,14 @@ def test_the_supplements_direction_is_the_mirror_image():
     x = rng.normal(size=(2, 4, 4, 4, 3)).astype("f4")
     config = Config(model=mirror, loss=LossConfig(condition_drop=0.0))
     loss_fn = make_structure_flow_loss(ours, config, *PLAIN)
-    batch = {"structure": x, "tokens": condition.tokens, "volume": condition.volume}
+    batch = StructureBatch(x, seen=Condition(condition.tokens, condition.volume))
 
     @jax.jit
     def run(params, x):
         def velocity(z, s):  # the supplement's v(z, s | c)
             return raw.apply(params, z, s, condition.tokens, condition.volume)
 
-        t, noise, _ = draw(batch, x, KEY, config)
+        t, noise, _ = draw(batch.seen, x, KEY, config)
         s = 1 - t
         z = (1 - s)[:, None, None, None, None] * noise + s[:, None, None, None, None] * x
         loss = jnp.square(velocity(z, s) - (x - noise)).mean()

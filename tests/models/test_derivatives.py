@@ -22,9 +22,9 @@ LAYOUT = LayoutConfig(
 def latent_case(**changes):
     model = latent_config(num_blocks=1, volume_channels=0, **changes)
     batch, (tokens, _, t) = voxel_batch(model), flow_arguments()
-    voxels = {name: batch[name] for name in ("coords", "counts")}
-    voxels["plan"] = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
-    return "latent_flow", model, lambda f, p: f(p, batch["latent"], t, tokens, **voxels)
+    voxels = {"coords": batch.coords, "counts": batch.counts}
+    voxels["plan"] = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
+    return "latent_flow", model, lambda f, p: f(p, batch.latent, t, tokens, **voxels)
 
 
 def vae_case():

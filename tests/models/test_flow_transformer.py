@@ -98,8 +98,8 @@ def test_latent_flow_ignores_padding(name):
 
     def run(**kwargs):
         batch = voxel_batch(model, **kwargs)
-        plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
-        return step(params, batch["latent"], batch["coords"], batch["counts"], plan)
+        plan = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
+        return step(params, batch.latent, batch.coords, batch.counts, plan)
 
     clean_gradient, clean = run(width=83)
     assert clean.shape == (2, 83, 4) and finite(clean_gradient)
@@ -123,8 +123,8 @@ def test_a_latent_flow_of_the_other_direction_is_its_mirror_image(prediction):
     flow = dataclasses.replace(model.latent_flow, direction="noise_to_data")
     both = [build("latent_flow", m) for m in (model, dataclasses.replace(model, latent_flow=flow))]
     params, batch, (tokens, _, t) = init(both[0]), voxel_batch(model), flow_arguments()
-    plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
-    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    plan = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
+    voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
     half = jnp.full(2, 0.5)  # where a network that predicts x_0 is shown the same of x
 
     @jax.jit
@@ -132,7 +132,7 @@ def test_a_latent_flow_of_the_other_direction_is_its_mirror_image(prediction):
         at = [lambda t, n=n: n.apply(params, x, t, tokens, **voxels) for n in both]
         return at[0](1 - t), at[1](t), at[0](half), at[1](half)
 
-    mirrored, found, middle, same = run(params, batch["latent"])
+    mirrored, found, middle, same = run(params, batch.latent)
     if prediction == "velocity":
         np.testing.assert_allclose(found, -mirrored, atol=1e-5)
         assert np.abs(found).max() > 0.01
@@ -157,8 +157,8 @@ def test_latent_flow_draws_share_voxels():
         given = {"views": views, "layout": flow_table(), **voxels}
         return apply(params, x, t, tokens, volume, **given)
 
-    shared = run(batch["coords"], batch["counts"])
-    alone = run(np.repeat(batch["coords"], 2, 0), np.repeat(batch["counts"], 2))
+    shared = run(batch.coords, batch.counts)
+    alone = run(np.repeat(batch.coords, 2, 0), np.repeat(batch.counts, 2))
     np.testing.assert_allclose(shared, alone, rtol=1e-4, atol=1e-4)
 
 
@@ -168,13 +168,13 @@ def test_draws_of_one_picture_may_have_voxels_of_their_own():
     params = init(network)
     tokens, volume, t = flow_arguments()
     batch = voxel_batch(model)
-    plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
-    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    plan = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
+    voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
     seen = (tokens[:1], volume[:1], *(v[:1] for v in flow_views(3)))
     twice = [jnp.repeat(a, 2, axis=0) for a in seen]
     apply = jax.jit(network.apply)
     once, each = (
-        apply(params, batch["latent"], t, a, b, views=tuple(views), **voxels)
+        apply(params, batch.latent, t, a, b, views=tuple(views), **voxels)
         for a, b, *views in (seen, twice)
     )
     np.testing.assert_allclose(once, each, rtol=1e-4, atol=1e-4)
@@ -186,12 +186,12 @@ def test_pixels_matter_where_they_are_seen_and_the_order_of_views_does_not():
     params = init(network)
     tokens, volume, t = flow_arguments()
     batch = voxel_batch(model)
-    plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
-    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    plan = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
+    voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
     apply = jax.jit(network.apply)
 
     def run(maps, cameras):
-        return apply(params, batch["latent"], t, tokens, volume, views=(maps, cameras), **voxels)
+        return apply(params, batch.latent, t, tokens, volume, views=(maps, cameras), **voxels)
 
     maps, cameras = flow_views(3)
     whole = run(maps, cameras)
@@ -208,13 +208,13 @@ def test_reading_pixels_begins_at_nothing():
     network = build("latent_flow", more)
     tokens, volume, t = flow_arguments()
     batch = voxel_batch(more)
-    plan = flow_plan(batch["coords"], batch["counts"], more.latent_flow, more.grid)
-    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    plan = flow_plan(batch.coords, batch.counts, more.latent_flow, more.grid)
+    voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
     params = init(build("latent_flow", plain))
     new = network.abstract().keys() - params.keys()
     added = jax.jit(lambda key: {name: network.init(key)[name] for name in new})(jax.random.key(0))
     assert sorted(added) == ["pixel_cube", "pixel_hidden", "pixel_in", "pixel_voxel"]
-    seen = (batch["latent"], t, tokens, volume)
+    seen = (batch.latent, t, tokens, volume)
     found = jax.jit(network.apply)({**params, **added}, *seen, views=flow_views(), **voxels)
     before = jax.jit(build("latent_flow", plain).apply)(params, *seen, **voxels)
     np.testing.assert_allclose(found, before, rtol=1e-5, atol=1e-5)
@@ -235,9 +235,9 @@ def test_a_flow_sees_the_layout_of_its_own_picture_and_begins_without():
     for name, model in models.items():
         x, voxels = jnp.asarray(rng.normal(size=(2, 2, 2, 2, 3)), jnp.float32), {}
         if name == "latent_flow":
-            plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
-            x = batch["latent"]
-            voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+            plan = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
+            x = batch.latent
+            voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
         flow = dataclasses.replace(getattr(model, name), layout_channels=0)
         plain, network = (
             build(name, m) for m in (dataclasses.replace(model, **{name: flow}), model)
@@ -267,10 +267,10 @@ def test_a_flow_that_reads_pixels_says_where_it_cannot():
     network = build("latent_flow", latent_config(pixel_channels=6))
     tokens, volume, t = flow_arguments()
     batch = voxel_batch(MODEL)
-    plan = flow_plan(batch["coords"], batch["counts"], MODEL.latent_flow, MODEL.grid)
-    voxels = {"coords": batch["coords"], "counts": batch["counts"], "plan": plan}
+    plan = flow_plan(batch.coords, batch.counts, MODEL.latent_flow, MODEL.grid)
+    voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
     with pytest.raises(ValueError, match="views"):
-        network.apply(init(network), batch["latent"], t, tokens, volume, **voxels)
+        network.apply(init(network), batch.latent, t, tokens, volume, **voxels)
     with pytest.raises(ValueError, match="pixel_channels"):
         build(
             "latent_flow", latent_config(stem="conv", io_channels=(6,), pixel_channels=6)

@@ -15,6 +15,7 @@ from uniart_jax.models.gaussian_decoder import (
     gaussian_parameters,
     offset_perturbation,
 )
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 CONFIG = GaussianConfig(num_gaussians=3)
 
@@ -39,8 +40,8 @@ def test_padding_never_matters(attention):
 
     def run(**options):
         batch = voxel_batch(model, **options)
-        kept = {name: batch[name] for name in ("coords", "counts", "plans")}
-        return step(params, batch["latent"], kept)
+        kept = VoxelBatch(batch.coords, batch.counts, plans=batch.plans)
+        return step(params, batch.latent, kept)
 
     clean_gradient, clean = run()
     assert clean.shape == (2, 70, 3 * VALUES) and finite(clean_gradient)

@@ -16,11 +16,11 @@ TAKEN = ("own_box", "joint_code", "parent_box")  # of rows
 
 
 def with_layout(batch, **changes):
-    return batch | {"layout": flow_table()._replace(**changes)}
+    return batch._replace(layout=flow_table()._replace(**changes))
 
 
 def decode(network, params, batch):
-    latent = jax.random.normal(jax.random.key(1), (*batch["coords"].shape[:2], 4))
+    latent = jax.random.normal(jax.random.key(1), (*batch.coords.shape[:2], 4))
     return jax.jit(lambda p, b: network.apply(p, latent, b, VOXELS, method="decode"))(params, batch)
 
 
@@ -48,7 +48,7 @@ def test_padding_of_voxels_and_of_the_table_does_not_matter():
     @jax.jit
     def step(params, batch):
         def loss(params):
-            latent = jnp.ones((*batch["coords"].shape[:2], 4))
+            latent = jnp.ones((*batch.coords.shape[:2], 4))
             out = network.apply(params, latent, batch, VOXELS, method="decode")
             return jnp.square(out["sdf"]).sum() + jnp.square(out["color"]).sum(), out
 
@@ -112,5 +112,5 @@ def test_the_pointers_loss_is_least_where_the_owner_is_named():
 
 def test_a_missing_layout_is_named():
     network = build("uniart_vae", MODEL)
-    with pytest.raises(ValueError, match=r'batch\["layout"\]'):
+    with pytest.raises(ValueError, match=r"give batch\.layout"):
         decode(network, init(network), voxel_batch(MODEL))

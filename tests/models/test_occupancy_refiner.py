@@ -13,6 +13,7 @@ from toy import MODEL, build, finite, flow_table, flow_views, init
 
 from uniart_jax.config import Config, LossConfig
 from uniart_jax.training.flow_losses import make_structure_flow_loss
+from uniart_jax.voxels.typed_batches import Condition, StructureBatch
 
 SIDE = MODEL.grid.resolution
 
@@ -107,11 +108,10 @@ def test_its_loss_trains_the_refiner_alone_and_falls():
     pixels, cameras = flow_views()
     occupancy = np.zeros((2, SIDE, SIDE, SIDE), bool)
     occupancy[0, 2:6, 2:6, 2:6] = occupancy[1, 1:7, 3:5, 3:5] = True
-    batch = {
-        "tokens": jnp.asarray(rng.normal(size=(2, 9, 16)), jnp.float32),
-        "volume": jnp.asarray(rng.normal(size=(2, 4, 4, 4, 5)), jnp.float32),
-        "pixels": pixels, "cameras": cameras, "layout": flow_table(), "occupancy": occupancy,
-    }  # fmt: skip
+    tokens = jnp.asarray(rng.normal(size=(2, 9, 16)), jnp.float32)
+    volume = jnp.asarray(rng.normal(size=(2, 4, 4, 4, 5)), jnp.float32)
+    seen = Condition(tokens, volume, pixels, cameras, flow_table())
+    batch = StructureBatch(None, occupancy, seen=seen)
     zero = np.zeros(3, np.float32)
     loss_fn = make_structure_flow_loss(network, config, zero, zero + 1)
     vae_params = init(vae)
@@ -147,11 +147,10 @@ def test_the_flow_learns_from_what_its_sample_decodes_to():
     params, vae_params = init(network), init(vae)
     encode = jax.jit(lambda params, x: vae.apply(params, x, method="encode")[0])
     latent = encode(vae_params, occupancy.astype(np.float32))
-    batch = {
-        "tokens": jnp.asarray(rng.normal(size=(2, 9, 16)), jnp.float32),
-        "volume": jnp.asarray(rng.normal(size=(2, 4, 4, 4, 5)), jnp.float32),
-        "layout": flow_table(), "structure": latent, "occupancy": occupancy,
-    }  # fmt: skip
+    tokens = jnp.asarray(rng.normal(size=(2, 9, 16)), jnp.float32)
+    volume = jnp.asarray(rng.normal(size=(2, 4, 4, 4, 5)), jnp.float32)
+    seen = Condition(tokens, volume, layout=flow_table())
+    batch = StructureBatch(latent, occupancy, seen=seen)
     zero = np.zeros(3, np.float32)
 
     @functools.partial(jax.jit, static_argnames="weight")

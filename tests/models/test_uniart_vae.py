@@ -61,7 +61,7 @@ def test_uniart_vae_ignores_padding(attention, linear_path, qk_rms_norm):
         gradient, out = step(params, batch)
         for name in ("sdf", "color", "own_box", "joint_code", "parent_box"):
             np.testing.assert_allclose(out[name], clean[name], rtol=1e-4, atol=1e-5)
-        for b, n in enumerate(batch["counts"]):
+        for b, n in enumerate(batch.counts):
             np.testing.assert_allclose(out["mean"][b, :n], clean["mean"][b, :n], atol=1e-5)
             assert not np.asarray(out["mean"])[b, n:].any()
         for a, b in zip(*map(jax.tree.leaves, (gradient, clean_gradient)), strict=True):
@@ -127,10 +127,10 @@ def test_part_attention_stays_within_the_part():
     batch = voxel_batch(model)
     encode = jax.jit(lambda p, b: network.apply(p, b, method="encode")["mean"])
     before = np.asarray(encode(params, batch))
-    changed = {**batch, "sdf": batch["sdf"].copy()}
-    changed["sdf"][0, 7] += 1.0
+    changed = batch._replace(sdf=batch.sdf.copy())
+    changed.sdf[0, 7] += 1.0
     difference = np.abs(np.asarray(encode(params, changed)) - before).max(-1)
-    part = batch["voxel_part"]
+    part = batch.voxel_part
     same = (part[0] == part[0, 7]) & (np.arange(70) < 61)
     assert (difference[0][same] > 0).all() and not difference[0][~same].any()
     assert not difference[1].any()
@@ -140,24 +140,24 @@ def front_by_loops(p, batch, heads):
     """V_geo, V_art and V of every voxel in float64, part by part and head by head."""
     p, batch = (
         jax.tree.map(lambda a: np.asarray(a, np.float64), x)
-        for x in (p, {k: v for k, v in batch.items() if k != "plans"})
+        for x in (p, batch._replace(plans=None))
     )
 
     def layer(name, x):
         return x @ p[name]["kernel"] + p[name]["bias"]
 
-    for b, count in enumerate(batch["counts"].astype(int)):
-        part = batch["voxel_part"][b, :count].astype(int)
-        own = batch["owner"][b, :count] == part[:, None]
-        color = batch["color"][b, :count].reshape(count, -1) * 2 - 1
-        cells = np.concatenate([batch["sdf"][b, :count], color, own], -1)
-        geometry = np.concatenate([batch["visual"][b, :count], layer("geometry", cells)], -1)
-        boxes, parent = batch["boxes"][b], batch["parents"][b].astype(int)[part]
+    for b, count in enumerate(batch.counts.astype(int)):
+        part = batch.voxel_part[b, :count].astype(int)
+        own = batch.owner[b, :count] == part[:, None]
+        color = batch.color[b, :count].reshape(count, -1) * 2 - 1
+        cells = np.concatenate([batch.sdf[b, :count], color, own], -1)
+        geometry = np.concatenate([batch.visual[b, :count], layer("geometry", cells)], -1)
+        boxes, parent = batch.boxes[b], batch.parents[b].astype(int)[part]
         code = layer(
-            "code_in", np.concatenate([batch["codes"][b][part], boxes[part], boxes[parent]], -1)
+            "code_in", np.concatenate([batch.codes[b][part], boxes[part], boxes[parent]], -1)
         )
         articulation = layer("code_out", code / (1 + np.exp(-code)))
-        articulation = articulation + layer("part_feature", batch["part_feature"][b, :count])
+        articulation = articulation + layer("part_feature", batch.part_feature[b, :count])
         q, (k, v) = layer("to_q", articulation), np.split(layer("to_kv", geometry), 2, -1)
         attended, size = np.zeros_like(articulation), articulation.shape[-1] // heads
         for one in np.unique(part):
@@ -191,17 +191,17 @@ def test_the_attention_is_the_papers_equation_in_float64():
 def test_codes_and_boxes_are_gathered_by_part():
     batch = voxel_batch(MODEL)
     codes, found = np.asarray(voxel_codes(batch)), jax.device_get(voxel_boxes(batch))
-    part = batch["voxel_part"][1, 5]
-    parent = batch["parents"][1, part]
-    expected = [batch["codes"][1, part], batch["boxes"][1, part], batch["boxes"][1, parent]]
+    part = batch.voxel_part[1, 5]
+    parent = batch.parents[1, part]
+    expected = [batch.codes[1, part], batch.boxes[1, part], batch.boxes[1, parent]]
     np.testing.assert_array_equal(codes[1, 5], np.concatenate(expected))
-    foreign = batch["owner"] != batch["voxel_part"][..., None]
+    foreign = batch.owner != batch.voxel_part[..., None]
     np.testing.assert_array_equal(found["foreign"], foreign)
     np.testing.assert_array_equal(found["shared"], foreign.any(-1))
     b, v = np.argwhere(foreign.any(-1))[0]
-    other = batch["owner"][b, v][foreign[b, v]][0]
-    np.testing.assert_array_equal(found["own"][b, v], batch["boxes"][b, batch["voxel_part"][b, v]])
-    np.testing.assert_array_equal(found["other"][b, v], batch["boxes"][b, other])
+    other = batch.owner[b, v][foreign[b, v]][0]
+    np.testing.assert_array_equal(found["own"][b, v], batch.boxes[b, batch.voxel_part[b, v]])
+    np.testing.assert_array_equal(found["other"][b, v], batch.boxes[b, other])
     chosen = jax.device_get(voxel_boxes(batch, jnp.asarray([[1], [5]])))
     for name, values in chosen.items():
         np.testing.assert_array_equal(values[1, 0], found[name][1, 5])
@@ -211,11 +211,10 @@ def test_full_attention_reaches_the_whole_item_and_no_other():
     model = vae_config(attention="full", num_blocks=1)
     network = build("uniart_vae", model)
     params = init(network)
-    batch = voxel_batch(model)
-    batch["plans"] = {}  # decoding reads none
+    batch = voxel_batch(model)._replace(plans=None)  # decoding reads none
     decode = jax.jit(lambda p, z, b: network.apply(p, z, b, method="decode")["sdf"])
-    before = np.asarray(decode(params, batch["latent"], batch))
-    changed = batch["latent"].copy()
+    before = np.asarray(decode(params, batch.latent, batch))
+    changed = batch.latent.copy()
     changed[0, 7] += 1.0
     difference = np.abs(np.asarray(decode(params, changed, batch)) - before).max(-1)
     assert (difference[0, :61] > 0).all()

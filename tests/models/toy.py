@@ -19,6 +19,7 @@ from uniart_jax.models import network
 from uniart_jax.models.image_encoder import TYPICAL, pixel_width
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.voxels.part_table import PartTable
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 # the same network for the same model: what ``jax.jit`` has compiled of it is used again
 build = functools.cache(network.build)
@@ -112,8 +113,9 @@ def voxel_batch(model, width=70, seed=0, garbage=None):
         batch[name] = filled
     batch |= dict(counts=counts, boxes=f(2, k, 6), codes=f(2, k, 9))
     batch["parents"] = rng.integers(0, k, (2, k)).astype(np.int32)
-    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
-    return batch
+    voxels, part = (batch["coords"], counts), batch["voxel_part"]
+    batch["plans"] = voxel_plans(*voxels, model.uniart_vae, model.grid, voxel_part=part)
+    return VoxelBatch(**batch)
 
 
 def finite(tree):

@@ -65,7 +65,8 @@ def together(plan) -> dict[int, frozenset[int]]:
 
 
 def windows(batch):
-    return voxel_plans(batch, UniArtVAEConfig(attention="swin", window=2), GRID)
+    config = UniArtVAEConfig(attention="swin", window=2)
+    return voxel_plans(**batch, config=config, grid=GRID)
 
 
 def packed(batch):
@@ -100,8 +101,8 @@ def test_segments_of_shares_are_those_of_the_batch(make, processes):
 def test_one_process_plans_its_devices_shares(attention, shares):
     batch = make_batch()
     config = UniArtVAEConfig(attention=attention, window=4)
-    plans = voxel_plans(batch, config, GRID, shares=shares)
-    whole = voxel_plans(batch, config, GRID)
+    plans = voxel_plans(**batch, config=config, grid=GRID, shares=shares)
+    whole = voxel_plans(**batch, config=config, grid=GRID)
     # serial runs are cut item by item; whatever shares are planned apart, the segments are the same
     for name, plan in plans.items():
         assert plan.inverse.shape == (shares, ITEMS * WIDTH // shares)
@@ -110,7 +111,7 @@ def test_one_process_plans_its_devices_shares(attention, shares):
 
 def test_items_that_do_not_divide_into_the_shares():
     with pytest.raises(ValueError, match="6 items in 4 shares"):
-        voxel_plans(make_batch(), UniArtVAEConfig(window=4), GRID, shares=4)
+        voxel_plans(**make_batch(), config=UniArtVAEConfig(window=4), grid=GRID, shares=4)
 
 
 def test_joined_shares_have_the_rows_of_the_largest():

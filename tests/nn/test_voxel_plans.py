@@ -20,15 +20,15 @@ def test_voxel_plans_always_fit(seed, attention, window, part_segment):
     rng = np.random.default_rng(seed)
     part = rng.choice(7, (3, 60), p=rng.dirichlet(np.ones(7) * 0.3))
     batch = dict(coords=coords, counts=counts, voxel_part=part)
-    plans = voxel_plans(batch, config, grid)
-    fitted = voxel_plans(batch, config, grid, fitted=True)
+    plans = voxel_plans(**batch, config=config, grid=grid)
+    fitted = voxel_plans(**batch, config=config, grid=grid, fitted=True)
     fixed = capacities_for(config, grid, 3, 60)
     for name, plan in plans.items():
         same = [sorted(map(tuple, members(p, 180))) for p in (plan, fitted[name])]
         assert same[0] == same[1] and sum(map(len, same[0])) == counts.sum()
         if fixed[name] is not None:  # shapes do not depend on the content
             assert tuple(b.index.shape[1:] for b in plan.buckets) == fixed[name]
-    assert set(voxel_plans(batch, config, grid, parts=False)) == {"window_0", "window_1"}
+    assert set(voxel_plans(coords, counts, config, grid)) == {"window_0", "window_1"}
 
 
 def test_training_plans_have_one_shape():
@@ -38,7 +38,7 @@ def test_training_plans_have_one_shape():
     for seed in range(5):
         coords, counts = voxels(seed, 2, 600, 16)
         part = np.random.default_rng(seed).integers(0, 7, (2, 600))
-        plans = voxel_plans(dict(coords=coords, counts=counts, voxel_part=part), config, grid)
+        plans = voxel_plans(coords, counts, config, grid, voxel_part=part)
         shapes.add(str({k: [b.index.shape for b in p.buckets] for k, p in plans.items()}))
     assert len(shapes) == 1
 

@@ -19,6 +19,7 @@ from uniart_jax.models.multiview import average_views, project
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.voxels.typed_batches import VoxelBatch
 from uniart_jax.weights.compose import compose
 from uniart_jax.weights.dinov2 import convert_dinov2
 from uniart_jax.weights.mapping import flatten
@@ -60,8 +61,11 @@ def check_structure_flow(case):
     np.testing.assert_allclose(v, last(case.outputs["v"]), **CLOSE_FLOW)
 
 
-def with_plans(batch, model, **options):
-    return {**batch, "plans": voxel_plans(batch, model.uniart_vae, model.grid, **options)}
+def with_plans(batch, model):
+    """A ``VoxelBatch`` of arrays by name, with the plans of what they hold."""
+    voxels, part = (batch["coords"], batch["counts"]), batch.get("voxel_part")
+    plans = voxel_plans(*voxels, model.uniart_vae, model.grid, voxel_part=part)
+    return VoxelBatch(**batch, plans=plans)
 
 
 def check_slat_encoder(case):
@@ -75,9 +79,9 @@ def check_slat_encoder(case):
 
 def run_slat_encoder(piece, case):
     batch, feats, rows = case.sparse()
-    batch = with_plans(batch, piece.model, parts=False)
+    batch = with_plans(batch, piece.model)
     run = jax.jit(slat_encoder(piece.model).apply)
-    out = run(piece.params, feats, batch["coords"], batch["plans"], batch["counts"])
+    out = run(piece.params, feats, batch.coords, batch.plans, batch.counts)
     return np.asarray(out)[rows]
 
 
@@ -118,12 +122,12 @@ def check_gaussian_decoder(case):
     model, networks = compose([piece])
     assert "encoder" in networks["uniart_vae"].new
     batch, feats, rows = case.sparse()
-    batch = with_plans(batch, model, parts=False)
+    batch = with_plans(batch, model)
     run = jax.jit(build("gaussian_decoder", model).apply)
     raw = np.asarray(run(networks["gaussian_decoder"].params, feats, batch))
     np.testing.assert_allclose(raw[rows], case.outputs["raw"], **CLOSE)
-    for i, count in enumerate(batch["counts"]):
-        coords = batch["coords"][i, :count]
+    for i, count in enumerate(batch.counts):
+        coords = batch.coords[i, :count]
         stored = gaussian_parameters(raw[i, :count], coords, model.gaussians, model.grid.resolution)
         drawn = activated(stored, model.gaussians)
         pairs = [(f"{i}_{name}", value) for name, value in stored.items()]
@@ -199,10 +203,10 @@ def check_slat_encoder_gradients(case):
     piece = convert_trellis("SLatEncoder", case.config, case.state)
     network = slat_encoder(piece.model)
     batch, feats, rows = case.sparse()
-    batch = with_plans(batch, piece.model, parts=False)
+    batch = with_plans(batch, piece.model)
 
     def loss(params):
-        out = network.apply(params, feats, batch["coords"], batch["plans"], batch["counts"])
+        out = network.apply(params, feats, batch.coords, batch.plans, batch.counts)
         mean, logvar = jnp.split(out[rows], 2, -1)
         z = mean + jnp.exp(0.5 * logvar) * case.inputs["eps"]
         kl = 0.5 * (jnp.square(mean) + jnp.exp(logvar) - logvar - 1).mean()

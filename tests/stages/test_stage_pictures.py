@@ -30,9 +30,9 @@ class Network:
 
     def apply(self, params, first, batch=None, method=None):
         if method == "encode":
-            return {"mean": jnp.zeros((*first["coords"].shape[:2], 4))}
+            return {"mean": jnp.zeros((*first.coords.shape[:2], 4))}
         if method == "decode" and batch is not None:
-            shape = batch["coords"].shape[:2]
+            shape = batch.coords.shape[:2]
             cells = self.grid.subdivisions**3
             of_voxels = {"joint_code": (9,), "box_pair": (2, 6), "parent_box": (6,)}
             of_cells = {"sdf": (cells,), "color": (cells, 3), "own_box": (cells, 6)}

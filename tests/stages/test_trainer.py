@@ -164,6 +164,9 @@ def test_batches_that_cannot_be_gone_on_with_are_told(tmp_path):
     config = quickest(tmp_path)
     with pytest.raises(ValueError, match="structure_vae: a batch has no 'occupancy', which the"):
         trained(config, tmp_path / "w", 2, [{"image": np.zeros(2)}] * 2)
+    flat = [{"occupancy": np.zeros((2, 8, 8), bool)}] * 2
+    with pytest.raises(ValueError, match="structure_vae: batch 'occupancy' has the shape "):
+        trained(config, tmp_path / "w", 2, flat)
     with pytest.raises(ValueError, match="no stage was given; choose of image_encoder, "):
         Trainer(config, tmp_path / "w").fit([])
 

@@ -38,13 +38,14 @@ def make_batch(seed=0):
     rows = table._replace(
         **{n: getattr(table, n)[:, :4] for n in ("boxes", "codes", "parents", "colors")}
     )
-    batch |= {"layout": rows, "layout_rows": np.tile(np.arange(4, dtype=np.int32), (2, 1))}
-    batch["part_counts"] = np.array([4, 4], np.int32)
-    batch["image"] = np.random.default_rng(0).random((2, 32, 32, 3)).astype(np.float32)
-    batch["plans"]["flow"] = flow_plan(
-        batch["coords"], batch["counts"], MODEL.latent_flow, MODEL.grid
+    flow = flow_plan(batch.coords, batch.counts, MODEL.latent_flow, MODEL.grid)
+    return batch._replace(
+        layout=rows,
+        layout_rows=np.tile(np.arange(4, dtype=np.int32), (2, 1)),
+        part_counts=np.array([4, 4], np.int32),
+        image=np.random.default_rng(0).random((2, 32, 32, 3)).astype(np.float32),
+        plans={**batch.plans, "flow": flow},
     )
-    return batch
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +71,7 @@ def test_a_decoder_sees_the_layout_found_in_place_of_its_own(loss_of):
     assert np.isfinite(own) and np.isfinite(found) and own != found
     assert loss_of(0.0, other)[0] != own  # its own layout is another
     assert loss_of(1.0, other)[0] == found  # which is not looked at
-    dark = batch | {"image": 0.3 * batch["image"]}
+    dark = batch._replace(image=0.3 * batch.image)
     assert loss_of(1.0, dark)[0] != found
     gradient = loss_of(1.0, batch)[1]
     assert any(np.any(g) for g in jax.tree.leaves(gradient["layout"]))
@@ -85,11 +86,11 @@ def test_pictures_of_another_size_are_resampled():
 
 def test_what_is_shown_is_what_the_network_finds():
     batch = make_batch()
-    found = make_layout_finder(MODEL)(FROZEN[2], jnp.asarray(batch["image"]))
+    found = make_layout_finder(MODEL)(FROZEN[2], jnp.asarray(batch.image))
     shown = show_found(batch, found, 1.0, jax.random.key(0))
-    np.testing.assert_array_equal(shown["layout"].boxes, found.boxes)
-    batch["boxes"] = np.asarray(found.boxes)  # the truth: each part is the row of its number
-    batch["part_counts"] = np.asarray(found.counts)
-    rows = show_found(batch, found, 1.0, jax.random.key(0))["layout_rows"]
-    for row, count in zip(np.asarray(rows), batch["part_counts"], strict=True):
+    np.testing.assert_array_equal(shown.layout.boxes, found.boxes)
+    # the truth: each part is the row of its number
+    batch = batch._replace(boxes=np.asarray(found.boxes), part_counts=np.asarray(found.counts))
+    rows = show_found(batch, found, 1.0, jax.random.key(0)).layout_rows
+    for row, count in zip(np.asarray(rows), batch.part_counts, strict=True):
         assert row[:count].tolist() == list(range(count)) and (row[count:] == -1).all()

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uniart_jax.config import Config, FlowConfig, LossConfig
-from uniart_jax.inference.samplers import Condition
 from uniart_jax.training import losses
 from uniart_jax.training.flow_losses import draw, make_latent_flow_loss, normalize, of_pictures
 from uniart_jax.training.found_layouts import matching_rows
@@ -18,6 +17,7 @@ from uniart_jax.training.losses import part_weights
 from uniart_jax.training.vae_losses import alignment_loss, make_uniart_vae_loss
 from uniart_jax.voxels.joint_code import gauge_variants
 from uniart_jax.voxels.part_table import PartTable
+from uniart_jax.voxels.typed_batches import Condition, StructureBatch, VoxelBatch
 
 CODE = st.lists(st.floats(-1, 1, width=32), min_size=9, max_size=9).map(np.float32)
 
@@ -100,19 +100,19 @@ def vae_case():
         "parent_box": f(6),
         "part_feature": f(7),
     }
-    batch = {
-        "coords": np.zeros((1, 5, 3), np.int32),
-        "counts": np.array([4], np.int32),
-        "voxel_part": np.array([[0, 1, 1, 0, 0]], np.int32),
-        "owner": rng.integers(0, 2, (1, 5, 8)).astype(np.int32),
-        "parents": np.zeros((1, 2), np.int32),
-        "boxes": rng.normal(size=(1, 2, 6)).astype(np.float32),
-        "codes": rng.normal(size=(1, 2, 9)).astype(np.float32),
-        "sdf": f(8),
-        "color": np.abs(f(8, 3)),
-        "part_feature": f(7).astype(np.float16),
-    }
-    batch["part_feature"][0, 4] = np.nan  # padding
+    batch = VoxelBatch(
+        coords=np.zeros((1, 5, 3), np.int32),
+        counts=np.array([4], np.int32),
+        voxel_part=np.array([[0, 1, 1, 0, 0]], np.int32),
+        owner=rng.integers(0, 2, (1, 5, 8)).astype(np.int32),
+        parents=np.zeros((1, 2), np.int32),
+        boxes=rng.normal(size=(1, 2, 6)).astype(np.float32),
+        codes=rng.normal(size=(1, 2, 9)).astype(np.float32),
+        sdf=f(8),
+        color=np.abs(f(8, 3)),
+        part_feature=f(7).astype(np.float16),
+    )
+    batch.part_feature[0, 4] = np.nan  # padding
     return Told(**answers), batch
 
 
@@ -130,7 +130,7 @@ def test_the_vaes_loss_is_the_weighted_sum_of_its_terms():
     expected += 2.5 * (articulation + 0.6 * terms["part_feature"])
     expected += 0.7 * terms["kl"] + 0.4 * terms["alignment"]
     assert float(loss) == pytest.approx(expected, rel=1e-5)
-    answers, part = network.answers, batch["voxel_part"][0, :4]
+    answers, part = network.answers, batch.voxel_part[0, :4]
     mean, logvar, joint, parent = (
         np.asarray(answers[name], np.float64)[0, :4]
         for name in ("mean", "logvar", "joint_code", "parent_box")
@@ -141,14 +141,14 @@ def test_the_vaes_loss_is_the_weighted_sum_of_its_terms():
     def huber(error):
         return np.where(np.abs(error) < 0.3, error**2 / 0.6, np.abs(error) - 0.15).mean(-1)
 
-    missed = np.asarray(answers["part_feature"])[0, :4] - batch["part_feature"][0, :4]
+    missed = np.asarray(answers["part_feature"])[0, :4] - batch.part_feature[0, :4]
     assert terms["part_feature"] == pytest.approx(huber(missed).mean(), rel=1e-3)
-    gauges = np.asarray(gauge_variants(batch["codes"][0, part]))
+    gauges = np.asarray(gauge_variants(batch.codes[0, part]))
     joint = huber(joint[:, None] - gauges).min(1).mean()
     assert terms["joint_code"] == pytest.approx(joint, rel=1e-4)
     corners = [
         np.concatenate([b[..., :3] - b[..., 3:] / 2, b[..., :3] + b[..., 3:] / 2], -1)
-        for b in (parent, batch["boxes"][0, :1])
+        for b in (parent, batch.boxes[0, :1])
     ]
     assert terms["parent_box"] == pytest.approx(huber(corners[0] - corners[1]).mean(), rel=1e-4)
 
@@ -243,14 +243,12 @@ def test_a_dropped_condition_is_nothing_in_all_its_parts():
         "pixels": (64, 2, 4, 4, 3),
         "cameras": (64, 2, 7),
     }
-    batch = {name: jnp.ones(shape) for name, shape in shapes.items()}
-    batch["layout"] = PartTable(
-        *(jnp.ones((64, *n), jnp.int32) for n in ((2, 6), (2, 9), (2,), (2, 3), ()))
-    )
+    layout = PartTable(*(jnp.ones((64, *n), jnp.int32) for n in ((2, 6), (2, 9), (2,), (2, 3), ())))
+    whole = Condition(**{name: jnp.ones(s) for name, s in shapes.items()}, layout=layout)
     for share in (0.0, 0.4, 1.0):
         config = dataclasses.replace(Config(), loss=LossConfig(condition_drop=share))
-        shown = jax.jit(lambda batch, key, c=config: draw(batch, batch["x"], key, c)[-1])
-        seen = shown(batch | {"x": np.zeros((64, 5, 4), np.float32)}, jax.random.key(0))
+        shown = jax.jit(lambda whole, x, key, c=config: draw(whole, x, key, c)[-1])
+        seen = shown(whole, np.zeros((64, 5, 4), np.float32), jax.random.key(0))
         kept = [np.asarray(a).reshape(64, -1) for a in jax.tree.leaves(seen)]
         assert len(kept) == 9 and all(np.array_equal(a.min(1), a.max(1)) for a in kept)
         assert all(np.array_equal(a[:, 0], kept[0][:, 0]) for a in kept)
@@ -260,18 +258,16 @@ def test_a_dropped_condition_is_nothing_in_all_its_parts():
 
 def test_a_loss_of_pictures_is_that_of_what_the_encoder_sees_in_them():
     def loss(params, batch, key, more=1):
-        return more * params * (batch["tokens"] * batch["x"]).sum(), {"fields": set(batch)}
+        left = {name for name, value in batch._asdict().items() if value is not None}
+        return more * params * (batch.seen.tokens * batch.structure).sum(), {"fields": left}
 
     def condition(encoder, images):
         return Condition(tokens=encoder * images)
 
-    found, metrics = of_pictures(loss, condition)(
-        2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0,)
-    )
-    assert found == 2 * 5 * 3 and metrics["fields"] == {"x", *Condition._fields}
-    given = of_pictures(loss, condition)(
-        2.0, {"image": jnp.ones(3), "x": jnp.arange(3.0)}, None, (5.0, 7)
-    )
+    batch = StructureBatch(jnp.arange(3.0), image=jnp.ones(3))
+    found, metrics = of_pictures(loss, condition)(2.0, batch, None, (5.0,))
+    assert found == 2 * 5 * 3 and metrics["fields"] == {"structure", "seen"}
+    given = of_pictures(loss, condition)(2.0, batch, None, (5.0, 7))
     assert given[0] == 7 * found
 
 
@@ -287,13 +283,15 @@ def test_a_loss_of_several_views_sees_all_of_them_and_the_layout_of_the_first():
         return PartTable(*(jnp.ones((2, 1)) for _ in range(4)), jnp.ones(2))
 
     def loss(params, batch, key):
-        return jnp.zeros(()), {name: batch[name] for name in ("tokens", "volume")}
+        return jnp.zeros(()), batch.seen
 
     own = PartTable(*(jnp.zeros((2, 1)) for _ in range(4)), jnp.ones(2))
     seeing = of_pictures(loss, condition, find, 1.0)
-    _, seen = seeing(None, {"image": views, "layout": own}, jax.random.key(0), (None, None))
-    np.testing.assert_array_equal(seen["tokens"], views.reshape(2, 48, 3))
-    np.testing.assert_allclose(seen["volume"][:, 0, 0, 0], views[:, :, 0, 0].mean(1))
+    batch = StructureBatch(None, image=views, layout=own)
+    _, seen = seeing(None, batch, jax.random.key(0), (None, None))
+    np.testing.assert_array_equal(seen.tokens, views.reshape(2, 48, 3))
+    np.testing.assert_allclose(seen.volume[:, 0, 0, 0], views[:, :, 0, 0].mean(1))
+    np.testing.assert_array_equal(seen.layout.boxes, 1)  # as found
 
 
 def test_true_parts_are_matched_to_the_rows_found_of_them():
@@ -306,8 +304,7 @@ def test_true_parts_are_matched_to_the_rows_found_of_them():
     rows[0, 1, :3] += 0.3  # the row of part 0 lies too far off
     rows[1] = boxes[1]  # its rows 2 and 3 do not exist, nor do its parts
     found = PartTable(rows, None, None, None, np.array([4, 1], np.int32))
-    batch = {"boxes": boxes, "part_counts": counts}
-    assert matching_rows(found, batch).tolist() == [[-1, 3, 0, 2], [0, -1, -1, -1]]
+    assert matching_rows(found, boxes, counts).tolist() == [[-1, 3, 0, 2], [0, -1, -1, -1]]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
@@ -324,13 +321,14 @@ def test_a_share_of_the_items_is_shown_the_layout_found_in_its_picture(share):
 
     def loss(params, batch, key, vae):
         assert vae == "vae's"  # the layout network is not for the loss
-        return jnp.zeros(()), {"layout": batch["layout"]}
+        assert batch.layout is batch.seen.layout
+        return jnp.zeros(()), {"layout": batch.layout}
 
     condition = lambda encoder, images: Condition(images)  # noqa: E731
     seeing = of_pictures(loss, condition, find, share)
     frozen, batch = (
         ("encoder's", "vae's", "layout's"),
-        {"image": jnp.ones((items, 3)), "layout": own},
+        StructureBatch(None, image=jnp.ones((items, 3)), layout=own),
     )
     table = seeing(None, batch, jax.random.key(3), frozen)[1]["layout"]
     chosen = np.asarray(table.counts) == 2
@@ -351,15 +349,14 @@ def test_the_latent_flow_weighs_parts_and_readouts_as_told():
 
     latent = np.zeros((1, 4, 3), np.float32)
     latent[0, 3] = [1, 2, 0]  # the only voxel of part 1
-    batch = {
-        "coords": jnp.zeros((1, 4, 3), int),
-        "counts": jnp.array([4]),
-        "voxel_part": jnp.array([[0, 0, 0, 1]]),
-        "latent": jnp.asarray(latent),
-        "plans": {"flow": None},
-        "tokens": jnp.zeros((1, 2, 3)),
-        "volume": jnp.zeros((1, 2, 2, 2, 3)),
-    }
+    batch = VoxelBatch(
+        coords=jnp.zeros((1, 4, 3), int),
+        counts=jnp.array([4]),
+        voxel_part=jnp.array([[0, 0, 0, 1]]),
+        latent=jnp.asarray(latent),
+        plans={"flow": None},
+        seen=Condition(jnp.zeros((1, 2, 3)), jnp.zeros((1, 2, 2, 2, 3))),
+    )
     readout = np.diag([0.0, 1.0, 0.0]).astype(np.float32)
     for share, metric, expected in (
         (0.0, None, 5 / 3 / 4),

@@ -17,6 +17,7 @@ from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.training.microbatches import split_batch
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 TOLERANCE = 1e-5
 MODEL = ModelConfig(
@@ -128,7 +129,7 @@ def voxels(items=4, width=64):
         np.float32
     )  # noqa: E731, RUF100
     part = np.where(valid, rng.integers(0, 4, (items, width)), 0).astype(np.int32)
-    return {"coords": coords, "counts": counts, "voxel_part": part, "latent": normal(4)}
+    return VoxelBatch(coords, counts, part, latent=normal(4))
 
 
 @pytest.mark.slow
@@ -136,10 +137,8 @@ def test_parts_of_a_batch_of_voxels_mean_what_the_whole_means():
     """Positions in plans are those of the micro-batch: a decoder and a flow give each item what
     they give it in the whole batch."""
     batch = voxels()
-    plans = voxel_plans(batch, MODEL.uniart_vae, MODEL.grid, parts=False)
-    flow = flow_plan(
-        batch["coords"], batch["counts"], MODEL.latent_flow, MODEL.grid, round_to=CELL_STEP
-    )
+    plans = voxel_plans(batch.coords, batch.counts, MODEL.uniart_vae, MODEL.grid)
+    flow = flow_plan(batch.coords, batch.counts, MODEL.latent_flow, MODEL.grid, round_to=CELL_STEP)
     network = build("latent_flow", MODEL)
     params = jax.tree.map(
         lambda s: jnp.asarray(np.random.default_rng(1).normal(0, 0.2, s.shape), jnp.float32),
@@ -151,17 +150,17 @@ def test_parts_of_a_batch_of_voxels_mean_what_the_whole_means():
         t = jnp.full(len(tokens), 0.5)
         return network.apply(
             params,
-            part["latent"],
+            part.latent,
             t,
             tokens,
             None,
-            coords=part["coords"],
-            counts=part["counts"],
-            plan=part["plans"]["flow"],
+            coords=part.coords,
+            counts=part.counts,
+            plan=part.plans["flow"],
         )
 
-    whole = velocity({**batch, "plans": {"flow": flow}}, tokens)
-    parts = split_batch({**batch, "plans": {"flow": flow}}, 2, MODEL)
+    whole = velocity(batch._replace(plans={"flow": flow}), tokens)
+    parts = split_batch(batch._replace(plans={"flow": flow}), 2, MODEL)
     shapes = [jax.tree.map(np.shape, part) for part in parts]
     assert shapes[0] == shapes[1]
     found = jnp.concatenate(
@@ -169,10 +168,10 @@ def test_parts_of_a_batch_of_voxels_mean_what_the_whole_means():
     )
     np.testing.assert_allclose(found, whole, atol=TOLERANCE)
 
-    for part, at in zip(split_batch({**batch, "plans": plans}, 2, MODEL), (0, 2), strict=True):
-        assert part["plans"].keys() == plans.keys() == {"window_0", "window_1"}
-        (bucket,) = part["plans"]["window_1"].buckets
+    for part, at in zip(split_batch(batch._replace(plans=plans), 2, MODEL), (0, 2), strict=True):
+        assert part.plans.keys() == plans.keys() == {"window_0", "window_1"}
+        (bucket,) = part.plans["window_1"].buckets
         rows = bucket.index[bucket.length > 0]
         place = np.unique(rows[rows < 2 * 64])
-        valid = np.flatnonzero(np.arange(64) < batch["counts"][at : at + 2, None])
+        valid = np.flatnonzero(np.arange(64) < batch.counts[at : at + 2, None])
         np.testing.assert_array_equal(place, valid)

@@ -24,6 +24,7 @@ from uniart_jax.training.flops import matmul_flops
 from uniart_jax.training.flow_losses import make_latent_flow_loss, make_structure_flow_loss
 from uniart_jax.training.state import TrainState, make_optimizer
 from uniart_jax.training.vae_losses import make_structure_vae_loss, make_uniart_vae_loss
+from uniart_jax.voxels.typed_batches import Condition, PictureBatch, StructureBatch, VoxelBatch
 
 FLOW = FlowConfig(
     model_channels=32, num_blocks=2, num_heads=2, cond_channels=32, patch_size=2, stem="patch"
@@ -53,21 +54,26 @@ SUMS = {
 }  # of softmax and norms
 
 
-def batch(items=2, width=64):
+def batch(name, items=2, width=64):
     cells, zero = MODEL.grid.subdivisions**3, np.zeros
     coords = zero((items, width, 3), np.int32)
     coords[:] = np.stack(np.unravel_index(np.arange(width), (8, 8, 8)), -1)
     counts = np.full(items, width, np.int32)
-    voxels = {
-        "coords": coords, "counts": counts, "voxel_part": zero((items, width), np.int32),
-        "sdf": zero((items, width, cells), np.int8), "color": zero((items, width, cells, 3), np.uint8),  # noqa: E501
-        "owner": zero((items, width, cells), np.uint8), "boxes": zero((items, 4, 6), np.float32),
-        "codes": zero((items, 4, 9), np.float32), "parents": zero((items, 4), np.int32),
-        "latent": zero((items, width, 4), np.float32), "tokens": zero((items, 9, 32), np.float32),
-        "occupancy": zero((items, 8, 8, 8), np.uint8), "structure": zero((items, 2, 2, 2, 3), np.float32),  # noqa: E501
-    }  # fmt: skip
-    plans = voxel_plans(voxels, MODEL.uniart_vae, MODEL.grid)
-    return {**voxels, "plans": {**plans, "flow": flow_plan(coords, counts, FLOW, MODEL.grid)}}
+    part = zero((items, width), np.int32)
+    plans = voxel_plans(coords, counts, MODEL.uniart_vae, MODEL.grid, voxel_part=part)
+    plans = {**plans, "flow": flow_plan(coords, counts, FLOW, MODEL.grid)}
+    seen = Condition(zero((items, 9, 32), np.float32))
+    if name == "structure_vae":
+        return PictureBatch(occupancy=zero((items, 8, 8, 8), np.uint8))
+    if name == "structure_flow":
+        return StructureBatch(zero((items, 2, 2, 2, 3), np.float32), seen=seen)
+    return VoxelBatch(
+        coords, counts, part,
+        sdf=zero((items, width, cells), np.int8), color=zero((items, width, cells, 3), np.uint8),
+        owner=zero((items, width, cells), np.uint8), boxes=zero((items, 4, 6), np.float32),
+        codes=zero((items, 4, 9), np.float32), parents=zero((items, 4), np.int32),
+        latent=zero((items, width, 4), np.float32), plans=plans, seen=seen,
+    )  # fmt: skip
 
 
 def equations(jaxpr):
@@ -97,7 +103,7 @@ def test_only_products_run_in_bfloat16(name):
     loss_fn = LOSSES[name](network, config, *statistics)
     params = network.abstract()
     gradient = jax.value_and_grad(loss_fn, has_aux=True)
-    jaxpr, out = jax.make_jaxpr(gradient, return_shape=True)(params, batch(), jax.random.key(0))
+    jaxpr, out = jax.make_jaxpr(gradient, return_shape=True)(params, batch(name), jax.random.key(0))
     assert {leaf.dtype for leaf in jax.tree.leaves(params)} == {np.dtype("float32")}
     (loss, metrics), grads = out
     assert {leaf.dtype for leaf in jax.tree.leaves((loss, metrics, grads))} == {np.dtype("float32")}

@@ -109,7 +109,7 @@ mesh, network, optimizer = make_mesh(config.mesh), build("uniart_vae", config.mo
 batch = next(iter(stage_batches(STAGES["uniart_vae"], config, folder)))
 batch = make_put(STAGES["uniart_vae"], mesh, config.model, accumulate)(batch)
 parts = batch if accumulate > 1 else (batch,)
-assert all(len(p.inverse) == 4 for part in parts for p in part["plans"].values())
+assert all(len(p.inverse) == 4 for part in parts for p in part.plans.values())
 step = make_step(STAGES["uniart_vae"], network, optimizer, config, folder, mesh, {})
 zeros = lambda key: jax.tree.map(lambda leaf: jnp.zeros(leaf.shape), network.abstract())
 state = create_state(zeros, optimizer, jax.random.key(0), mesh)

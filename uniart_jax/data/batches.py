@@ -1,17 +1,9 @@
-"""Grain pipelines from records to batches of plain numpy dictionaries, padded to a few static
-widths. No jax.
+"""Grain pipelines from records to batches of numpy arrays (``voxels.typed_batches.VoxelBatch``),
+padded to a few static widths. No jax.
 
-A batch dictionary, B items of at most V voxels (a width of ``DataConfig.voxel_buckets``, the same
-for all items), K parts; valid entries first, padding zero:
-
-    coords [B, V, 3] i4 · counts [B] i4 · sdf [B, V, r^3] i1 · color [B, V, r^3, 3] u1 · owner [B,
-    V, r^3] u1, as stored voxel_part [B, V] i4 · boxes [B, K, 6] f4 · codes [B, K, 9] f4 · parents
-    [B, K] i4 · part_counts [B] i4 visual [B, V, F] f4 · part_feature [B, V, P] f4, where the UniArt
-    VAE reads them
-    plans: {name: nn.segments.Segments}
-
-They come as ``data.stream.Batches``: ``iter(...)`` gives an iterator with exact ``get_state`` and
-``set_state``.
+V, the width, is one of ``DataConfig.voxel_buckets``, the same for all items of a batch. What is
+said of sub-cells is as records store it. Batches come as ``data.stream.Batches``: ``iter(...)``
+gives an iterator with exact ``get_state`` and ``set_state``.
 """
 
 from __future__ import annotations
@@ -20,6 +12,7 @@ import functools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -45,12 +38,15 @@ from uniart_jax.data.records import (
     decode_sdf,
     record_rows,
 )
-from uniart_jax.data.stream import Batch, Batches
+from uniart_jax.data.stream import Batches
 from uniart_jax.data.windows import choose_windows
 from uniart_jax.nn.grids import flow_plan
+from uniart_jax.nn.segments import Segments
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.objects.perturb import color_gains
+from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
 from uniart_jax.voxels.part_table import part_table, surface_colors
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 logger = logging.getLogger(__name__)
 
@@ -68,7 +64,7 @@ def voxel_batches(
     accumulate: int = 1,
     shares: int = 1,
     shown: bool = False,
-) -> Batches:
+) -> Batches[VoxelBatch]:
     """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it
     reads features), with its attention plans; of each object some windows where ``data.voxel_crop``
     says so (``data.windows``), some objects made again, recoloured and with other joints where
@@ -136,7 +132,7 @@ def record_batches(
     mirrored: bool = False,
     most: int | None = None,
     mine: Callable[[int], bool] = lambda number: True,
-) -> Batches:
+) -> Batches[VoxelBatch]:
     """Every record once, ordered by width: for encoding and for evaluation.
 
     Batches hold, beside the voxels and their plans, ``images`` [B, N, H, W, 3] of all views and
@@ -166,7 +162,7 @@ def _load_voxels(
     rows: np.ndarray,
     shares: int,
     shown: bool,
-) -> Batch:
+) -> VoxelBatch:
     rng = draw.generator(seed)
     mirrors = rng.random(len(draw.records)) < 0.5
     seeds = rng.integers(2**31, size=len(draw.records))
@@ -188,39 +184,50 @@ def _load_voxels(
             record = choose_windows(record, data.voxel_crop, window, np.random.default_rng(own))
         items.append(mirror_record(record) if mirrored and mirror else record)
     batch = collate(items, draw.width, model.grid, features=model.uniart_vae.feature_channels)
-    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid, shares=shares)
+    plans: dict[str, Any] = {**_all_plans(batch, model, shares)}
     chances = [np.random.default_rng([own, 4]) for own in seeds[rows]]
     if model.uniart_vae.layout_channels:
-        batch |= layouts_with_errors(batch, model.grid.max_parts, data.layout_errors, chances)
+        batch = layouts_with_errors(batch, model.grid.max_parts, data.layout_errors, chances)
     if shown:
         views = [g.choice(item.images)[None] for item, g in zip(items, chances, strict=True)]
         seen = np.concatenate([seen_images(view) for view in views])
-        batch["image"] = seen.astype(np.float32) / np.float32(255)
-        voxels = (batch["coords"], batch["counts"])
-        batch["plans"]["flow"] = flow_plan(*voxels, model.latent_flow, model.grid)
-    return batch
+        batch = batch._replace(image=seen.astype(np.float32) / np.float32(255))
+        plans["flow"] = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
+    return batch._replace(plans=plans)
+
+
+def _all_plans(batch: VoxelBatch, model: ModelConfig, shares: int = 1) -> dict[str, Segments]:
+    """Those of encoder and decoder."""
+    voxels, vae = (batch.coords, batch.counts), model.uniart_vae
+    return voxel_plans(*voxels, vae, model.grid, voxel_part=batch.voxel_part, shares=shares)
 
 
 def layouts_with_errors(
-    batch: Batch, most: int, errors: float, rngs: Sequence[np.random.Generator]
-) -> Batch:
-    """``layout`` and ``layout_rows`` of a collated batch (``voxel_batches``)."""
+    batch: VoxelBatch, most: int, errors: float, rngs: Sequence[np.random.Generator]
+) -> VoxelBatch:
+    """A collated batch with ``layout`` and ``layout_rows`` (``voxel_batches``)."""
     tables = [with_errors(true_layout(batch, b), errors, rng) for b, rng in enumerate(rngs)]
     rows = np.full((len(tables), most), -1, np.int32)
     for row, table in zip(rows, tables, strict=True):
         row[table["part"]] = np.arange(len(table["part"]))
-    return {"layout": part_table(tables, most), "layout_rows": rows}
+    return batch._replace(layout=part_table(tables, most), layout_rows=rows)
 
 
-def true_layout(batch: Batch, b: int) -> dict[str, np.ndarray]:
+def true_layout(batch: VoxelBatch, b: int) -> dict[str, np.ndarray]:
     """The parts of item ``b`` of a collated batch: fields of ``voxels.part_table.ROWS``."""
-    known, count = batch["part_counts"][b], batch["counts"][b]
-    sdf, color = decode_sdf(batch["sdf"][b, :count]), decode_color(batch["color"][b, :count])
-    found = {name: batch[name][b, :known] for name in ("boxes", "codes", "parents")}
-    return found | {"colors": surface_colors(sdf, color, batch["owner"][b, :count], known)}
+    known, count = batch.part_counts[b], batch.counts[b]
+    sdf, color = decode_sdf(batch.sdf[b, :count]), decode_color(batch.color[b, :count])
+    return {
+        "boxes": batch.boxes[b, :known],
+        "codes": batch.codes[b, :known],
+        "parents": batch.parents[b, :known],
+        "colors": surface_colors(sdf, color, batch.owner[b, :count], known),
+    }
 
 
-def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirrored: bool) -> Batch:
+def _load_records(
+    draw: Draw, *, source: RecordSource, model: ModelConfig, mirrored: bool
+) -> VoxelBatch:
     items: list[Record] = [source[int(index)] for index in draw.records if index >= 0]
     if mirrored:
         items = [mirror_record(record) for record in items]
@@ -230,13 +237,16 @@ def _load_records(draw: Draw, *, source: RecordSource, model: ModelConfig, mirro
     images[: len(items)] = np.stack([seen_images(record.images) for record in items]) / np.float32(
         255
     )
-    batch["images"] = images
-    batch["record"] = draw.records.astype(np.int32)
-    batch["plans"] = voxel_plans(batch, model.uniart_vae, model.grid)
+    layout = None
     if model.uniart_vae.layout_channels:
         tables = [true_layout(batch, b) for b in range(len(draw.records))]
-        batch["layout"] = part_table(tables, model.grid.max_parts)
-    return batch
+        layout = part_table(tables, model.grid.max_parts)
+    return batch._replace(
+        images=images,
+        record=draw.records.astype(np.int32),
+        plans=_all_plans(batch, model),
+        layout=layout,
+    )
 
 
 def may_mirror(model: ModelConfig) -> bool:
@@ -251,7 +261,7 @@ def collate(
     grid: GridConfig,
     size: int | None = None,
     features: Mapping[str, int] | None = None,
-) -> Batch:
+) -> VoxelBatch:
     """Records as one padded batch of voxels and parts, without images and plans.
 
     What is said of every sub-cell stays in its stored type, a quarter of the bytes to copy and to
@@ -268,20 +278,20 @@ def collate(
     """
     size = len(records) if size is None else size
     cells, parts = grid.subdivisions**3, grid.max_parts
-    batch = {
+    arrays = {
         "coords": np.zeros((size, width, 3), np.int32),
         "counts": np.zeros(size, np.int32),
         "sdf": np.zeros((size, width, cells), np.int8),
         "color": np.zeros((size, width, cells, 3), np.uint8),
         "owner": np.zeros((size, width, cells), np.uint8),
         "voxel_part": np.zeros((size, width), np.int32),
-        "boxes": np.zeros((size, parts, 6), np.float32),
-        "codes": np.zeros((size, parts, 9), np.float32),
+        "boxes": np.zeros((size, parts, BOX_SIZE), np.float32),
+        "codes": np.zeros((size, parts, CODE_SIZE), np.float32),
         "parents": np.zeros((size, parts), np.int32),
         "part_counts": np.zeros(size, np.int32),
     }
     features = features or {}
-    batch |= {k: np.zeros((size, width, channels), np.float32) for k, channels in features.items()}
+    arrays |= {k: np.zeros((size, width, channels), np.float32) for k, channels in features.items()}
     for b, record in enumerate(records):
         count, known = len(record.coords), len(record.boxes)
         if (record.resolution, record.subdivisions) != (grid.resolution, grid.subdivisions):
@@ -291,12 +301,12 @@ def collate(
                 f"data: a record has {count} voxels and {known} parts; the batch holds {width} and "
                 f"{parts}"
             )
-        batch["counts"][b], batch["part_counts"][b] = count, known
+        arrays["counts"][b], arrays["part_counts"][b] = count, known
         for key in ("coords", "sdf", "color", "owner", "voxel_part", *features):
-            batch[key][b, :count] = getattr(record, key)
+            arrays[key][b, :count] = getattr(record, key)
         for key in ("boxes", "codes", "parents"):
-            batch[key][b, :known] = getattr(record, key)
-    return batch
+            arrays[key][b, :known] = getattr(record, key)
+    return VoxelBatch(**arrays)
 
 
 def seen_images(images: np.ndarray) -> np.ndarray:

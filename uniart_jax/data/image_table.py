@@ -22,6 +22,7 @@ from uniart_jax.data.order import Draw, OnePass, ShuffledOrder, local_rows, spre
 from uniart_jax.data.records import Record
 from uniart_jax.data.stream import Batches
 from uniart_jax.voxels.grid import SDF_CLIP, occupancy
+from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
 from uniart_jax.voxels.typed_batches import PictureBatch
 
 logger = logging.getLogger(__name__)
@@ -154,8 +155,8 @@ def load_image_table(
         np.zeros((n, views[0], 7), np.float32),
         np.zeros((n, -(-(resolution**3) // 8)), np.uint8),
         np.zeros((n, target, target, target), np.uint8),
-        np.zeros((n, parts, 6), np.float32),
-        np.zeros((n, parts, 9), np.float32),
+        np.zeros((n, parts, BOX_SIZE), np.float32),
+        np.zeros((n, parts, CODE_SIZE), np.float32),
         np.zeros((n, parts), np.int32),
     )
     for i in range(n):

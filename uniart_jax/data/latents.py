@@ -32,10 +32,11 @@ from uniart_jax.data.folder import read_metadata, write_text
 from uniart_jax.data.layout_errors import bend, with_errors
 from uniart_jax.data.order import Draw, ShuffledOrder, local_rows
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
-from uniart_jax.data.stream import Batch, Batches
+from uniart_jax.data.stream import Batches
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.voxels.part_table import ROWS, part_table
+from uniart_jax.voxels.typed_batches import StructureBatch, VoxelBatch
 
 FIELDS = ("structure", "coords", "voxel_part", "latent", "images", *ROWS)
 SHARD_ITEMS = 256
@@ -276,18 +277,16 @@ def latent_batches(
     process_index: int = 0,
     process_count: int = 1,
     accumulate: int = 1,
-) -> Batches:
+) -> Batches[StructureBatch | VoxelBatch]:
     """Endless shuffled batches for a flow stage, a random view of each item.
 
-    Both stages: ``image`` [B, H, W, 3] float32 in [0, 1], with ``data.condition_views`` above 1
-    [B, N, H, W, 3], the first view at random. Structure flow: ``structure`` [B, s, s, s, C] float32
-    and, ``decoded``, ``occupancy`` [B, R, R, R] bool.
-    Latent flow: ``coords`` [B, V, 3] int32, ``counts`` [B] int32, ``voxel_part`` [B, V] int32,
-    ``latent`` [B, V, C'] float32, all padded to one voxel bucket, and ``plans["flow"]``. A flow
-    that sees layouts: ``layout``, a ``voxels.part_table.PartTable``, with ``data.layout_errors`` in
-    it, and pictures bent by ``data.image_warp``. Latents are as encoded; normalise them by
-    ``read_statistics``. Mirrored items were encoded as such, so that ``data.mirror_latents`` is
-    decided by what ``write_latents`` was given.
+    Both stages: ``image``, with ``data.condition_views`` above 1 so many, the first at random.
+    Structure flow: a ``StructureBatch`` with ``structure`` and, ``decoded``, ``occupancy``.
+    Latent flow: a ``VoxelBatch`` with ``coords``, ``counts``, ``voxel_part`` and ``latent``, all
+    padded to one voxel bucket, and ``plans["flow"]``. A flow that sees layouts: ``layout``, with
+    ``data.layout_errors`` in it, and pictures bent by ``data.image_warp``. Latents are as encoded;
+    normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
+    ``data.mirror_latents`` is decided by what ``write_latents`` was given.
 
     Args and errors: as ``batches.voxel_batches``; ``decoded``: with what the loss holds a decoder's
     output against; of the latent flow ``plans`` for the UniArt VAE's decoder too.
@@ -324,28 +323,29 @@ def _draw_items(
     data: DataConfig,
     flow: FlowConfig,
     most: int,
-) -> tuple[list[dict[str, Any]], Batch]:
+) -> tuple[list[dict[str, Any]], np.ndarray, Any]:
+    """Stored items, their pictures, and the ``PartTable`` that is shown with them or None."""
     views = draw.generator(seed).random(len(draw.records))[rows]
     items = [source[int(index)] for index in draw.records[rows]]
     chosen = [
         item["images"][_views(v, len(item["images"]), data.condition_views)]
         for v, item in zip(views, items, strict=True)
     ]
-    batch = {"image": np.stack(chosen).astype(np.float32) / np.float32(255)}
+    image, layout = np.stack(chosen).astype(np.float32) / np.float32(255), None
     if data.condition_views == 1:
-        batch["image"] = batch["image"][:, 0]
+        image = image[:, 0]
     if flow.layout_channels:
         seeds = draw.generator(seed + 1).integers(2**31, size=len(draw.records))[rows]
         rngs = [np.random.default_rng([own, 4]) for own in seeds]
         tables = [{name: item[name] for name in ROWS} for item in items]
         tables = [with_errors(t, data.layout_errors, g) for t, g in zip(tables, rngs, strict=True)]
-        batch["layout"] = part_table(tables, most)
+        layout = part_table(tables, most)
         if data.image_warp:
-            flat = batch["image"].reshape(-1, *batch["image"].shape[-3:])
+            flat = image.reshape(-1, *image.shape[-3:])
             each = [g for g in rngs for _ in range(data.condition_views)]
             bent = [bend(i, data.image_warp, g) for i, g in zip(flat, each, strict=True)]
-            batch["image"] = np.stack(bent).reshape(batch["image"].shape)
-    return items, batch
+            image = np.stack(bent).reshape(image.shape)
+    return items, image, layout
 
 
 def check_views(data: DataConfig, held: int) -> None:
@@ -366,33 +366,34 @@ def _views(place: float, held: int, shown: int) -> list[int]:
 
 def _load_structure(
     draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool  # noqa: E501
-) -> Batch:  # fmt: skip
+) -> StructureBatch:  # fmt: skip
     flow, most = model.structure_flow, model.grid.max_parts
-    items, batch = _draw_items(draw, source, seed, rows, data, flow, most)
-    batch["structure"] = np.stack([item["structure"] for item in items]).astype(np.float32)
+    items, image, layout = _draw_items(draw, source, seed, rows, data, flow, most)
+    structure, occupancy = np.stack([item["structure"] for item in items]), None
     if decoded:
-        batch["occupancy"] = np.zeros((len(items), *(model.grid.resolution,) * 3), bool)
-        for row, item in zip(batch["occupancy"], items, strict=True):
+        occupancy = np.zeros((len(items), *(model.grid.resolution,) * 3), bool)
+        for row, item in zip(occupancy, items, strict=True):
             row[tuple(item["coords"].astype(int).T)] = True
-    return batch
+    return StructureBatch(structure.astype(np.float32), occupancy, image, layout)
 
 
 def _load_latents(
     draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool  # noqa: E501
-) -> Batch:  # fmt: skip
+) -> VoxelBatch:  # fmt: skip
     flow, most = model.latent_flow, model.grid.max_parts
-    items, batch = _draw_items(draw, source, seed, rows, data, flow, most)
+    items, image, layout = _draw_items(draw, source, seed, rows, data, flow, most)
     channels = items[0]["latent"].shape[-1]
-    batch["coords"] = np.zeros((len(items), draw.width, 3), np.int32)
-    batch["counts"] = np.array([len(item["coords"]) for item in items], np.int32)
-    batch["voxel_part"] = np.zeros((len(items), draw.width), np.int32)
-    batch["latent"] = np.zeros((len(items), draw.width, channels), np.float32)
-    for b, item in enumerate(items):
-        batch["coords"][b, : len(item["coords"])] = item["coords"]
-        batch["voxel_part"][b, : len(item["coords"])] = item["voxel_part"]
-        batch["latent"][b, : len(item["coords"])] = item["latent"]
-    plan = flow_plan(batch["coords"], batch["counts"], model.latent_flow, model.grid)
-    batch["plans"] = {"flow": plan}
+    coords = np.zeros((len(items), draw.width, 3), np.int32)
+    counts = np.array([len(item["coords"]) for item in items], np.int32)
+    voxel_part = np.zeros((len(items), draw.width), np.int32)
+    latent = np.zeros((len(items), draw.width, channels), np.float32)
+    for b, (item, count) in enumerate(zip(items, counts, strict=True)):
+        coords[b, :count] = item["coords"]
+        voxel_part[b, :count] = item["voxel_part"]
+        latent[b, :count] = item["latent"]
+    plans: dict[str, Any] = {"flow": flow_plan(coords, counts, model.latent_flow, model.grid)}
     if decoded:
-        batch["plans"] |= voxel_plans(batch, model.uniart_vae, model.grid, parts=False)
-    return batch
+        plans |= voxel_plans(coords, counts, model.uniart_vae, model.grid)
+    return VoxelBatch(
+        coords, counts, voxel_part, latent=latent, plans=plans, layout=layout, image=image
+    )

@@ -37,7 +37,7 @@ from uniart_jax.evaluation.procedural import HeldOut, held_out_for
 from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.evaluation.runner import Kept, error_line, run
 from uniart_jax.experiments.design import Arm, Objects, Station
-from uniart_jax.inference.samplers import Condition, join_views
+from uniart_jax.inference.samplers import join_views
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
@@ -49,6 +49,7 @@ from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import occupancy
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.typed_batches import Condition
 
 NEEDS: dict[Station, tuple[str, ...]] = {
     "vae": ("uniart_vae",),

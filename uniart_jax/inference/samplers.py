@@ -8,7 +8,7 @@ training.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -22,26 +22,9 @@ from uniart_jax.models.network import build
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 from uniart_jax.voxels.joint_code import FIXED_AXIS, canonical
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
+from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
 
 WIDTH_STEP = 4096  # voxels beyond the largest bucket are padded to multiples of this
-
-
-class Condition(NamedTuple):
-    """What the flows see of an image.
-
-    Attributes:
-      tokens: [B, L, D]. volume: [B, Rv, Rv, Rv, C]; None where the image encoder has none (DINOv2).
-      pixels, cameras: [B, N, S, S, C], [B, N, 7] maps of N views and where they were taken from
-        (``nn.lifting.read_pixels``); None where the flows read none.
-      layout: part tables [B, ...] (``voxels.part_table``) that the flows follow; None where they
-        see none.
-    """
-
-    tokens: Any
-    volume: Any = None
-    pixels: Any = None
-    cameras: Any = None
-    layout: Any = None
 
 
 def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
@@ -157,19 +140,19 @@ def make_structure_decoder(model: ModelConfig) -> Callable[..., jax.Array]:
 
 def make_latent_sampler(model: ModelConfig, options: SampleConfig) -> Callable[..., Solution]:
     """Jitted (params, (mean, std), condition, key, voxels) -> UniArt latents [B, V, C], padding
-    zero, and what they cost; ``voxels`` of ``flow_inputs``."""
+    zero, and what they cost; ``voxels``: a ``VoxelBatch`` with the plan "flow"."""
     network = build("latent_flow", model)
     channels = model.uniart_vae.latent_channels
 
     @jax.jit
     def run(params, statistics, condition, key, voxels):
         mean, std = statistics
-        coords, counts = voxels["coords"], voxels["counts"]
+        coords, counts = voxels.coords, voxels.counts
         valid = (jnp.arange(coords.shape[1]) < counts[:, None])[..., None]
         noise = jnp.where(valid, jax.random.normal(key, (*coords.shape[:2], channels)), 0)
 
         def velocity(x, t, seen):
-            given = {"views": (seen.pixels, seen.cameras), "layout": seen.layout, **voxels}
+            given = flow_arguments(voxels, seen)
             return network.apply(params, x, t, seen.tokens, seen.volume, **given)
 
         nothing = jax.tree.map(jnp.zeros_like, condition)
@@ -213,10 +196,22 @@ def pad_coords(
     return padded, np.array([len(c) for c in coords], np.int32)
 
 
-def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> dict[str, Any]:
-    """The latent flow's arguments for a padded batch."""
+def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> VoxelBatch:
+    """Padded voxels with the latent flow's plan."""
     plan = flow_plan(coords, counts, model.latent_flow, model.grid, round_to=CELL_STEP)
-    return {"coords": coords, "counts": counts, "plan": plan}
+    return VoxelBatch(coords, counts, plans={"flow": plan})
+
+
+def flow_arguments(voxels: VoxelBatch, seen: Condition) -> dict[str, Any]:
+    """The latent flow's arguments by name: the voxels, and what it sees of images beside tokens and
+    volume."""
+    return {
+        "coords": voxels.coords,
+        "counts": voxels.counts,
+        "plan": voxels.plans["flow"],
+        "views": (seen.pixels, seen.cameras),
+        "layout": seen.layout,
+    }
 
 
 def join_views(condition: Condition, items: int = 1) -> Condition:
@@ -224,5 +219,5 @@ def join_views(condition: Condition, items: int = 1) -> Condition:
     without a layout: tokens and maps side by side, volumes (aligned with the object) averaged."""
     tokens, volume, *views = condition[:4]
     mean = None if volume is None else volume.reshape(items, -1, *volume.shape[1:]).mean(1)
-    views = [None if v is None else v.reshape(items, -1, *v.shape[2:]) for v in views]
-    return Condition(tokens.reshape(items, -1, tokens.shape[-1]), mean, *views)
+    pixels, cameras = (None if v is None else v.reshape(items, -1, *v.shape[2:]) for v in views)
+    return Condition(tokens.reshape(items, -1, tokens.shape[-1]), mean, pixels, cameras)

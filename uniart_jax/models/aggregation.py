@@ -23,8 +23,6 @@ from flax import nnx
 
 from uniart_jax.config import Kernel, ModelConfig
 from uniart_jax.models.voxel_batch import (
-    CODE_CHANNELS,
-    Batch,
     cell_color,
     cell_sdf,
     valid_tokens,
@@ -34,6 +32,8 @@ from uniart_jax.nn.attention import attend_segments
 from uniart_jax.nn.blocks import SelfAttention, layer_norm, linear, zeros
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.nn.segments import Segments
+from uniart_jax.voxels.joint_code import CODE_CHANNELS
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 
 class Front(nnx.Module):
@@ -67,26 +67,26 @@ class Front(nnx.Module):
         """Make the aggregation's own layers; set ``channels`` where V is not as wide as both."""
 
     @abc.abstractmethod
-    def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:
-        """V [B, V, channels]; padding may hold anything. ``batch["plans"]["parts"]`` are the
+    def aggregate(
+        self, geometry: jax.Array, articulation: jax.Array, batch: VoxelBatch
+    ) -> jax.Array:
+        """V [B, V, channels]; padding may hold anything. ``batch.plans["parts"]`` are the
         segments of the parts."""
 
-    def __call__(self, batch: Batch) -> tuple[jax.Array, jax.Array, jax.Array]:
+    def __call__(self, batch: VoxelBatch) -> tuple[jax.Array, jax.Array, jax.Array]:
         """V [B, V, channels], V_geo and V_art."""
-        valid = valid_tokens(batch["counts"], batch["coords"].shape[1])
-        own = (batch["owner"] == batch["voxel_part"][..., None]).astype(jnp.float32)
-        color = cell_color(batch["color"].reshape(*batch["color"].shape[:2], -1))
-        cells = jnp.concatenate([cell_sdf(batch["sdf"]), color * 2 - 1, own], -1)
+        valid = valid_tokens(batch.counts, batch.coords.shape[1])
+        own = (batch.owner == batch.voxel_part[..., None]).astype(jnp.float32)
+        color = cell_color(batch.color.reshape(*batch.color.shape[:2], -1))
+        cells = jnp.concatenate([cell_sdf(batch.sdf), color * 2 - 1, own], -1)
         geometry = self.geometry(jnp.where(valid, cells, 0))
         if self.config.visual_channels:
-            visual = jnp.where(valid, batch["visual"], 0).astype(geometry.dtype)
+            visual = jnp.where(valid, batch.visual, 0).astype(geometry.dtype)
             geometry = jnp.concatenate([visual, geometry], -1)
         code = jnp.where(valid, voxel_codes(batch), 0)
         articulation = self.code_out(jax.nn.silu(self.code_in(code)))
         if self.part_feature is not None:
-            articulation = articulation + self.part_feature(
-                jnp.where(valid, batch["part_feature"], 0)
-            )
+            articulation = articulation + self.part_feature(jnp.where(valid, batch.part_feature, 0))
         return self.aggregate(geometry, articulation, batch), geometry, articulation
 
 
@@ -101,8 +101,10 @@ class UniArtFront(Front):
         self.to_kv = linear(self.geo, 2 * art, rngs, dtype=self.dtype)
         self.to_out = linear(art, art, rngs, dtype=self.dtype)
 
-    def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:
-        fused = self._attend(geometry, articulation, batch["plans"]["parts"])
+    def aggregate(
+        self, geometry: jax.Array, articulation: jax.Array, batch: VoxelBatch
+    ) -> jax.Array:
+        fused = self._attend(geometry, articulation, batch.plans["parts"])
         return jnp.concatenate([geometry, fused + articulation], -1)
 
     def _attend(self, geometry: jax.Array, articulation: jax.Array, parts: Segments) -> jax.Array:
@@ -122,10 +124,12 @@ class SelfAttentionFront(Front):
             self.channels, heads, rngs, kernel=self.kernel, dtype=self.dtype
         )
 
-    def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:
+    def aggregate(
+        self, geometry: jax.Array, articulation: jax.Array, batch: VoxelBatch
+    ) -> jax.Array:
         both = jnp.concatenate([geometry, articulation], -1)
         full = self.config.attention == "full"
-        segments = batch["counts"] if full else batch["plans"]["window_0"]
+        segments = batch.counts if full else batch.plans["window_0"]
         return both + self.self_attn(layer_norm(both, 1e-6), segments)
 
 
@@ -136,7 +140,9 @@ class ResidualFront(Front):
         self.to_geometry = linear(self.art, self.geo, rngs, dtype=self.dtype)
         self.channels = self.geo
 
-    def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:
+    def aggregate(
+        self, geometry: jax.Array, articulation: jax.Array, batch: VoxelBatch
+    ) -> jax.Array:
         return geometry + self.to_geometry(articulation)
 
 
@@ -146,11 +152,13 @@ class PoolingFront(Front):
     def make(self, rngs: nnx.Rngs) -> None:
         self.to_out = linear(self.geo, self.art, rngs, dtype=self.dtype)
 
-    def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:
+    def aggregate(
+        self, geometry: jax.Array, articulation: jax.Array, batch: VoxelBatch
+    ) -> jax.Array:
         value = self.to_out(geometry).reshape(-1, 1, self.art)
         alike = jnp.zeros_like(value)
         qkv = jnp.stack([alike, alike, value], 1)
-        mean = attend_segments(qkv, batch["plans"]["parts"], kernel=self.kernel)
+        mean = attend_segments(qkv, batch.plans["parts"], kernel=self.kernel)
         return jnp.concatenate([geometry, mean.reshape(articulation.shape) + articulation], -1)
 
 
@@ -160,7 +168,9 @@ class ConcatFront(Front):
     def make(self, rngs: nnx.Rngs) -> None:
         self.fuse = linear(self.channels, self.channels, rngs, dtype=self.dtype)
 
-    def aggregate(self, geometry: jax.Array, articulation: jax.Array, batch: Batch) -> jax.Array:
+    def aggregate(
+        self, geometry: jax.Array, articulation: jax.Array, batch: VoxelBatch
+    ) -> jax.Array:
         return jax.nn.silu(self.fuse(jnp.concatenate([geometry, articulation], -1)))
 
 

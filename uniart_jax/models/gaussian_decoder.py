@@ -23,7 +23,8 @@ from flax import nnx
 
 from uniart_jax.config import GaussianConfig, ModelConfig
 from uniart_jax.models.uniart_vae import Trunk
-from uniart_jax.models.voxel_batch import Batch, valid_tokens
+from uniart_jax.models.voxel_batch import valid_tokens
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 LAYOUT = {"xyz": (3,), "features_dc": (1, 3), "scaling": (3,), "rotation": (4,), "opacity": (1,)}
 VALUES = sum(math.prod(shape) for shape in LAYOUT.values())  # 14 a Gaussian
@@ -40,12 +41,12 @@ class GaussianDecoder(Trunk):
         outputs = config.gaussians.num_gaussians * VALUES
         super().__init__(plain.latent_channels, outputs, config, rngs)
 
-    def __call__(self, latent: jax.Array, batch: Batch) -> jax.Array:
+    def __call__(self, latent: jax.Array, batch: VoxelBatch) -> jax.Array:
         """Latent [B, V, C] -> raw [B, V, G * 14], padding zero; ``batch``: coords, counts, plans
         (window_0, window_1)."""
-        valid = valid_tokens(batch["counts"], latent.shape[1])
-        plans = batch.get("plans", {})
-        h = super().__call__(jnp.where(valid, latent, 0), batch["coords"], plans, batch["counts"])
+        valid = valid_tokens(batch.counts, latent.shape[1])
+        latent = jnp.where(valid, latent, 0)
+        h = super().__call__(latent, batch.coords, batch.plans, batch.counts)
         return jnp.where(valid, h.astype(jnp.float32), 0)
 
 

@@ -31,13 +31,13 @@ from uniart_jax.nn.blocks import CrossBlock, LayerNorm, TransformerBlock, layer_
 from uniart_jax.nn.embeddings import grid_coords, plane_embedding, position_embedding
 from uniart_jax.nn.lifting import project, sample_map
 from uniart_jax.nn.precision import compute_dtype
+from uniart_jax.voxels.joint_code import CODE_CHANNELS
 
 CAMERA_CODE = (
     7  # sine and cosine of the azimuth, elevation, focal, perspective, x, y (voxels.camera_code)
 )
 # about the mean over ``visual.render.sample_camera``
 TYPICAL = (0.0, 0.87, 0.4, 1.6, 0.33, 0.0, 0.0)
-CODE_CHANNELS = 21  # joint code 9, own box 6, parent box 6
 _HEAD_WIDTH = 64
 _SKETCH_CHANNELS = 64
 _PLACE_CHANNELS = 7  # x, y, depth and the phases of x and y within a map cell

@@ -30,6 +30,7 @@ from uniart_jax.nn.attention import attend
 from uniart_jax.nn.blocks import MLP, GroupNorm, LayerNorm, linear, zeros
 from uniart_jax.nn.lifting import project, sample_map
 from uniart_jax.nn.precision import compute_dtype
+from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
 
 STRIDES = (4, 8, 16)
 SKETCH_SIDE = 8  # cells of the coarsest map that the sketch reads, whatever the picture's size
@@ -143,8 +144,8 @@ class PartHeads(nnx.Module):
     def __init__(self, width: int, hidden: int, rngs: nnx.Rngs, dtype):
         self.hidden = linear(width, hidden, rngs, dtype=dtype)
         self.exists = linear(hidden, 1, rngs, dtype=dtype)
-        self.box = linear(hidden, 6, rngs, init=zeros, dtype=dtype)
-        self.code = linear(hidden, 9, rngs, dtype=dtype)
+        self.box = linear(hidden, BOX_SIZE, rngs, init=zeros, dtype=dtype)
+        self.code = linear(hidden, CODE_SIZE, rngs, dtype=dtype)
         self.color = linear(hidden, 3, rngs, dtype=dtype)
 
     def __call__(self, y: jax.Array, corners: jax.Array) -> dict[str, jax.Array]:

@@ -115,6 +115,6 @@ def required(layout: Any) -> PartTable:
     if layout is None:
         raise ValueError(
             "uniart_vae: this decoder sees a layout (layout_channels > 0); "
-            'give batch["layout"], a voxels.part_table.PartTable (count 0: none is known)'
+            "give batch.layout, a voxels.part_table.PartTable (count 0: none is known)"
         )
     return layout

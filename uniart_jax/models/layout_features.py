@@ -21,6 +21,7 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.nn.blocks import linear
+from uniart_jax.voxels.joint_code import CODE_CHANNELS
 from uniart_jax.voxels.part_table import PartTable
 
 HIDDEN, TOKEN = 32, 64
@@ -29,7 +30,7 @@ NEAREST, DEEP = 4, 2
 MARGIN = 0.25  # cells by which a box may miss what it holds
 AWAY = 100.0  # how much 1 of distance counts against 1 of volume, object units
 REACH = 3.0  # children beyond which a depth says no more
-ENTRIES = 6 + 9 + 6 + 3
+ENTRIES = CODE_CHANNELS + 3  # of a row: its code and boxes, and its colour
 NOT = -1e4
 
 

@@ -5,9 +5,6 @@ encoder and decoder). How geometry and articulation meet in front of the encoder
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from flax import nnx
@@ -16,11 +13,13 @@ from uniart_jax.config import ModelConfig
 from uniart_jax.models.aggregation import make_front
 from uniart_jax.models.layout_decoder import LayoutDecoder, pointed, required
 from uniart_jax.models.structure_vae import sample_posterior
-from uniart_jax.models.voxel_batch import Batch, valid_tokens
+from uniart_jax.models.voxel_batch import valid_tokens
 from uniart_jax.nn.blocks import TransformerBlock, layer_norm, linear, zeros
 from uniart_jax.nn.embeddings import position_embedding
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.nn.stack import run_stack
+from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
+from uniart_jax.voxels.typed_batches import Plans, VoxelBatch
 
 LOGVAR_START = -6.0
 
@@ -60,7 +59,7 @@ class Trunk(nnx.Module):
         self,
         x: jax.Array,
         coords: jax.Array,
-        plans: Mapping[str, Any],
+        plans: Plans,
         counts: jax.Array | None = None,
         added: jax.Array | None = None,
     ) -> jax.Array:
@@ -105,24 +104,24 @@ class UniArtVAE(nnx.Module):
         bias.set_value(bias.get_value().at[c.latent_channels :].set(LOGVAR_START))
         self.decoder = Trunk(c.latent_channels, None, config, rngs)
         self.geometry_head = linear(c.width, self.cells * 4, rngs, dtype=dtype)
-        self.segmentation_head = linear(c.width, 12 + self.cells, rngs, dtype=dtype)
-        self.articulation_head = linear(c.width, 15, rngs, dtype=dtype)
+        self.segmentation_head = linear(c.width, 2 * BOX_SIZE + self.cells, rngs, dtype=dtype)
+        self.articulation_head = linear(c.width, CODE_SIZE + BOX_SIZE, rngs, dtype=dtype)
         features = c.part_feature_channels  # a head of its own: weights without it still fit
         self.part_feature_head = linear(c.width, features, rngs, dtype=dtype) if features else None
         self.layout = LayoutDecoder(config, rngs) if c.layout_channels else None
 
-    def encode(self, batch: Batch) -> dict[str, jax.Array]:
+    def encode(self, batch: VoxelBatch) -> dict[str, jax.Array]:
         """Batch -> {"mean", "logvar": [B, V, C]; "geometry", "articulation": the embeddings V_geo
         and V_art}; padding zero."""
-        valid = valid_tokens(batch["counts"], batch["coords"].shape[1])
+        valid = valid_tokens(batch.counts, batch.coords.shape[1])
         features, geometry, articulation = self.front(batch)
-        out = self.encoder(features, batch["coords"], batch["plans"], batch["counts"])
+        out = self.encoder(features, batch.coords, batch.plans, batch.counts)
         mean, logvar = jnp.split(jnp.where(valid, out.astype(jnp.float32), 0), 2, -1)
         geometry, articulation = (jnp.where(valid, x, 0) for x in (geometry, articulation))
         return {"mean": mean, "logvar": logvar, "geometry": geometry, "articulation": articulation}
 
     def decode(
-        self, latent: jax.Array, batch: Batch, voxels: jax.Array | None = None
+        self, latent: jax.Array, batch: VoxelBatch, voxels: jax.Array | None = None
     ) -> dict[str, jax.Array]:
         """Latent [B, V, C] -> attributes of every voxel, or only of ``voxels`` [B, Q] (indices;
         losses draw few).
@@ -140,17 +139,17 @@ class UniArtVAE(nnx.Module):
           sub-cell being of each of the voxel's N candidate rows of the layout, or of none; where
           one wins, own_box, joint_code and parent_box are the row's.
         """
-        valid = valid_tokens(batch["counts"], latent.shape[1])
+        valid = valid_tokens(batch.counts, latent.shape[1])
         latent = jnp.where(valid, latent, 0)
-        coords, added = batch["coords"], None
+        coords, added = batch.coords, None
         if self.layout is not None:
-            table = required(batch.get("layout"))
+            table = required(batch.layout)
             added = self.layout.before(table, coords)
-        h = self.decoder(latent, coords, batch["plans"], batch["counts"], added)
+        h = self.decoder(latent, coords, batch.plans, batch.counts, added)
         if voxels is not None:
             h = jnp.take_along_axis(h, voxels[..., None], axis=1, mode="clip")
             coords = jnp.take_along_axis(coords, voxels[..., None], axis=1, mode="clip")
-            valid = voxels[..., None] < batch["counts"][:, None, None]
+            valid = voxels[..., None] < batch.counts[:, None, None]
         h = jnp.where(valid, h, 0)
         lead = h.shape[:2]
         more = None
@@ -163,8 +162,8 @@ class UniArtVAE(nnx.Module):
         # a voxel is on one part or shared by two: each sub-cell takes one of two boxes, never a
         # mean of them
         segmentation = self.segmentation_head(h).astype(jnp.float32)
-        pair = segmentation[..., :12].reshape(*lead, 2, 6)
-        foreign = segmentation[..., 12:]
+        pair = segmentation[..., : 2 * BOX_SIZE].reshape(*lead, 2, BOX_SIZE)
+        foreign = segmentation[..., 2 * BOX_SIZE :]
         own_box = jnp.where(foreign[..., None] > 0, pair[..., 1:, :], pair[..., :1, :])
         articulation = self.articulation_head(h).astype(jnp.float32)
         out = {
@@ -173,8 +172,8 @@ class UniArtVAE(nnx.Module):
             "box_pair": pair,
             "foreign": foreign,
             "own_box": own_box,
-            "joint_code": articulation[..., :9],
-            "parent_box": articulation[..., 9:],
+            "joint_code": articulation[..., :CODE_SIZE],
+            "parent_box": articulation[..., CODE_SIZE:],
         }
         if self.part_feature_head is not None:
             out["part_feature"] = self.part_feature_head(h).astype(jnp.float32)
@@ -185,7 +184,7 @@ class UniArtVAE(nnx.Module):
         }
 
     def __call__(
-        self, batch: Batch, key: jax.Array | None = None, voxels: jax.Array | None = None
+        self, batch: VoxelBatch, key: jax.Array | None = None, voxels: jax.Array | None = None
     ) -> dict[str, jax.Array]:
         """Encode, sample the posterior if a key is given, decode: both methods' results and
         "latent"."""

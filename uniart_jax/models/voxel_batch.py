@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 
 from uniart_jax.voxels.grid import SDF_CLIP
-
-CODE_CHANNELS = 21
-Batch = Mapping[str, Any]
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 
-def voxel_codes(batch: Batch) -> jax.Array:
-    """[B, V, 21] full code of each voxel's part: joint code 9, own box 6, parent box 6; from ids
-    and tables of the batch."""
-    part = batch["voxel_part"].astype(jnp.int32)
-    parent = jnp.take_along_axis(batch["parents"], part, axis=1, mode="clip")
+def voxel_codes(batch: VoxelBatch) -> jax.Array:
+    """[B, V, 21] full code of each voxel's part (``voxels.joint_code.CODE_CHANNELS``), from ids and
+    tables of the batch."""
+    part = batch.voxel_part.astype(jnp.int32)
+    parent = jnp.take_along_axis(batch.parents, part, axis=1, mode="clip")
 
     def of(table: jax.Array, index: jax.Array) -> jax.Array:
         return jnp.take_along_axis(table, index[..., None], axis=1, mode="clip")
 
-    boxes = batch["boxes"]
-    return jnp.concatenate([of(batch["codes"], part), of(boxes, part), of(boxes, parent)], -1)
+    boxes = batch.boxes
+    return jnp.concatenate([of(batch.codes, part), of(boxes, part), of(boxes, parent)], -1)
 
 
 def cell_sdf(sdf: jax.Array) -> jax.Array:
@@ -42,7 +37,7 @@ def cell_color(color: jax.Array) -> jax.Array:
     return jnp.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
-def voxel_boxes(batch: Batch, voxels: jax.Array | None = None) -> dict[str, jax.Array]:
+def voxel_boxes(batch: VoxelBatch, voxels: jax.Array | None = None) -> dict[str, jax.Array]:
     """What a voxel, on one part or shared by several, must say of its sub-cells; at ``voxels`` [B,
     Q] or at all.
 
@@ -51,7 +46,7 @@ def voxel_boxes(batch: Batch, voxels: jax.Array | None = None) -> dict[str, jax.
         is none); shared [B, Q] bool: there is one;
       foreign [B, Q, r^3] bool: the sub-cell is not the voxel's part's.
     """
-    part, owner = (batch[key].astype(jnp.int32) for key in ("voxel_part", "owner"))
+    part, owner = (ids.astype(jnp.int32) for ids in (batch.voxel_part, batch.owner))
     if voxels is not None:
         part = jnp.take_along_axis(part, voxels, axis=1, mode="clip")
         owner = jnp.take_along_axis(owner, voxels[..., None], axis=1, mode="clip")
@@ -60,7 +55,7 @@ def voxel_boxes(batch: Batch, voxels: jax.Array | None = None) -> dict[str, jax.
     other = jnp.take_along_axis(owner, first[..., None], axis=-1)[..., 0]
 
     def box(index: jax.Array) -> jax.Array:
-        return jnp.take_along_axis(batch["boxes"], index[..., None], axis=1, mode="clip")
+        return jnp.take_along_axis(batch.boxes, index[..., None], axis=1, mode="clip")
 
     return {"own": box(part), "other": box(other), "shared": foreign.any(-1), "foreign": foreign}
 

@@ -4,9 +4,9 @@
         coords: Annotated[Array, "B V 3", "int"]  # three axes, the last of length 3
         image: Annotated[Array, "B ... 3"]        # any axes between, any type
 
-A letter, or a word, is one length throughout a tuple, and ``B`` also in the tuples that it holds. A
-look at shapes costs microseconds, so ``check_shapes`` runs on every batch of a training, in tests
-and out of them.
+A letter, or a word, is one length throughout a tuple, and ``B`` also in the tuples that it holds.
+``check_shapes`` looks at shapes and types, not at values, so it runs on every batch of a training,
+in tests and out of them.
 """
 
 from __future__ import annotations

@@ -7,8 +7,6 @@ without roll or wrap.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from uniart_jax.config import GridConfig, UniArtVAEConfig
@@ -43,19 +41,21 @@ def capacities_for(
 
 
 def voxel_plans(
-    batch: Mapping[str, np.ndarray],
+    coords: np.ndarray,
+    counts: np.ndarray,
     config: UniArtVAEConfig,
     grid: GridConfig,
     *,
-    parts: bool = True,
+    voxel_part: np.ndarray | None = None,
     fitted: bool = False,
     shares: int = 1,
 ) -> dict[str, Segments]:
     """The plans that the UniArt VAE reads: "parts" (encoder only), "window_0" and "window_1".
 
     Args:
-      batch: coords [B, V, 3], counts [B] and, for the encoder, voxel_part [B, V].
-      parts: False leaves out "parts", as decoding alone needs no part ids.
+      coords: [B, V, 3]. counts: [B].
+      voxel_part: [B, V] part ids, for the encoder; None leaves out "parts", which decoding alone
+        does not need.
       fitted: where segments are packed, in rows of several lengths, as many as these segments need:
         least work for one batch, another shape for the next. Otherwise (training) in rows of one
         length, as many as ``row_choices`` has.
@@ -66,8 +66,8 @@ def voxel_plans(
       ValueError: an item has more than ``grid.max_parts`` parts, or the items do not divide into
         the shares.
     """
-    coords, counts = np.asarray(batch["coords"]), np.asarray(batch["counts"])
-    ids = {"parts": np.asarray(batch["voxel_part"])} if parts else {}
+    coords, counts = np.asarray(coords), np.asarray(counts)
+    ids = {} if voxel_part is None else {"parts": np.asarray(voxel_part)}
     items = len(counts)
     if items % shares or (fitted and shares > 1):
         raise ValueError(f"plans: {items} items in {shares} shares; give a divisor, or 1 if fitted")

@@ -30,20 +30,9 @@ from uniart_jax.models.network import build
 from uniart_jax.runtime.progress import advancing, messages
 from uniart_jax.training import distributed
 from uniart_jax.training.latent_metric import WEIGHTS, fit_metric
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 ENCODED = ("structure_vae", "uniart_vae")  # what latents depend on
-ENCODE_KEYS = (
-    "coords",
-    "counts",
-    "sdf",
-    "color",
-    "owner",
-    "voxel_part",
-    "boxes",
-    "codes",
-    "parents",
-    "plans",
-)
 ENCODE_BATCH = 4
 SHARD_BATCHES = latent_store.SHARD_ITEMS // ENCODE_BATCH
 METRIC_ITEMS, METRIC_VOXELS = 200, 500
@@ -197,7 +186,7 @@ def _encode_shards(
                 items = []
                 for _, batch in group:
                     items += encode_batch(config.model, parameters, batch, mirrored)
-                    for _ in range((batch["record"] >= 0).sum()):
+                    for _ in range((batch.record >= 0).sum()):
                         advance()
                 latent_store.write_latent_shard(out, _shard_name(mirrored, shard), items)
 
@@ -207,23 +196,23 @@ def _shard_name(mirrored: bool, shard: int) -> str:
 
 
 def encode_batch(
-    model: ModelConfig, parameters: dict[str, Any], batch: dict[str, Any], mirrored: bool
+    model: ModelConfig, parameters: dict[str, Any], batch: VoxelBatch, mirrored: bool
 ) -> list[dict[str, Any]]:
     """Items for ``latents.write_latent_shard`` of a batch of ``record_batches``."""
-    keys = (*ENCODE_KEYS, *model.uniart_vae.feature_channels)
-    out = jax.device_get(make_encoder(model)(parameters, {key: batch[key] for key in keys}))
+    read = batch._replace(images=None, record=None, part_counts=None, layout=None)
+    out = jax.device_get(make_encoder(model)(parameters, read))
     items = []
-    for b in np.nonzero(batch["record"] >= 0)[0]:
-        count = batch["counts"][b]
+    for b in np.nonzero(batch.record >= 0)[0]:
+        count = batch.counts[b]
         items.append(
             {
-                "record": int(batch["record"][b]),
+                "record": int(batch.record[b]),
                 "mirrored": mirrored,
                 "structure": out["structure"][b],
-                "coords": batch["coords"][b, :count],
-                "voxel_part": batch["voxel_part"][b, :count],
+                "coords": batch.coords[b, :count],
+                "voxel_part": batch.voxel_part[b, :count],
                 "latent": out["latent"][b, :count],
-                "images": np.round(batch["images"][b] * 255),
+                "images": np.round(batch.images[b] * 255),
                 **true_layout(batch, b),
             }
         )
@@ -247,7 +236,7 @@ def make_encoder(model: ModelConfig) -> Callable[..., dict[str, jax.Array]]:
 
     @functools.partial(jax.jit)
     def encode(parameters, voxels):
-        occupancy = dense_occupancy(voxels["coords"], voxels["counts"], model.grid.resolution)
+        occupancy = dense_occupancy(voxels.coords, voxels.counts, model.grid.resolution)
         structure, _ = structure_vae.apply(parameters["structure_vae"], occupancy, method="encode")
         latent = uniart_vae.apply(parameters["uniart_vae"], voxels, method="encode")["mean"]
         return {"structure": structure, "latent": latent}

@@ -18,7 +18,6 @@ from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.folder import read_metadata, write_text
 from uniart_jax.data.latents import check_views, latent_batches
 from uniart_jax.inference.samplers import (
-    Condition,
     join_views,
     make_conditioner,
     make_layout_finder,
@@ -31,12 +30,12 @@ from uniart_jax.stages.stage import Stage, Statistics, check_picture_size, load
 from uniart_jax.training import distributed
 from uniart_jax.training.flow_losses import of_pictures
 from uniart_jax.voxels.part_table import ROWS, PartTable, part_table
+from uniart_jax.voxels.typed_batches import Condition
 
 
 class FlowStage(Stage):
     """A rectified flow of a latent, given the picture."""
 
-    batch = dict
     reads_features = True
 
     def shows_found_layouts(self, config: Config) -> bool:

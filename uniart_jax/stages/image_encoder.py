@@ -22,6 +22,7 @@ from uniart_jax.stages.pictures import (
 from uniart_jax.stages.stage import Evaluation, check_picture_size
 from uniart_jax.training.encoder_loss import make_image_encoder_loss
 from uniart_jax.training.metrics import part_readings, summarize_readings
+from uniart_jax.voxels.joint_code import JOINT_CODE, OWN_BOX
 
 
 class ImageEncoderStage(PictureStage):
@@ -66,8 +67,8 @@ def _evaluation(config: Config) -> Evaluation:
                 mask = part >= 0
                 codes, record = out["codes"][b][mask], tables[int(index)]
                 rows += part_readings(
-                    codes[:, :9],
-                    codes[:, 9:15],
+                    codes[:, JOINT_CODE],
+                    codes[:, OWN_BOX],
                     part[mask],
                     record.boxes,
                     record.codes,

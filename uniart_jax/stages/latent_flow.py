@@ -24,12 +24,14 @@ from uniart_jax.stages.stage import Evaluation, load
 from uniart_jax.training.flow_losses import make_latent_flow_loss
 from uniart_jax.training.metrics import part_readings, summarize_readings
 from uniart_jax.voxels.grid import smoothed
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 
 class LatentFlowStage(FlowStage):
     """The sparse flow and, with ``loss.decoded``, what the frozen UniArt VAE makes of it."""
 
     name = "latent_flow"
+    batch = VoxelBatch
     latent = LATENT_OF["latent_flow"]
 
     def decodes(self, config: Config) -> str:
@@ -70,12 +72,11 @@ def _evaluation(config: Config, workdir: Path, statistics: dict[str, Any]) -> Ev
             key = jax.random.key(index)
             condition = condition_of_items([item], condition_of, config)
             latent = sampler(state.ema, statistics["latent"], condition, key, voxels).x
-            batch: dict[str, Any] = {"coords": coords, "counts": counts}
-            batch["plans"] = voxel_plans(
-                batch, config.model.uniart_vae, config.model.grid, parts=False
-            )
-            if config.model.uniart_vae.layout_channels:
-                batch["layout"] = item_tables([item], config.model)
+            model = config.model
+            plans = voxel_plans(coords, counts, model.uniart_vae, model.grid)
+            batch = VoxelBatch(coords, counts, plans=plans)
+            if model.uniart_vae.layout_channels:
+                batch = batch._replace(layout=item_tables([item], model))
             out, count = jax.device_get(decode(parameters, latent, batch)), counts[0]
             rows += part_readings(
                 out["joint_code"][0, :count],

@@ -23,12 +23,14 @@ from uniart_jax.stages.flows import (
 from uniart_jax.stages.pictures import IMAGE_BATCH, OBJECTS, PICTURES, beside, filled, iou
 from uniart_jax.stages.stage import Evaluation, load
 from uniart_jax.training.flow_losses import make_structure_flow_loss
+from uniart_jax.voxels.typed_batches import StructureBatch
 
 
 class StructureFlowStage(FlowStage):
     """The dense flow and, with ``loss.refined``, its refiner."""
 
     name = "structure_flow"
+    batch = StructureBatch
     latent = LATENT_OF["structure_flow"]
 
     def decodes(self, config: Config) -> str:

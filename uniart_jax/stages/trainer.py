@@ -349,10 +349,8 @@ def make_put(
 
     def run(given: Any) -> Any:
         try:
-            batch = given
-            if stage.batch is not dict:
-                batch = batch_of(stage.batch, given, stage.wanted)
-                check_shapes(batch)
+            batch = batch_of(stage.batch, given, stage.wanted)
+            check_shapes(batch)
         except ValueError as error:
             raise ValueError(f"{stage.name}: {error}") from None
         return put(batch)

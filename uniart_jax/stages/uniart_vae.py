@@ -17,6 +17,7 @@ from uniart_jax.stages.pictures import PICTURES, RECORDS, beside, solid, sub_cel
 from uniart_jax.stages.stage import Evaluation, Stage, Statistics, load
 from uniart_jax.training.metrics import part_readings, summarize_readings
 from uniart_jax.training.vae_losses import make_uniart_vae_loss
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 VOXEL_BATCH = 2
 SAMPLER = ("image_encoder", "latent_flow")
@@ -27,7 +28,7 @@ class UniArtVAEStage(Stage):
     samples for their pictures."""
 
     name = "uniart_vae"
-    batch = dict
+    batch = VoxelBatch
     reads_features = True
 
     def shows_found_layouts(self, config: Config) -> bool:
@@ -113,30 +114,28 @@ def _evaluation(config: Config) -> Evaluation:
             split=data.validation_split,
             most=RECORDS,
         ):
-            out = jax.device_get(
-                apply(state.ema, {k: v for k, v in batch.items() if k not in ("images", "record")})
-            )
-            for b, index in enumerate(batch["record"]):
+            out = jax.device_get(apply(state.ema, batch._replace(images=None, record=None)))
+            for b, index in enumerate(batch.record):
                 if index < 0:
                     continue
-                count = batch["counts"][b]
-                part, known = batch["voxel_part"][b, :count], batch["part_counts"][b]
+                count = batch.counts[b]
+                part, known = batch.voxel_part[b, :count], batch.part_counts[b]
                 rows += part_readings(
                     out["joint_code"][b, :count],
                     out["box_pair"][b, :count, 0],
                     part,
-                    batch["boxes"][b, :known],
-                    batch["codes"][b, :known],
-                    batch["parents"][b, :known],
+                    batch.boxes[b, :known],
+                    batch.codes[b, :known],
+                    batch.parents[b, :known],
                 )
-                truth, guess = batch["sdf"][b, :count] < 0, out["sdf"][b, :count] < 0
+                truth, guess = batch.sdf[b, :count] < 0, out["sdf"][b, :count] < 0
                 inside.append((truth & guess).sum() / max((truth | guess).sum(), 1))
-                color = decode_color(batch["color"][b, :count])
+                color = decode_color(batch.color[b, :count])
                 colors.append(np.abs(out["color"][b, :count] - color).mean())
                 if len(pictures) < PICTURES:
-                    coords = batch["coords"][b, :count]
+                    coords = batch.coords[b, :count]
                     found = solid(coords, out["sdf"][b, :count], out["color"][b, :count])
-                    true = solid(coords, batch["sdf"][b, :count], color)
+                    true = solid(coords, batch.sdf[b, :count], color)
                     pictures.append(beside(true, found, sub_cells(config)))
         figures = {"inside_iou": float(np.mean(inside)), "color_error": float(np.mean(colors))}
         return {**figures, **summarize_readings(rows)}, {"surface": np.concatenate(pictures)}

@@ -18,6 +18,7 @@ from uniart_jax.training.losses import (
     occupancy_iou,
     part_weights,
 )
+from uniart_jax.voxels.joint_code import JOINT_CODE, OWN_BOX, PARENT_BOX
 
 OCCUPANCY_WEIGHT = 10.0  # of the image encoder's occupancy against boxes and joints
 CAMERA_WEIGHT = 3.0
@@ -53,9 +54,11 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
         parent = gather(batch.boxes, gather(batch.parents, part))
         joint = gather(batch.codes, part)
         terms = {
-            "joint_code": masked_mean(joint_code_loss(codes[..., :9], joint, delta), weights),
-            "own_box": masked_mean(box_loss(codes[..., 9:15], own, delta), weights),
-            "parent_box": masked_mean(box_loss(codes[..., 15:21], parent, delta), weights),
+            "joint_code": masked_mean(
+                joint_code_loss(codes[..., JOINT_CODE], joint, delta), weights
+            ),
+            "own_box": masked_mean(box_loss(codes[..., OWN_BOX], own, delta), weights),
+            "parent_box": masked_mean(box_loss(codes[..., PARENT_BOX], parent, delta), weights),
         }
         camera = jnp.abs(out["camera"] - batch.camera).mean()
         # boxes and joints learn early and, weighted like occupancy, keep it from being learnt at

@@ -1,7 +1,6 @@
 """What the two flows minimise: ``make_*`` gives ``loss_fn(params, batch, key) -> (loss, scalar
-metrics)``. Batches are those of ``data.latents`` with what an image encoder sees
-(``inference.samplers.Condition``) in place of the picture (``of_pictures``); every loss is a mean
-per object, then over objects."""
+metrics)``. Batches are those of ``data.latents`` with what an image encoder sees, ``seen``, in
+place of the picture (``of_pictures``); every loss is a mean per object, then over objects."""
 
 from __future__ import annotations
 
@@ -14,7 +13,7 @@ import jax.numpy as jnp
 
 from uniart_jax.config import Config
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
-from uniart_jax.inference.samplers import Condition, join_views, make_structure_sampler
+from uniart_jax.inference.samplers import flow_arguments, join_views, make_structure_sampler
 from uniart_jax.models.network import Network, build
 from uniart_jax.models.voxel_batch import valid_tokens
 from uniart_jax.training.found_layouts import choose
@@ -27,6 +26,7 @@ from uniart_jax.training.losses import (
     part_weights,
 )
 from uniart_jax.voxels.part_table import PartTable
+from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
 
 DECODED_VOXELS = 1024  # of an item that the decoded loss looks at
 COLOR_WEIGHT, SIGN_SLOPE = 3.0, 3.0
@@ -59,8 +59,7 @@ def of_pictures(
 
     def seeing(params, batch, key, frozen):
         encoder, *more = frozen
-        rest = dict(batch)
-        image = rest.pop("image")
+        image, layout = batch.image, batch.layout
         if image.ndim == 5:
             seen = condition(encoder, image.reshape(-1, *image.shape[2:]))
             seen, image = join_views(seen, len(image)), image[:, 0]
@@ -69,8 +68,10 @@ def of_pictures(
         if find is not None:
             found = find(more.pop(), image)
             chosen = jax.random.bernoulli(jax.random.fold_in(key, 2), share, found.counts.shape)
-            rest["layout"] = choose(chosen, found, rest["layout"])
-        return loss_fn(params, {**seen._asdict(), **rest}, key, *more)
+            layout = choose(chosen, found, layout)
+        seen = seen._replace(layout=layout)
+        batch = batch._replace(image=None, layout=layout, seen=seen)
+        return loss_fn(params, batch, key, *more)
 
     return seeing
 
@@ -104,8 +105,8 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
         return share * loss + (1 - share) * other, metrics | more
 
     def velocity_loss(params, batch, key, vae_params):
-        x0 = jnp.repeat(normalize(batch["structure"], mean, std), weights.draws_per_image, axis=0)
-        t, noise, seen = draw(batch, x0, key, config)
+        x0 = jnp.repeat(normalize(batch.structure, mean, std), weights.draws_per_image, axis=0)
+        t, noise, seen = draw(batch.seen, x0, key, config)
         x = interpolate(x0, noise, t)
         v = network.apply(params, x, t, seen.tokens, seen.volume, layout=seen.layout)
         error = flow_loss(v, x0, noise)
@@ -114,7 +115,7 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
             return loss, metrics
         guess = predicted_sample(x, v, t) * jnp.asarray(std) + jnp.asarray(mean)
         logits = vae.apply(vae_params, guess, method="decode")
-        occupancy = jnp.repeat(batch["occupancy"], weights.draws_per_image, axis=0)
+        occupancy = jnp.repeat(batch.occupancy, weights.draws_per_image, axis=0)
         terms = occupancy_terms(logits, occupancy)
         loss = loss + weights.decoded_structure * (terms["entropy"] + terms["dice"])
         return loss, metrics | {f"decoded_{name}": term for name, term in terms.items()}
@@ -131,14 +132,13 @@ def make_refiner_loss(network: Network, config: Config, mean: Any, std: Any) -> 
     sample, vae = make_structure_sampler(model, options), build("structure_vae", model)
 
     def loss_fn(params, batch, key, vae_params):
-        seen = Condition(*(batch.get(name) for name in Condition._fields))
-        frozen = jax.lax.stop_gradient(params)
+        seen, frozen = batch.seen, jax.lax.stop_gradient(params)
         latent = sample(frozen, (mean, std), seen, key).x
         logits = jax.lax.stop_gradient(vae.apply(vae_params, latent, method="decode"))
         given = (seen.pixels, seen.cameras, seen.layout)
         refined = network.apply(params, logits, *given, method="refine")
-        metrics = occupancy_terms(refined, batch["occupancy"])
-        metrics["iou_before"] = occupancy_iou(logits, batch["occupancy"].astype(jnp.float32))
+        metrics = occupancy_terms(refined, batch.occupancy)
+        metrics["iou_before"] = occupancy_iou(logits, batch.occupancy.astype(jnp.float32))
         return metrics["entropy"] + metrics["dice"], metrics
 
     return loss_fn
@@ -165,16 +165,14 @@ def make_latent_flow_loss(
     )
 
     def loss_fn(params, batch, key, decoder=None):
-        coords, counts = batch["coords"], batch["counts"]
+        coords, counts = batch.coords, batch.counts
         mask = valid_tokens(counts, coords.shape[1])[..., 0]
-        x0 = jnp.where(mask[..., None], normalize(batch["latent"], mean, std), 0)
-        t, noise, seen = draw(batch, x0, key, config)
+        x0 = jnp.where(mask[..., None], normalize(batch.latent, mean, std), 0)
+        t, noise, seen = draw(batch.seen, x0, key, config)
         x = interpolate(x0, noise, t)
-        voxels = {"coords": coords, "counts": counts, "plan": batch["plans"]["flow"]}
-        views = (seen.pixels, seen.cameras)
-        given = {"views": views, "layout": seen.layout, **voxels}
+        given = flow_arguments(batch, seen)
         v = network.apply(params, x, t, seen.tokens, seen.volume, **given)
-        weights = part_weights(batch["voxel_part"], mask.astype(jnp.float32), parts, share)
+        weights = part_weights(batch.voxel_part, mask.astype(jnp.float32), parts, share)
         error = flow_loss(v, x0, noise, weights, metric=metric)
         loss, metrics = summarize_flow(error, v, x, x0, t, mask, flow.prediction)
         metrics["padding"] = 1 - mask.mean()
@@ -194,7 +192,12 @@ def make_latent_flow_loss(
 
 
 def decoded_losses(
-    vae: Network, params: Any, guess: jax.Array, truth: jax.Array, batch: Any, rows: jax.Array
+    vae: Network,
+    params: Any,
+    guess: jax.Array,
+    truth: jax.Array,
+    batch: VoxelBatch,
+    rows: jax.Array,
 ) -> dict[str, jax.Array]:
     """What a frozen UniArt VAE makes of latents ``guess`` [B, V, C] against what it makes of
     ``truth``, at voxels ``rows`` [B, Q].
@@ -213,17 +216,16 @@ def decoded_losses(
     }
 
 
-def draw(batch, x0: jax.Array, key: jax.Array, config: Config):
-    """Times [B n], noise like x0, and the condition (``inference.samplers.Condition``) with some
-    items' dropped to zero for guidance."""
+def draw(seen: Condition, x0: jax.Array, key: jax.Array, config: Config):
+    """Times [B n], noise like x0, and the condition with some items' dropped to zero for
+    guidance."""
     weights = config.loss
     time_key, noise_key, drop_key = jax.random.split(key, 3)
     t = sample_times(
         time_key, x0.shape[:1], weights.time_mean, weights.time_std, weights.noise_share
     )
     noise = jax.random.normal(noise_key, x0.shape)
-    keep = jax.random.uniform(drop_key, batch["tokens"].shape[:1]) >= weights.condition_drop
-    seen = Condition(*(batch.get(name) for name in Condition._fields))
+    keep = jax.random.uniform(drop_key, seen.tokens.shape[:1]) >= weights.condition_drop
     drop = lambda a: jnp.where(keep.reshape(-1, *[1] * (a.ndim - 1)), a, 0)  # noqa: E731
     return t, noise, jax.tree.map(drop, seen)
 

@@ -3,26 +3,25 @@ its mistakes (``loss.found``)."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 
 from uniart_jax.training.layout_loss import match, to_corners
 from uniart_jax.voxels.part_table import PartTable
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 SAME_PART = 0.25  # object units between the corners of a true part and the row that was found of it
 NOBODYS_ROW = 10.0  # cost of a row that does not exist
 
 
-def show_found(
-    batch: dict[str, Any], found: PartTable, share: float, key: jax.Array
-) -> dict[str, Any]:
+def show_found(batch: VoxelBatch, found: PartTable, share: float, key: jax.Array) -> VoxelBatch:
     """A batch of voxels whose ``layout``, and ``layout_rows`` with it, is the one found in a
     ``share`` of the items."""
     chosen = jax.random.bernoulli(key, share, found.counts.shape)
-    rows = jnp.where(chosen[:, None], matching_rows(found, batch), batch["layout_rows"])
-    return batch | {"layout": choose(chosen, found, batch["layout"]), "layout_rows": rows}
+    rows = jnp.where(
+        chosen[:, None], matching_rows(found, batch.boxes, batch.part_counts), batch.layout_rows
+    )
+    return batch._replace(layout=choose(chosen, found, batch.layout), layout_rows=rows)
 
 
 def choose(chosen: jax.Array, one: PartTable, other: PartTable) -> PartTable:
@@ -34,15 +33,19 @@ def choose(chosen: jax.Array, one: PartTable, other: PartTable) -> PartTable:
     return PartTable(*(of_field(a, b) for a, b in zip(one, other, strict=True)))
 
 
-def matching_rows(found: PartTable, batch: dict[str, jax.Array]) -> jax.Array:
-    """[B, K] the row of a found layout that each true part of a batch of voxels is, -1 where none
-    is: one to one by their corners (``layout_loss.match``), at most ``SAME_PART`` apart."""
-    corners, true = to_corners(found.boxes), to_corners(batch["boxes"])
+def matching_rows(found: PartTable, boxes: jax.Array, part_counts: jax.Array) -> jax.Array:
+    """[B, K] the row of a found layout that each true part is, -1 where none is: one to one by
+    their corners (``layout_loss.match``), at most ``SAME_PART`` apart.
+
+    Args:
+      boxes: [B, K, 6] of the true parts. part_counts: [B].
+    """
+    corners, true = to_corners(found.boxes), to_corners(boxes)
     apart = jnp.abs(corners[:, :, None] - true[:, None])  # [B, row, part, 6]
     there = jnp.arange(corners.shape[1]) < found.counts[:, None]
     cost = jnp.where(there[..., None], apart.mean(-1), NOBODYS_ROW)
-    row = match(cost, batch["part_counts"])
+    row = match(cost, part_counts)
     far = jnp.where(there[..., None], apart.max(-1), NOBODYS_ROW)
     far = jnp.take_along_axis(far, row[:, None], 1)[:, 0]
-    known = jnp.arange(true.shape[1]) < batch["part_counts"][:, None]
+    known = jnp.arange(true.shape[1]) < part_counts[:, None]
     return jnp.where(known & (far < SAME_PART), row, -1)

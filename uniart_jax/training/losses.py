@@ -20,10 +20,9 @@ import jax.numpy as jnp
 
 from uniart_jax.voxels.joint_code import gauge_variants
 
-LossFn = Callable[[Any, dict[str, Any], jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
-GivenLossFn = Callable[
-    [Any, dict[str, Any], jax.Array, Any], tuple[jax.Array, dict[str, jax.Array]]
-]
+# of parameters, a batch (``voxels.typed_batches``) and a key
+LossFn = Callable[[Any, Any, jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
+GivenLossFn = Callable[[Any, Any, jax.Array, Any], tuple[jax.Array, dict[str, jax.Array]]]
 
 
 def masked_mean(values: jax.Array, weights: jax.Array) -> jax.Array:

@@ -4,7 +4,7 @@ planned anew for each."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 
@@ -12,6 +12,9 @@ from uniart_jax.config import ModelConfig
 from uniart_jax.nn.grids import FlowPlan
 from uniart_jax.nn.segments import Segments
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.voxels.typed_batches import VoxelBatch
+
+Batch = TypeVar("Batch")
 
 
 def in_parts(put: Callable[[Any], Any], count: int, model: ModelConfig) -> Callable[[Any], Any]:
@@ -22,22 +25,18 @@ def in_parts(put: Callable[[Any], Any], count: int, model: ModelConfig) -> Calla
     return lambda batch: tuple(put(part) for part in split_batch(batch, count, model))
 
 
-def split_batch(
-    batch: dict[str, Any], count: int, model: ModelConfig
-) -> tuple[dict[str, Any], ...]:
+def split_batch(batch: Batch, count: int, model: ModelConfig) -> tuple[Batch, ...]:
     """Micro-batches of B / ``count`` items each, in order, with plans of their own.
 
     Args:
-      batch: of ``data.batches`` or ``data.latents``: arrays [B, ...], tables of them, and perhaps
-        ``plans``.
+      batch: arrays [B, ...] and tables of them, a ``VoxelBatch`` with its plans.
       count: how many.
 
     Raises:
       ValueError: the items do not divide.
     """
-    arrays = batch
-    if isinstance(batch, dict):
-        arrays = {name: value for name, value in batch.items() if name != "plans"}
+    plans = batch.plans if isinstance(batch, VoxelBatch) else None
+    arrays: Any = batch._replace(plans=None) if isinstance(batch, VoxelBatch) else batch
     items = len(jax.tree.leaves(arrays)[0])
     if count < 1 or items % count:
         raise ValueError(
@@ -46,19 +45,19 @@ def split_batch(
         )
     size = items // count
     parts = [jax.tree.map(lambda a, i=i: a[i : i + size], arrays) for i in range(0, items, size)]
-    if not isinstance(batch, dict) or "plans" not in batch:
+    if plans is None:
         return tuple(parts)
-    plans = batch["plans"]
     segments = [plan for plan in plans.values() if isinstance(plan, Segments)]
-    options: dict[str, Any] = {"parts": "parts" in plans}
-    options["shares"] = max((len(plan.inverse) for plan in segments), default=1)
+    shares = max((len(plan.inverse) for plan in segments), default=1)
     made = []
     for i, part in enumerate(parts):
         own: dict[str, Any] = {}
         if segments:
-            own |= voxel_plans(part, model.uniart_vae, model.grid, **options)
+            ids = part.voxel_part if "parts" in plans else None
+            voxels, vae = (part.coords, part.counts), model.uniart_vae
+            own |= voxel_plans(*voxels, vae, model.grid, voxel_part=ids, shares=shares)
         for name, plan in plans.items():
             if isinstance(plan, FlowPlan):  # of items, as the arrays are
                 own[name] = jax.tree.map(lambda a, i=i: a[i * size : (i + 1) * size], plan)
-        made.append({**part, "plans": own})
+        made.append(part._replace(plans=own))
     return tuple(made)

@@ -17,6 +17,7 @@ from jax.sharding import PartitionSpec as P
 from uniart_jax.config import MeshConfig
 from uniart_jax.nn.shared_plans import padded_plans, plan_sizes
 from uniart_jax.training.distributed import largest
+from uniart_jax.voxels.typed_batches import VoxelBatch
 
 AXES = ("data", "fsdp")
 # Smaller arrays cost more in latency than they save in memory.
@@ -81,8 +82,8 @@ def put_batch(batch: Any, mesh: Mesh) -> Any:
 
     An array whose first axis this process's devices divide is split (items, and whatever goes with
     them, a plan's shares among it); another one is replicated. Either way the program computes the
-    same numbers. Over several processes ``batch["plans"]`` take the shapes that the largest needs
-    (``nn.shared_plans``).
+    same numbers. Over several processes the plans of a ``VoxelBatch`` take the shapes that the
+    largest needs (``nn.shared_plans``).
 
     Raises:
       ValueError: several processes and an array that cannot be split: replicas would differ.
@@ -90,9 +91,9 @@ def put_batch(batch: Any, mesh: Mesh) -> Any:
     split, whole = batch_sharding(mesh), replicated(mesh)
     processes = jax.process_count()
     local = mesh.size // processes
-    if processes > 1 and isinstance(batch, dict) and batch.get("plans"):
-        sizes = largest(plan_sizes(batch["plans"]))
-        batch = {**batch, "plans": padded_plans(batch["plans"], sizes)}
+    if processes > 1 and isinstance(batch, VoxelBatch) and batch.plans:
+        sizes = largest(plan_sizes(batch.plans))
+        batch = batch._replace(plans=padded_plans(batch.plans, sizes))
 
     def put(path: Any, leaf: Any) -> jax.Array:
         leaf = np.asarray(leaf)

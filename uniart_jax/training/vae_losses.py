@@ -1,6 +1,6 @@
 """What the two VAEs minimise: ``make_*`` gives ``loss_fn(params, batch, key) -> (loss, scalar
-metrics)``. Batches are those of ``data.image_table`` and ``data.batches``; every loss is a mean per
-object, then over objects."""
+metrics)``. Batches are ``PictureBatch`` and ``VoxelBatch`` of ``voxels.typed_batches``; every loss
+is a mean per object, then over objects."""
 
 from __future__ import annotations
 
@@ -33,6 +33,7 @@ from uniart_jax.training.losses import (
     occupancy_terms,
     part_feature_loss,
 )
+from uniart_jax.voxels.joint_code import JOINT_CODE, PARENT_BOX
 
 
 def make_structure_vae_loss(network: Network, config: Config) -> LossFn:
@@ -72,13 +73,13 @@ def make_uniart_vae_loss(
         draw_key, noise_key = jax.random.split(key)
         if find is not None:
             *frozen, finder = frozen
-            found = find(finder, batch["image"])
+            found = find(finder, batch.image)
             batch = show_found(batch, found, weights.found, jax.random.fold_in(key, 2))
-        valid = valid_tokens(batch["counts"], batch["coords"].shape[1])[..., 0].astype(jnp.float32)
+        valid = valid_tokens(batch.counts, batch.coords.shape[1])[..., 0].astype(jnp.float32)
         voxels, mask = None, valid
         if weights.voxels_per_object:
             voxels = balanced_voxels(
-                draw_key, batch["voxel_part"], batch["counts"], weights.voxels_per_object, max_parts
+                draw_key, batch.voxel_part, batch.counts, weights.voxels_per_object, max_parts
             )
             mask = jnp.ones(voxels.shape)
         out = network.apply(params, batch, method="encode")
@@ -96,20 +97,18 @@ def make_uniart_vae_loss(
             return jnp.take_along_axis(values, index, axis=1)
 
         codes = at(voxel_codes(batch))
-        sdf, color = cell_sdf(at(batch["sdf"])), cell_color(at(batch["color"]))
+        sdf, color = cell_sdf(at(batch.sdf)), cell_color(at(batch.color))
         geometry = geometry_losses(out, sdf, color, mask)
         articulation = articulation_losses(
             out,
             voxel_boxes(batch, voxels),
-            codes[..., :9],
-            codes[..., 15:21],
+            codes[..., JOINT_CODE],
+            codes[..., PARENT_BOX],
             mask,
             weights.huber_delta,
         )
         if "pointer" in out:
-            geometry["pointer"] = pointer_loss(
-                out, at(batch["owner"]), batch["layout_rows"], sdf, mask
-            )
+            geometry["pointer"] = pointer_loss(out, at(batch.owner), batch.layout_rows, sdf, mask)
         kl = kl_loss(out["mean"], out["logvar"], valid)
         loss = geometry["occupancy"] + geometry["sdf"] + weights.color * geometry["color"]
         loss = loss + geometry.get("pointer", 0.0)
@@ -117,7 +116,7 @@ def make_uniart_vae_loss(
         loss = loss + articulation.pop("foreign")
         loss = loss + weights.articulation * sum(articulation.values()) + weights.kl * kl
         if "part_feature" in out:
-            true = at(batch["part_feature"])
+            true = at(batch.part_feature)
             restored = part_feature_loss(out["part_feature"], true, mask, weights.huber_delta)
             metrics["part_feature"] = restored
             loss = loss + weights.articulation * weights.part_feature * restored
@@ -138,10 +137,8 @@ def make_sampled_latents(config: Config, mean: Any, std: Any) -> Callable[..., j
 
     def sample(frozen, batch, key):
         encoder, flow = frozen
-        seen = condition(encoder, batch["image"])._replace(layout=batch.get("layout"))
-        voxels = {"coords": batch["coords"], "counts": batch["counts"]}
-        voxels["plan"] = batch["plans"]["flow"]
-        return jax.lax.stop_gradient(run(flow, (mean, std), seen, key, voxels).x)
+        seen = condition(encoder, batch.image)._replace(layout=batch.layout)
+        return jax.lax.stop_gradient(run(flow, (mean, std), seen, key, batch).x)
 
     return sample
 

@@ -44,6 +44,12 @@ FIXED_AXIS = 0.5  # a predicted |d| below this is a fixed joint; true |d| is 0 o
 NETWORK_TOLERANCE = 0.1  # of ``decode_part`` for predicted codes
 FULL_TURN = 2.0  # in units of a limit, pi radians
 CODE_SIZE = 9
+BOX_SIZE = 6  # centre and size
+# the channels of what a voxel says of its part: joint code, own box, parent's box
+JOINT_CODE = slice(0, CODE_SIZE)
+OWN_BOX = slice(JOINT_CODE.stop, JOINT_CODE.stop + BOX_SIZE)
+PARENT_BOX = slice(OWN_BOX.stop, OWN_BOX.stop + BOX_SIZE)
+CODE_CHANNELS = PARENT_BOX.stop
 GAUGES = 6
 SPREADS = 3.0  # median absolute deviations; how far noisy codes are drawn to the pure motions
 

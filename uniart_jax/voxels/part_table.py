@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from uniart_jax.nn.shapes import Array
+from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
 
 
 class PartTable(NamedTuple):
@@ -30,8 +31,8 @@ class PartTable(NamedTuple):
 SMALLEST_SIDE = 0.004  # object units, of a box that a mesh is made of
 ROWS = ("boxes", "codes", "parents", "colors")
 EMPTY = {
-    "boxes": np.zeros((0, 6)),
-    "codes": np.zeros((0, 9)),
+    "boxes": np.zeros((0, BOX_SIZE)),
+    "codes": np.zeros((0, CODE_SIZE)),
     "parents": np.zeros(0, np.int32),
     "colors": np.zeros((0, 3)),
 }
@@ -44,8 +45,8 @@ def part_table(items: list[dict[str, np.ndarray]], most: int) -> PartTable:
       ValueError: an object has more parts than ``most``.
     """
     table = PartTable(
-        np.zeros((len(items), most, 6), np.float32),
-        np.zeros((len(items), most, 9), np.float32),
+        np.zeros((len(items), most, BOX_SIZE), np.float32),
+        np.zeros((len(items), most, CODE_SIZE), np.float32),
         np.zeros((len(items), most), np.int32),
         np.zeros((len(items), most, 3), np.float32),
         np.array([len(item["boxes"]) for item in items], np.int32),

@@ -6,9 +6,9 @@ program. What a batch does not have is None and no leaf of the pytree. ``nn.shap
 holds the arrays against the shapes.
 
 B items · V voxels, padded · r3 sub-cells of a voxel · K parts, padded · R voxels a side of the grid
-· T coarse cells a side · C channels. Valid entries come first, padding is zero. Boxes are centre
-and size in object units, codes joint codes (``voxels.joint_code``), images sRGB over black in
-[0, 1], cameras ``voxels.camera_code``, parents rows of the parts' table, the root its own.
+· T coarse cells a side · C, D, F, P channels. Valid entries come first, padding is zero. Boxes are
+centre and size in object units, codes joint codes (``voxels.joint_code``), images sRGB over black
+in [0, 1], cameras ``voxels.camera_code``, parents rows of the parts' table, the root its own.
 """
 
 from __future__ import annotations
@@ -17,8 +17,10 @@ from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, NamedTuple, TypeVar
 
 from uniart_jax.nn.shapes import Array
+from uniart_jax.voxels.part_table import PartTable
 
 T = TypeVar("T")
+Plans = Mapping[str, Any]  # ``nn.segments.Segments`` and ``nn.grids.FlowPlan`` by name
 
 
 class LayoutBatch(NamedTuple):
@@ -55,6 +57,86 @@ class PictureBatch(NamedTuple):
     codes: Annotated[Array, "B K 9", "float"] = None
     parents: Annotated[Array, "B K", "int"] = None
     record: Annotated[Array, "B", "int"] = None
+
+
+class Condition(NamedTuple):
+    """What the flows see of an image.
+
+    Attributes:
+      tokens: L of width D. volume: None where the image encoder has none (DINOv2).
+      pixels, cameras: maps of N views and where they were taken from (``nn.lifting.read_pixels``);
+        None where the flows read none.
+      layout: that the flows follow; None where they see none.
+    """
+
+    tokens: Annotated[Array, "B L D"]
+    volume: Annotated[Array, "B Rv Rv Rv C"] = None
+    pixels: Annotated[Array, "B N S S Cp"] = None
+    cameras: Annotated[Array, "B N 7"] = None
+    layout: PartTable = None  # type: ignore[assignment]
+
+
+class StructureBatch(NamedTuple):
+    """What the structure flow trains on (``data.latents``).
+
+    Attributes:
+      structure: dense latents as encoded, s cells a side.
+      occupancy: of the grid's voxels, for what is decoded.
+      image: [B, H, W, 3], or N views [B, N, H, W, 3].
+      layout: that the flow is shown, where it sees layouts.
+      seen: what an image encoder makes of ``image`` (``training.flow_losses.of_pictures``), with
+        the layout.
+    """
+
+    structure: Annotated[Array, "B s s s C", "float"]
+    occupancy: Annotated[Array, "B R R R"] = None
+    image: Annotated[Array, "B ... 3", "float"] = None
+    layout: PartTable = None  # type: ignore[assignment]
+    seen: Condition = None  # type: ignore[assignment]
+
+
+class VoxelBatch(NamedTuple):
+    """Padded voxels and what is known of them: all that the UniArt VAE encodes, the latents that
+    the latent flow trains on (``data.latents``), or only places and plans, which decoders and
+    samplers read.
+
+    Attributes:
+      coords: indices in the grid. counts: voxels of each item.
+      voxel_part: the part of each voxel, a row of the items' tables ``boxes``, ``codes`` and
+        ``parents``, of which ``part_counts`` are parts.
+      sdf, color, owner: of each sub-cell. As records store them, int8, uint8 and uint8
+        (``models.voxel_batch`` decodes them on the device), or distance in sub-cells, linear RGB
+        and part.
+      visual, part_feature: columns that the UniArt VAE reads (``data.columns``).
+      latent: as encoded.
+      plans: by name, "parts", "window_0", "window_1" (``nn.voxel_plans``) and "flow"
+        (``nn.grids.flow_plan``), those that are read.
+      layout: that networks are shown. layout_rows: its row of each true part, -1 where it is lost.
+      image: that flows are shown, [B, H, W, 3], or N views [B, N, H, W, 3]. seen: as in
+        ``StructureBatch``.
+      images: all views. record: index of each item's record, -1 where it only fills up a batch.
+    """
+
+    coords: Annotated[Array, "B V 3", "int"]
+    counts: Annotated[Array, "B", "int"]
+    voxel_part: Annotated[Array, "B V", "int"] = None
+    sdf: Annotated[Array, "B V r3"] = None
+    color: Annotated[Array, "B V r3 3"] = None
+    owner: Annotated[Array, "B V r3", "int"] = None
+    boxes: Annotated[Array, "B K 6", "float"] = None
+    codes: Annotated[Array, "B K 9", "float"] = None
+    parents: Annotated[Array, "B K", "int"] = None
+    part_counts: Annotated[Array, "B", "int"] = None
+    visual: Annotated[Array, "B V F", "float"] = None
+    part_feature: Annotated[Array, "B V P", "float"] = None
+    latent: Annotated[Array, "B V C", "float"] = None
+    plans: Plans = None  # type: ignore[assignment]
+    layout: PartTable = None  # type: ignore[assignment]
+    layout_rows: Annotated[Array, "B K", "int"] = None
+    image: Annotated[Array, "B ... 3", "float"] = None
+    images: Annotated[Array, "B N H W 3", "float"] = None
+    record: Annotated[Array, "B", "int"] = None
+    seen: Condition = None  # type: ignore[assignment]
 
 
 def batch_of(kind: type[T], given: Mapping[str, Any] | T, wanted: Sequence[str] = ()) -> T:
