@@ -269,6 +269,7 @@ def test_a_flows_step_sees_by_the_exported_encoder(trained):
 
     @jax.jit
     def loss(seen):
+        seen = seen._replace(layout=batch.layout)
         shown = batch._replace(image=None, seen=seen)
         return loss_fn(state.params, shown, jax.random.fold_in(key, 0))[0]
 
