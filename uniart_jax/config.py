@@ -451,8 +451,9 @@ class StructureSampleConfig(SampleConfig):
 
 @dataclasses.dataclass(frozen=True)
 class LatentSampleConfig(SampleConfig):
-    """Sampled distances are thickened by ``sdf_offset`` and smoothed by ``sdf_blur``, along
-    surfaces by ``sdf_blur_along``, in sub-cells (``voxels.grid.smoothed``), for the same reason."""
+    """Sampled distances are thickened by ``sdf_offset`` and smoothed by ``sdf_blur``, along panels
+    by ``sdf_blur_along`` and, where that is not 0, along legs by ``voxels.grid.ROD``, in sub-cells
+    (``voxels.grid.smoothed``), for the same reason."""
 
     sdf_offset: float = 0.0
     sdf_blur: float = 0.0

@@ -54,9 +54,8 @@ def take(folder, data, count, start=0, model=PLAIN):
 
 
 def same(a, b):
-    return all(
-        map(np.array_equal, *(jax.tree.leaves(batch._replace(plans=None)) for batch in (a, b)))
-    )
+    one, other = (jax.tree.leaves(batch._replace(plans=None)) for batch in (a, b))
+    return len(one) == len(other) and all(map(np.array_equal, one, other))
 
 
 def contents(batch):

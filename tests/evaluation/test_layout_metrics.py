@@ -79,7 +79,9 @@ def test_parts_that_the_picture_hides_are_judged_apart(tests):
     assert found["parts"]["seen"]["moving_parts"] == 2 * len(moving) - 1
     assert found["parts"]["seen"]["parts_right"] == 1.0
     assert found["objects"]["hidden"]["count"] == 0.0 and found["objects"]["seen"]["count"] == 1.0
-    assert "1 hidden moving parts: 1.00 found, 0.00 right" in judging.sight_line(found)
+    said = judging.sight_line(found)
+    assert "moving parts hidden in the picture (1): 1.00 found, 0.00 right" in said
+    assert "nan" not in judging.sight_line(judging.by_sight([score], [all_seen]))
 
 
 def test_the_picture_of_a_held_out_object_says_which_parts_it_shows(tests):

@@ -27,6 +27,7 @@ def test_the_table_holds_every_stage_in_the_order_of_the_config():
     for name, stage in STAGES.items():
         assert isinstance(stage, Stage) and stage.name == name
         assert stage.settings(config) is getattr(config, name)
+        assert set(stage.wanted + stage.needed) <= set(stage.batch._fields)
     assert typing.get_args(TrainStage) == ("all", *STAGES)
     assert {stage.latent for stage in STAGES.values()} == {"", "structure", "latent"}
 
@@ -61,6 +62,18 @@ def test_pictures_of_another_size_are_refused_before_any_work(tmp_path, stage):
     with pytest.raises(ValueError, match=f"{2 * size} pixels a side.*--image-size {size}"):
         Trainer(config, tmp_path / "w").fit(stage)
     assert not (tmp_path / "w").exists()
+
+
+def test_pictures_of_another_size_are_refused_by_a_vae_that_reads_samples(tmp_path):
+    config = tiny_run.make_config(tmp_path)
+    folder = Path(config.data.records)
+    folder.mkdir(parents=True)
+    size = config.model.image_encoder.image_size
+    (folder / "metadata.json").write_text(json.dumps({"image_size": 2 * size, "views": 2}))
+    STAGES["uniart_vae"].check(config)
+    sampled = dataclasses.replace(config.loss, sampled=0.5)
+    with pytest.raises(ValueError, match=f"--image-size {size}"):
+        STAGES["uniart_vae"].check(dataclasses.replace(config, loss=sampled))
 
 
 def occupancies(config, count):

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 
 from uniart_jax.voxels.grid import (
@@ -62,6 +64,8 @@ def test_fairing_averages_active_sub_cells_only_and_thickens():
         4, 2, coords, np.full((number, 8), 0.7, np.float32), *rest, np.zeros((number, 6))
     )
     assert smoothed(flat, 0.0, 0.0) is flat
+    empty = dataclasses.replace(flat, coords=flat.coords[:0], sdf=flat.sdf[:0])
+    assert not len(smoothed(empty, 0.3, 0.5, 2.0).coords)
     # holes beside active voxels weigh nothing: a constant stays one
     np.testing.assert_allclose(smoothed(flat, 0.2, 1.0).sdf, 0.5, atol=1e-5)
     unknown = flat.sdf.copy()

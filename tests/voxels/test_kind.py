@@ -64,6 +64,19 @@ def test_left_is_as_right_and_rows_have_no_order(held_out):
         np.testing.assert_allclose(features(shuffled), row, atol=1e-9)
 
 
+def test_drawers_side_by_side_have_no_order():
+    drawers = [[-0.3, y, 0.1, 0.3, 0.3, 0.2] for y in (-0.33, 0.0, 0.33)]
+    joint = Joint([0, 0, 0], [-1, 0, 0], travel=(0, 0.2))
+    rows = []
+    for order in ([0, 1, 2], [0, 2, 1], [1, 2, 0]):
+        boxes = np.array([[0.0, 0, 0, 0.9, 1.0, 0.7], *(drawers[k] for k in order)])
+        joints = (Joint.fixed(), joint, joint, joint)
+        layout = Layout(boxes, joints, (-1, 0, 0, 0), np.zeros((4, 3)), np.ones(4))
+        rows.append(features(layout))
+    np.testing.assert_array_equal(rows[0], rows[1])
+    np.testing.assert_array_equal(rows[0], rows[2])
+
+
 def test_parts_are_named_by_what_they_do():
     axis, boxes = [1, 0, 0], np.tile([0.0, 0, 0, 0.1, 0.1, 0.1], (6, 1))
     boxes[3, 3:] = 0.3

@@ -7,7 +7,7 @@ import pytest
 from uniart_jax.data.order import OnePass
 from uniart_jax.data.stream import Batches
 from uniart_jax.models.network import flat_names
-from uniart_jax.voxels.typed_batches import LayoutBatch, PictureBatch, batch_of
+from uniart_jax.voxels.typed_batches import LayoutBatch, PictureBatch, VoxelBatch, batch_of
 
 ITEMS = {"image": np.ones((2, 4, 4, 3), np.float32), "occupancy": np.ones((2, 8, 8, 8), bool)}
 
@@ -25,6 +25,15 @@ def test_what_is_missing_is_named():
             batch_of(PictureBatch, given, ["image", "camera"])
     with pytest.raises(ValueError, match="a batch has no 'camera'"):
         batch_of(LayoutBatch, ITEMS)
+
+
+def test_fields_with_a_default_that_a_stage_needs_are_named_too():
+    places = {"coords": np.zeros((1, 4, 3), np.int32), "counts": np.array([4])}
+    assert batch_of(VoxelBatch, places).sdf is None
+    with pytest.raises(ValueError, match="a batch has no 'sdf'"):
+        batch_of(VoxelBatch, places, (), ("sdf", "plans"))
+    with pytest.raises(ValueError, match="is a VoxelBatch or a dictionary, not list"):
+        batch_of(VoxelBatch, [1, 2])
 
 
 def test_leaves_have_the_names_of_the_fields_and_none_is_no_leaf():

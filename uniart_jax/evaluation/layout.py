@@ -38,7 +38,7 @@ COUNT = 128  # held-out objects
 SHOWN = (
     20  # objects on the contact sheet: the first ones, of real ones evenly spread over the folder
 )
-SEEN = 2e-4  # share of the picture from which a part counts as seen: 13 of 256² pixels
+SEEN = 13 / 256**2  # share of the picture from which a part counts as seen
 SIZES = ((1, 1), (2, 3), (4, 7), (8, 99))  # moving parts, from and to
 INTERVALS = ("parts_right", "recall", "count")
 console = messages()
@@ -224,16 +224,18 @@ def table(found: dict[str, Any]) -> Table:
 
 
 def sight_line(sight: dict[str, Any]) -> str:
-    """``by_sight`` in two sentences."""
+    """``by_sight`` in words; groups of none are left out."""
     parts, objects = sight["parts"], sight["objects"]
     told = [
-        f"{parts[name]['moving_parts']} {name} moving parts: {parts[name]['recall']:.2f} found, "
-        f"{parts[name]['parts_right']:.2f} right"
+        f"moving parts {name} in the picture ({parts[name]['moving_parts']}): "
+        f"{parts[name]['recall']:.2f} found, {parts[name]['parts_right']:.2f} right"
         for name in ("seen", "hidden")
+        if parts[name]["moving_parts"]
     ]
-    without, with_some = objects["seen"], objects["hidden"]
-    told.append(
-        f"count {without['count']:.2f} where all moving parts are seen ({without['objects']} "
-        f"objects), {with_some['count']:.2f} where some are hidden ({with_some['objects']})"
-    )
+    words = {"seen": "all moving parts are seen", "hidden": "some are hidden"}
+    told += [
+        f"count {objects[name]['count']:.2f} where {words[name]} ({objects[name]['objects']})"
+        for name in ("seen", "hidden")
+        if objects[name]["objects"]
+    ]
     return "; ".join(told)

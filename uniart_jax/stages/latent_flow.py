@@ -33,6 +33,7 @@ class LatentFlowStage(FlowStage):
     name = "latent_flow"
     batch = VoxelBatch
     latent = LATENT_OF["latent_flow"]
+    needed = ("image", "latent", "plans")
 
     def decodes(self, config: Config) -> str:
         return "uniart_vae" if config.loss.decoded > 0 else ""

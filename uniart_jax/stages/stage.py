@@ -37,6 +37,7 @@ class Stage(abc.ABC):
       reads_pictures_only: that it reads ``data.image_table``, which others need not keep in memory.
       batch: the kind of its batches (``voxels.typed_batches``).
       wanted: fields of a batch that it must have and that go to the devices; () for all.
+      needed: fields that a batch must have, where ``wanted`` does not say it.
     """
 
     name: ClassVar[str]
@@ -46,6 +47,7 @@ class Stage(abc.ABC):
     reads_pictures_only: ClassVar[bool] = False
     batch: ClassVar[type]
     wanted: ClassVar[tuple[str, ...]] = ()
+    needed: ClassVar[tuple[str, ...]] = ()
 
     def settings(self, config: Config) -> StageConfig:
         """Its steps, batch size and rates."""

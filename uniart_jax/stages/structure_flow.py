@@ -32,6 +32,7 @@ class StructureFlowStage(FlowStage):
     name = "structure_flow"
     batch = StructureBatch
     latent = LATENT_OF["structure_flow"]
+    needed = ("image",)
 
     def decodes(self, config: Config) -> str:
         weights = config.loss

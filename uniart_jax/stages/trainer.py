@@ -349,7 +349,7 @@ def make_put(
 
     def run(given: Any) -> Any:
         try:
-            batch = batch_of(stage.batch, given, stage.wanted)
+            batch = batch_of(stage.batch, given, stage.wanted, stage.needed)
             check_shapes(batch)
         except ValueError as error:
             raise ValueError(f"{stage.name}: {error}") from None

@@ -14,7 +14,7 @@ from uniart_jax.data.records import decode_color
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import Network, build
 from uniart_jax.stages.pictures import PICTURES, RECORDS, beside, solid, sub_cells
-from uniart_jax.stages.stage import Evaluation, Stage, Statistics, load
+from uniart_jax.stages.stage import Evaluation, Stage, Statistics, check_picture_size, load
 from uniart_jax.training.metrics import part_readings, summarize_readings
 from uniart_jax.training.vae_losses import make_uniart_vae_loss
 from uniart_jax.voxels.typed_batches import VoxelBatch
@@ -30,6 +30,11 @@ class UniArtVAEStage(Stage):
     name = "uniart_vae"
     batch = VoxelBatch
     reads_features = True
+    needed = ("sdf", "color", "owner", "voxel_part", "boxes", "codes", "parents", "plans")
+
+    def check(self, config: Config) -> None:
+        if config.loss.sampled > 0:
+            check_picture_size(config)
 
     def shows_found_layouts(self, config: Config) -> bool:
         return config.loss.sampled > 0

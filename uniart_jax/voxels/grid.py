@@ -140,7 +140,7 @@ def smoothed(grid: VoxelGrid, offset: float, blur: float, along: float = 0.0) ->
         along a leg (there ``ROD``). It moves no distance by more than ``FLATTENED``. 0: as
         ``blur``.
     """
-    if not (offset or blur or along):
+    if not (offset or blur or along) or not len(grid.coords):
         return grid
     sdf = np.asarray(grid.sdf, np.float32)
     if blur or along:

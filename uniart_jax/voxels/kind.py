@@ -108,7 +108,10 @@ class KindTable:
 
 
 def kind_of(layout: Layout) -> Kind:
-    """The kind that a layout is likest to, by the table of the package."""
+    """The kind that a layout is likest to, by the table of the package; none is named of a layout
+    without parts."""
+    if not len(layout):
+        return Kind("", 0.0, False)
     return _table().kind(layout)
 
 
@@ -179,9 +182,9 @@ def features(layout: Layout) -> np.ndarray:
         if not len(rows):
             values += [0.0] * 12
             continue
-        # the largest; of alike ones the highest, then the foremost
-        sums = size[rows].sum(1).round(2)
-        k = rows[np.lexsort((-place[rows, 0], place[rows, 2], sums))[-1]]
+        # the largest; of alike ones the highest, then the foremost, then the one in the middle
+        near, aside, up = place[rows].round(2).T
+        k = rows[np.lexsort((-aside, -near, up, size[rows].sum(1).round(2)))[-1]]
         joint, sides = layout.joints[k], np.maximum(boxes[k, 3:], LEAST_EXTENT)
         arm = joint.origin - boxes[k, :3]
         arm = arm - (arm @ joint.direction) * joint.direction

@@ -139,19 +139,29 @@ class VoxelBatch(NamedTuple):
     seen: Condition = None  # type: ignore[assignment]
 
 
-def batch_of(kind: type[T], given: Mapping[str, Any] | T, wanted: Sequence[str] = ()) -> T:
+def batch_of(
+    kind: type[T],
+    given: Mapping[str, Any] | T,
+    wanted: Sequence[str] = (),
+    needed: Sequence[str] = (),
+) -> T:
     """A batch of a kind, also from a dictionary of its fields, as users give them; what the kind
     does not have is left out.
 
     Args:
       wanted: fields that it must have; the others are left out. () for all.
+      needed: fields that it must have, beside those without a default.
 
     Raises:
-      ValueError: a field is missing.
+      ValueError: a field is missing, or it is no batch at all.
     """
     fields, optional = kind._fields, kind._field_defaults  # type: ignore[attr-defined]
+    if not (isinstance(given, Mapping) or hasattr(given, "_asdict")):
+        raise ValueError(
+            f"a batch is a {kind.__name__} or a dictionary, not {type(given).__name__}"
+        )
     held = given if isinstance(given, Mapping) else given._asdict()  # type: ignore[attr-defined]
-    needed = wanted or [name for name in fields if name not in optional]
-    if lacking := [name for name in needed if held.get(name) is None]:
+    asked = wanted or [*(name for name in fields if name not in optional), *needed]
+    if lacking := [name for name in asked if held.get(name) is None]:
         raise ValueError(f"a batch has no '{lacking[0]}', which the stage reads")
     return kind(**{name: held[name] for name in wanted or fields if name in held})
