@@ -88,6 +88,18 @@ def test_a_shared_upload_stays_while_work_of_a_page_that_was_left_reads_it(sessi
     assert files(sessions) == []
 
 
+def test_a_late_request_of_a_page_that_was_left_keeps_what_it_reads(sessions):
+    payload = upload(sessions)
+    sessions.take(sessions.of("other"), payload)
+    sessions.of("one")
+    sessions.close("one")
+    with sessions.working(sessions.of("one")):  # it came after the word that the page is left
+        sessions.take(sessions.of("one"), payload)
+        sessions.close("other")
+        assert files(sessions) == ["a.png"]
+    assert files(sessions) == []
+
+
 def test_a_page_that_was_left_is_not_opened_again_by_its_last_requests(sessions, monkeypatch):
     session = sessions.of("one")
     sessions.close("one")

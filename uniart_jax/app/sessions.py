@@ -108,6 +108,7 @@ class Sessions:
             raise FileNotFoundError(f"{file.name}: it is not here any more; upload it again")
         with self._lock:
             session.uploads.add(file)
+            self._holding.add(session)  # also one that was closed a moment ago
             gone = session.closed and not session.works
         if gone:
             self._remove(session)
@@ -130,6 +131,7 @@ class Sessions:
         """While the block runs, the session's files stay even if it is closed."""
         with self._lock:
             session.works += 1
+            self._holding.add(session)
         try:
             yield
         finally:
