@@ -54,7 +54,8 @@ def loss(weights, x, counts, plans, flow, volume):
     return jnp.square(x).sum() + jnp.sin(twice).sum()
 
 step = jax.jit(jax.value_and_grad(loss, (0, 1)))
-plans = lambda shares: voxel_plans(**batch, config=UniArtVAEConfig(window=4), grid=grid, shares=shares)
+made = {"config": UniArtVAEConfig(window=4), "grid": grid}
+plans = lambda shares: voxel_plans(**batch, **made, shares=shares)
 expected = step(weights, x, counts, plans(1), flow, volume)
 mesh = make_mesh(MeshConfig(fsdp=int(sys.argv[1])))
 with jax.set_mesh(mesh):
@@ -73,8 +74,10 @@ with jax.set_mesh(mesh):
 
     jax.jit(lambda x: shard_map_items(look, (look(x),)))(given[0])
     assert seen == [False, True], seen
-    # six items on eight devices, and one share of eight items: no part of its own for each, the same numbers
-    for n, own in ((8, plans(1)), (6, voxel_plans(**{k: v[:6] for k, v in batch.items()}, config=UniArtVAEConfig(window=4), grid=grid))):
+    # six items on eight devices, and one share of eight items: no part of its own for each, the
+    # same numbers
+    six = voxel_plans(**{k: v[:6] for k, v in batch.items()}, **made)
+    for n, own in ((8, plans(1)), (6, six)):
         for name, plan in own.items():
             qkv = np.repeat(x[:n, :, None, :6], 3, 2).reshape(-1, 3, 2, 3)
             mine = jax.jit(attend_segments)(qkv, plan)
