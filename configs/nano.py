@@ -22,6 +22,7 @@ from uniart_jax.config import (
     LatentSampleConfig,
     LayoutConfig,
     LossConfig,
+    MaskConfig,
     ModelConfig,
     StageConfig,
     StructureSampleConfig,
@@ -67,6 +68,7 @@ def config() -> Config:
                 volume_channels=64,
             ),
             layout=LayoutConfig(queries=16, image_size=256, repeats=2),
+            mask=MaskConfig(channels=64),
             structure_vae=StructureVAEConfig(
                 patch_size=2, channels=(16, 48), num_res_blocks=1, num_res_blocks_middle=1
             ),
@@ -139,6 +141,15 @@ def config() -> Config:
             warmup_steps=150,
             evaluate_every=400,
             save_every=200,
+        ),
+        mask=dataclasses.replace(
+            stage,
+            steps=4000,
+            schedule="linear",
+            slow=("backbone",),
+            weight_decay=0.02,
+            evaluate_every=250,
+            save_every=100,
         ),
         structure_flow=dataclasses.replace(stage, steps=3250, evaluate_every=250),
         latent_flow=dataclasses.replace(stage, steps=30_000, batch_size=4),

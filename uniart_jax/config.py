@@ -22,7 +22,7 @@ Background = Literal["auto", "keep", "rembg"]  # how an object is cut out (data.
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash", "plain"]
 TOLERANCES = (1e-4, 1.0)  # of adaptive solvers
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
-STAGES = (*NETWORKS, "layout")  # the last where a model has one
+STAGES = (*NETWORKS, "layout", "mask")  # the last two where a model has them
 LATENT_OF = {"structure_flow": "structure", "latent_flow": "latent"}  # that a flow samples
 
 
@@ -117,6 +117,16 @@ class LayoutConfig:
     heads: int = 4
     sketch_width: int = 512
     head_width: int = 128
+
+
+@dataclasses.dataclass(frozen=True)
+class MaskConfig:
+    """What of a picture is the object (``models.mask``). ``channels`` 0: no such network (the
+    paper). ``image_size``: pixels a side at which a picture is looked at, a multiple of 32."""
+
+    channels: int = 0
+    width: int = 96  # of the transformer at its coarsest map
+    image_size: int = 256
 
 
 @dataclasses.dataclass(frozen=True)
@@ -258,6 +268,7 @@ class ModelConfig:
     grid: GridConfig = GridConfig()
     image_encoder: ImageEncoderConfig = ImageEncoderConfig()
     layout: LayoutConfig = LayoutConfig()
+    mask: MaskConfig = MaskConfig()
     structure_vae: StructureVAEConfig = StructureVAEConfig()
     uniart_vae: UniArtVAEConfig = UniArtVAEConfig()
     structure_flow: FlowConfig = FlowConfig()
@@ -267,6 +278,11 @@ class ModelConfig:
     compute_dtype: Literal["float32", "bfloat16"] = "float32"
     scan_blocks: bool = False
     remat: bool = False
+
+    def networks(self) -> list[str]:
+        """Those of ``STAGES`` that it has."""
+        without = {"layout": not self.layout.queries, "mask": not self.mask.channels}
+        return [name for name in STAGES if not without.get(name, False)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -478,6 +494,7 @@ class Config:
     mesh: MeshConfig = MeshConfig()
     image_encoder: StageConfig = StageConfig()
     layout: StageConfig = StageConfig()
+    mask: StageConfig = StageConfig()
     structure_vae: StageConfig = StageConfig()
     uniart_vae: StageConfig = StageConfig()
     structure_flow: StageConfig = StageConfig()

@@ -31,11 +31,12 @@ from uniart_jax.config import (
     SampleConfig,
     StructureSampleConfig,
 )
-from uniart_jax.data.background import cut_out
+from uniart_jax.data.background import Way, cut_out
 from uniart_jax.data.images import crop, read_image
 from uniart_jax.export.picture_colors import Picture
 from uniart_jax.flow.solvers import Solution
 from uniart_jax.inference.layouts import LayoutPredictor
+from uniart_jax.inference.masks import MaskPredictor, load_mask_predictor
 from uniart_jax.inference.samplers import (
     flow_inputs,
     join_views,
@@ -230,7 +231,7 @@ class Pipeline:
             tolerance=tolerance,
         )
         progress("looking at the image")
-        cut = [self._cut_out(view, background) for view in views]
+        cut = [self.cut_out(view, background) for view in views]
         shown = [picture for picture, _ in cut]
         pixels = np.stack([self._crop(view) for view in shown])
         found = self._find_layout(shown[0]) if layout is True else layout or None
@@ -290,13 +291,13 @@ class Pipeline:
             raise ValueError(
                 "layout: this checkpoint has no layout network; train one with --stage layout"
             )
-        return self._read_layout(self._cut_out(image)[0], threshold)
+        return self._read_layout(self.cut_out(image)[0], threshold)
 
     def find_layout(
         self, image: str | Path | np.ndarray, background: Background = "auto"
     ) -> Layout | None:
         """``layout`` of an image; None where the checkpoint has no layout network."""
-        return self._find_layout(self._cut_out(image, background)[0])
+        return self._find_layout(self.cut_out(image, background)[0])
 
     def _find_layout(self, cut_out: np.ndarray) -> Layout | None:
         there = self.checkpoint is not None and self.checkpoint.has("layout")
@@ -325,6 +326,11 @@ class Pipeline:
         return read_layout(predictor([picture])[0], threshold)
 
     @functools.cached_property
+    def mask_predictor(self) -> MaskPredictor | None:
+        """The checkpoint's mask network in use, where it has one."""
+        return load_mask_predictor(self.checkpoint)
+
+    @functools.cached_property
     def _layout_predictor(self) -> LayoutPredictor:
         if self.checkpoint is None:
             raise ValueError("layout: this pipeline was not loaded from a checkpoint")
@@ -349,18 +355,21 @@ class Pipeline:
 
     def prepare(self, image: str | Path | np.ndarray) -> np.ndarray:
         """[S, S, 3] float32 in [0, 1]: read, foreground, square crop, on black."""
-        return self._crop(self._cut_out(image)[0])
+        return self._crop(self.cut_out(image)[0])
 
     def _crop(self, cut_out: np.ndarray) -> np.ndarray:
         encoder = self.config.model.image_encoder
         cut = crop(cut_out, encoder.image_size, encoder.crop_margin)
         return cut.astype(np.float32) / 255
 
-    @staticmethod
-    def _cut_out(
-        image: str | Path | np.ndarray, background: Background = "auto"
-    ) -> tuple[np.ndarray, str]:
-        """[H, W, 4] uint8: read, background cut away; and how."""
+    def cut_out(
+        self, image: str | Path | np.ndarray, background: Background = "auto"
+    ) -> tuple[np.ndarray, Way]:
+        """[H, W, 4] uint8: read, background cut away; and how (``data.background.cut_out``).
+
+        Raises:
+          FileNotFoundError, ValueError: the image cannot be used.
+        """
         name = "image" if isinstance(image, np.ndarray) else f"image '{image}'"
         pixels = image if isinstance(image, np.ndarray) else read_image(image)
         if pixels.ndim != 3 or pixels.shape[-1] not in (3, 4) or pixels.dtype != np.uint8:
@@ -369,7 +378,7 @@ class Pipeline:
             )
         if pixels.shape[-1] == 3:
             pixels = np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)])
-        return cut_out(pixels, background, name)
+        return cut_out(pixels, background, name, lambda: self.mask_predictor)
 
     def encode_images(self, images: np.ndarray) -> Condition:
         """[B, S, S, 3] in [0, 1] -> what the flows see of them."""

@@ -178,3 +178,27 @@ def test_grabcut_gives_up_where_nothing_is_left(monkeypatch):
     installed(monkeypatch, "cv2")
     with pytest.warns(UserWarning, match="the whole image"):
         assert cut_out(photograph()[0])[1] == "none"
+
+
+def test_the_mask_network_comes_before_grabcut_and_is_loaded_only_where_needed(monkeypatch):
+    installed(monkeypatch, "cv2")
+    monkeypatch.setattr(background, "grabcut", lambda rgba: pytest.fail("not asked"))
+    picture, box = photograph()
+    asked = []
+
+    def network():
+        asked.append(1)
+        return lambda rgba: np.where(box, 255, 0).astype(np.uint8)
+
+    cut, way = cut_out(picture, network=network)
+    assert way == "network" and ((cut[..., 3] > 0) == box).all() and asked == [1]
+    for other in (plain(), see_through()):
+        assert cut_out(other, network=network)[1] != "network"
+    assert cut_out(picture, "keep", network=network)[1] == "none" and asked == [1]
+
+
+def test_where_the_network_finds_nothing_grabcut_tries(monkeypatch):
+    installed(monkeypatch, "cv2")
+    picture, box = photograph()
+    monkeypatch.setattr(background, "grabcut", lambda rgba: np.where(box, 255, 0).astype(np.uint8))
+    assert cut_out(picture, network=lambda: lambda rgba: None)[1] == "grabcut"

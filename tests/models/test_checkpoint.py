@@ -73,7 +73,7 @@ def test_networks_without_added_layers_and_layouts_nobody_asks_for_stay(tmp_path
     assert source.missing_layers("latent_flow", model) == ["pixel_channels"]
     assert source.missing_layers("latent_flow", config.model) == []
     asked = dataclasses.replace(config, model=model)
-    assert source.copyable(asked, []) == [n for n in STAGES if n != "latent_flow"]
+    assert source.copyable(asked, []) == [n for n in model.networks() if n != "latent_flow"]
     assert source.copyable(config, []) == list(NETWORKS)
 
 

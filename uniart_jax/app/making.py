@@ -134,7 +134,8 @@ def look(pipeline: Pipeline, picture: Path, background: Background, folder: Path
       FileNotFoundError, ValueError: it is no picture that can be used; one line that names it.
     """
     rgba = read_image(picture)
-    cut, way = cut_out(rgba, background, f"image '{picture}'")
+    name = f"image '{picture}'"
+    cut, way = cut_out(rgba, background, name, lambda: pipeline.mask_predictor)
     layout = pipeline.find_layout(cut, "keep")
     square = crop(cut, SIDE, pipeline.config.model.image_encoder.crop_margin)
     shown, drawn = folder / "cut-out.png", None

@@ -20,6 +20,7 @@ CUT_OUT = {
     "alpha": "The picture says itself what is the object.",
     "plain": "A plain background was cut away.",
     "rembg": "Cut out by rembg; look whether it is right.",
+    "network": "Cut out by the model's mask network; look whether it is right.",
     "grabcut": "Cut out by GrabCut; look whether it is right.",
     "none": "Nothing was cut away: the whole picture counts as the object. Cut the object out for "
     "a better result, or pip install 'uniart_jax[photo]'.",

@@ -38,6 +38,7 @@ def evaluate(
     pred: Path | None = None,
     cache: Path | None = None,
     unseen: bool = False,
+    backgrounds: bool = False,
     processes: int | None = None,
     engines: Engines | None = None,
     allow_outside: bool = False,
@@ -75,6 +76,8 @@ def evaluate(
         cache: layout ROOT: where the assets' pictures are kept for the next run (default
           OUT/objects).
         unseen: The families that are never trained on, instead of the trained ones.
+        backgrounds: layout: each object in front of a random background, cut out of it as a
+          photograph is.
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
         engines: physics: MuJoCo and, where it is installed, PyBullet by default.
         allow_outside: Let assets name files outside their own folders. PRED REF: also follow links
@@ -99,6 +102,7 @@ def evaluate(
             pred=pred,
             cache=cache,
             unseen=unseen,
+            backgrounds=backgrounds,
             engines=engines,
         )
         _compare(
@@ -129,10 +133,10 @@ def evaluate(
 
         evaluate_layout(
             checkpoint or "nano", out, root=root, count=count, unseen=unseen, pred=pred, cache=cache,  # noqa: E501
-            allow_outside=allow_outside, processes=workers,
+            allow_outside=allow_outside, processes=workers, backgrounds=backgrounds,
         )  # fmt: skip
         return
-    _refuse(what, pred=pred, cache=cache)
+    _refuse(what, pred=pred, cache=cache, backgrounds=backgrounds)
     if what == "baselines":
         _refuse(what, pictures=pictures, engines=engines)
         if library is None:

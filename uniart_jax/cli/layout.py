@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 from typing import Annotated
@@ -44,8 +45,14 @@ def layout(
     from uniart_jax.data.background import cut_out
     from uniart_jax.data.images import crop, read_image
     from uniart_jax.export.folder import check_target, complete_folder
+    from uniart_jax.inference.masks import load_mask_predictor
+    from uniart_jax.models.checkpoint import Checkpoint
 
-    pictures = [cut_out(read_image(path), background, f"image '{path}'")[0] for path in images]
+    found = Checkpoint.find(checkpoint)
+    network = functools.cache(lambda: load_mask_predictor(found))
+    pictures = [
+        cut_out(read_image(path), background, f"image '{path}'", network)[0] for path in images
+    ]
     check_target(out, overwrite, images, MARKS)
     from uniart_jax.inference.layouts import load_layout_predictor
     from uniart_jax.pipeline import enable_compilation_cache

@@ -284,8 +284,9 @@ def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[s
     kinds = ", ".join(f"{moving.count(t)} {t}" for t in sorted(set(moving))) or "no moving joint"
     yield f"{name}: {len(one.obj.parts)} parts ({kinds}) -> {folder}"
     yield f"  network evaluations: {', '.join(f'{flow} {n}' for flow, n in one.evaluations.items())}"  # noqa: E501
-    if guessed := sorted({"rembg", "grabcut"} & set(one.background)):
-        yield f"  cut out of its background by {' and '.join(guessed)}: look at preview.png"
+    if guessed := sorted({"rembg", "network", "grabcut"} & set(one.background)):
+        by = " and ".join("the mask network" if way == "network" else way for way in guessed)
+        yield f"  cut out of its background by {by}: look at preview.png"
     for flow, steps in one.forced.items():
         if steps:
             yield (

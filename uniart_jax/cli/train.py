@@ -17,7 +17,14 @@ import uniart_jax
 from uniart_jax.config import STAGES, Config, load_config, to_json
 
 Stage = Literal[
-    "all", "image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow", "layout"
+    "all",
+    "image_encoder",
+    "structure_vae",
+    "uniart_vae",
+    "structure_flow",
+    "latent_flow",
+    "layout",
+    "mask",
 ]
 
 

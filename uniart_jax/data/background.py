@@ -1,9 +1,11 @@
 """What of a picture is the object: the background is cut away, by the first way that can.
 
-    alpha -> a plain background -> rembg, where installed -> GrabCut, where OpenCV is installed
+    alpha -> a plain background -> rembg, where installed -> the checkpoint's mask network
+    -> GrabCut, where OpenCV is installed
 
 rembg (a network, downloaded by rembg itself) and OpenCV come with ``pip install
-'uniart_jax[photo]'``. GrabCut is Rother et al., "GrabCut", SIGGRAPH 2004.
+'uniart_jax[photo]'``. The mask network: ``inference.masks``. GrabCut is Rother et al., "GrabCut",
+SIGGRAPH 2004.
 """
 
 from __future__ import annotations
@@ -11,6 +13,7 @@ from __future__ import annotations
 import functools
 import importlib.util
 import warnings
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
@@ -20,7 +23,8 @@ from PIL import Image
 from uniart_jax.config import Background
 from uniart_jax.data.images import check_visible, has_alpha, remove_plain_background
 
-Way = Literal["alpha", "plain", "rembg", "grabcut", "none"]
+Way = Literal["alpha", "plain", "rembg", "network", "grabcut", "none"]
+FindMask = Callable[[np.ndarray], np.ndarray | None]  # [H, W, 4] uint8 -> [H, W] uint8, or nothing
 REMBG_MODEL = "u2net"  # Apache-2.0, as rembg is MIT; its newest default is not for every use
 GRABCUT_SIDE = 384  # pixels; a larger picture is cut at this size
 GRABCUT_ROUNDS = 5
@@ -35,7 +39,10 @@ def foreground(rgba: np.ndarray, name: str = "image") -> np.ndarray:
 
 
 def cut_out(
-    rgba: np.ndarray, background: Background = "auto", name: str = "image"
+    rgba: np.ndarray,
+    background: Background = "auto",
+    name: str = "image",
+    network: Callable[[], FindMask | None] = lambda: None,
 ) -> tuple[np.ndarray, Way]:
     """The image with an alpha channel that says what is the object, and how that was found.
 
@@ -44,6 +51,8 @@ def cut_out(
       background: "auto": the first way that can; where none can, the whole image counts and a
         warning says so. "keep": nothing is cut away. "rembg": by rembg, whatever the picture is.
       name: of the image, for messages.
+      network: gives a checkpoint's mask network (``inference.masks``), or None; called where it is
+        needed.
 
     Raises:
       ValueError: the image is transparent throughout, or rembg is asked for and not installed or
@@ -73,6 +82,8 @@ def cut_out(
             mask = None
         if mask is not None:
             return with_alpha(rgba, mask), "rembg"
+    if (find := network()) is not None and (mask := find(rgba)) is not None:
+        return with_alpha(rgba, mask), "network"
     if _installed("cv2") and (mask := grabcut(rgba)) is not None:
         return with_alpha(rgba, mask), "grabcut"
     warnings.warn(

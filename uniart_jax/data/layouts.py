@@ -44,10 +44,10 @@ from uniart_jax.voxels.typed_batches import LayoutBatch
 BLOCK = 256  # objects a file
 WINDOW = 4  # blocks that batches are drawn from at a time
 STATES = 20  # shown states tried before an object is left out
-VERSION = 3  # of what ``make_block`` draws; 3: pictures larger than the crop, as a user's are
+VERSION = 4  # of what ``make_block`` draws; 4: pictures with their masks
 # a rendering's side over its crop's, and samples a pixel: sharp with hard shadows, or soft
 RENDERINGS = ((2.0, 1), (1.25, 4))
-COLUMNS = ("images", "cameras", "boxes", "codes", "parents", "colors", "part_counts")
+COLUMNS = ("images", "masks", "cameras", "boxes", "codes", "parents", "colors", "part_counts")
 
 logger = logging.getLogger(__name__)
 _LOCK = threading.Lock()
@@ -112,13 +112,16 @@ def part_colors(obj: ArticulatedObject) -> np.ndarray:
 
 def take_picture(
     obj: ArticulatedObject, camera: Camera, size: int, rendering: tuple[float, int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """[S, S, 3] uint8 crop over black of one of ``RENDERINGS``, and its camera code [7]."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """[S, S, 3] uint8 crop over black of one of ``RENDERINGS``, its mask [S, S] uint8 (255: the
+    object), and its camera code [7]."""
     scale, samples = rendering
     picture = render(obj, camera, size=round(scale * size), samples=samples)
     picture = np.round(picture * 255).astype(np.uint8)
     row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
-    return crop(picture, size), camera_codes(np.array(row), picture[None])[0]
+    white = np.dstack([np.full_like(picture[..., :3], 255), picture[..., 3]])
+    code = camera_codes(np.array(row), picture[None])[0]
+    return crop(picture, size), crop(white, size)[..., 0], code
 
 
 def make_item(
@@ -145,10 +148,11 @@ def make_item(
         )
         for _ in range(settings.views)
     ]
-    images, cameras = (np.stack(column) for column in zip(*pictures, strict=True))
+    images, masks, cameras = (np.stack(column) for column in zip(*pictures, strict=True))
     pad = ((0, settings.max_parts - len(boxes)), (0, 0))
     return obj, {
         "images": images,
+        "masks": masks,
         "cameras": cameras,
         "boxes": np.pad(boxes.astype(np.float32), pad),
         "codes": np.pad(codes.astype(np.float32), pad),
@@ -286,10 +290,7 @@ def layout_batches(
     claim_folder(data.layouts, settings)
     order = LayoutOrder(batch_size, data.reuse)
     rows = local_rows(batch_size, process_index, process_count, accumulate)
-    load = functools.partial(
-        _load, folder=data.layouts, settings=settings, mirror=data.mirror, seed=data.seed,
-        reuse=data.reuse, first_block=data.first_block, rows=rows,
-    )  # fmt: skip
+    load = functools.partial(_load, data=data, settings=settings, rows=rows)
     return Batches(order, load, data.workers)
 
 
@@ -328,19 +329,25 @@ def _shuffled(window: int, length: int, seed: int) -> np.ndarray:
 
 
 def _load(
-    draw: Draw, *, folder: str, settings: LayoutSettings, mirror: bool, seed: int, reuse: int,
-    first_block: int, rows: np.ndarray,
-) -> LayoutBatch:  # fmt: skip
-    rng = draw.generator(seed)
+    draw: Draw, *, data: DataConfig, settings: LayoutSettings, rows: np.ndarray
+) -> LayoutBatch:
+    rng = draw.generator(data.seed)
     views, flips = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
-    length = WINDOW * BLOCK * reuse
     items = []
     for row in rows:
-        window, place = divmod(int(draw.records[row]), length)
-        table = load_window(folder, first_block + window * WINDOW, settings)
-        item = _shuffled(window, length, seed)[place] % len(table["images"])
-        items.append(_item(table, int(item), views[row], bool(flips[row] and mirror)))
+        table, item = drawn_item(int(draw.records[row]), data, settings)
+        items.append(_item(table, item, views[row], bool(flips[row] and data.mirror)))
     return _stacked(items)
+
+
+def drawn_item(
+    place: int, data: DataConfig, settings: LayoutSettings
+) -> tuple[dict[str, np.ndarray], int]:
+    """The window of a place in the endless sequence, and the row of it that is shown there."""
+    length = WINDOW * BLOCK * data.reuse
+    window, within = divmod(place, length)
+    table = load_window(data.layouts, data.first_block + window * WINDOW, settings)
+    return table, int(_shuffled(window, length, data.seed)[within] % len(table["images"]))
 
 
 def _stacked(items: list[LayoutBatch]) -> LayoutBatch:

@@ -23,13 +23,16 @@ from rich.table import Table
 
 from uniart_jax.data.images import MARGIN, PICTURE_SIDE, crop
 from uniart_jax.evaluation.parts import PartScores, compare_parts, match_parts, summarize
+from uniart_jax.evaluation.photographed import cut_again
 from uniart_jax.evaluation.procedural import HeldOut, held_out
 from uniart_jax.evaluation.real import RealObject, real_objects
 from uniart_jax.evaluation.runner import run, write_metrics
 from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED
 from uniart_jax.inference.layouts import load_layout_predictor
+from uniart_jax.inference.masks import load_mask_predictor
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.objects.thresholds import FOUND
-from uniart_jax.runtime.progress import messages
+from uniart_jax.runtime.progress import messages, track
 from uniart_jax.visual.layout_picture import contact_sheet, draw_layout
 from uniart_jax.voxels.layout import Layout, read_layout
 
@@ -144,6 +147,7 @@ def evaluate_layout(
     cache: Path | None = None,
     allow_outside: bool = False,
     processes: int = 1,
+    backgrounds: bool = False,
     predictor: Callable[[Sequence[np.ndarray]], list[dict[str, np.ndarray]]] | None = None,
 ) -> dict[str, Any]:
     """Judge a checkpoint's layouts, or those of files PRED/<index>.json, of held-out objects or of
@@ -152,7 +156,9 @@ def evaluate_layout(
     Args:
       out: gets metrics.json and layouts.png. count: objects (default ``COUNT`` held-out ones, or
         all assets).
-      cache: keeps the assets' pictures (default OUT/objects). predictor: in place of the
+      cache: keeps the assets' pictures (default OUT/objects).
+      backgrounds: each object stands in front of a random background, and is cut out of it as a
+        photograph is (``evaluation.photographed``). predictor: in place of the
         checkpoint's
         (``inference.layouts.LayoutPredictor``).
     """
@@ -179,7 +185,13 @@ def evaluate_layout(
             console.print(f"left out {name}: {why}", markup=False)
         shown = np.linspace(0, len(tests) - 1, min(SHOWN, len(tests))).round().astype(int).tolist()
     settings["count"] = len(tests)
-    crops = [crop(test.image, size, margin) for test in tests]
+    seen = [test.image for test in tests]
+    if backgrounds:
+        network = load_mask_predictor(Checkpoint.find(checkpoint))
+        cut = [cut_again(tests, i, network) for i in track(range(len(tests)), "photographs")]
+        seen = [picture for picture, _ in cut]
+        settings |= {"backgrounds": True, "mask_overlap": float(np.mean([o for _, o in cut]))}
+    crops = [crop(picture, size, margin) for picture in seen]
     if pred is not None:
         layouts = [_read(Path(pred) / f"{i}.json") for i in range(len(tests))]
     else:

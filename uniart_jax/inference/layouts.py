@@ -32,10 +32,15 @@ def first_layout_weights(config: Config) -> dict[str, Any]:
     weights of its backbone."""
     first: dict[str, Any] = {"anchors": typical_boxes(config)}
     if config.model.layout.backbone == "efficientnet_lite0":
-        from uniart_jax.weights.efficientnet_lite import find_published, read_efficientnet_lite0
-
-        first["backbone"] = read_efficientnet_lite0(find_published())
+        first["backbone"] = published_backbone()
     return first
+
+
+def published_backbone() -> dict[str, Any]:
+    """Published weights of EfficientNet-Lite0."""
+    from uniart_jax.weights.efficientnet_lite import find_published, read_efficientnet_lite0
+
+    return read_efficientnet_lite0(find_published())
 
 
 def check_backbone(model: ModelConfig) -> None:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from uniart_jax.config import LATENT_OF, NETWORKS, STAGES, Config, ModelConfig, from_json
+from uniart_jax.config import LATENT_OF, STAGES, Config, ModelConfig, from_json
 from uniart_jax.models.checkpoint_files import (
     STATISTICS,
     read_network,
@@ -181,7 +181,7 @@ class Checkpoint:
         """
         return [
             name
-            for name in (STAGES if config.model.layout.queries else NETWORKS)
+            for name in config.model.networks()
             if name not in trained
             and self.has(name)
             and (target is None or not target.has(name))

@@ -22,6 +22,7 @@ Params = dict[str, Any]
 # each network's file in this folder and its module, imported when it is built
 MODULES = {
     "layout": "layout:LayoutNetwork",
+    "mask": "mask:MaskNetwork",
     "structure_vae": "structure_vae:StructureVAE",
     "uniart_vae": "uniart_vae:UniArtVAE",
     "structure_flow": "flow_transformer:StructureFlow",

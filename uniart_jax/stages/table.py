@@ -5,6 +5,7 @@ from __future__ import annotations
 from uniart_jax.stages.image_encoder import ImageEncoderStage
 from uniart_jax.stages.latent_flow import LatentFlowStage
 from uniart_jax.stages.layout import LayoutStage
+from uniart_jax.stages.mask import MaskStage
 from uniart_jax.stages.stage import Stage
 from uniart_jax.stages.structure_flow import StructureFlowStage
 from uniart_jax.stages.structure_vae import StructureVAEStage
@@ -19,5 +20,6 @@ STAGES: dict[str, Stage] = {
         StructureFlowStage(),
         LatentFlowStage(),
         LayoutStage(),
+        MaskStage(),
     )
 }

@@ -39,6 +39,17 @@ class LayoutBatch(NamedTuple):
     part_counts: Annotated[Array, "B", "int"]
 
 
+class MaskBatch(NamedTuple):
+    """Pictures with their backgrounds (``data.scene_batches``): what the mask network trains on.
+
+    Attributes:
+      mask: 1 where the object is seen, 0 where it is not.
+    """
+
+    image: Annotated[Array, "B H W 3", "float"]
+    mask: Annotated[Array, "B H W", "float"]
+
+
 class PictureBatch(NamedTuple):
     """Pictures of records and what is coarse of them (``data.image_table``): what the image encoder
     and the structure VAE, which reads the occupancy alone, train on.

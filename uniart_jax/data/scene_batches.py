@@ -1,0 +1,95 @@
+"""Pictures with backgrounds and their masks, what the mask network trains on: the blocks of
+``data.layouts``, put in front of random backgrounds (``data.scenes``). No jax."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from uniart_jax.config import DataConfig, ModelConfig
+from uniart_jax.data.layouts import (
+    LayoutOrder,
+    LayoutSettings,
+    claim_folder,
+    drawn_item,
+    load_block,
+    settings_of,
+)
+from uniart_jax.data.order import Draw, local_rows
+from uniart_jax.data.scenes import Crop, scene
+from uniart_jax.data.stream import Batches
+from uniart_jax.voxels.typed_batches import MaskBatch
+
+OTHERS = 3  # objects that may stand behind another
+
+
+def scene_batches(
+    data: DataConfig,
+    model: ModelConfig,
+    batch_size: int,
+    *,
+    process_index: int = 0,
+    process_count: int = 1,
+    accumulate: int = 1,
+) -> Batches[MaskBatch]:
+    """Endless batches in the order of ``data.layouts``; each picture's background is drawn anew
+    whenever it is shown.
+
+    Raises:
+      ValueError: as ``data.layouts.layout_batches``.
+    """
+    if data.first_block < 0:
+        raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
+    settings = settings_of(data, model)
+    claim_folder(data.layouts, settings)
+    rows = local_rows(batch_size, process_index, process_count, accumulate)
+    load = functools.partial(
+        _load, data=data, settings=settings, rows=rows, size=model.mask.image_size
+    )
+    return Batches(LayoutOrder(batch_size, data.reuse), load, data.workers)
+
+
+def _load(
+    draw: Draw, *, data: DataConfig, settings: LayoutSettings, rows: np.ndarray, size: int
+) -> MaskBatch:
+    items = []
+    for row in rows:
+        place = int(draw.records[row])
+        table, item = drawn_item(place, data, settings)
+        items.append(_scene(np.random.default_rng([data.seed, 4, place]), table, item, size))
+    return MaskBatch(*(np.stack(field) for field in zip(*items, strict=True)))
+
+
+def _scene(
+    rng: np.random.Generator, table: dict[str, np.ndarray], item: int, size: int
+) -> MaskBatch:
+    """One item, its arrays without the axis B."""
+    images, masks = table["images"], table["masks"]
+
+    def crop(index: int) -> Crop:
+        view = int(rng.integers(images.shape[1]))
+        return images[index, view], masks[index, view]
+
+    others = [crop(int(other)) for other in rng.integers(len(images), size=OTHERS)]
+    image, mask = scene(rng, crop(item), others, size)
+    return MaskBatch(image.astype(np.float32) / 255, mask.astype(np.float32) / 255)
+
+
+def validation_scenes(data: DataConfig, model: ModelConfig, count: int) -> MaskBatch:
+    """The first ``count`` validation objects, each in front of a background of its own, as one
+    batch."""
+    settings = settings_of(data, model, validation=True)
+    folder = f"{data.layouts}-validation"
+    claim_folder(folder, settings)
+    items: list[MaskBatch] = []
+    number = 0
+    while len(items) < count:
+        table = load_block(folder, number, settings)
+        left = min(count - len(items), len(table["images"]))
+        items += [
+            _scene(np.random.default_rng([5, number, i]), table, i, model.mask.image_size)
+            for i in range(left)
+        ]
+        number += 1
+    return MaskBatch(*(np.stack(field) for field in zip(*items, strict=True)))

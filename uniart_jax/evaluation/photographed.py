@@ -1,0 +1,55 @@
+"""Renders as photographs: in front of a random background, and cut out of it again as a user's
+picture is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from uniart_jax.data.background import FindMask, cut_out
+from uniart_jax.data.images import crop
+from uniart_jax.data.scenes import scene
+from uniart_jax.evaluation.procedural import HeldOut
+from uniart_jax.evaluation.real import RealObject
+
+SIDE = 384  # pixels of a photograph
+CROP = 320  # of the object's crop before it is put there
+NEIGHBOURS = 3  # other objects that may stand behind
+
+
+def photograph(
+    tests: Sequence[HeldOut | RealObject], index: int, back: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Object ``index`` in front of a background, the same in every run: [S, S, 4] uint8, opaque,
+    and its true mask [S, S] uint8.
+
+    Args:
+      back: [S, S, 3] in [0, 1]; None: any of ``data.scenes``.
+    """
+    rows = [index, *((index + k) % len(tests) for k in range(1, 1 + NEIGHBOURS))]
+    crops = [_crop(tests[row].image) for row in rows]
+    rng = np.random.default_rng([index, 6])
+    picture, mask = scene(rng, crops[0], crops[1:], SIDE, whole=True, back=back)
+    return np.dstack([picture, np.full_like(mask, 255)]), mask
+
+
+def cut_again(
+    tests: Sequence[HeldOut | RealObject], index: int, network: FindMask | None
+) -> tuple[np.ndarray, float]:
+    """``photograph`` cut out as ``pipeline.sample`` would: [S, S, 4], and the overlap of its mask
+    with the true one."""
+    picture, mask = photograph(tests, index)
+    cut, _ = cut_out(picture, network=lambda: network)
+    return cut, overlap(cut[..., 3], mask)
+
+
+def overlap(found: np.ndarray, true: np.ndarray) -> float:
+    """Intersection over union of masks [H, W] uint8."""
+    found, true = found > 127, true > 127
+    return float((found & true).sum() / max((found | true).sum(), 1))
+
+
+def _crop(rgba: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    white = np.dstack([np.full_like(rgba[..., :3], 255), rgba[..., 3]])
+    return crop(rgba, CROP), crop(white, CROP)[..., 0]
