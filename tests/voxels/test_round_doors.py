@@ -5,6 +5,7 @@ import pytest
 from fields import AT, assert_same, block, box_of, copy_of, field_of, moved, place_of, solid_of
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels import round_doors as round_doors_module
 from uniart_jax.voxels.round_doors import round_doors, with_round_doors
 
 BODY = (34.3, 4.3, 4.3), (60.3, 60.3, 60.3)
@@ -55,6 +56,20 @@ def test_a_square_door_is_none_whatever_its_size_and_however_its_box_fits(half, 
     box = box_of(np.array(low) - loose, np.array(high) + loose)
     boxes = np.stack([box_of(*BODY), box])
     assert round_doors(field, boxes, (Joint.fixed(), hinge), [0]) == []
+
+
+@pytest.mark.parametrize(("share", "count"), [(0.6, 1), (0.7, 0)])
+def test_a_round_door_takes_much_of_the_width(monkeypatch, share, count):
+    """In a wide desk a small door whose corners are drawn badly is a square one."""
+    monkeypatch.setattr(round_doors_module, "SHARE", share)  # the toy grid has no room for a desk
+    half, middle = 18, np.array([33.3, 33.3])
+    low, high = (28.3, *(middle - half)), (33.3, *(middle + half))
+    corners = np.where(np.hypot(AT[1] - middle[0], AT[2] - middle[1]) > 1.05 * half, 4, 0)
+    body = np.maximum(block(*BODY), 1.5 - block(low, high))
+    field = field_of(body, block((low[0] + corners, *low[1:]), high))
+    hinge = Joint(place_of((29.0, middle[0] - half, 33.3)), (0, 0, 1), angle=(0, np.pi / 2))
+    boxes = np.stack([box_of(*BODY), box_of(np.array(low), np.array(high))])
+    assert len(round_doors(field, boxes, (Joint.fixed(), hinge), [0])) == count
 
 
 def test_what_is_no_square_plate_is_no_round_door():

@@ -23,6 +23,7 @@ from uniart_jax.voxels.ways import center_of
 SQUARE = 1.2  # ratio of a round door's sides at most
 THIN = 0.35  # of its width, that a door's box is thick at most
 WIDE = 0.15  # object units, that a door is wide at least
+SHARE = 0.4  # of the width of what does not move, that a door is wide at least
 RAGGED = 2  # sub-cells along a face's edges that are not looked at in its corners
 CORNER = 1.2  # radius, in half sides, from which on a column is a corner's
 RIM = (0.75, 1.0)  # farther from the middle than this along a side, and within this radius
@@ -73,7 +74,11 @@ def round_doors(
         if joint.type != "revolute" or part in body or not len(cells) or not len(still):
             continue
         turn = turn_of(cells, box, joint, size, True, center_of(still, size))
-        disc = None if turn is None or not turn.outside else _disc(part, cells, turn, size)
+        if turn is None or not turn.outside:
+            continue
+        beside = np.ptp(still[:, turn.along]) + 1
+        wide = turn.ends[1] - turn.ends[0] >= SHARE * beside
+        disc = _disc(part, cells, turn, size) if wide else None
         if disc is not None:
             found.append(disc)
     return found
