@@ -114,6 +114,42 @@ def test_command_writes_figures_and_pictures(tmp_path, tests):
         judging.evaluate_layout("nano", tmp_path / "more", count=3, pred=folder)
 
 
+class Box:
+    """A layout network that finds one part; ``seen``: the crops that it is shown."""
+
+    image_size, crop_margin = 64, 1.1
+
+    def __call__(self, crops):
+        self.seen = crops
+        one = {
+            "corners": np.array([[-0.5] * 3 + [0.5] * 3]), "codes": np.zeros((1, 9)),
+            "exists": np.ones(1), "colors": np.zeros((1, 3)), "parents": np.ones((1, 1)),
+            "camera": np.array([0, 1, 0.3, 1.2, 0.4, 0, 0]),
+        }  # fmt: skip
+        return [one for _ in crops]
+
+
+def test_objects_are_cut_out_of_backgrounds_again(tmp_path, monkeypatch):
+    masks = []
+
+    def find(rgba):
+        masks.append(np.zeros(rgba.shape[:2], np.uint8))
+        masks[-1][100:200, 100:200] = 255
+        return masks[-1]
+
+    monkeypatch.setattr(judging, "load_mask_predictor", lambda checkpoint: find)
+    monkeypatch.setattr("uniart_jax.data.background._installed", lambda *modules: False)
+    network = Box()
+    judging.evaluate_layout("nano", tmp_path, count=2, predictor=network, backgrounds=True)
+    kept = json.loads((tmp_path / "metrics.json").read_text())["settings"]
+    assert len(masks) == 2 and kept["backgrounds"] and 0 < kept["mask_overlap"] < 0.9
+    for crop in network.seen:  # a tenth of it is margin, all else the square that was found
+        seen = (crop.max(-1) > 16).mean()  # resampling leaves traces outside
+        assert seen == pytest.approx(1 / 1.21, abs=0.05)
+    with pytest.raises(ValueError, match="no --backgrounds with --pred"):
+        judging.evaluate_layout("nano", tmp_path, pred=tmp_path, backgrounds=True)
+
+
 def test_drawing_projects_as_networks_do(tests):
     from uniart_jax.nn.lifting import project as of_networks
 

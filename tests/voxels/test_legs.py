@@ -1,6 +1,7 @@
 """Legs become straight where they are torn; what leans, and what is no leg, stays."""
 
 import numpy as np
+import pytest
 from fields import AT, assert_same, block, copy_of, field_of, solid_of
 from scipy import ndimage
 
@@ -45,13 +46,57 @@ def test_torn_legs_become_whole():
     np.testing.assert_array_equal(after.sdf[high], rough.sdf[high])
 
 
-def test_nothing_is_taken_from_legs_that_lean_nor_boards_between_them():
+def test_legs_that_lean_and_boards_between_them_stay():
     for lean in (0.2, 0.4):
         board = block((12.3, 12.3, 20.3), (54.3, 54.3, 22.3))
         field = field_of(np.min([TOP, *legs(lean), board], 0), np.full(AT.shape[1:], 3.0))
         after = with_whole_legs(field, [0])
-        assert (solid_of(after, 0) >= solid_of(field, 0)).all()
         assert wrong(after, field) < 0.06 * (solid_of(field, 0) & (AT[2] < 44)).sum()
+        assert (solid_of(after, 0) >= (board < 0)).all()
+
+
+def test_legs_that_wobble_become_straight():
+    wave = 1.6 * np.sin(AT[2] / 2.5)
+    wobbling = [
+        block((x, y, 6.3), (x + 7, y + 7, 45), np.stack([AT[0] + wave, AT[1] - wave, AT[2]]))
+        for x in (10.3, 48.3) for y in (10.3, 48.3)
+    ]  # fmt: skip
+    straight = [block((x, y, 6.3), (x + 7, y + 7, 45)) for x in (10.3, 48.3) for y in (10.3, 48.3)]
+    around = np.full(AT.shape[1:], 3.0)
+    rough = field_of(np.min([TOP, *wobbling], 0), around)
+    ideal = field_of(np.min([TOP, *straight], 0), around)
+    after = with_whole_legs(rough, [0])
+    assert wrong(after, ideal) < 0.65 * wrong(rough, ideal)
+    low = solid_of(after, 0)[:, :, 8:43]  # one cross-section from the floor to the board
+    assert (low == low[:, :, :1]).mean() > 0.998
+
+
+@pytest.mark.parametrize(("power", "share"), [(2, np.pi / 4), (np.inf, 1.0)])
+def test_round_legs_stay_round_and_square_ones_square(power, share):
+    def leg(x, y, radius=5.2):
+        middle = np.stack([AT[0] - x, AT[1] - y])
+        return np.maximum(np.linalg.norm(middle, power, axis=0) - radius, np.abs(AT[2] - 25) - 20)
+
+    carried = np.min([leg(x, y) for x in (16.3, 50.3) for y in (16.3, 50.3)], 0)
+    field = field_of(np.minimum(TOP, carried), np.full(AT.shape[1:], 3.0))
+    after = with_whole_legs(field, [0])
+    for layers in (slice(6, 20), slice(20, 43)):
+        found = solid_of(after, 0)[:30, :30, layers].any(-1)
+        rows, columns = np.flatnonzero(found.any(1)), np.flatnonzero(found.any(0))
+        area = (np.ptp(rows) + 1) * (np.ptp(columns) + 1)
+        assert found.sum() / area == pytest.approx(share, abs=0.1)
+        assert found.sum() == pytest.approx(share * 10.4**2, rel=0.15)
+
+
+def test_a_panel_that_carries_is_no_leg():
+    wave = np.sin(AT[2] / 3)
+    panels = [
+        block((x, 10.3, 6.3), (x + 4, 56.3, 45), np.stack([AT[0] + wave, AT[1], AT[2]]))
+        for x in (10.3, 50.3)
+    ]
+    field = field_of(np.min([TOP, *panels], 0), np.full(AT.shape[1:], 3.0))
+    after = with_whole_legs(field, [0])
+    assert (solid_of(after, 0) >= solid_of(field, 0)).all()
 
 
 def test_a_cabinet_stays_as_it_is():

@@ -13,6 +13,7 @@ from __future__ import annotations
 import functools
 import io
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import scipy.fft
@@ -48,7 +49,7 @@ def scene(
     """
     back = backdrop(rng, size) if back is None else back
     if others and rng.random() < 0.35:
-        for other in others[: rng.integers(1, len(others) + 1)]:
+        for other in others[: int(rng.integers(1, len(others) + 1))]:
             back = _paste(back, *_placed(rng, other, size, BEHIND, beyond=0.6))
     scales, beyond = (WHOLE, 0.0) if whole else (SCALES, BEYOND)
     color, alpha = _placed(rng, crop, size, scales, beyond, still=whole)
@@ -110,7 +111,7 @@ def _noise(rng: np.random.Generator, size: int, exponent: float) -> Array:
     down, across = np.fft.fftfreq(size) * stretch, np.fft.rfftfreq(size) / stretch
     f = np.hypot(down[:, None], across[None]).astype(np.float32)
     f[0, 0] = 1
-    waves = scipy.fft.rfft2(rng.standard_normal((size, size), np.float32))
+    waves: Any = scipy.fft.rfft2(rng.standard_normal((size, size), np.float32))
     field = scipy.fft.irfft2(waves * f ** np.float32(-exponent), (size, size))
     field = (field - field.mean()) / (field.std() + 1e-9)
     palette = np.stack([_color(rng) for _ in range(3)])
@@ -169,14 +170,14 @@ def _room(rng: np.random.Generator, size: int) -> Array:
         board = (y < edge) & (y > edge - rng.uniform(0.01, 0.06))
         picture = np.where(board[..., None], _color(rng), picture)
     if rng.random() < 0.4:  # windows, pictures, shelves on the wall
-        picture = _drawn(rng, picture, rng.integers(1, 5), below=edge.mean())
+        picture = _drawn(rng, picture, int(rng.integers(1, 5)), below=edge.mean())
     return np.clip(picture, 0, 1)
 
 
 def _clutter(rng: np.random.Generator, size: int) -> Array:
     """Many things of any shape."""
     plain = _gradient(rng, size, 0.4) if rng.random() < 0.6 else _noise(rng, size, 1.2)
-    return _drawn(rng, plain, rng.integers(4, 24), below=1.0)
+    return _drawn(rng, plain, int(rng.integers(4, 24)), below=1.0)
 
 
 def _drawn(rng: np.random.Generator, picture: Array, count: int, below: float) -> Array:

@@ -162,6 +162,10 @@ def evaluate_layout(
         checkpoint's
         (``inference.layouts.LayoutPredictor``).
     """
+    if pred is not None and backgrounds:
+        raise ValueError(
+            "evaluate layout: it takes no --backgrounds with --pred, which looks at none"
+        )
     if pred is None and predictor is None:
         predictor = load_layout_predictor(checkpoint)
     size = getattr(predictor, "image_size", PICTURE_SIDE)
@@ -188,7 +192,10 @@ def evaluate_layout(
     seen = [test.image for test in tests]
     if backgrounds:
         network = load_mask_predictor(Checkpoint.find(checkpoint))
-        cut = [cut_again(tests, i, network) for i in track(range(len(tests)), "photographs")]
+        cut = [
+            cut_again(tests, i, network)
+            for i in track(range(len(tests)), "photographs", len(tests))
+        ]
         seen = [picture for picture, _ in cut]
         settings |= {"backgrounds": True, "mask_overlap": float(np.mean([o for _, o in cut]))}
     crops = [crop(picture, size, margin) for picture in seen]
