@@ -25,7 +25,8 @@ from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.evaluation.spread import joint_spread
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.pipeline import enable_compilation_cache, load
+from uniart_jax.pipeline import load
+from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 from uniart_jax.runtime.progress import track
 
 RESAMPLES = 2000

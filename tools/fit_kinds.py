@@ -40,8 +40,8 @@ from uniart_jax.data.layouts import (
 )
 from uniart_jax.inference.layouts import LayoutPredictor, load_layout_predictor
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.pipeline import enable_compilation_cache
 from uniart_jax.procedural import HELD_OUT_SEED
+from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 from uniart_jax.visual.render import sample_camera
 from uniart_jax.voxels import kind
 from uniart_jax.voxels.kind import MOVING, NAMELESS, WORDS, KindTable, features

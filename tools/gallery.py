@@ -22,7 +22,8 @@ from uniart_jax.evaluation.kept import claim
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.export.preview import BACKGROUND, GAP, INK, TILE
 from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.pipeline import Pipeline, enable_compilation_cache, load
+from uniart_jax.pipeline import Pipeline, load
+from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 from uniart_jax.simulation.refine import mend
 from uniart_jax.simulation.summary import is_plausible, stands, verdicts
 from uniart_jax.simulation.validate import validate

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack
@@ -22,11 +21,8 @@ import jax
 import numpy as np
 
 from uniart_jax.config import (
-    LATENT_OF,
     NETWORKS,
     Background,
-    Config,
-    GridConfig,
     LatentSampleConfig,
     SampleConfig,
     StructureSampleConfig,
@@ -34,31 +30,20 @@ from uniart_jax.config import (
 from uniart_jax.data.background import Way, cut_out
 from uniart_jax.data.images import crop, read_image
 from uniart_jax.export.picture_colors import Picture
-from uniart_jax.flow.solvers import Solution
 from uniart_jax.inference.layouts import LayoutPredictor
 from uniart_jax.inference.masks import MaskPredictor, load_mask_predictor
+from uniart_jax.inference.networks import Networks
 from uniart_jax.inference.samplers import (
-    flow_inputs,
     join_views,
-    make_conditioner,
-    make_latent_sampler,
-    make_structure_decoder,
-    make_structure_sampler,
-    pad_coords,
 )
 from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.models.gaussian_decoder import gaussian_parameters
-from uniart_jax.models.network import build
-from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
-from uniart_jax.voxels.grid import PartGrid, VoxelGrid, smoothed
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.kind import Kind, kind_of
 from uniart_jax.voxels.layout import THRESHOLD, Layout, read_layout
-from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table
-from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
+from uniart_jax.voxels.typed_batches import Condition
 
 
 class SamplingOptions(TypedDict, total=False):
@@ -98,38 +83,8 @@ class Sample:
         return kind_of(self.layout or Layout.of_object(self.obj))
 
 
-class Pipeline:
-    """A trained model.
-
-    Attributes:
-      config: of the checkpoint.
-      parameters: network name -> nested dict of float32 arrays.
-      statistics: "structure", "latent" -> (mean, std).
-      checkpoint: where the networks come from; optional ones are read from it when they are first
-        asked for.
-    """
-
-    def __init__(
-        self,
-        config: Config,
-        parameters: dict[str, Any],
-        statistics: dict[str, Any],
-        checkpoint: Checkpoint | None = None,
-    ):
-        self.config, self.parameters, self.statistics = config, parameters, statistics
-        self.checkpoint = checkpoint
-
-    @classmethod
-    def of(cls, checkpoint: Checkpoint, networks: Sequence[str] = NETWORKS) -> Pipeline:
-        """Some networks of a checkpoint, with the statistics of the latents that they sample.
-
-        Raises:
-          FileNotFoundError, ValueError: as ``Checkpoint.load`` and ``Checkpoint.statistics``.
-        """
-        parameters = {name: checkpoint.load(name) for name in networks}
-        latents = [LATENT_OF[name] for name in networks if name in LATENT_OF]
-        statistics = {latent: checkpoint.statistics(latent) for latent in latents}
-        return cls(checkpoint.config, parameters, statistics, checkpoint)
+class Pipeline(Networks):
+    """A trained model: its networks (``inference.networks``), and what they make of a picture."""
 
     def __repr__(self) -> str:
         names, where = ", ".join(self.parameters), "memory"
@@ -311,15 +266,6 @@ class Pipeline:
             return condition
         return condition._replace(layout=self._part_table(layouts, len(condition.tokens)))
 
-    def _part_table(self, layouts: Sequence[Layout | None], items: int) -> PartTable:
-        most = self.config.model.grid.max_parts
-        if len(layouts) != items:
-            raise ValueError(
-                f"layout: {len(layouts)} layouts of {items} images; give one each, or None"
-            )
-        rows = [EMPTY if item is None else item.rows(most) for item in layouts]
-        return part_table(rows, most)
-
     def _read_layout(self, cut_out: np.ndarray, threshold: float = THRESHOLD) -> Layout:
         predictor = self._layout_predictor
         picture = crop(cut_out, predictor.image_size, predictor.crop_margin)
@@ -380,250 +326,6 @@ class Pipeline:
             pixels = np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)])
         return cut_out(pixels, background, name, lambda: self.mask_predictor)
 
-    def encode_images(self, images: np.ndarray) -> Condition:
-        """[B, S, S, 3] in [0, 1] -> what the flows see of them."""
-        return self._encode_images(self.parameters["image_encoder"], images)
-
-    def sample_structure(
-        self, condition: Condition, key: jax.Array, options: StructureSampleConfig | None = None
-    ) -> list[np.ndarray]:
-        """Active voxels [V_i, 3] of each item (``active_voxels``)."""
-        latent = self.solve_structure(condition, key, options).x
-        return self.active_voxels(latent, condition, options)
-
-    def solve_structure(
-        self, condition: Condition, key: jax.Array, options: StructureSampleConfig | None = None
-    ) -> Solution:
-        """Structure latents [B, s, s, s, C] and what they cost."""
-        sampler = self._structure_sampler(options or self.config.sample_structure)
-        parameters = self.parameters["structure_flow"]
-        return sampler(parameters, self.statistics["structure"], condition, key)
-
-    def active_voxels(
-        self,
-        latent: jax.Array,
-        condition: Condition,
-        options: StructureSampleConfig | None = None,
-    ) -> list[np.ndarray]:
-        """Structure latents, and the condition that they were sampled with -> active voxels [V_i,
-        3] of each item; at most as many as the largest bucket holds, the most certain first."""
-        options = options or self.config.sample_structure
-        parameters = (self.parameters[name] for name in ("structure_vae", "structure_flow"))
-        logits = np.asarray(self._decode_structure(*parameters, latent, condition))
-        most = max(self.config.data.voxel_buckets)
-        found = []
-        for item in logits - options.threshold:
-            if (item > 0).sum() > most:
-                item = np.where(item >= np.partition(item, -most, axis=None)[-most], item, -1.0)
-            found.append(np.argwhere(item > 0).astype(np.int32)[:most])
-        return found
-
-    def sample_latents(
-        self,
-        coords: Sequence[np.ndarray],
-        condition: Condition,
-        key: jax.Array,
-        options: SampleConfig | None = None,
-    ) -> list[np.ndarray]:
-        """UniArt latents [V_i, C] on the active voxels of each item."""
-        latent = np.asarray(self.solve_latents(coords, condition, key, options).x)
-        return [row[: len(voxels)] for row, voxels in zip(latent, coords, strict=True)]
-
-    def solve_latents(
-        self,
-        coords: Sequence[np.ndarray],
-        condition: Condition,
-        key: jax.Array,
-        options: SampleConfig | None = None,
-    ) -> Solution:
-        """UniArt latents [B, V, C] on the active voxels of each item, padded, and what they
-        cost."""
-        padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
-        voxels = flow_inputs(padded, counts, self.config.model)
-        sampler = self._latent_sampler(options or self.config.sample_latent)
-        parameters = self.parameters["latent_flow"]
-        return sampler(parameters, self.statistics["latent"], condition, key, voxels)
-
-    def encode_voxels(
-        self,
-        grid: PartGrid,
-        visual: np.ndarray | None = None,
-        part_feature: np.ndarray | None = None,
-    ) -> np.ndarray:
-        """UniArt latent mean [V, C] of a true grid.
-
-        Args:
-          visual, part_feature: [V, F], [V, P] features of its voxels, where the model reads them
-            (``data.columns``).
-
-        Raises:
-          ValueError: the grid has more parts than the model holds, or features are missing or of
-            another shape.
-        """
-        model = self.config.model
-        given = {"visual": visual, "part_feature": part_feature}
-        features: dict[str, np.ndarray] = {}
-        for name, channels in model.uniart_vae.feature_channels.items():
-            values = given[name]
-            if values is None or values.shape != (len(grid.coords), channels):
-                got = "none" if values is None else list(values.shape)
-                raise ValueError(
-                    f"voxels: this model reads {name} [{len(grid.coords)}, {channels}] with them, "
-                    f"got {got}"
-                )
-            features[name] = values
-        coords, counts = pad_coords([grid.coords], self.config.data.voxel_buckets)
-        width, count, parts_held = coords.shape[1], counts[0], model.grid.max_parts
-        if (parts := len(grid.boxes)) > parts_held:
-            raise ValueError(f"voxels: {parts} parts, the model holds {parts_held}")
-
-        def pad(values, rows, dtype):
-            return np.concatenate([values, np.zeros((rows - len(values), *values.shape[1:]))])[
-                None
-            ].astype(dtype)
-
-        voxel_part = pad(grid.voxel_part, width, "i4")
-        padded: dict[str, Any] = {n: pad(values, width, "f4") for n, values in features.items()}
-        plans = voxel_plans(
-            coords, counts, model.uniart_vae, model.grid, voxel_part=voxel_part, fitted=True
-        )
-        batch = VoxelBatch(
-            coords,
-            counts,
-            voxel_part,
-            sdf=pad(grid.sdf, width, "f4"),
-            color=pad(grid.color, width, "f4"),
-            owner=pad(grid.owner, width, "i4"),
-            boxes=pad(grid.boxes, parts_held, "f4"),
-            codes=pad(grid.codes, parts_held, "f4"),
-            parents=pad(grid.parents, parts_held, "i4"),
-            plans=plans,
-            **padded,
-        )
-        return np.asarray(self._encode_voxels(self.parameters["uniart_vae"], batch))[0, :count]
-
-    def decode(
-        self,
-        coords: Sequence[np.ndarray],
-        latents: Sequence[np.ndarray],
-        layouts: Sequence[Layout | None] = (),
-    ) -> list[VoxelGrid]:
-        """Latents [V_i, C] on voxels [V_i, 3] -> voxel grids.
-
-        Args:
-          layouts: of the items, for a decoder that sees them (``UniArtVAEConfig.layout_channels``);
-            none are known without.
-        """
-        latent, batch = self._padded(coords, latents)
-        if self.config.model.uniart_vae.layout_channels:
-            table = self._part_table(list(layouts) or [None] * len(coords), len(coords))
-            batch = batch._replace(layout=table)
-        out = jax.device_get(self._decode_voxels(self.parameters["uniart_vae"], latent, batch))
-        grid, kept = self.config.model.grid, zip(batch.coords, batch.counts, strict=True)
-        return [voxel_grid(out, b, voxels[:count], grid) for b, (voxels, count) in enumerate(kept)]
-
-    def gaussians(
-        self, coords: Sequence[np.ndarray], latents: Sequence[np.ndarray]
-    ) -> list[dict[str, np.ndarray]]:
-        """Latents [V_i, C] on voxels [V_i, 3] -> raw 3D Gaussians of each item
-        (``models.gaussian_decoder.gaussian_parameters``).
-
-        Raises:
-          FileNotFoundError: the checkpoint has no Gaussian decoder.
-          ValueError: its file is truncated, of another config or not finite.
-        """
-        if "gaussian_decoder" not in self.parameters:
-            if self.checkpoint is None or not self.checkpoint.has("gaussian_decoder"):
-                where = self.checkpoint.folder if self.checkpoint else "in memory"
-                raise FileNotFoundError(
-                    f"checkpoint {where}: no gaussian_decoder.safetensors; only checkpoints "
-                    "converted from TRELLIS have one"
-                )
-            self.parameters["gaussian_decoder"] = self.checkpoint.load("gaussian_decoder")
-        latent, batch = self._padded(coords, latents)
-        out = jax.device_get(
-            self._decode_gaussians(self.parameters["gaussian_decoder"], latent, batch)
-        )
-        each = self.config.model.gaussians.num_gaussians
-        return [
-            {name: values[b, : count * each] for name, values in out.items()}
-            for b, count in enumerate(batch.counts)
-        ]
-
-    def _padded(
-        self, coords: Sequence[np.ndarray], latents: Sequence[np.ndarray]
-    ) -> tuple[np.ndarray, VoxelBatch]:
-        """Latents [B, V, C] and the batch that the voxel decoders read."""
-        model = self.config.model
-        padded, counts = pad_coords(coords, self.config.data.voxel_buckets)
-        latent = np.zeros((*padded.shape[:2], model.uniart_vae.latent_channels), np.float32)
-        for b, values in enumerate(latents):
-            latent[b, : len(values)] = values
-        plans = voxel_plans(padded, counts, model.uniart_vae, model.grid, fitted=True)
-        return latent, VoxelBatch(padded, counts, plans=plans)
-
-    def decode_sampled(
-        self,
-        coords: np.ndarray,
-        latent: np.ndarray,
-        options: LatentSampleConfig | None = None,
-        layout: Layout | None = None,
-    ) -> VoxelGrid:
-        """One item of ``decode``, thickened and smoothed as ``sample_latent`` says
-        (``voxels.grid.smoothed``)."""
-        options = options or self.config.sample_latent
-        grid = self.decode([coords], [latent], [layout])[0]
-        return smoothed(grid, options.sdf_offset, options.sdf_blur, options.sdf_blur_along)
-
-    @functools.cached_property
-    def _encode_images(self):
-        return make_conditioner(self.config.model)
-
-    @functools.cached_property
-    def _decode_structure(self):
-        return make_structure_decoder(self.config.model)
-
-    @functools.cached_property
-    def _decode_voxels(self):
-        return jax.jit(
-            functools.partial(build("uniart_vae", self.config.model).apply, method="decode")
-        )
-
-    @functools.cached_property
-    def _decode_gaussians(self):
-        model = self.config.model
-        network = build("gaussian_decoder", model)
-
-        @jax.jit
-        def run(params, latent, batch):
-            raw = network.apply(params, latent, batch)
-            return gaussian_parameters(raw, batch.coords, model.gaussians, model.grid.resolution)
-
-        return run
-
-    @functools.cached_property
-    def _encode_voxels(self):
-        network = build("uniart_vae", self.config.model)
-        return jax.jit(lambda params, batch: network.apply(params, batch, method="encode")["mean"])
-
-    @functools.lru_cache(maxsize=4)  # noqa: B019  one pipeline lives as long as the program
-    def _structure_sampler(self, options: SampleConfig):
-        return make_structure_sampler(self.config.model, options)
-
-    @functools.lru_cache(maxsize=4)  # noqa: B019
-    def _latent_sampler(self, options: SampleConfig):
-        return make_latent_sampler(self.config.model, options)
-
-
-def voxel_grid(
-    decoded: dict[str, np.ndarray], item: int, coords: np.ndarray, grid: GridConfig
-) -> VoxelGrid:
-    """One item of what the UniArt VAE decodes (padded arrays, on the host), on its voxels [V,
-    3]."""
-    names = ("sdf", "color", "own_box", "joint_code", "parent_box")
-    values = (decoded[name][item, : len(coords)] for name in names)
-    return VoxelGrid(grid.resolution, grid.subdivisions, coords, *values)
-
 
 def load(checkpoint: str | Path = "nano") -> Pipeline:
     """A model by name (shipped: "nano"), export folder, training WORKDIR, or ``hf:ORG/NAME``.
@@ -639,12 +341,3 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
             "that write them, or convert them too"
         )
     return Pipeline.of(found)
-
-
-def enable_compilation_cache() -> None:
-    """Keep compiled programs between runs, in the user's cache folder; programs call this, the
-    library does not."""
-    if jax.config.jax_compilation_cache_dir is None:
-        base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
-        jax.config.update("jax_compilation_cache_dir", str(base / "uniart_jax" / "xla"))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)

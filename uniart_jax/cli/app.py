@@ -16,7 +16,7 @@ def app(checkpoint: str = "nano", port: int = 7860, browser: bool = True) -> Non
         browser: Open the page in a browser.
     """
     from uniart_jax.app.serve import start
-    from uniart_jax.pipeline import enable_compilation_cache
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
     enable_compilation_cache()
     with working(messages(), "loading the model"):

@@ -227,8 +227,8 @@ def features(
     part = shard_numbers(shard)
     if weights is None and part_features is None and export_points is None:
         raise ValueError("features: give --weights, --part-features or --export-points")
-    from uniart_jax.pipeline import enable_compilation_cache
     from uniart_jax.precompute import features as columns
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
     if export_points is not None:
         columns.export_points(records, export_points, part=part)

@@ -147,7 +147,7 @@ def evaluate(
             )
         from uniart_jax.evaluation.baselines import evaluate_baselines
         from uniart_jax.evaluation.library import find_assets
-        from uniart_jax.pipeline import enable_compilation_cache
+        from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
         assets = []
         if library is not None:
@@ -194,7 +194,7 @@ def evaluate(
         evaluate_assets(root, out, count=count, processes=workers, allow_outside=allow_outside)
         return
     from uniart_jax.evaluation import procedural
-    from uniart_jax.pipeline import enable_compilation_cache
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
     enable_compilation_cache()
     share: dict[str, Any] = {

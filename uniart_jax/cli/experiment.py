@@ -35,7 +35,7 @@ def experiment(
     """
     from uniart_jax.experiments.design import find_experiment, folder_name, load_experiment
     from uniart_jax.experiments.run import run_experiment
-    from uniart_jax.pipeline import enable_compilation_cache
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
     for option, value in (("seeds", seeds), ("count", count)):
         if value is not None and value < 1:

@@ -55,7 +55,7 @@ def layout(
     ]
     check_target(out, overwrite, images, MARKS)
     from uniart_jax.inference.layouts import load_layout_predictor
-    from uniart_jax.pipeline import enable_compilation_cache
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
     from uniart_jax.visual.layout_picture import draw_layout
     from uniart_jax.voxels.layout import read_layout
 

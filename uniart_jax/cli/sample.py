@@ -149,7 +149,8 @@ def sample(
     folders = sample_folders(images, out, num_samples, multi_view)
     for folder in folders.values():
         check_out(folder, overwrite, images)
-    from uniart_jax.pipeline import enable_compilation_cache, load
+    from uniart_jax.pipeline import load
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
     from uniart_jax.simulation.refine import mend
 
     changes = {

@@ -84,7 +84,7 @@ def train(arguments: list[str], prog: str = "train.py") -> None:
     rest += ["--help"] if fields else []
     default = load_config(known.config)
     config = tyro.cli(Config, default=default, args=rest, prog=f"{prog} --config …")
-    from uniart_jax.pipeline import enable_compilation_cache
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
     from uniart_jax.stages import Trainer
     from uniart_jax.training import distributed
 

@@ -93,7 +93,7 @@ def load_family(name: str, module: str) -> ModuleType:
     if jax := sys.modules.get("jax"):
         if multiprocessing.parent_process() is not None:
             jax.config.update("jax_platforms", "cpu")
-        from uniart_jax.pipeline import enable_compilation_cache
+        from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
         enable_compilation_cache()
     return found

@@ -30,7 +30,8 @@ from uniart_jax.export.frames import joint_name, moves
 from uniart_jax.export.naming import named
 from uniart_jax.objects.load import load_object
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.pipeline import enable_compilation_cache, load
+from uniart_jax.pipeline import load
+from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 from uniart_jax.runtime.progress import messages, track
 from uniart_jax.simulation.primitives import REACH
 from uniart_jax.simulation.refine import mend

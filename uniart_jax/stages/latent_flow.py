@@ -13,10 +13,10 @@ from uniart_jax.config import LATENT_OF, Config
 from uniart_jax.data.latents import LatentSource
 from uniart_jax.data.order import spread
 from uniart_jax.data.records import Record, RecordSource, decode_color
-from uniart_jax.inference.samplers import make_latent_sampler
+from uniart_jax.inference.networks import voxel_grid
+from uniart_jax.inference.samplers import flow_inputs, make_latent_sampler, pad_coords
 from uniart_jax.models.network import Network, build
 from uniart_jax.nn.voxel_plans import voxel_plans
-from uniart_jax.pipeline import flow_inputs, pad_coords, voxel_grid
 from uniart_jax.precompute.encoding import latent_metric
 from uniart_jax.stages.flows import FlowStage, condition_of_items, item_tables, load_conditioner
 from uniart_jax.stages.pictures import OBJECTS, PICTURES, beside, solid, sub_cells
