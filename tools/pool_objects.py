@@ -24,6 +24,8 @@ WAITING = 200  # files that may wait before a process rests
 NEWER = 1.5  # ages are drawn as u^NEWER of the pool's, so newer objects more often
 JUDGED, JUDGED_ROWS = 8, 24  # files that are held back until they are judged, objects of each
 
+READ = (*(name for name in COLUMNS if name != "masks"), "voxels")  # columns that are trained on
+
 Rows = dict[str, np.ndarray]
 
 
@@ -50,7 +52,7 @@ def make_files(worker: int, workers: int, first: int, folder: str, size: int, si
         if rows:
             partial = Path(folder, f".{number}.part")
             with partial.open("wb") as file:
-                np.savez(file, **{k: np.stack([r[k] for r in rows]) for k in (*COLUMNS, "voxels")})
+                np.savez(file, **{k: np.stack([r[k] for r in rows]) for k in READ})
             partial.rename(Path(folder, f"{number:07d}.npz"))
 
 
