@@ -59,6 +59,15 @@ def test_the_tip_of_a_long_arm_is_not_missed():
         assert turned(arm, turn.motion(q)).min_gap(left, 1.0) >= 0.29, q
 
 
+def test_a_turn_cuts_what_is_too_near_along_its_axis():
+    mover = block([2, -1.5, 2], [25, 1.5, 6])
+    plates = block([-30, -30, 0], [30, 30, 1.8]) + block([-30, -30, 6.2], [30, 30, 8])
+    left = without_path(plates, mover, TURN, 0.3)
+    assert 0 < left.volume() < plates.volume()
+    for q in np.linspace(0, 1.5, 11):
+        assert turned(mover, TURN.motion(q)).min_gap(left, 1.0) >= 0.29, q
+
+
 def test_nothing_is_cut_where_a_turn_does_not_come_near():
     solid = block([-30, -30, 0], [30, -1, 8])
     mover = block([2, 0, 2], [25, 1.5, 20])

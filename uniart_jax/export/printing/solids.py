@@ -171,6 +171,9 @@ def without_path(solid: Manifold, mover: Manifold, joint: Joint, by: float) -> M
     for low, high in _layers(points[:, 2]):
         if low > hi[2] + by or high < lo[2] - by:
             continue
+        reach = 1.51 * by  # of ``_meetings``' last look; what is farther along the axis is not met
+        band = block_.trim_by_plane((0, 0, 1), low - reach)
+        band = band.trim_by_plane((0, 0, -1), -high - reach)
         inner, outer = 0.0, 8.0
         while inner < out:
             if outer < near:
@@ -181,7 +184,7 @@ def without_path(solid: Manifold, mover: Manifold, joint: Joint, by: float) -> M
                 shell -= rod(0.95 * inner, low - 1, high + 1)
             ring = moving ^ shell
             all_round = joint.type == "continuous"
-            states = _meetings(block_, ring, joint.limits, by, min(outer, out), all_round)
+            states = _meetings(band, ring, joint.limits, by, min(outer, out), all_round)
             if len(states):
                 path = _path(ring, states, all_round)
                 path = path.offset(1.15 * by, JoinType.Square).simplify(TRIFLE)
@@ -244,9 +247,13 @@ def _path(ring: Manifold, states: Sequence[float], all_round: bool) -> CrossSect
             if not hole.is_empty()
             else around - CrossSection.circle(_least_radius(outline), SEGMENTS)
         )
-    return CrossSection.batch_boolean(
-        [outline.rotate(float(np.rad2deg(q))) for q in states], OpType.Add
-    )
+    passed = [outline.rotate(float(np.rad2deg(q))) for q in states]
+    while len(passed) > 1:  # a few at a time: of many at once Clipper finds every crossing
+        passed = [
+            CrossSection.batch_boolean(passed[i : i + 8], OpType.Add)
+            for i in range(0, len(passed), 8)
+        ]
+    return passed[0]
 
 
 def _least_radius(outline: CrossSection) -> float:
