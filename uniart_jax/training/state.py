@@ -244,7 +244,8 @@ def create_state(
     init = functools.partial(_fresh, network_init, optimizer)
     shardings = None if mesh is None else state_sharding(mesh, jax.eval_shape(init, key))
     # LLVM takes 20 seconds to make fast what runs once for a moment
-    quick = {"xla_backend_optimization_level": 1} if jax.default_backend() == "cpu" else None
+    slow = jax.default_backend() == "cpu" and not jax.config.read("jax_disable_most_optimizations")
+    quick = {"xla_backend_optimization_level": 1} if slow else None
     return jax.jit(init, out_shardings=shardings, compiler_options=quick)(key)
 
 
