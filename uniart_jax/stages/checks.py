@@ -20,6 +20,7 @@ from uniart_jax.stages.stage import Stage
 from uniart_jax.training import distributed
 from uniart_jax.training.state import frozen_mask
 
+OBJECTS_A_WORKER = 8  # at least: starting one takes as long as a few objects
 COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
 console = messages()
 
@@ -141,7 +142,6 @@ def ensure_records(config: Config, training: bool = True) -> None:
         "grid": GridConfig(grid.resolution, grid.subdivisions),
         "image_size": config.model.image_encoder.image_size,
         "views": data.views,
-        "processes": os.cpu_count() or 1,
     }
     families = WORLDS[data.world]
     for folder, count, seed in (
@@ -170,7 +170,9 @@ def ensure_records(config: Config, training: bool = True) -> None:
                 )
         else:
             console.print(f"preparing {count} procedural objects in {folder}")
-            prepare_procedural(Path(folder), count, start_seed=seed, families=families, **options)
+            drawn = {"start_seed": seed, "families": families}
+            processes = min(os.cpu_count() or 1, -(-count // OBJECTS_A_WORKER))
+            prepare_procedural(Path(folder), count, **drawn, processes=processes, **options)
 
 
 def prepared_objects(folder: Path) -> int:
