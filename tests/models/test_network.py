@@ -50,3 +50,14 @@ def test_bfloat16_keeps_parameters_and_results_in_float32():
             assert np.abs(np.asarray(x) - np.asarray(y, np.float32)).mean() < 0.1 * scale
         if name == "structure_flow":
             assert b.dtype == jnp.float32
+
+
+def test_equal_configs_give_one_network_and_lists_in_them_are_no_error():
+    vae = dataclasses.replace(MODEL.structure_vae, channels=tuple(MODEL.structure_vae.channels))
+    equal = dataclasses.replace(MODEL, structure_vae=vae)
+    assert equal is not MODEL
+    assert build("structure_vae", equal) is build("structure_vae", MODEL)
+    assert build("uniart_vae", MODEL) is not build("structure_vae", MODEL)
+    wider = dataclasses.replace(vae, channels=[6, 10])
+    other = build("structure_vae", dataclasses.replace(MODEL, structure_vae=wider))
+    assert str(other) != str(build("structure_vae", MODEL))

@@ -87,11 +87,19 @@ class Network:
 
 def build(name: str, config: ModelConfig) -> Network:
     """A network by name: one of ``config.NETWORKS``, or 'gaussian_decoder', TRELLIS's optional
-    head.
+    head. Equal configs give one network, whose structure is traced once.
 
     Raises:
       ValueError: the name is none of these.
     """
+    try:
+        return _built(name, config)
+    except TypeError:  # a list in the config
+        return _built.__wrapped__(name, config)
+
+
+@functools.lru_cache(maxsize=32)
+def _built(name: str, config: ModelConfig) -> Network:
     modules = {**MODULES, "image_encoder": IMAGE_ENCODERS[config.image_encoder.architecture]}
     if name not in modules:
         raise ValueError(f"network {name!r} is unknown; choose one of {', '.join(NETWORKS)}")
