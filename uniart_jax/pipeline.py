@@ -90,7 +90,8 @@ class Pipeline(Networks):
         names, where = ", ".join(self.parameters), "memory"
         if self.checkpoint is not None:
             where = self.checkpoint.folder
-            names += ", and a layout network" if self.checkpoint.has("layout") else ""
+            more = [name for name in ("layout", "mask") if self.checkpoint.has(name)]
+            names += f"; beside them {', '.join(more)}" if more else ""
         count = sum(leaf.size for leaf in jax.tree.leaves(self.parameters))
         side, cells = self.config.model.grid.resolution, self.config.model.grid.subdivisions
         return (

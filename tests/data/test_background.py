@@ -192,9 +192,24 @@ def test_the_mask_network_comes_before_grabcut_and_is_loaded_only_where_needed(m
 
     cut, way = cut_out(picture, network=network)
     assert way == "network" and ((cut[..., 3] > 0) == box).all() and asked == [1]
-    for other in (plain(), see_through()):
-        assert cut_out(other, network=network)[1] != "network"
+    assert cut_out(see_through(), network=network)[1] == "alpha"
     assert cut_out(picture, "keep", network=network)[1] == "none" and asked == [1]
+
+
+def test_a_plain_background_is_cut_away_where_the_network_agrees():
+    """A shadow is no object, and an object may have the background's colour in places."""
+    picture = plain()
+    exact = cut_out(picture)[0][..., 3]
+    near = exact.copy()
+    near[10] = 0  # 19 of 20 rows
+    for mask, said in ((exact, "plain"), (near, "plain"), (None, "plain"), (exact // 3, "network")):
+        cut, way = cut_out(picture, network=lambda mask=mask: lambda rgba: mask)
+        assert way == said
+        if way == "plain":
+            np.testing.assert_array_equal(cut[..., 3], exact)
+    half = np.where(np.arange(60) < 30, exact, 0).astype(np.uint8)
+    cut, way = cut_out(picture, network=lambda: lambda rgba: half)
+    assert way == "network" and (cut[..., 3] == half).all()
 
 
 def test_where_the_network_finds_nothing_grabcut_tries(monkeypatch):

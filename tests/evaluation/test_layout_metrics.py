@@ -142,7 +142,9 @@ def test_objects_are_cut_out_of_backgrounds_again(tmp_path, monkeypatch):
     network = Box()
     judging.evaluate_layout("nano", tmp_path, count=2, predictor=network, backgrounds=True)
     kept = json.loads((tmp_path / "metrics.json").read_text())["settings"]
-    assert len(masks) == 2 and kept["backgrounds"] and 0 < kept["mask_overlap"] < 0.9
+    assert (
+        len(masks) == 2 and kept["backgrounds"] == {"network": 2} and 0 < kept["mask_overlap"] < 0.9
+    )
     for crop in network.seen:  # a tenth of it is margin, all else the square that was found
         seen = (crop.max(-1) > 16).mean()  # resampling leaves traces outside
         assert seen == pytest.approx(1 / 1.21, abs=0.05)

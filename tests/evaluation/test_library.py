@@ -105,7 +105,8 @@ def test_the_asset_whose_picture_was_shown_is_found(root, tmp_path, messages):
     class Pictures:
         grid, encoder = GridConfig(16, 2, max_parts=16), ImageEncoderConfig(image_size=SIZE)
         config = Config(model=ModelConfig(grid=grid, image_encoder=encoder))
-        prepare, _crop, _cut_out = Pipeline.prepare, Pipeline._crop, staticmethod(Pipeline._cut_out)
+        prepare, _crop, cut_out = Pipeline.prepare, Pipeline._crop, Pipeline.cut_out
+        mask_predictor = None
 
         def encode_images(self, images):
             tokens = images.reshape(len(images), SIZE, -1) - 0.5

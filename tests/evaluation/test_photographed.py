@@ -29,13 +29,17 @@ def test_a_photograph_is_opaque_and_its_mask_is_the_objects(tests):
 def test_what_the_network_finds_is_what_is_cut_out(tests, monkeypatch):
     monkeypatch.setattr(background, "_installed", lambda *modules: False)
     picture, mask = photograph(tests, 0)
-    cut, score = cut_again(tests, 0, lambda rgba: mask)
-    assert score > 0.99 and (cut[..., :3] == picture[..., :3]).all()
+    cut, score, way = cut_again(tests, 0, lambda rgba: mask)
+    assert way == "network" and score > 0.99 and (cut[..., :3] == picture[..., :3]).all()
     half = np.where(np.arange(SIDE)[:, None] < SIDE // 2, mask, 0).astype(np.uint8)
     assert cut_again(tests, 0, lambda rgba: half)[1] < 0.8
     with pytest.warns(UserWarning, match="the whole image"):
-        whole, score = cut_again(tests, 0, None)
-    assert score == pytest.approx((mask > 127).mean()) and (whole[..., 3] == 255).all()
+        whole, score, way = cut_again(tests, 0, None)
+    assert (
+        way == "none"
+        and score == pytest.approx((mask > 127).mean())
+        and (whole[..., 3] == 255).all()
+    )
 
 
 def test_overlap_of_masks():

@@ -119,3 +119,65 @@ def test_what_moves_between_legs_is_no_bodys():
     assert not (new & ndimage.binary_dilation(solid_of(field, 1))).any()
     alone = field_of(np.minimum(TOP, carried))
     assert (solid_of(with_whole_legs(alone, [0]), 0) & hole).any()
+
+
+def other_legs(shape):
+    """A table whose legs have another cross-section: distances [X, Y, Z] of one at (x, y)."""
+    carried = np.min([shape(x, y) for x in (10.3, 46.3) for y in (10.3, 46.3)], 0)
+    return field_of(np.minimum(TOP, carried), np.full(AT.shape[1:], 3.0))
+
+
+def test_profiles_and_tubes_stay_what_they_are():
+    def profile(x, y):
+        return np.minimum(
+            block((x, y, 6.3), (x + 12, y + 4, 45)), block((x, y, 6.3), (x + 4, y + 12, 45))
+        )
+
+    def tube(x, y):
+        return np.maximum(
+            block((x, y, 6.3), (x + 12, y + 12, 45)),
+            -block((x + 2, y + 2, 0), (x + 10, y + 10, 50)),
+        )
+
+    for shape in (profile, tube):
+        field = other_legs(shape)
+        after = with_whole_legs(field, [0])
+        assert wrong(after, field) < 0.02 * (solid_of(field, 0) & (AT[2] < 44)).sum()
+
+
+def test_feet_brackets_and_short_legs_stay():
+    def foot(x, y):
+        return np.minimum(
+            block((x, y, 6.3), (x + 6, y + 6, 45)), block((x - 4, y - 4, 6.3), (x + 10, y + 10, 9))
+        )
+
+    def bracket(x, y):
+        return np.minimum(
+            block((x, y, 6.3), (x + 6, y + 6, 45)), block((x, y, 26), (x + 14, y + 6, 30))
+        )
+
+    for shape in (foot, bracket):
+        field = other_legs(shape)
+        after = with_whole_legs(field, [0])
+        assert (solid_of(after, 0) >= solid_of(field, 0)).mean() > 0.9995
+        assert wrong(after, field) < 0.03 * (solid_of(field, 0) & (AT[2] < 44)).sum()
+    hanging = block((26.3, 26.3, 18.3), (32.3, 32.3, 45))  # a box under the board, above the floor
+    field = field_of(np.min([TOP, *legs(), hanging], 0), np.full(AT.shape[1:], 3.0))
+    new = solid_of(with_whole_legs(field, [0]), 0) & ~solid_of(field, 0)
+    assert not new[26:33, 26:33, :15].any()
+
+
+def test_feet_stay_flat_and_the_board_does_not_dent():
+    field = table()
+    after = with_whole_legs(field, [0])
+    assert np.abs(after.sdf).max() <= max(3.0, np.abs(field.sdf).max())
+    for x, y in ((11, 11), (13, 13), (15, 12)):  # where the surface crosses, along a leg's axis
+        column = after.sdf[x, y]
+        low = int(np.argmax(column < 0))
+        height = low - 0.5 + column[low - 1] / (column[low - 1] - column[low])
+        flat = field.sdf[x, y]
+        expected = low - 0.5 + flat[low - 1] / (flat[low - 1] - flat[low])
+        assert height == pytest.approx(expected, abs=0.15)
+    under = (AT[2] > 43) & (AT[2] < 45)
+    outside = under & (np.min(legs(), 0) > 0.5)
+    assert np.abs(after.sdf - field.sdf)[outside].max() < 0.3

@@ -71,8 +71,8 @@ CutOut = Annotated[
     Background,
     tyro.conf.arg(
         help="How the object is cut out. auto: alpha, else a plain background, else rembg where "
-        "installed, else GrabCut (pip install 'uniart_jax[photo]'). keep: nothing is cut "
-        "away. rembg: by rembg."
+        "installed (pip install 'uniart_jax[photo]'), else the checkpoint's mask network, else "
+        "GrabCut. keep: nothing is cut away. rembg: by rembg."
     ),
 ]
 Stand = Annotated[

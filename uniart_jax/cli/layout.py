@@ -47,19 +47,19 @@ def layout(
     from uniart_jax.export.folder import check_target, complete_folder
     from uniart_jax.inference.masks import load_mask_predictor
     from uniart_jax.models.checkpoint import Checkpoint
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
+    check_target(out, overwrite, images, MARKS)
+    enable_compilation_cache()
     found = Checkpoint.find(checkpoint)
     network = functools.cache(lambda: load_mask_predictor(found))
     pictures = [
         cut_out(read_image(path), background, f"image '{path}'", network)[0] for path in images
     ]
-    check_target(out, overwrite, images, MARKS)
     from uniart_jax.inference.layouts import load_layout_predictor
-    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
     from uniart_jax.visual.layout_picture import draw_layout
     from uniart_jax.voxels.layout import read_layout
 
-    enable_compilation_cache()
     console = messages()
     with console.status("finding the parts"):
         predictor = load_layout_predictor(checkpoint)

@@ -3,8 +3,9 @@
     alpha -> a plain background -> rembg, where installed -> the checkpoint's mask network
     -> GrabCut, where OpenCV is installed
 
-rembg (a network, downloaded by rembg itself) and OpenCV come with ``pip install
-'uniart_jax[photo]'``. The mask network: ``inference.masks``. GrabCut is Rother et al., "GrabCut",
+What a plain background leaves is taken where the mask network, if there is one, finds about the
+same; else the network's mask is. rembg (a network, downloaded by rembg itself) and OpenCV come with
+``pip install 'uniart_jax[photo]'``. The mask network: ``inference.masks``. GrabCut is Rother et al., "GrabCut",
 SIGGRAPH 2004.
 """
 
@@ -28,6 +29,7 @@ FindMask = Callable[[np.ndarray], np.ndarray | None]  # [H, W, 4] uint8 -> [H, W
 REMBG_MODEL = "u2net"  # Apache-2.0, as rembg is MIT; its newest default is not for every use
 GRABCUT_SIDE = 384  # pixels; a larger picture is cut at this size
 GRABCUT_ROUNDS = 5
+AGREED = 0.9  # overlap from which on a plain background's cut stands (``_agree``)
 MASK_SIDE = 256  # pixels of a mask that is written down
 _MISSING = "needs rembg: pip install 'uniart_jax[photo]'"
 _LEAST, _MOST = 0.01, 0.98  # share of the picture that an object can be
@@ -73,7 +75,11 @@ def cut_out(
     if background == "keep":
         return rgba, "none"
     if (cut := remove_plain_background(rgba)) is not None:
-        return cut, "plain"
+        find = network()
+        mask = find(rgba) if find is not None else None
+        if mask is None or _agree(cut[..., 3], mask):
+            return cut, "plain"
+        return with_alpha(rgba, mask), "network"
     if _installed("rembg", "onnxruntime"):
         try:
             mask = _by_rembg(rgba, name)
@@ -92,6 +98,13 @@ def cut_out(
         stacklevel=2,
     )
     return rgba, "none"
+
+
+def _agree(plain: np.ndarray, mask: np.ndarray) -> bool:
+    """Whether what a plain background leaves [H, W] uint8 is about what the mask network finds:
+    shadows are left, and parts of an object that have the background's colour are not."""
+    one, other = plain > 127, mask > 127
+    return bool((one & other).sum() >= AGREED * (one | other).sum())
 
 
 def with_alpha(rgba: np.ndarray, mask: np.ndarray) -> np.ndarray:

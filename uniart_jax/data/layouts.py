@@ -310,17 +310,22 @@ class LayoutOrder:
         return Draw(number, places, 0)
 
 
-def load_window(folder: str, first: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
-    """The blocks of a window, from block ``first`` on, joined; kept, and read by one thread at a
-    time."""
+def load_window(
+    folder: str, first: int, settings: LayoutSettings, masks: bool = False
+) -> dict[str, np.ndarray]:
+    """The blocks of a window, from block ``first`` on, joined, with or without masks; kept, and
+    read by one thread at a time."""
     with _LOCK:
-        return _window(folder, first, settings)
+        return _window(folder, first, settings, masks)
 
 
 @functools.lru_cache(maxsize=3)
-def _window(folder: str, first: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
+def _window(
+    folder: str, first: int, settings: LayoutSettings, masks: bool
+) -> dict[str, np.ndarray]:
     blocks = [load_block(folder, number, settings) for number in range(first, first + WINDOW)]
-    return {name: np.concatenate([block[name] for block in blocks]) for name in COLUMNS}
+    names = [name for name in COLUMNS if masks or name != "masks"]
+    return {name: np.concatenate([block[name] for block in blocks]) for name in names}
 
 
 @functools.lru_cache(maxsize=3)
@@ -341,12 +346,12 @@ def _load(
 
 
 def drawn_item(
-    place: int, data: DataConfig, settings: LayoutSettings
+    place: int, data: DataConfig, settings: LayoutSettings, masks: bool = False
 ) -> tuple[dict[str, np.ndarray], int]:
     """The window of a place in the endless sequence, and the row of it that is shown there."""
     length = WINDOW * BLOCK * data.reuse
     window, within = divmod(place, length)
-    table = load_window(data.layouts, data.first_block + window * WINDOW, settings)
+    table = load_window(data.layouts, data.first_block + window * WINDOW, settings, masks)
     return table, int(_shuffled(window, length, data.seed)[within] % len(table["images"]))
 
 

@@ -56,7 +56,7 @@ def _load(
     items = []
     for row in rows:
         place = int(draw.records[row])
-        table, item = drawn_item(place, data, settings)
+        table, item = drawn_item(place, data, settings, masks=True)
         items.append(_scene(np.random.default_rng([data.seed, 4, place]), table, item, size))
     return MaskBatch(*(np.stack(field) for field in zip(*items, strict=True)))
 
@@ -71,7 +71,8 @@ def _scene(
         view = int(rng.integers(images.shape[1]))
         return images[index, view], masks[index, view]
 
-    others = [crop(int(other)) for other in rng.integers(len(images), size=OTHERS)]
+    behind = (item + 1 + rng.integers(len(images) - 1, size=OTHERS)) % len(images)
+    others = [crop(int(other)) for other in behind]
     image, mask = scene(rng, crop(item), others, size)
     return MaskBatch(image.astype(np.float32) / 255, mask.astype(np.float32) / 255)
 

@@ -23,7 +23,7 @@ from rich.table import Table
 
 from uniart_jax.data.images import MARGIN, PICTURE_SIDE, crop
 from uniart_jax.evaluation.parts import PartScores, compare_parts, match_parts, summarize
-from uniart_jax.evaluation.photographed import cut_again
+from uniart_jax.evaluation.photographed import SIDE, cut_again
 from uniart_jax.evaluation.procedural import HeldOut, held_out
 from uniart_jax.evaluation.real import RealObject, real_objects
 from uniart_jax.evaluation.runner import run, write_metrics
@@ -169,7 +169,7 @@ def evaluate_layout(
     if pred is None and predictor is None:
         predictor = load_layout_predictor(checkpoint)
     size = getattr(predictor, "image_size", PICTURE_SIDE)
-    side = max(PICTURE_SIDE, size)
+    side = max(PICTURE_SIDE, size, 2 * SIDE if backgrounds else 0)
     margin = getattr(predictor, "crop_margin", MARGIN)
     out.mkdir(parents=True, exist_ok=True)
     settings: dict[str, Any] = {"unseen": unseen, "checkpoint": str(pred or checkpoint)}
@@ -196,8 +196,12 @@ def evaluate_layout(
             cut_again(tests, i, network)
             for i in track(range(len(tests)), "photographs", len(tests))
         ]
-        seen = [picture for picture, _ in cut]
-        settings |= {"backgrounds": True, "mask_overlap": float(np.mean([o for _, o in cut]))}
+        seen = [picture for picture, _, _ in cut]
+        ways = [way for _, _, way in cut]
+        settings |= {
+            "backgrounds": {way: ways.count(way) for way in sorted(set(ways))},
+            "mask_overlap": float(np.mean([score for _, score, _ in cut])),
+        }
     crops = [crop(picture, size, margin) for picture in seen]
     if pred is not None:
         layouts = [_read(Path(pred) / f"{i}.json") for i in range(len(tests))]

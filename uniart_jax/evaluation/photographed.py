@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uniart_jax.data.background import FindMask, cut_out
+from uniart_jax.data.background import FindMask, Way, cut_out
 from uniart_jax.data.images import crop
 from uniart_jax.data.scenes import scene
 from uniart_jax.evaluation.procedural import HeldOut
@@ -27,8 +27,8 @@ def photograph(
     Args:
       back: [S, S, 3] in [0, 1]; None: any of ``data.scenes``.
     """
-    rows = [index, *((index + k) % len(tests) for k in range(1, 1 + NEIGHBOURS))]
-    crops = [_crop(tests[row].image) for row in rows]
+    others = [k for k in range(min(len(tests), 1 + NEIGHBOURS)) if k != index]  # whatever the count
+    crops = [_crop(tests[row].image) for row in (index, *others)]
     rng = np.random.default_rng([index, 6])
     picture, mask = scene(rng, crops[0], crops[1:], SIDE, whole=True, back=back)
     return np.dstack([picture, np.full_like(mask, 255)]), mask
@@ -36,12 +36,12 @@ def photograph(
 
 def cut_again(
     tests: Sequence[HeldOut | RealObject], index: int, network: FindMask | None
-) -> tuple[np.ndarray, float]:
-    """``photograph`` cut out as ``pipeline.sample`` would: [S, S, 4], and the overlap of its mask
-    with the true one."""
+) -> tuple[np.ndarray, float, Way]:
+    """``photograph`` cut out as ``pipeline.sample`` would: [S, S, 4], the overlap of its mask with
+    the true one, and the way (``data.background``)."""
     picture, mask = photograph(tests, index)
-    cut, _ = cut_out(picture, network=lambda: network)
-    return cut, overlap(cut[..., 3], mask)
+    cut, way = cut_out(picture, network=lambda: network)
+    return cut, overlap(cut[..., 3], mask), way
 
 
 def overlap(found: np.ndarray, true: np.ndarray) -> float:

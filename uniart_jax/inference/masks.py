@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import numpy as np
 import scipy.ndimage
+import scipy.special
 from PIL import Image
 
 from uniart_jax.config import ModelConfig
@@ -19,6 +20,7 @@ from uniart_jax.models.network import build
 
 AROUND = 1.25  # side of the second look over what the first found
 LOOSE = 0.02  # a region of less than this share of the largest is no part of the object
+EDGE = 2  # cells around the object in which a mask may be soft
 LEAST, MOST = 0.01, 0.98  # share of the picture that an object can be
 
 
@@ -39,52 +41,56 @@ class MaskPredictor:
         hardly anything or nearly all would be the object."""
         picture = Image.fromarray(np.ascontiguousarray(rgba[..., :3]))
         whole = (0.0, 0.0, float(picture.width), float(picture.height))
-        first = np.asarray(self._look(picture, whole))
-        box = _around(first, picture.size)
+        box = _around(self._look(picture, whole), picture.size)
         if box is None:
             return None
-        mask = np.zeros((picture.height, picture.width), np.uint8)
+        seen = Image.fromarray(_object(self._look(picture, box)))
         left, top, right, bottom = box
-        mask[top:bottom, left:right] = self._look(picture, box)
-        mask = np.where(_object(mask > 127), mask, 0).astype(np.uint8)
+        mask = np.zeros((picture.height, picture.width), np.uint8)
+        mask[top:bottom, left:right] = seen.resize(
+            (right - left, bottom - top), Image.Resampling.BILINEAR
+        )
         return mask if LEAST < (mask > 127).mean() < MOST else None
 
-    def _look(self, picture: Image.Image, box: Any) -> Image.Image:
-        """The mask of a box (left, upper, right, lower) of the picture, as large as the box."""
+    def _look(self, picture: Image.Image, box: Any) -> np.ndarray:
+        """[S, S] uint8 mask of a box (left, upper, right, lower) of the picture, squeezed to a
+        square."""
         size = (self.image_size, self.image_size)
         seen = picture.resize(size, Image.Resampling.LANCZOS, box=box, reducing_gap=3.0)
         image = np.asarray(seen, np.float32)[None] / 255
         logits = np.asarray(self._run(self._params, image))[0]
-        mask = Image.fromarray(np.round(255 / (1 + np.exp(-logits))).astype(np.uint8))
-        extent = (round(box[2] - box[0]), round(box[3] - box[1]))
-        return mask.resize(extent, Image.Resampling.BILINEAR)
+        return np.round(255 * scipy.special.expit(logits)).astype(np.uint8)
 
 
 def _around(mask: np.ndarray, size: tuple[int, int]) -> tuple[int, int, int, int] | None:
-    """The box around a mask [H, W] uint8, ``AROUND`` times as long, within the picture; None where
-    there is none."""
-    found = _object(mask > 127)
+    """The box around a mask [S, S] uint8 of a whole picture of ``size`` (width, height), ``AROUND``
+    times as long, within the picture, in its pixels; None where there is hardly any."""
+    found = _object(mask) > 127
     if found.mean() < LEAST / 4:
         return None
     box = []
     for axis, side in ((0, size[0]), (1, size[1])):
         places = np.flatnonzero(found.any(axis))
-        middle = (places[0] + places[-1] + 1) / 2
-        half = (places[-1] + 1 - places[0]) / 2 * AROUND + 1
+        first, last = (v * side / len(mask) for v in (places[0], places[-1] + 1))
+        middle, half = (first + last) / 2, (last - first) / 2 * AROUND + 1
         box.append((max(int(middle - half), 0), min(int(np.ceil(middle + half)), side)))
     (left, right), (top, bottom) = box
     return left, top, right, bottom
 
 
-def _object(found: np.ndarray) -> np.ndarray:
-    """[H, W] bool without the regions that are small beside the largest."""
-    regions = np.zeros(found.shape, np.int32)
+def _object(mask: np.ndarray) -> np.ndarray:
+    """A mask [S, S] uint8 without the regions that are small beside the largest; edges stay
+    soft."""
+    found = mask > 127
+    regions = np.zeros(mask.shape, np.int32)
     scipy.ndimage.label(found, np.ones((3, 3)), output=regions)
     areas = np.bincount(regions.ravel())
     if len(areas) < 2:
-        return found
+        return mask
     areas[0] = 0
-    return (areas >= LOOSE * areas.max())[regions] & found
+    kept = (areas >= LOOSE * areas.max())[regions] & found
+    soft = np.asarray(scipy.ndimage.binary_dilation(kept, iterations=EDGE), bool)
+    return np.where(kept | (soft & ~found), mask, 0).astype(np.uint8)
 
 
 def load_mask_predictor(checkpoint: Checkpoint | None) -> MaskPredictor | None:

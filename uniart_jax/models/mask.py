@@ -74,7 +74,7 @@ class MaskNetwork(nnx.Module):
         """Find the object.
 
         Args:
-          image: [B, S, S, 3] sRGB in [0, 1], with its background; S is a multiple of 16.
+          image: [B, S, S, 3] sRGB in [0, 1], with its background; S is a multiple of 32.
 
         Returns:
           [B, S, S] float32 logits.

@@ -15,7 +15,7 @@ from typing import Any
 import jax
 from flax import nnx
 
-from uniart_jax.config import NETWORKS, ModelConfig
+from uniart_jax.config import STAGES, ModelConfig
 
 Params = dict[str, Any]
 
@@ -39,7 +39,7 @@ class Network:
     """One network of a model: how to make its parameters and how to run it.
 
     Attributes:
-      name: one of ``config.NETWORKS``.
+      name: one of ``config.STAGES``.
       config: the model that it belongs to.
     """
 
@@ -86,7 +86,7 @@ class Network:
 
 
 def build(name: str, config: ModelConfig) -> Network:
-    """A network by name: one of ``config.NETWORKS``, or 'gaussian_decoder', TRELLIS's optional
+    """A network by name: one of ``config.STAGES``, or 'gaussian_decoder', TRELLIS's optional
     head. Equal configs give one network, whose structure is traced once.
 
     Raises:
@@ -102,7 +102,7 @@ def build(name: str, config: ModelConfig) -> Network:
 def _built(name: str, config: ModelConfig) -> Network:
     modules = {**MODULES, "image_encoder": IMAGE_ENCODERS[config.image_encoder.architecture]}
     if name not in modules:
-        raise ValueError(f"network {name!r} is unknown; choose one of {', '.join(NETWORKS)}")
+        raise ValueError(f"network {name!r} is unknown; choose one of {', '.join(STAGES)}")
     file, kind = modules[name].split(":")
     module = getattr(importlib.import_module(f"uniart_jax.models.{file}"), kind)
     return Network(name, config, lambda rngs: module(config, rngs))

@@ -3,6 +3,7 @@ has ``mask.channels``)."""
 
 from __future__ import annotations
 
+import functools
 from pathlib import Path
 from typing import Any
 
@@ -48,10 +49,10 @@ class MaskStage(Stage):
 
 def _evaluation(config: Config) -> Evaluation:
     apply = jax.jit(build("mask", config.model).apply)
+    scenes = functools.cache(lambda: validation_scenes(config.data, config.model, RECORDS))
 
     def evaluate(state, step):
-        truth = validation_scenes(config.data, config.model, RECORDS)
-        found = []
+        truth, found = scenes(), []
         for first in range(0, len(truth.image), IMAGE_BATCH):
             found.append(jax.device_get(apply(state.ema, truth.image[first : first + IMAGE_BATCH])))
         logits = np.concatenate(found)

@@ -22,11 +22,14 @@ from uniart_jax.voxels.isosurface import ZERO, DenseField
 COVERED = 0.6  # share of the layers in which a leg is seen apart, at least
 FEW = 6  # cells of a leg in a layer, at least
 STRAY = 1.5  # sub-cells, median distance of a rectangle's edges from their lines at most
-FILLED = 0.5  # share of its prism that a leg fills at least
-ROUND = 0.84  # share of its rectangles below which a leg is round (an ellipse fills .785)
+OFF = 3.5  # sub-cells; a layer whose rectangle is farther off is left: feet, brackets, rails
+FILLED = 0.65  # share of its rectangles, or ellipses, that a leg fills at least
+CORNERS = 0.5  # share of what lies outside the ellipses that a round leg fills at most
 SIDE = 0.3  # share of what it carries that a leg is wide at most, along both sides
-MARGIN = 3  # sub-cells around a prism within which a leg is cut to it
+NEAR = 3  # sub-cells from a prism within which cells are the leg's; layers that its ends reach on
 SPARSE = 0.4  # share of its bounding rectangle that a layer of legs fills at most
+ELLIPSE = np.pi / 4  # share of its rectangle that an ellipse fills
+FARTHEST = 3.0  # sub-cells, to which distances are cut off
 LEAST = 8  # layers of legs
 WINDOW = 21  # layers whose median is taken
 
@@ -67,11 +70,14 @@ class Leg(NamedTuple):
     """A leg in a window of ``n`` layers.
 
     Attributes:
-      cells: {layer: [m, 2] its cells there}, of the layers in which it is apart. low, high: [n, 2]
-        the edges of its prism, cells. round: it is an ellipse in them.
+      cells: {layer: [m, 2] its cells there}, of the layers in which it is apart and lies on its
+        lines. first, last: layers between which it stands. low, high: [n, 2] the edges of its
+        prism, cells. round: it is an ellipse in them.
     """
 
     cells: dict[int, np.ndarray]
+    first: int
+    last: int
     low: np.ndarray
     high: np.ndarray
     round: bool
@@ -121,12 +127,24 @@ def _prism(chain: dict[int, np.ndarray], layers: int) -> Leg | None:
     low, high = fitted[:, :2], fitted[:, 2:]
     if (high - low < 1).any():
         return None
-    areas = (high - low).prod(1)[z]
-    inside = sum(
-        int(((chain[k] + 0.5 >= low[k]) & (chain[k] + 0.5 <= high[k])).all(1).sum()) for k in z
-    )
-    filled = inside / areas.sum()
-    return Leg(chain, low, high, bool(filled < ROUND)) if filled >= FILLED else None
+    on_lines = np.abs(edges - fitted[z]).max(1) <= OFF
+    cells = {int(k): chain[k] for k in z[on_lines]}
+    if len(cells) < COVERED * len(z):
+        return None
+    within = corners = whole = 0.0
+    for k, places in cells.items():
+        middle, half = (low[k] + high[k]) / 2, (high[k] - low[k]) / 2
+        apart = np.abs(places + 0.5 - middle) / half
+        inner = np.linalg.norm(apart, axis=1) <= 1
+        within += inner.sum()
+        corners += ((apart <= 1).all(1) & ~inner).sum()
+        whole += 4 * half.prod()
+    first = 0 if z[0] <= NEAR else int(z[0])
+    last = layers - 1 if z[-1] >= layers - 1 - NEAR else int(z[-1])
+    if corners <= CORNERS * (1 - ELLIPSE) * whole and within >= FILLED * ELLIPSE * whole:
+        return Leg(cells, first, last, low, high, True)
+    filled = (within + corners) / whole
+    return Leg(cells, first, last, low, high, False) if filled >= FILLED else None
 
 
 def _cut(
@@ -134,20 +152,26 @@ def _cut(
 ) -> None:
     """Make a window's cells the leg's prism, in place; cells of ``others`` stay as they are."""
     x, y = np.meshgrid(*(np.arange(n) + 0.5 for n in sdf.shape[:2]), indexing="ij")
-    for z in range(sdf.shape[2]):
+    foot = leg.first + 0.5  # height of its lower end, of which the lowest layer tells
+    if leg.first in leg.cells:
+        foot += float(np.clip(np.median(sdf[(*leg.cells[leg.first].T, leg.first)]), -0.5, 0))
+    for z in range(leg.first, leg.last + 1):
         middle, half = (leg.low[z] + leg.high[z]) / 2, (leg.high[z] - leg.low[z]) / 2
         apart = np.stack([np.abs(x - middle[0]), np.abs(y - middle[1])], -1)
         if leg.round:
             distance = (np.linalg.norm(apart / half, axis=-1) - 1) * half.min()
         else:
             distance = (apart - half).max(-1)
-        free = ~others[:, :, z]
+        free, old = ~others[:, :, z], sdf[:, :, z]
         fill = free & (distance < 0)
         own = np.zeros_like(free)
         if z in leg.cells:
             own[tuple(leg.cells[z].T)] = True
-        away = free & own & (distance >= 0)
-        value = np.where(np.abs(distance) < ZERO, -ZERO, distance)
-        change = fill | away | (free & mine[:, :, z] & (sdf[:, :, z] > 0) & (distance < MARGIN))
-        sdf[:, :, z] = np.where(change, value, sdf[:, :, z])
+        near = (distance >= 0) & (distance < NEAR)
+        change = fill | (free & near & (own | (mine[:, :, z] & (old > 0))))
+        value = np.where(fill, np.maximum(distance, foot - (z + 0.5)), distance)
+        if leg.last - z < NEAR:  # what it carries, or stands on, is near
+            value = np.minimum(value, np.where(own & (distance >= 0), value, old))
+        value = np.where(np.abs(value) < ZERO, -ZERO, np.clip(value, -FARTHEST, FARTHEST))
+        sdf[:, :, z] = np.where(change, value, old)
         owner[:, :, z] = np.where(fill & ~mine[:, :, z], part, owner[:, :, z])
