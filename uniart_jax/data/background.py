@@ -5,8 +5,8 @@
 
 What a plain background leaves is taken where the mask network, if there is one, finds about the
 same; else the network's mask is. rembg (a network, downloaded by rembg itself) and OpenCV come with
-``pip install 'uniart_jax[photo]'``. The mask network: ``inference.masks``. GrabCut is Rother et al., "GrabCut",
-SIGGRAPH 2004.
+``pip install 'uniart_jax[photo]'``. The mask network: ``inference.masks``. GrabCut is Rother et
+al., "GrabCut", SIGGRAPH 2004.
 """
 
 from __future__ import annotations

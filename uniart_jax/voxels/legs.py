@@ -22,14 +22,16 @@ from uniart_jax.voxels.isosurface import ZERO, DenseField
 COVERED = 0.6  # share of the layers in which a leg is seen apart, at least
 FEW = 6  # cells of a leg in a layer, at least
 STRAY = 1.5  # sub-cells, median distance of a rectangle's edges from their lines at most
-OFF = 3.5  # sub-cells; a layer whose rectangle is farther off is left: feet, brackets, rails
-FILLED = 0.65  # share of its rectangles, or ellipses, that a leg fills at least
+OFF = 3.9  # sub-cells; a layer whose rectangle is farther off is left: feet, brackets, rails
+FILLED = 0.6  # share of its rectangles, or ellipses, that a leg fills at least
 CORNERS = 0.5  # share of what lies outside the ellipses that a round leg fills at most
 SIDE = 0.3  # share of what it carries that a leg is wide at most, along both sides
-NEAR = 3  # sub-cells from a prism within which cells are the leg's; layers that its ends reach on
+NEAR = 5  # sub-cells from a prism within which cells are the leg's
+REACH = 8  # layers that a leg's ends reach on to the floor, and to what it carries
 SPARSE = 0.4  # share of its bounding rectangle that a layer of legs fills at most
 ELLIPSE = np.pi / 4  # share of its rectangle that an ellipse fills
 FARTHEST = 3.0  # sub-cells, to which distances are cut off
+BLEND = 3  # layers below its upper end, where what it carries is near
 LEAST = 8  # layers of legs
 WINDOW = 21  # layers whose median is taken
 
@@ -139,8 +141,8 @@ def _prism(chain: dict[int, np.ndarray], layers: int) -> Leg | None:
         within += inner.sum()
         corners += ((apart <= 1).all(1) & ~inner).sum()
         whole += 4 * half.prod()
-    first = 0 if z[0] <= NEAR else int(z[0])
-    last = layers - 1 if z[-1] >= layers - 1 - NEAR else int(z[-1])
+    first = 0 if z[0] <= REACH else int(z[0])
+    last = layers - 1 if z[-1] >= layers - 1 - REACH else int(z[-1])
     if corners <= CORNERS * (1 - ELLIPSE) * whole and within >= FILLED * ELLIPSE * whole:
         return Leg(cells, first, last, low, high, True)
     filled = (within + corners) / whole
@@ -170,7 +172,7 @@ def _cut(
         near = (distance >= 0) & (distance < NEAR)
         change = fill | (free & near & (own | (mine[:, :, z] & (old > 0))))
         value = np.where(fill, np.maximum(distance, foot - (z + 0.5)), distance)
-        if leg.last - z < NEAR:  # what it carries, or stands on, is near
+        if leg.last - z < BLEND:  # what it carries, or stands on, is near
             value = np.minimum(value, np.where(own & (distance >= 0), value, old))
         value = np.where(np.abs(value) < ZERO, -ZERO, np.clip(value, -FARTHEST, FARTHEST))
         sdf[:, :, z] = np.where(change, value, old)
