@@ -43,6 +43,4 @@ def test_a_pipeline_says_what_it_holds(tmp_path):
     )
     (tmp_path / "layout.safetensors").touch()
     pipeline.checkpoint = Checkpoint(tmp_path)
-    assert "image_encoder, and a layout network; " in str(pipeline) and str(tmp_path) in str(
-        pipeline
-    )
+    assert "image_encoder, beside them layout; " in str(pipeline) and str(tmp_path) in str(pipeline)

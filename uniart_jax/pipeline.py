@@ -91,7 +91,7 @@ class Pipeline(Networks):
         if self.checkpoint is not None:
             where = self.checkpoint.folder
             more = [name for name in ("layout", "mask") if self.checkpoint.has(name)]
-            names += f"; beside them {', '.join(more)}" if more else ""
+            names += f", beside them {' and '.join(more)}" if more else ""
         count = sum(leaf.size for leaf in jax.tree.leaves(self.parameters))
         side, cells = self.config.model.grid.resolution, self.config.model.grid.subdivisions
         return (
