@@ -268,6 +268,19 @@ def settings_of(data: DataConfig, model: ModelConfig, validation: bool = False) 
     return LayoutSettings(model.layout.image_size, start_seed=start, families=families)
 
 
+def claimed_settings(data: DataConfig, model: ModelConfig) -> LayoutSettings:
+    """``settings_of`` a training, whose folder is made, or checked, to be of them.
+
+    Raises:
+      ValueError: the folder holds other settings, or the first block is below 0.
+    """
+    if data.first_block < 0:
+        raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
+    settings = settings_of(data, model)
+    claim_folder(data.layouts, settings)
+    return settings
+
+
 def layout_batches(
     data: DataConfig,
     model: ModelConfig,
@@ -284,10 +297,7 @@ def layout_batches(
       ValueError: the folder holds other settings, the first block is below 0, or the batch cannot
         be shared or does not divide into windows.
     """
-    if data.first_block < 0:
-        raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
-    settings = settings_of(data, model)
-    claim_folder(data.layouts, settings)
+    settings = claimed_settings(data, model)
     order = LayoutOrder(batch_size, data.reuse)
     rows = local_rows(batch_size, process_index, process_count, accumulate)
     load = functools.partial(_load, data=data, settings=settings, rows=rows)

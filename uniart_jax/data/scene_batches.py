@@ -12,6 +12,7 @@ from uniart_jax.data.layouts import (
     LayoutOrder,
     LayoutSettings,
     claim_folder,
+    claimed_settings,
     drawn_item,
     load_block,
     settings_of,
@@ -39,10 +40,7 @@ def scene_batches(
     Raises:
       ValueError: as ``data.layouts.layout_batches``.
     """
-    if data.first_block < 0:
-        raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
-    settings = settings_of(data, model)
-    claim_folder(data.layouts, settings)
+    settings = claimed_settings(data, model)
     rows = local_rows(batch_size, process_index, process_count, accumulate)
     load = functools.partial(
         _load, data=data, settings=settings, rows=rows, size=model.mask.image_size
