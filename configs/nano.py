@@ -110,6 +110,7 @@ def config() -> Config:
             mirror_latents=False,
             image_warp=0.03,
             layout_errors=1.0,
+            photographs=0.5,
         ),
         loss=LossConfig(
             kl=1e-4,

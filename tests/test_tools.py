@@ -125,6 +125,11 @@ def pool_rows():
     settings = LayoutSettings(64, views=1, families=procedural.WORLDS["wide"])
     made = [m for i in range(14) if (m := make_item(i, settings)) is not None][:12]
     rows = {k: np.stack([row[k] for _, row in made]) for k in COLUMNS if k != "masks"}
+    photographer = host["Photographer"](host["Sizes"](64, 32, 32))
+    photos = [
+        photographer.take(np.random.default_rng(i), row)[0] for i, (_, row) in enumerate(made)
+    ]
+    rows |= {k: np.stack([photo[k] for photo in photos]) for k in photos[0]}
     rows["images"], rows["cameras"] = rows["images"][:, 0], rows["cameras"][:, 0]
     rows["voxels"] = np.stack([host["packed_voxels"](obj) for obj, _ in made])
     return rows, [obj for obj, _ in made]
@@ -151,23 +156,47 @@ def test_the_pools_mirror_is_that_of_records(pool_tools, pool_rows):
     run = jax.jit(pool_tools.device.prepared)
     out = jax.device_get(run(rows, jax.random.key(2), True))
     plain = jax.device_get(run(rows, jax.random.key(2), False))
-    flipped = 0
+    flipped, photos = 0, 0
     for b in range(len(rows["boxes"])):
-        image = rows["images"][b] / np.float32(255)
-        mirrored = not np.allclose(out.plain_image[b], image)
+        cells = plain.occupancy[b]
+        mirrored = not np.allclose(out.layout.boxes[b], rows["boxes"][b])
         flipped += mirrored
         same = (lambda x: x, lambda x: x) if not mirrored else (mirror_boxes, mirror_codes)
         np.testing.assert_allclose(out.layout.boxes[b], same[0](rows["boxes"][b]), atol=1e-6)
         np.testing.assert_allclose(out.layout.codes[b], same[1](rows["codes"][b]), atol=1e-6)
-        cells = plain.occupancy[b][:, ::-1] if mirrored else plain.occupancy[b]
-        np.testing.assert_array_equal(out.occupancy[b], cells)
+        np.testing.assert_array_equal(out.occupancy[b], cells[:, ::-1] if mirrored else cells)
+        image, photo = (rows[k][b] / np.float32(255) for k in ("images", "photos"))
         if mirrored:
-            np.testing.assert_allclose(out.plain_image[b], mirror_images(image), atol=1e-6)
-            camera = mirror_camera_codes(rows["cameras"][b])
-            np.testing.assert_allclose(out.layout.camera[b], camera, atol=1e-6)
-    assert 0 < flipped < len(rows["boxes"])
-    np.testing.assert_array_equal(plain.layout.image, plain.plain_image)
-    assert ((out.layout.image > 0) == (out.plain_image > 0)).mean() > 0.99  # black stays
+            image, photo = mirror_images(image), mirror_images(photo)
+        taken = np.allclose(out.layout.image[b], photo, atol=1e-6)
+        photos += taken
+        camera = rows["photo_cameras" if taken else "cameras"][b]
+        camera = mirror_camera_codes(camera) if mirrored else camera
+        np.testing.assert_allclose(out.layout.camera[b], camera, atol=1e-6)
+        if not taken:
+            assert ((out.layout.image[b] > 0) == (image > 0)).mean() > 0.99  # black stays
+            np.testing.assert_allclose(out.flow_image[b], image, atol=1e-6)
+    assert 0 < flipped < len(rows["boxes"]) and 0 < photos < len(rows["boxes"])
+    np.testing.assert_array_equal(plain.layout.image, plain.flow_image)
+    np.testing.assert_allclose(plain.flow_image, rows["images"] / np.float32(255), atol=1e-6)
+
+
+def test_the_pools_scenes_keep_their_masks(pool_tools):
+    images = np.arange(2 * 8 * 8 * 3, dtype=np.uint8).reshape(2, 8, 8, 3)
+    masks = np.zeros((2, 8, 8), bool)
+    masks[:, 2:5, 1:4] = True
+    rows = {"scenes": images, "scene_masks": np.packbits(masks.reshape(2, -1), axis=-1)}
+    flipped = set()
+    for seed in range(6):
+        batch = jax.device_get(pool_tools.device.prepared_scenes(rows, jax.random.key(seed)))
+        for b in range(2):
+            turned = not np.array_equal(batch.mask[b], masks[b])
+            flipped.add(turned)
+            mask, image = masks[b], images[b] / np.float32(255)
+            expected = (mask[:, ::-1], image[:, ::-1]) if turned else (mask, image)
+            np.testing.assert_array_equal(batch.mask[b], expected[0])
+            np.testing.assert_allclose(batch.image[b], expected[1], atol=1e-6)
+    assert flipped == {True, False}
 
 
 def test_the_pools_layouts_with_errors_are_trees_of_the_objects_parts(pool_tools, pool_rows):
@@ -197,7 +226,8 @@ def test_the_pools_layouts_with_errors_are_trees_of_the_objects_parts(pool_tools
 
 def test_makers_objects_are_held_back_until_they_are_judged(pool_tools):
     host = pool_tools.host
-    with host.Objects(1, 200_000, 32, 32, host.Pool(256)) as objects:
+    sizes, pools = host.Sizes(32, 64, 32), (host.Pool(256), host.Pool(256))
+    with host.Objects(1, 200_000, sizes, *pools, "wide") as objects:
         for _ in range(600):
             if rows := objects.unseen():
                 break
@@ -206,12 +236,16 @@ def test_makers_objects_are_held_back_until_they_are_judged(pool_tools):
         assert rows[0]["images"].shape == (host.JUDGED_ROWS, 32, 32, 3)
         objects.wait_for(host.CHUNK // 2)  # what was judged has joined
         drawn = objects.batch(np.random.default_rng(0), 5)
+        seen = objects.scene_batch(np.random.default_rng(0), 3)
     assert {k: len(v) for k, v in drawn.items()} == dict.fromkeys(host.READ, 5)
+    assert seen["scenes"].shape == (3, 64, 64, 3) and seen["scene_masks"].shape == (3, 512)
+    assert 0.2 < pools[1].total / pools[0].total < 1
 
 
 def test_a_pool_whose_makers_have_ended_says_so(pool_tools):
     host = pool_tools.host
-    with host.Objects(1, 0, 32, 32, host.Pool(4)) as objects:
+    sizes = host.Sizes(32, 32, 32)
+    with host.Objects(1, 0, sizes, host.Pool(4), host.Pool(4), "wide") as objects:
         objects.check()
         for maker in objects._makers:
             maker.terminate()
@@ -248,24 +282,19 @@ def test_each_maker_keeps_to_a_core_of_its_own(pool_tools):
         os.sched_setaffinity(0, cores)
 
 
-def test_both_updates_are_compiled_for_a_batch(pool_tools):
+def test_an_update_is_compiled_for_batches_like_one(pool_tools):
     tool = importlib.import_module("train_pool")
-    updates = {
-        "layout": tool.make_update(lambda p, b, k: ((p * b).sum(), {}), optax.sgd(1.0)),
-        "structure_flow": tool.make_update(
-            lambda p, b, k, weights: ((p * b * weights[0]).sum(), {}), optax.sgd(1.0)
-        ),
-    }
-    start = lambda: tool.Run(np.ones(2), optax.sgd(1.0).init(np.ones(2)), np.ones(2))  # noqa: E731
-    weights = (np.full(2, 2.0),)
-    runs = {name: start() for name in updates}
-    compiled = tool.compile_both(updates, runs, np.ones(2), weights)
+    update = tool.make_update(
+        lambda p, b, k, weights: ((p * b * weights[0]).sum(), {}), optax.sgd(1.0)
+    )
+    ones = np.ones(2, np.float32)
+    start = lambda: tool.Run(ones.copy(), optax.sgd(1.0).init(ones), ones.copy())  # noqa: E731
+    weights = (np.full(2, 2.0, np.float32),)
+    program = tool.compiled(update, start(), ones, weights)
     key, half = jax.random.key(0), np.float32(0.5)
-    np.testing.assert_allclose(compiled["layout"](start(), np.ones(2), key, half)[0].params, 0.5)
-    found = compiled["structure_flow"](start(), np.ones(2), key, half, weights)[0].params
-    np.testing.assert_allclose(found, 0.0)
+    np.testing.assert_allclose(program(start(), ones, key, half, weights)[0].params, 0.0)
     with pytest.raises(TypeError):  # it is compiled, for this shape alone
-        compiled["layout"](start(), np.ones((3, 2)), key, half)
+        program(start(), np.ones((3, 2), np.float32), key, half, weights)
 
 
 def test_the_deadline_of_no_file_is_the_one_before(pool_tools, tmp_path):

@@ -1,5 +1,5 @@
-"""What ``tools/train_pool.py`` does with a batch on the accelerator: mirroring and light, layouts
-with errors, and the structure flow's loss."""
+"""What ``tools/train_pool.py`` does with a batch on the accelerator: mirroring, light and choice of
+pictures, layouts with errors, and the structure flow's loss."""
 
 from __future__ import annotations
 
@@ -23,44 +23,54 @@ from uniart_jax.training.flow_losses import summarize_flow
 from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import occupancy_terms
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
-from uniart_jax.voxels.typed_batches import LayoutBatch
+from uniart_jax.voxels.typed_batches import LayoutBatch, MaskBatch
 
 FOUND, ABSENT, EXACT = 0.4, 0.06, 0.35  # shares of the layouts that the structure flow is shown
 ONCE = 0.8  # share of the draws at t = 1
+PHOTOGRAPHS = 0.5  # share of the pictures that the layout network sees as cut out of a photograph
 
 
 class PoolBatch(NamedTuple):
     """What both losses read.
 
     Attributes:
-      layout: the layout network's batch. plain_image: its pictures without another light, for the
-        structure flow. occupancy: of the grid's voxels.
+      layout: the layout network's batch. flow_image: the structure flow's pictures. occupancy: of
+        the grid's voxels.
     """
 
     layout: LayoutBatch
-    plain_image: Annotated[Array, "B H W 3", "float"]
+    flow_image: Annotated[Array, "B H W 3", "float"]
     occupancy: Annotated[Array, "B R R R", "bool"]
 
 
 def prepared(rows: Mapping[str, jax.Array], key: jax.Array, train: bool) -> PoolBatch:
-    """Drawn rows (``pool_objects.Pool.draw``) as both losses take them. To ``train`` on,
-    half of the items are mirrored, and half, drawn apart, are shown in another light."""
-    keys = jax.random.split(key, 3)
+    """Drawn rows (``pool_objects.Pool.draw``) as both losses take them. To ``train`` on, half of
+    the items are mirrored, and of half, drawn apart, the layout network sees the photograph; the
+    others are shown in another light. The structure flow sees half of these photographs, and
+    renders else, in their own light."""
+    keys = jax.random.split(key, 4)
     items = len(rows["boxes"])
     flip = jax.random.bernoulli(keys[0], 0.5, (items,)) & train
 
     def either(mirrored, plain):
         return jnp.where(flip.reshape(-1, *[1] * (plain.ndim - 1)), mirrored, plain)
 
-    image = rows["images"]
-    image = either(mirror_images(image), image).astype(jnp.float32) / 255
-    cameras, codes, boxes = rows["cameras"], rows["codes"], rows["boxes"]
+    def pictures(name):
+        return either(mirror_images(rows[name]), rows[name]).astype(jnp.float32) / 255
+
+    shown = jax.random.uniform(keys[2], (items,))
+    taken = (shown < PHOTOGRAPHS) & train
+    flow_sees = (shown < PHOTOGRAPHS / 2) & train
+    of_picture = lambda chosen: chosen[:, None, None, None]  # noqa: E731
+    image, photo = pictures("images"), pictures("photos")
+    cameras = jnp.where(taken[:, None], rows["photo_cameras"], rows["cameras"])
+    codes, boxes = rows["codes"], rows["boxes"]
     cells = jnp.unpackbits(rows["voxels"], axis=-1)
     side = round(cells.shape[1] ** (1 / 3))
     cells = cells.reshape(items, side, side, side) > 0
-    lit = relit(image, keys[1])
+    lit = jnp.where(train, relit(image, keys[1]), image)
     layout = LayoutBatch(
-        image=jnp.where(train, lit, image),
+        image=jnp.where(of_picture(taken), photo, lit),
         camera=either(mirror_camera_codes(cameras), cameras),
         boxes=either(mirror_boxes(boxes), boxes),
         codes=either(mirror_codes(codes, jnp), codes),
@@ -68,7 +78,19 @@ def prepared(rows: Mapping[str, jax.Array], key: jax.Array, train: bool) -> Pool
         colors=rows["colors"],
         part_counts=rows["part_counts"],
     )
-    return PoolBatch(layout, image, either(cells[:, :, ::-1], cells))
+    flow_image = jnp.where(of_picture(flow_sees), photo, image)
+    return PoolBatch(layout, flow_image, either(cells[:, :, ::-1], cells))
+
+
+def prepared_scenes(rows: Mapping[str, jax.Array], key: jax.Array) -> MaskBatch:
+    """Drawn rows of scenes as the mask network's loss takes them, half of them mirrored."""
+    image = rows["scenes"].astype(jnp.float32) / 255
+    items, side = image.shape[:2]
+    mask = jnp.unpackbits(rows["scene_masks"], axis=-1).reshape(items, side, side)
+    mask = mask.astype(jnp.float32)
+    flip = jax.random.bernoulli(key, 0.5, (items,))[:, None, None]
+    mask = jnp.where(flip, mask[:, :, ::-1], mask)
+    return MaskBatch(jnp.where(flip[..., None], image[:, :, ::-1], image), mask)
 
 
 def relit(image: jax.Array, key: jax.Array) -> jax.Array:
@@ -95,7 +117,7 @@ def make_structure_loss(
     def loss_fn(params, batch, key, frozen):
         encoder, vae_params, finder = jax.lax.stop_gradient(frozen)
         keys = jax.random.split(key, 8)
-        image, items = batch.plain_image, len(batch.plain_image)
+        image, items = batch.flow_image, len(batch.flow_image)
         out = nets["layout"].apply(finder, image)
         true = batch.layout
         table = PartTable(true.boxes, true.codes, true.parents, true.colors, true.part_counts)

@@ -3,6 +3,7 @@ memory from which batches are drawn. No jax."""
 
 from __future__ import annotations
 
+import collections
 import itertools
 import multiprocessing
 import os
@@ -11,12 +12,14 @@ import tempfile
 import threading
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from uniart_jax import procedural
 from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
+from uniart_jax.data.photographs import photographed
+from uniart_jax.data.scenes import OTHERS, scene, training_backdrop
 from uniart_jax.voxels.overlap import touched_cells
 
 CHUNK = 32  # objects a file
@@ -24,36 +27,79 @@ WAITING = 200  # files that may wait before a process rests
 NEWER = 1.5  # ages are drawn as u^NEWER of the pool's, so newer objects more often
 JUDGED, JUDGED_ROWS = 8, 24  # files that are held back until they are judged, objects of each
 
-READ = (*(name for name in COLUMNS if name != "masks"), "voxels")  # columns that are trained on
+BACKDROPS = 32  # that a process keeps, for photographs
+SCENES = 0.5  # scenes an object, for the mask network
+
+# columns that layouts and structures are trained on, and those of the mask network
+READ = (*(name for name in COLUMNS if name != "masks"), "voxels", "photos", "photo_cameras")
+SEEN = ("scenes", "scene_masks")
 
 Rows = dict[str, np.ndarray]
 
 
-def make_files(worker: int, workers: int, first: int, folder: str, size: int, side: int) -> None:
-    """Write files of ``CHUNK`` objects, numbers worker, worker + workers, ... without end.
+class Sizes(NamedTuple):
+    """Pixels a side of the layout network's pictures and of the mask network's; voxels a side."""
 
-    Args:
-      first: number of the first object. size: pixels a side. side: voxels a side.
-    """
+    layout: int
+    mask: int
+    voxels: int
+
+
+def make_files(
+    worker: int, workers: int, first: int, folder: str, sizes: Sizes, world: str
+) -> None:
+    """Write files of ``CHUNK`` objects of a world, numbers worker, worker + workers, ... without
+    end; ``first``: number of the first object."""
     os.nice(10)
     keep_to_core(worker)
-    settings = LayoutSettings(size, views=1, families=procedural.WORLDS["wide"])
+    settings = LayoutSettings(sizes.layout, views=1, families=procedural.WORLDS[world])
+    photographer = Photographer(sizes)
     for number in itertools.count(worker, workers):
         while len(list(Path(folder).glob("*.npz"))) > WAITING:
             time.sleep(0.5)
-        rows = []
+        rows, seen = [], []
         for index in range(first + number * CHUNK, first + (number + 1) * CHUNK):
             try:
                 made = make_item(index, settings)
             except ValueError:  # one faulty object in many thousands
                 continue
             if made is not None:
-                rows.append({**made[1], "voxels": packed_voxels(made[0], side)})
+                row = {**made[1], "voxels": packed_voxels(made[0], sizes.voxels)}
+                photo, shown = photographer.take(np.random.default_rng([index, 7]), row)
+                rows.append({**row, **photo})
+                seen += shown
         if rows:
+            table: dict[str, Any] = {k: np.stack([r[k] for r in rows]) for k in READ}
+            table |= {k: np.stack([r[k] for r in seen]) for k in SEEN if seen}
             partial = Path(folder, f".{number}.part")
             with partial.open("wb") as file:
-                np.savez(file, **{k: np.stack([r[k] for r in rows]) for k in READ})
+                np.savez(file, **table)
             partial.rename(Path(folder, f"{number:07d}.npz"))
+
+
+class Photographer:
+    """Takes pictures of objects as people do; backgrounds, which take long to draw, are used
+    several times, and the objects before stand behind the next."""
+
+    def __init__(self, sizes: Sizes):
+        self._sizes = sizes
+        self._backs: collections.deque[np.ndarray] = collections.deque(maxlen=BACKDROPS)
+        self._others: collections.deque[Any] = collections.deque(maxlen=OTHERS)
+
+    def take(self, rng: np.random.Generator, row: Rows) -> tuple[Rows, list[Rows]]:
+        """Of the row of an object with one view: columns "photos", "photo_cameras", and no or one
+        row of ``SEEN``."""
+        crop, others, seen = (row["images"][0], row["masks"][0]), list(self._others), []
+        if not self._backs or rng.random() < SCENES:
+            self._backs.append(training_backdrop(rng, self._sizes.mask))
+            image, mask = scene(rng, crop, others, self._sizes.mask, back=self._backs[-1])
+            seen = [{"scenes": image, "scene_masks": np.packbits(mask > 127)}]
+        back = self._backs[rng.integers(len(self._backs))]
+        back = back[:, ::-1] if rng.random() < 0.5 else back
+        size = self._sizes.layout
+        photo, camera = photographed(rng, crop, row["cameras"][0], others, size, back)
+        self._others.append(crop)
+        return {"photos": photo, "photo_cameras": camera}, seen
 
 
 def keep_to_core(worker: int) -> None:
@@ -81,7 +127,7 @@ class Pool:
         self._rows: Rows = {}
 
     def add(self, rows: Rows) -> None:
-        count = len(rows["boxes"])
+        count = len(next(iter(rows.values())))
         place = (self.total + np.arange(count)) % self.capacity
         for name, values in rows.items():
             if name not in self._rows:
@@ -90,21 +136,24 @@ class Pool:
         self.total += count
 
     def draw(self, rng: np.random.Generator, size: int) -> Rows:
+        """``size`` rows, newer ones more often."""
         held = min(self.total, self.capacity)
         age = np.minimum((held * rng.random(size) ** NEWER).astype(np.int64), held - 1)
         place = (self.total - 1 - age) % self.capacity
-        return {name: values[place] for name, values in self._rows.items()}
+        return {name: np.take(values, place, 0) for name, values in self._rows.items()}
 
 
 class Objects:
-    """Objects that processes make, as a context: ``batch`` draws from the pool, ``unseen`` gives
-    those that were not in it yet."""
+    """Objects that processes make, as a context: ``batch`` draws from the pool, ``scene_batch``
+    from that of scenes, ``unseen`` gives the objects that were not in the pool yet."""
 
-    def __init__(self, processes: int, first: int, size: int, side: int, pool: Pool):
-        self.pool = pool
+    def __init__(
+        self, processes: int, first: int, sizes: Sizes, pool: Pool, scenes: Pool, world: str
+    ):
+        self.pool, self.scenes = pool, scenes
         self._folder = tempfile.TemporaryDirectory(prefix="pool-")
         start = multiprocessing.get_context("spawn").Process
-        given = (processes, first, self._folder.name, size, side)
+        given = (processes, first, self._folder.name, sizes, world)
         self._makers = [
             start(target=make_files, args=(i, *given), daemon=True) for i in range(processes)
         ]
@@ -145,6 +194,10 @@ class Objects:
         with self._lock:
             return self.pool.draw(rng, size)
 
+    def scene_batch(self, rng: np.random.Generator, size: int) -> Rows:
+        with self._lock:
+            return self.scenes.draw(rng, size)
+
     def unseen(self) -> list[Rows]:
         """What was held back: the first ``JUDGED_ROWS`` of each file. It joins the pool now."""
         held = []
@@ -165,6 +218,10 @@ class Objects:
                     rows = {name: held[name] for name in held.files}
                 path.unlink()
                 rows["images"], rows["cameras"] = rows["images"][:, 0], rows["cameras"][:, 0]
+                seen = {name: rows.pop(name) for name in SEEN if name in rows}
+                if seen:
+                    with self._lock:
+                        self.scenes.add(seen)
                 if len(rows["boxes"]) < JUDGED_ROWS or self._unseen.full():
                     self._add(rows)
                 else:

@@ -1,24 +1,28 @@
-"""Layout network and structure flow trained on from a checkpoint, together, on one accelerator.
+"""Layout network, structure flow and mask network trained on from a checkpoint, together, on one
+accelerator.
 
-    python tools/train_pool.py --init nano --out OUT --processes 15 --seconds 1500
+    python tools/train_pool.py --init nano --out OUT --processes 13 --seconds 1500
 
-Worker processes make objects of the wide world without end (``pool_objects``), one picture and the
-voxels that its surface touches each; host memory keeps the newest of them, and batches are drawn
-from these, newer ones more often. So the accelerator never waits, and each object is shown a few
-times only. Both networks take a step with every batch:
+Worker processes make objects of a world without end (``pool_objects``): a picture, what a
+photograph of it would give (``data.photographs``), the voxels that its surface touches, and for
+every second one a picture with its background. Host memory keeps the newest of them, and batches
+are drawn from these, newer ones more often. So the accelerator never waits, and each object is
+shown a few times only.
 
-    layout      ``training.layout_loss``, on pictures whose light is changed a little
+    layout      ``training.layout_loss``, on renders whose light is changed a little and on
+                photographs; a step with every batch
     structure   rectified flow of the structure latent, most of it at t = 1; besides, cross-entropy
                 and Dice of what the structure VAE decodes of its x_0, and of what the refiner makes
                 of that. Layouts are true, with errors (``data.layout_errors``), absent, or those
-                that the layout network finds in the picture.
+                that the layout network finds in the picture. A step every ``--flow-every``
+    mask        ``training.mask_loss``, on pictures with backgrounds; a step every ``--mask-every``
 
-The learning rates hold for ``HOLD`` of the time and fall to zero at its end: the clock counts, not
-the steps, so a run that was stopped is not resumed; ``--init OUT`` begins anew from its weights.
-``--deadline FILE`` holds another end (seconds since the epoch) and may be changed on the way. OUT
-is a checkpoint: the other networks of ``--init``, and averaged weights every ``--save`` seconds.
-The layout network's loss on objects that it has not seen ("unseen") is said on the way.
-``--tiny`` is for a CPU.
+Each begins once it is compiled. The learning rates hold for ``HOLD`` of the time and fall to zero
+at its end: the clock counts, not the steps, so a run that was stopped is not resumed; ``--init
+OUT`` begins anew from its weights. ``--deadline FILE`` holds another end (seconds since the epoch)
+and may be changed on the way. OUT is a checkpoint: the other networks of ``--init``, and averaged
+weights every ``--save`` seconds. The layout network's loss on objects that it has not seen
+("unseen") is said on the way. ``--tiny`` is for a CPU.
 """
 
 from __future__ import annotations
@@ -31,17 +35,21 @@ import json
 import shutil
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from pool_objects import JUDGED_ROWS, Objects, Pool
+from pool_objects import JUDGED_ROWS, Objects, Pool, Sizes
+
+from uniart_jax.procedural import WORLDS
 
 HOLD = 0.45
 DECAY = 0.998  # of the averaged weights
 SAID = 15.0  # seconds between two lines
 WARMUP = 200  # steps
+FROZEN = ("image_encoder", "structure_vae")
+READS_LAYOUTS = ("structure_flow",)  # the losses that take the frozen networks and the layout's
 
 
 class Run(NamedTuple):
@@ -53,18 +61,22 @@ class Run(NamedTuple):
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--init", default="nano", help="checkpoint to go on from")
     parser.add_argument("--out", required=True, help="checkpoint that is written")
-    parser.add_argument("--processes", type=int, default=15, help="that make objects")
+    parser.add_argument("--processes", type=int, default=13, help="that make objects")
     parser.add_argument("--seconds", type=float, default=1500, help="from the first step on")
     parser.add_argument("--deadline", default="", help="file with the end, seconds since the epoch")
     parser.add_argument("--first", type=int, default=200_000, help="number of the first object")
-    parser.add_argument("--capacity", type=int, default=200_000, help="objects in host memory")
+    parser.add_argument("--world", choices=tuple(WORLDS), default="wide", help="of the objects")
+    parser.add_argument("--capacity", type=int, default=130_000, help="objects in host memory")
     parser.add_argument("--batch", type=int, default=128, help="objects a step")
     parser.add_argument("--begin-with", type=int, default=1024, help="objects before step 1")
     parser.add_argument("--rate", type=float, default=1.2e-3, help="of the layout network")
     parser.add_argument("--flow-rate", type=float, default=8e-4, help="of the structure flow")
+    parser.add_argument("--mask-rate", type=float, default=1.2e-3, help="of the mask network")
+    parser.add_argument("--flow-every", type=int, default=2, help="steps for one of the flow")
+    parser.add_argument("--mask-every", type=int, default=4, help="steps for one of the masks")
     parser.add_argument("--refine-channels", type=int, default=8, help="of the refiner, 0: none")
     parser.add_argument("--repeats", type=int, default=2, help="of the layout network's last layer")
     parser.add_argument("--save", type=float, default=150, help="seconds between two savings")
@@ -78,12 +90,13 @@ def main() -> None:
 def train(given: argparse.Namespace) -> None:
     import jax  # the processes that make objects do without
     import jax.numpy as jnp
-    from pool_losses import make_structure_loss, prepared
+    from pool_losses import make_structure_loss, prepared, prepared_scenes
 
     from uniart_jax.models.checkpoint import Checkpoint
     from uniart_jax.models.checkpoint_files import write_config, write_network
     from uniart_jax.models.network import build
     from uniart_jax.training.layout_loss import make_layout_loss
+    from uniart_jax.training.mask_loss import make_mask_loss
     from uniart_jax.training.state import make_optimizer
 
     print(jax.devices(), jax.__version__, flush=True)
@@ -98,20 +111,22 @@ def train(given: argparse.Namespace) -> None:
     # on a GPU JAX's own derivatives of shifted sums are the faster ones, and rows are short
     config = replace(shipped, model=replace(shipped.model, kernel="plain"))
     frozen = ("image_encoder", "structure_vae")
-    nets = {n: build(n, config.model) for n in ("layout", "structure_flow", *frozen)}
-    fixed = {n: init.load(n) for n in frozen}
-    fixed = jax.device_put(fixed)
+    nets = {n: build(n, config.model) for n in ("layout", "structure_flow", "mask", *FROZEN)}
+    fixed = jax.device_put({n: init.load(n) for n in FROZEN})
     drawn = jax.device_get(nets["structure_flow"].init(jax.random.key(3)))  # of new layers
     begin = {
         "layout": init.load("layout", config.model),
         "structure_flow": drawn | init.load("structure_flow"),
+        "mask": init.load("mask"),
     }
-    layout_loss = make_layout_loss(nets["layout"], config)
+    layout_loss, mask_loss = make_layout_loss(nets["layout"], config), make_mask_loss(nets["mask"])
     losses = {
         "layout": lambda params, batch, key: layout_loss(params, batch.layout, key),
         "structure_flow": make_structure_loss(nets, config, init.statistics("structure")),
+        "mask": mask_loss,
     }
-    rates = {"layout": given.rate, "structure_flow": given.flow_rate}
+    rates = {"layout": given.rate, "structure_flow": given.flow_rate, "mask": given.mask_rate}
+    every = {"layout": 1, "structure_flow": given.flow_every, "mask": given.mask_every}
     runs, updates = {}, {}
     for name, params in begin.items():
         stage = replace(
@@ -123,64 +138,101 @@ def train(given: argparse.Namespace) -> None:
         optimizer, params = make_optimizer(stage), jax.device_put(params)
         runs[name] = Run(params, optimizer.init(params), jax.tree.map(jnp.copy, params))
         updates[name] = make_update(losses[name], optimizer)
-    prepare = jax.jit(prepared)
+    prepare, prepare_scenes = jax.jit(prepared), jax.jit(prepared_scenes)
 
-    @jax.jit
-    def judge(average, batch):
-        batch = prepared(batch, jax.random.key(0), False)
+    def loss_of_unseen(average, rows):
+        batch = prepared(rows, jax.random.key(0), False)
         return losses["layout"](average, batch, jax.random.key(1))[0]
+
+    def weights() -> tuple[Any, ...]:
+        return (*(fixed[n] for n in FROZEN), runs["layout"].average)
 
     def save() -> None:
         for name, run in runs.items():
             write_network(out, name, run.average)
 
-    rng, pool = np.random.default_rng(1), Pool(given.capacity)
-    sizes = (config.model.layout.image_size, config.model.grid.resolution)
-    with Objects(given.processes, given.first, *sizes, pool) as objects:
+    rng, pool, scenes = np.random.default_rng(1), Pool(given.capacity), Pool(given.capacity // 2)
+    model = config.model
+    sizes = Sizes(model.layout.image_size, model.mask.image_size, model.grid.resolution)
+    made = Objects(given.processes, given.first, sizes, pool, scenes, given.world)
+    with made as objects, ThreadPoolExecutor(len(runs) + 2) as threads:
+
+        def ahead(step: int) -> Future[Any]:
+            """The rows of a step, drawn and sent while steps before it compute."""
+            masks = step % every["mask"] == 0
+
+            def draw() -> Any:
+                rows = jax.device_put(objects.batch(rng, given.batch))
+                return rows, jax.device_put(objects.scene_batch(rng, given.batch)) if masks else {}
+
+            return threads.submit(draw)
+
         objects.wait_for(1)
-        batch = prepare(jax.device_put(objects.batch(rng, given.batch)), jax.random.key(0), True)
-        weights = (*(fixed[n] for n in frozen), runs["layout"].average)
-        updates = compile_both(updates, runs, batch, weights)
+        key = jax.random.key(0)
+        rows, seen = ahead(0).result()
+        batch = prepare(rows, key, True)
+        programs = {
+            name: threads.submit(
+                compiled, updates[name], runs[name], shown, *([weights()] * (name in READS_LAYOUTS))
+            )
+            for name, shown in (
+                ("layout", batch),
+                ("structure_flow", batch),
+                ("mask", prepare_scenes(seen, key)),
+            )
+        }
+        judged = {
+            k: jax.ShapeDtypeStruct((JUDGED_ROWS, *v.shape[1:]), v.dtype) for k, v in rows.items()
+        }
+        judge = threads.submit(
+            lambda: jax.jit(loss_of_unseen).lower(runs["layout"].average, judged).compile()
+        )
+        programs["layout"].result()
         objects.wait_for(given.begin_with)
         print(f"{pool.total} objects; step 1", flush=True)
         began = saved = said = time.time()
-        end, seen, log = began + given.seconds, 0, {}
-        following = jax.device_put(objects.batch(rng, given.batch))
+        end, counts, log = began + given.seconds, dict.fromkeys(runs, 0), {}
+        following = ahead(0)
         for step in itertools.count():
             now, end = time.time(), read_deadline(given.deadline, end)
             if now >= end:
                 break
             factor = np.float32(min(1.0, (end - now) / ((end - began) * (1 - HOLD))))
             # keys of their own: what ``split`` gives for one key begins alike whatever the number
-            keys = jax.random.split(jax.random.fold_in(jax.random.key(7), step), 3)
-            batch = prepare(following, keys[0], True)
-            runs["layout"], found = updates["layout"](runs["layout"], batch, keys[1], factor)
-            weights = (*(fixed[n] for n in frozen), runs["layout"].average)
-            runs["structure_flow"], more = updates["structure_flow"](
-                runs["structure_flow"], batch, keys[2], factor, weights
-            )
-            following = jax.device_put(objects.batch(rng, given.batch))  # while these compute
-            for name, value in {**found, **{f"s_{k}": v for k, v in more.items()}}.items():
-                log.setdefault(name, []).append(value)
-            seen += given.batch
+            keys = jax.random.split(jax.random.fold_in(jax.random.key(7), step), 4)
+            rows, seen = following.result()
+            following = ahead(step + 1)
+            batch = prepare(rows, keys[0], True)
+            for name, program in programs.items():
+                if step % every[name] or not program.done():
+                    continue
+                shown = prepare_scenes(seen, keys[0]) if name == "mask" else batch
+                frozen = [weights()] * (name in READS_LAYOUTS)
+                key = keys[1 + list(runs).index(name)]
+                runs[name], found = program.result()(runs[name], shown, key, factor, *frozen)
+                counts[name] += 1
+                for term, value in found.items():
+                    log.setdefault(f"{name[0]}_{term}", []).append(value)
             if step % 4 == 3:  # not many steps ahead of the device
-                jax.block_until_ready(runs["structure_flow"].params)
+                jax.block_until_ready(runs["layout"].params)
             if step < 3 or now - said > SAID:
                 objects.check()
                 means = {k: round(float(np.mean(jax.device_get(v))), 4) for k, v in log.items()}
-                unseen = [float(judge(runs["layout"].average, rows)) for rows in objects.unseen()]
+                held = objects.unseen() if judge.done() else []
+                unseen = [float(judge.result()(runs["layout"].average, rows)) for rows in held]
                 if unseen:
                     means[f"unseen ({len(unseen) * JUDGED_ROWS})"] = round(
                         float(np.mean(unseen)), 4
                     )
-                line = f"{now - began:.0f} s, step {step + 1}, {pool.total} objects"
+                line = f"{now - began:.0f} s, steps {list(counts.values())}, {pool.total} objects"
                 print(f"{line}, rate x {factor:.2f}: {json.dumps(means)}", flush=True)
                 said, log = time.time(), {}
             if time.time() - saved > given.save:
                 save()
                 saved = time.time()
         save()
-    print(f"done: {step} steps, {seen} pictures of {pool.total} objects", flush=True)
+        following.result()
+    print(f"done: steps {counts} of {given.batch}, {pool.total} objects", flush=True)
 
 
 def read_deadline(file: str, before: float) -> float:
@@ -191,20 +243,13 @@ def read_deadline(file: str, before: float) -> float:
         return before
 
 
-def compile_both(
-    updates: dict[str, Any], runs: dict[str, Run], batch: Any, weights: tuple[Any, ...]
-) -> dict[str, Any]:
-    """The updates of both networks compiled for a batch, side by side."""
+def compiled(update: Any, run: Run, batch: Any, *frozen: Any) -> Any:
+    """An update compiled for a run and batches like these."""
     import jax
 
-    frozen = {"layout": (), "structure_flow": (weights,)}
-
-    def compiled(name: str) -> Any:
-        given = (runs[name], batch, jax.random.key(0), np.float32(1), *frozen[name])
-        return updates[name].lower(*given).compile()
-
-    with ThreadPoolExecutor() as threads:
-        return dict(zip(updates, threads.map(compiled, updates), strict=True))
+    given = (run, batch, jax.random.key(0), np.float32(1), *frozen)
+    given = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape, x.dtype), given)
+    return update.lower(*given).compile()
 
 
 def make_update(loss_fn: Callable[..., Any], optimizer: Any) -> Callable[..., Any]:

@@ -381,7 +381,7 @@ class DataConfig:
     validation: str = ""
     validation_split: str = ""
     procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
-    world: Literal["seven", "wide"] = "seven"  # families of those and of ``layouts``
+    world: Literal["seven", "wide", "detailed"] = "seven"  # families of those and of ``layouts``
     views: int = 2  # images of each
     # flows: images of an item that a step shows at once (the supplement's multi-view model); the
     # records must have as many
@@ -410,6 +410,8 @@ class DataConfig:
     layouts: str = "data-cache/layouts"  # blocks of pictures and part tables (``data.layouts``)
     reuse: int = 3  # of those: how often training shows each object
     first_block: int = 0  # of those: where training begins; later ones see what earlier did not
+    # layout network: share of the pictures that are as if cut out of a photograph
+    photographs: float = 0.0
     # flows that see a layout: share of the side by which pictures are bent at most, so that the
     # layout says where things are
     image_warp: float = 0.0

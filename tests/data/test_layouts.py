@@ -1,8 +1,6 @@
-"""Blocks of pictures and part tables: functions of their number, never of a held-out seed, and
-batches that resume."""
+"""Blocks of pictures and part tables: functions of their number, never of a held-out seed."""
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
@@ -10,8 +8,7 @@ import pytest
 from uniart_jax import procedural
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layouts
-from uniart_jax.data.mirror import mirror_boxes
-from uniart_jax.voxels.joint_code import gauge_variants
+from uniart_jax.data.layout_batches import layout_batches
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
 MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))
@@ -22,10 +19,7 @@ def data(tmp_path_factory):
     folder = tmp_path_factory.mktemp("layouts")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(layouts, "BLOCK", 3)
-        patch.setattr(layouts, "WINDOW", 2)
-        layouts._window.cache_clear()
         yield DataConfig(layouts=str(folder / "blocks"), reuse=2)
-        layouts._window.cache_clear()
 
 
 def test_no_held_out_or_validation_seed_is_trained_on():
@@ -100,7 +94,7 @@ def test_a_config_chooses_its_world_and_a_folder_keeps_to_it(tmp_path):
     assert settings.families == procedural.WORLDS["wide"]
     layouts.claim_folder(tmp_path, settings)
     with pytest.raises(ValueError, match=r"other settings .families."):
-        layouts.layout_batches(seven, MODEL, 4)
+        layout_batches(seven, MODEL, 4)
 
 
 def test_prepare_takes_a_world(tmp_path, monkeypatch):
@@ -120,40 +114,3 @@ def test_prepare_takes_a_world(tmp_path, monkeypatch):
         prepare("procedural", out=tmp_path, world="wide", families=("oven",))
     with pytest.raises(ValueError, match="--world"):
         prepare("urdf", tmp_path, out=tmp_path, world="wide")
-
-
-def test_a_training_begins_at_its_first_block(data):
-    """What it shows in a window is those blocks' objects, each ``reuse`` times; none is of
-    others."""
-    later = dataclasses.replace(data, first_block=4, mirror=False)
-    batches = itertools.islice(layouts.layout_batches(later, MODEL, 4), 3)  # 12: a whole window
-    shown = np.concatenate([batch.boxes for batch in batches])
-    settings = layouts.settings_of(data, MODEL)
-    held = np.concatenate([layouts.load_block(data.layouts, n, settings)["boxes"] for n in (4, 5)])
-    places = [np.flatnonzero((held == boxes).all((1, 2))).tolist() for boxes in shown]
-    assert sorted(places) == sorted([[k] for k in range(6)] * 2)
-    with pytest.raises(ValueError, match=r"data\.first_block is -1"):
-        layouts.layout_batches(dataclasses.replace(data, first_block=-1), MODEL, 4)
-
-
-def test_batches_resume_and_are_shared(data):
-    whole = list(itertools.islice(layouts.layout_batches(data, MODEL, 4), 5))
-    later = iter(layouts.layout_batches(data, MODEL, 4))
-    later.set_state({"batch": 3, "batch_size": 4})
-    np.testing.assert_array_equal(next(later).image, whole[3].image)
-    later.close()
-    halves = [
-        next(iter(layouts.layout_batches(data, MODEL, 4, process_index=i, process_count=2)))
-        for i in (0, 1)
-    ]
-    np.testing.assert_array_equal(np.concatenate([h.boxes for h in halves]), whole[0].boxes)
-
-
-def test_mirrored_items_belong_together(data):
-    table = layouts.load_window(data.layouts, 0, SETTINGS)
-    plain = layouts._item(table, 1, 0.0, False)
-    turned = layouts._item(table, 1, 0.0, True)
-    np.testing.assert_array_equal(turned.image, plain.image[:, ::-1])
-    np.testing.assert_array_equal(turned.boxes, mirror_boxes(plain.boxes))
-    back = layouts.mirror_codes(turned.codes)
-    assert np.abs(gauge_variants(back) - plain.codes[:, None]).max(-1).min(-1).max() < 1e-5

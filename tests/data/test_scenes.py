@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, MaskConfig, ModelConfig
-from uniart_jax.data import layouts
+from uniart_jax.data import layout_batches, layouts
 from uniart_jax.data.scene_batches import scene_batches, validation_scenes
-from uniart_jax.data.scenes import backdrop, scene
+from uniart_jax.data.scenes import backdrop, leaves, scene, training_backdrop
 
 RED = np.array([220, 20, 30], np.uint8)
 MODEL = ModelConfig(
@@ -79,15 +79,41 @@ def test_backgrounds_differ():
     assert min(np.abs(a - b).mean() for a, b in pairs) > 0.01
 
 
+def test_dead_leaves_have_edges_at_every_scale():
+    """Halving a picture leaves about as much contrast between neighbours: in noise it falls by
+    more, in one gradient it doubles."""
+    pictures = [leaves(np.random.default_rng(i), 128) for i in range(16)]
+    assert all(p.shape == (128, 128, 3) and p.dtype == np.float32 for p in pictures)
+    assert all(p.min() >= 0 and p.max() <= 1 for p in pictures)
+
+    def contrast(picture):
+        return np.abs(np.diff(picture, axis=0)).mean()
+
+    half = [p.reshape(64, 2, 64, 2, 3).mean((1, 3)) for p in pictures]
+    ratios = [contrast(h) / contrast(p) for h, p in zip(half, pictures, strict=True)]
+    assert 0.8 < np.median(ratios) < 1.6
+
+
+def test_trainings_see_both_kinds_of_background(monkeypatch):
+    monkeypatch.setattr("uniart_jax.data.scenes.leaves", lambda rng, size: "leaves")
+    monkeypatch.setattr("uniart_jax.data.scenes.backdrop", lambda rng, size: "backdrop")
+    drawn = [training_backdrop(np.random.default_rng(i), 48) for i in range(200)]
+    assert (
+        60 <= drawn.count("leaves") <= 100
+        and drawn.count("backdrop") + drawn.count("leaves") == 200
+    )
+
+
 @pytest.fixture
 def data(tmp_path, monkeypatch):
-    monkeypatch.setattr(layouts, "BLOCK", 3)
-    monkeypatch.setattr(layouts, "WINDOW", 2)
-    layouts._window.cache_clear()
-    layouts._shuffled.cache_clear()
+    for module in (layouts, layout_batches):
+        monkeypatch.setattr(module, "BLOCK", 3)
+    monkeypatch.setattr(layout_batches, "WINDOW", 2)
+    layout_batches._window.cache_clear()
+    layout_batches._shuffled.cache_clear()
     yield DataConfig(layouts=str(tmp_path / "blocks"), reuse=2)
-    layouts._window.cache_clear()
-    layouts._shuffled.cache_clear()
+    layout_batches._window.cache_clear()
+    layout_batches._shuffled.cache_clear()
 
 
 def test_batches_resume_are_shared_and_show_an_object_anew(data):

@@ -1,14 +1,10 @@
-"""Pictures and part tables of procedural objects without end: what the part decoder trains on. No
-voxels, no jax.
+"""Pictures and part tables of procedural objects without end: what the layout network and the mask
+network train on (``data.layout_batches``, ``data.scene_batches``). No voxels, no jax.
 
 Objects are made in *blocks* of ``BLOCK``, one file a block in ``DataConfig.layouts``. A block is a
 pure function of its number and the settings, so whoever needs one that is not there makes it,
 several programs can share a folder, and training resumes at any batch. ``uniart prepare layouts``
 makes them ahead.
-
-Batches go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on; in a window
-each object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored
-with probability 1/2 (``voxels.typed_batches.LayoutBatch``).
 """
 
 from __future__ import annotations
@@ -27,11 +23,8 @@ import numpy as np
 
 from uniart_jax import procedural
 from uniart_jax.config import DataConfig, ModelConfig
-from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
+from uniart_jax.data.cameras import camera_codes
 from uniart_jax.data.images import crop
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
-from uniart_jax.data.order import ENDLESS, Draw, local_rows
-from uniart_jax.data.stream import Batches
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
@@ -39,10 +32,8 @@ from uniart_jax.runtime.processes import in_order, process_pool
 from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
-from uniart_jax.voxels.typed_batches import LayoutBatch
 
 BLOCK = 256  # objects a file
-WINDOW = 4  # blocks that batches are drawn from at a time
 STATES = 20  # shown states tried before an object is left out
 VERSION = 4  # of what ``make_block`` draws; 4: pictures with their masks
 # a rendering's side over its crop's, and samples a pixel: sharp with hard shadows, or soft
@@ -50,7 +41,6 @@ RENDERINGS = ((2.0, 1), (1.25, 4))
 COLUMNS = ("images", "masks", "cameras", "boxes", "codes", "parents", "colors", "part_counts")
 
 logger = logging.getLogger(__name__)
-_LOCK = threading.Lock()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -266,138 +256,3 @@ def settings_of(data: DataConfig, model: ModelConfig, validation: bool = False) 
     start = data.validation_seed if validation else 0
     families = procedural.WORLDS[data.world]
     return LayoutSettings(model.layout.image_size, start_seed=start, families=families)
-
-
-def claimed_settings(data: DataConfig, model: ModelConfig) -> LayoutSettings:
-    """``settings_of`` a training, whose folder is made, or checked, to be of them.
-
-    Raises:
-      ValueError: the folder holds other settings, or the first block is below 0.
-    """
-    if data.first_block < 0:
-        raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
-    settings = settings_of(data, model)
-    claim_folder(data.layouts, settings)
-    return settings
-
-
-def layout_batches(
-    data: DataConfig,
-    model: ModelConfig,
-    batch_size: int,
-    *,
-    process_index: int = 0,
-    process_count: int = 1,
-    accumulate: int = 1,
-) -> Batches[LayoutBatch]:
-    """Endless batches (see the module's docstring) from ``data.layouts``; missing blocks are made
-    on the way.
-
-    Raises:
-      ValueError: the folder holds other settings, the first block is below 0, or the batch cannot
-        be shared or does not divide into windows.
-    """
-    settings = claimed_settings(data, model)
-    order = LayoutOrder(batch_size, data.reuse)
-    rows = local_rows(batch_size, process_index, process_count, accumulate)
-    load = functools.partial(_load, data=data, settings=settings, rows=rows)
-    return Batches(order, load, data.workers)
-
-
-@dataclasses.dataclass(frozen=True)
-class LayoutOrder:
-    """Batch n takes items n B to (n + 1) B of the endless sequence of windows; ``records`` are
-    places in it."""
-
-    batch_size: int
-    reuse: int
-
-    def __len__(self) -> int:
-        return ENDLESS
-
-    def __getitem__(self, number: int) -> Draw:
-        places = np.arange(number * self.batch_size, (number + 1) * self.batch_size)
-        return Draw(number, places, 0)
-
-
-def load_window(
-    folder: str, first: int, settings: LayoutSettings, masks: bool = False
-) -> dict[str, np.ndarray]:
-    """The blocks of a window, from block ``first`` on, joined, with or without masks; kept, and
-    read by one thread at a time."""
-    with _LOCK:
-        return _window(folder, first, settings, masks)
-
-
-@functools.lru_cache(maxsize=3)
-def _window(
-    folder: str, first: int, settings: LayoutSettings, masks: bool
-) -> dict[str, np.ndarray]:
-    blocks = [load_block(folder, number, settings) for number in range(first, first + WINDOW)]
-    names = [name for name in COLUMNS if masks or name != "masks"]
-    return {name: np.concatenate([block[name] for block in blocks]) for name in names}
-
-
-@functools.lru_cache(maxsize=3)
-def _shuffled(window: int, length: int, seed: int) -> np.ndarray:
-    return np.random.default_rng([seed, 3, window]).permutation(length)
-
-
-def _load(
-    draw: Draw, *, data: DataConfig, settings: LayoutSettings, rows: np.ndarray
-) -> LayoutBatch:
-    rng = draw.generator(data.seed)
-    views, flips = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
-    items = []
-    for row in rows:
-        table, item = drawn_item(int(draw.records[row]), data, settings)
-        items.append(_item(table, item, views[row], bool(flips[row] and data.mirror)))
-    return _stacked(items)
-
-
-def drawn_item(
-    place: int, data: DataConfig, settings: LayoutSettings, masks: bool = False
-) -> tuple[dict[str, np.ndarray], int]:
-    """The window of a place in the endless sequence, and the row of it that is shown there."""
-    length = WINDOW * BLOCK * data.reuse
-    window, within = divmod(place, length)
-    table = load_window(data.layouts, data.first_block + window * WINDOW, settings, masks)
-    return table, int(_shuffled(window, length, data.seed)[within] % len(table["images"]))
-
-
-def _stacked(items: list[LayoutBatch]) -> LayoutBatch:
-    return LayoutBatch(*(np.stack(field) for field in zip(*items, strict=True)))
-
-
-def _item(table: dict[str, np.ndarray], item: int, view: float, mirrored: bool) -> LayoutBatch:
-    """One item, its arrays without the axis B."""
-    index = int(view * table["images"].shape[1])
-    image, camera = table["images"][item, index], table["cameras"][item, index]
-    boxes, codes = table["boxes"][item], table["codes"][item]
-    if mirrored:
-        image, camera = mirror_images(image), mirror_camera_codes(camera)
-        boxes, codes = mirror_boxes(boxes), mirror_codes(codes)
-    return LayoutBatch(
-        image=image.astype(np.float32) / np.float32(255),
-        camera=camera,
-        boxes=boxes,
-        codes=codes,
-        parents=table["parents"][item],
-        colors=table["colors"][item],
-        part_counts=table["part_counts"][item],
-    )
-
-
-def validation_layouts(data: DataConfig, model: ModelConfig, count: int) -> LayoutBatch:
-    """The first ``count`` validation objects, first view, unmirrored, as one batch."""
-    settings = settings_of(data, model, validation=True)
-    folder = f"{data.layouts}-validation"
-    claim_folder(folder, settings)
-    items: list[LayoutBatch] = []
-    number = 0
-    while len(items) < count:
-        table = load_block(folder, number, settings)
-        left = min(count - len(items), len(table["images"]))
-        items += [_item(table, i, 0.0, False) for i in range(left)]
-        number += 1
-    return _stacked(items)

@@ -8,21 +8,12 @@ import functools
 import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
-from uniart_jax.data.layouts import (
-    LayoutOrder,
-    LayoutSettings,
-    claim_folder,
-    claimed_settings,
-    drawn_item,
-    load_block,
-    settings_of,
-)
+from uniart_jax.data.layout_batches import LayoutOrder, claimed_settings, drawn_item, neighbours
+from uniart_jax.data.layouts import LayoutSettings, claim_folder, load_block, settings_of
 from uniart_jax.data.order import Draw, local_rows
-from uniart_jax.data.scenes import Crop, scene
+from uniart_jax.data.scenes import scene, training_backdrop
 from uniart_jax.data.stream import Batches
 from uniart_jax.voxels.typed_batches import MaskBatch
-
-OTHERS = 3  # objects that may stand behind another
 
 
 def scene_batches(
@@ -38,7 +29,7 @@ def scene_batches(
     whenever it is shown.
 
     Raises:
-      ValueError: as ``data.layouts.layout_batches``.
+      ValueError: as ``data.layout_batches.layout_batches``.
     """
     settings = claimed_settings(data, model)
     rows = local_rows(batch_size, process_index, process_count, accumulate)
@@ -55,23 +46,22 @@ def _load(
     for row in rows:
         place = int(draw.records[row])
         table, item = drawn_item(place, data, settings, masks=True)
-        items.append(_scene(np.random.default_rng([data.seed, 4, place]), table, item, size))
+        rng = np.random.default_rng([data.seed, 4, place])
+        back = training_backdrop(rng, size)
+        items.append(_scene(rng, table, item, size, back))
     return MaskBatch(*(np.stack(field) for field in zip(*items, strict=True)))
 
 
 def _scene(
-    rng: np.random.Generator, table: dict[str, np.ndarray], item: int, size: int
+    rng: np.random.Generator,
+    table: dict[str, np.ndarray],
+    item: int,
+    size: int,
+    back: np.ndarray | None = None,
 ) -> MaskBatch:
     """One item, its arrays without the axis B."""
-    images, masks = table["images"], table["masks"]
-
-    def crop(index: int) -> Crop:
-        view = int(rng.integers(images.shape[1]))
-        return images[index, view], masks[index, view]
-
-    behind = (item + 1 + rng.integers(len(images) - 1, size=OTHERS)) % len(images)
-    others = [crop(int(other)) for other in behind]
-    image, mask = scene(rng, crop(item), others, size)
+    crop, others = neighbours(rng, table, item)
+    image, mask = scene(rng, crop, others, size, back=back)
     return MaskBatch(image.astype(np.float32) / 255, mask.astype(np.float32) / 255)
 
 

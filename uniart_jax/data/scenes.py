@@ -24,7 +24,11 @@ WHOLE = (0.6, 0.95)  # so of an object of which nothing is hidden or cut off
 BEHIND = (0.12, 0.42)  # so of objects behind it
 SQUASH = 0.3  # most log of width over height: pictures of any shape are looked at as squares
 ROLL = 8.0  # degrees, of a third of the objects
+OTHERS = 3  # objects that may stand behind another
 BEYOND = 0.1  # share of the crop that may lie outside the picture
+LEAVES = 400  # most things of a picture of dead leaves
+AMONG_LEAVES = 0.4  # share of the pictures to train on that are taken before them
+EXPONENTS = (0.4, 1.0, 1.8)  # of the spectra of their textures
 Array = np.ndarray
 Crop = tuple[Array, Array]
 
@@ -78,6 +82,64 @@ def backdrop(rng: np.random.Generator, size: int) -> Array:
     return np.asarray(picture, np.float32)
 
 
+def training_backdrop(rng: np.random.Generator, size: int) -> Array:
+    """``backdrop`` or ``leaves``: what trainings put behind their objects. Evaluations keep to
+    ``backdrop``."""
+    return (leaves if rng.random() < AMONG_LEAVES else backdrop)(rng, size)
+
+
+def leaves(rng: np.random.Generator, size: int) -> Array:
+    """[S, S, 3] float32 sRGB in [0, 1]: things of every size before each other, the *dead leaves*
+    whose edges and sizes have the statistics of photographs (Lee, Mumford & Huang, "Occlusion
+    models for natural images", IJCV 2001); each is shaded and of one of a few textures."""
+    image = Image.new("L", (size, size))
+    draw = ImageDraw.Draw(image)
+    smallest = size * rng.uniform(0.006, 0.04)
+    count = int(rng.integers(60, LEAVES))
+    # density r^-3 between the smallest and half of the picture: as many edges at every scale
+    ranks = rng.uniform(size=count)
+    radii = 1 / np.sqrt(ranks / smallest**2 + (1 - ranks) / (0.5 * size) ** 2)
+    for label, radius in enumerate(radii, 1):
+        _leaf(rng, draw, rng.uniform(-0.1, 1.1, 2) * size, float(radius), label % 256)
+    labels = np.asarray(image)
+    bases = np.stack([_color(rng) for _ in range(int(rng.integers(2, 7)))])
+    spread = rng.uniform(0.02, 0.15)
+    colors = bases[rng.integers(len(bases), size=256)] + spread * rng.normal(size=(256, 3))
+    slopes = rng.normal(size=(256, 2)) * rng.uniform(0, 0.8)
+    x, y = _grid(size)
+    shade = slopes[labels, 0] * (x - 0.5) + slopes[labels, 1] * (y - 0.5)
+    kinds = rng.integers(len(EXPONENTS) + 1, size=256)  # the last: none
+    depths = rng.uniform(0, 0.5, 256)
+    fields = [_field(rng, size, exponent) for exponent in EXPONENTS] + [np.zeros_like(x)]
+    texture = np.choose(kinds[labels], fields) * depths[labels]
+    gray = colors.mean(-1, keepdims=True)
+    colors = gray + rng.uniform(0.2, 1) * (colors - gray)
+    picture = colors[labels] * (1 + shade + 0.5 * texture)[..., None]
+    if rng.random() < 0.5:
+        blurred = Image.fromarray(_bytes(picture)).filter(
+            ImageFilter.GaussianBlur(rng.uniform(0.3, 3))
+        )
+        picture = _floats(blurred)
+    return np.clip(picture, 0, 1).astype(np.float32)
+
+
+def _leaf(
+    rng: np.random.Generator, draw: ImageDraw.ImageDraw, at: Array, radius: float, label: int
+) -> None:
+    """One thing of a radius in pixels about a place (x, y)."""
+    (x, y), kind = at, rng.integers(4)
+    w, h = radius * np.exp(rng.normal(size=2) * 0.4)
+    if kind == 0:
+        draw.ellipse([float(v) for v in (x - w, y - h, x + w, y + h)], label)
+    elif kind == 1:
+        draw.rectangle([float(v) for v in (x - w, y - h, x + w, y + h)], label)
+    else:
+        angles = np.sort(rng.uniform(0, 2 * np.pi, int(rng.integers(3, 9))))
+        reach = rng.uniform(0.6, 1.4, len(angles))
+        points = np.stack([x + w * reach * np.cos(angles), y + h * reach * np.sin(angles)], -1)
+        draw.polygon([tuple(p) for p in points.tolist()], label)
+
+
 def _color(rng: np.random.Generator) -> Array:
     """[3] sRGB; walls and floors are rarely saturated, and often bright."""
     value = rng.beta(2.0, 1.2)
@@ -107,16 +169,21 @@ def _grid(size: int) -> tuple[Array, Array]:
 
 def _noise(rng: np.random.Generator, size: int, exponent: float) -> Array:
     """Noise of spectrum 1/f^exponent, coloured by a palette: marble, wool, leaves, clouds."""
+    field = _field(rng, size, exponent)
+    palette = np.stack([_color(rng) for _ in range(3)])
+    palette = palette[0] + rng.uniform(0.1, 1) * (palette - palette[0])
+    return _of_palette(palette, 0.5 + 0.25 * field)
+
+
+def _field(rng: np.random.Generator, size: int, exponent: float) -> Array:
+    """[S, S] noise of spectrum 1/f^exponent, mean 0, deviation 1."""
     stretch = rng.uniform(0.3, 1) if rng.random() < 0.5 else 1  # grain of wood: to one side
     down, across = np.fft.fftfreq(size) * stretch, np.fft.rfftfreq(size) / stretch
     f = np.hypot(down[:, None], across[None]).astype(np.float32)
     f[0, 0] = 1
     waves: Any = scipy.fft.rfft2(rng.standard_normal((size, size), np.float32))
     field = scipy.fft.irfft2(waves * f ** np.float32(-exponent), (size, size))
-    field = (field - field.mean()) / (field.std() + 1e-9)
-    palette = np.stack([_color(rng) for _ in range(3)])
-    palette = palette[0] + rng.uniform(0.1, 1) * (palette - palette[0])
-    return _of_palette(palette, 0.5 + 0.25 * field)
+    return (field - field.mean()) / (field.std() + 1e-9)
 
 
 def _of_palette(palette: Array, field: Array) -> Array:

@@ -5,14 +5,15 @@
 are never trained on.
 
 A family is a module ``procedural/<family>.py`` with ``build(rng) -> ArticulatedObject`` in metres,
-and its name in one of three tuples: ``SEEN_FAMILIES``, the paper's seven seen categories;
-``MORE_FAMILIES``, which networks of the wide world are trained on besides; ``UNSEEN_FAMILIES``,
+and its name in one of four tuples: ``SEEN_FAMILIES``, the paper's seven seen categories;
+``MORE_FAMILIES``, which networks of the wide world are trained on besides; ``DETAILED_FAMILIES``,
+furniture and appliances of the seven categories again, as varied as real ones; ``UNSEEN_FAMILIES``,
 which nothing is ever trained on. Appending to a tuple leaves the objects of the other families as
 they are, since names seed the generator.
 
 What a training draws from is a *world*, a tuple of families taken in turn or at random, of
-``WORLDS``: "seven", or "wide", in which half of the objects are of the seven and half, evenly, of
-the others.
+``WORLDS``: "seven"; "wide", in which half of the objects are of the seven and half, evenly, of
+``MORE_FAMILIES``; or "detailed", in which a third is of each of these and of ``DETAILED_FAMILIES``.
 """
 
 from __future__ import annotations
@@ -51,6 +52,13 @@ MORE_FAMILIES: tuple[str, ...] = (
     "toaster",
     "assemblies",
 )
+DETAILED_FAMILIES: tuple[str, ...] = (
+    "desk",
+    "cupboard",
+    "cooker",
+    "built_in_appliance",
+    "cold_appliance",
+)
 UNSEEN_FAMILIES: tuple[str, ...] = (
     "toilet",
     "laptop",
@@ -59,20 +67,20 @@ UNSEEN_FAMILIES: tuple[str, ...] = (
     "swivel_chair",
     "faucet",
 )
-FAMILIES = SEEN_FAMILIES + MORE_FAMILIES + UNSEEN_FAMILIES
+FAMILIES = SEEN_FAMILIES + MORE_FAMILIES + DETAILED_FAMILIES + UNSEEN_FAMILIES
 
 
-def _alternating(one: tuple[str, ...], other: tuple[str, ...]) -> tuple[str, ...]:
-    """The shortest cycle in which every second name is of ``one`` and each tuple is taken in turn,
-    evenly."""
-    count = math.lcm(len(one), len(other))
-    pairs = ((one[k % len(one)], other[k % len(other)]) for k in range(count))
-    return tuple(name for pair in pairs for name in pair)
+def _in_turn(*groups: tuple[str, ...]) -> tuple[str, ...]:
+    """The shortest cycle in which a name of each group follows one of the group before, and each
+    group is taken in turn, evenly."""
+    count = math.lcm(*(len(group) for group in groups))
+    return tuple(group[k % len(group)] for k in range(count) for group in groups)
 
 
 WORLDS: dict[str, tuple[str, ...]] = {
     "seven": SEEN_FAMILIES,
-    "wide": _alternating(SEEN_FAMILIES, MORE_FAMILIES),
+    "wide": _in_turn(SEEN_FAMILIES, MORE_FAMILIES),
+    "detailed": _in_turn(SEEN_FAMILIES, MORE_FAMILIES, DETAILED_FAMILIES),
 }
 HELD_OUT_SEED = 1_000_000
 MAX_PARTS = 16

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from uniart_jax.config import Config, ModelConfig
-from uniart_jax.data.layouts import layout_batches, validation_layouts
+from uniart_jax.data.layout_batches import layout_batches, validation_layouts
 from uniart_jax.inference.layouts import check_backbone, first_layout_weights
 from uniart_jax.models.network import Network, build
 from uniart_jax.stages.pictures import IMAGE_BATCH, RECORDS

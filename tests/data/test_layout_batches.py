@@ -1,0 +1,96 @@
+"""Batches of layouts: they begin where they are told, resume, are shared and mirrored, and show a
+share of their pictures as if cut out of photographs."""
+
+import dataclasses
+import itertools
+
+import numpy as np
+import pytest
+
+from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
+from uniart_jax.data import layout_batches, layouts
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes
+from uniart_jax.voxels.joint_code import gauge_variants
+
+SETTINGS = layouts.LayoutSettings(image_size=32)
+MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("layouts")
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (layouts, layout_batches):
+            patch.setattr(module, "BLOCK", 3)
+        patch.setattr(layout_batches, "WINDOW", 2)
+        layout_batches._window.cache_clear()
+        layout_batches._shuffled.cache_clear()
+        yield DataConfig(layouts=str(folder / "blocks"), reuse=2)
+        layout_batches._window.cache_clear()
+        layout_batches._shuffled.cache_clear()
+
+
+def test_a_training_begins_at_its_first_block(data):
+    """What it shows in a window is those blocks' objects, each ``reuse`` times; none is of
+    others."""
+    later = dataclasses.replace(data, first_block=4, mirror=False)
+    batches = itertools.islice(
+        layout_batches.layout_batches(later, MODEL, 4), 3
+    )  # 12: a whole window
+    shown = np.concatenate([batch.boxes for batch in batches])
+    settings = layouts.settings_of(data, MODEL)
+    held = np.concatenate([layouts.load_block(data.layouts, n, settings)["boxes"] for n in (4, 5)])
+    places = [np.flatnonzero((held == boxes).all((1, 2))).tolist() for boxes in shown]
+    assert sorted(places) == sorted([[k] for k in range(6)] * 2)
+    with pytest.raises(ValueError, match=r"data\.first_block is -1"):
+        layout_batches.layout_batches(dataclasses.replace(data, first_block=-1), MODEL, 4)
+
+
+def test_batches_resume_and_are_shared(data):
+    whole = list(itertools.islice(layout_batches.layout_batches(data, MODEL, 4), 5))
+    later = iter(layout_batches.layout_batches(data, MODEL, 4))
+    later.set_state({"batch": 3, "batch_size": 4})
+    np.testing.assert_array_equal(next(later).image, whole[3].image)
+    later.close()
+    halves = [
+        next(iter(layout_batches.layout_batches(data, MODEL, 4, process_index=i, process_count=2)))
+        for i in (0, 1)
+    ]
+    np.testing.assert_array_equal(np.concatenate([h.boxes for h in halves]), whole[0].boxes)
+
+
+def test_mirrored_items_belong_together(data):
+    table = layout_batches.load_window(data.layouts, 0, SETTINGS)
+    plain = layout_batches._item(table, 1, 0.0, False)
+    turned = layout_batches._item(table, 1, 0.0, True)
+    np.testing.assert_array_equal(turned.image, plain.image[:, ::-1])
+    np.testing.assert_array_equal(turned.boxes, mirror_boxes(plain.boxes))
+    back = mirror_codes(turned.codes)
+    assert np.abs(gauge_variants(back) - plain.codes[:, None]).max(-1).min(-1).max() < 1e-5
+
+
+def test_a_share_is_shown_as_photographs(data):
+    """Others each time, with the truth of the same objects; the rest is as without."""
+    plain, mixed, all_of_them = (
+        list(
+            itertools.islice(
+                layout_batches.layout_batches(
+                    dataclasses.replace(data, photographs=share), MODEL, 4
+                ),
+                3,
+            )
+        )
+        for share in (0.0, 0.5, 1.0)
+    )
+    pictures = [np.concatenate([b.image for b in run]) for run in (plain, mixed, all_of_them)]
+    for run in (mixed, all_of_them):
+        for batch, true in zip(run, plain, strict=True):
+            np.testing.assert_array_equal(batch.boxes, true.boxes)
+            np.testing.assert_array_equal(batch.codes, true.codes)
+            assert np.abs(batch.camera - true.camera).max() < 0.4
+    same = [(pictures[0][k] == pictures[1][k]).all() for k in range(12)]
+    assert 2 <= sum(same) <= 10
+    assert not any((pictures[0][k] == pictures[2][k]).all() for k in range(12))
+    assert len({picture.tobytes() for picture in pictures[2]}) == 12  # each object is there twice
+    black = pictures[2][pictures[0].max(-1) == 0]
+    assert (black.max(-1) < 0.1).mean() > 0.8  # cut out again

@@ -1,0 +1,199 @@
+"""Batches of ``data.layouts``, what the layout network trains on. No jax.
+
+They go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on; in a window each
+object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored with
+probability 1/2 (``voxels.typed_batches.LayoutBatch``). A share ``DataConfig.photographs`` of the
+pictures are as they would be cut out of a photograph (``data.photographs``), others each time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import threading
+
+import numpy as np
+
+from uniart_jax.config import DataConfig, ModelConfig
+from uniart_jax.data.cameras import mirror_camera_codes
+from uniart_jax.data.layouts import (
+    BLOCK,
+    COLUMNS,
+    LayoutSettings,
+    claim_folder,
+    load_block,
+    settings_of,
+)
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
+from uniart_jax.data.order import ENDLESS, Draw, local_rows
+from uniart_jax.data.photographs import photographed
+from uniart_jax.data.scenes import OTHERS, Crop, training_backdrop
+from uniart_jax.data.stream import Batches
+from uniart_jax.voxels.typed_batches import LayoutBatch
+
+WINDOW = 4  # blocks that batches are drawn from at a time
+_LOCK = threading.Lock()
+
+
+def claimed_settings(data: DataConfig, model: ModelConfig) -> LayoutSettings:
+    """``settings_of`` a training, whose folder is made, or checked, to be of them.
+
+    Raises:
+      ValueError: the folder holds other settings, or the first block is below 0.
+    """
+    if data.first_block < 0:
+        raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
+    settings = settings_of(data, model)
+    claim_folder(data.layouts, settings)
+    return settings
+
+
+def layout_batches(
+    data: DataConfig,
+    model: ModelConfig,
+    batch_size: int,
+    *,
+    process_index: int = 0,
+    process_count: int = 1,
+    accumulate: int = 1,
+) -> Batches[LayoutBatch]:
+    """Endless batches (see the module's docstring) from ``data.layouts``; missing blocks are made
+    on the way.
+
+    Raises:
+      ValueError: the folder holds other settings, the first block is below 0, or the batch cannot
+        be shared or does not divide into windows.
+    """
+    settings = claimed_settings(data, model)
+    order = LayoutOrder(batch_size, data.reuse)
+    rows = local_rows(batch_size, process_index, process_count, accumulate)
+    load = functools.partial(_load, data=data, settings=settings, rows=rows)
+    return Batches(order, load, data.workers)
+
+
+@dataclasses.dataclass(frozen=True)
+class LayoutOrder:
+    """Batch n takes items n B to (n + 1) B of the endless sequence of windows; ``records`` are
+    places in it."""
+
+    batch_size: int
+    reuse: int
+
+    def __len__(self) -> int:
+        return ENDLESS
+
+    def __getitem__(self, number: int) -> Draw:
+        places = np.arange(number * self.batch_size, (number + 1) * self.batch_size)
+        return Draw(number, places, 0)
+
+
+def load_window(
+    folder: str, first: int, settings: LayoutSettings, masks: bool = False
+) -> dict[str, np.ndarray]:
+    """The blocks of a window, from block ``first`` on, joined, with or without masks; kept, and
+    read by one thread at a time."""
+    with _LOCK:
+        return _window(folder, first, settings, masks)
+
+
+@functools.lru_cache(maxsize=3)
+def _window(
+    folder: str, first: int, settings: LayoutSettings, masks: bool
+) -> dict[str, np.ndarray]:
+    blocks = [load_block(folder, number, settings) for number in range(first, first + WINDOW)]
+    names = [name for name in COLUMNS if masks or name != "masks"]
+    return {name: np.concatenate([block[name] for block in blocks]) for name in names}
+
+
+@functools.lru_cache(maxsize=3)
+def _shuffled(window: int, length: int, seed: int) -> np.ndarray:
+    return np.random.default_rng([seed, 3, window]).permutation(length)
+
+
+def _load(
+    draw: Draw, *, data: DataConfig, settings: LayoutSettings, rows: np.ndarray
+) -> LayoutBatch:
+    rng = draw.generator(data.seed)
+    views, flips = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
+    taken = rng.random(len(draw.records)) < data.photographs
+    items = []
+    for row in rows:
+        place = int(draw.records[row])
+        table, item = drawn_item(place, data, settings, masks=data.photographs > 0)
+        photographer = np.random.default_rng([data.seed, 6, place]) if taken[row] else None
+        items.append(_item(table, item, views[row], flips[row] and data.mirror, photographer))
+    return _stacked(items)
+
+
+def drawn_item(
+    place: int, data: DataConfig, settings: LayoutSettings, masks: bool = False
+) -> tuple[dict[str, np.ndarray], int]:
+    """The window of a place in the endless sequence, and the row of it that is shown there."""
+    length = WINDOW * BLOCK * data.reuse
+    window, within = divmod(place, length)
+    table = load_window(data.layouts, data.first_block + window * WINDOW, settings, masks)
+    return table, int(_shuffled(window, length, data.seed)[within] % len(table["images"]))
+
+
+def _stacked(items: list[LayoutBatch]) -> LayoutBatch:
+    return LayoutBatch(*(np.stack(field) for field in zip(*items, strict=True)))
+
+
+def neighbours(
+    rng: np.random.Generator, table: dict[str, np.ndarray], item: int
+) -> tuple[Crop, list[Crop]]:
+    """The crop of an item in one of its views, and of others of the window."""
+
+    def crop(index: int) -> Crop:
+        view = int(rng.integers(table["images"].shape[1]))
+        return table["images"][index, view], table["masks"][index, view]
+
+    count = len(table["images"])
+    behind = (item + 1 + rng.integers(count - 1, size=OTHERS)) % count
+    others = [crop(int(other)) for other in behind]
+    return crop(item), others
+
+
+def _item(
+    table: dict[str, np.ndarray],
+    item: int,
+    view: float,
+    mirrored: bool,
+    photographer: np.random.Generator | None = None,
+) -> LayoutBatch:
+    """One item, its arrays without the axis B; ``photographer`` draws its photograph."""
+    index = int(view * table["images"].shape[1])
+    image, camera = table["images"][item, index], table["cameras"][item, index]
+    if photographer is not None:
+        crop, size = (image, table["masks"][item, index]), len(image)
+        others = neighbours(photographer, table, item)[1]
+        back = training_backdrop(photographer, size)
+        image, camera = photographed(photographer, crop, camera, others, size, back)
+    boxes, codes = table["boxes"][item], table["codes"][item]
+    if mirrored:
+        image, camera = mirror_images(image), mirror_camera_codes(camera)
+        boxes, codes = mirror_boxes(boxes), mirror_codes(codes)
+    return LayoutBatch(
+        image=image.astype(np.float32) / np.float32(255),
+        camera=camera,
+        boxes=boxes,
+        codes=codes,
+        parents=table["parents"][item],
+        colors=table["colors"][item],
+        part_counts=table["part_counts"][item],
+    )
+
+
+def validation_layouts(data: DataConfig, model: ModelConfig, count: int) -> LayoutBatch:
+    """The first ``count`` validation objects, first view, unmirrored, as one batch."""
+    settings = settings_of(data, model, validation=True)
+    folder = f"{data.layouts}-validation"
+    claim_folder(folder, settings)
+    items: list[LayoutBatch] = []
+    number = 0
+    while len(items) < count:
+        table = load_block(folder, number, settings)
+        left = min(count - len(items), len(table["images"]))
+        items += [_item(table, i, 0.0, False) for i in range(left)]
+        number += 1
+    return _stacked(items)
