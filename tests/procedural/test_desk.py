@@ -1,0 +1,92 @@
+"""What the desk family promises: closed parts that clear one another, drawers on two sides, doors,
+leaves, lids and casters that move as such things do."""
+
+from __future__ import annotations
+
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+
+from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, desk
+
+SEEDS = range(60)
+TYPES = {
+    "drawer": {"prismatic"},
+    "door": {"revolute"},
+    "leaf": {"revolute"},
+    "lid": {"revolute"},
+    "fork": {"continuous"},
+    "wheel": {"continuous"},
+    "handle": {"fixed"},
+}
+
+
+@pytest.fixture(scope="module")
+def tables():
+    made = [desk.build(np.random.default_rng([seed, 5])).normalized() for seed in SEEDS]
+    return [t for t in made if len(t.parts) <= MAX_PARTS and box_separation(t) > BOX_SEPARATION]
+
+
+def solid(mesh: trimesh.Trimesh) -> manifold3d.Manifold:
+    body = manifold3d.Manifold(
+        manifold3d.Mesh64(
+            vert_properties=np.asarray(mesh.vertices, dtype=np.float64),
+            tri_verts=np.asarray(mesh.faces, dtype=np.uint64),
+        )
+    )
+    assert body.status() == manifold3d.Error.NoError
+    return body
+
+
+def overlap(a: manifold3d.Manifold, b: manifold3d.Manifold) -> float:
+    """Volume of the intersection relative to the smaller solid."""
+    one, two = np.array(a.bounding_box()), np.array(b.bounding_box())
+    if np.any(one[:3] >= two[3:]) or np.any(two[:3] >= one[3:]):
+        return 0.0
+    return (a ^ b).volume() / min(a.volume(), b.volume())
+
+
+def test_few_are_drawn_again(tables):
+    assert len(tables) >= 0.95 * len(SEEDS)
+
+
+def test_parts_are_closed_also_when_vertices_merge(tables):
+    for table in tables:
+        for part in table.parts:
+            merged = trimesh.Trimesh(part.mesh.vertices, part.mesh.faces, process=True)
+            assert part.mesh.is_watertight and merged.is_watertight
+            assert part.mesh.volume > 0
+
+
+def test_joints_suit_what_moves(tables):
+    labels = set()
+    for table in tables:
+        for part in table.parts[1:]:
+            assert part.joint.type in TYPES[part.label], part.name
+            assert part.joint.limits[0] == 0 or part.joint.type == "continuous"
+            assert np.sort(part.mesh.extents)[1] > 0.015 or part.label in ("handle", "wheel")
+            labels.add(part.label)
+    assert {"drawer", "door", "leaf", "wheel"} <= labels
+
+
+def test_parts_clear_one_another_at_rest_and_their_parents_as_they_move(tables):
+    for table in tables:
+        solids = [solid(part.mesh) for part in table.parts]
+        for a in range(len(solids)):
+            for b in range(a):
+                assert overlap(solids[a], solids[b]) < 1e-3
+        for k, part in enumerate(table.parts):
+            if part.parent < 0 or part.joint.type == "fixed":
+                continue
+            for share in (0.5, 1.0):
+                there = solids[k].transform(part.joint.motion(share * part.joint.limits[1])[:3])
+                assert overlap(there, solids[part.parent]) < 1e-3, part.name
+
+
+def test_drawers_open_on_two_sides_and_some_are_thin(tables):
+    drawers = [p for table in tables for p in table.parts if p.label == "drawer"]
+    forward = [float(p.joint.direction[0]) for p in drawers]
+    assert min(forward) == pytest.approx(-1) and max(forward) == pytest.approx(1)
+    fronts = np.array([p.mesh.extents[2] for p in drawers])
+    assert np.mean(fronts < 0.08) > 0.15 and np.mean(fronts > 0.15) > 0.1
