@@ -1,0 +1,114 @@
+"""What cookers and built-in appliances promise: parts that move as theirs do, in closed solids that
+do not run into one another."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from manifold3d import Error, Manifold, Mesh64
+
+from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, controls, cooker
+
+COUNT = 40
+
+
+def solid(mesh, matrix=None) -> Manifold:
+    body = Manifold(
+        Mesh64(
+            vert_properties=np.asarray(mesh.vertices, dtype=np.float64),
+            tri_verts=np.asarray(mesh.faces, dtype=np.uint64),
+        )
+    )
+    assert body.status() == Error.NoError
+    return body if matrix is None else body.transform(matrix[:3])
+
+
+def shared(a: Manifold, b: Manifold) -> float:
+    """Volume of the intersection relative to the smaller solid."""
+    one, two = np.array(a.bounding_box()), np.array(b.bounding_box())
+    if np.any(one[:3] >= two[3:]) or np.any(two[:3] >= one[3:]):
+        return 0.0
+    return (a ^ b).volume() / min(a.volume(), b.volume())
+
+
+def check(obj, where: str) -> None:
+    """Closed parts, also with equal vertices merged; nothing in anything at rest; nothing in its
+    parent where it goes."""
+    assert 1 <= len(obj.parts) <= MAX_PARTS, where
+    assert len({p.name for p in obj.parts}) == len(obj.parts), where
+    for part in obj.parts:
+        merged = part.mesh.copy()
+        merged.merge_vertices()
+        assert merged.is_watertight and part.mesh.volume > 0, f"{where} {part.name}"
+    solids = [solid(part.mesh) for part in obj.parts]
+    for k, part in enumerate(obj.parts):
+        assert all(shared(solids[k], other) < 1e-3 for other in solids[:k]), f"{where} {part.name}"
+        low, high = part.joint.limits
+        if part.parent < 0 or part.joint.type == "fixed":
+            continue
+        assert low == 0 or part.joint.type == "continuous"
+        for share in (0.25, 0.5, 1.0):
+            q = np.zeros(len(obj.parts))
+            q[k] = share * high
+            there = solids[k].transform(obj.forward_kinematics(q)[k][:3])
+            met = shared(there, solids[part.parent])
+            assert met < 1e-3, f"{where} {part.name} at {share:.0%}: {met:.2g}"
+
+
+def kind(part) -> str:
+    return f"{part.name.split('_')[0]} {part.joint.type}"
+
+
+@pytest.fixture(scope="module")
+def cookers():
+    return [cooker.build(np.random.default_rng(seed)).normalized() for seed in range(COUNT)]
+
+
+def test_cookers_are_closed_and_clear(cookers):
+    for seed, obj in enumerate(cookers):
+        check(obj, f"cooker {seed}")
+
+
+def test_cookers_have_what_real_ones_have(cookers):
+    counts = Counter(kind(part) for obj in cookers for part in obj.parts)
+    knobs = counts["knob continuous"], counts["knob revolute"]
+    assert knobs[0] > 2 * knobs[1] > 0  # most turn without end
+    assert min(counts[k] for k in ("door revolute", "drawer prismatic", "rack prismatic")) > 0
+    assert np.mean([box_separation(obj) > BOX_SEPARATION for obj in cookers]) > 0.9
+    tilted = [
+        abs(part.joint.direction[2]) > 0.1
+        for obj in cookers
+        for part in obj.parts
+        if part.name.startswith("knob")
+    ]
+    assert 0.05 < np.mean(tilted) < 0.6
+
+
+def test_knobs_with_stops_turn_clockwise(cookers):
+    for obj in cookers:
+        for part in obj.parts:
+            if part.name.startswith("knob") and part.joint.type == "revolute":
+                low, high = part.joint.limits
+                toward = part.joint.direction * (1 if high > -low else -1)
+                assert toward[0] > 0 or toward[2] < -0.9  # away from who stands before or above
+
+
+def test_rows_of_knobs_stay_apart_and_leave_the_span_free():
+    rng = np.random.default_rng(0)
+    uneven = 0
+    for _ in range(300):
+        half, pitch, count = (
+            rng.uniform(0.1, 0.6),
+            rng.uniform(0.03, 0.12),
+            int(rng.integers(0, 10)),
+        )
+        ys, span = controls.uneven_row(rng, count, half, pitch)
+        assert len(ys) <= count and np.all(np.abs(ys) <= half + 1e-9)
+        gaps = np.diff(ys)
+        assert np.all(gaps > pitch * (1 - 1e-9))
+        uneven += len(gaps) > 1 and np.ptp(gaps) > 0.2 * pitch
+        if span is not None:
+            assert all(y < span[0] - 0.5 * pitch or y > span[1] + 0.5 * pitch for y in ys)
+    assert uneven > 100
