@@ -28,7 +28,7 @@ NEWER = 1.5  # ages are drawn as u^NEWER of the pool's, so newer objects more of
 JUDGED, JUDGED_ROWS = 8, 24  # files that are held back until they are judged, objects of each
 
 BACKDROPS = 32  # that a process keeps, for photographs
-SCENES = 0.5  # scenes an object, for the mask network
+SCENES = 0.35  # scenes an object, for the mask network
 
 # columns that layouts and structures are trained on, and those of the mask network
 READ = (*(name for name in COLUMNS if name != "masks"), "voxels", "photos", "photo_cameras")
