@@ -15,12 +15,13 @@ from uniart_jax.procedural import (
     materials,
     real_finishes,
     table_parts,
+    table_tops,
 )
 from uniart_jax.procedural.desk_cases import Opening, apron
 from uniart_jax.procedural.fronts import FrontStyle
 from uniart_jax.procedural.hinges import hang
 from uniart_jax.procedural.pulls import DrawerStyle
-from uniart_jax.procedural.shapes import box, hinge, rounded
+from uniart_jax.procedural.shapes import box
 from uniart_jax.procedural.table_parts import Piece
 
 # width, height, depth (metres), weight
@@ -43,7 +44,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     kind = names[rng.choice(len(names), p=[k[-1] for k in _KINDS.values()])]
     width, height, depth = (float(rng.uniform(*r)) for r in _KINDS[kind][:3])
     p = _piece(rng, width, height, depth)
-    inside = p.frame if rng.random() < 0.3 else _pale(rng)
+    inside = p.frame if rng.random() < 0.5 else _pale(rng)
     style = DrawerStyle.draw(rng, p.unit, p.look, inside)
     if kind == "pedestal":
         desk_bodies.pedestals(p, style)
@@ -58,6 +59,15 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 def _board(rng: np.random.Generator) -> materials.Material:
     """Wood mostly, strongly grained; white, grey, black and colours."""
+    for _ in range(2):
+        finish = _any_board(rng)
+        if max(finish.color) > 0.2 or rng.random() < 0.4:
+            break
+    return finish
+
+
+def _any_board(rng: np.random.Generator) -> materials.Material:
+    """A finish of boards; more of them are black than real ones."""
     kind = rng.choice(4, p=[0.6, 0.1, 0.24, 0.06])
     if kind == 0:
         return real_finishes.strong_wood(rng)
@@ -130,13 +140,13 @@ def _legged(p: Piece, style: DrawerStyle, kind: str) -> None:
         legs = "square"
     stout = 0.05 if legs == "post" or kind == "bench" else 0.034
     r = max(p.between(0.013, stout), (1.0 if legs != "post" else 1.6) * p.unit)
-    lowest = 3.6 * p.unit
+    lowest = 3.9 * p.unit
     tall = (0.09, 0.2) if small or kind == "bench" else (0.04, 0.13)
     row = float(np.clip(p.between(*tall), lowest, 0.4 * under))
     plan = str(
         rng.choice(
-            ["drawers", "cabinet", "lid", "leaves", "none"],
-            p=[0.82, 0.08, 0.03, 0.05, 0.02] if not wheel else [0.4, 0.05, 0.05, 0.0, 0.5],
+            ["drawers", "cabinet", "hung", "lid", "leaves", "none"],
+            p=[0.76, 0.08, 0.08, 0.02, 0.06, 0.0] if not wheel else [0.4, 0.05, 0, 0.05, 0, 0.5],
         )
     )
     if plan == "cabinet":
@@ -147,8 +157,11 @@ def _legged(p: Piece, style: DrawerStyle, kind: str) -> None:
     places = [(x, y) for x in (r, depth - r) for y in (r - half, half - r)]
     amount, profile = p.between(0.2, 1.0), table_parts.leg_profile(rng, legs)
     above = p.between(0.003, 0.02) if legs == "post" and p.share(0.6) else 0.0
-    ends = p.share(0.16) and not wheel and kind != "bench"
-    if ends:  # boards, or frames of bars, instead of legs
+    support = str(rng.choice(["legs", "ends", "column"], p=[0.8, 0.15, 0.05]))
+    if support == "column" and plan == "drawers" and p.width < 1.1 and not wheel:
+        table_parts.column(p, under - row, thick)
+        drop = 0.0
+    elif support == "ends" and not wheel and kind != "bench":
         desk_cases.ends(p, under, thick=2 * r * 0.7)
         r = 0.7 * r
     else:
@@ -172,14 +185,17 @@ def _legged(p: Piece, style: DrawerStyle, kind: str) -> None:
             rng.choice(["straight", "arch", "scallops", "brackets"], p=[0.3, 0.35, 0.15, 0.2])
         )
         apron(p, style, (r - half, half - r), (under - row, under), x, openings, rear, drop, manner)
+    elif plan == "hung":
+        desk_cases.hung(p, style, (inside[0] - 0.001, inside[1] + 0.001), under, x)
     elif plan == "cabinet":
         z = (under - row, under)
         cells = desk_cases.columns(p, (inside[0] - 0.001, inside[1] + 0.001), z)
         desk_cases.case(p, style, (inside[0] - 0.001, inside[1] + 0.001), z, x, cells)
     else:
-        _lid(p, style, (r, depth - r), half - r, (under - row, under), thick)
+        table_tops.lid(p, (r, depth - r), half - r, (under - row, under), thick)
     free = under - row - drop
-    if p.share(0.5 if small or kind in ("console", "coffee", "bench") else 0.2) and free > 0.12:
+    shelf = p.share(0.5 if small or kind in ("console", "coffee", "bench") else 0.2)
+    if shelf and free > 0.12 and support != "column":
         low = max(wheel + 0.01, p.between(0.08, 0.5) * free)
         shares = [0.55, 0.1, 0.1, 0.15, 0.1]
         manner = str(rng.choice(["shelf", "slats", "box", "h", "sides"], p=shares))
@@ -194,14 +210,16 @@ def _legged(p: Piece, style: DrawerStyle, kind: str) -> None:
     side = over if p.share(0.7) else p.between(0.0, 0.2) * p.width
     if plan == "leaves":
         side = 0.012
-        _leaves(p, (-front, depth + over), half + side, under, thick)
+        table_tops.leaves(p, (-front, depth + over), half + side, under, thick)
     if plan != "lid":
-        kinds = ["square", "rounded", "cut", "beveled", "framed", "glass"]
-        shares = [0.5, 0.15, 0.05, 0.15, 0.08, 0.07] if plan != "leaves" else [1, 0, 0, 0, 0, 0]
+        kinds = ["square", "rounded", "cut", "beveled", "framed", "glass", "oval", "slats"]
+        shares = [0.5, 0.14, 0.05, 0.14, 0.07, 0.05, 0.03, 0.02]
+        if plan == "leaves":
+            kinds, shares = ["square"], [1.0]
         round_by = p.between(0.01, 0.12) * depth
         y = (-half - side, half + side)
         shape = str(rng.choice(kinds, p=shares))
-        table_parts.top(p, (-front, depth + over), y, (under, p.height), shape, round_by)
+        table_tops.top(p, (-front, depth + over), y, (under, p.height), shape, round_by)
         if p.share(0.35 if kind == "bench" else 0.07):
             desk_cases.upper(p, (0.0, depth + over), half + side)
 
@@ -231,6 +249,9 @@ def _openings(p: Piece, y: tuple[float, float], z: tuple[float, float], kind: st
     if tall - rail.sum() < 2.6 * p.unit:
         rail *= 0
     span = (z[0] + float(rail[0]), z[1] - float(rail[1]))
+    skirt = 0.0
+    if count == 1 and rail[0] == 0 and p.share(0.35):
+        skirt = p.between(0.15, 0.4) * tall
     cells, two = [], kind in ("nightstand", "bench") and tall > 0.16 and p.share(0.3)
     rows = (
         [span] if not two else [(span[0], sum(span) / 2 - 0.003), (sum(span) / 2 + 0.003, span[1])]
@@ -238,68 +259,5 @@ def _openings(p: Piece, y: tuple[float, float], z: tuple[float, float], kind: st
     for (a, b), row in itertools.product(itertools.pairwise(borders), rows):
         blank = p.share(0.05) and len(cells) > 0
         ends = (float(a + shift + divide / 2), float(b + shift - divide / 2))
-        cells.append(Opening(ends, row, "blank" if blank else "drawer"))
+        cells.append(Opening(ends, row, "blank" if blank else "drawer", skirt))
     return cells
-
-
-def _lid(
-    p: Piece, style: DrawerStyle, x: tuple[float, float], half: float, z: tuple[float, float],
-    thick: float,
-) -> None:  # fmt: skip
-    """A box under a top that is a lid, hinged at the rear; or two lids side by side."""
-    t, base = p.wall, z[0]
-    solid = box([x[0], -half, base], [x[1], half, z[1]])
-    p.add(
-        solid - box([x[0] + t, t - half, base + 0.6 * t], [x[1] - t, half - t, 1.0 + z[1]]), p.frame
-    )
-    over = p.between(0.0, 0.05)
-    rail = p.between(0.0, 0.3) * (x[1] - x[0])
-    back, low = x[1] - rail, z[1] + 0.0015
-    if rail > 0.02:
-        lo = [back, -half - over, z[1]]
-        p.add(box(lo, [x[1] + over, half + over, z[1] + thick]), p.board)
-    edges = [-half - over, half + over]
-    if p.width > 0.8 and p.share(0.4):
-        edges = [edges[0], 0.0, edges[1]]
-    angle = float(np.deg2rad(p.between(50, 100)))
-
-    def add(asm, root: int) -> None:
-        for a, b in itertools.pairwise(edges):
-            lo = [x[0] - over - 0.02, a + 0.001, low]
-            shape = table_parts.Shape().add(
-                box(lo, [back - 0.002, b - 0.001, z[1] + thick]), p.board
-            )
-            at = (back - 0.002, 0, low if rail > 0.02 else z[1] + thick)
-            if rail > 0.02:
-                at = (back - 0.002, 0, z[1] + thick)
-            asm.add("lid", shape, root, hinge(at, (0, 1, 0), angle))
-
-    p.moving.append(add)
-
-
-def _leaves(
-    p: Piece, x: tuple[float, float], half: float, under: float, thick: float
-) -> None:  # fmt: skip
-    """Leaves at both ends, or one, hinged to the top: hanging at rest, or raised."""
-    length = min(p.between(0.15, 0.5) * p.width, 0.8 * under)
-    hanging, round_by = p.share(0.6), p.between(0.0, 0.45) if p.share(0.5) else 0.0
-    sides = (1, -1) if p.share(0.8) else (1,)
-    angle = float(np.deg2rad(90 if p.share(0.6) else p.between(60, 90)))
-    deep, gap = x[1] - x[0], 0.002
-
-    def add(asm, root: int) -> None:
-        for side in sides:
-            ring = rounded(deep, 2 * length, max(0.004, round_by * min(deep, length)), 6)
-            ring = ring + [(x[0] + x[1]) / 2, 0]
-            solid = table_parts.shapes.extrusion(ring, "z", [0, 0, 0], thick)
-            solid = solid ^ box([x[0] - 1, 0, -1], [x[1] + 1, 3, 1])
-            at = np.array([0.0, side * (half + gap), under])
-            if hanging:
-                solid = solid.rotate((-90, 0, 0))
-            if side < 0:
-                solid = solid.mirror((0, 1, 0))
-            shape = table_parts.Shape().add(solid.translate(tuple(at)), p.board)
-            axis = np.array([side if hanging else -side, 0, 0])
-            asm.add("leaf", shape, root, hinge(at, axis, angle))
-
-    p.moving.append(add)

@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.procedural import shapes, table_parts
+from uniart_jax.procedural import shapes, table_parts, table_tops
 from uniart_jax.procedural.cabinet import Cell
 from uniart_jax.procedural.desk_cases import Opening, apron, case, columns, stack, upper
 from uniart_jax.procedural.pulls import DrawerStyle, add_drawer
@@ -100,7 +100,7 @@ def pedestals(p: Piece, style: DrawerStyle) -> None:
     shape = str(rng.choice(kinds, p=[0.55, 0.15, 0.05, 0.15, 0.1]))
     ahead = over + (style.thick + 0.002 if style.mount == "over" and p.share(0.7) else 0.0)
     spans = (-ahead, depth + over), (-half - over, half + over), (under, p.height)
-    table_parts.top(p, *spans, shape, p.between(0.02, 0.1))
+    table_tops.top(p, *spans, shape, p.between(0.02, 0.1))
     if p.share(0.1):
         _return(p, front, under, thick)
     if p.share(0.12):
@@ -203,7 +203,7 @@ def chest(p: Piece, style: DrawerStyle, flat: bool) -> None:
     kinds = ["square", "rounded", "beveled", "framed", "glass"]
     shape = str(rng.choice(kinds, p=[0.55, 0.12, 0.15, 0.1, 0.08]))
     spans = (-ahead, depth + over), (-half - over, half + over), (under, p.height)
-    table_parts.top(p, *spans, shape, p.between(0.01, 0.06))
+    table_tops.top(p, *spans, shape, p.between(0.01, 0.06))
 
 
 def bowed(p: Piece, style: DrawerStyle) -> None:

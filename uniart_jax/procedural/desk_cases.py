@@ -9,20 +9,25 @@ import itertools
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.procedural import table_parts
+from uniart_jax.procedural import shapes, table_parts
 from uniart_jax.procedural.cabinet import Case, Cell, Fit
-from uniart_jax.procedural.pulls import DrawerStyle, add_drawer
+from uniart_jax.procedural.pulls import GRIPS, DrawerStyle, add_drawer, pull_solid
 from uniart_jax.procedural.shapes import box, cut, cylinder
 from uniart_jax.procedural.table_parts import Piece, Turned, about, exact
 
 
 @dataclasses.dataclass(frozen=True)
 class Opening:
-    """A rectangle of an apron and what fills it: 'drawer', or 'blank' (its outline is grooved)."""
+    """A rectangle of an apron and what fills it: 'drawer', or 'blank' (its outline is grooved).
+
+    ``skirt``: by how much the lower edge of a drawer's front is higher in its middle, or at its
+    ends, metres.
+    """
 
     y: tuple[float, float]
     z: tuple[float, float]
     kind: str
+    skirt: float = 0.0
 
 
 def _drawer_in(
@@ -41,11 +46,33 @@ def _drawer_in(
     room_lo, room_hi = hole_lo + 0.0015 + gap * (lip == 0), hole_hi - 0.0015 - gap * (lip == 0)
     room_hi[0] = x[1] - 0.003
 
+    front = None
+    if cell.skirt > 0:
+        room_lo[2] += cell.skirt
+        front = _skirted(p, front_lo, front_hi, cell.skirt, p.share(0.5))
+
     def add(asm, root: int) -> None:
-        add_drawer(Turned(asm, matrix), root, front_lo, front_hi, room_lo, room_hi, p.look, style)
+        to = Turned(asm, matrix)
+        add_drawer(to, root, front_lo, front_hi, room_lo, room_hi, p.look, style, front)
 
     p.moving.append(add)
     return box([x[0] - 0.1, *hole_lo[1:]], [x[0] + 0.1, *hole_hi[1:]])
+
+
+def _skirted(p: Piece, lo: np.ndarray, hi: np.ndarray, rise: float, arched: bool) -> Manifold:
+    """A drawer's front whose lower corners are cut off, or whose lower edge is an arch."""
+    (_, a, low), (_, b, high) = lo, hi
+    wide = b - a
+    if arched:
+        t = np.linspace(0.06, 0.94, 13)
+        edge = np.column_stack([a + wide * t, low + rise * np.sin(np.pi * (t - 0.06) / 0.88)])
+        ring = np.vstack([[[a, low]], edge, [[b, low], [b, high], [a, high]]])
+    else:
+        c = min(p.between(0.6, 2.0) * rise, 0.3 * wide)
+        ring = np.array(
+            [[a, low + rise], [a + c, low], [b - c, low], [b, low + rise], [b, high], [a, high]]
+        )
+    return shapes.extrusion(ring, "x", [float(lo[0]), 0, 0], float(hi[0] - lo[0]))
 
 
 def apron(
@@ -61,30 +88,35 @@ def apron(
 ) -> None:
     """Four boards under the top, the front and the rear one with drawers; the boards' ends lie
     within the legs. ``drop``, ``manner``: of their lower edge (``table_parts.shaped``)."""
-    x, z = (exact(x[0]), exact(x[1])), (exact(z[0]), exact(z[1]))
-    thick = exact(min(p.wall, 0.15 * (x[1] - x[0])))
-    middle = (x[0] + x[1]) / 2
+    start, end = exact(x[0]), exact(x[1])
+    z = exact(z[0]), exact(z[1])
+    thick, middle = exact(min(p.wall, 0.15 * (end - start))), (start + end) / 2
     both = bool(front) and bool(rear)
     for openings, turned in ((front, 0.0), (rear, 180.0)):
         matrix = about((middle, (y[0] + y[1]) / 2), turned)
-        board = table_parts.shaped(p, y, z, (x[0], x[0] + thick), drop, manner)
-        free = middle if both else x[1] - thick
+        board = table_parts.shaped(p, y, z, (start, start + thick), drop, manner)
+        free = middle if both else end - thick
         for cell in openings:
             if cell.kind == "drawer":
-                hole = _drawer_in(p, style, cell, (x[0], free), matrix)
+                hole = _drawer_in(p, style, cell, (start, free), matrix)
             else:
                 w = max(0.0015, 0.2 * p.unit)
                 lo, hi = (
-                    [x[0] - 1, cell.y[0], cell.z[0]],
-                    [x[0] + 0.4 * thick, cell.y[1], cell.z[1]],
+                    [start - 1, cell.y[0], cell.z[0]],
+                    [start + 0.4 * thick, cell.y[1], cell.z[1]],
                 )
                 inner = box([-9, lo[1] + w, lo[2] + w], [9, hi[1] - w, hi[2] - w])
                 hole = box(lo, hi) - inner
+                if p.share(0.5) and style.pull in GRIPS:
+                    at = (cell.y[0] + cell.y[1]) / 2, (cell.z[0] + cell.z[1]) / 2
+                    room = cell.y[1] - cell.y[0], cell.z[1] - cell.z[0]
+                    grip = pull_solid(style, start, *at, room, p.unit)
+                    p.add(grip.transform(matrix[:3]), style.hardware)
             board = board - hole
         p.add(board.transform(matrix[:3]), p.frame.along("y"))
-    for end in y:
+    for side in y:
         low = z[0] if manner != "straight" else z[0] - drop
-        p.add(box([x[0], end - 0.4 * thick, low], [x[1], end + 0.4 * thick, z[1]]), p.frame)
+        p.add(box([start, side - 0.4 * thick, low], [end, side + 0.4 * thick, z[1]]), p.frame)
 
 
 def case(
@@ -98,13 +130,16 @@ def case(
 ) -> None:
     """A case with doors, drawers and open bays; its front looks to -x before ``matrix`` moves
     it."""
+    free = matrix is None and y[0] == -y[1]  # nothing beside it: its doors may open wide
     matrix = np.eye(4) if matrix is None else matrix
     whole = Case(y, z, x[0], x[1] - x[0], p.wall, cells, covered=True)
     p.add(whole.solid(p.rng).transform(matrix[:3]), p.frame)
     fit = Fit.draw(p.rng, p.unit, p.wall)
     over = style.mount == "over"
     reveal = p.between(0.1, 0.5) * p.wall if p.share(0.5) else 0.0
-    fit = dataclasses.replace(fit, inset=not over, seam=2 * style.gap, reveal=reveal)
+    swing = fit.swing if free else min(fit.swing, float(np.deg2rad(95)))
+    seam = 2 * style.gap
+    fit = dataclasses.replace(fit, inset=not over, seam=seam, reveal=reveal, swing=swing)
     doors = tuple(c for c in cells if c.kind != "drawer")
     rest = dataclasses.replace(whole, cells=doors)
 
@@ -143,7 +178,8 @@ def stack(p: Piece, y: tuple[float, float], z: tuple[float, float]) -> list[Cell
         return [Cell(y, (float(a), float(b)), "drawer") for a, b in itertools.pairwise(borders)]
     upper = z[1] - max(least, p.between(0.16, 0.32) * tall)
     if plan == 1:
-        return [Cell(y, z, door)]
+        wide = y[1] - y[0] > 0.8 * tall
+        return [Cell(y, z, "flap" if wide and p.share(0.35) else door)]
     if plan == 5:
         return [Cell(y, (z[0], upper), "drawer"), Cell(y, (upper, z[1]), "open")]
     kind = (door, "open", "blank")[plan - 2]
@@ -170,8 +206,11 @@ def columns(p: Piece, y: tuple[float, float], z: tuple[float, float]) -> tuple[C
 
 def ends(p: Piece, under: float, thick: float) -> None:
     """What stands under both ends instead of legs: boards, boards with an arch, or frames."""
-    kind, half, depth = p.rng.integers(3), p.width / 2, p.depth
+    kind, half, depth = p.rng.integers(5), p.width / 2, p.depth
     for side in (-1, 1):
+        if kind > 2:
+            _trestle(p, side, thick, under, crossed=kind == 3)
+            continue
         a, b = sorted((side * half, side * (half - thick)))
         solid = box([0, a, 0], [depth, b, under])
         if kind == 1:
@@ -183,6 +222,63 @@ def ends(p: Piece, under: float, thick: float) -> None:
             low = thick if p.share(0.7) else -0.01
             solid = cut(solid, (box([thick, a - 1, low], [depth - thick, b + 1, under - thick]),))
         p.add(solid, p.leg)
+
+
+def _trestle(p: Piece, side: int, thick: float, under: float, crossed: bool) -> None:
+    """A foot, a post and a head at one end; or two bars that cross."""
+    a, b = sorted((side * p.width / 2, side * (p.width / 2 - thick)))
+    depth, w = p.depth, max(0.7 * thick, 0.9 * p.unit)
+    if crossed:
+        for x0, x1 in ((w, depth - w), (depth - w, w)):
+            ring = np.array([[0.0, x0 - w], [0.0, x0 + w], [under, x1 + w], [under, x1 - w]])
+            p.add(shapes.extrusion(ring, "y", [0, a, 0], b - a), p.leg)
+    else:
+        middle, wide = depth / 2, p.between(0.06, 0.2) * depth + w
+        p.add(box([middle - wide, a, 0.001], [middle + wide, b, under]), p.leg)
+        p.add(box([0.02, a, 0], [depth - 0.02, b, 1.6 * w]), p.leg)
+    p.add(box([0.0, a, under - 1.6 * w], [depth, b, under]), p.leg)
+
+
+def hung(
+    p: Piece, style: DrawerStyle, y: tuple[float, float], under: float, x: tuple[float, float]
+) -> None:
+    """Small cases of one to three drawers that hang under the top: at an end, at both, or amid."""
+    wide = y[1] - y[0]
+    size = max(p.between(0.14, 0.4) * wide, 10 * p.unit)
+    plan = p.rng.integers(4)
+    starts = (
+        [y[0]],
+        [y[1] - size],
+        [y[0], y[1] - size],
+        [y[0] + (wide - size) * p.between(0.1, 0.9)],
+    )[plan]
+    if len(starts) == 2 and 2 * size > 0.95 * wide:
+        starts = starts[:1]
+    shift = p.between(0.0, 0.08) * wide if p.share(0.5) and plan < 2 else 0.0
+    rows = int(p.rng.integers(1, 4))
+    tall = min(max(p.between(0.06, 0.13), 5.5 * p.unit) * rows, 0.7 * under)
+    front = p.between(0.0, 0.2) * (x[1] - x[0])
+    spans = []
+    for start in starts:
+        a = start + (shift if start == y[0] else -shift if plan == 1 else 0.0)
+        span = (a, a + size)
+        spans.append(span)
+        edges = np.linspace(under - tall, under, rows + 1)
+        cells = [Cell(span, (float(c), float(d)), "drawer") for c, d in itertools.pairwise(edges)]
+        if rows > 1 and p.share(0.2):
+            cells[int(p.rng.integers(rows))] = dataclasses.replace(cells[0], kind="open")
+            cells = [
+                dataclasses.replace(c, z=(float(e), float(f)))
+                for c, (e, f) in zip(cells, itertools.pairwise(edges), strict=True)
+            ]
+        end = x[1] - p.between(0.0, 0.3) * (x[1] - x[0])
+        case(p, style, span, (under - tall, under), (x[0] + front, end), tuple(cells))
+    if p.share(0.6):
+        row = p.between(0.03, 0.09)
+        back = p.between(0.3, 0.9) * (x[1] - x[0])
+        walls = box([back, y[0] - 0.002, under - row], [back + p.wall, y[1] + 0.002, under])
+        taken = [box([-1, a, 0], [2, b, 2]) for a, b in spans]
+        p.add(cut(walls, taken), p.frame)
 
 
 def upper(p: Piece, x: tuple[float, float], half: float) -> None:

@@ -14,6 +14,7 @@ from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, slide, union
 
 PULLS = ("knob", "bar", "arch", "bail", "cup", "plate", "tab", "recess", "notch", "hole", "none")
+GRIPS = PULLS[:7]  # those that stand out of the front
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,14 +62,16 @@ class DrawerStyle:
             mount=str(rng.choice(["flush", "back", "over"], p=[0.5, 0.14, 0.36])),
             wall=max(0.006, float(rng.uniform(0.45, 0.9)) * unit),
             fill=float(rng.uniform(0.5, 0.95)),
-            deep=float(rng.uniform(0.55, 0.97)),
-            travel=float(rng.uniform(0.5, 0.75) if rng.random() < 0.3 else rng.uniform(0.75, 0.97)),
+            deep=float(rng.uniform(0.62, 0.98)),
+            travel=float(rng.uniform(0.55, 0.8) if rng.random() < 0.2 else rng.uniform(0.8, 1.0)),
             hardware=look.hardware,
             inside=inside,
         )  # fmt: skip
 
 
-def _pull(style: DrawerStyle, face: float, y: float, z: float, room, unit: float) -> Manifold:
+def pull_solid(
+    style: DrawerStyle, face: float, y: float, z: float, room: tuple[float, float], unit: float
+) -> Manifold:
     """A pull on the plane x = ``face`` at (y, z), within ``room`` (width, height) around it."""
     wide, tall = room
     size = style.size * unit
@@ -173,7 +176,7 @@ def add_drawer(
             w, h = w - 2e-4, h - 2e-4  # no vertex in common with the slab
             shape.add(box([deep - 0.2 * size[0], y - w, z - h], [deep, y + w, z + h]), dark)
         elif style.pull != "none":
-            grips.append(_pull(style, float(lo[0]), y, z, room, look.unit))
+            grips.append(pull_solid(style, float(lo[0]), y, z, room, look.unit))
     if front is None:
         kind = "slab" if holes else style.panel
         shape.join(panel(lo, hi, look, kind, tuple(holes)))

@@ -178,7 +178,7 @@ def leg(
         return _chain([_ring(foot, 0.7 * r, 0, 4), _ring(at, r, high, 4)])
     if kind == "hairpin":
         rod = 0.3 * r
-        spots = [at + out * 0.5 * r, at - out * [r, 0] + [0, 0], at - out * [0, r]]
+        spots = [at + out * 0.5 * r, at - out * [0.65 * r, 0], at - out * [0, 0.65 * r]]
         foot, first, last = (np.array([*s, z]) for s, z in zip(spots, (0, high, high), strict=True))
         foot[2] = rod
         first[2] = last[2] = high - rod
@@ -200,40 +200,6 @@ def leg(
     outline = np.vstack([[0, 0], np.column_stack([sizes, heights]), [0, knee]])
     solid = shapes.revolution(outline, "z", [x, y, 0], 14)
     return union([solid, box([x - r, y - r, knee - 0.001], [x + r, y + r, high])])
-
-
-def top(
-    p: Piece,
-    x: tuple[float, float],
-    y: tuple[float, float],
-    z: tuple[float, float],
-    kind: str,
-    round_by: float,
-) -> None:
-    """The table top: 'square', 'rounded' or 'cut' corners, 'beveled' edge, 'framed' (a field of
-    another finish in a border) or 'glass' let into a frame."""
-    z = exact(z[0]), exact(z[1])
-    lo, hi = np.array([x[0], y[0], z[0]]), np.array([x[1], y[1], z[1]])
-    board, size = p.board.along("y"), hi - lo
-    if kind in ("rounded", "cut"):
-        ring = shapes.rounded(size[0], size[1], round_by, 2 if kind == "cut" else 6)
-        p.add(shapes.extrusion(ring + (lo + hi)[:2] / 2, "z", [0, 0, z[0]], size[2]), board)
-    elif kind == "beveled":
-        inset = 0.9 * size[2] * (1 if p.share(0.5) else 2)
-        ring = shapes.rounded(size[0], size[1], 0.002, 2) + (lo + hi)[:2] / 2
-        small = shapes.rounded(size[0] - inset, size[1] - inset, 0.002, 2) + (lo + hi)[:2] / 2
-        rings = [(ring, z[1]), (ring, z[1] - 0.4 * size[2]), (small, z[0])]
-        p.add(hull(np.vstack([np.column_stack([r, np.full(len(r), h)]) for r, h in rings])), board)
-    elif kind in ("framed", "glass"):
-        border = p.between(0.05, 0.16) * min(size[0], size[1])
-        through = 0.02 if kind == "glass" else -0.5 * size[2]
-        step = p.between(0.0, 0.2) * size[2]
-        field = np.array([[*(lo + border)[:2], z[0] - through], [*(hi - border)[:2], z[1] + 0.02]])
-        p.add(cut(box(lo, hi), (box(*field),)), p.frame.along("y"))
-        low = z[0] if kind == "glass" else z[0] + 0.5 * size[2]
-        p.add(box([*field[0][:2], low], [*field[1][:2], z[1] - step]), board)
-    else:
-        p.add(box(lo, hi), board)
 
 
 def shaped(
@@ -301,6 +267,29 @@ def lower(
             a = x[0] + (k + 0.5) * pitch - 0.36 * pitch
             lo, hi = [a, y[0], z + bar], [a + 0.72 * pitch, y[1], z + bar + 0.6 * thick]
             p.add(box(lo, hi), material.along("y"))
+
+
+def column(p: Piece, high: float, thick: float) -> None:
+    """A column amid the table on feet or a plate, and a board on it at z = ``high``."""
+    x, half, depth = p.depth / 2, p.width / 2, p.depth
+    r = p.between(0.05, 0.11) * min(p.width, depth) + p.unit
+    outline = leg_profile(p.rng, "turned") if p.share(0.6) else np.array([[0.0, 1.0], [1.0, 1.0]])
+    heights, sizes = outline[:, 0] * exact(high), outline[:, 1] * r
+    ring = np.vstack([[0, 0], np.column_stack([sizes, heights]), [0, exact(high)]])
+    p.add(shapes.revolution(ring, "z", [x, 0, 0], 16), p.leg)
+    p.add(
+        box([0.004, 0.004 - half, high - 0.6 * thick], [depth - 0.004, half - 0.004, high]), p.frame
+    )
+    spread = p.between(0.32, 0.48) * min(p.width, depth)
+    if p.share(0.4):
+        p.add(cylinder("z", [x, 0, 0], max(0.015, 1.5 * p.unit), spread, segments=28), p.leg)
+        return
+    count, w, low = int(p.rng.choice([3, 4])), 0.45 * r, p.between(0.05, 0.25) * high
+    for k in range(count):
+        turned = about((0.0, 0.0), 360.0 * k / count + (45.0 if count == 4 else 0.0))
+        shin = np.array([[0, 0, low], [0, 0, low + 2 * w], [spread, 0, 0], [spread, 0, 1.2 * w]])
+        arm = hull(np.vstack([shin + [0, -w, 0], shin + [0, w, 0]]))
+        p.add(arm.transform(turned[:3]).translate((x, 0, 0)), p.leg)
 
 
 def casters(p: Piece, feet: list[tuple[float, float]], height: float) -> None:
