@@ -44,7 +44,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     kind = names[rng.choice(len(names), p=[k[-1] for k in _KINDS.values()])]
     width, height, depth = (float(rng.uniform(*r)) for r in _KINDS[kind][:3])
     p = _piece(rng, width, height, depth)
-    inside = p.frame if rng.random() < 0.5 else _pale(rng)
+    inside = p.frame if rng.random() < 0.58 else _pale(rng)
     style = DrawerStyle.draw(rng, p.unit, p.look, inside)
     if kind == "pedestal":
         desk_bodies.pedestals(p, style)
@@ -59,9 +59,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 def _board(rng: np.random.Generator) -> materials.Material:
     """Wood mostly, strongly grained; white, grey, black and colours."""
-    for _ in range(2):
+    for _ in range(3):
         finish = _any_board(rng)
-        if max(finish.color) > 0.2 or rng.random() < 0.4:
+        if max(finish.color) > 0.25 or rng.random() < 0.3:
             break
     return finish
 
@@ -99,7 +99,7 @@ def _piece(rng: np.random.Generator, width: float, height: float, depth: float) 
     """An empty piece with its finishes."""
     unit = max(width, height, depth) / 100
     frame = _board(rng)
-    face = frame if rng.random() < 0.8 else _board(rng)
+    face = frame if rng.random() < 0.86 else _board(rng)
     metal = finishes.metal(rng) if rng.random() < 0.6 else materials.hardware(rng)
     leg = (frame, _board(rng), metal)[rng.choice(3, p=[0.82, 0.08, 0.1])]
     accents = (face, face.darker(0.8), _board(rng))
@@ -132,7 +132,7 @@ def _legged(p: Piece, style: DrawerStyle, kind: str) -> None:
     under = p.height - thick
     small = kind == "nightstand"
     wheel = 0.0
-    if (kind == "coffee" and p.share(0.35)) or p.share(0.05):
+    if (kind == "coffee" and p.share(0.45)) or p.share(0.06):
         wheel = max(0.04, 3 * p.unit, p.between(0.06, 0.16) * under)
     shares = [0.26, 0.24, 0.07, 0.14, 0.02, 0.06, 0.06, 0.06, 0.06, 0.03]
     legs = str(rng.choice(table_parts.LEGS, p=shares))
@@ -141,12 +141,12 @@ def _legged(p: Piece, style: DrawerStyle, kind: str) -> None:
     stout = 0.05 if legs == "post" or kind == "bench" else 0.034
     r = max(p.between(0.013, stout), (1.0 if legs != "post" else 1.6) * p.unit)
     lowest = 3.9 * p.unit
-    tall = (0.09, 0.2) if small or kind == "bench" else (0.04, 0.13)
+    tall = (0.1, 0.23) if small or kind == "bench" else (0.05, 0.15)
     row = float(np.clip(p.between(*tall), lowest, 0.4 * under))
     plan = str(
         rng.choice(
             ["drawers", "cabinet", "hung", "lid", "leaves", "none"],
-            p=[0.76, 0.08, 0.08, 0.02, 0.06, 0.0] if not wheel else [0.4, 0.05, 0, 0.05, 0, 0.5],
+            p=[0.75, 0.08, 0.08, 0.03, 0.06, 0.0] if not wheel else [0.4, 0.05, 0, 0.05, 0, 0.5],
         )
     )
     if plan == "cabinet":
@@ -165,7 +165,8 @@ def _legged(p: Piece, style: DrawerStyle, kind: str) -> None:
         desk_cases.ends(p, under, thick=2 * r * 0.7)
         r = 0.7 * r
     else:
-        high = p.height + above if legs == "post" and (above or p.share(0.3)) else under
+        through = legs == "post" and plan != "lid" and (above > 0 or p.share(0.3))
+        high = p.height + above if through else under
         for x, y in places:
             out = np.sign([x - depth / 2, y])
             solid = table_parts.leg(legs, (x, y), r, high - wheel, block, out, amount, profile)
@@ -200,6 +201,9 @@ def _legged(p: Piece, style: DrawerStyle, kind: str) -> None:
         shares = [0.55, 0.1, 0.1, 0.15, 0.1]
         manner = str(rng.choice(["shelf", "slats", "box", "h", "sides"], p=shares))
         table_parts.lower(p, (r, depth - r), (r - half, half - r), low, manner, r)
+        if manner == "shelf" and free - low > 0.25 and p.share(0.25):  # and another one
+            second = low + p.between(0.35, 0.65) * (free - low)
+            table_parts.lower(p, (r, depth - r), (r - half, half - r), second, manner, r)
         if p.share(0.3 if small else 0.08) and not wheel:  # an open compartment, closed around
             t = 0.5 * p.wall
             for y in (r - half, half - r):

@@ -28,6 +28,7 @@ def pedestals(p: Piece, style: DrawerStyle) -> None:
         rng.choice(3, p=[0.4, 0.4, 0.2])
     ]
     over = 0.0 if p.share(0.35) else p.between(0.005, 0.08)
+    wider = p.between(0.03, 0.14) * p.width if p.share(0.2) else over  # the top's ends
     front = 0.0 if p.share(0.6) else p.between(0.0, 0.1) * depth
     sides = {0: (1, -1), 1: (1,), 2: (-1,)}[int(plan)]
     if len(sides) == 1 and p.share(0.15):  # a narrow column of one tall door
@@ -39,6 +40,8 @@ def pedestals(p: Piece, style: DrawerStyle) -> None:
     turned = p.share(0.06) and len(sides) == 1 and depth > 0.45
     for side in sides:
         own = cells if side == sides[0] or p.share(0.7) else stack(p, y[side], (low, under))
+        if side != sides[0] and p.share(0.12):
+            own = [Cell(y[side], (low, under), "open")]
         own = tuple(dataclasses.replace(c, y=y[side]) for c in own)
         x = (front, depth - p.between(0.0, 0.2) * depth * p.share(0.4))
         if turned:  # opens to the side
@@ -58,7 +61,11 @@ def pedestals(p: Piece, style: DrawerStyle) -> None:
             for a in (x[0] + 0.03, x[1] - 0.03)
             for b in (y[side][0] + 0.03, y[side][1] - 0.03)
         ]
-        if 0 < low < 0.2 * under:
+        if 0 < low < 0.2 * under and p.share(0.4):  # a plinth
+            t = p.between(0.0, 0.03)
+            foot = box([x[0] + t, y[side][0] + t, 0], [x[1] - t, y[side][1] - t, low])
+            p.add(foot, p.frame if p.share(0.6) else p.frame.darker(0.5))
+        elif 0 < low < 0.2 * under:
             r = max(0.014, p.unit)
             for a, b in feet:
                 p.add(box([a - r, b - r, 0], [a + r, b + r, low]), p.leg)
@@ -78,7 +85,7 @@ def pedestals(p: Piece, style: DrawerStyle) -> None:
         bottom = p.between(0.05, 0.7) * under
         p.add(box([depth - p.wall, a - 0.001, bottom], [depth, b + 0.001, under]), p.frame)
     manner, gap = rng.choice(4, p=[0.5, 0.12, 0.2, 0.18]), b - a
-    row = float(np.clip(p.between(0.05, 0.13), 3.6 * p.unit, 0.3 * under))
+    row = float(np.clip(p.between(0.05, 0.14), 3.8 * p.unit, 0.3 * under))
     z = (under - row, under)
     end = depth - 2 * p.wall
     if manner == 0 and gap > 0.25:
@@ -99,7 +106,7 @@ def pedestals(p: Piece, style: DrawerStyle) -> None:
     kinds = ["square", "rounded", "cut", "beveled", "framed"]
     shape = str(rng.choice(kinds, p=[0.55, 0.15, 0.05, 0.15, 0.1]))
     ahead = over + (style.thick + 0.002 if style.mount == "over" and p.share(0.7) else 0.0)
-    spans = (-ahead, depth + over), (-half - over, half + over), (under, p.height)
+    spans = (-ahead, depth + over), (-half - wider, half + wider), (under, p.height)
     table_tops.top(p, *spans, shape, p.between(0.02, 0.1))
     if p.share(0.1):
         _return(p, front, under, thick)

@@ -62,8 +62,8 @@ class DrawerStyle:
             mount=str(rng.choice(["flush", "back", "over"], p=[0.5, 0.14, 0.36])),
             wall=max(0.006, float(rng.uniform(0.45, 0.9)) * unit),
             fill=float(rng.uniform(0.5, 0.95)),
-            deep=float(rng.uniform(0.62, 0.98)),
-            travel=float(rng.uniform(0.55, 0.8) if rng.random() < 0.2 else rng.uniform(0.8, 1.0)),
+            deep=float(rng.uniform(*((0.5, 0.85) if rng.random() < 0.25 else (0.82, 1.0)))),
+            travel=float(rng.uniform(*((0.55, 0.85) if rng.random() < 0.2 else (0.85, 1.04)))),
             hardware=look.hardware,
             inside=inside,
         )  # fmt: skip

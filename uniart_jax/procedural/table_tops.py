@@ -65,14 +65,15 @@ def top(
 def lid(
     p: Piece, x: tuple[float, float], half: float, z: tuple[float, float], thick: float
 ) -> None:  # fmt: skip
-    """A box under a top that is a lid, hinged at the rear; or two lids side by side."""
+    """A box under a top that is a lid, hinged at the rear or, as drawing tables have it, in front;
+    or two lids side by side."""
     t, base = p.wall, z[0]
     solid = box([x[0], -half, base], [x[1], half, z[1]])
     p.add(
         solid - box([x[0] + t, t - half, base + 0.6 * t], [x[1] - t, half - t, 1.0 + z[1]]), p.frame
     )
     over = p.between(0.0, 0.05)
-    rail = p.between(0.0, 0.3) * (x[1] - x[0])
+    rail = p.between(0.03, 0.3) * (x[1] - x[0]) if p.share(0.5) else 0.0
     back, low = x[1] - rail, z[1] + 0.0015
     if rail > 0.02:
         lo = [back, -half - over, z[1]]
@@ -80,14 +81,19 @@ def lid(
     edges = [-half - over, half + over]
     if p.width > 0.8 and p.share(0.4):
         edges = [edges[0], 0.0, edges[1]]
-    angle = float(np.deg2rad(p.between(50, 100)))
+    angle, drawing = float(np.deg2rad(p.between(50, 100))), rail <= 0.02 and p.share(0.5)
+    if drawing:
+        angle *= 0.7
 
     def add(asm, root: int) -> None:
         for a, b in itertools.pairwise(edges):
             lo = [x[0] - over - 0.02, a + 0.001, low]
             shape = Shape().add(box(lo, [back - 0.002, b - 0.001, z[1] + thick]), p.board)
             at = (back - 0.002, 0, z[1] + thick)
-            asm.add("lid", shape, root, hinge(at, (0, 1, 0), angle))
+            axis = (0, 1, 0)
+            if drawing:
+                at, axis = (lo[0], 0, low), (0, -1, 0)
+            asm.add("lid", shape, root, hinge(at, axis, angle))
 
     p.moving.append(add)
 
