@@ -14,6 +14,7 @@ SEEDS = range(60)
 TYPES = {
     "drawer": {"prismatic"},
     "door": {"revolute"},
+    "flap": {"revolute"},
     "leaf": {"revolute"},
     "lid": {"revolute"},
     "fork": {"continuous"},

@@ -225,7 +225,7 @@ def ends(p: Piece, under: float, thick: float) -> None:
 
 
 def _trestle(p: Piece, side: int, thick: float, under: float, crossed: bool) -> None:
-    """A foot, a post and a head at one end; or two bars that cross."""
+    """A foot, a post that may lean and a head at one end; or two bars that cross."""
     a, b = sorted((side * p.width / 2, side * (p.width / 2 - thick)))
     depth, w = p.depth, max(0.7 * thick, 0.9 * p.unit)
     if crossed:
@@ -234,7 +234,16 @@ def _trestle(p: Piece, side: int, thick: float, under: float, crossed: bool) -> 
             p.add(shapes.extrusion(ring, "y", [0, a, 0], b - a), p.leg)
     else:
         middle, wide = depth / 2, p.between(0.06, 0.2) * depth + w
-        p.add(box([middle - wide, a, 0.001], [middle + wide, b, under]), p.leg)
+        wide = wide if p.share(0.6) else w
+        lean = p.between(-0.3, 0.3) * depth if p.share(0.4) else 0.0  # of metal frames, and easels
+        low, high = middle - 0.5 * lean, middle + 0.5 * lean
+        ring = [
+            [0.001, low - wide],
+            [0.001, low + wide],
+            [under, high + wide],
+            [under, high - wide],
+        ]
+        p.add(shapes.extrusion(np.array(ring), "y", [0, a, 0], b - a), p.leg)
         p.add(box([0.02, a, 0], [depth - 0.02, b, 1.6 * w]), p.leg)
     p.add(box([0.0, a, under - 1.6 * w], [depth, b, under]), p.leg)
 
