@@ -103,7 +103,7 @@ def plan(rng: np.random.Generator, kind: str, half: float, z, unit: float) -> li
         borders = [*np.linspace(low, low + row * 1.6 * count, count + 1), high]
         return _rows(full, borders, ["drawer"] * count + [door])
     if kind == "wardrobe":
-        count = max(1, int(round(width / rng.uniform(0.4, 0.6))))
+        count = max(1, round(width / rng.uniform(0.4, 0.6)))
         if width > 1.0 and rng.random() < 0.2:
             return [Cell(full, z, "sliding")]
         top = high

@@ -26,7 +26,7 @@ from uniart_jax.procedural.shapes import (
 )
 
 PANELS = (
-    "slab", "shaker", "raised", "arched", "louvre", "planks", "glass", "muntins", "border",
+    "slab", "shaker", "raised", "arched", "louvre", "planks", "glass", "muntins", "border", "split",
 )  # fmt: skip
 PULLS = ("bar", "square", "bow", "knob", "cup", "rail", "none")
 
@@ -87,7 +87,7 @@ def panel(lo, hi, look: Look, kind: str | None = None) -> Shape:
     a, b = lo[1:] + frame, hi[1:] - frame
     floor = lo[0] + 0.38 * depth
     if kind in ("glass", "muntins", "border"):
-        pane = (lo[0] + (0.25 if kind != "border" else 0.0) * depth, hi[0] - 0.1 * depth)
+        pane = (lo[0] + (0.25 if kind != "border" else 0.0) * depth, hi[0])
         frames = [cut(slab, [box([lo[0] - 1, *a], [hi[0] + 1, *b])])]
         if kind == "muntins":
             frames += _muntins(lo[0], pane[0], a, b, look)
@@ -100,6 +100,11 @@ def panel(lo, hi, look: Look, kind: str | None = None) -> Shape:
             box([lo[0] - 1, a[0], c], [floor, b[0], c + 0.42 * (d - c)])
             for c, d in itertools.pairwise(edges)
         ]
+        return shape.add(cut(slab, grooves), look.face)
+    if kind == "split":  # grooves as if it were several drawers
+        w = max(0.0015, 0.2 * look.unit)
+        heights = np.linspace(lo[2], hi[2], 2 + int(size[1] > 0.4) + 1)[1:-1]
+        grooves = [box([lo[0] - 1, lo[1] - 1, z - w], [floor, hi[1] + 1, z + w]) for z in heights]
         return shape.add(cut(slab, grooves), look.face)
     if kind == "planks":
         pitch = max(0.06, 5 * look.unit)
@@ -192,7 +197,9 @@ def pull(look: Look, face: float, at, along: str, room: float) -> Manifold | Non
         return extrusion(outline[:, ::-1], "z", [face, y, z - thin / 2], thin)
     foot = max(half - max(0.02, 0.1 * length), 0.3 * half)
     w = 0.4 * thin
-    posts = [block((face - stand + 0.5 * thin, face), (s - w, s + w), (-w, w)) for s in (-foot, foot)]
+    posts = [
+        block((face - stand + 0.5 * thin, face), (s - w, s + w), (-w, w)) for s in (-foot, foot)
+    ]
     if look.pull == "bar":
         start = [face - stand + thin / 2, y, z]
         start[1 if along == "y" else 2] -= half
@@ -213,7 +220,11 @@ def _placed_pull(look: Look, lo, hi, edge: str) -> Manifold | None:
         if look.turned or look.pull == "cup":
             room = 0.8 * size[0]
             length = min(look.length, 0.5) * room if not small else 2 * inset
-            y = y + (length / 2) * (-1 if edge[0] == "+" else 1) if length < 0.6 * size[0] else mid[0]
+            y = (
+                y + (length / 2) * (-1 if edge[0] == "+" else 1)
+                if length < 0.6 * size[0]
+                else mid[0]
+            )
             z = hi[2] - inset if look.high > 0.5 else lo[2] + inset
             short = dataclasses.replace(look, length=min(look.length, 0.5))
             return pull(short, float(lo[0]), (float(y), float(z)), "y", float(room))

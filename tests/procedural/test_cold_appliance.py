@@ -1,0 +1,79 @@
+"""Refrigerators, coolers and freezers: what they promise beyond what all families do."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import manifold3d
+import numpy as np
+
+from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, cold_appliance
+
+HAIR = 1e-3  # of the smaller part's volume
+
+
+def objects(count: int):
+    rngs = [np.random.default_rng([seed, 6]) for seed in range(count)]
+    made = [cold_appliance.build(rng).normalized() for rng in rngs]
+    return [obj for obj in made if box_separation(obj) > BOX_SEPARATION]
+
+
+def solid(mesh) -> manifold3d.Manifold:
+    return manifold3d.Manifold(
+        manifold3d.Mesh64(
+            vert_properties=np.asarray(mesh.vertices, dtype=np.float64),
+            tri_verts=np.asarray(mesh.faces, dtype=np.uint64),
+        )
+    )
+
+
+def test_parts_are_closed_and_clear_of_what_carries_them():
+    for number, obj in enumerate(objects(40)):
+        solids = [solid(part.mesh) for part in obj.parts]
+        assert len(obj.parts) <= MAX_PARTS
+        for k, part in enumerate(obj.parts):
+            assert part.mesh.is_watertight and part.mesh.volume > 0, f"{number} {part.name}"
+            assert all(s.volume > 0 for s in part.mesh.split(only_watertight=False))
+            if part.parent < 0:
+                continue
+            carrier = solids[part.parent]
+            far = part.joint.limits[np.abs(part.joint.limits).argmax()]
+            for share in (0.0, 0.25, 0.5, 1.0):
+                there = solids[k].transform(part.joint.motion(share * far)[:3])
+                shared = (there ^ carrier).volume() / min(there.volume(), carrier.volume())
+                assert shared < HAIR, f"{number} {part.name} at {share:.0%}: {shared:.2g}"
+
+
+def test_handles_are_fixed_parts_of_the_doors_that_carry_them():
+    made = objects(100)
+    held = 0
+    for obj in made:
+        for k, part in enumerate(obj.parts):
+            if part.label == "handle":
+                held += 1
+                assert part.joint.type == "fixed"
+                assert obj.parts[part.parent].joint.type != "fixed"
+                assert part.mesh.bounds[0, 0] < obj.parts[part.parent].mesh.bounds[0, 0]
+            if part.label == "shelf":
+                assert part.joint.type == "fixed" and part.parent == 0 and k > 0
+    fixed = [sum(p.parent >= 0 and p.joint.type == "fixed" for p in obj.parts) for obj in made]
+    assert held > 60
+    assert 0.5 < np.mean(np.array(fixed) > 0) < 0.95
+    assert max(fixed) >= 4
+
+
+def test_doors_swing_wide_and_lids_rise():
+    made = objects(100)
+    labels = Counter(part.label for obj in made for part in obj.parts)
+    assert all(labels[name] for name in ("door", "drawer", "lid", "shelf"))
+    wide = []
+    for obj in made:
+        for part in obj.parts:
+            if part.label == "door":
+                assert abs(part.joint.direction[2]) > 0.99
+                wide.append(np.abs(part.joint.limits).max() > np.deg2rad(150))
+            if part.label == "lid" and part.joint.type == "revolute":
+                far = part.joint.limits[np.abs(part.joint.limits).argmax()]
+                centre = [*part.mesh.bounds.mean(0), 1.0]
+                assert (part.joint.motion(far) @ centre)[2] > centre[2] + 0.02
+    assert 0.2 < np.mean(wide) < 0.8
