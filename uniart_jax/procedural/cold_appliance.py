@@ -61,7 +61,7 @@ def _style(rng: np.random.Generator, plan: str, unit: float) -> Look:
     if plan == "cooler":
         shares = [0.05, 0.0, 0.0, 0.65, 0.3]
     handles = ["bar", "bow", "block", "strip", "groove", "none"]
-    turn = (180 if rng.random() < 0.55 else rng.uniform(90, 175)) if rng.random() < 0.75 else 90
+    turn = (180 if rng.random() < 0.65 else rng.uniform(90, 175)) if rng.random() < 0.82 else 90
     return Look(
         face=face,
         body=others[rng.choice(5, p=[0.3, 0.25, 0.15, 0.15, 0.15])],
@@ -74,10 +74,14 @@ def _style(rng: np.random.Generator, plan: str, unit: float) -> Look:
         thick=max(float(rng.uniform(0.02, 0.09)), 1.6 * unit),
         unit=unit,
         seam=float(rng.uniform(0.002, 0.006) if rng.random() < 0.6 else rng.uniform(0.006, 0.02)),
-        handle=str(rng.choice(handles, p=[0.34, 0.16, 0.16, 0.14, 0.08, 0.12])),
+        handle=str(rng.choice(handles, p=[0.35, 0.17, 0.17, 0.15, 0.08, 0.08])),
         own=bool(rng.random() < 0.75),
         length=float(rng.uniform(0.12, 0.35) if rng.random() < 0.5 else rng.uniform(0.35, 0.8)),
-        axis=float(rng.choice([0.0, 1.0, rng.uniform(0.2, 0.9)])),
+        wide=max(0.014, float(rng.uniform(1.1, 2.6)) * unit),
+        reach=max(0.025, float(rng.uniform(1.8, 6.5)) * unit),
+        axis=float(rng.choice([0.0, 1.0, rng.uniform(0.3, 0.6)], p=[0.15, 0.2, 0.65])),
+        inset=float(rng.uniform(0.0, 0.97)),
+        gap=float(rng.uniform(0.002, 0.012)),
         swing=float(np.deg2rad(turn)),
     )
 
@@ -165,21 +169,22 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     body.add(cut(shell, holes), look.body)
     body.add(cut(lining, mouth), look.trim if rng.random() < 0.6 else look.body)
     appliances.feet(body, rng, width * 0.92, depth, legs, unit)
-    front = -look.thick - 0.002
+    front = -look.thick - look.gap
     _decorate(rng, body, half, (legs, low), (high, height), front, look)
     own_shelves = rng.random() < 0.18 and len(shelves) <= 5
     pane = (look.glass, look.lining, look.trim)[rng.integers(3)]
     if not own_shelves:
         for solid, _ in shelves:
             body.add(solid, pane)
-    if look.panel == "clear" or rng.random() < 0.1:
+    goods = look.panel == "clear" or rng.random() < 0.1
+    if goods:
         _goods(rng, body, shelves, bays, cells)
     root = asm.add("body", body)
     bins = look.panel not in ("clear", "glass") and rng.random() < 0.4
     drawer = {"travel": float(rng.uniform(0.5, 0.9)), "wall": max(0.012, 1.5 * unit)}
     for (y, z, edge, at), (bay_lo, bay_hi) in zip(cells, bays, strict=True):
         lo = np.array([front, y[0] + look.seam / 2, z[0] + look.seam / 2])
-        hi = np.array([-0.002, y[1] - look.seam / 2, z[1] - look.seam / 2])
+        hi = np.array([-look.gap, y[1] - look.seam / 2, z[1] - look.seam / 2])
         if edge == "drawer":
             a, b = bay_lo + [hi[0], 0.004, 0.004], bay_hi - [0.02, 0.004, 0.004]
             b[2] = a[2] + 0.8 * (b[2] - a[2])
@@ -196,7 +201,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     if own_shelves:
         for solid, label in shelves:
             asm.add(label, Shape().add(solid, pane), root, Joint.fixed(), label)
-    elif rng.random() < 0.08:
+    elif not goods and rng.random() < 0.08:
         _crisper(rng, asm, root, bays[-1], look)
     return asm.object()
 

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.procedural import finishes, hinges
+from uniart_jax.procedural import finishes
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -36,8 +36,10 @@ class Look:
       form: 'flat', 'bulged' or 'soft' (its edges cut).
       thick: of doors. unit: one percent of the longest side. seam: air between doors.
       handle: 'bar', 'bow', 'block', 'strip' (along a whole edge), 'groove', 'none'.
-      own: handles are parts of their own. length: of a handle, a share of its door.
-      axis: where doors turn, 0 their front face and 1 their rear face.
+      own: handles are parts of their own. length: of a handle, a share of its door. wide: its
+        thickness. reach: how far it stands out.
+      axis: where doors turn, 0 their front face and 1 their rear face. inset: how far inside their
+        edge, a share of what the ``gap`` (air behind doors) permits.
       swing: how far, radians. outline: what the corners of front and case are rounded to, or None.
     """
 
@@ -55,7 +57,11 @@ class Look:
     handle: str
     own: bool
     length: float
+    wide: float
+    reach: float
     axis: float
+    inset: float
+    gap: float
     swing: float
     outline: Manifold | None = None
 
@@ -104,7 +110,7 @@ def _panel(lo, hi, look: Look) -> Shape:
 def _handle(lo, hi, edge: str, high: float, look: Look) -> Manifold | None:
     """The handle of a door near its free ``edge``; ``high``: where along a side, 0 to 1."""
     size, unit = (hi - lo)[1:], look.unit
-    wide, reach = max(0.016, 1.3 * unit), max(0.03, 2.4 * unit)
+    wide, reach = look.wide, look.reach
     inset = min(max(0.025, 2.2 * unit), 0.2 * float(size.min()))
     face = float(lo[0]) + (0.25 * (hi[0] - lo[0]) if look.form == "bulged" else 0.0)
     axis = 1 if edge[1] == "y" else 2
@@ -118,7 +124,7 @@ def _handle(lo, hi, edge: str, high: float, look: Look) -> Manifold | None:
         a[axis], b[axis] = (hi[axis] - 1.5 * wide, hi[axis]) if edge[0] == "+" else (
             lo[axis], lo[axis] + 1.5 * wide)  # fmt: skip
         a[0], b[0] = lo[0] - 0.7 * reach, face - 0.0005
-        trim = 0.0 if room < 0.3 else float(high) * 0.1 * room
+        trim = 0.0 if edge[1] == "y" else min(1.3 * (reach + look.thick), 0.25 * room)
         a[run], b[run] = a[run] + trim + 0.002, b[run] - trim - 0.002
         return box(a, b)
     length = float(np.clip(look.length * room, min(0.08, 0.8 * room), room))
@@ -160,6 +166,20 @@ def _handle(lo, hi, edge: str, high: float, look: Look) -> Manifold | None:
     return union([bar, *posts])
 
 
+def _groove(lo, hi, edge: str, look: Look) -> Manifold:
+    """A dark line on a door's face along its free ``edge``, where fingers go in."""
+    axis = 1 if edge[1] == "y" else 2
+    a, b = lo + 0.004, hi - 0.004
+    if edge[0] == "+":
+        a[axis] = b[axis] - look.wide
+    else:
+        b[axis] = a[axis] + look.wide
+    rest = 0.5 * (1 - look.length) * (b - a)[3 - axis]
+    a[3 - axis], b[3 - axis] = a[3 - axis] + rest, b[3 - axis] - rest
+    a[0], b[0] = lo[0] - 0.0015, lo[0]
+    return box(a, b)
+
+
 def add_front(asm, root, lo, hi, edge, joint, look: Look, name: str, high: float, extra) -> int:
     """A door or drawer front with its handle; returns its part."""
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
@@ -176,6 +196,9 @@ def add_front(asm, root, lo, hi, edge, joint, look: Look, name: str, high: float
     grip = _handle(lo, rear, edge, high, look)
     if grip is not None:
         grip = grip - _slab(lo, rear, look)
+        grip = None if grip.is_empty() else grip
+    if look.handle == "groove" and look.form == "flat" and look.outline is None:
+        shape.add(_groove(lo, hi, edge, look), look.trim.darker(0.4))
     own = look.own and grip is not None
     if grip is not None and not own:
         shape.add(grip, look.grip)
@@ -185,17 +208,31 @@ def add_front(asm, root, lo, hi, edge, joint, look: Look, name: str, high: float
     return part
 
 
+def _clear(thick: float, behind: float, into: float, gap: float, beyond: float, most: float):
+    """How far, radians up to ``most``, a door turns before it meets the case that lies ``gap``
+    behind it and ``beyond`` past its edge; ``behind``, ``into``: of its axis (``hinges.place``)."""
+    x = np.concatenate([np.linspace(-behind, thick - behind, 9), np.full(12, thick - behind)])
+    x = np.concatenate([x, np.full(12, -behind)])
+    y = np.concatenate([np.full(9, into), *[np.linspace(-4 * thick, into, 12)] * 2])
+    angles = np.arange(0.0, most + 0.02, 0.03)[:, None]
+    there = x * np.cos(angles) + y * np.sin(angles), y * np.cos(angles) - x * np.sin(angles)
+    met = ((there[0] > thick - behind + gap - 2e-4) & (there[1] < into + beyond + 1e-3)).any(1)
+    return most if not met.any() else float(angles[max(int(met.argmax()) - 1, 0), 0])
+
+
 def add_door(asm, root, lo, hi, edge: str, look: Look, beyond: float, high: float, extra) -> int:
     """A door that turns about its side ``edge``."""
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     thick, sign = hi[0] - lo[0], 1 if edge[0] == "+" else -1
     outer = beyond < 0.5
-    behind, into = hinges.place(thick, hi[1] - lo[1], look.axis if outer else 0.0, 0.0)
+    behind = thick * (look.axis if outer else 0.0)
+    into = look.inset * float(np.sqrt((thick - behind + look.gap) ** 2 - (thick - behind) ** 2))
+    into = min(into, 0.5 * thick) if behind > 0 else 0.0
     at = (lo + hi) / 2
     at[0], at[1] = lo[0] + behind, (hi[1] if sign > 0 else lo[1]) - sign * into
     angle = look.swing if outer else min(look.swing, float(np.deg2rad(110)))
     if behind > 0:
-        angle = min(angle, hinges.clear_angle(thick, behind, into, beyond))
+        angle = min(angle, _clear(thick, behind, into, look.gap, beyond, angle))
     free = ("-" if sign > 0 else "+") + "y"
     if look.handle == "strip" and high in (0.0, 1.0):
         free = "+z" if high == 1.0 else "-z"

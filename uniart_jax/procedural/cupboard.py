@@ -73,7 +73,7 @@ def style(rng: np.random.Generator, unit: float, hung: bool, tall: bool) -> Look
     if face.image is not None and rng.random() < 0.3:
         face = face.along("y" if face.grain == "z" else "z")
     second = (face, face, face.darker(float(rng.uniform(0.6, 1.1))), board(rng))
-    axis = rng.choice(3, p=[0.35, 0.4, 0.25])
+    axis = rng.choice(3, p=[0.12, 0.38, 0.5])
     high = float(rng.uniform(0.05, 0.25) if hung else rng.uniform(0.75, 0.95))
     if tall or rng.random() < 0.15:
         high = float(rng.uniform(0.3, 0.7))
@@ -92,11 +92,11 @@ def style(rng: np.random.Generator, unit: float, hung: bool, tall: bool) -> Look
         frame=max(float(rng.uniform(0.04, 0.09)), 2.5 * unit),
         length=float(rng.uniform(0.12, 0.5) if rng.random() < 0.65 else rng.uniform(0.6, 0.95)),
         thin=max(float(rng.uniform(0.008, 0.016)), 0.7 * unit),
-        stand=max(float(rng.uniform(0.02, 0.045)), 1.6 * unit),
+        stand=max(float(rng.uniform(0.02, 0.045)), float(rng.uniform(1.6, 4.5)) * unit),
         turned=bool(rng.random() < 0.22),
         high=high,
         centred=bool(rng.random() < 0.65),
-        axis_depth=(0.0, 1.0, float(rng.uniform(0.2, 0.9)))[axis],
+        axis_depth=(0.0, 1.0, float(rng.uniform(0.5, 0.95)))[axis],
         axis_inset=float(rng.choice([0.0, rng.uniform(0.2, 1.8)])) * unit,
         barrels=bool(rng.random() < 0.25),
     )
@@ -139,6 +139,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         )  # fmt: skip
         if 1 <= cab.moving <= MAX_MOVING:
             break
+    if kind == "base" and all(c.kind == "drawer" for c in cab.cells):
+        depth *= float(rng.uniform(1.0, 1.5))
+        cab = dataclasses.replace(cab, depth=depth)
     side = look.face if rng.random() < 0.62 else (_pale(rng) if rng.random() < 0.5 else board(rng))
     edge = look.face if cab.plate > 0.01 or rng.random() < 0.6 else look.inside
     asm, body = Assembly(), Shape()
@@ -292,6 +295,7 @@ def _shelf_frame(rng, width: float, height: float, depth: float, look: Look) -> 
         False,
         cells,
         covered=True,
+        walled=(True, True),
     )
     cells = tuple(dataclasses.replace(c, z=(c.z[0], min(c.z[1], cab.z[1]))) for c in cells)
     cab = dataclasses.replace(cab, cells=cells)

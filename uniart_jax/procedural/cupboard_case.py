@@ -62,6 +62,16 @@ class Cabinet:
             hi[axis] = b - (wall if b > last - 1e-6 else wall / 2)
         return np.array(lo), np.array(hi)
 
+    def beside(self, cell: Cell, k: int) -> bool:
+        """Whether a front lies beside a cell, at its left (k = 0) or right (k = 1)."""
+        at, other = cell.y[1 - k], k
+        return any(
+            abs(c.y[other] - at) < 1e-6
+            and c.kind not in ("open", "blank")
+            and min(c.z[1], cell.z[1]) - max(c.z[0], cell.z[0]) > 1e-6
+            for c in self.cells
+        )
+
     def outer(self, cell: Cell) -> tuple[bool, bool]:
         """Whether a cell touches the left (+y) and right (-y) end."""
         return cell.y[1] > self.y[1] - 1e-6, cell.y[0] < self.y[0] + 1e-6
@@ -123,8 +133,12 @@ def fronts(rng, asm: Assembly, body: Shape, cab: Cabinet, look: Look) -> list:
     """Fronts that stay go onto the body; what is returned adds the others to its part."""
     later = []
     swing, lift = opening(rng), "+z" if rng.random() < 0.75 else "-z"
-    drawers = {"deep": float(rng.uniform(0.6, 1.0)), "fill": float(rng.uniform(0.5, 0.95)),
-               "travel": float(rng.uniform(0.45, 0.95))}  # fmt: skip
+    shallow, short = rng.random(2) < 0.3
+    drawers = {
+        "deep": float(rng.uniform(0.6, 0.88) if shallow else rng.uniform(0.88, 1.0)),
+        "fill": float(rng.uniform(0.5, 0.95)),
+        "travel": float(rng.uniform(0.45, 0.7) if short else rng.uniform(0.7, 0.97)),
+    }
     plain = "slab" if look.panel in ("arched", "glass", "muntins", "planks", "split") else None
     if look.panel in ("glass", "muntins") and rng.random() < 0.5:
         plain = "shaker"
@@ -176,10 +190,13 @@ def fronts(rng, asm: Assembly, body: Shape, cab: Cabinet, look: Look) -> list:
             for edge, a, b in doors:
                 k = 0 if edge == "+y" else 1
                 free = outer[k] and not cab.inset and not cab.walled[k]
-                angle = (
-                    swing if free else min(swing, float(np.deg2rad(95 if cab.walled[k] else 105)))
-                )
-                options = {"tight": not free, "beyond": air, "pulled": rng.random() < pulls}
+                room = cell.kind != "half" and not cab.inset and not cab.beside(cell, k)
+                tight = not free and (cab.walled[k] or not room)
+                angle = swing
+                if not free:
+                    angle = min(swing, float(np.deg2rad(89 if cab.walled[k] else 105)))
+                options = {"tight": tight, "beyond": air if free else 1.0}
+                options["pulled"] = rng.random() < pulls
                 later.append(_later(joinery.add_door, a, b, edge, angle, look, **options))
     return later
 
