@@ -72,7 +72,9 @@ def style(rng: np.random.Generator, unit: float, hung: bool, tall: bool) -> Look
     face = board(rng)
     if face.image is not None and rng.random() < 0.3:
         face = face.along("y" if face.grain == "z" else "z")
-    second = (face, face, face.darker(float(rng.uniform(0.6, 1.1))), board(rng))
+    pane = real_finishes.tinted_glass(rng)
+    second = (face, face, face.darker(float(rng.uniform(0.6, 1.1))), board(rng), pane)
+    glass = (pane, materials.glass(rng), None)[rng.choice(3, p=[0.64, 0.16, 0.2])]
     axis = rng.choice(3, p=[0.12, 0.38, 0.5])
     high = float(rng.uniform(0.05, 0.25) if hung else rng.uniform(0.75, 0.95))
     if tall or rng.random() < 0.15:
@@ -83,8 +85,8 @@ def style(rng: np.random.Generator, unit: float, hung: bool, tall: bool) -> Look
         panel=str(rng.choice(joinery.PANELS, p=panels)),
         pull=str(rng.choice(joinery.PULLS, p=pulls)),
         face=face,
-        accent=second[rng.choice(4, p=[0.5, 0.3, 0.12, 0.08])],
-        glass=real_finishes.tinted_glass(rng) if rng.random() < 0.8 else materials.glass(rng),
+        accent=second[rng.choice(5, p=[0.46, 0.28, 0.12, 0.08, 0.06])],
+        glass=glass,
         hardware=materials.hardware(rng),
         inside=_pale(rng),
         thick=max(float(rng.uniform(0.015, 0.026)), float(rng.uniform(1.4, 1.9)) * unit),
@@ -269,7 +271,8 @@ def _shelf_frame(rng, width: float, height: float, depth: float, look: Look) -> 
     y = (-half + 2 * r + 0.001, half - 2 * r - 0.001)
     for z in levels:
         body.add(
-            box([0, y[0] - 0.5 * r, z], [depth, y[1] + 0.5 * r, z + thick]), look.face.along("y")
+            box([0.0013, y[0] - 0.5 * r, z], [depth - 0.0013, y[1] + 0.5 * r, z + thick]),
+            look.face.along("y"),
         )
     z = (float(levels[filled] + thick + 0.0005), float(levels[filled + 1] - 0.0005))
     if rng.random() < 0.5:

@@ -82,9 +82,8 @@ def carcass(rng, body: Shape, cab: Cabinet, look: Look, side: Material, edge: Ma
     skin = 0.003
     (y0, y1), (z0, z1) = cab.y, cab.z
     holes, gaps, boards = [], [], Shape()
-    slabs = (look.inside, look.inside, look.face, look.glass)[
-        rng.choice(4, p=[0.4, 0.2, 0.25, 0.15])
-    ]
+    panes = look.face if look.glass is None else look.glass
+    slabs = (look.inside, look.inside, look.face, panes)[rng.choice(4, p=[0.4, 0.2, 0.25, 0.15])]
     for cell in cab.cells:
         closed = cell.kind in ("blank", "false")
         if closed and not (cab.roofless and cell.z[1] > z1 - 1e-6):
@@ -146,6 +145,11 @@ def fronts(rng, asm: Assembly, body: Shape, cab: Cabinet, look: Look) -> list:
     sides = rng.choice(["+y", "-y"], len(cab.cells))
     if rng.random() < 0.6:
         sides[:] = sides[0]
+    across = look
+    if rng.random() < 0.25:  # drawers' grain runs across
+        face = look.face.along("y")
+        accent = face if look.accent is look.face else look.accent
+        across = dataclasses.replace(look, face=face, accent=accent)
     for cell, side in zip(cab.cells, sides, strict=True):
         bay_lo, bay_hi = cab.bay(cell, cab.stile)
         if cab.inset:
@@ -163,10 +167,10 @@ def fronts(rng, asm: Assembly, body: Shape, cab: Cabinet, look: Look) -> list:
         outer = cab.outer(cell)
         if cell.kind == "false":
             rear = hi + [0.0 if cab.inset else 0.0015, 0, 0]
-            body.join(joinery.front(lo, rear, look, "+z", plain, bool(rng.random() < 0.15)))
+            body.join(joinery.front(lo, rear, across, "+z", plain, bool(rng.random() < 0.15)))
         elif cell.kind == "drawer":
             later.append(
-                _later(joinery.add_drawer, lo, hi, bay_lo, bay_hi, look, kind=plain, **drawers)
+                _later(joinery.add_drawer, lo, hi, bay_lo, bay_hi, across, kind=plain, **drawers)
             )
         elif cell.kind == "flap":
             below = cell.z[1] < cab.z[1] - 1e-6 if lift == "+z" else cell.z[0] > cab.z[0] + 1e-6

@@ -40,8 +40,8 @@ class Look:
 
     Attributes:
       panel: one of ``PANELS``. pull: one of ``PULLS``.
-      face, accent, glass, hardware, inside: materials of fronts, their panels, panes, pulls, and of
-        drawers' boxes.
+      face, accent, glass, hardware, inside: materials of fronts, their panels, panes (None: clear
+        ones, left out), pulls, and of drawers' boxes.
       thick: of a front. unit: one percent of the object's longest side.
       frame: width of a front's frame.
       length: of a bar, a share of the edge it lies along. thin: a bar's diameter. stand: how far
@@ -57,7 +57,7 @@ class Look:
     pull: str
     face: Material
     accent: Material
-    glass: Material
+    glass: Material | None
     hardware: Material
     inside: Material
     thick: float
@@ -90,9 +90,10 @@ def panel(lo, hi, look: Look, kind: str | None = None) -> Shape:
         pane = (lo[0] + (0.25 if kind != "border" else 0.0) * depth, hi[0])
         frames = [cut(slab, [box([lo[0] - 1, *a], [hi[0] + 1, *b])])]
         if kind == "muntins":
-            frames += _muntins(lo[0], pane[0], a, b, look)
+            frames += _muntins(lo[0], lo[0] + 0.25 * depth, a, b, look)
+        shape.add(union(frames), look.face)
         fill = look.accent if kind == "border" else look.glass
-        return shape.add(union(frames), look.face).add(box([pane[0], *a], [pane[1], *b]), fill)
+        return shape if fill is None else shape.add(box([pane[0], *a], [pane[1], *b]), fill)
     if kind == "louvre":
         pitch = max(0.035, 2.4 * look.unit)
         edges = np.linspace(a[1], b[1], max(2, int((b[1] - a[1]) / pitch)) + 1)
