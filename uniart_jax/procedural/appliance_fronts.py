@@ -18,16 +18,18 @@ WINDOWS = ("rect", "rounded", "arched", "octagon", "none")
 
 def outside(rng: np.random.Generator) -> Material:
     """The outside of an appliance: white, gray, plain or banded steel, black, cream, a strong
-    colour."""
-    pick = rng.choice(7, p=[0.25, 0.17, 0.14, 0.23, 0.08, 0.06, 0.07])
-    if pick < 4:
-        gray = materials.plain(np.full(3, rng.uniform(0.5, 0.85)) + rng.uniform(-0.02, 0.02, 3))
-        return (
-            lambda: finishes.white_plastic(rng),
-            lambda: gray,
-            lambda: finishes.metal(rng),
-            lambda: real_finishes.banded_steel(rng),
-        )[pick]()
+    colour; most without any tint."""
+    pick = rng.choice(7, p=[0.26, 0.2, 0.13, 0.24, 0.06, 0.05, 0.06])
+    if pick == 0:
+        return finishes.white_plastic(rng)
+    if pick == 1:
+        return _gray(rng, 0.5, 0.9)
+    if pick == 2:
+        return finishes.varied(rng, materials.metal(rng), gray=0.7, gain=(0.9, 1.25))
+    if pick == 3:
+        if rng.random() < 0.2:
+            return _striped(rng)
+        return finishes.varied(rng, real_finishes.banded_steel(rng), gray=0.7, gain=(0.95, 1.3))
     if pick == 4:
         return finishes.dark(rng)
     if pick == 5:
@@ -35,14 +37,30 @@ def outside(rng: np.random.Generator) -> Material:
     return finishes.varied(rng, materials.appliance(rng), chroma=(1.0, 1.5), gain=(0.7, 1.1))
 
 
+def _striped(rng: np.random.Generator) -> Material:
+    """Steel in many narrow light and dark stripes, as a small tile repeated makes it."""
+    value, count = rng.uniform(0.5, 0.8), rng.uniform(5, 24)
+    wave = np.sin(2 * np.pi * count * np.arange(materials.TEXTURE_SIZE) / materials.TEXTURE_SIZE)
+    shade = value * (1 + rng.uniform(0.06, 0.3) * wave)
+    image = np.broadcast_to(shade[None, :, None], (*[materials.TEXTURE_SIZE] * 2, 3))
+    pixels = (np.clip(image, 0, 0.996) * 255).astype(np.uint8)
+    return Material((value, value, value), pixels, str(rng.choice(["y", "z"], p=[0.3, 0.7])), 1.5)
+
+
+def _gray(rng: np.random.Generator, low: float, high: float) -> Material:
+    """A plain gray, on two in three exactly."""
+    tint = 0.0 if rng.random() < 0.67 else rng.uniform(-0.02, 0.02, 3)
+    return materials.plain(np.full(3, rng.uniform(low, high)) + tint)
+
+
 def case_of(rng: np.random.Generator, face: Material) -> Material:
     """The finish of the case behind a front: the front's, a darker one, black or gray."""
-    pick = rng.choice(4, p=[0.45, 0.2, 0.22, 0.13])
+    pick = rng.choice(4, p=[0.52, 0.14, 0.1, 0.24])
     if pick == 0:
         return face
     if pick == 1:
-        return face.darker(float(rng.uniform(0.35, 0.9)))
-    return finishes.dark(rng) if pick == 2 else materials.plain(np.full(3, rng.uniform(0.2, 0.8)))
+        return face.darker(float(rng.uniform(0.5, 1.0)))
+    return finishes.dark(rng) if pick == 2 else _gray(rng, 0.3, 0.9)
 
 
 def pane(rng: np.random.Generator) -> Material:
@@ -167,11 +185,18 @@ def dressed(
     inner_y, inner_z = (y[0] + edge, y[1] - edge), (z[0] + edge, z[1] - edge)
     if min(inner_y[1] - inner_y[0], inner_z[1] - inner_z[0]) > 3 * unit:
         shape.join(window(rng, face, inner_y, inner_z, look, pane_kind))
+    if rng.random() < 0.2 and free == "+z":
+        at = (lo[1] + hi[1]) / 2 + wide * float(rng.choice([0.0, 0.32, -0.32]))
+        ink = finishes.dark(rng) if look.face.color[1] > 0.4 else finishes.white_plastic(rng)
+        w = 0.45 * edge
+        shape.add(
+            box([face - 0.001, at - 3 * w, lo[2] + w], [face, at + 3 * w, lo[2] + 2 * w]), ink
+        )
     if look.handle != "bow":
         return look, shape
     along, room = ("y", wide) if free[1] == "z" else ("z", tall)
     length = min(look.handle_length, 0.96) * room
-    reach = max(0.02, float(rng.uniform(1.6, 4.5)) * unit)
+    reach = max(0.02, float(rng.uniform(1.6, rng.choice([4.5, 8.0]))) * unit)
     width = max(0.008, float(rng.uniform(0.8, 1.6)) * unit)
     at_y, at_z = (lo[1] + hi[1]) / 2, (lo[2] + hi[2]) / 2
     if free == "+z":

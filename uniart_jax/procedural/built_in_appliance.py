@@ -17,7 +17,17 @@ from uniart_jax.procedural.fronts import FrontStyle, add_door
 from uniart_jax.procedural.hinges import opening
 from uniart_jax.procedural.laundry import build_washer
 from uniart_jax.procedural.materials import Material
-from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, hinge, revolution, slide, turn
+from uniart_jax.procedural.shapes import (
+    Assembly,
+    Shape,
+    box,
+    cut,
+    cylinder,
+    hinge,
+    revolution,
+    slide,
+    turn,
+)
 
 MOST = 15  # parts beside the body
 
@@ -52,8 +62,11 @@ def _microwave(rng: np.random.Generator) -> ArticulatedObject:
     ]
     if kind == "over":
         strips[1] = height * float(rng.uniform(0.06, 0.18))
+    cheek = 0.0
+    if banded and kind == "built" and rng.random() < 0.35:
+        cheek = width * float(rng.uniform(0.04, 0.2))
     y0, y1 = -half, half
-    door_y = (y0 + share, y1) if side > 0 else (y0, y1 - share)
+    door_y = (y0 + share + cheek, y1 - cheek) if side > 0 else (y0 + cheek, y1 - share - cheek)
     sill = legs + (band if banded and below else strips[0])
     lintel = height - (band if banded and not below else strips[1])
     flap = rng.random() < (0.5 if banded else 0.08)
@@ -103,6 +116,9 @@ def _microwave(rng: np.random.Generator) -> ArticulatedObject:
                     (a + 0.15 * (b - a), b - 0.15 * (b - a)),
                 )
                 appliance_fronts.vents(body, rng, front, *slots, finishes.dark(rng))
+    for ys in ((y0, door_y[0]), (door_y[1], y1)):
+        if cheek:  # boards beside the door
+            body.add(box([front, ys[0], sill], [0, ys[1], lintel]), face)
     root = asm.add("body", body)
     lo = np.array([front, door_y[0] + seam / 2, sill + seam / 2])
     hi = np.array([-0.002, door_y[1] - seam / 2, lintel - seam / 2])
@@ -116,7 +132,7 @@ def _microwave(rng: np.random.Generator) -> ArticulatedObject:
         edge = "+y" if side > 0 else "-y"
         angle = np.pi / 2 if rng.random() < 0.6 else opening(rng, 0.2)
         add_door(
-            asm, root, lo, hi, edge, angle, style, inset=flange > 0,
+            asm, root, lo, hi, edge, angle, style, inset=flange + cheek > 0,
             beyond=max(flange, 0.001), extra=extra,
         )  # fmt: skip
     if rng.random() < 0.42:
@@ -131,24 +147,31 @@ def _turntable(rng, asm: Assembly, root: int, lo, hi, unit: float) -> None:
     radius = float(rng.uniform(0.32, 0.49)) * min(hi[0] - lo[0], hi[1] - lo[1])
     t = max(0.003, float(rng.uniform(0.5, 2.6)) * unit)
     rim = t * float(rng.uniform(1.0, 2.2))
+    hub = 0.0
+    if rng.random() < 0.35:  # on a hub
+        hub = float(rng.uniform(0.02, 0.12)) * (hi[2] - lo[2])
+        at[2] += hub
     profile = np.array(
         [[0, 0], [0.85 * radius, 0], [radius, rim], [0.94 * radius, rim], [0.8 * radius, t], [0, t]]
     )
     pick = rng.random()
     glass = finish.tinted_glass(rng) if pick < 0.5 else finishes.white_plastic(rng)
     plate = Shape().add(revolution(profile, "z", at, 28), glass)
+    if hub > 0.004:
+        foot = [*at[:2], lo[2] + 0.002]
+        plate.add(cylinder("z", foot, hub, 0.3 * radius, segments=16), finishes.dark(rng))
     asm.add("turntable", plate, root, turn(at, (0, 0, 1)))
 
 
 def _dishwasher(rng: np.random.Generator) -> ArticulatedObject:
-    plan = str(rng.choice(["flap", "drawer", "twin", "lid"], p=[0.7, 0.14, 0.07, 0.09]))
+    plan = str(rng.choice(["flap", "drawer", "twin", "lid"], p=[0.64, 0.2, 0.07, 0.09]))
     width, depth = float(rng.uniform(0.42, 0.85)), float(rng.uniform(0.48, 0.75))
     height = float(rng.uniform(0.45, 0.95) if plan != "flap" else rng.uniform(0.7, 0.95))
     if plan == "flap" and rng.random() < 0.12:
         height = float(rng.uniform(0.42, 0.6))  # for a table
     unit = max(width, height, depth) / 100
     face = finish.banded_steel(rng) if rng.random() < 0.4 else appliance_fronts.outside(rng)
-    thick = max(0.015, float(rng.uniform(1.8, 8.0)) * unit)
+    thick = max(0.015, float(rng.uniform(1.8, 11.0)) * unit)
     look = appliance_style(rng, unit, face, thick)
     case = appliance_fronts.case_of(rng, face)
     if plan == "lid":

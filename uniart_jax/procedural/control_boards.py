@@ -73,8 +73,8 @@ def column_board(rng, board: Board, body: Shape, face: Material, most: int) -> N
     foot = z[0] + 0.06 * tall
     board.stand = max(0.0025, float(rng.uniform(0.3, 1.4)) * unit)
     board.travel = controls.push_depth(rng, unit, board.deep)
-    board.ink = ink
-    if rng.random() < 0.25 and most > 1:  # what opens the door
+    board.ink = ink if rng.random() < 0.75 else board.finish
+    if rng.random() < 0.2 and most > 1:  # what opens the door
         size = min(float(rng.uniform(0.06, 0.13)) * tall, 0.06)
         size = max(size, 1.6 * unit)
         if rng.random() < 0.65:
@@ -85,7 +85,7 @@ def column_board(rng, board: Board, body: Shape, face: Material, most: int) -> N
             prints.append(([(a + b) / 2, foot + size / 2, b - a, size], ink))
         foot += size + 0.05 * tall
     kind = str(
-        rng.choice(["keys", "push", "dials", "both", "bare"], p=[0.4, 0.22, 0.22, 0.08, 0.08])
+        rng.choice(["keys", "push", "dials", "both", "bare"], p=[0.45, 0.13, 0.26, 0.07, 0.09])
     )
     if kind in ("dials", "both"):
         count = 1 if kind == "both" else int(rng.choice([1, 2, 3], p=[0.4, 0.5, 0.1]))
@@ -109,8 +109,8 @@ def column_board(rng, board: Board, body: Shape, face: Material, most: int) -> N
         columns = int(np.clip(rng.integers(1, 5), 1, (b - a) / least))
         rows = int(np.clip(rng.integers(2, 8), 1, max(1, (high - foot) / least)))
         if kind == "push" or (kind == "both" and rng.random() < 0.5):
-            rows = max(1, min(rows, most // columns))
             columns = min(columns, max(most, 1))
+            rows = max(1, min(rows, most // columns, int(rng.integers(1, 5))))
             used = foot + (high - foot) * min(1.0, rows * columns / 8 + 0.3)
             board.buttons += controls.button_grid((a, b), (foot, used), columns, rows, rng)
         else:
@@ -127,12 +127,13 @@ def row_board(rng, board: Board, body: Shape, face: Material, most: int) -> None
     dark = board.finish.color[1] < 0.4
     ink = finishes.white_plastic(rng) if dark else finishes.dark(rng)
     middle, up = (y[0] + y[1]) / 2, (z[0] + z[1]) / 2
-    kind = str(rng.choice(["dials", "push", "keys", "bare"], p=[0.3, 0.27, 0.33, 0.1]))
+    kinds = ("dials", "push", "both", "keys", "bare")
+    kind = str(rng.choice(kinds, p=[0.26, 0.16, 0.12, 0.36, 0.1]))
     screen: tuple[float, float] | None = (-0.8 * half, 0.8 * half)
-    board.ink = ink if rng.random() < 0.6 else face.darker(0.8)
+    board.ink = (ink, face.darker(0.8), board.finish)[rng.choice(3, p=[0.55, 0.2, 0.25])]
     board.stand = max(0.003, float(rng.uniform(0.4, 2.0)) * unit)
     board.travel = controls.push_depth(rng, unit, board.deep)
-    if kind == "dials":
+    if kind in ("dials", "both"):
         radius = min(float(rng.uniform(1.7, 5.0)) * unit, 0.4 * tall)
         board.dial = controls.dial_style(
             rng, radius, max(0.006, float(rng.uniform(1.0, 4.0)) * unit), face, endless=0.85
@@ -140,7 +141,20 @@ def row_board(rng, board: Board, body: Shape, face: Material, most: int) -> None
         count = min(most, int(rng.choice([1, 2, 3, 4], p=[0.4, 0.35, 0.15, 0.1])))
         ys, screen = controls.uneven_row(rng, count, half - 1.3 * radius, 2.6 * radius)
         board.dials = [(board.face, middle + v, up, 1.0) for v in ys]
-    elif kind == "push":
+    if kind == "both" and screen is not None:
+        size = min(float(rng.uniform(1.7, 4.5)) * unit, 0.7 * tall)
+        count = min(most - len(board.dials), int(rng.integers(1, 5)))
+        count = min(count, int((screen[1] - screen[0]) / (1.3 * size)))
+        a, b = sorted(rng.uniform(screen[0] + 0.5 * size, screen[1] - 0.5 * size, 2))
+        pitch = 1.3 * size if count < 2 else max(1.3 * size, (b - a) / (count - 1))
+        a = min(a, screen[1] - 0.5 * size - pitch * (count - 1))
+        round_ones = bool(rng.random() < 0.6)
+        board.buttons += [
+            controls.Button(middle + a + k * pitch, up, size, size, round_ones)
+            for k in range(count)
+        ]
+        return
+    if kind == "push":
         size = min(float(rng.uniform(1.7, 4.5)) * unit, 0.7 * tall)
         round_ones = bool(rng.random() < 0.5)
         wide = size * (1.0 if round_ones else float(rng.uniform(0.8, 2.0)))

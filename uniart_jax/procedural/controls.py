@@ -61,7 +61,7 @@ def dial_style(
     sweep = None
     if rng.random() >= endless:
         sweep = float(np.deg2rad(rng.choice([180, 240, 270, 300, 330])))
-    pick = rng.choice(5, p=[0.36, 0.28, 0.16, 0.14, 0.06])
+    pick = rng.choice(5, p=[0.28, 0.32, 0.2, 0.14, 0.06])
     body = (
         finishes.dark(rng),
         finishes.metal(rng, brushed=False),

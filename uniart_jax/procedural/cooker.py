@@ -60,7 +60,7 @@ def _cooker(rng: np.random.Generator, plan: str) -> ArticulatedObject:
     band += float(rng.uniform(0.0, 0.06)) * height
     case = appliance_fronts.case_of(rng, face)
     panel = look.face if rng.random() < 0.55 else appliance_fronts.case_of(rng, face)
-    if rng.random() < 0.2:
+    if rng.random() < 0.13:
         panel = finishes.dark(rng)
     c = Case(
         Shape(), -width / 2, width / 2, legs, height - band, height, depth, -thick - 0.002, unit,
@@ -202,19 +202,23 @@ def _racks(rng, c: Case, bays, cells, wall: float) -> list[tuple[Shape, float]]:
     steel = finishes.metal(rng, brushed=False)
     moving: list[tuple[Shape, float]] = []
     number, pull = int(rng.choice([1, 2, 3], p=[0.5, 0.3, 0.2])), float(rng.uniform(0.55, 0.95))
-    bars = int(rng.integers(5, 14))
+    bars, start = int(rng.integers(5, 14)), 0.012
+    if rng.random() < 0.6:  # shorter than the oven, at its rear
+        start = float(rng.uniform(0.03, 0.38)) * c.depth
     for (lo, hi), cell in zip(bays, cells, strict=True):
         if kind == "none" or cell.kind not in ("flap", "side") or hi[2] - lo[2] < 0.18:
             continue
         far = hi[0] * float(rng.uniform(0.75, 0.98)) - 0.5 * c.unit - 0.002
         for z in np.linspace(lo[2] + 0.03, hi[2] - 2 * wire, number + 2)[1:-1]:
             air = 0.003 if kind == "slide" else 0.0
-            near = np.array([0.012, lo[1] + air, z])
+            near = np.array([start, lo[1] + air, z])
             end = np.array([far, hi[1] - air, z + wire])
             if kind == "fixed":
                 c.body.add(_wires(near, end, wire, bars), steel)
             elif len(moving) < 4:
-                moving.append((Shape().add(_wires(near, end, wire, bars), steel), pull * far))
+                moving.append(
+                    (Shape().add(_wires(near, end, wire, bars), steel), pull * (far - start))
+                )
     return moving
 
 

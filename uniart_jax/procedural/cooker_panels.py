@@ -126,7 +126,7 @@ def _pushed(rng, c: Case, where: str, plan, face: float, z: float, tall: float, 
     """Now and then, push buttons in the free span of the panel; None: there are none."""
     places, _, screen = plan
     room = most - len(places)
-    if where != "front" or rng.random() > 0.17 or screen is None or room < 2:
+    if where != "front" or rng.random() > 0.11 or screen is None or room < 2:
         return None
     size = float(rng.uniform(1.6, 3.0)) * c.unit
     pitch = size * float(rng.uniform(1.3, 2.0))

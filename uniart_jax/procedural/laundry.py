@@ -74,7 +74,7 @@ def _front_loader(rng: np.random.Generator) -> ArticulatedObject:
     board = box([-proud, span[0], board_z[0]], [0, span[1], board_z[1]])
     middle, z = (span[0] + span[1]) / 2, (board_z[0] + board_z[1]) / 2
     reach = (span[1] - span[0]) / 2
-    radius_dial = min(float(rng.uniform(1.9, 5.5)) * unit, 0.38 * band)
+    radius_dial = min(float(rng.uniform(1.5, 5.0)) * unit, 0.38 * band)
     count = int(rng.choice([0, 1, 2], p=[0.12, 0.78, 0.1]))
     dial = controls.dial_style(
         rng, radius_dial, max(0.008, float(rng.uniform(1.0, 4.0)) * unit), face, endless=0.8
@@ -84,7 +84,7 @@ def _front_loader(rng: np.random.Generator) -> ArticulatedObject:
     ink = finishes.white_plastic(rng) if panel.color[1] < 0.45 else finishes.dark(rng)
     if screen is not None:
         a, b = middle + screen[0], middle + screen[1]
-        kind = str(rng.choice(["push", "keys", "screen", "bare"], p=[0.3, 0.3, 0.25, 0.15]))
+        kind = str(rng.choice(["push", "keys", "screen", "bare"], p=[0.18, 0.36, 0.28, 0.18]))
         room = (a, b), (z - 0.22 * band, z + 0.22 * band)
         columns = int(np.clip(rng.integers(2, 7), 1, max(1, (b - a) / (2.4 * unit))))
         if kind in ("push", "keys"):
@@ -198,7 +198,7 @@ def _top_loader(rng: np.random.Generator) -> ArticulatedObject:
     back = start + rise * np.tan(lean)
     ends = np.array([[height, start], [top, back], [top, depth], [height, depth]])
     body.add(extrusion(ends, "y", [0, -half, 0], width), tone)
-    dial_radius = min(float(rng.uniform(1.5, 4.2)) * unit, 0.42 * rise / np.cos(lean))
+    dial_radius = min(float(rng.uniform(1.1, 4.0)) * unit, 0.42 * rise / np.cos(lean))
     dial = controls.dial_style(rng, dial_radius, reach, face, endless=0.85)
     count = int(rng.choice([0, 1, 2, 3, 4], p=[0.12, 0.3, 0.25, 0.23, 0.1]))
     ys, screen = controls.uneven_row(rng, count, 0.95 * half - dial_radius, 2.6 * dial_radius)
