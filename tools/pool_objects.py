@@ -61,7 +61,8 @@ def make_files(
         for index in range(first + number * CHUNK, first + (number + 1) * CHUNK):
             try:
                 made = make_item(index, settings)
-            except ValueError:  # one faulty object in many thousands
+            except Exception as error:  # one faulty object in many thousands ends no process
+                print(f"object {index} is left out: {error!r:.200}", flush=True)
                 continue
             if made is not None:
                 row = {**made[1], "voxels": packed_voxels(made[0], sizes.voxels)}
