@@ -275,12 +275,14 @@ def add_door(
     thick, width = hi[0] - lo[0], hi[axis] - lo[axis]
     depth = 0.0 if options.get("tight") else look.axis_depth
     behind, into = hinges.place(thick, width, depth, look.axis_inset)
+    beyond = options.get("beyond", 0.0)
+    if behind > 0 and angle > 2.0 and beyond < 0.1:  # turns right round: hinges beside its edge
+        into = -(0.55 * beyond + 0.001 + 0.1 * look.unit)
     at = (lo + hi) / 2
     at[0] = lo[0] + behind
     at[axis] = (hi[axis] if sign > 0 else lo[axis]) - sign * into
     if behind > 0:
-        clear = hinges.clear_angle(thick, behind, into, options.get("beyond", 0.0))
-        angle = min(angle, clear)
+        angle = min(angle, hinges.clear_angle(thick, behind, into, beyond))
     free = ("-" if sign > 0 else "+") + edge[1]
     shape = front(lo, hi, look, free, options.get("kind"), options.get("pulled", True))
     if options.get("extra") is not None:
