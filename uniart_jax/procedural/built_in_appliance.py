@@ -131,6 +131,7 @@ def _microwave(rng: np.random.Generator) -> ArticulatedObject:
         style, extra = dressed(rng, lo, hi, free, look)
         edge = "+y" if side > 0 else "-y"
         angle = np.pi / 2 if rng.random() < 0.6 else opening(rng, 0.2)
+        angle = min(angle, 1.9) if cheek else angle
         add_door(
             asm, root, lo, hi, edge, angle, style, inset=flange + cheek > 0,
             beyond=max(flange, 0.001), extra=extra,

@@ -209,7 +209,9 @@ def _racks(rng, c: Case, bays, cells, wall: float) -> list[tuple[Shape, float]]:
         if kind == "none" or cell.kind not in ("flap", "side") or hi[2] - lo[2] < 0.18:
             continue
         far = hi[0] * float(rng.uniform(0.75, 0.98)) - 0.5 * c.unit - 0.002
-        for z in np.linspace(lo[2] + 0.03, hi[2] - 2 * wire, number + 2)[1:-1]:
+        several = number if rng.random() < 0.6 else int(rng.integers(1, 4))
+        levels = min(several, int((hi[2] - lo[2]) / (4 * wire)) - 1)
+        for z in np.linspace(lo[2] + 0.03, hi[2] - 2 * wire, levels + 2)[1:-1]:
             air = 0.003 if kind == "slide" else 0.0
             near = np.array([start, lo[1] + air, z])
             end = np.array([far, hi[1] - air, z + wire])

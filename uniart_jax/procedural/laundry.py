@@ -141,7 +141,8 @@ def _porthole(
         plate = cylinder("x", [-0.002 - thick, y, z], thick, taper * radius, radius, segments=32)
         h = 0.2 * radius
         ys = sorted((y + sign * 0.85 * radius, y + sign * 1.01 * radius))
-        plate = union([plate, box([-0.002 - thick, ys[0], z - h], [-0.002, ys[1], z + h])])
+        block = [-0.002 - 0.9 * thick, ys[0], z - h], [-0.003, ys[1], z + h]
+        plate = union([plate, box(*block)])
     shape.add(cut(plate, (cylinder("x", [-1, y, z], 2, inner, segments=28),)), ring)
     bulge = thick * float(rng.uniform(0.0, 0.6))
     dome = np.array(
