@@ -94,6 +94,15 @@ def appliance_style(
     )
 
 
+def across(outline, y0: float, y1: float) -> Manifold:
+    """An outline [n, 2] of (z, x) pushed from ``y0`` to ``y1``, on the binary grid of
+    ``shapes.box``: faces that should be flush with a box are."""
+    grid = 2.0**20
+    points = np.round(np.asarray(outline, dtype=np.float64) * grid) / grid
+    a, b = (float(np.round(y * grid) / grid) for y in (y0, y1))
+    return extrusion(points, "y", [0, a, 0], b - a)
+
+
 def bow(
     face: float, at: tuple[float, float], along: str, length: float, reach: float, width: float
 ) -> Manifold:

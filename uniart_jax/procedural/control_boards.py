@@ -112,7 +112,8 @@ def column_board(rng, board: Board, body: Shape, face: Material, most: int) -> N
             columns = min(columns, max(most, 1))
             rows = max(1, min(rows, most // columns, int(rng.integers(1, 5))))
             used = foot + (high - foot) * min(1.0, rows * columns / 8 + 0.3)
-            board.buttons += controls.button_grid((a, b), (foot, used), columns, rows, rng)
+            grid = controls.button_grid((a, b), (foot, used), columns, rows, rng)
+            board.buttons += [k for k in grid if max(k.width, k.height) > 1.7 * unit]
         else:
             grid = controls.button_grid((a, b), (foot, high), columns, rows, rng)
             controls.print_buttons(body, board.face, grid, float(rng.uniform(0.0005, 0.002)), ink)

@@ -197,7 +197,11 @@ def _lining(rng, c: Case, bays, cells, unit: float) -> None:
 def _racks(rng, c: Case, bays, cells, wall: float) -> list[tuple[Shape, float]]:
     """Shelves of wire in the ovens: fixed ones join the body, those that slide are returned with
     their travel."""
-    kind = str(rng.choice(["none", "fixed", "slide"], p=[0.5, 0.22, 0.28]))
+    kind = str(
+        rng.choice(
+            ["none", "fixed", "slide"], p=[0.35, 0.15, 0.5] if c.height > 1 else [0.5, 0.22, 0.28]
+        )
+    )
     wire = max(0.012, float(rng.uniform(1.5, 3.0)) * c.unit)
     steel = finishes.metal(rng, brushed=False)
     moving: list[tuple[Shape, float]] = []

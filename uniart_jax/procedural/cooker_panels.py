@@ -7,12 +7,12 @@ import dataclasses
 
 import numpy as np
 
-from uniart_jax.procedural import appliances, controls, finishes, materials
+from uniart_jax.procedural import appliance_fronts, appliances, controls, finishes, materials
 from uniart_jax.procedural import real_finishes as finish
 from uniart_jax.procedural.fronts import FrontStyle
 from uniart_jax.procedural.hobs import add_hob
 from uniart_jax.procedural.materials import Material
-from uniart_jax.procedural.shapes import Shape, box, cut, extrusion
+from uniart_jax.procedural.shapes import Shape, box, cut
 
 
 @dataclasses.dataclass
@@ -52,7 +52,7 @@ def add_panel(rng: np.random.Generator, c: Case, where: str, hob: bool, most: in
             tilt = float(np.arctan2(depth, c.height - straight))
             ends = [[foot, face], [foot, 0.0], [c.height, 0.0], [c.height, face + depth]]
             ends += [[straight, face]] if straight > foot + 1e-3 else []
-            c.body.add(extrusion(np.array(ends), "y", [0, c.y0, 0], c.y1 - c.y0), c.panel)
+            c.body.add(appliance_fronts.across(ends, c.y0, c.y1), c.panel)
             middle = (face + depth / 2, (straight + c.height) / 2)
             tall = float(np.hypot(depth, c.height - straight))
             plan = _dial_plan(rng, c, where, tall, most)
@@ -74,7 +74,7 @@ def add_panel(rng: np.random.Generator, c: Case, where: str, hob: bool, most: in
         z1 = c.height + guard_z
         ends = [[c.height, guard_x], [z1, top], [z1, c.depth], [c.height, c.depth]]
         back = c.panel if where == "guard" else c.look.face
-        c.body.add(extrusion(np.array(ends), "y", [0, c.y0, 0], c.y1 - c.y0), back)
+        c.body.add(appliance_fronts.across(ends, c.y0, c.y1), back)
         if where == "guard":
             tilt, tall = lean, guard_z
             middle = (guard_x + guard_z / 2 * np.tan(lean), c.height + guard_z / 2)

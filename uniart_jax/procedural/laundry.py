@@ -18,7 +18,6 @@ from uniart_jax.procedural.shapes import (
     box,
     cut,
     cylinder,
-    extrusion,
     hinge,
     revolution,
     union,
@@ -32,7 +31,7 @@ def build_washer(rng: np.random.Generator) -> ArticulatedObject:
 
 def _front_loader(rng: np.random.Generator) -> ArticulatedObject:
     width, height = float(rng.uniform(0.5, 0.75)), float(rng.uniform(0.68, 1.02))
-    depth = float(rng.uniform(0.4, 0.85))
+    depth = float(rng.uniform(0.4, 0.85 if rng.random() < 0.8 else 1.05))
     unit = max(width, height, depth) / 100
     face = appliance_fronts.outside(rng)
     look = appliance_fronts.appliance_style(rng, unit, face, max(0.015, 1.6 * unit))
@@ -90,7 +89,7 @@ def _front_loader(rng: np.random.Generator) -> ArticulatedObject:
         if kind in ("push", "keys"):
             grid = controls.button_grid(*room, columns, int(rng.integers(1, 3)), rng)
             if kind == "push":
-                buttons = [k for k in grid if k.width > 1.5 * unit][:9]
+                buttons = [k for k in grid if max(k.width, k.height) > 1.7 * unit][:9]
             else:
                 controls.print_buttons(body, -proud, grid, 0.001, ink)
         elif kind == "screen":
@@ -198,7 +197,7 @@ def _top_loader(rng: np.random.Generator) -> ArticulatedObject:
     top = height + rise
     back = start + rise * np.tan(lean)
     ends = np.array([[height, start], [top, back], [top, depth], [height, depth]])
-    body.add(extrusion(ends, "y", [0, -half, 0], width), tone)
+    body.add(appliance_fronts.across(ends, -half, half), tone)
     dial_radius = min(float(rng.uniform(1.1, 4.0)) * unit, 0.42 * rise / np.cos(lean))
     dial = controls.dial_style(rng, dial_radius, reach, face, endless=0.85)
     count = int(rng.choice([0, 1, 2, 3, 4], p=[0.12, 0.3, 0.25, 0.23, 0.1]))
