@@ -17,12 +17,14 @@ from safetensors.numpy import load_file
 
 from uniart_jax import procedural
 from uniart_jax.cli import load_config
+from uniart_jax.config import StageConfig
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build
+from uniart_jax.training.state import frozen_mask, make_optimizer
 from uniart_jax.voxels.part_table import ROWS, PartTable
 from uniart_jax.voxels.voxelize import voxelize
 
@@ -256,7 +258,7 @@ def test_a_pool_whose_makers_have_ended_says_so(pool_tools):
 
 def test_a_step_that_is_not_finite_changes_nothing(pool_tools):
     tool = importlib.import_module("train_pool")
-    update = tool.make_update(lambda p, b, k: ((p * b).sum(), {}), optax.sgd(1.0))
+    update = tool.make_update(lambda p, b, k: ((p * b).sum(), {}), optax.sgd(1.0), False)
     start = lambda: tool.Run(np.ones(2), optax.sgd(1.0).init(np.ones(2)), np.ones(2))  # noqa: E731
     key = jax.random.key(0)
     moved, _ = update(start(), np.ones(2), key, np.float32(0.5))
@@ -266,6 +268,25 @@ def test_a_step_that_is_not_finite_changes_nothing(pool_tools):
     np.testing.assert_array_equal(kept.params, 1)
     np.testing.assert_array_equal(kept.average, 1)
     assert np.isnan(metrics["loss"])
+
+
+def test_what_a_stage_freezes_stays_as_it_is(pool_tools):
+    """``make_optimizer`` alone would let their gradients through."""
+    tool = importlib.import_module("train_pool")
+    stage = StageConfig(warmup_steps=1, freeze=("kept",))
+    params = {"kept": np.ones((2, 2), np.float32), "moved": np.ones((2, 2), np.float32)}
+    optimizer = make_optimizer(stage)
+    update = tool.make_update(
+        lambda p, b, k: (((p["kept"] + p["moved"]) * b).sum(), {}),
+        optimizer,
+        frozen_mask(params, stage.freeze),
+    )
+    run = tool.Run(params, optimizer.init(params), jax.tree.map(np.copy, params))
+    for _ in range(3):
+        run, _ = update(run, np.full((2, 2), 3.0, np.float32), jax.random.key(0), np.float32(1))
+    np.testing.assert_array_equal(run.params["kept"], 1)
+    np.testing.assert_array_equal(run.average["kept"], 1)
+    assert (np.asarray(run.params["moved"]) < 1).all()
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="Linux keeps processes to cores")
@@ -285,7 +306,7 @@ def test_each_maker_keeps_to_a_core_of_its_own(pool_tools):
 def test_an_update_is_compiled_for_batches_like_one(pool_tools):
     tool = importlib.import_module("train_pool")
     update = tool.make_update(
-        lambda p, b, k, weights: ((p * b * weights[0]).sum(), {}), optax.sgd(1.0)
+        lambda p, b, k, weights: ((p * b * weights[0]).sum(), {}), optax.sgd(1.0), False
     )
     ones = np.ones(2, np.float32)
     start = lambda: tool.Run(ones.copy(), optax.sgd(1.0).init(ones), ones.copy())  # noqa: E731

@@ -97,7 +97,7 @@ def train(given: argparse.Namespace) -> None:
     from uniart_jax.models.network import build
     from uniart_jax.training.layout_loss import make_layout_loss
     from uniart_jax.training.mask_loss import make_mask_loss
-    from uniart_jax.training.state import make_optimizer
+    from uniart_jax.training.state import frozen_mask, make_optimizer
 
     print(jax.devices(), jax.__version__, flush=True)
     init, replace = Checkpoint.find(given.init), dataclasses.replace
@@ -137,7 +137,7 @@ def train(given: argparse.Namespace) -> None:
         )
         optimizer, params = make_optimizer(stage), jax.device_put(params)
         runs[name] = Run(params, optimizer.init(params), jax.tree.map(jnp.copy, params))
-        updates[name] = make_update(losses[name], optimizer)
+        updates[name] = make_update(losses[name], optimizer, frozen_mask(params, stage.freeze))
     prepare, prepare_scenes = jax.jit(prepared), jax.jit(prepared_scenes)
 
     def loss_of_unseen(average, rows):
@@ -252,7 +252,7 @@ def compiled(update: Any, run: Run, batch: Any, *frozen: Any) -> Any:
     return update.lower(*given).compile()
 
 
-def make_update(loss_fn: Callable[..., Any], optimizer: Any) -> Callable[..., Any]:
+def make_update(loss_fn: Callable[..., Any], optimizer: Any, frozen: Any) -> Callable[..., Any]:
     """Jitted (run, batch, key, factor of the learning rate, *frozen parameters) -> (run, metrics);
     a step that is not finite changes nothing. The run is donated."""
     import jax
@@ -260,14 +260,15 @@ def make_update(loss_fn: Callable[..., Any], optimizer: Any) -> Callable[..., An
     import optax
 
     @functools.partial(jax.jit, donate_argnums=0)
-    def update(run, batch, key, factor, *frozen):
+    def update(run, batch, key, factor, *given):
         (loss, metrics), grads = jax.value_and_grad(loss_fn, has_aux=True)(
-            run.params, batch, key, *frozen
+            run.params, batch, key, *given
         )
         norm = optax.tree.norm(grads)
         fine = jnp.isfinite(loss) & jnp.isfinite(norm)
         changes, moments = optimizer.update(grads, run.moments, run.params)
-        params = optax.apply_updates(run.params, jax.tree.map(lambda c: factor * c, changes))
+        changes = jax.tree.map(lambda c, kept: 0 * c if kept else factor * c, changes, frozen)
+        params = optax.apply_updates(run.params, changes)
         average = optax.incremental_update(params, run.average, 1 - DECAY)
         new = jax.tree.map(lambda a, b: jnp.where(fine, a, b), Run(params, moments, average), run)
         return new, {"loss": loss, "norm": norm, **metrics}
