@@ -51,7 +51,30 @@ OUTSIDE = "tests/inference/test_samplers.py::test_outside_its_interval_guidance_
 INTERVAL = (
     "tests/flow/test_rectified_flow.py::test_outside_its_interval_the_condition_alone_is_asked_for"
 )
+PHOTOGRAPHS = "uniart_jax/data/photographs.py"
+REFRAMED = "tests/data/test_photographs.py::test_the_camera_code_is_that_of_the_new_crop"
+POOL_LOSSES = "tools/pool_losses.py"
 MUTANTS = (
+    Mutant(PHOTOGRAPHS, "code[3] /= ratio", "code[3] *= ratio", REFRAMED),
+    Mutant(PHOTOGRAPHS, "(code[5:7] + shift) / ratio", "code[5:7] / ratio", REFRAMED),
+    Mutant(
+        POOL_LOSSES,
+        "cameras = jnp.where(taken[:, None],",
+        "cameras = jnp.where(flow_sees[:, None],",
+        "tests/test_tools.py::test_the_pools_mirror_is_that_of_records",
+    ),
+    Mutant(
+        POOL_LOSSES,
+        "mask = jnp.where(flip, mask[:, :, ::-1], mask)",
+        "mask = jnp.where(flip, mask, mask)",
+        "tests/test_tools.py::test_the_pools_scenes_keep_their_masks",
+    ),
+    Mutant(
+        "tools/train_pool.py",
+        "0 * c if kept else factor * c",
+        "factor * c",
+        "tests/test_tools.py::test_what_a_stage_freezes_stays_as_it_is",
+    ),
     Mutant(
         AGGREGATION,
         "(self.to_q(articulation), k, v)",

@@ -45,10 +45,10 @@ class PoolBatch(NamedTuple):
 
 def prepared(rows: Mapping[str, jax.Array], key: jax.Array, train: bool) -> PoolBatch:
     """Drawn rows (``pool_objects.Pool.draw``) as both losses take them. To ``train`` on, half of
-    the items are mirrored, and of half, drawn apart, the layout network sees the photograph; the
-    others are shown in another light. The structure flow sees half of these photographs, and
+    the items are mirrored, and of half, drawn apart, the layout network sees the photograph; of the
+    others half are shown in another light. The structure flow sees half of these photographs, and
     renders else, in their own light."""
-    keys = jax.random.split(key, 4)
+    keys = jax.random.split(key, 3)
     items = len(rows["boxes"])
     flip = jax.random.bernoulli(keys[0], 0.5, (items,)) & train
 

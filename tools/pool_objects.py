@@ -61,14 +61,15 @@ def make_files(
         for index in range(first + number * CHUNK, first + (number + 1) * CHUNK):
             try:
                 made = make_item(index, settings)
+                if made is None:
+                    continue
+                row = {**made[1], "voxels": packed_voxels(made[0], sizes.voxels)}
+                photo, shown = photographer.take(np.random.default_rng([index, 7]), row)
             except Exception as error:  # one faulty object in many thousands ends no process
                 print(f"object {index} is left out: {error!r:.200}", flush=True)
                 continue
-            if made is not None:
-                row = {**made[1], "voxels": packed_voxels(made[0], sizes.voxels)}
-                photo, shown = photographer.take(np.random.default_rng([index, 7]), row)
-                rows.append({**row, **photo})
-                seen += shown
+            rows.append({**row, **photo})
+            seen += shown
         if rows:
             table: dict[str, Any] = {k: np.stack([r[k] for r in rows]) for k in READ}
             table |= {k: np.stack([r[k] for r in seen]) for k in SEEN if seen}

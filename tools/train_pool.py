@@ -5,7 +5,7 @@ accelerator.
 
 Worker processes make objects of a world without end (``pool_objects``): a picture, what a
 photograph of it would give (``data.photographs``), the voxels that its surface touches, and for
-every second one a picture with its background. Host memory keeps the newest of them, and batches
+every third one a picture with its background. Host memory keeps the newest of them, and batches
 are drawn from these, newer ones more often. So the accelerator never waits, and each object is
 shown a few times only.
 
@@ -110,7 +110,6 @@ def train(given: argparse.Namespace) -> None:
     write_config(out, shipped)
     # on a GPU JAX's own derivatives of shifted sums are the faster ones, and rows are short
     config = replace(shipped, model=replace(shipped.model, kernel="plain"))
-    frozen = ("image_encoder", "structure_vae")
     nets = {n: build(n, config.model) for n in ("layout", "structure_flow", "mask", *FROZEN)}
     fixed = jax.device_put({n: init.load(n) for n in FROZEN})
     drawn = jax.device_get(nets["structure_flow"].init(jax.random.key(3)))  # of new layers

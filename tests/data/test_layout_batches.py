@@ -42,8 +42,9 @@ def test_a_training_begins_at_its_first_block(data):
     held = np.concatenate([layouts.load_block(data.layouts, n, settings)["boxes"] for n in (4, 5)])
     places = [np.flatnonzero((held == boxes).all((1, 2))).tolist() for boxes in shown]
     assert sorted(places) == sorted([[k] for k in range(6)] * 2)
-    with pytest.raises(ValueError, match=r"data\.first_block is -1"):
-        layout_batches.layout_batches(dataclasses.replace(data, first_block=-1), MODEL, 4)
+    for given, said in (({"first_block": -1}, "first_block is -1"), ({"photographs": 5}, "is 5;")):
+        with pytest.raises(ValueError, match=f"config: data.*{said}"):
+            layout_batches.layout_batches(dataclasses.replace(data, **given), MODEL, 4)
 
 
 def test_batches_resume_and_are_shared(data):

@@ -39,10 +39,13 @@ def claimed_settings(data: DataConfig, model: ModelConfig) -> LayoutSettings:
     """``settings_of`` a training, whose folder is made, or checked, to be of them.
 
     Raises:
-      ValueError: the folder holds other settings, or the first block is below 0.
+      ValueError: the folder holds other settings, the first block is below 0, or the share of
+        photographs is none.
     """
     if data.first_block < 0:
         raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
+    if not 0 <= data.photographs <= 1:
+        raise ValueError(f"config: data.photographs is {data.photographs:g}; give 0 to 1")
     settings = settings_of(data, model)
     claim_folder(data.layouts, settings)
     return settings

@@ -1,5 +1,5 @@
 """An object's crop as it would be cut out of a photograph: what the layout network sees of
-pictures as people take them. Numpy, SciPy and Pillow alone.
+pictures as people take them. NumPy, SciPy and Pillow alone.
 
     crop over black, its mask -> in front of a background, in its light, through a camera
     (``data.scenes``) -> a mask with errors -> cut out, cropped anew

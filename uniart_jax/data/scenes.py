@@ -1,11 +1,12 @@
 """Pictures as people take them: an object's crop in front of a random background, and what of the
-picture is the object. Numpy and Pillow alone.
+picture is the object. NumPy, SciPy and Pillow alone.
 
     crop over black, its mask -> size, place, roll -> in front of a wall, a floor, a texture, other
     objects -> shadow, light, things in front -> blur, noise, exposure, JPEG
 
-What it trains is the mask network (``models.mask``); a picture is a pure function of its random
-numbers. Nothing here is a photograph: real ones are for judging alone.
+What they train is the mask network (``models.mask``) and, cut out again (``data.photographs``), the
+layout network; a picture is a pure function of its random numbers. Nothing here is a photograph:
+real ones are for judging alone.
 """
 
 from __future__ import annotations
