@@ -9,7 +9,7 @@ import itertools
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.procedural import hinges
+from uniart_jax.procedural import hinges, shapes
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -247,16 +247,18 @@ def front(lo, hi, look: Look, edge: str, kind: str | None = None, pulled: bool =
     shape = panel(lo, hi, look, kind)
     if not pulled:
         return shape
+    ground = shape.solid()
+    shifts = [0.0]
     if edge[1] == "z" and look.pull in ("knob", "cup") and hi[1] - lo[1] > 0.62:
-        quarter = 0.22 * (hi[1] - lo[1])
-        for sign in (-1, 1):
-            a, b = lo + [0, sign * quarter, 0], hi + [0, sign * quarter, 0]
-            grip = _placed_pull(look, a, b, edge)
-            if grip is not None:
-                shape.add(grip, look.hardware)
-        return shape
-    grip = _placed_pull(look, lo, hi, edge)
-    return shape if grip is None else shape.add(grip, look.hardware)
+        shifts = [sign * 0.22 * (hi[1] - lo[1]) for sign in (-1, 1)]
+    for shift in shifts:
+        grip = _placed_pull(look, lo + [0, shift, 0], hi + [0, shift, 0], edge)
+        if grip is None:
+            break
+        if edge[1] == "z" and look.centred:  # amid a field that may lie deeper than the frame
+            grip = shapes.rooted(grip, float(lo[0]), 0.4 * (hi[0] - lo[0]), ground)
+        shape.add(grip, look.hardware)
+    return shape
 
 
 def add_door(
@@ -272,6 +274,8 @@ def add_door(
     """
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
     axis, sign = "xyz".index(edge[1]), 1 if edge[0] == "+" else -1
+    if axis == 2:  # flaps are pulled at their free edge
+        look = dataclasses.replace(look, centred=False)
     thick, width = hi[0] - lo[0], hi[axis] - lo[axis]
     depth = 0.0 if options.get("tight") else look.axis_depth
     behind, into = hinges.place(thick, width, depth, look.axis_inset)

@@ -58,7 +58,8 @@ class DrawerStyle:
             own=bool(rng.random() < 0.03),
             panel=str(rng.choice(kinds, p=[0.72, 0.1, 0.08, 0.1])),
             thick=max(float(rng.uniform(0.012, 0.024)), 0.9 * unit),
-            gap=max(0.0012, unit * float(rng.choice([rng.uniform(0.06, 0.2), rng.uniform(0.2, 0.5)], p=[0.65, 0.35]))),  # noqa: E501
+            gap=max(0.0012, unit * float(rng.choice(
+                [rng.uniform(0.06, 0.2), rng.uniform(0.2, 0.5)], p=[0.65, 0.35]))),
             mount=str(rng.choice(["flush", "back", "over"], p=[0.5, 0.14, 0.36])),
             wall=max(0.006, float(rng.uniform(0.45, 0.9)) * unit),
             fill=float(rng.uniform(0.5, 0.95)),
@@ -182,12 +183,14 @@ def add_drawer(
         shape.join(panel(lo, hi, look, kind, tuple(holes)))
     else:
         shape.add(cut(front, holes), look.face)
+    grip = None
+    if grips:  # the front may be hollow or bowed where they stand
+        grip = shapes.tidy(union(grips))
+        grip = shapes.rooted(grip, float(lo[0]), 0.7 * float(size[0]), shape.solid())
     shape.add(shapes.tray(a, b, wall, open_front=True), style.inside)
-    if grips and not style.own:
-        shape.add(shapes.tidy(union(grips)), style.hardware)
+    if grip is not None and not style.own:
+        shape.add(grip, style.hardware)
     drawer = asm.add("drawer", shape, root, slide((-1, 0, 0), style.travel * length))
-    if grips and style.own:
-        asm.add(
-            "pull", Shape().add(shapes.tidy(union(grips)), style.hardware), drawer, label="handle"
-        )
+    if grip is not None and style.own:
+        asm.add("pull", Shape().add(grip, style.hardware), drawer, label="handle")
     return drawer

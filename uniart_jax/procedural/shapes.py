@@ -155,6 +155,10 @@ class Shape:
             out._solids[material] = [solid.transform(matrix[:3]) for solid in solids]
         return out
 
+    def solid(self) -> Manifold:
+        """What all solids fill together."""
+        return union(itertools.chain(*self._solids.values()))
+
     def mesh(self) -> trimesh.Trimesh:
         """One closed mesh with face colours, or with one atlas image and UVs if any material has an
         image."""
@@ -334,6 +338,14 @@ def tidy(solid: Manifold, tolerance: float = 1e-5) -> Manifold:
     dropped."""
     pieces = [p for p in solid.simplify(tolerance).decompose() if p.volume() > tolerance**2]
     return Manifold.compose(pieces)
+
+
+def rooted(grip: Manifold, face: float, deep: float, ground: Manifold) -> Manifold:
+    """A pull that stands on the plane x = ``face``, its feet drawn up to ``deep`` further to the
+    rear, to where they meet ``ground``."""
+    lying = grip.transform(np.column_stack([_AXIS_FRAMES["x"].T, np.zeros(3)]))
+    feet = along(Manifold.extrude(lying.slice(face - 1e-4), deep), "x", [face, 0, 0]) - ground
+    return grip if feet.volume() < 1e-9 else tidy(union([grip, feet]))
 
 
 def merged(pieces: Iterable[tuple[Manifold, Material]], yaw: float = 0.0) -> Shape:
