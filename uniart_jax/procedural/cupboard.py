@@ -113,9 +113,10 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     look = style(rng, unit, kind in HUNG, kind in ("tall", "wardrobe", "hutch"))
     if kind == "hutch" and look.panel not in ("glass", "muntins") and rng.random() < 0.6:
         look = dataclasses.replace(look, panel=str(rng.choice(["glass", "muntins"])))
-    special = {"corner": _corner, "frame": _shelf_frame}
-    if kind in special:
-        return special[kind](rng, width, height, depth, look)
+    if kind == "corner":
+        return _corner(rng, width, height, look)
+    if kind == "frame":
+        return _shelf_frame(rng, width, height, depth, look)
     low = _foot(rng, kind, height)
     roofless = kind == "base" and rng.random() < 0.5
     top = 0.0
@@ -166,7 +167,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         more = rng.uniform(0, 0.12, 3)
         lo, hi = [front - 0.3 * more[0], y[1], 0], [depth + more[1], y[1] + 0.018, height + more[2]]
         body.add(box(lo, hi), side)
-    later = fronts(rng, asm, body, cab, look)
+    later = fronts(rng, body, cab, look)
     trays = pull_outs(rng, cab, look) if kind in ("base", "tall") and rng.random() < 0.18 else []
     trays += open_rooms(rng, body, cab, look, board(rng))
     if not cab.walled[0] and rng.random() < 0.12:
@@ -213,7 +214,7 @@ def _stand(rng, body: Shape, kind: str, low: float, width, depth, unit, look: Lo
     body.add(box([back, -half + ends, 0], [depth - ends, half - ends, low]), finish.along("y"))
 
 
-def _corner(rng, width: float, height: float, depth: float, look: Look) -> ArticulatedObject:
+def _corner(rng, width: float, height: float, look: Look) -> ArticulatedObject:
     """A cabinet for a corner of the room: five sides, its front across the corner."""
     half, wall = width / 2, max(0.016, 1.3 * look.unit)
     wing = float(rng.uniform(0.5, 0.9)) * width  # of the sides beside the front, seen from ahead
@@ -303,7 +304,7 @@ def _shelf_frame(rng, width: float, height: float, depth: float, look: Look) -> 
     cells = tuple(dataclasses.replace(c, z=(c.z[0], min(c.z[1], cab.z[1]))) for c in cells)
     cab = dataclasses.replace(cab, cells=cells)
     carcass(rng, body, cab, look, look.face, look.face)
-    later = fronts(rng, asm, body, cab, look)
+    later = fronts(rng, body, cab, look)
     root = asm.add("body", body)
     for call in later:
         call(asm, root)

@@ -11,7 +11,7 @@ from uniart_jax.procedural import joinery, materials
 from uniart_jax.procedural.cupboard_plans import Cell
 from uniart_jax.procedural.joinery import Look
 from uniart_jax.procedural.materials import Material
-from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, slide, tray
+from uniart_jax.procedural.shapes import Shape, box, cut, slide, tray
 
 
 def opening(rng: np.random.Generator, wide: float = 0.25) -> float:
@@ -86,15 +86,21 @@ def carcass(rng, body: Shape, cab: Cabinet, look: Look, side: Material, edge: Ma
     slabs = (look.inside, look.inside, look.face, panes)[rng.choice(4, p=[0.4, 0.2, 0.25, 0.15])]
     for cell in cab.cells:
         closed = cell.kind in ("blank", "false")
+        a, b = cab.bay(cell, cab.stile)
+        start = cab.plate - 1e-3
+        if cell.kind == "false" and cab.inset and (b - a)[1:].min() > 0:  # stands in a pocket
+            pocket = box([-0.1, *a[1:]], [look.thick, *b[1:]])
+            holes.append(pocket)
+            gaps.append(pocket)
+            start = look.thick + 0.008
         if closed and not (cab.roofless and cell.z[1] > z1 - 1e-6):
             continue  # a room without an opening would be a hole in the solid
         lo, hi = cab.bay(cell, cab.wall)
         if (hi - lo).min() < 0.02:
             continue
-        a, b = cab.bay(cell, cab.stile)
         if not closed and (b - a)[1:].min() < 0.03:
             continue
-        holes.append(box([cab.plate - 1e-3, *lo[1:]], hi))
+        holes.append(box([start, *lo[1:]], hi))
         if not closed:
             gaps.append(box([-0.1, *a[1:]], [cab.plate + 0.1, *b[1:]]))
         if cell.kind in ("door", "double", "half", "open", "sliding", "flap"):
@@ -128,7 +134,7 @@ def _shelves(rng, boards: Shape, cab: Cabinet, cell: Cell, lo, hi, material) -> 
         boards.add(box([start, lo[1], z - thick / 2], [hi[0], hi[1], z + thick / 2]), material)
 
 
-def fronts(rng, asm: Assembly, body: Shape, cab: Cabinet, look: Look) -> list:
+def fronts(rng, body: Shape, cab: Cabinet, look: Look) -> list:
     """Fronts that stay go onto the body; what is returned adds the others to its part."""
     later = []
     swing, lift = opening(rng), "+z" if rng.random() < 0.75 else "-z"
@@ -183,7 +189,10 @@ def fronts(rng, asm: Assembly, body: Shape, cab: Cabinet, look: Look) -> list:
             later += _sliding(rng, body, cab, look, lo, hi)
         elif cell.kind in ("door", "half", "double"):
             if cell.kind == "half":
-                lo, hi, outer = _half(rng, body, cab, look, lo, hi, str(side), outer)
+                rest = (lo, hi + [0.0015, 0, 0]) if not cab.inset else (
+                    np.array([0.0, *bay_lo[1:]]), np.array([look.thick, *bay_hi[1:]])
+                )  # fmt: skip
+                lo, hi, side, outer = _half(rng, body, cab, look, (lo, hi), rest, str(side))
             if sum(outer) == 1 and rng.random() < 0.8 and cell.kind == "door":
                 side = "+y" if outer[0] else "-y"
             doors = [(str(side), lo, hi)]
@@ -210,20 +219,31 @@ def _later(make, *args, **options):
     return lambda asm, root: make(asm, root, *args, **options)
 
 
-def _half(rng, body: Shape, cab: Cabinet, look: Look, lo, hi, side: str, outer):
-    """A door before a share of the room; the rest stays open or has a board that looks like a
-    second door."""
-    share = float(rng.uniform(0.42, 0.7))
-    at = lo[1] + (hi[1] - lo[1]) * share
-    one, two = (lo, np.array([hi[0], at, hi[2]])), (np.array([lo[0], at + cab.seam, lo[2]]), hi)
+def _half(rng, body: Shape, cab: Cabinet, look: Look, span, room, side: str):
+    """A door before a share of the room, hung at the case's outer edge; the rest stays open or has
+    a board that looks like a second door, and may then carry the door.
+
+    Args:
+      span: corners of a front before the whole room. room: corners of a board that would fill it.
+      side: the edge the door turns about where it may choose.
+
+    Returns:
+      The door's corners and hinged edge, and whether it touches the left and the right end.
+    """
+    (lo, hi), (start, end) = span, (room[0].copy(), room[1].copy())
+    at = lo[1] + (hi[1] - lo[1]) * float(rng.uniform(0.42, 0.7))
     left = rng.random() < 0.5
-    door, rest = (two, one) if left else (one, two)
-    if rng.random() < 0.6:
+    if left:
+        lo, end[1] = np.array([lo[0], at + cab.seam, lo[2]]), at
+    else:
+        hi, start[1] = np.array([hi[0], at, hi[2]]), at + cab.seam
+    board = rng.random() < 0.6
+    if board:
         kind = look.panel if rng.random() < 0.6 else "slab"
-        body.join(
-            joinery.panel(rest[0], rest[1] + [0.0 if cab.inset else 0.0015, 0, 0], look, kind)
-        )
-    return door[0], door[1], ((outer[0], False) if left else (False, outer[1]))
+        body.join(joinery.panel(start, end, look, kind))
+    else:
+        side = "+y" if left else "-y"
+    return lo, hi, side, (left, not left)
 
 
 def _sliding(rng, body: Shape, cab: Cabinet, look: Look, lo, hi) -> list:
