@@ -3,34 +3,16 @@ do not run into one another."""
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 
 import numpy as np
 import pytest
-from manifold3d import Error, Manifold, Mesh64
+from overlaps import overlap, solid
 
 from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, controls, cooker
 
 COUNT = 40
-
-
-def solid(mesh, matrix=None) -> Manifold:
-    body = Manifold(
-        Mesh64(
-            vert_properties=np.asarray(mesh.vertices, dtype=np.float64),
-            tri_verts=np.asarray(mesh.faces, dtype=np.uint64),
-        )
-    )
-    assert body.status() == Error.NoError
-    return body if matrix is None else body.transform(matrix[:3])
-
-
-def shared(a: Manifold, b: Manifold) -> float:
-    """Volume of the intersection relative to the smaller solid."""
-    one, two = np.array(a.bounding_box()), np.array(b.bounding_box())
-    if np.any(one[:3] >= two[3:]) or np.any(two[:3] >= one[3:]):
-        return 0.0
-    return (a ^ b).volume() / min(a.volume(), b.volume())
 
 
 def check(obj, where: str) -> None:
@@ -44,7 +26,7 @@ def check(obj, where: str) -> None:
         assert merged.is_watertight and part.mesh.volume > 0, f"{where} {part.name}"
     solids = [solid(part.mesh) for part in obj.parts]
     for k, part in enumerate(obj.parts):
-        assert all(shared(solids[k], other) < 1e-3 for other in solids[:k]), f"{where} {part.name}"
+        assert all(overlap(solids[k], other) < 1e-3 for other in solids[:k]), f"{where} {part.name}"
         low, high = part.joint.limits
         if part.parent < 0 or part.joint.type == "fixed":
             continue
@@ -53,7 +35,7 @@ def check(obj, where: str) -> None:
             q = np.zeros(len(obj.parts))
             q[k] = share * high
             there = solids[k].transform(obj.forward_kinematics(q)[k][:3])
-            met = shared(there, solids[part.parent])
+            met = overlap(there, solids[part.parent])
             assert met < 1e-3, f"{where} {part.name} at {share:.0%}: {met:.2g}"
 
 
@@ -69,6 +51,24 @@ def cookers():
 def test_cookers_are_closed_and_clear(cookers):
     for seed, obj in enumerate(cookers):
         check(obj, f"cooker {seed}")
+
+
+def test_fronts_clear_their_siblings_as_each_opens_by_itself(cookers):
+    for seed, obj in enumerate(cookers):
+        fronts = [k for k, p in enumerate(obj.parts) if p.name.split("_")[0] in ("door", "drawer")]
+        solids = {k: solid(obj.parts[k].mesh) for k in fronts}
+        for k, share in itertools.product(fronts, (0.04, 0.1, 0.25, 0.5, 1.0)):
+            part = obj.parts[k]
+            there = solids[k].transform(part.joint.motion(share * part.joint.limits[1])[:3])
+            for other in set(fronts) - {k}:
+                if obj.parts[other].parent != k != obj.parts[k].parent != other:
+                    met = overlap(there, solids[other])
+                    assert met < 1e-3, f"cooker {seed} {part.name} {obj.parts[other].name}"
+
+
+def test_every_cooker_moves(cookers):
+    for seed, obj in enumerate([*cookers, cooker.build(np.random.default_rng(46))]):
+        assert any(part.joint.type != "fixed" for part in obj.parts), f"cooker {seed}"
 
 
 def test_cookers_have_what_real_ones_have(cookers):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections import Counter
 
-import manifold3d
 import numpy as np
 import pytest
+from overlaps import overlap, solid
 
 from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, cupboard, joinery
 from uniart_jax.procedural.cupboard_case import Cabinet
@@ -18,15 +18,6 @@ HAIR = 1e-3  # of the smaller part's volume
 def objects(count: int):
     made = [cupboard.build(np.random.default_rng([seed, 5])).normalized() for seed in range(count)]
     return [obj for obj in made if box_separation(obj) > BOX_SEPARATION]
-
-
-def solid(mesh) -> manifold3d.Manifold:
-    return manifold3d.Manifold(
-        manifold3d.Mesh64(
-            vert_properties=np.asarray(mesh.vertices, dtype=np.float64),
-            tri_verts=np.asarray(mesh.faces, dtype=np.uint64),
-        )
-    )
 
 
 def test_parts_are_closed_and_clear_of_their_cases_as_they_open():
@@ -41,7 +32,7 @@ def test_parts_are_closed_and_clear_of_their_cases_as_they_open():
             far = part.joint.limits[np.abs(part.joint.limits).argmax()]
             for share in (0.0, 0.25, 0.5, 1.0):
                 there = solids[k].transform(part.joint.motion(share * far)[:3])
-                shared = (there ^ solids[0]).volume() / min(there.volume(), solids[0].volume())
+                shared = overlap(there, solids[0])
                 assert shared < HAIR, f"{number} {part.name} at {share:.0%}: {shared:.2g}"
 
 

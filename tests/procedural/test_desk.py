@@ -3,10 +3,10 @@ leaves, lids and casters that move as such things do."""
 
 from __future__ import annotations
 
-import manifold3d
 import numpy as np
 import pytest
 import trimesh
+from overlaps import overlap, solid
 
 from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, desk
 
@@ -27,25 +27,6 @@ TYPES = {
 def tables():
     made = [desk.build(np.random.default_rng([seed, 5])).normalized() for seed in SEEDS]
     return [t for t in made if len(t.parts) <= MAX_PARTS and box_separation(t) > BOX_SEPARATION]
-
-
-def solid(mesh: trimesh.Trimesh) -> manifold3d.Manifold:
-    body = manifold3d.Manifold(
-        manifold3d.Mesh64(
-            vert_properties=np.asarray(mesh.vertices, dtype=np.float64),
-            tri_verts=np.asarray(mesh.faces, dtype=np.uint64),
-        )
-    )
-    assert body.status() == manifold3d.Error.NoError
-    return body
-
-
-def overlap(a: manifold3d.Manifold, b: manifold3d.Manifold) -> float:
-    """Volume of the intersection relative to the smaller solid."""
-    one, two = np.array(a.bounding_box()), np.array(b.bounding_box())
-    if np.any(one[:3] >= two[3:]) or np.any(two[:3] >= one[3:]):
-        return 0.0
-    return (a ^ b).volume() / min(a.volume(), b.volume())
 
 
 def test_few_are_drawn_again(tables):

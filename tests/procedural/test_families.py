@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import time
 
-import manifold3d
 import numpy as np
 import pytest
 import trimesh
+from overlaps import overlap, solid
 
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.procedural import (
@@ -29,26 +29,6 @@ from uniart_jax.procedural import (
 SEEDS = {"few": (0, 1, 2, HELD_OUT_SEED), "more": tuple(range(3, 8))}
 HAIR = 1e-3  # of the smaller part's volume
 REST_TOLERANCE = 1e-9
-
-
-def solid(mesh: trimesh.Trimesh, matrix: np.ndarray | None = None) -> manifold3d.Manifold:
-    """A part as a manifold3d solid; fails if it is not closed and edge-manifold."""
-    body = manifold3d.Manifold(
-        manifold3d.Mesh64(
-            vert_properties=np.asarray(mesh.vertices, dtype=np.float64),
-            tri_verts=np.asarray(mesh.faces, dtype=np.uint64),
-        )
-    )
-    assert body.status() == manifold3d.Error.NoError
-    return body if matrix is None else body.transform(matrix[:3])
-
-
-def overlap(a: manifold3d.Manifold, b: manifold3d.Manifold) -> float:
-    """Volume of the intersection relative to the smaller solid."""
-    box_a, box_b = np.array(a.bounding_box()), np.array(b.bounding_box())
-    if np.any(box_a[:3] >= box_b[3:]) or np.any(box_b[:3] >= box_a[3:]):
-        return 0.0
-    return (a ^ b).volume() / min(a.volume(), b.volume())
 
 
 def descendants(obj, k: int) -> list[int]:

@@ -35,6 +35,11 @@ class Cell:
     z1: float
     kind: str
 
+    @property
+    def size(self) -> float:
+        """Of what turns, from its hinged edge to its free one."""
+        return self.y1 - self.y0 if self.kind == "side" else self.z1 - self.z0
+
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
     """A cooker, metres, closed."""
@@ -70,10 +75,10 @@ def _cooker(rng: np.random.Generator, plan: str) -> ArticulatedObject:
         where = "column"
         c.y0 += float(rng.uniform(0.18, 0.3)) * width
     cells = _cells(rng, plan, c)
-    if thick > 0.09 * min(cell.z1 - cell.z0 for cell in cells):
-        cells = [
-            dataclasses.replace(k, kind="plinth" if k.kind == "blank" else k.kind) for k in cells
-        ]
+    if all(cell.kind in ("blank", "plinth") for cell in cells):
+        cells[-1] = dataclasses.replace(cells[-1], kind="flap")  # a cooker has an oven
+    turning = [cell.size for cell in cells if cell.kind in ("flap", "side")]
+    c.front = -min(thick, 0.15 * min(turning, default=thick / 0.15)) - 0.002
     asm = Assembly()
     if legs > 0.006:
         appliances.feet(c.body, rng, width, depth, legs, unit)
@@ -90,7 +95,7 @@ def _cooker(rng: np.random.Generator, plan: str) -> ArticulatedObject:
     if lined:
         _lining(rng, c, bays, cells, unit)
     extra = _kitchen(rng, c, total) if plan == "island" else []
-    racks = _racks(rng, c, bays, cells, wall)
+    racks = _racks(rng, c, bays, cells)
     doors = sum(cell.kind not in ("blank", "plinth") for cell in cells) + len(extra)
     if where == "column":
         c.y0 = -width / 2
@@ -194,7 +199,7 @@ def _lining(rng, c: Case, bays, cells, unit: float) -> None:
             c.body.add(box(back, [hi[0], hi[1] - 1e-3, hi[2] - 1e-3]), inner)
 
 
-def _racks(rng, c: Case, bays, cells, wall: float) -> list[tuple[Shape, float]]:
+def _racks(rng, c: Case, bays, cells) -> list[tuple[Shape, float]]:
     """Shelves of wire in the ovens: fixed ones join the body, those that slide are returned with
     their travel."""
     kind = str(
@@ -252,19 +257,27 @@ def _fronts(rng, asm: Assembly, root: int, c: Case, cells, bays) -> None:
             continue
         lo = np.array([c.front, cell.y0 + seam / 2, cell.z0 + seam / 2])
         hi = np.array([-0.002, cell.y1 - seam / 2, cell.z1 - seam / 2])
-        board = any(
-            o.kind == "blank" and abs(o.z1 - cell.z0) < 1e-6 and o.y0 < cell.y1 and o.y1 > cell.y0
+        below = any(
+            o.kind != "plinth" and abs(o.z1 - cell.z0) < 1e-6 and o.y0 < cell.y1 and o.y1 > cell.y0
             for o in cells
         )  # nothing of a flap may go below its edge
+        # about its face, the rear corner of a free edge swings past it: air for that
+        size = cell.size - seam
+        swept = max(0.0, size - float(np.sqrt((size + 0.8 * seam) ** 2 - (hi[0] - lo[0]) ** 2)))
         if cell.kind == "flap":
+            hi[2] -= swept if below else 0.0
             look, extra = appliance_fronts.dressed(rng, lo, hi, "+z", c.look, pane_kind=pane_kind)
             if lo[0] < -0.1 * (hi[2] - lo[2]):  # thick: about its face, its top would go up
                 look = dataclasses.replace(look, axis_depth=max(0.6, look.axis_depth))
-            options = {"inset": board, "beyond": 1.0, "extra": extra}
+            options = {"inset": below, "beyond": 1.0, "extra": extra}
             add_door(asm, root, lo, hi, "-z", angle, look, **options)
         elif cell.kind == "side":
             left = cell.y1 > c.y1 - 1e-6 and (cell.y0 > c.y0 + 1e-6 or rng.random() < 0.6)
             free = "-y" if left else "+y"
+            if left:
+                lo[1] += swept if len(cells) > 1 else 0.0
+            else:
+                hi[1] -= swept if len(cells) > 1 else 0.0
             look, extra = appliance_fronts.dressed(rng, lo, hi, free, c.look, pane_kind=pane_kind)
             look = dataclasses.replace(look, reach=float((lo[2] + hi[2]) / 2))
             add_door(
@@ -335,7 +348,8 @@ def _hob_alone(rng: np.random.Generator) -> ArticulatedObject:
     unit = max(width, depth) / 100
     face = appliance_fronts.outside(rng)
     look = appliance_fronts.appliance_style(rng, unit, face, 0.02)
-    c = Case(Shape(), -width / 2, width / 2, 0.0, 0.0, height, depth, -0.002, unit, look, face)
+    c = Case(Shape(), -width / 2, width / 2, 0.0, 0.0, height, depth, -0.002, unit, look, face,
+             least=1)  # fmt: skip
     asm = Assembly()
     if rangetop:
         c.body.add(box([0, c.y0, 0], [depth, c.y1, height]), appliance_fronts.case_of(rng, face))

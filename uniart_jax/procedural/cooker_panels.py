@@ -21,6 +21,7 @@ class Case:
 
     Attributes:
       top: the lower edge of the control panel. front: x of the doors' faces, below 0.
+      least: how many dials there are at least, where a panel has any.
     """
 
     body: Shape
@@ -34,6 +35,7 @@ class Case:
     unit: float
     look: FrontStyle
     panel: Material
+    least: int = 0
 
 
 def add_panel(rng: np.random.Generator, c: Case, where: str, hob: bool, most: int):
@@ -42,7 +44,7 @@ def add_panel(rng: np.random.Generator, c: Case, where: str, hob: bool, most: in
     face, tilt, foot = c.front - over, 0.0, c.top + 0.0015
     tall = c.height - foot
     middle = (face, (foot + c.height) / 2)
-    pockets: list = []
+    pushes: list = []
     plan = _dial_plan(rng, c, where, tall, most)
     if tall > 0.004:
         shape = rng.random()
@@ -60,7 +62,7 @@ def add_panel(rng: np.random.Generator, c: Case, where: str, hob: bool, most: in
             board = box([face, c.y0, foot], [0, c.y1, c.height])
             pushed = _pushed(rng, c, where, plan, face, middle[1], tall, most)
             if pushed is not None:
-                pockets, plan = [pushed], (*plan[:2], None)
+                pushes, plan = [pushed], (*plan[:2], None)
                 board = cut(board, controls.pockets(face, pushed[1], pushed[3]))
             c.body.add(board, c.panel)
     guard_x, guard_z = c.depth, 0.0
@@ -96,13 +98,13 @@ def add_panel(rng: np.random.Generator, c: Case, where: str, hob: bool, most: in
     if abs(tilt) < 1e-6 and tall > 0.02:
         _prints(rng, c, middle, tall, screen, at, dial)
     groups = [(at, dial, tilt)] if at else []
-    return groups, pockets
+    return groups, pushes
 
 
 def _dial_plan(rng, c: Case, where: str, tall: float, most: int):
     """Places (y, up, share of the radius) on a panel ``tall`` high, the dials, and a free span."""
     counts = [0.1, 0.03, 0.05, 0.08, 0.16, 0.14, 0.17, 0.14, 0.08, 0.05]
-    count = min(int(rng.choice(10, p=counts)), most) if where != "none" else 0
+    count = min(max(int(rng.choice(10, p=counts)), c.least), most) if where != "none" else 0
     half = (c.y1 - c.y0) / 2
     radius = min(float(rng.uniform(1.6, 3.8)), float(rng.uniform(1.6, 5.0))) * c.unit
     radius = max(1.4 * c.unit, min(radius, 0.4 * tall))

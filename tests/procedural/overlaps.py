@@ -1,0 +1,27 @@
+"""Parts as exact solids, and how much of one lies in another."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from manifold3d import Error, Manifold, Mesh64
+
+
+def solid(mesh: trimesh.Trimesh) -> Manifold:
+    """A part as a manifold3d solid; fails if it is not closed and edge-manifold."""
+    body = Manifold(
+        Mesh64(
+            vert_properties=np.asarray(mesh.vertices, dtype=np.float64),
+            tri_verts=np.asarray(mesh.faces, dtype=np.uint64),
+        )
+    )
+    assert body.status() == Error.NoError
+    return body
+
+
+def overlap(a: Manifold, b: Manifold) -> float:
+    """Volume of the intersection relative to the smaller solid."""
+    one, two = np.array(a.bounding_box()), np.array(b.bounding_box())
+    if np.any(one[:3] >= two[3:]) or np.any(two[:3] >= one[3:]):
+        return 0.0
+    return (a ^ b).volume() / min(a.volume(), b.volume())
