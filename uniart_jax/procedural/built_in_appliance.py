@@ -326,11 +326,10 @@ def _with_lid(rng, width, depth, height, unit, look: FrontStyle, case: Material)
     lid.add(solid, case)
     strip = (gap + 0.15 * hood, height - 0.15 * hood)
     if hood > 6 * unit:
-        board = Board(0.0, 0.0, (-0.9 * half, 0.9 * half), strip, unit, case)
         keys = controls.button_grid(
             (-0.7 * half, 0.7 * half), strip, int(rng.integers(4, 12)), int(rng.integers(1, 3)), rng
         )
-        ink = finishes.white_plastic(rng) if board.finish.color[1] < 0.5 else finishes.dark(rng)
+        ink = finishes.white_plastic(rng) if case.color[1] < 0.5 else finishes.dark(rng)
         controls.print_buttons(lid, 0.0, keys, 0.001, ink)
     elif rng.random() < 0.7:
         grip = 0.3 * half

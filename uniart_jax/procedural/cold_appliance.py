@@ -140,9 +140,10 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     legs = float(rng.uniform(0.008, 0.05) if rng.random() < 0.75 else rng.uniform(0.05, 0.13))
     crown = float(rng.uniform(0.04, 0.16)) * height if rng.random() < 0.22 else 0.0
     grille = float(rng.uniform(0.05, 0.14)) * height if rng.random() < 0.2 else 0.0
-    low, high = legs + grille, height - crown
+    low, high, stand = legs + grille, height - crown, 0.92 * width
     if rng.random() < 0.16 and plan not in ("cooler", "french"):
         radius = float(rng.uniform(0.06, 0.22)) * width
+        stand = min(stand, width - 2 * radius)  # on what is flat between rounded corners
         ring = rounded(width, height - legs, radius, 7) + [0, (height + legs) / 2]
         look = dataclasses.replace(look, outline=extrusion(ring, "x", [-1, 0, 0], 3.0))
         if look.handle == "strip":  # it would stand out of the rounded corners
@@ -168,7 +169,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         shell, lining = shell ^ look.outline, lining ^ look.outline
     body.add(cut(shell, holes), look.body)
     body.add(cut(lining, mouth), look.trim if rng.random() < 0.6 else look.body)
-    appliances.feet(body, rng, width * 0.92, depth, legs, unit)
+    appliances.feet(body, rng, stand, depth, legs, unit)
     front = -look.thick - look.gap
     _decorate(rng, body, half, (legs, low), (high, height), front, look)
     own_shelves = rng.random() < 0.18 and len(shelves) <= 5
@@ -202,7 +203,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         for solid, label in shelves:
             asm.add(label, Shape().add(solid, pane), root, Joint.fixed(), label)
     elif not goods and rng.random() < 0.08:
-        _crisper(rng, asm, root, bays[-1], look)
+        _crisper(asm, root, bays[-1], look)
     return asm.object()
 
 
@@ -238,13 +239,15 @@ def _decorate(rng, body: Shape, half: float, foot, head, front: float, look: Loo
     """A grille below and a panel above the doors, with what looks like knobs and buttons on it."""
     if foot[1] - foot[0] > 0.03:
         x = float(rng.uniform(0.0, 0.9)) * front
-        body.add(box([x - 0.004, -half, foot[0]], [0, half, foot[1]]), look.body)
+        solid = box([x - 0.004, -half, foot[0]], [0, half, foot[1]])
+        body.add(solid if look.outline is None else solid ^ look.outline, look.body)
         count = int(rng.integers(2, 6))
         edges = np.linspace(foot[0], foot[1], count + 1)
         dark, side = finishes.dark(rng), half * float(rng.uniform(0.4, 0.9))
         for a, b in itertools.pairwise(edges):
             lo = [x - 0.007, -side, a + 0.3 * (b - a)]
-            body.add(box(lo, [x - 0.004, side, b - 0.2 * (b - a)]), dark)
+            slot = box(lo, [x - 0.004, side, b - 0.2 * (b - a)])
+            body.add(slot if look.outline is None else slot ^ look.outline, dark)
     if head[1] - head[0] > 0.03:
         x = float(rng.choice([0.0, front, 0.6 * front]))
         solid = box([x - 0.004, -half, head[0] + 0.003], [0, half, head[1]])
@@ -259,7 +262,7 @@ def _decorate(rng, body: Shape, half: float, foot, head, front: float, look: Loo
             body.add(cylinder("x", at, flat - 0.004, r, segments=14), tint[rng.integers(3)])
 
 
-def _crisper(rng, asm: Assembly, root: int, bay, look: Look) -> None:
+def _crisper(asm: Assembly, root: int, bay, look: Look) -> None:
     """A drawer on the floor of a room, behind its door."""
     lo, hi = bay
     wall, tall = max(0.012, 1.4 * look.unit), max(0.12, 8 * look.unit)

@@ -97,12 +97,9 @@ def column_board(rng, board: Board, body: Shape, face: Material, most: int) -> N
         middle = (y[0] + y[1]) / 2
         board.dials = [(board.face, middle, float(v), 1.0) for v in zs]
         most -= count
-        if rng.random() < 0.35:
-            marks = [(p[1], p[2]) for p in board.dials]
-            labels = Shape()
-            controls.print_labels(labels, rng, board.face, marks, 0.75 * radius, ink)
-            if rng.random() < 0.5 and count == 1:
-                body.join(labels)
+        if count == 1 and rng.random() < 0.18:
+            marks = [(middle, float(zs[0]))]
+            controls.print_labels(body, rng, board.face, marks, 0.75 * radius, ink)
         foot += room + 0.02 * tall
     least = 2.2 * unit
     if kind in ("keys", "push", "both") and high - foot > least and b - a > least:

@@ -210,7 +210,7 @@ def _legged(p: Piece, style: DrawerStyle, kind: str) -> None:
                 p.add(box([r, y - t, low], [depth - r, y + t, under - row]), p.frame)
             p.add(box([depth - r - t, r - half, low], [depth - r, half - r, under - row]), p.frame)
     over = (0.0, p.between(0.005, 0.04), p.between(0.04, 0.12))[rng.choice(3, p=[0.2, 0.55, 0.25])]
-    front = max(over, 0.0) + (style.thick if style.mount == "over" and p.share(0.7) else 0.0)
+    front = over + (style.thick if style.mount == "over" and p.share(0.7) else 0.0)
     side = over if p.share(0.7) else p.between(0.0, 0.2) * p.width
     if plan == "leaves":
         side = 0.012

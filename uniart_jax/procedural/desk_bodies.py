@@ -50,9 +50,9 @@ def pedestals(p: Piece, style: DrawerStyle) -> None:
             own = tuple(
                 dataclasses.replace(c, y=face, kind=c.kind.replace("double", "door")) for c in cells
             )
-            matrix = about((0, 0), 90.0 * side)  # -x goes to -y, or to +y
+            matrix = about((0, 0), -90.0 * side)  # -x goes to the outer side
             matrix[:3, 3] = [depth / 2, side * half, 0]
-            matrix[:3, :3] = about((0, 0), -90.0 * side)[:3, :3]
+            x = ((depth - length) / 2, (depth + length) / 2)
             case(p, style, face, (low, under), (0.0, wide), own, matrix)
         else:
             case(p, style, y[side], (low, under), x, own)
@@ -70,13 +70,13 @@ def pedestals(p: Piece, style: DrawerStyle) -> None:
             for a, b in feet:
                 p.add(box([a - r, b - r, 0], [a + r, b + r, low]), p.leg)
         elif low > 0:
-            _stand(p, y[side], low)
+            _stand(p, x, y[side], low)
     a = y[-1][1] if -1 in y else -half
     b = y[1][0] if 1 in y else half
     other = 0 if plan == 0 else (-1 if plan == 1 else 1)
     inset = p.wall
     if other:
-        inset = _stand(p, (a, b), under, only=other)
+        inset = _stand(p, (0.0, depth), (a, b), under, only=other)
     if other > 0:
         b -= inset
     elif other < 0:
@@ -108,28 +108,30 @@ def pedestals(p: Piece, style: DrawerStyle) -> None:
     ahead = over + (style.thick + 0.002 if style.mount == "over" and p.share(0.7) else 0.0)
     spans = (-ahead, depth + over), (-half - wider, half + wider), (under, p.height)
     table_tops.top(p, *spans, shape, p.between(0.02, 0.1))
-    if p.share(0.1):
-        _return(p, front, under, thick)
+    if p.share(0.1) and not turned:
+        _return(p, half + wider, under)
     if p.share(0.12):
         upper(p, (0.0, depth), half)
 
 
-def _stand(p: Piece, y: tuple[float, float], high: float, only: int = 0) -> float:
+def _stand(
+    p: Piece, x: tuple[float, float], y: tuple[float, float], high: float, only: int = 0
+) -> float:
     """Legs under a pedestal that hangs (``only`` 0: at its outer side), or under the end ``only``
-    of a desk, or a board there; its width."""
+    of a desk, or a board there; its width. ``x``, ``y``: what it carries."""
     side = only or (1 if y[1] > 0 else -1)
     r = max(p.between(0.014, 0.03), p.unit)
     edge, kind = side * p.width / 2, p.rng.integers(4)
     if kind == 0 and only:
         a, b = sorted((edge, edge - side * 1.4 * r))
-        p.add(box([0, a, 0], [p.depth, b, high]), p.frame)
+        p.add(box([x[0], a, 0], [x[1], b, high]), p.frame)
         return 1.4 * r
     kinds = ("square", "tapered", "round", "turned")
     name, profile = kinds[p.rng.integers(4)], table_parts.leg_profile(p.rng, "turned")
     spots = (edge - side * r,) if only or p.share(0.5) else (y[0] + r, y[1] - r)
-    for x, at in itertools.product((r, p.depth - r), spots):
-        out = np.sign([x - p.depth / 2, at])
-        p.add(table_parts.leg(name, (x, at), r, high, 0.15, out, 0.7, profile), p.leg)
+    for ahead, at in itertools.product((x[0] + r, x[1] - r), spots):
+        out = np.sign([ahead - p.depth / 2, at])
+        p.add(table_parts.leg(name, (ahead, at), r, high, 0.15, out, 0.7, profile), p.leg)
     return 2 * r
 
 
@@ -153,17 +155,16 @@ def _tray(p: Piece, y: tuple[float, float], z: float, end: float) -> None:
     )
 
 
-def _return(p: Piece, front: float, under: float, thick: float) -> None:
-    """A second top at one end towards the front, as corner desks have, on legs."""
+def _return(p: Piece, end: float, under: float) -> None:
+    """A second top that joins the first at one ``end`` and reaches to the front, as corner desks
+    have, on legs that leave room for the pedestals' doors."""
     side = 1 if p.share(0.5) else -1
     wide, long = p.between(0.3, 0.45) * p.width, p.between(0.3, 0.7)
-    edge = side * (p.width / 2 + p.between(0.02, 0.05))
-    inner = edge + side * wide  # beyond the pedestals: their fronts stay free
-    a, b = sorted((edge, inner))
+    a, b = sorted((side * end, side * (end + wide)))
     p.add(box([-long, a, under], [p.depth, b, p.height]), p.board)
     r = max(0.016, p.unit)
     for x in (r - long, p.depth - r):
-        for y in (a + r, b - r):
+        for y in (side * (end + 0.1 + r), side * (end + wide - r)):
             p.add(box([x - r, y - r, 0], [x + r, y + r, under]), p.leg)
 
 
@@ -202,7 +203,7 @@ def chest(p: Piece, style: DrawerStyle, flat: bool) -> None:
             p.add(table_parts.leg(name, (x, y), r, low, 0.02, out, 0.8, profile), p.leg)
         if p.share(0.4):
             board = table_parts.shaped(
-                p, (-half, half), (low, low + 0.004), (0.002, p.wall), 0.6 * low, "arch"
+                (-half, half), (low, low + 0.004), (0.002, p.wall), 0.6 * low, "arch"
             )
             p.add(board, p.frame)
     over = 0.0 if p.share(0.3) else p.between(0.005, 0.05)

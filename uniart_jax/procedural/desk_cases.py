@@ -94,7 +94,7 @@ def apron(
     both = bool(front) and bool(rear)
     for openings, turned in ((front, 0.0), (rear, 180.0)):
         matrix = about((middle, (y[0] + y[1]) / 2), turned)
-        board = table_parts.shaped(p, y, z, (start, start + thick), drop, manner)
+        board = table_parts.shaped(y, z, (start, start + thick), drop, manner)
         free = middle if both else end - thick
         for cell in openings:
             if cell.kind == "drawer":

@@ -47,7 +47,8 @@ def _front_loader(rng: np.random.Generator) -> ArticulatedObject:
     asm, body = Assembly(), Shape()
     if legs:
         appliances.feet(body, rng, width, depth, legs, unit)
-    tub = cylinder("x", [0.02, *at[1:]], 0.7 * depth, min(1.15 * mouth, radius), segments=28)
+    drum = min(1.15 * mouth, radius)
+    tub = cylinder("x", [0.02, *at[1:]], 0.7 * depth, drum, segments=28)
     holes = [cylinder("x", [-1, *at[1:]], 1.03, mouth, segments=28), tub]
     side = float(rng.choice([-1, 1], p=[0.3, 0.7]))
     wide = width * float(rng.uniform(0.2, 0.36))
@@ -65,9 +66,8 @@ def _front_loader(rng: np.random.Generator) -> ArticulatedObject:
     body.add(cut(box([0, -half, legs], [depth, half, height]), holes), face)
     if rng.random() < 0.5:
         glow = finishes.metal(rng, brushed=False)
-        body.add(
-            cylinder("x", [0.02 + 0.65 * depth, *at[1:]], 0.02, 0.99 * mouth, segments=24), glow
-        )
+        rear = [0.7 * depth, *at[1:]]  # the last two centimetres of the tub
+        body.add(cylinder("x", rear, 0.02, drum, segments=28), glow)
     panel = face if rng.random() < 0.55 else appliance_fronts.case_of(rng, face)
     board_z = (foot + 0.004, height - 0.002)
     board = box([-proud, span[0], board_z[0]], [0, span[1], board_z[1]])

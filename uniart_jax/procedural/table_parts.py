@@ -203,9 +203,8 @@ def leg(
 
 
 def shaped(
-    p: Piece, y: tuple[float, float], z: tuple[float, float], x: tuple[float, float], drop: float,
-    manner: str,
-) -> Manifold:  # fmt: skip
+    y: tuple[float, float], z: tuple[float, float], x: tuple[float, float], drop: float, manner: str
+) -> Manifold:
     """A board across the table (of thickness along x) that hangs ``drop`` below ``z[0]`` at its
     ends, its lower edge 'straight', an 'arch', 'scallops' or 'brackets'."""
     solid = box([x[0], y[0], z[0] - drop], [x[1], y[1], z[1]])
