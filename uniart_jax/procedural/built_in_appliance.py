@@ -96,11 +96,11 @@ def _microwave(rng: np.random.Generator) -> ArticulatedObject:
     seam = float(rng.uniform(0.0015, 0.005))
     if banded:
         area = (legs, sill - seam) if below else (lintel + seam, height)
-        board = Board(front, thick, (y0, y1), area, unit, board_finish)
+        board = Board(front, -front, (y0, y1), area, unit, board_finish)
         row_board(rng, board, body, face, MOST - 2)
     else:
         y = (y0, door_y[0] - seam) if side > 0 else (door_y[1] + seam, y1)
-        board = Board(front, thick, y, (legs, height), unit, board_finish)
+        board = Board(front, -front, y, (legs, height), unit, board_finish)
         column_board(rng, board, body, face, MOST - 2)
     board.build(body)
     bands = [] if banded and below else [(legs, sill - seam)]
