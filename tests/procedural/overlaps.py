@@ -25,3 +25,16 @@ def overlap(a: Manifold, b: Manifold) -> float:
     if np.any(one[:3] >= two[3:]) or np.any(two[:3] >= one[3:]):
         return 0.0
     return (a ^ b).volume() / min(a.volume(), b.volume())
+
+
+def loose(mesh: trimesh.Trimesh, air: float) -> int:
+    """How many groups of a part's shells more than ``air`` from all others there are, but one."""
+    rest = [solid(shell) for shell in mesh.split(only_watertight=False)]
+    groups = 0
+    while rest:
+        group, groups = [rest.pop()], groups + 1
+        for one in group:  # grows as it goes
+            near = [other for other in rest if one.min_gap(other, 2 * air) < air]
+            rest = [other for other in rest if other not in near]
+            group += near
+    return groups - 1

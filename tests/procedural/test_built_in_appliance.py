@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from overlaps import loose
 from test_cooker import check, kind
 
 from uniart_jax.procedural import built_in_appliance
@@ -24,6 +25,11 @@ def appliances():
 def test_appliances_are_closed_and_clear(appliances):
     for seed, obj in enumerate(appliances):
         check(obj, f"built_in_appliance {seed}")
+
+
+def test_bodies_are_in_one_piece(appliances):
+    for seed, obj in enumerate(appliances):
+        assert not loose(obj.parts[0].mesh, 6e-4), f"built_in_appliance {seed}"
 
 
 def test_appliances_have_what_real_ones_have(appliances):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from overlaps import overlap, solid
+from overlaps import loose, overlap, solid
 
 from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, cold_appliance
 
@@ -33,6 +33,12 @@ def test_parts_are_closed_and_clear_of_what_carries_them():
                 there = solids[k].transform(part.joint.motion(share * far)[:3])
                 shared = overlap(there, carrier)
                 assert shared < HAIR, f"{number} {part.name} at {share:.0%}: {shared:.2g}"
+
+
+def test_bodies_stand_on_their_feet_rounded_ones_too():
+    for number, obj in enumerate(objects(60)):
+        if all(part.label != "shelf" for part in obj.parts):  # goods stand on shelves
+            assert not loose(obj.parts[0].mesh, 2e-3), f"cold_appliance {number}"
 
 
 def test_handles_are_fixed_parts_of_the_doors_that_carry_them():

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import trimesh
-from overlaps import overlap, solid
+from overlaps import loose, overlap, solid
 
 from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, desk
 
@@ -64,6 +64,14 @@ def test_parts_clear_one_another_at_rest_and_their_parents_as_they_move(tables):
             for share in (0.5, 1.0):
                 there = solids[k].transform(part.joint.motion(share * part.joint.limits[1])[:3])
                 assert overlap(there, solids[part.parent]) < 1e-3, part.name
+
+
+def test_nothing_floats(tables):
+    for number, table in enumerate(tables):
+        for part in table.parts:
+            assert part.label in ("fork", "handle") or not loose(part.mesh, 6e-4), (
+                f"{number} {part.name}"
+            )
 
 
 def test_drawers_open_on_two_sides_and_some_are_thin(tables):
