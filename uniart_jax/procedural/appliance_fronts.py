@@ -11,7 +11,7 @@ from manifold3d import Manifold
 from uniart_jax.procedural import appliances, finishes, materials, real_finishes
 from uniart_jax.procedural.fronts import FrontStyle, handle
 from uniart_jax.procedural.materials import Material
-from uniart_jax.procedural.shapes import Shape, box, cut, extrusion, rounded
+from uniart_jax.procedural.shapes import Shape, box, cut, exact, extrusion, rounded
 
 WINDOWS = ("rect", "rounded", "arched", "octagon", "none")
 
@@ -97,10 +97,8 @@ def appliance_style(
 def across(outline, y0: float, y1: float) -> Manifold:
     """An outline [n, 2] of (z, x) pushed from ``y0`` to ``y1``, on the binary grid of
     ``shapes.box``: faces that should be flush with a box are."""
-    grid = 2.0**20
-    points = np.round(np.asarray(outline, dtype=np.float64) * grid) / grid
-    a, b = (float(np.round(y * grid) / grid) for y in (y0, y1))
-    return extrusion(points, "y", [0, a, 0], b - a)
+    a, b = exact([y0, y1])
+    return extrusion(exact(outline), "y", [0, a, 0], b - a)
 
 
 def bow(

@@ -8,13 +8,10 @@ import itertools
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import materials
+from uniart_jax.procedural import hinges, materials
 from uniart_jax.procedural.fronts import FrontStyle, panel
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, hinge, turn, union
-
-# hinge edge -> direction about which a positive angle opens a sash towards -x
-_OPENING = {"+y": (0, 0, -1), "-y": (0, 0, 1), "-z": (0, -1, 0), "+z": (0, 1, 0)}
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
@@ -203,7 +200,7 @@ def _sash(
             [lo[0] - 0.5 * unit, y - a * unit, z - b * unit], [lo[0], y + a * unit, z + b * unit]
         )
         shape.add(plate, look.metal)
-    sash = asm.add("sash", shape, root, hinge(at, _OPENING[edge], swing))
+    sash = asm.add("sash", shape, root, hinge(at, hinges.OPENING[edge], swing))
     if handle == "lever":
         _lever(asm, sash, (lo[0] - 0.5 * unit, *_grip(lo, hi, edge, look, unit)), edge, look, unit)
     elif handle == "ring":

@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.procedural import finishes
+from uniart_jax.procedural import finishes, hinges
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -21,8 +21,6 @@ from uniart_jax.procedural.shapes import (
     tray,
     union,
 )
-
-_OPENING = {"+y": (0, 0, -1), "-y": (0, 0, 1), "+z": (0, 1, 0), "-z": (0, -1, 0)}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -236,7 +234,7 @@ def add_door(asm, root, lo, hi, edge: str, look: Look, beyond: float, high: floa
     free = ("-" if sign > 0 else "+") + "y"
     if look.handle == "strip" and high in (0.0, 1.0):
         free = "+z" if high == 1.0 else "-z"
-    joint = hinge(at, _OPENING[edge], angle)
+    joint = hinge(at, hinges.OPENING[edge], angle)
     return add_front(asm, root, lo, hi, free, joint, look, "door", high, extra)
 
 

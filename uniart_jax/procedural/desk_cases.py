@@ -12,8 +12,8 @@ from manifold3d import Manifold
 from uniart_jax.procedural import shapes, table_parts
 from uniart_jax.procedural.cabinet import Case, Cell, Fit
 from uniart_jax.procedural.pulls import GRIPS, DrawerStyle, add_drawer, pull_solid
-from uniart_jax.procedural.shapes import box, cut, cylinder
-from uniart_jax.procedural.table_parts import Piece, Turned, about, exact
+from uniart_jax.procedural.shapes import box, cut, cylinder, exact
+from uniart_jax.procedural.table_parts import Piece, Turned, about
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,8 +88,8 @@ def apron(
 ) -> None:
     """Four boards under the top, the front and the rear one with drawers; the boards' ends lie
     within the legs. ``drop``, ``manner``: of their lower edge (``table_parts.shaped``)."""
-    start, end = exact(x[0]), exact(x[1])
-    z = exact(z[0]), exact(z[1])
+    start, end = exact(x)
+    z = exact(z)
     thick, middle = exact(min(p.wall, 0.15 * (end - start))), (start + end) / 2
     both = bool(front) and bool(rear)
     for openings, turned in ((front, 0.0), (rear, 180.0)):

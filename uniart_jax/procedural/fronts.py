@@ -36,9 +36,6 @@ AIR = (
 PANELS = ("slab", "shaker", "raised", "glass", "slats", "border")
 HANDLES = ("bar", "round_bar", "arch", "knob", "lip", "recess", "latch", "none")
 
-# hinge edge -> direction about which a positive angle opens the front towards -x
-_OPENING = {"+y": (0, 0, -1), "-y": (0, 0, 1), "-z": (0, -1, 0), "+z": (0, 1, 0)}
-
 
 @dataclasses.dataclass(frozen=True)
 class FrontStyle:
@@ -280,7 +277,7 @@ def add_door(
     if behind > 0:
         angle = min(angle, hinges.clear_angle(thick, behind, into, beyond))
     free = ("-" if hinge_edge[0] == "+" else "+") + hinge_edge[1]
-    joint = hinge(at, _OPENING[hinge_edge], angle)
+    joint = hinge(at, hinges.OPENING[hinge_edge], angle)
     return _front(asm, parent, lo, hi, free, joint, style, name, **options)
 
 

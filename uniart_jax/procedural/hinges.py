@@ -8,6 +8,9 @@ AIR = (
     0.0015  # metres that the corner of a door beyond its axis may swing behind the door's rear face
 )
 
+# axis about which what is hinged at an edge opens, of a front that looks along -x
+OPENING = {"+y": (0, 0, -1), "-y": (0, 0, 1), "-z": (0, -1, 0), "+z": (0, 1, 0)}
+
 
 def hang(rng: np.random.Generator, unit: float) -> dict[str, float]:
     """Where a maker puts hinges, and how far handles stand out: fields of ``fronts.FrontStyle``.

@@ -30,9 +30,6 @@ PANELS = (
 )  # fmt: skip
 PULLS = ("bar", "square", "bow", "knob", "cup", "rail", "none")
 
-# hinge edge -> direction about which a positive angle opens the front towards -x
-_OPENING = {"+y": (0, 0, -1), "-y": (0, 0, 1), "-z": (0, -1, 0), "+z": (0, 1, 0)}
-
 
 @dataclasses.dataclass(frozen=True)
 class Look:
@@ -297,7 +294,7 @@ def add_door(
             z = lo[2] + share * (hi[2] - lo[2]) - tall / 2
             place = [lo[0] - 0.3 * radius, at[1] - sign * 1.01 * radius, z]
             shape.add(cylinder("z", place, tall, radius, segments=10), look.hardware)
-    return asm.add(name, shape, parent, hinge(at, _OPENING[edge], angle))
+    return asm.add(name, shape, parent, hinge(at, hinges.OPENING[edge], angle))
 
 
 def add_drawer(

@@ -68,14 +68,14 @@ def plain(rgb) -> Material:
     return Material((float(r), float(g), float(b)))
 
 
-def _hsv(rng: np.random.Generator, hue, saturation, value) -> np.ndarray:
+def hsv(rng: np.random.Generator, hue, saturation, value) -> np.ndarray:
     """sRGB of a colour drawn uniformly from ranges of hue, saturation and value."""
     return np.array(
         colorsys.hsv_to_rgb(rng.uniform(*hue) % 1.0, rng.uniform(*saturation), rng.uniform(*value))
     )
 
 
-def _noise(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
+def noise(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
     """[64, 64] smooth noise of about unit range, from a rows x columns lattice."""
     lattice = rng.uniform(-1, 1, (rows, columns)).astype(np.float32)
     size = (TEXTURE_SIZE, TEXTURE_SIZE)
@@ -96,10 +96,10 @@ def wood(rng: np.random.Generator, *, textured: bool | None = None, grain: str =
         ((0.04, 0.08), (0.42, 0.60), (0.24, 0.38)),  # walnut
         ((0.03, 0.09), (0.20, 0.45), (0.13, 0.22)),  # wenge
     ]
-    rgb = _hsv(rng, *tones[rng.choice(5, p=[0.25, 0.3, 0.2, 0.17, 0.08])])
+    rgb = hsv(rng, *tones[rng.choice(5, p=[0.25, 0.3, 0.2, 0.17, 0.08])])
     if not (rng.random() < 0.67 if textured is None else textured):
         return plain(rgb)
-    shade = 0.13 * _noise(rng, 3, int(rng.integers(10, 26))) + 0.07 * _noise(rng, 5, 48)
+    shade = 0.13 * noise(rng, 3, int(rng.integers(10, 26))) + 0.07 * noise(rng, 5, 48)
     if rng.random() < 0.35:  # planks with dark joints
         count = int(rng.integers(3, 9))
         plank = np.arange(TEXTURE_SIZE) * count // TEXTURE_SIZE
@@ -115,54 +115,54 @@ def paint(rng: np.random.Generator) -> Material:
     colours."""
     kind = rng.choice(5, p=[0.36, 0.2, 0.24, 0.12, 0.08])
     if kind == 0:
-        return plain(_hsv(rng, (0.05, 0.2), (0.0, 0.08), (0.86, 0.98)))
+        return plain(hsv(rng, (0.05, 0.2), (0.0, 0.08), (0.86, 0.98)))
     if kind == 1:
-        return plain(_hsv(rng, (0, 1), (0.0, 0.06), (0.35, 0.8)))
+        return plain(hsv(rng, (0, 1), (0.0, 0.06), (0.35, 0.8)))
     if kind == 2:
-        return plain(_hsv(rng, (0, 1), (0.15, 0.4), (0.4, 0.82)))
+        return plain(hsv(rng, (0, 1), (0.15, 0.4), (0.4, 0.82)))
     if kind == 3:
-        return plain(_hsv(rng, (0, 1), (0.5, 0.85), (0.45, 0.9)))
-    return plain(_hsv(rng, (0, 1), (0.0, 0.15), (0.1, 0.24)))
+        return plain(hsv(rng, (0, 1), (0.5, 0.85), (0.45, 0.9)))
+    return plain(hsv(rng, (0, 1), (0.0, 0.15), (0.1, 0.24)))
 
 
 def metal(rng: np.random.Generator, *, brushed: bool | None = None) -> Material:
     """Stainless or dark steel, sometimes with a brushed texture (one in three unless ``brushed``
     says)."""
-    rgb = _hsv(rng, (0.52, 0.64), (0.0, 0.07), (0.58, 0.82) if rng.random() < 0.8 else (0.3, 0.45))
+    rgb = hsv(rng, (0.52, 0.64), (0.0, 0.07), (0.58, 0.82) if rng.random() < 0.8 else (0.3, 0.45))
     if not (rng.random() < 0.33 if brushed is None else brushed):
         return plain(rgb)
-    shade = 0.06 * _noise(rng, 3, 64) + 0.05 * _noise(rng, 2, 6)
+    shade = 0.06 * noise(rng, 3, 64) + 0.05 * noise(rng, 2, 6)
     return Material(tuple(rgb.tolist()), _shaded(rgb, shade), str(rng.choice(["y", "z"])), 1.2)
 
 
 def stone(rng: np.random.Generator) -> Material:
     """Worktops: granite speckle or soft veins."""
     value = (0.75, 0.93) if rng.random() < 0.5 else (0.15, 0.5)
-    rgb = _hsv(rng, (0.02, 0.15), (0.0, 0.16), value)
-    shade = 0.16 * _noise(rng, 40, 40) if rng.random() < 0.6 else 0.14 * _noise(rng, 7, 9)
+    rgb = hsv(rng, (0.02, 0.15), (0.0, 0.16), value)
+    shade = 0.16 * noise(rng, 40, 40) if rng.random() < 0.6 else 0.14 * noise(rng, 7, 9)
     return Material(tuple(rgb.tolist()), _shaded(rgb, shade), "y", 1.2)
 
 
 def glass(rng: np.random.Generator) -> Material:
     """What glass looks like to a camera without refraction: bluish pale or smoky dark."""
     if rng.random() < 0.5:
-        return plain(_hsv(rng, (0.5, 0.6), (0.08, 0.3), (0.6, 0.85)))
+        return plain(hsv(rng, (0.5, 0.6), (0.08, 0.3), (0.6, 0.85)))
     return dark_glass(rng)
 
 
 def dark_glass(rng: np.random.Generator) -> Material:
     """Black oven glass."""
-    return plain(_hsv(rng, (0.55, 0.7), (0.0, 0.25), (0.05, 0.16)))
+    return plain(hsv(rng, (0.55, 0.7), (0.0, 0.25), (0.05, 0.16)))
 
 
 def dark(rng: np.random.Generator) -> Material:
     """Black or charcoal plastic and rubber."""
-    return plain(_hsv(rng, (0, 1), (0.0, 0.1), (0.09, 0.27)))
+    return plain(hsv(rng, (0, 1), (0.0, 0.1), (0.09, 0.27)))
 
 
 def white_plastic(rng: np.random.Generator) -> Material:
     """The insides and panels of appliances."""
-    return plain(_hsv(rng, (0.1, 0.6), (0.0, 0.06), (0.82, 0.96)))
+    return plain(hsv(rng, (0.1, 0.6), (0.0, 0.06), (0.82, 0.96)))
 
 
 def hardware(rng: np.random.Generator) -> Material:
@@ -173,8 +173,8 @@ def hardware(rng: np.random.Generator) -> Material:
     if kind == 1:
         return dark(rng)
     if kind == 2:
-        return plain(_hsv(rng, (0.1, 0.14), (0.45, 0.7), (0.55, 0.8)))
-    return plain(_hsv(rng, (0.03, 0.06), (0.5, 0.65), (0.5, 0.75)))
+        return plain(hsv(rng, (0.1, 0.14), (0.45, 0.7), (0.55, 0.8)))
+    return plain(hsv(rng, (0.03, 0.06), (0.5, 0.65), (0.5, 0.75)))
 
 
 def furniture(rng: np.random.Generator) -> Material:
@@ -191,4 +191,4 @@ def appliance(rng: np.random.Generator) -> Material:
         return metal(rng)
     if kind == 2:
         return dark(rng)
-    return plain(_hsv(rng, (0, 1), (0.25, 0.7), (0.45, 0.85)))
+    return plain(hsv(rng, (0, 1), (0.25, 0.7), (0.45, 0.85)))

@@ -30,7 +30,7 @@ _AXIS_FRAMES = {  # columns: where local x, y, z of a body of revolution or an e
 }
 
 
-def _exact(values: ArrayLike) -> np.ndarray:
+def exact(values: ArrayLike) -> np.ndarray:
     """Coordinates on a binary grid of about a micrometre: sums and differences are then exact, and
     faces that should be flush are."""
     return np.round(np.asarray(values, dtype=np.float64) * 2.0**20) / 2.0**20
@@ -42,7 +42,7 @@ def box(lo: ArrayLike, hi: ArrayLike) -> Manifold:
     Raises:
       ValueError: ``hi`` is not above ``lo`` in every axis.
     """
-    lo, hi = _exact(lo), _exact(hi)
+    lo, hi = exact(lo), exact(hi)
     if not np.all(hi - lo > 1e-9):
         raise ValueError(
             f"box: expected lo < hi in every axis, got {lo.tolist()} and {hi.tolist()}"
@@ -52,7 +52,7 @@ def box(lo: ArrayLike, hi: ArrayLike) -> Manifold:
 
 def along(solid: Manifold, axis: str, at: ArrayLike) -> Manifold:
     """A solid made along z, turned so that z becomes ``axis``, and moved to ``at``."""
-    return solid.transform(np.column_stack([_AXIS_FRAMES[axis], _exact(at)]))
+    return solid.transform(np.column_stack([_AXIS_FRAMES[axis], exact(at)]))
 
 
 def cylinder(

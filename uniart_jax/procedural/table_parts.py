@@ -15,7 +15,17 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import finishes, shapes
 from uniart_jax.procedural.fronts import FrontStyle
 from uniart_jax.procedural.materials import Material
-from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, cylinder, hull, turn, union
+from uniart_jax.procedural.shapes import (
+    Assembly,
+    Shape,
+    box,
+    cut,
+    cylinder,
+    exact,
+    hull,
+    turn,
+    union,
+)
 
 LEGS = (
     "square",
@@ -85,7 +95,7 @@ class Piece:
         """Add a solid of the body, its corners on a grid: faces that should be flush are."""
         mesh = solid.to_mesh64()
         corners = np.array(mesh.vert_properties)[:, :3]
-        corners = np.ascontiguousarray(np.round(corners * 2.0**20) / 2.0**20)
+        corners = np.ascontiguousarray(exact(corners))
         snapped = Manifold(
             Mesh64(vert_properties=corners, tri_verts=np.array(mesh.tri_verts, np.uint64))
         )
@@ -115,11 +125,6 @@ class Piece:
         for add in self.moving:
             add(asm, root)
         return asm.object()
-
-
-def exact(value: float) -> float:
-    """A length on the grid of ``shapes.box``: faces made of it are flush with those of boxes."""
-    return round(value * 2.0**20) / 2.0**20
 
 
 def _chain(rings: list[np.ndarray]) -> Manifold:

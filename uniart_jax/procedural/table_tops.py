@@ -7,8 +7,8 @@ import itertools
 import numpy as np
 
 from uniart_jax.procedural import shapes
-from uniart_jax.procedural.shapes import Shape, box, cut, hinge, hull, rounded
-from uniart_jax.procedural.table_parts import Piece, exact
+from uniart_jax.procedural.shapes import Shape, box, cut, exact, hinge, hull, rounded
+from uniart_jax.procedural.table_parts import Piece
 
 
 def top(
@@ -21,7 +21,7 @@ def top(
 ) -> None:
     """The table top: 'square', 'rounded' or 'cut' corners, 'oval', 'beveled' edge, 'framed' (a
     field of another finish in a border), 'glass' let into a frame, or 'slats'."""
-    z = exact(z[0]), exact(z[1])
+    z = exact(z)
     lo, hi = np.array([x[0], y[0], z[0]]), np.array([x[1], y[1], z[1]])
     board, size = p.board.along("y"), hi - lo
     if kind in ("rounded", "cut"):
