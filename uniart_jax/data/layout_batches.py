@@ -124,7 +124,8 @@ def _load(
         place = int(draw.records[row])
         table, item = drawn_item(place, data, settings, masks=data.photographs > 0)
         photographer = np.random.default_rng([data.seed, 6, place]) if taken[row] else None
-        items.append(_item(table, item, views[row], flips[row] and data.mirror, photographer))
+        mirrored = bool(flips[row] and data.mirror)
+        items.append(_item(table, item, float(views[row]), mirrored, photographer))
     return _stacked(items)
 
 

@@ -88,9 +88,9 @@ def apron(
 ) -> None:
     """Four boards under the top, the front and the rear one with drawers; the boards' ends lie
     within the legs. ``drop``, ``manner``: of their lower edge (``table_parts.shaped``)."""
-    start, end = exact(x)
-    z = exact(z)
-    thick, middle = exact(min(p.wall, 0.15 * (end - start))), (start + end) / 2
+    start, end = float(exact(x[0])), float(exact(x[1]))
+    z = float(exact(z[0])), float(exact(z[1]))
+    thick, middle = float(exact(min(p.wall, 0.15 * (end - start)))), (start + end) / 2
     both = bool(front) and bool(rear)
     for openings, turned in ((front, 0.0), (rear, 180.0)):
         matrix = about((middle, (y[0] + y[1]) / 2), turned)

@@ -167,7 +167,7 @@ def leg(
         is tapered, splayed or bent.
     """
     x, y = at
-    high, block = exact(high), exact(block)
+    high, block = float(exact(high)), float(exact(block))
     at, out = np.asarray(at, dtype=np.float64), np.asarray(out, dtype=np.float64)
     knee = max(high - block, 0.3 * high)
     if kind in ("square", "post"):
@@ -278,8 +278,8 @@ def column(p: Piece, high: float, thick: float) -> None:
     x, half, depth = p.depth / 2, p.width / 2, p.depth
     r = p.between(0.05, 0.11) * min(p.width, depth) + p.unit
     outline = leg_profile(p.rng, "turned") if p.share(0.6) else np.array([[0.0, 1.0], [1.0, 1.0]])
-    heights, sizes = outline[:, 0] * exact(high), outline[:, 1] * r
-    ring = np.vstack([[0, 0], np.column_stack([sizes, heights]), [0, exact(high)]])
+    heights, sizes = outline[:, 0] * float(exact(high)), outline[:, 1] * r
+    ring = np.vstack([[0, 0], np.column_stack([sizes, heights]), [0, float(exact(high))]])
     p.add(shapes.revolution(ring, "z", [x, 0, 0], 16), p.leg)
     p.add(
         box([0.004, 0.004 - half, high - 0.6 * thick], [depth - 0.004, half - 0.004, high]), p.frame

@@ -21,7 +21,7 @@ def top(
 ) -> None:
     """The table top: 'square', 'rounded' or 'cut' corners, 'oval', 'beveled' edge, 'framed' (a
     field of another finish in a border), 'glass' let into a frame, or 'slats'."""
-    z = exact(z)
+    z = float(exact(z[0])), float(exact(z[1]))
     lo, hi = np.array([x[0], y[0], z[0]]), np.array([x[1], y[1], z[1]])
     board, size = p.board.along("y"), hi - lo
     if kind in ("rounded", "cut"):
