@@ -90,7 +90,7 @@ def prepared_scenes(rows: Mapping[str, jax.Array], key: jax.Array) -> MaskBatch:
     mask = mask.astype(jnp.float32)
     flip = jax.random.bernoulli(key, 0.5, (items,))[:, None, None]
     mask = jnp.where(flip, mask[:, :, ::-1], mask)
-    return MaskBatch(jnp.where(flip[..., None], image[:, :, ::-1], image), mask)
+    return MaskBatch(jnp.where(flip[..., None], mirror_images(image), image), mask)
 
 
 def relit(image: jax.Array, key: jax.Array) -> jax.Array:

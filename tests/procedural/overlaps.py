@@ -6,6 +6,9 @@ import numpy as np
 import trimesh
 from manifold3d import Error, Manifold, Mesh64
 
+from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.procedural import MAX_PARTS
+
 
 def solid(mesh: trimesh.Trimesh) -> Manifold:
     """A part as a manifold3d solid; fails if it is not closed and edge-manifold."""
@@ -38,3 +41,21 @@ def loose(mesh: trimesh.Trimesh, air: float) -> int:
             rest = [other for other in rest if other not in near]
             group += near
     return groups - 1
+
+
+def check_parts(obj: ArticulatedObject, name: str, most: float, on_root: bool = False) -> None:
+    """Every part is closed, also shell by shell, and shares at most ``most`` of the smaller volume
+    with its parent, or the root, from rest to the far end of its way."""
+    solids = [solid(part.mesh) for part in obj.parts]
+    assert len(obj.parts) <= MAX_PARTS
+    for k, part in enumerate(obj.parts):
+        assert part.mesh.is_watertight and part.mesh.volume > 0, f"{name} {part.name}"
+        assert all(s.volume > 0 for s in part.mesh.split(only_watertight=False))
+        if part.parent < 0:
+            continue
+        carrier = solids[0 if on_root else part.parent]
+        far = part.joint.limits[np.abs(part.joint.limits).argmax()]
+        for share in (0.0, 0.25, 0.5, 1.0):
+            there = solids[k].transform(part.joint.motion(share * far)[:3])
+            shared = overlap(there, carrier)
+            assert shared < most, f"{name} {part.name} at {share:.0%}: {shared:.2g}"

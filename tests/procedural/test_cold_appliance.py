@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from overlaps import loose, overlap, solid
+from overlaps import check_parts, loose
 
-from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, cold_appliance
+from uniart_jax.procedural import BOX_SEPARATION, box_separation, cold_appliance
 
 HAIR = 1e-3  # of the smaller part's volume
 
@@ -20,19 +20,7 @@ def objects(count: int):
 
 def test_parts_are_closed_and_clear_of_what_carries_them():
     for number, obj in enumerate(objects(40)):
-        solids = [solid(part.mesh) for part in obj.parts]
-        assert len(obj.parts) <= MAX_PARTS
-        for k, part in enumerate(obj.parts):
-            assert part.mesh.is_watertight and part.mesh.volume > 0, f"{number} {part.name}"
-            assert all(s.volume > 0 for s in part.mesh.split(only_watertight=False))
-            if part.parent < 0:
-                continue
-            carrier = solids[part.parent]
-            far = part.joint.limits[np.abs(part.joint.limits).argmax()]
-            for share in (0.0, 0.25, 0.5, 1.0):
-                there = solids[k].transform(part.joint.motion(share * far)[:3])
-                shared = overlap(there, carrier)
-                assert shared < HAIR, f"{number} {part.name} at {share:.0%}: {shared:.2g}"
+        check_parts(obj, f"cold_appliance {number}", HAIR)
 
 
 def test_bodies_stand_on_their_feet_rounded_ones_too():

@@ -8,9 +8,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from overlaps import overlap, solid
+from overlaps import check_parts, overlap
 
-from uniart_jax.procedural import BOX_SEPARATION, MAX_PARTS, box_separation, cupboard, joinery
+from uniart_jax.procedural import BOX_SEPARATION, box_separation, cupboard, joinery
 from uniart_jax.procedural.cupboard_case import Cabinet, carcass, fronts
 from uniart_jax.procedural.cupboard_plans import HUNG, KINDS, Cell, plan
 from uniart_jax.procedural.shapes import Assembly, Shape, box
@@ -25,18 +25,7 @@ def objects(count: int):
 
 def test_parts_are_closed_and_clear_of_their_cases_as_they_open():
     for number, obj in enumerate(objects(40)):
-        solids = [solid(part.mesh) for part in obj.parts]
-        assert len(obj.parts) <= MAX_PARTS
-        for k, part in enumerate(obj.parts):
-            assert part.mesh.is_watertight and part.mesh.volume > 0, f"{number} {part.name}"
-            assert all(s.volume > 0 for s in part.mesh.split(only_watertight=False))
-            if part.parent < 0:
-                continue
-            far = part.joint.limits[np.abs(part.joint.limits).argmax()]
-            for share in (0.0, 0.25, 0.5, 1.0):
-                there = solids[k].transform(part.joint.motion(share * far)[:3])
-                shared = overlap(there, solids[0])
-                assert shared < HAIR, f"{number} {part.name} at {share:.0%}: {shared:.2g}"
+        check_parts(obj, f"cupboard {number}", HAIR, on_root=True)
 
 
 def test_most_have_one_or_two_doors_and_all_ways_of_opening_occur():

@@ -39,8 +39,8 @@ def claimed_settings(data: DataConfig, model: ModelConfig) -> LayoutSettings:
     """``settings_of`` a training, whose folder is made, or checked, to be of them.
 
     Raises:
-      ValueError: the folder holds other settings, the first block is below 0, or the share of
-        photographs is none.
+      ValueError: the folder holds other settings, the first block is below 0, or
+        ``data.photographs`` is not a share.
     """
     if data.first_block < 0:
         raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
@@ -64,8 +64,8 @@ def layout_batches(
     on the way.
 
     Raises:
-      ValueError: the folder holds other settings, the first block is below 0, or the batch cannot
-        be shared or does not divide into windows.
+      ValueError: as ``claimed_settings``, or the batch cannot be shared or does not divide into
+        windows.
     """
     settings = claimed_settings(data, model)
     order = LayoutOrder(batch_size, data.reuse)

@@ -9,13 +9,12 @@ import numpy as np
 
 from uniart_jax.data.background import FindMask, Way, cut_out
 from uniart_jax.data.images import crop
-from uniart_jax.data.scenes import scene
+from uniart_jax.data.scenes import OTHERS, scene
 from uniart_jax.evaluation.procedural import HeldOut
 from uniart_jax.evaluation.real import RealObject
 
 SIDE = 384  # pixels of a photograph
 CROP = 320  # of the object's crop before it is put there
-NEIGHBOURS = 3  # other objects that may stand behind
 
 
 def photograph(
@@ -27,7 +26,7 @@ def photograph(
     Args:
       back: [S, S, 3] in [0, 1]; None: any of ``data.scenes``.
     """
-    others = [k for k in range(min(len(tests), 1 + NEIGHBOURS)) if k != index]  # whatever the count
+    others = [k for k in range(min(len(tests), 1 + OTHERS)) if k != index]  # whatever the count
     crops = [_crop(tests[row].image) for row in (index, *others)]
     rng = np.random.default_rng([index, 6])
     picture, mask = scene(rng, crops[0], crops[1:], SIDE, whole=True, back=back)

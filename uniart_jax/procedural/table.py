@@ -11,6 +11,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import finishes, materials
 from uniart_jax.procedural.cabinet import Case, Cell, Fit
+from uniart_jax.procedural.casters import Caster
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -19,7 +20,6 @@ from uniart_jax.procedural.shapes import (
     cylinder,
     hull,
     revolution,
-    turn,
     union,
 )
 from uniart_jax.procedural.storage_furniture import split, style
@@ -96,39 +96,16 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     for case in cases:
         case.add_fronts(rng, asm, root, look, fit)
     if rolls:
-        _casters(rng, asm, root, feet, wheel)
+        _caster(rng, wheel).add(asm, root, feet)
     return asm.object()
 
 
-def _casters(rng: np.random.Generator, asm: Assembly, root: int, feet, height: float) -> None:
-    """A wheel under each foot (x, y), on an axle or in a fork that turns about the foot."""
+def _caster(rng: np.random.Generator, height: float) -> Caster:
     forks, metal, rubber = rng.random() < 0.5, materials.hardware(rng), finishes.dark(rng)
     radius = 0.5 * height if not forks else 0.42 * height
     wide = radius * float(rng.uniform(0.5, 0.9))
     along = "y" if rng.random() < 0.7 else "x"
-    axis = 1 if along == "y" else 0
-    for x, y in feet:
-        parent, at = root, np.array([x, y, radius])
-        if forks:
-            t = 0.16 * radius + 0.002
-            cheeks = []
-            for sign in (-1, 1):
-                middle = np.array([x, y, (radius + height) / 2 - 0.001])
-                middle[axis] += sign * (wide / 2 + 0.002 + t / 2)
-                half = np.array([0.3 * radius, 0.3 * radius, (height - radius) / 2 - 0.001])
-                half[axis] = t / 2
-                cheeks.append(box(middle - half, middle + half))
-            plate = np.array([0.3 * radius] * 2)
-            plate[axis] = wide / 2 + 0.002 + t
-            low = [x - plate[0], y - plate[1], 2 * radius + 0.002]
-            cheeks.append(box(low, [x + plate[0], y + plate[1], height - 0.002]))
-            joint = turn((x, y, 0), (0, 0, 1))
-            parent = asm.add("fork", Shape().add(union(cheeks), metal), root, joint)
-        start = at.copy()
-        start[axis] -= wide / 2
-        tyre = 1.0 if forks else 0.96  # clear of the foot above it
-        shape = Shape().add(cylinder(along, start, wide, tyre * radius, segments=18), rubber)
-        asm.add("wheel", shape, parent, turn(at, np.eye(3)[axis]))
+    return Caster(height, radius, wide, along, bool(forks), metal, rubber)
 
 
 def _adjustable(rng: np.random.Generator) -> ArticulatedObject:

@@ -13,6 +13,7 @@ from manifold3d import Manifold, Mesh64
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import finishes, shapes
+from uniart_jax.procedural.casters import Caster
 from uniart_jax.procedural.fronts import FrontStyle
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import (
@@ -23,7 +24,6 @@ from uniart_jax.procedural.shapes import (
     cylinder,
     exact,
     hull,
-    turn,
     union,
 )
 
@@ -297,38 +297,11 @@ def column(p: Piece, high: float, thick: float) -> None:
 
 
 def casters(p: Piece, feet: list[tuple[float, float]], height: float) -> None:
-    """A wheel under each foot (x, y) from the floor to ``height``: on an axle, or in a fork that
-    turns about the foot; wheels or forks without end."""
+    """A wheel under each foot (x, y) from the floor to ``height``."""
     rng = p.rng
     forks, rubber = p.share(0.45), finishes.dark(rng) if p.share(0.6) else finishes.metal(rng)
     metal = finishes.metal(rng) if p.share(0.6) else finishes.dark(rng)
     radius = (0.42 if forks else 0.5) * height
     wide, along = radius * p.between(0.4, 0.9), "y" if p.share(0.6) else "x"
-    axis = 1 if along == "y" else 0
-
-    def add(asm: Assembly, root: int) -> None:
-        for x, y in feet:
-            at, parent = np.array([x, y, radius]), root
-            if forks:
-                t = 0.16 * radius + 0.002
-                half = np.array([0.3 * radius, 0.3 * radius, (height - radius) / 2 - 0.001])
-                half[axis] = t / 2
-                pieces = []
-                for sign in (-1, 1):
-                    middle = np.array([x, y, (radius + height) / 2 - 0.001])
-                    middle[axis] += sign * (wide / 2 + 0.002 + t / 2)
-                    pieces.append(box(middle - half, middle + half))
-                plate = np.array([0.3 * radius] * 2)
-                plate[axis] = wide / 2 + 0.002 + t
-                low = [x - plate[0], y - plate[1], 2 * radius + 0.002]
-                pieces.append(box(low, [x + plate[0], y + plate[1], height - 0.002]))
-                joint = turn((x, y, 0), (0, 0, 1))
-                parent = asm.add("fork", Shape().add(union(pieces), metal), root, joint)
-            start = at.copy()
-            start[axis] -= wide / 2
-            tyre = Shape().add(
-                cylinder(along, start, wide, (1.0 if forks else 0.96) * radius, segments=18), rubber
-            )
-            asm.add("wheel", tyre, parent, turn(at, np.eye(3)[axis]))
-
-    p.moving.append(add)
+    caster = Caster(height, radius, wide, along, forks, metal, rubber)
+    p.moving.append(lambda asm, root: caster.add(asm, root, feet))
