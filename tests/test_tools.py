@@ -112,6 +112,37 @@ def test_the_gallery_shows_input_rest_and_open_and_counts_failures(tmp_path, mon
     assert len(asked) == 3
 
 
+def test_views_look_into_a_panorama(tmp_path, monkeypatch, capsys):
+    """Its floor is red, its sky blue: views show the floor below the sky, and nothing else."""
+    cv2 = pytest.importorskip(
+        "cv2", reason="panoramas are read with OpenCV: pip install '.[photo]'"
+    )
+    light = np.zeros((64, 128, 3), np.float32)
+    light[:32, :, 0], light[32:, :, 2] = 4.0, 2.0  # OpenCV's order is blue, green, red
+    (tmp_path / "in").mkdir()
+    cv2.imwrite(str(tmp_path / "in/room.hdr"), light)
+    command = ["x", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--views", "6"]
+    for _ in range(2):  # the same views again
+        monkeypatch.setattr(sys, "argv", [*command, "--size", "48"])
+        runpy.run_path(str(ROOT / "tools/panorama_views.py"), run_name="__main__")
+        pictures = [np.asarray(Image.open(p)) for p in sorted((tmp_path / "out").iterdir())]
+        if _ == 0:
+            first = pictures
+    assert len(pictures) == 6 and capsys.readouterr().out == "room\nroom\n"
+    both = 0
+    for picture, before in zip(pictures, first, strict=True):
+        np.testing.assert_array_equal(picture, before)
+        red = picture[..., 0].astype(int) > picture[..., 2]
+        assert (np.diff(red.mean(1)) > -0.2).all()  # from the sky down to the floor
+        assert picture.max() > 100
+        both += 0.05 < red.mean() < 0.95
+    assert both >= 3
+    monkeypatch.setattr(sys, "argv", ["x", str(tmp_path), "--out", str(tmp_path / "none")])
+    with pytest.raises(SystemExit, match="2"):
+        runpy.run_path(str(ROOT / "tools/panorama_views.py"), run_name="__main__")
+    assert "no .hdr files" in capsys.readouterr().err and not (tmp_path / "none").exists()
+
+
 @pytest.fixture
 def pool_tools(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / "tools")

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from uniart_jax import procedural
+from uniart_jax.data.backdrop_pictures import picture_paths
 from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
 from uniart_jax.data.photographs import photographed
 from uniart_jax.data.scenes import OTHERS, scene, training_backdrop
@@ -46,14 +47,20 @@ class Sizes(NamedTuple):
 
 
 def make_files(
-    worker: int, workers: int, first: int, folder: str, sizes: Sizes, world: str
+    worker: int,
+    workers: int,
+    first: int,
+    folder: str,
+    sizes: Sizes,
+    world: str,
+    backgrounds: str = "",
 ) -> None:
     """Write files of ``CHUNK`` objects of a world, numbers worker, worker + workers, ... without
-    end; ``first``: number of the first object."""
+    end; ``first``: number of the first object; ``backgrounds``: as in ``config.DataConfig``."""
     os.nice(10)
     keep_to_core(worker)
     settings = LayoutSettings(sizes.layout, views=1, families=procedural.WORLDS[world])
-    photographer = Photographer(sizes)
+    photographer = Photographer(sizes, picture_paths(backgrounds))
     for number in itertools.count(worker, workers):
         while len(list(Path(folder).glob("*.npz"))) > WAITING:
             time.sleep(0.5)
@@ -83,8 +90,8 @@ class Photographer:
     """Takes pictures of objects as people do; backgrounds, which take long to draw, are used
     several times, and the objects before stand behind the next."""
 
-    def __init__(self, sizes: Sizes):
-        self._sizes = sizes
+    def __init__(self, sizes: Sizes, pictures: tuple[Path, ...] = ()):
+        self._sizes, self._pictures = sizes, pictures
         self._backs: collections.deque[np.ndarray] = collections.deque(maxlen=BACKDROPS)
         self._others: collections.deque[Any] = collections.deque(maxlen=OTHERS)
 
@@ -93,7 +100,7 @@ class Photographer:
         row of ``SEEN``."""
         crop, others, seen = (row["images"][0], row["masks"][0]), list(self._others), []
         if not self._backs or rng.random() < SCENES:
-            self._backs.append(training_backdrop(rng, self._sizes.mask))
+            self._backs.append(training_backdrop(rng, self._sizes.mask, self._pictures))
             image, mask = scene(rng, crop, others, self._sizes.mask, back=self._backs[-1])
             seen = [{"scenes": image, "scene_masks": np.packbits(mask > 127)}]
         back = self._backs[rng.integers(len(self._backs))]
@@ -150,12 +157,19 @@ class Objects:
     from that of scenes, ``unseen`` gives the objects that were not in the pool yet."""
 
     def __init__(
-        self, processes: int, first: int, sizes: Sizes, pool: Pool, scenes: Pool, world: str
+        self,
+        processes: int,
+        first: int,
+        sizes: Sizes,
+        pool: Pool,
+        scenes: Pool,
+        world: str,
+        backgrounds: str = "",
     ):
         self.pool, self.scenes = pool, scenes
         self._folder = tempfile.TemporaryDirectory(prefix="pool-")
         start = multiprocessing.get_context("spawn").Process
-        given = (processes, first, self._folder.name, sizes, world)
+        given = (processes, first, self._folder.name, sizes, world, backgrounds)
         self._makers = [
             start(target=make_files, args=(i, *given), daemon=True) for i in range(processes)
         ]

@@ -69,6 +69,7 @@ def main() -> None:
     parser.add_argument("--deadline", default="", help="file with the end, seconds since the epoch")
     parser.add_argument("--first", type=int, default=200_000, help="number of the first object")
     parser.add_argument("--world", choices=tuple(WORLDS), default="wide", help="of the objects")
+    parser.add_argument("--backgrounds", default="", help="folder of pictures behind objects")
     parser.add_argument("--capacity", type=int, default=130_000, help="objects in host memory")
     parser.add_argument("--batch", type=int, default=128, help="objects a step")
     parser.add_argument("--begin-with", type=int, default=1024, help="objects before step 1")
@@ -153,7 +154,8 @@ def train(given: argparse.Namespace) -> None:
     rng, pool, scenes = np.random.default_rng(1), Pool(given.capacity), Pool(given.capacity // 2)
     model = config.model
     sizes = Sizes(model.layout.image_size, model.mask.image_size, model.grid.resolution)
-    made = Objects(given.processes, given.first, sizes, pool, scenes, given.world)
+    backs = given.backgrounds
+    made = Objects(given.processes, given.first, sizes, pool, scenes, given.world, backs)
     with made as objects, ThreadPoolExecutor(len(runs) + 2) as threads:
 
         def ahead(step: int) -> Future[Any]:

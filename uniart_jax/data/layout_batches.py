@@ -11,10 +11,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 import threading
+from pathlib import Path
 
 import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
+from uniart_jax.data.backdrop_pictures import picture_paths
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import (
     BLOCK,
@@ -39,13 +41,14 @@ def claimed_settings(data: DataConfig, model: ModelConfig) -> LayoutSettings:
     """``settings_of`` a training, whose folder is made, or checked, to be of them.
 
     Raises:
-      ValueError: the folder holds other settings, the first block is below 0, or
-        ``data.photographs`` is not a share.
+      ValueError: the folder holds other settings, the first block is below 0,
+        ``data.photographs`` is not a share, or ``data.backgrounds`` holds no pictures.
     """
     if data.first_block < 0:
         raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
     if not 0 <= data.photographs <= 1:
         raise ValueError(f"config: data.photographs is {data.photographs:g}; give 0 to 1")
+    picture_paths(data.backgrounds)
     settings = settings_of(data, model)
     claim_folder(data.layouts, settings)
     return settings
@@ -119,13 +122,13 @@ def _load(
     rng = draw.generator(data.seed)
     views, flips = rng.random(len(draw.records)), rng.random(len(draw.records)) < 0.5
     taken = rng.random(len(draw.records)) < data.photographs
-    items = []
+    pictures, items = picture_paths(data.backgrounds), []
     for row in rows:
         place = int(draw.records[row])
         table, item = drawn_item(place, data, settings, masks=data.photographs > 0)
         photographer = np.random.default_rng([data.seed, 6, place]) if taken[row] else None
         mirrored = bool(flips[row] and data.mirror)
-        items.append(_item(table, item, float(views[row]), mirrored, photographer))
+        items.append(_item(table, item, float(views[row]), mirrored, photographer, pictures))
     return _stacked(items)
 
 
@@ -164,14 +167,16 @@ def _item(
     view: float,
     mirrored: bool,
     photographer: np.random.Generator | None = None,
+    pictures: tuple[Path, ...] = (),
 ) -> LayoutBatch:
-    """One item, its arrays without the axis B; ``photographer`` draws its photograph."""
+    """One item, its arrays without the axis B; ``photographer`` draws its photograph, perhaps
+    before one of ``pictures``."""
     index = int(view * table["images"].shape[1])
     image, camera = table["images"][item, index], table["cameras"][item, index]
     if photographer is not None:
         crop, size = (image, table["masks"][item, index]), len(image)
         others = neighbours(photographer, table, item)[1]
-        back = training_backdrop(photographer, size)
+        back = training_backdrop(photographer, size, pictures)
         image, camera = photographed(photographer, crop, camera, others, size, back)
     boxes, codes = table["boxes"][item], table["codes"][item]
     if mirrored:

@@ -8,6 +8,7 @@ import functools
 import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
+from uniart_jax.data.backdrop_pictures import picture_paths
 from uniart_jax.data.layout_batches import LayoutOrder, claimed_settings, drawn_item, neighbours
 from uniart_jax.data.layouts import LayoutSettings, claim_folder, load_block, settings_of
 from uniart_jax.data.order import Draw, local_rows
@@ -47,7 +48,7 @@ def _load(
         place = int(draw.records[row])
         table, item = drawn_item(place, data, settings, masks=True)
         rng = np.random.default_rng([data.seed, 4, place])
-        back = training_backdrop(rng, size)
+        back = training_backdrop(rng, size, picture_paths(data.backgrounds))
         items.append(_scene(rng, table, item, size, back))
     return MaskBatch(*(np.stack(field) for field in zip(*items, strict=True)))
 

@@ -5,8 +5,7 @@ picture is the object. NumPy, SciPy and Pillow alone.
     objects -> shadow, light, things in front -> blur, noise, exposure, JPEG
 
 What they train is the mask network (``models.mask``) and, cut out again (``data.photographs``), the
-layout network; a picture is a pure function of its random numbers. Nothing here is a photograph:
-real ones are for judging alone.
+layout network; a picture is a pure function of its random numbers.
 """
 
 from __future__ import annotations
@@ -14,11 +13,14 @@ from __future__ import annotations
 import functools
 import io
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.fft
 from PIL import Image, ImageDraw, ImageFilter
+
+from uniart_jax.data.backdrop_pictures import SHARE, picture_backdrop
 
 SCALES = (0.4, 1.05)  # the crop's side over the picture's
 WHOLE = (0.6, 0.95)  # so of an object of which nothing is hidden or cut off
@@ -83,9 +85,13 @@ def backdrop(rng: np.random.Generator, size: int) -> Array:
     return np.asarray(picture, np.float32)
 
 
-def training_backdrop(rng: np.random.Generator, size: int) -> Array:
-    """``backdrop`` or ``leaves``: what trainings put behind their objects. Evaluations keep to
-    ``backdrop``."""
+def training_backdrop(
+    rng: np.random.Generator, size: int, pictures: tuple[Path, ...] = ()
+) -> Array:
+    """What trainings put behind their objects: ``backdrop``, ``leaves`` or, where there are any,
+    the user's own pictures (``data.backdrop_pictures``). Evaluations keep to ``backdrop``."""
+    if pictures and rng.random() < SHARE:
+        return picture_backdrop(rng, pictures, size)
     return (leaves if rng.random() < AMONG_LEAVES else backdrop)(rng, size)
 
 
