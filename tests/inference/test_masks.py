@@ -51,6 +51,17 @@ def test_a_small_object_is_looked_at_again_from_near(predictor):
     assert first < 0.03 and second > 0.5
 
 
+def test_the_mask_of_a_mirror_image_is_the_mirrored_mask(predictor):
+    """Of a network that is surer of what lies to the left, and sees nothing at the right."""
+    red = predictor._run
+    slope = np.linspace(8, -10, 64, dtype=np.float32)
+    predictor._run = lambda params, image: np.minimum(red(params, image), 6) + slope
+    rgba, mask = picture((60, 240, 120, 330))
+    found, turned = predictor(rgba), predictor(np.ascontiguousarray(rgba[:, ::-1]))
+    assert np.abs(found[:, ::-1].astype(int) - turned).max() <= 3
+    assert overlap(found, mask) > 0.95
+
+
 def test_an_object_at_the_border_and_of_any_shape(predictor):
     for box in ((0, 300, 0, 120), (250, 300, 10, 390), (0, 60, 360, 400)):
         rgba, mask = picture(box)

@@ -1,7 +1,8 @@
 """The mask network in use: a picture -> what of it is the object.
 
 A picture is looked at twice: as a whole, squeezed to a square, and then around what was found, so
-that an object far away is seen as sharply as one that fills the picture.
+that an object far away is seen as sharply as one that fills the picture. Each time its mirror image
+is looked at too.
 """
 
 from __future__ import annotations
@@ -54,11 +55,12 @@ class MaskPredictor:
 
     def _look(self, picture: Image.Image, box: Any) -> np.ndarray:
         """[S, S] uint8 mask of a box (left, upper, right, lower) of the picture, squeezed to a
-        square."""
+        square: the mean of the logits of both looks."""
         size = (self.image_size, self.image_size)
         seen = picture.resize(size, Image.Resampling.LANCZOS, box=box, reducing_gap=3.0)
-        image = np.asarray(seen, np.float32)[None] / 255
-        logits = np.asarray(self._run(self._params, image))[0]
+        image = np.asarray(seen, np.float32) / 255
+        plain, mirrored = np.asarray(self._run(self._params, np.stack([image, image[:, ::-1]])))
+        logits = (plain + mirrored[:, ::-1]) / 2
         return np.round(255 * scipy.special.expit(logits)).astype(np.uint8)
 
 
