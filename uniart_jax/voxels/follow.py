@@ -20,6 +20,7 @@ from uniart_jax.objects.kinematics import topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.assemble import _finite, mesh_parts
 from uniart_jax.voxels.clearance import with_meshes, with_room_to_move
+from uniart_jax.voxels.drums import drums, with_drums
 from uniart_jax.voxels.flat_faces import with_flat_faces
 from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import DenseField
@@ -139,6 +140,7 @@ def assemble_layout(
             field = with_clean_rooms(field, boxes, joints, up)
             discs = round_doors(drawn, boxes, joints[: len(shown)], body)
             field = with_round_doors(field, discs, body)
+            field = with_drums(field, drums(field, boxes, joints[: len(shown)], body), body)
         field = with_lost_parts(field, drawn)
         for k in boxed:
             meshes[k] = in_front(meshes[k], layout.joints[k], field)
