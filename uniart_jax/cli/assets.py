@@ -82,8 +82,7 @@ def export(
     from uniart_jax.objects.load import load_object
     from uniart_jax.simulation.refine import mend
 
-    given_by = {"friction": friction, "damping": damping}
-    rubs = {option: parse_resistance(option, words) for option, words in given_by.items()}
+    rubs, damps = parse_resistance("friction", friction), parse_resistance("damping", damping)
     check_collision(collision)
     obj = load_object(asset, allow_outside=allow_outside)
     metres = parse_size(size) if size else None
@@ -101,7 +100,8 @@ def export(
             mass=mass,
             collision=collision,
             collision_budget=collision_budget,
-            **rubs,
+            friction=rubs,
+            damping=damps,
             origin=origin,
             actuators=actuators,
             printing=settings,

@@ -51,8 +51,8 @@ def layout(
 
     check_target(out, overwrite, images, MARKS)
     enable_compilation_cache()
-    found = Checkpoint.find(checkpoint)
-    network = functools.cache(lambda: load_mask_predictor(found))
+    weights = Checkpoint.find(checkpoint)
+    network = functools.cache(lambda: load_mask_predictor(weights))
     pictures = [
         cut_out(read_image(path), background, f"image '{path}'", network)[0] for path in images
     ]

@@ -18,6 +18,7 @@ import threading
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -191,7 +192,7 @@ def load_block(folder: str | Path, number: int, settings: LayoutSettings) -> dic
 def write_block(folder: str | Path, number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:
     """Make block ``number`` and put it into the folder at once."""
     path = block_path(folder, number)
-    block = make_block(number, settings)
+    block: dict[str, Any] = make_block(number, settings)
     # threads of one process may make the same block
     partial = path.with_name(f".{path.stem}-{os.getpid()}-{threading.get_ident()}.part")
     with open(partial, "wb") as file:

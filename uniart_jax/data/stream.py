@@ -17,7 +17,8 @@ Batch = TypeVar("Batch")  # of ``voxels.typed_batches``
 class Order(Protocol):
     """``data.order``: which records make batch n."""
 
-    batch_size: int
+    @property
+    def batch_size(self) -> int: ...
 
     def __len__(self) -> int: ...
 

@@ -63,7 +63,8 @@ def figures(scored: Sequence[tuple[PartScores, np.ndarray, np.ndarray]]) -> dict
     error = np.concatenate([s.box_error[s.moving] for s in scores])
     matched = error[error < FOUND]
     rows["box_median"] = float(np.median(matched)) if len(matched) else float("nan")
-    sure, hits = (np.concatenate([row[i] for row in scored]) for i in (1, 2))
+    sure = np.concatenate([confidence for _, confidence, _ in scored])
+    hits = np.concatenate([hit for _, _, hit in scored])
     rows["calibration"] = calibration_error(sure, hits)
     return rows
 
@@ -131,8 +132,9 @@ def judge(layouts: Sequence[Layout], tests: Sequence[HeldOut | RealObject]) -> d
             sizes[f"{low}-{high}" if high < 99 else f"{low}+"] = figures(some)
     found = {"all": with_intervals(scored), "families": families, "moving_parts": sizes}
     sights = [getattr(test, "sight", None) for test in tests]
-    if all(sight is not None for sight in sights):
-        found["sight"] = by_sight([s for s, _, _ in scored], sights)
+    known = [sight for sight in sights if sight is not None]
+    if len(known) == len(sights):
+        found["sight"] = by_sight([s for s, _, _ in scored], known)
     return found
 
 
@@ -206,6 +208,7 @@ def evaluate_layout(
     if pred is not None:
         layouts = [_read(Path(pred) / f"{i}.json") for i in range(len(tests))]
     else:
+        assert predictor is not None  # given, or the checkpoint's
         layouts = [read_layout(found) for found in predictor(crops)]
     found = judge(layouts, tests)
     if root is not None:

@@ -63,7 +63,7 @@ class Picture:
         white = np.dstack([np.full_like(rgba[..., :3], 255), rgba[..., 3]])
         alpha = crop(white, size, margin)[..., 0] / 255
         color = srgb_to_linear(crop(rgba, size, margin) / 255)
-        depth = ndimage.distance_transform_edt(alpha > 0.9) / size
+        depth = np.asarray(ndimage.distance_transform_edt(alpha > 0.9)) / size
         return Picture(color, depth, np.asarray(camera, np.float64))
 
 

@@ -3,7 +3,7 @@ predicts the clean sample is shown."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +24,8 @@ from uniart_jax.nn.pooling import align_volume
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.nn.stack import run_stack
 from uniart_jax.voxels.part_table import PartTable
+
+Given = TypeVar("Given")
 
 T_MIN = 0.05  # below this time a predicted sample is turned into a velocity as if at this time
 
@@ -126,7 +128,9 @@ class FlowTrunk(nnx.Module):
         return (x - out) / jnp.maximum(t, T_MIN).reshape(-1, *[1] * (x.ndim - 1))
 
 
-def required(given: Any, option: str, name: str, whose: str = "the image encoder's") -> Any:
+def required(
+    given: Given | None, option: str, name: str, whose: str = "the image encoder's"
+) -> Given:
     if given is None:
         more = (
             ", as pipeline.following(condition, [layout or None]) does" if name == "layout" else ""

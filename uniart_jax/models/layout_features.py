@@ -16,6 +16,8 @@ everywhere.
 
 from __future__ import annotations
 
+import functools
+
 import jax
 import jax.numpy as jnp
 from flax import nnx
@@ -110,11 +112,12 @@ def candidates(
     """[B, S, NEAREST, K] one-hot rows of the table for places ``at`` [B, S, 3], best first; all
     zero where there are no more."""
     valid = jnp.arange(lower.shape[1]) < table.counts[:, None]
-    inside = None
-    for axis in range(3):  # one at a time: small arrays
+
+    def within(axis: int) -> jax.Array:
         x = at[..., axis, None]
-        near = jnp.minimum(x - lower[:, None, :, axis], upper[:, None, :, axis] - x)
-        inside = near if inside is None else jnp.minimum(inside, near)
+        return jnp.minimum(x - lower[:, None, :, axis], upper[:, None, :, axis] - x)
+
+    inside = functools.reduce(jnp.minimum, map(within, range(3)))  # one at a time: small arrays
     key = jnp.minimum(inside + MARGIN / resolution, 0) * AWAY
     key = key - jnp.prod(upper - lower, -1)[:, None]
     left = jnp.where(valid[:, None], key, -jnp.inf)

@@ -76,6 +76,7 @@ class OccupancyRefiner(nnx.Module):
             self._read(pixels, cameras, logits, index),
         ]
         if self.follows:
+            assert layout is not None  # ``StructureFlow.refine`` asks for it
             seen.append(self.layout_in(self.layout(layout, coords, side)))
         h = self.joined(jax.nn.gelu(jnp.concatenate(seen, -1)))
         h = self.hidden(jax.nn.gelu(h))

@@ -213,7 +213,7 @@ def encode_batch(
                 "voxel_part": batch.voxel_part[b, :count],
                 "latent": out["latent"][b, :count],
                 "images": np.round(batch.images[b] * 255),
-                **true_layout(batch, b),
+                **true_layout(batch, int(b)),
             }
         )
     return items

@@ -162,6 +162,8 @@ def knobs(
     sweep = None if rng.random() < 0.5 else float(np.deg2rad(rng.choice([180, 240, 270, 300])))
     light = material.color[1] >= 0.5
     mark = materials.plain((0.1, 0.1, 0.1) if light else (0.95, 0.95, 0.95))
-    look = (material, mark, sweep)
-    shown = {"pointer": sweep is not None, "skirt": sweep is not None}
-    return [add_knob(asm, parent, at, radius, reach, *look, tilt=tilt, **shown) for at in places]
+    look, stops = (material, mark, sweep), sweep is not None
+    return [
+        add_knob(asm, parent, at, radius, reach, *look, pointer=stops, skirt=stops, tilt=tilt)
+        for at in places
+    ]

@@ -198,7 +198,7 @@ def _about_normal(rng, at, i: int) -> Joint:
     return hinge(at, _axis(i, float(rng.choice([-1, 1]))), angle)
 
 
-def _turning(rng, seat, parent, i, s, palette, arm=False) -> Candidate | None:
+def _turning(rng, seat: Piece, parent, i: int, s: int, palette, arm=False) -> Candidate | None:
     """A part that turns on a face: about its middle, or an arm about a pin near its end."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]
@@ -240,7 +240,7 @@ def _turning(rng, seat, parent, i, s, palette, arm=False) -> Candidate | None:
     return Candidate(Piece(lo, hi, solids, parent, _about_normal(rng, at, i)))
 
 
-def _flap(rng, seat, parent, i, s, palette) -> Candidate | None:
+def _flap(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | None:
     """A plate or block on a face, hinged along one of the edges that it touches the face with."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]
@@ -289,7 +289,7 @@ def _flap(rng, seat, parent, i, s, palette) -> Candidate | None:
     return Candidate(Piece(lo, hi, solids, parent, hinge(at, axis, angle)))
 
 
-def _sliding(rng, seat, parent, i, s, palette) -> Candidate | None:
+def _sliding(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | None:
     """A block that slides along a face, between rails on some."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]
@@ -330,7 +330,7 @@ def _sliding(rng, seat, parent, i, s, palette) -> Candidate | None:
     return found
 
 
-def _piston(rng, seat, parent, i, s, palette) -> Candidate | None:
+def _piston(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | None:
     """A head on a rod in a bore: slides, turns, or winds."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]
@@ -382,7 +382,7 @@ def _piston(rng, seat, parent, i, s, palette) -> Candidate | None:
     return Candidate(Piece(lo, hi, solids, parent, joint), cut=hole)
 
 
-def _drawer(rng, seat, parent, i, s, palette) -> Candidate | None:
+def _drawer(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | None:
     """A block in a pocket of its parent, that pulls out."""
     room = seat.hi - seat.lo
     j, k = [a for a in range(3) if a != i]

@@ -50,8 +50,10 @@ def _drawers(rng: np.random.Generator) -> ArticulatedObject:
     for (a, b), (lo, hi) in zip(itertools.pairwise(cells), bays, strict=True):
         front_lo = np.array([-look.thickness - 0.002, 0.001 - half, a + seam / 2])
         front_hi = np.array([-0.002, half - 0.001, b - seam / 2])
-        extra = dict(fill=float(rng.uniform(0.6, 0.95)), depth=float(rng.uniform(0.8, 0.99)))
-        add_drawer(asm, root, front_lo, front_hi, lo, hi, pull, look, center=False, **extra)
+        fill, deep = float(rng.uniform(0.6, 0.95)), float(rng.uniform(0.8, 0.99))
+        add_drawer(
+            asm, root, front_lo, front_hi, lo, hi, pull, look, center=False, fill=fill, depth=deep
+        )
     return asm.object()
 
 

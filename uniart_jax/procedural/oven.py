@@ -154,7 +154,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     root = asm.add("body", body)
 
     angle = np.pi / 2 if rng.random() < 0.6 else float(np.deg2rad(rng.uniform(75, 95)))
-    for (y, a, b, kind), bay in zip(rooms, bays, strict=True):
+    for (y, a, b, kind), (bay_lo, bay_hi) in zip(rooms, bays, strict=True):
         air = [0.002 if abs(abs(v) - half) < 1e-6 else seam / 2 for v in y]
         lo = np.array([front, y[0] + air[0], a + seam / 2])
         hi = np.array([-0.002, y[1] - air[1], b - seam / 2])
@@ -169,7 +169,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
                 look, handle=str(rng.choice([look.handle, "recess", "none"]))
             )
             pull, deep = float(rng.uniform(0.5, 0.95)), float(rng.uniform(0.65, 0.95))
-            add_drawer(asm, root, lo, hi, *bay, pull, plainer, kind="slab", depth=deep)
+            add_drawer(asm, root, lo, hi, bay_lo, bay_hi, pull, plainer, kind="slab", depth=deep)
     if shelves == "slide":
         bars, pull = int(rng.integers(4, 7)), float(rng.uniform(0.5, 0.95))
         for lo, hi in racks:

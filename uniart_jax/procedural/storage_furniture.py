@@ -252,8 +252,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         slab = finish if rng.random() < 0.5 else finishes.wood(rng)
         slab = materials.stone(rng) if rng.random() < 0.2 else slab
         over = float(rng.choice([0.0, rng.uniform(0.01, 0.035)])) + look.thickness
-        side = float(rng.choice([0.0, rng.uniform(0.01, 0.03)]))
-        lo, hi = [-over, -width / 2 - side, z[1]], [depth, width / 2 + side, height]
+        beside = float(rng.choice([0.0, rng.uniform(0.01, 0.03)]))
+        lo, hi = [-over, -width / 2 - beside, z[1]], [depth, width / 2 + beside, height]
         body.add(box(lo, hi), slab.along("y"))
     shell = case.solid(rng)
     if roofless and not any(c.kind == "blank" for c in cells):

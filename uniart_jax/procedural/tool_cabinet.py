@@ -127,7 +127,7 @@ def _cells(rng, width: float, z, columns, rows, least: float) -> list[Cell]:
             and np.diff(sides).min() > least
         ):
             return cells
-    edges = np.linspace(*z, 7)
+    edges = np.linspace(z[0], z[1], 7)
     return [
         Cell((-width / 2, width / 2), (float(a), float(b)), "drawer")
         for a, b in itertools.pairwise(edges)

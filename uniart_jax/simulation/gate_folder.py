@@ -65,8 +65,8 @@ def gate_folder(
             found = gate(root / entry.path, name=name, allow_outside=allow_outside)["gate"]
         except (ValueError, OSError) as error:
             why = " ".join(str(error).split())
-            found = {"passed": False, "articulated": False}
-            found["checks"] = {"loads": check(1, 0, False, why)}
+            checks = {"loads": check(1, 0, False, why)}
+            found = {"passed": False, "articulated": False, "checks": checks}
         assets[entry.key] = {key: found[key] for key in ("passed", "articulated", "checks")}
     rules: dict[str, list[int]] = {}
     for asset in assets.values():

@@ -92,7 +92,7 @@ class Checkpoints:
     def __enter__(self) -> Checkpoints:
         return self
 
-    def __exit__(self, *_: Any) -> None:
+    def __exit__(self, *error: Any) -> None:
         try:
             with self._full_disk_as_a_line():
                 self._orbax.close()

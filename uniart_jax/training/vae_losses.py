@@ -69,7 +69,7 @@ def make_uniart_vae_loss(
     shown = sample is not None and weights.found > 0
     find = make_layout_finder(config.model) if shown else None
 
-    def loss_fn(params, batch, key, frozen=None):
+    def loss_fn(params, batch, key, frozen: Any = None):
         draw_key, noise_key = jax.random.split(key)
         if find is not None:
             *frozen, finder = frozen

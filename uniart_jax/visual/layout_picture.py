@@ -32,10 +32,11 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
     """
     image = Image.fromarray(crop).resize((side, side), Image.Resampling.BICUBIC)
     image = Image.blend(image, Image.new("RGB", image.size, (40, 40, 40)), 0.25)
-    if layout.camera is None:
+    camera = layout.camera
+    if camera is None:
         return image
     pen = ImageDraw.Draw(image)
-    see = lambda p: [tuple(v) for v in (project(layout.camera, p) + 1) * side / 2]  # noqa: E731
+    see = lambda p: [tuple(v) for v in (project(camera, p) + 1) * side / 2]  # noqa: E731
     for k, (box, joint) in enumerate(zip(layout.boxes, layout.joints, strict=True)):
         color = tuple(int(255 * c) for c in PART_COLORS[k % len(PART_COLORS)])
         signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))

@@ -137,10 +137,8 @@ def _flat_part(
     sides = upper - lower
     for axis in np.argsort(-sides):
         for side in (1, -1):
-            face = (
-                lower[axis] if side > 0 else len(np.moveaxis(views[0], axis, 0)) - 1 - upper[axis]
-            )
-            _straighten(_seen(views, axis, side), part, face, np.delete(sides, axis))
+            face = lower[axis] if side > 0 else views[0].shape[axis] - 1 - upper[axis]
+            _straighten(_seen(views, axis, side), part, float(face), np.delete(sides, axis))
     for axis in range(3):
         for side in (1, -1):
             seen = _seen(views, axis, side)
@@ -179,8 +177,8 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
     if phi is not drawn:  # a panel: its edges are as thick as it is, without its handle
         across = 3 - turn.axis - turn.along
         ends[0][across], ends[1][across] = _usual(phi < 0, across)
-    whole = tuple(end - low for end in turn.box(ends[0] + low, ends[1] + low))
-    _flat_part((phi, own, colored, free), 0, lower, upper, whole)
+    first, last = turn.box(ends[0] + low, ends[1] + low)
+    _flat_part((phi, own, colored, free), 0, lower, upper, (first - low, last - low))
     phi, colored, low = resampled(phi, colored, low, turn.back)
     # what lies beyond the grid is left out
     first = np.clip(low, 1, None)

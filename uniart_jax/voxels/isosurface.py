@@ -34,7 +34,7 @@ from scipy import ndimage
 from skimage.measure import marching_cubes
 
 from uniart_jax.objects.appearance import linear_to_srgb
-from uniart_jax.voxels.grid import VoxelGrid, connected, occupancy
+from uniart_jax.voxels.grid import PartGrid, VoxelGrid, connected, occupancy
 
 ZERO = 1e-4  # sub-cells; distances below this count as just inside
 SPECK_CELLS = 16  # a loose piece of a part is dropped if it has fewer sub-cells than this
@@ -63,7 +63,7 @@ class DenseField:
     source: np.ndarray
 
 
-def dense_field(grid: VoxelGrid, owner: np.ndarray) -> DenseField:
+def dense_field(grid: VoxelGrid | PartGrid, owner: np.ndarray) -> DenseField:
     """Spread a grid's sub-cells over space and fill in what is unknown.
 
     Args:

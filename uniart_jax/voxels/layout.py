@@ -317,9 +317,11 @@ def _table(row: dict, name: str, where: str) -> dict:
 
 def _numbers(row: dict, name: str, count: int, where: str) -> np.ndarray:
     values = row.get(name)
-    sound = isinstance(values, list) and len(values) == count
-    sound = sound and all(type(v) in (int, float) and np.isfinite(v) for v in values)
-    if not sound:
+    if not (
+        isinstance(values, list)
+        and len(values) == count
+        and all(type(v) in (int, float) and np.isfinite(v) for v in values)
+    ):
         raise ValueError(f"{where}: {name} must be {count} finite numbers")
     return np.array(values, np.float64)
 

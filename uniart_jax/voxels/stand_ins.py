@@ -101,9 +101,10 @@ def side_by_side(boxes: np.ndarray, joints: Sequence[Joint]) -> np.ndarray:
             pair = _pair(boxes[[i, k]], [joints[i], joints[k]])
             if pair is None:
                 continue
-            radii = float(made[np.ix_([i, k], 3 + pair.others)].mean(1).sum()) / 2  # by now
+            sides = np.ix_(np.array([i, k]), 3 + pair.others)
+            radii = float(made[sides].mean(1).sum()) / 2  # by now
             if SMALLER * pair.radii <= pair.apart < radii:
-                made[np.ix_([i, k], 3 + pair.others)] *= pair.apart / radii
+                made[sides] *= pair.apart / radii
     return made
 
 
