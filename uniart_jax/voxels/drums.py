@@ -29,6 +29,7 @@ OPEN = 0.5  # share of what lies before its middle that is solid at most
 SHELL = 3  # sub-cells, thickness of its shell and of its back
 TRIM = 2.0  # percent of its cells that are not looked at, at either end
 MET = 0.5  # share of a ring that is solid, from which on it is no longer the hole
+RING = 3.0  # sub-cells, width of such rings
 NARROW, FULL = 0.4, 0.95  # radius of the hole, least and most, over the drum's
 PLATE = 3  # sub-cells, thickness of the plate around the hole where it is torn
 AROUND = 6  # sub-cells beyond the drum's radius that the plate is whole
@@ -242,10 +243,10 @@ def _open(
 
 
 def _hole(still: np.ndarray, radius: np.ndarray, drum: float) -> float:
-    """Radius of the hole in cells [D, U, V] of what does not move: that of the narrowest ring of
-    which most is solid in some layer."""
-    for inner in np.arange(NARROW * drum, FULL * drum, 1.0):
-        ring = (radius >= inner) & (radius < inner + 1)
+    """Radius of the hole in cells [D, U, V] of what does not move: that of the middle of the
+    narrowest ring, ``RING`` wide, of which most is solid in some layer."""
+    for middle in np.arange(NARROW * drum, FULL * drum, 0.5):
+        ring = np.abs(radius - middle) < RING / 2
         if still[:, ring].mean(1).max() > MET:
-            return float(inner)
+            return float(middle)
     return FULL * drum
