@@ -219,6 +219,52 @@ def test_a_drawers_room_begins_behind_its_front_whatever_handle_it_has():
     assert (rooms[0] == rooms[1]).all() and (rooms[0] == rooms[2]).all()
 
 
+def rough_drawer(*lumps, away=None):
+    """A drawer with more cells, or without some, its box as before."""
+    field, tray = drawer(), np.maximum(block(*BOX), -block(*TRAY))
+    for lump in lumps:
+        tray = np.where(lump, -1.0, tray)
+    if away is not None:
+        tray = np.where(away, 2.0, tray)
+    return field_of(np.where(solid_of(field, 0), -1.0, 3.0), tray)
+
+
+def test_nothing_stands_out_from_the_edges_of_a_drawers_front():
+    beside = (AT[0] > 10.3) & (AT[0] < 13) & (AT[2] > 40) & (AT[2] < 43) & (AT[1] % 9 < 4)
+    beside &= (AT[1] > 15) & (AT[1] < 50)
+    ahead = (AT[0] > 8.5) & (AT[0] < 10.3) & (AT[2] > 38.5) & (AT[2] < 40) & (AT[1] % 7 < 3)
+    ahead &= (AT[1] > 15) & (AT[1] < 50)
+    handle = block((5.3, 30.3, 31.3), (10.5, 34.3, 33.3)) < 0
+    field = rough_drawer(beside, ahead, handle)
+    after = pulled(field)
+    for lump in (beside, ahead):
+        assert lump.sum() > 20 and solid_of(field, 1)[lump].all()
+        assert not solid_of(after, 1)[lump].any()
+    assert solid_of(after, 1)[handle].all()
+    assert solid_of(after, 1)[(block(*BOX) < -1) & (AT[0] < 14)].all()
+
+
+def test_a_pull_along_the_upper_edge_of_a_front_stays():
+    pull = block((5.3, 20.3, 37.3), (10.5, 44.3, 40.3)) < 0
+    after = pulled(rough_drawer(pull))
+    assert solid_of(after, 1)[pull].all()
+
+
+def test_the_walls_of_a_drawer_end_at_one_height():
+    """The left one is drawn lower than most, and both have a torn top."""
+    left = (AT[1] > 14.3) & (AT[1] < 18.3) & (AT[0] > 14.3) & (AT[0] < 40.3)
+    right = (AT[1] > 46.3) & (AT[1] < 50.3) & (AT[0] > 14.3) & (AT[0] < 40.3)
+    teeth = AT[0] % 6 < 2
+    away = (left & (AT[2] > 34) & ~teeth) | (right & (AT[2] > 38) & teeth)
+    after = solid_of(pulled(rough_drawer(away=away)), 1)
+    for wall in (left, right):
+        inner = wall & (AT[0] > 18) & (AT[0] < 37) & (np.minimum(AT[1] - 14, 51 - AT[1]) > 2)
+        columns = after & inner
+        tops = np.where(columns.any(2), after.shape[2] - 1 - columns[..., ::-1].argmax(2), 0)
+        tops = tops[inner.any(2)]
+        assert set(tops.tolist()) == {40}
+
+
 def test_a_front_keeps_a_cell_from_what_moves():
     torn = (block(*BOX) < 1) & (AT[0] < 14) & (AT[1] > 38) & (AT[2] > 34)
     other = block((9.3, 44.3, 36.3), (13.3, 48.3, 39.3))

@@ -27,6 +27,8 @@ NEAR = 2  # ... within so much ...
 AHEAD = 0.4  # ... and no farther in than this share of its depth: a handle may be before it
 PLATE = (2, 5)  # thickness of a drawer's front, least and most
 THINNEST = 3  # box of a drawer
+BEYOND = 4  # around its box, within which what stands out from its edges is cut off
+LEDGE = 2  # wide and high along its edges, what is no handle
 SOLID = 0.5  # distance of cells that are filled or cleared
 EDGE = 15.0  # percent of a door's cells, at either side of it, from which its thickness is not told
 
@@ -184,7 +186,7 @@ def drawer_front(
     if opening is None:
         return None
     low, high = ((box[:3] + sign * box[3:] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
-    low, high = np.ceil(low + 0.5).astype(int), np.floor(high - 0.5).astype(int) + 1
+    low, high = np.ceil(low).astype(int), np.floor(high).astype(int) + 1
     low, high = np.clip(low, 1, size + 1), np.clip(high, 1, size + 1)
     return Front(*opening, low, high) if (high - low >= THINNEST).all() else None
 
@@ -217,4 +219,33 @@ def whole_front(field: DenseField, part: int, body: Sequence[int], drawer: Front
     shown[plate & mine] = np.minimum(shown[plate & mine], -SOLID)
     edge = np.asarray(ndimage.binary_dilation(plate), bool) & ~plate & mine & (shown > 0)
     shown[edge] = np.maximum(shown[edge], SOLID)
+    _trim(field, part, drawer, plane, depth)
     return plane + depth
+
+
+def _trim(field: DenseField, part: int, drawer: Front, plane: int, depth: int) -> None:
+    """In place: nothing of a drawer stands out from the edges of its plate, which begins at layer
+    ``plane`` of its box."""
+    limit = np.array(field.sdf.shape) - 1
+    low, high = np.maximum(drawer.low - BEYOND, 1), np.minimum(drawer.high + BEYOND, limit)
+    around = Front(drawer.axis, drawer.side, low, high)
+    shown, whose = around.seen(field.sdf), around.seen(field.owner)
+    ahead = drawer.low - low if drawer.side < 0 else high - drawer.high
+    first = int(ahead[drawer.axis]) + plane
+    plate = np.ones(shown.shape[1:], bool)
+    across = np.delete(np.arange(3), drawer.axis)
+    plate[tuple(slice(a, b) for a, b in zip(*_within(drawer, low, across), strict=True))] = False
+    inner = np.asarray(ndimage.binary_erosion(~plate, iterations=LEDGE), bool)
+    mine = (whose == part) & (shown < 0)
+    out = mine & plate
+    out[first + depth :] = False
+    ledge = mine & ~inner & ~plate
+    ledge[first:] = False
+    high_ones = ledge[: max(first - LEDGE, 0)].any(0)  # of a handle
+    shown[out | (ledge & ~high_ones)] = SOLID
+
+
+def _within(front: Front, first: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """[2], [2]: a front's first cells across, and those after its last, in a window that begins at
+    ``first``."""
+    return (front.low - first)[across], (front.high - first)[across]

@@ -125,6 +125,8 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool =
     if ends:
         room = room._replace(depth=min(room.depth, len(solid) - THICKNESS))
     fill, clear = _walls(solid, room)
+    if ends:
+        _straight_tops(solid, room, fill, clear)
     fill &= (shown > 0) & ~np.asarray(ndimage.binary_dilation(others), bool)
     # so that the walls lie between the cells
     edge = np.asarray(ndimage.binary_dilation(clear | fill), bool) & solid & ~clear
@@ -152,6 +154,25 @@ def _walls(solid: np.ndarray, room: _Room) -> tuple[np.ndarray, np.ndarray]:
     fill[inside] = shelves
     clear[inside] = ~shelves
     return fill, clear & solid
+
+
+def _straight_tops(solid: np.ndarray, room: _Room, fill: np.ndarray, clear: np.ndarray) -> None:
+    """In place: each layer of a wall of a drawer [D, U, V] above where all walls are is wall, or
+    free."""
+    (u, v), whole = room.ends, fill.any((1, 2))
+    first = int(whole.argmax()) if whole.any() else 0
+    for axis, (ends, walls) in enumerate(zip((u, v), room.walls, strict=True)):
+        for at, there in zip((ends[0] - THICKNESS, ends[1]), walls, strict=True):
+            place = [slice(max(u[0] - THICKNESS, 0), u[1] + THICKNESS)]
+            place.append(slice(max(v[0] - THICKNESS, 0), v[1] + THICKNESS))
+            place[axis] = slice(max(at, 0), max(at + THICKNESS, 0))
+            for layer in range(first if there else 0):
+                wall = (layer, *place)
+                if solid[wall].size and solid[wall].mean() > MOST:
+                    fill[wall] = True
+                    clear[wall] = False
+                else:
+                    clear[wall] |= solid[wall] & ~fill[wall]
 
 
 def _shelves(inner: np.ndarray) -> np.ndarray:
