@@ -157,22 +157,24 @@ def _walls(solid: np.ndarray, room: _Room) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _straight_tops(solid: np.ndarray, room: _Room, fill: np.ndarray, clear: np.ndarray) -> None:
-    """In place: each layer of a wall of a drawer [D, U, V] above where all walls are is wall, or
-    free."""
-    (u, v), whole = room.ends, fill.any((1, 2))
-    first = int(whole.argmax()) if whole.any() else 0
-    for axis, (ends, walls) in enumerate(zip((u, v), room.walls, strict=True)):
-        for at, there in zip((ends[0] - THICKNESS, ends[1]), walls, strict=True):
-            place = [slice(max(u[0] - THICKNESS, 0), u[1] + THICKNESS)]
-            place.append(slice(max(v[0] - THICKNESS, 0), v[1] + THICKNESS))
-            place[axis] = slice(max(at, 0), max(at + THICKNESS, 0))
-            for layer in range(first if there else 0):
-                wall = (layer, *place)
-                if solid[wall].size and solid[wall].mean() > MOST:
-                    fill[wall] = True
-                    clear[wall] = False
-                else:
-                    clear[wall] |= solid[wall] & ~fill[wall]
+    """In place: each layer of a wall of a drawer [D, U, V] is all wall, or above it free."""
+    for axis, (ends, walls) in enumerate(zip(room.ends, room.walls, strict=True)):
+        across = 2 - axis
+        span = room.ends[1 - axis]
+        for far, there in enumerate(walls):
+            # [D, outwards, along] views from the room's end on
+            views = [np.moveaxis(v, across, 2) for v in (solid, fill, clear)]
+            views = [v[:, ends[1] :] if far else v[:, : ends[0]][:, ::-1] for v in views]
+            shown, filled, free = (v[: room.depth, :, slice(*span)] for v in views)
+            drawn = shown.mean((0, 2)) > MOST
+            thick = int(np.append(~drawn, True).argmax())
+            if not there or not thick:
+                continue
+            whole = shown[:, :thick].mean((1, 2)) > MOST
+            top = int(whole.argmax()) if whole.any() else room.depth
+            filled[top:, :thick] = True
+            free[:top] |= shown[:top]
+            filled[:top] = False
 
 
 def _shelves(inner: np.ndarray) -> np.ndarray:
