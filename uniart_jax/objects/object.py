@@ -42,9 +42,7 @@ def moved_mesh(mesh: trimesh.Trimesh, matrix: np.ndarray) -> trimesh.Trimesh:
     if isinstance(visual, TextureVisuals):
         uv = None if visual.uv is None else np.array(visual.uv)
         visual = TextureVisuals(uv=uv, material=visual.material)
-    elif (
-        visual.kind == "face"
-    ):  # ``copy`` would also work out the vertices' colours, which it drops
+    elif visual.kind == "face":  # ``copy`` would work out the vertices' colours too
         visual = ColorVisuals(face_colors=np.array(visual.face_colors))
     else:
         visual = visual.copy()
