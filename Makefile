@@ -18,16 +18,18 @@ sample: .venv/ready
 	@echo "· $(IMAGE) -> $(OUT) with the shipped model"
 	@$(BIN)/python sample.py $(IMAGE) --out $(OUT) --overwrite
 
+# byte-code is kept, for the next run and for what tests start, also where the shell says otherwise
+PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
 # a process a core, four at most (1.5 GB each); a module's tests stay together
 SPREAD := -n auto --maxprocesses 4 --dist loadscope
 
 test: .venv/ready
 	@echo "· the fast suite (CPU, no network); make test-full runs everything"
-	@$(BIN)/python -m pytest $(SPREAD)
+	@$(PYTEST) $(SPREAD)
 
 test-full: .venv/ready
 	@echo "· the whole suite; what a missing program would cover is skipped with the command that installs it"
-	@JAX_DISABLE_MOST_OPTIMIZATIONS=0 $(BIN)/python -m pytest $(SPREAD) -m "" -rs
+	@JAX_DISABLE_MOST_OPTIMIZATIONS=0 $(PYTEST) $(SPREAD) -m "" -rs
 
 mutants: .venv/ready
 	@echo "· lines broken on purpose, one at a time, in a copy; each must fail the test that is named for it"

@@ -261,7 +261,7 @@ def test_makers_objects_are_held_back_until_they_are_judged(pool_tools):
     host = pool_tools.host
     sizes, pools = host.Sizes(32, 64, 32), (host.Pool(256), host.Pool(256))
     with host.Objects(1, 200_000, sizes, *pools, "wide") as objects:
-        for _ in range(600):
+        for _ in range(3000):  # a busy machine takes its time
             if rows := objects.unseen():
                 break
             objects.check()

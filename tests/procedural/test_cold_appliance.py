@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import functools
 from collections import Counter
 
 import numpy as np
 from overlaps import check_parts, loose
 
+from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import BOX_SEPARATION, box_separation, cold_appliance
 
 HAIR = 1e-3  # of the smaller part's volume
 
 
-def objects(count: int):
-    rngs = [np.random.default_rng([seed, 6]) for seed in range(count)]
-    made = [cold_appliance.build(rng).normalized() for rng in rngs]
+@functools.cache
+def build(seed: int) -> ArticulatedObject:
+    return cold_appliance.build(np.random.default_rng([seed, 6])).normalized()
+
+
+def objects(count: int) -> list[ArticulatedObject]:
+    made = [build(seed) for seed in range(count)]
     return [obj for obj in made if box_separation(obj) > BOX_SEPARATION]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 from collections import Counter
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from overlaps import check_parts, overlap
 
+from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import BOX_SEPARATION, box_separation, cupboard, joinery
 from uniart_jax.procedural.cupboard_case import Cabinet, carcass, fronts
 from uniart_jax.procedural.cupboard_plans import HUNG, KINDS, Cell, plan
@@ -18,8 +20,13 @@ from uniart_jax.procedural.shapes import Assembly, Shape, box
 HAIR = 1e-3  # of the smaller part's volume
 
 
-def objects(count: int):
-    made = [cupboard.build(np.random.default_rng([seed, 5])).normalized() for seed in range(count)]
+@functools.cache
+def build(seed: int) -> ArticulatedObject:
+    return cupboard.build(np.random.default_rng([seed, 5])).normalized()
+
+
+def objects(count: int) -> list[ArticulatedObject]:
+    made = [build(seed) for seed in range(count)]
     return [obj for obj in made if box_separation(obj) > BOX_SEPARATION]
 
 

@@ -1,11 +1,14 @@
 """Hinges, finishes and what real objects have: that all of it is made, and that doors clear what
 they close."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 
 from uniart_jax import procedural
 from uniart_jax.evaluation.worlds import object_values
+from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import finishes, hinges, materials
 
 
@@ -45,16 +48,16 @@ def test_finishes_reach_where_materials_do_not():
     assert finishes.varied(rng, grained).image.dtype == np.uint8
 
 
-def values(family: str, count: int) -> dict[str, list[float]]:
+def values(objects: Iterable[ArticulatedObject]) -> dict[str, list[float]]:
     found: dict[str, list[float]] = {}
-    for seed in range(count):
-        for name, numbers in object_values(procedural.generate(family, seed)).items():
+    for obj in objects:
+        for name, numbers in object_values(obj).items():
             found.setdefault(name, []).extend(numbers)
     return found
 
 
 def test_storage_has_axes_at_the_rear_pull_outs_and_whole_fronts():
-    found = values("storage_furniture", 80)
+    found = values(procedural.generate("storage_furniture", seed) for seed in range(80))
     assert max(found["door: axis inside its edge"]) > 0.003
     assert np.quantile(found["door: axis behind its front"], 0.9) > 0.04
     assert 0.02 < np.mean(found["drawer: hidden"]) < 0.4
@@ -63,7 +66,7 @@ def test_storage_has_axes_at_the_rear_pull_outs_and_whole_fronts():
 
 
 def test_ovens_have_cooktops_twin_doors_and_leaning_knobs():
-    found = values("oven", 90)
+    found = values(procedural.generate("oven", seed) for seed in range(90))
     assert 0 in found["flap: an object"] and max(found["object: depth / height"]) > 2.5
     assert min(found["flap: width of object's"]) < 0.7
     assert max(found["knob: axis off square (deg)"]) > 15
@@ -71,13 +74,8 @@ def test_ovens_have_cooktops_twin_doors_and_leaning_knobs():
 
 
 def test_tables_roll_on_casters_and_stand_back_under_their_tops():
-    found = values("table", 120)
-    assert max(found["drawer: behind object's front"]) > 0.15
-    wheels = [
-        part
-        for seed in range(120)
-        for part in procedural.generate("table", seed).parts
-        if part.label == "wheel"
-    ]
+    tables = [procedural.generate("table", seed) for seed in range(120)]
+    assert max(values(tables)["drawer: behind object's front"]) > 0.15
+    wheels = [part for obj in tables for part in obj.parts if part.label == "wheel"]
     assert wheels and all(part.joint.type == "continuous" for part in wheels)
     assert all(part.mesh.bounds[0, 2] < -0.1 for part in wheels)  # at the floor

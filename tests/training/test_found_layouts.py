@@ -1,6 +1,7 @@
 """A decoder's loss on layouts that the layout network finds, at toy size."""
 
 import dataclasses
+import functools
 import sys
 from pathlib import Path
 
@@ -29,7 +30,12 @@ MODEL = dataclasses.replace(
     uniart_vae=dataclasses.replace(MODEL.uniart_vae, layout_channels=6),
     latent_flow=dataclasses.replace(MODEL.latent_flow, layout_channels=6),
 )
-FROZEN = tuple(init(build(name, MODEL)) for name in ("image_encoder", "latent_flow", "layout"))
+
+
+@functools.cache
+def frozen(name):
+    """Parameters of a network that is not trained."""
+    return init(build(name, MODEL))
 
 
 def make_batch(seed=0):
@@ -58,8 +64,8 @@ def loss_of():
             config = Config(model=MODEL, loss=LossConfig(sampled=1.0, found=share))
             loss_fn = make_uniart_vae_loss(network, config, zero, zero + 1)
             made[share] = jax.jit(jax.value_and_grad(lambda *a: loss_fn(*a)[0]))
-        frozen = FROZEN if share else FROZEN[:2]
-        return made[share](params, batch, jax.random.key(0), frozen)
+        names = ("image_encoder", "latent_flow", "layout")[: 3 if share else 2]
+        return made[share](params, batch, jax.random.key(0), tuple(map(frozen, names)))
 
     return run
 
@@ -79,14 +85,14 @@ def test_a_decoder_sees_the_layout_found_in_place_of_its_own(loss_of):
 
 def test_pictures_of_another_size_are_resampled():
     find, plain = make_layout_finder(MODEL), jnp.full((2, 32, 32, 3), 0.3)
-    small = find(FROZEN[2], plain)
-    large = find(FROZEN[2], jnp.full((2, 48, 48, 3), 0.3))
+    small = find(frozen("layout"), plain)
+    large = find(frozen("layout"), jnp.full((2, 48, 48, 3), 0.3))
     np.testing.assert_allclose(small.boxes, large.boxes, atol=1e-5)
 
 
 def test_what_is_shown_is_what_the_network_finds():
     batch = make_batch()
-    found = make_layout_finder(MODEL)(FROZEN[2], jnp.asarray(batch.image))
+    found = make_layout_finder(MODEL)(frozen("layout"), jnp.asarray(batch.image))
     shown = show_found(batch, found, 1.0, jax.random.key(0))
     np.testing.assert_array_equal(shown.layout.boxes, found.boxes)
     # the truth: each part is the row of its number

@@ -8,8 +8,11 @@ from uniart_jax.voxels.grid import SDF_CLIP, PartGrid, subcell_centers
 def box_sdf(points: np.ndarray, low, high) -> np.ndarray:
     """Signed distance of points [..., 3] to a solid box, object units."""
     low, high = np.asarray(low, float), np.asarray(high, float)
-    outside = np.abs(points - (low + high) / 2) - (high - low) / 2
-    return np.linalg.norm(np.maximum(outside, 0), axis=-1) + np.minimum(outside.max(-1), 0)
+    middle, half = (low + high) / 2, (high - low) / 2
+    # an axis at a time: NumPy takes several times as long for rows of three
+    x, y, z = (np.abs(points[..., k] - middle[k]) - half[k] for k in range(3))
+    squares = sum(np.maximum(side, 0) ** 2 for side in (x, y, z))
+    return np.sqrt(squares) + np.minimum(np.maximum(np.maximum(x, y), z), 0)
 
 
 def box_of(low, high) -> list[float]:

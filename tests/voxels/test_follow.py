@@ -21,7 +21,7 @@ from uniart_jax.voxels.voxelize import voxelize
 @pytest.fixture(scope="module")
 def oven():
     obj = procedural.generate("oven", 11)
-    return obj, voxelize(obj, 32, 4)
+    return obj, voxelize(obj, 24, 4)
 
 
 def test_true_voxels_and_true_layout_give_the_object(oven):

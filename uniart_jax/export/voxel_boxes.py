@@ -21,6 +21,7 @@ from uniart_jax.export.naming import is_knob
 from uniart_jax.export.physics import Box, Hull, Shape
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.crossings import lattice_windings
+from uniart_jax.voxels.grid import dilated
 
 ROUGH_FACES = 2500  # fewer are no rough object
 # (radians, share of edges that are bent by more). Marching cubes of a network's output have .8 and
@@ -152,7 +153,7 @@ def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells
         give[knobs] = False
         owner[touched & ((owner == FREE) | give[owner])] = k
     full = owner == np.arange(len(meshes), dtype=np.int16)[:, None, None, None]
-    near = np.stack([ndimage.binary_dilation(f, np.ones((3, 3, 3))) for f in full])
+    near = np.stack([dilated(f) for f in full])
     alone = near & (near.sum(0) == 1) & (owner == FREE)
     hulls = {k: meshes[k].convex_hull for k in knobs}
     return Cells(corner, side, rest, full, alone, hulls)

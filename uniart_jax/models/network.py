@@ -35,6 +35,17 @@ IMAGE_ENCODERS = {  # by ``ImageEncoderConfig.architecture``
 }
 
 
+class _OneKey:
+    """``nnx.Rngs`` where only shapes matter: to count what each layer draws, and fold it in, is
+    most of the time of tracing them."""
+
+    def __init__(self) -> None:
+        self.key = jax.random.key(0)
+
+    def params(self) -> jax.Array:
+        return self.key
+
+
 class Network:
     """One network of a model: how to make its parameters and how to run it.
 
@@ -43,7 +54,7 @@ class Network:
       config: the model that it belongs to.
     """
 
-    def __init__(self, name: str, config: ModelConfig, make: Callable[[nnx.Rngs], nnx.Module]):
+    def __init__(self, name: str, config: ModelConfig, make: Callable[[Any], nnx.Module]):
         self.name, self.config, self._make = name, config, make
 
     def __repr__(self) -> str:
@@ -82,7 +93,7 @@ class Network:
 
     @functools.cached_property
     def _split(self):
-        return nnx.split(nnx.eval_shape(lambda: self._make(nnx.Rngs(params=0))))
+        return nnx.split(nnx.eval_shape(lambda: self._make(_OneKey())))
 
 
 def build(name: str, config: ModelConfig) -> Network:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from trimesh.visual import TextureVisuals
+from trimesh.visual import ColorVisuals, TextureVisuals
 
 from uniart_jax.objects.kinematics import (
     ANGLE_DEAD_ZONE,
@@ -42,6 +42,8 @@ def moved_mesh(mesh: trimesh.Trimesh, matrix: np.ndarray) -> trimesh.Trimesh:
     if isinstance(visual, TextureVisuals):
         uv = None if visual.uv is None else np.array(visual.uv)
         visual = TextureVisuals(uv=uv, material=visual.material)
+    elif visual.kind == "face":  # ``copy`` would work out the vertices' colours too
+        visual = ColorVisuals(face_colors=np.array(visual.face_colors))
     else:
         visual = visual.copy()
     return trimesh.Trimesh(vertices, faces, visual=visual, process=False)

@@ -21,7 +21,7 @@ import pybullet
 from trimesh.transformations import quaternion_matrix
 
 from uniart_jax.export.physics import GRAVITY
-from uniart_jax.simulation.engine import TIMESTEP, LinkInertia, Pair, Plan
+from uniart_jax.simulation.engine import TIMESTEP, LinkInertia, Pair, Plan, cross
 
 POSED_SIZE = 100.0  # m
 NEAR = 1.0  # m, at that size; at 0 Bullet looks for nothing between links of several shapes
@@ -151,7 +151,7 @@ class BulletEngine:
         state = self.sim.state(link)
         frame = _matrix(state[4], state[5])
         at = frame[:3, :3] @ local + frame[:3, 3]
-        return at, np.array(state[6]) + np.cross(state[7], at - np.array(state[0]))
+        return at, np.array(state[6]) + cross(state[7], at - np.array(state[0]))
 
     def path(self, joint: str, values: np.ndarray, link: str, local: np.ndarray) -> np.ndarray:
         now = self.sim.coordinates()

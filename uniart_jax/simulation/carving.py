@@ -16,11 +16,11 @@ from collections.abc import Iterator
 
 import numpy as np
 import trimesh
-from scipy import ndimage
 
 from uniart_jax.export.voxel_boxes import Cells
 from uniart_jax.objects.kinematics import subtrees
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.voxels.grid import dilated
 
 MOST_LOST = 0.5  # of a part's cells, in all
 # of the moving part's cells that meet another: more, and the other may be a door that should be
@@ -77,7 +77,7 @@ class _Field:
             self.owner[tuple(block[cells.full[b][source]].T)] = b
             self.spare[tuple(block[cells.spare[b][source]].T)] = b
         filled = (self.owner >= 0) | (self.spare >= 0)
-        self.near = np.asarray(ndimage.binary_dilation(filled, np.ones((3, 3, 3))))
+        self.near = dilated(filled)
 
     def beside(self, points: np.ndarray) -> np.ndarray:
         """Indices of the points [n, 3] whose cells are near a part's."""

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from uniart_jax.export.physics import GRAVITY
-from uniart_jax.simulation.engine import TIMESTEP, LinkInertia, Pair, Plan
+from uniart_jax.simulation.engine import TIMESTEP, LinkInertia, Pair, Plan, cross
 
 _MOVING = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
 _SOLID = (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_HFIELD)
@@ -110,7 +110,7 @@ class MujocoEngine:
         body = self.index[link]
         wrench = self.data.xfrc_applied[body]
         wrench[:3] += force
-        wrench[3:] += np.cross(point - self.data.xipos[body], force)
+        wrench[3:] += cross(point - self.data.xipos[body], force)
 
     def local(self, link: str, point: Sequence[float]) -> np.ndarray:
         body = self.index[link]

@@ -20,7 +20,7 @@ import trimesh
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint, subtrees
-from uniart_jax.voxels.grid import connected
+from uniart_jax.voxels.grid import connected, dilated
 from uniart_jax.voxels.isosurface import ZERO, DenseField
 from uniart_jax.voxels.ways import center_of, closed_end, opens_to, places
 
@@ -149,7 +149,7 @@ def _passed(cells: np.ndarray, motions: Sequence[np.ndarray], shape: tuple[int, 
         at = _cells(points, motion, size)
         at = np.rint(at[((at > 0) & (at < size + 1)).all(1)]).astype(np.int32)
         passed[tuple(at.T)] = True
-    return ndimage.binary_dilation(passed, np.ones((3, 3, 3)))
+    return dilated(passed)
 
 
 def _cells(places: np.ndarray, motion: np.ndarray, size: int) -> np.ndarray:
@@ -170,7 +170,7 @@ def _depth(
     window = tuple(slice(s.start - 1, s.stop + 1) for s in window)  # the layer around is free
     low = np.array([s.start for s in window])
     inside = np.where(theirs, sdf, np.maximum(np.abs(sdf), 0.5))[window]
-    near = ndimage.binary_dilation(solid[window], np.ones((3, 3, 3)))
+    near = dilated(solid[window])
     for motion in motions:
         at = _cells(points, motion, size) - low
         cell = np.rint(at).astype(np.int32)

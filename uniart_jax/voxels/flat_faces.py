@@ -197,14 +197,14 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
     near = ndimage.binary_dilation((sdf < 0) & ~was & ~lent, iterations=APART)
     others = np.asarray(near, bool)
     free = (~others & ((sdf > 0) | lent) | was)[into]
-    free &= np.isin(taken[into], (-1, part)) | lent[into]
+    free &= (taken[into] == -1) | (taken[into] == part) | lent[into]
     if (free & (phi < 0)).sum() < KEPT * was.sum():
         return False
     gone = was | lent
     sdf[gone] = np.maximum(-sdf[gone], 0.5)
     owner[lent] = part
     here, whose = sdf[into], owner[into]
-    new = free & ((phi < 0) | (np.isin(whose, (-1, part)) & (phi < 1)))
+    new = free & ((phi < 0) | (((whose == -1) | (whose == part)) & (phi < 1)))
     here[new], whose[new] = phi[new], part
     source[into][new & (phi < 0)] = colored[new & (phi < 0)]
     taken[was & (sdf > 0)] = -1  # a door beside it may have them
@@ -333,8 +333,10 @@ def _is_most(columns: np.ndarray, face: np.ndarray) -> bool:
 
 def _closed(columns: np.ndarray, gap: int = GAP) -> np.ndarray:
     """[U, V] with gaps of twice ``gap`` closed."""
-    wide = np.ones((2 * gap + 1,) * 2)
-    return ndimage.binary_closing(np.pad(columns, gap), wide)[gap:-gap, gap:-gap]
+    closed: Any = np.pad(columns, gap)
+    for turn in (ndimage.binary_dilation, ndimage.binary_erosion):  # by a square: an axis a time
+        closed = turn(turn(closed, np.ones((2 * gap + 1, 1))), np.ones((1, 2 * gap + 1)))
+    return closed[gap:-gap, gap:-gap]
 
 
 def _without_small_holes(columns: np.ndarray) -> np.ndarray:
@@ -348,28 +350,34 @@ def _without_small_holes(columns: np.ndarray) -> np.ndarray:
 
 def _end_at(views: Views, part: int, columns: np.ndarray, plane: float) -> None:
     """In place: the part's columns [U, V] end at ``plane``, cells along the first axis."""
-    sdf, owner, source, taken = views
     u, v = np.nonzero(columns)
-    column = sdf[:, u, v], owner[:, u, v], source[:, u, v]
-    mine = (column[0] < 0) & (column[1] == part)
+    if not len(u):
+        return
+    mine = _solid(views, part)[:, u, v]
     first = mine.argmax(0)
-    index = np.arange(len(sdf))[:, None]
-    free = ((column[0] > 0) | mine) & np.isin(taken[:, u, v], (-1, part))
-    # only what is free all the way from the plane to the part
-    blocked = (~free & (index >= plane) & (index < first)).any(0)
     # what is thinner than it is cut by is moved, not lost
     start = int(np.ceil(plane))
     lost = (first < plane) & ~mine[start : start + THICKNESS].any(0)
     end = np.where(lost, start + THICKNESS, np.maximum(first, start + 1))
+    # all that changes lies in these layers
+    low = max(min(int(first.min()), int(np.floor(plane))), 0)
+    layers = slice(low, max(int(end.max()), low + 1))
+    sdf, owner, source, taken = (view[layers] for view in views)
+    column = sdf[:, u, v], owner[:, u, v], source[:, u, v]
+    color = views[2][first, u, v]
+    mine, whose = mine[layers], taken[:, u, v]
+    index = np.arange(low, low + len(sdf))[:, None]
+    free = ((column[0] > 0) | mine) & ((whose == -1) | (whose == part))
+    # only what is free all the way from the plane to the part
+    blocked = (~free & (index >= plane) & (index < first)).any(0)
     inside = (index >= plane) & (index < end) & free & (mine | (index < first) | lost) & ~blocked
     cut = (index < plane) & (index >= np.minimum(first, np.floor(plane))) & free & ~blocked
-    cut &= mine | np.isin(column[1], (-1, part))
-    own = np.take_along_axis(column[2], first[None], 0)
+    cut &= mine | (column[1] == -1) | (column[1] == part)
     filled = inside & ~mine
     outside = np.maximum(plane - index, 2 * ZERO)
     sdf[:, u, v] = np.where(inside, plane - index, np.where(cut, outside, column[0]))
     owner[:, u, v] = np.where(filled | cut, part, column[1])
-    source[:, u, v] = np.where(filled & (column[2] < 0), own, column[2])
+    source[:, u, v] = np.where(filled & (column[2] < 0), color, column[2])
 
 
 def _fill(views: Views, part: int, columns: np.ndarray, plane: float) -> None:
@@ -379,7 +387,7 @@ def _fill(views: Views, part: int, columns: np.ndarray, plane: float) -> None:
     start = int(np.ceil(plane))
     for depth in range(start, min(start + THICKNESS, len(sdf))):
         mine = (sdf[depth] < 0) & (owner[depth] == part) & (source[depth] >= 0)
-        cells = columns & (sdf[depth] > 0) & np.isin(taken[depth], (-1, part))
+        cells = columns & (sdf[depth] > 0) & ((taken[depth] == -1) | (taken[depth] == part))
         if not (mine.any() and cells.any()):
             continue
         nearest: Any = ndimage.distance_transform_edt(

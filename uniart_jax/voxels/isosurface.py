@@ -34,7 +34,7 @@ from scipy import ndimage
 from skimage.measure import marching_cubes
 
 from uniart_jax.objects.appearance import linear_to_srgb
-from uniart_jax.voxels.grid import PartGrid, VoxelGrid, connected, occupancy
+from uniart_jax.voxels.grid import PartGrid, VoxelGrid, connected, dilated, occupancy
 
 ZERO = 1e-4  # sub-cells; distances below this count as just inside
 SPECK_CELLS = 16  # a loose piece of a part is dropped if it has fewer sub-cells than this
@@ -103,7 +103,7 @@ def with_sources(field: DenseField, parts: int) -> DenseField:
             continue
         window = tuple(slice(s.start - 1, s.stop + 1) for s in window)  # the layer around
         mine, named = solid[window] == part, source[window]
-        bare = mine & (named < 0) & ndimage.binary_dilation(~mine, np.ones((3, 3, 3)))
+        bare = mine & (named < 0) & dilated(~mine)
         known = (field.owner[window] == part - 1) & (named >= 0)
         if bare.any() and known.any():
             nearest: Any = ndimage.distance_transform_edt(

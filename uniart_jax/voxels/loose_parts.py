@@ -8,12 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import trimesh
-from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from uniart_jax.objects.kinematics import subtrees
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.grid import connected
+from uniart_jax.voxels.grid import connected, dilated
 from uniart_jax.voxels.isosurface import DenseField
 
 # of the longest side: a part of next to no volume that is farther from all others is a speck
@@ -106,7 +105,7 @@ def with_lost_parts(field: DenseField, before: DenseField) -> DenseField:
 
 def _together(solid: np.ndarray) -> tuple[np.ndarray, int]:
     """[n, n, n] label of cells that touch, and the one of most cells."""
-    wide = ndimage.binary_dilation(solid, np.ones((3, 3, 3)))
+    wide = dilated(solid)
     labels = connected(wide) * solid
     return labels, int(np.bincount(labels[solid]).argmax()) if solid.any() else 0
 
