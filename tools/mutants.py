@@ -53,8 +53,43 @@ INTERVAL = (
 )
 PHOTOGRAPHS = "uniart_jax/data/photographs.py"
 REFRAMED = "tests/data/test_photographs.py::test_the_camera_code_is_that_of_the_new_crop"
+DRUMS, ROOMS = "uniart_jax/voxels/drums.py", "uniart_jax/voxels/rooms.py"
+FRONTS, MASKS = "uniart_jax/voxels/fronts.py", "uniart_jax/inference/masks.py"
+IS_DRUM = "tests/voxels/test_drums.py::test_what_is_no_drum_is_left"
+BEHIND_DOOR = "tests/voxels/test_drums.py::test_the_plate_lies_behind_the_closed_door"
+ROUND = "tests/voxels/test_drums.py::test_a_torn_drum_and_its_hole_are_round"
 POOL_LOSSES = "tools/pool_losses.py"
 MUTANTS = (
+    Mutant(DRUMS, "return FULL * drum", "return NARROW * drum", BEHIND_DOOR),
+    Mutant(DRUMS, "plane = max(plane, plane if door is None else door + 1)", "", BEHIND_DOOR),
+    Mutant(DRUMS, "return max(front, end + APART)", "return front", BEHIND_DOOR),
+    Mutant(DRUMS, "if _around(cells[:, across] - middle, radius) < AROUND:", "if False:", IS_DRUM),
+    Mutant(DRUMS, "if not _encloses(still, middle, radius, low, high):", "if False:", IS_DRUM),
+    Mutant(DRUMS, "wall = np.maximum(outside, -inside)", "wall = outside", ROUND),
+    Mutant(
+        FRONTS,
+        "_trim(field, part, drawer, plane, depth)\n    return",
+        "return",
+        "tests/voxels/test_rooms.py::test_nothing_stands_out_from_the_edges_of_a_drawers_front",
+    ),
+    Mutant(
+        ROOMS,
+        "        _straight_tops(solid, room, fill, clear)\n",
+        "        pass\n",
+        "tests/voxels/test_rooms.py::test_the_walls_of_a_drawer_end_at_one_height",
+    ),
+    Mutant(
+        MASKS,
+        "(plain + mirrored[:, ::-1]) / 2",
+        "plain",
+        "tests/inference/test_masks.py::test_the_mask_of_a_mirror_image_is_the_mirrored_mask",
+    ),
+    Mutant(
+        "uniart_jax/data/scenes.py",
+        "rng.random() < SHARE",
+        "rng.random() < 0",
+        "tests/data/test_backdrop_pictures.py::test_trainings_see_pictures_besides_others",
+    ),
     Mutant(PHOTOGRAPHS, "code[3] /= ratio", "code[3] *= ratio", REFRAMED),
     Mutant(PHOTOGRAPHS, "(code[5:7] + shift) / ratio", "code[5:7] / ratio", REFRAMED),
     Mutant(

@@ -87,11 +87,12 @@ def test_what_is_whole_hardly_changes_and_nothing_is_written_to():
 def test_the_plate_lies_behind_the_closed_door():
     """A door in the front's layers takes their place; the drum begins behind the plate."""
     field, boxes, joints = machine(0.2)
-    door = block((29.3, 12.3, 12.3), (36.3, 54.3, 54.3))
+    low, high = (29.3, *(MIDDLE - 16)), (36.3, *(MIDDLE + 16))
+    door = block(low, high)
     body, drum = (np.where(solid_of(field, k), -1.0, 1.0) for k in (0, 1))
     body = np.maximum(body, 1.5 - door)
-    hinge = Joint(place_of((29.5, 12.3, 33.3)), (0, 0, 1), angle=(0, np.pi / 2))
-    boxes = np.stack([*boxes, box_of((29.3, 12.3, 12.3), (36.3, 54.3, 54.3))])
+    hinge = Joint(place_of((29.5, low[1], 33.3)), (0, 0, 1), angle=(0, np.pi / 2))
+    boxes = np.stack([*boxes, box_of(low, high)])
     joints = (*joints, hinge)
     field = field_of(body, drum, door)
     found = drums(field, boxes, joints, [0])
@@ -106,9 +107,10 @@ def test_the_plate_lies_behind_the_closed_door():
     assert not solid_of(made, 1)[: end + 1].any() and solid_of(made, 1)[end + 4].any()
 
 
-@pytest.mark.parametrize(
-    "change", ["hinged", "aslant", "flat", "narrow", "beside", "solid", "shut"]
-)
+CHANGES = ["hinged", "aslant", "flat", "narrow", "beside", "solid", "shut", "chair", "arms"]
+
+
+@pytest.mark.parametrize("change", CHANGES)
 def test_what_is_no_drum_is_left(change):
     field, boxes, joints = machine()
     joint, box = joints[1], boxes[1].copy()
@@ -124,7 +126,11 @@ def test_what_is_no_drum_is_left(change):
         joint = Joint(joint.origin + np.array([0, 0.15, 0]), (1, 0, 0), angle=(-np.pi, np.pi))
     else:
         body, drum = (np.where(solid_of(field, k), -1.0, 1.0) for k in (0, 1))
-        if change == "solid":
+        if change == "chair":  # what does not move is a foot below
+            body = block((56.3, 26.3, 26.3), (62.3, 40.3, 40.3))
+        elif change == "arms":  # two of them turn
+            drum = np.maximum(drum, np.abs(AT[2] - MIDDLE[1]) - 5)
+        elif change == "solid":
             drum = block((FRONT, *(MIDDLE - 15)), (BACK, *(MIDDLE + 15)))
         else:  # closed at both ends
             body = np.minimum(body, block((30.3, 10.3, 10.3), (34.3, 56.3, 56.3)))

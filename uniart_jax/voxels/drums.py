@@ -26,13 +26,15 @@ SQUARE = 1.25  # ratio of its other two sides at most
 CENTRAL = 0.1  # of its width, that its axis passes beside its middle at most
 HOLLOW = 0.5  # share of a drum's inside that is solid at most
 OPEN = 0.5  # share of what lies before its middle that is solid at most
+INNER = 0.85  # of its radius, that lies within what does not move
+SECTORS, AROUND = 24, 0.6  # of directions from its axis, and share of them that show its shell
 SHELL = 3  # sub-cells, thickness of its shell and of its back
 TRIM = 2.0  # percent of its cells that are not looked at, at either end
 MET = 0.5  # share of a ring that is solid, from which on it is no longer the hole
 RING = 3.0  # sub-cells, width of such rings
 NARROW, FULL = 0.4, 0.95  # radius of the hole, least and most, over the drum's
 PLATE = 3  # sub-cells, thickness of the plate around the hole where it is torn
-AROUND = 6  # sub-cells beyond the drum's radius that the plate is whole
+PANEL = 6  # sub-cells beyond the drum's radius that the plate is whole
 APART = 2  # sub-cells between the plate and moving parts
 NEAR = 2.0  # sub-cells from a surface within which its distance is written
 
@@ -122,13 +124,33 @@ def _drum(
     if high - low < 2 * SHELL or layers[low:high][:, columns < radius / 2].mean() > HOLLOW:
         return None
     still = np.moveaxis(solid & np.isin(field.owner, body), axis, 0)
-    there = np.flatnonzero(still.any((1, 2)))
-    if not len(there):
+    if not _encloses(still, middle, radius, low, high):
         return None
+    if _around(cells[:, across] - middle, radius) < AROUND:
+        return None
+    there = np.flatnonzero(still.any((1, 2)))
     before = {1: still[high : there[-1] + 1], -1: still[there[0] : low]}
     closed = {side: _share(cells[:, columns < radius / 2]) for side, cells in before.items()}
     side = min(closed, key=lambda s: closed[s])
     return Drum(part, axis, side, middle, radius, low, high) if closed[side] <= OPEN else None
+
+
+def _encloses(still: np.ndarray, middle: np.ndarray, radius: float, low: int, high: int) -> bool:
+    """Whether cells [D, U, V] of what does not move lie around a drum, at every side of it."""
+    spans = [np.flatnonzero(still.any(tuple({0, 1, 2} - {k}))) for k in range(3)]
+    if not len(spans[0]):
+        return False
+    inner = INNER * radius
+    drum = [(low + SHELL, high - SHELL), *((m - inner, m + inner) for m in middle)]
+    return all(s[0] <= a and b <= s[-1] + 1 for s, (a, b) in zip(spans, drum, strict=True))
+
+
+def _around(cells: np.ndarray, radius: float) -> float:
+    """Share of the directions from a drum's axis in which some of its cells [n, 2] are its
+    shell's."""
+    shell = np.abs(np.hypot(*cells.T) - radius) < 2 * SHELL
+    sectors = np.floor((np.arctan2(*cells[shell].T) / np.pi + 1) / 2 * SECTORS).astype(int)
+    return len(np.unique(sectors % SECTORS)) / SECTORS
 
 
 def _share(solid: np.ndarray) -> float:
@@ -213,7 +235,7 @@ def _open(
       The first layer of the drum that is clear of the plate.
     """
     still = (sdf < 0) & np.isin(owner, body)
-    ring = (radius > drum.radius * FULL) & (radius < drum.radius + AROUND)
+    ring = (radius > drum.radius * FULL) & (radius < drum.radius + PANEL)
     first = np.where(still.any(0), still.argmax(0), front)[ring]
     plane = int(np.median(first[first < front])) if (first < front).any() else front
     if plane >= front:
@@ -228,7 +250,7 @@ def _open(
     depth = np.arange(len(sdf))[:, None, None]
     before = (depth < max(front, end)) & (radius < hole) & ours & ~moving
     plate = (depth >= plane) & (depth < end) & (radius >= hole)
-    plate &= (radius < drum.radius + AROUND) & apart & ours
+    plate &= (radius < drum.radius + PANEL) & apart & ours
     edge = np.asarray(hole - radius, np.float32)[None] * np.ones((len(sdf), 1, 1), np.float32)
     rim = (depth >= plane) & (depth < end) & (np.abs(edge) < NEAR)
     sdf[before & (sdf < 0)] = 0.5
