@@ -13,16 +13,16 @@ BODY = (30.3, 6.3, 6.3), (62.3, 60.3, 60.3)
 FREE = Joint(place_of((49.0, *MIDDLE)), (1, 0, 0), angle=(-np.pi, np.pi))
 
 
-def machine(torn=0.0, side=-1, seed=0):
+def machine(torn=0.0, side=-1, seed=0, shell=SHELL, case=BODY):
     """A case with a front of 3 cells, a round hole in it and a drum behind; ``torn``: share of the
     cells of drum and front near the hole that are missing, and of the hole's that are there."""
     flip = (lambda d: d[::-1]) if side > 0 else (lambda d: d)
     r = np.hypot(AT[1] - MIDDLE[0], AT[2] - MIDDLE[1])
     x = AT[0]
     drum = np.maximum(r - RADIUS, np.maximum(FRONT - x, x - BACK))
-    drum = np.maximum(drum, -np.maximum(r - (RADIUS - SHELL), x - (BACK - SHELL)))
+    drum = np.maximum(drum, -np.maximum(r - (RADIUS - shell), x - (BACK - shell)))
     room = np.maximum(r - RADIUS - 3, np.maximum(33.3 - x, x - 60.3))
-    body = np.maximum(np.maximum(block(*BODY), -room), -np.maximum(r - HOLE, x - 34))
+    body = np.maximum(np.maximum(block(*case), -room), -np.maximum(r - HOLE, x - 34))
     if torn:
         rng = np.random.default_rng(seed)
         spots = rng.random(tuple(n // 3 + 1 for n in body.shape)) < torn
@@ -82,6 +82,36 @@ def test_what_is_whole_hardly_changes_and_nothing_is_written_to():
     for part in (0, 1):
         old, new = solid_of(field, part), solid_of(made, part)
         assert (old & new).sum() / (old | new).sum() > 0.9
+
+
+@pytest.mark.parametrize("shell", [3, 4, 6])
+def test_a_drum_keeps_its_thickness(shell):
+    field, boxes, joints = machine(shell=shell)
+    found = drums(field, boxes, joints, [0])
+    assert abs(found[0].shell - shell) < 0.8 and abs(found[0].bottom - shell) < 1.5
+    old, new = solid_of(field, 1), solid_of(with_drums(field, found, [0]), 1)
+    assert (old & new).sum() / (old | new).sum() > 0.85
+
+
+@pytest.mark.parametrize("left", [13.3, 11.3])
+def test_the_plate_ends_where_the_case_does(left):
+    """A case hardly wider than its drum, which ends at one side of the grid."""
+    case = (30.3, left, 6.3), (62.3, 65 - left, 60.3)
+    field, boxes, joints = machine(0.2, case=case)
+    made = with_drums(field, drums(field, boxes, joints, [0]), [0])
+    before, after = (np.flatnonzero(solid_of(f, 0).any((0, 2))) for f in (field, made))
+    assert after[0] >= before[0] and after[-1] <= before[-1]
+    for f in (made, with_drums(made, drums(made, boxes, joints, [0]), [0])):
+        outside = np.ones(f.sdf.shape, bool)
+        outside[1:-1, 1:-1, 1:-1] = False
+        assert (f.sdf[outside] > 0).all()
+
+
+def test_a_door_without_cells_is_passed_over():
+    field, boxes, joints = machine()
+    hinge = Joint(place_of((29.5, 12.3, 33.3)), (0, 0, 1), angle=(0, np.pi / 2))
+    boxes = np.stack([*boxes, box_of((29.3, 12.3, 12.3), (36.3, 54.3, 54.3))])
+    assert [d.door for d in drums(field, boxes, (*joints, hinge), [0])] == [None]
 
 
 def test_the_plate_lies_behind_the_closed_door():

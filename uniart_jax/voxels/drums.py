@@ -28,7 +28,8 @@ HOLLOW = 0.5  # share of a drum's inside that is solid at most
 OPEN = 0.5  # share of what lies before its middle that is solid at most
 INNER = 0.85  # of its radius, that lies within what does not move
 SECTORS, AROUND = 24, 0.6  # of directions from its axis, and share of them that show its shell
-SHELL = 3  # sub-cells, thickness of its shell and of its back
+SHELL = 3  # sub-cells, least thickness of its shell and of its back
+THICK = 0.35  # of its radius, most
 TRIM = 2.0  # percent of its cells that are not looked at, at either end
 MET = 0.5  # share of a ring that is solid, from which on it is no longer the hole
 RING = 3.0  # sub-cells, width of such rings
@@ -46,6 +47,7 @@ class Drum(NamedTuple):
       part: its owner. axis, side: of the lattice, and to which side of it it is open.
       middle: [2] of its axis across. radius: its outer one. low, high: its first layer along the
         axis, and the one after the last.
+      shell, bottom: thickness of its shell and of its back.
       door: the layer that the door before it ends at when it is closed; None without one.
     """
 
@@ -56,6 +58,8 @@ class Drum(NamedTuple):
     radius: float
     low: int
     high: int
+    shell: float = SHELL
+    bottom: float = SHELL
     door: int | None = None
 
 
@@ -91,7 +95,8 @@ def _door(
     solid, across = field.sdf < 0, np.delete(np.arange(3), drum.axis)
     still, ends = solid & np.isin(field.owner, body), []
     for k in doors:
-        door = closed_door(np.argwhere(solid & (field.owner == k)), boxes[k], joints[k], still)
+        cells = np.argwhere(solid & (field.owner == k))
+        door = closed_door(cells, boxes[k], joints[k], still) if len(cells) else None
         if door is None or (door.axis, door.side) != (drum.axis, drum.side):
             continue
         if (door.low[across] < drum.middle).all() and (door.high[across] > drum.middle).all():
@@ -121,7 +126,11 @@ def _drum(
     low, high = int(np.floor(low)), int(np.ceil(high)) + 1
     columns = _radius(field.sdf.shape, axis, middle)
     layers = np.moveaxis(solid & np.isin(field.owner, [part, *body]), axis, 0)
-    if high - low < 2 * SHELL or layers[low:high][:, columns < radius / 2].mean() > HOLLOW:
+    if (
+        high - low < 2 * SHELL
+        or not (columns < radius / 2).any()
+        or layers[low:high][:, columns < radius / 2].mean() > HOLLOW
+    ):
         return None
     still = np.moveaxis(solid & np.isin(field.owner, body), axis, 0)
     if not _encloses(still, middle, radius, low, high):
@@ -132,7 +141,14 @@ def _drum(
     before = {1: still[high : there[-1] + 1], -1: still[there[0] : low]}
     closed = {side: _share(cells[:, columns < radius / 2]) for side, cells in before.items()}
     side = min(closed, key=lambda s: closed[s])
-    return Drum(part, axis, side, middle, radius, low, high) if closed[side] <= OPEN else None
+    if closed[side] > OPEN:
+        return None
+    drum = layers[low:high] & np.moveaxis(field.owner == part, axis, 0)[low:high]
+    shell = drum[:, columns >= radius / 2].sum() / (2 * np.pi * radius * len(drum))
+    behind = drum[: len(drum) // 2] if side > 0 else drum[len(drum) // 2 :]
+    bottom = behind[:, columns < radius / 2].sum() / max((columns < radius / 2).sum(), 1)
+    shell, bottom = (float(np.clip(t, SHELL, THICK * radius)) for t in (shell, bottom))
+    return Drum(part, axis, side, middle, radius, low, high, shell, bottom)
 
 
 def _encloses(still: np.ndarray, middle: np.ndarray, radius: float, low: int, high: int) -> bool:
@@ -186,8 +202,7 @@ def with_drums(field: DenseField, found: Sequence[Drum], body: Sequence[int]) ->
         front, back, door = ends
         radius = _radius(field.sdf.shape, drum.axis, drum.middle)
         front = _open(sdf, owner, drum, radius, front, door, body)
-        if back - front >= 2 * SHELL:
-            _shell(sdf, owner, drum, radius, (front, back), body)
+        _shell(sdf, owner, drum, radius, (min(front, back - 2 * SHELL), back), body)
     return field
 
 
@@ -203,10 +218,11 @@ def _shell(
     front, back = layers
     depth = np.arange(len(sdf), dtype=np.float32)[:, None, None]
     outside = np.maximum(radius - drum.radius, np.maximum(front - 0.5 - depth, depth - back + 0.5))
-    inside = np.maximum(radius - (drum.radius - SHELL), depth - (back - SHELL - 0.5))
+    inside = np.maximum(radius - (drum.radius - drum.shell), depth - (back - drum.bottom - 0.5))
     wall = np.maximum(outside, -inside).astype(np.float32)
     ours = np.isin(owner, [drum.part, -1, *body]) | (sdf > 0)
     near = ours & (outside < NEAR)
+    near[[0, -1]] = near[:, [0, -1]] = near[:, :, [0, -1]] = False  # the layer of outside
     sdf[near] = np.clip(wall[near], -NEAR, NEAR)
     sdf[near & (np.abs(sdf) < ZERO)] = -ZERO
     owner[near & (sdf < 0)] = drum.part
@@ -250,11 +266,11 @@ def _open(
     depth = np.arange(len(sdf))[:, None, None]
     before = (depth < max(front, end)) & (radius < hole) & ours & ~moving
     plate = (depth >= plane) & (depth < end) & (radius >= hole)
-    plate &= (radius < drum.radius + PANEL) & apart & ours
+    plate &= (radius < drum.radius + PANEL) & _extent(still) & apart & ours
     edge = np.asarray(hole - radius, np.float32)[None] * np.ones((len(sdf), 1, 1), np.float32)
     rim = (depth >= plane) & (depth < end) & (np.abs(edge) < NEAR)
     sdf[before & (sdf < 0)] = 0.5
-    new = plate & (sdf > 0)
+    new = plate & ((sdf > 0) | (owner == drum.part))
     sdf[new], owner[new] = -0.5, mine
     at = (rim & still & ~before) | (rim & plate)
     sdf[at] = np.minimum(-ZERO, np.maximum(edge[at], -NEAR))
@@ -262,6 +278,15 @@ def _open(
     at = rim & before
     sdf[at], owner[at] = np.clip(edge[at], ZERO, NEAR), mine
     return max(front, end + APART)
+
+
+def _extent(still: np.ndarray) -> np.ndarray:
+    """[U, V] bool, the rectangle that cells [D, U, V] lie in, without the layer of outside."""
+    inside = np.zeros(still.shape[1:], bool)
+    (u, v) = (np.flatnonzero(still.any(axes)) for axes in ((0, 2), (0, 1)))
+    inside[max(u[0], 1) : min(u[-1] + 1, len(inside) - 1), v[0] : v[-1] + 1] = True
+    inside[:, [0, -1]] = False
+    return inside
 
 
 def _hole(still: np.ndarray, radius: np.ndarray, drum: float) -> float:
