@@ -122,12 +122,12 @@ def test_views_look_into_a_panorama(tmp_path, monkeypatch, capsys):
     (tmp_path / "in").mkdir()
     cv2.imwrite(str(tmp_path / "in/room.hdr"), light)
     command = ["x", str(tmp_path / "in"), "--out", str(tmp_path / "out"), "--views", "6"]
+    runs = []
     for _ in range(2):  # the same views again
         monkeypatch.setattr(sys, "argv", [*command, "--size", "48"])
         runpy.run_path(str(ROOT / "tools/panorama_views.py"), run_name="__main__")
-        pictures = [np.asarray(Image.open(p)) for p in sorted((tmp_path / "out").iterdir())]
-        if _ == 0:
-            first = pictures
+        runs.append([np.asarray(Image.open(p)) for p in sorted((tmp_path / "out").iterdir())])
+    first, pictures = runs
     assert len(pictures) == 6 and capsys.readouterr().out == "room\nroom\n"
     both = 0
     for picture, before in zip(pictures, first, strict=True):

@@ -32,7 +32,10 @@ def main() -> None:
         parser.error(f"no .hdr files in {given.panoramas}")
     given.out.mkdir(parents=True, exist_ok=True)
     for path in paths:
-        light = read_hdr(path)
+        try:
+            light = read_hdr(path)
+        except ValueError as error:
+            parser.error(str(error))
         rng = np.random.default_rng(zlib.crc32(path.stem.encode()))
         for k in range(given.views):
             picture = view(rng, light, given.size)
@@ -45,8 +48,8 @@ def read_hdr(path: Path) -> np.ndarray:
     import cv2
 
     light = cv2.imread(str(path), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR)
-    if light is None:
-        raise ValueError(f"{path}: not a Radiance HDR picture")
+    if light is None or light.shape[1] != 2 * light.shape[0]:
+        raise ValueError(f"{path}: not a panorama in Radiance HDR, twice as wide as high")
     return np.ascontiguousarray(light[..., ::-1], np.float32)
 
 
@@ -62,7 +65,7 @@ def view(rng: np.random.Generator, light: np.ndarray, size: int) -> np.ndarray:
     longitude = yaw + np.arctan2(across, forward)
     latitude = np.arctan2(up, np.hypot(across, forward))
     high, wide = light.shape[:2]
-    x = (longitude / (2 * np.pi) % 1 * wide).astype(np.float32)
+    x = (longitude / (2 * np.pi) % 1 * wide).astype(np.float32)  # half a pixel aside: of no weight
     y = ((0.5 - latitude / np.pi) * high - 0.5).astype(np.float32)
     around = np.concatenate([light, light[:, :2]], 1)  # so that the seam is smooth
     seen = cv2.remap(around, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

@@ -42,6 +42,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pool_objects import JUDGED_ROWS, Objects, Pool, Sizes
 
+from uniart_jax.data.backdrop_pictures import picture_paths
 from uniart_jax.procedural import WORLDS
 
 HOLD = 0.45
@@ -85,6 +86,10 @@ def main() -> None:
     given = parser.parse_args()
     if given.tiny:
         given.processes, given.batch, given.begin_with, given.capacity = 1, 4, 8, 64
+    try:
+        picture_paths(given.backgrounds)
+    except ValueError as error:
+        parser.error(str(error))
     train(given)
 
 

@@ -412,7 +412,8 @@ class DataConfig:
     first_block: int = 0  # of those: where training begins; later ones see what earlier did not
     # layout network: share of the pictures that are as if cut out of a photograph
     photographs: float = 0.0
-    # folder of pictures that then stand behind most objects ("" = none), so of the mask network's
+    # folder of pictures that stand behind most objects of these photographs, and of the mask
+    # network's pictures ("" = none)
     backgrounds: str = ""
     # flows that see a layout: share of the side by which pictures are bent at most, so that the
     # layout says where things are

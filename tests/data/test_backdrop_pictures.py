@@ -24,6 +24,7 @@ def folder(tmp_path):
             tmp_path / name, "JPEG" if name.endswith("JPG") else None
         )
     (tmp_path / "notes.txt").write_text("where they come from")
+    (tmp_path / ".a.jpg").write_bytes(b"what some systems put beside a picture")
     return tmp_path
 
 
@@ -44,7 +45,7 @@ def test_a_folder_without_pictures_is_refused_by_name(tmp_path):
 
 def test_a_damaged_picture_is_refused_by_name(folder):
     (folder / "a.JPG").write_bytes((folder / "a.JPG").read_bytes()[:200])
-    with pytest.raises(ValueError, match=r"'.*a\.JPG' cannot be read"):
+    with pytest.raises(ValueError, match=r"image '.*a\.JPG': truncated or damaged"):
         picture_backdrop(np.random.default_rng(0), picture_paths(str(folder))[:1], 32)
 
 
