@@ -30,6 +30,7 @@ INNER = 0.85  # of its radius, that lies within what does not move
 SECTORS, AROUND = 24, 0.6  # of directions from its axis, and share of them that show its shell
 SHELL = 3  # sub-cells, least thickness of its shell and of its back
 THICK = 0.35  # of its radius, most
+LOW = 25.0  # percent of its layers, and of its back's columns, that are drawn thinner
 TRIM = 2.0  # percent of its cells that are not looked at, at either end
 MET = 0.5  # share of a ring that is solid, from which on it is no longer the hole
 RING = 3.0  # sub-cells, width of such rings
@@ -144,10 +145,11 @@ def _drum(
     if closed[side] > OPEN:
         return None
     drum = layers[low:high] & np.moveaxis(field.owner == part, axis, 0)[low:high]
-    shell = drum[:, columns >= radius / 2].sum() / (2 * np.pi * radius * len(drum))
+    ring = drum[:, columns >= radius / 2].sum(1) / (2 * np.pi * radius)
     behind = drum[: len(drum) // 2] if side > 0 else drum[len(drum) // 2 :]
-    bottom = behind[:, columns < radius / 2].sum() / max((columns < radius / 2).sum(), 1)
-    shell, bottom = (float(np.clip(t, SHELL, THICK * radius)) for t in (shell, bottom))
+    depths = behind[:, columns < radius / 2].sum(0)
+    thick = float(np.percentile(ring, LOW)), float(np.percentile(depths, LOW))
+    shell, bottom = (float(np.clip(t, SHELL, THICK * radius)) for t in thick)
     return Drum(part, axis, side, middle, radius, low, high, shell, bottom)
 
 
