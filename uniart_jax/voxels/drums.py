@@ -145,7 +145,8 @@ def _drum(
     if closed[side] > OPEN:
         return None
     drum = layers[low:high] & np.moveaxis(field.owner == part, axis, 0)[low:high]
-    ring = drum[:, columns >= radius / 2].sum(1) / (2 * np.pi * radius)
+    area = drum[:, columns >= radius / 2].sum(1)  # of a ring: pi (R^2 - (R - thickness)^2)
+    ring = radius - np.sqrt(np.maximum(radius**2 - area / np.pi, 0))
     behind = drum[: len(drum) // 2] if side > 0 else drum[len(drum) // 2 :]
     depths = behind[:, columns < radius / 2].sum(0)
     thick = float(np.percentile(ring, LOW)), float(np.percentile(depths, LOW))
