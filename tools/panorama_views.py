@@ -21,7 +21,7 @@ MIDDLE = (0.12, 0.35)  # linear light that the median of a view is brought to
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("panoramas", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--views", type=int, default=48, help="of each panorama")
