@@ -244,6 +244,23 @@ def test_nothing_stands_out_from_the_edges_of_a_drawers_front():
     assert solid_of(after, 1)[(block(*BOX) < -1) & (AT[0] < 14)].all()
 
 
+def test_a_drawer_that_opens_to_the_other_side_is_its_mirror_image():
+    lumps = noise(3, 0.03) & (block(*BOX) < 3) & (block(*BOX) > -4)
+    field = rough_drawer(lumps)
+    boxes = np.stack([box_of((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), box_of(*BOX)])
+    mirrored = field_of(
+        *(np.where(solid_of(field, k)[::-1], -1.0, 3.0) for k in (0, 1)),
+    )
+    plain = field_of(*(np.where(solid_of(field, k), -1.0, 3.0) for k in (0, 1)))
+    flip = np.array([-1, 1, 1, 1, 1, 1])
+    pushes = Joint(np.zeros(3), (1.0, 0, 0), travel=(0.0, 0.4))
+    there = with_clean_rooms(mirrored, boxes * flip, [FIXED, pushes], [-1, 0])
+    here = with_clean_rooms(plain, boxes, [FIXED, PULLS], [-1, 0])
+    for part in (0, 1):
+        np.testing.assert_array_equal(solid_of(there, part)[::-1], solid_of(here, part))
+    assert (solid_of(here, 1) != solid_of(plain, 1)).sum() > 500
+
+
 def test_a_pull_along_the_upper_edge_of_a_front_stays():
     pull = block((5.3, 20.3, 37.3), (10.5, 44.3, 40.3)) < 0
     after = pulled(rough_drawer(pull))
