@@ -173,7 +173,7 @@ time.sleep({LIMIT})
     with started(["-c", code]) as (running,):
         assert running.stdout.readline().strip() == "joined"
         running.send_signal(signal.SIGTERM)
-        running.communicate(timeout=60)
+        running.communicate(timeout=LIMIT / 2)  # seconds; a busy machine takes its time
         assert running.returncode == 143
 
 
