@@ -7,7 +7,7 @@ joint's coordinate is the description's own.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -125,7 +125,7 @@ class LinkInertia:
     moments: np.ndarray
 
 
-def cross(first: Sequence[float], second: Sequence[float]) -> tuple[float, float, float]:
+def cross(first: Iterable[float], second: Iterable[float]) -> tuple[float, float, float]:
     """``np.cross`` of two vectors [3], which takes twenty times as long: a hand asks at every
     step."""
     (a, b, c), (x, y, z) = map(float, first), map(float, second)
