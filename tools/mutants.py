@@ -61,7 +61,7 @@ ROUND = "tests/voxels/test_drums.py::test_a_torn_drum_and_its_hole_are_round"
 POOL_LOSSES = "tools/pool_losses.py"
 MUTANTS = (
     Mutant(DRUMS, "return FULL * drum", "return NARROW * drum", BEHIND_DOOR),
-    Mutant(DRUMS, "plane = max(plane, plane if door is None else door + 1)", "", BEHIND_DOOR),
+    Mutant(DRUMS, "plane = plane if door is None else max(plane, door + 1)", "", BEHIND_DOOR),
     Mutant(DRUMS, "return max(front, end + APART)", "return front", BEHIND_DOOR),
     Mutant(DRUMS, "if _around(cells[:, across] - middle, radius) < AROUND:", "if False:", IS_DRUM),
     Mutant(DRUMS, "if not _encloses(still, middle, radius, low, high):", "if False:", IS_DRUM),

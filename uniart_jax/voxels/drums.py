@@ -190,7 +190,7 @@ def with_drums(field: DenseField, found: Sequence[Drum], body: Sequence[int]) ->
       found: of the same field (``drums``). body: owners that do not move.
 
     Returns:
-      A new field; moving parts but the drums are as they were.
+      A new field; cells of moving parts but the drums are as they were.
     """
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
     for drum in found:
@@ -251,7 +251,7 @@ def _open(
       front: the drum's first layer. door: the one after the closed door's last.
 
     Returns:
-      The first layer of the drum that is clear of the plate.
+      The first layer of the drum that is clear of the plate; ``front`` where there is none.
     """
     still = (sdf < 0) & np.isin(owner, body)
     ring = (radius > drum.radius * FULL) & (radius < drum.radius + PANEL)
@@ -259,7 +259,7 @@ def _open(
     plane = int(np.median(first[first < front])) if (first < front).any() else front
     if plane >= front:
         return front
-    plane = max(plane, plane if door is None else door + 1)
+    plane = plane if door is None else max(plane, door + 1)
     end = plane + PLATE
     hole = _hole(still[min(plane, front - 1) : front], radius, drum.radius)
     moving = (sdf < 0) & ~np.isin(owner, [drum.part, *body])

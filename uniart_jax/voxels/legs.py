@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -116,20 +116,15 @@ def _beneath(chain: dict[int, np.ndarray], cells: np.ndarray, z: int) -> bool:
     )
 
 
-def _lines(z: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes and intercepts of the Theil-Sen lines through each column of edges at rising z, as
-    ``scipy.stats.theilslopes`` has them, whose import takes as long as all of SciPy's others."""
-    low, high = np.triu_indices(len(z), 1)
-    slopes = np.median((edges[high] - edges[low]) / (z[high] - z[low])[:, None], axis=0)
-    return slopes, np.median(edges, axis=0) - slopes * np.median(z)
-
-
 def _prism(chain: dict[int, np.ndarray], layers: int) -> Leg | None:
     """A chain of layers as a leg; None where its edges do not lie on lines."""
+    import scipy.stats  # takes as long as all of SciPy's others
+
     z = np.array(sorted(chain))
     edges = np.array([[*chain[k].min(0), *(chain[k].max(0) + 1)] for k in z], float)
-    slopes, starts = _lines(z, edges)
-    fitted = np.arange(layers)[:, None] * slopes + starts
+    lines: list[Any] = [scipy.stats.theilslopes(edge, z) for edge in edges.T]
+    at = np.arange(layers)
+    fitted = np.stack([line[0] * at + line[1] for line in lines], -1)
     if (np.median(np.abs(edges - fitted[z]), 0) > STRAY).any():
         return None
     low, high = fitted[:, :2], fitted[:, 2:]

@@ -157,7 +157,8 @@ def _walls(solid: np.ndarray, room: _Room) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _straight_tops(solid: np.ndarray, room: _Room, fill: np.ndarray, clear: np.ndarray) -> None:
-    """In place: each layer of a wall of a drawer [D, U, V] is all wall, or above it free."""
+    """In place: walls of a drawer [D, U, V] are whole from the first layer on of which most is
+    drawn, and nothing is above it."""
     for axis, (ends, walls) in enumerate(zip(room.ends, room.walls, strict=True)):
         across = 2 - axis
         span = room.ends[1 - axis]
