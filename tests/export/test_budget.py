@@ -96,3 +96,21 @@ def test_a_budget_is_a_number_of_shapes(washer):
     obj, bodies, meshes = washer
     with pytest.raises(ValueError, match="--collision-budget 0"):
         within_budget(obj, bodies, meshes, 0)
+
+
+def test_a_cupboard_that_lacks_its_front_is_not_filled():
+    """Winding numbers take an open surface for a full solid, and one block for its best shape."""
+    box = trimesh.creation.box(bounds=[[-0.2, -0.3, 0], [0.2, 0.3, 1]])
+    front = box.face_normals[:, 0] < -0.5
+    surface = trimesh.Trimesh(box.vertices, box.faces[~front], process=False)
+    walls = (
+        slab([0.19, -0.3, 0], [0.2, 0.3, 1]),
+        slab([-0.2, -0.3, 0], [0.2, 0.3, 0.01]),
+        slab([-0.2, -0.3, 0.99], [0.2, 0.3, 1]),
+        slab([-0.2, -0.3, 0], [0.2, -0.29, 1]),
+        slab([-0.2, 0.29, 0], [0.2, 0.3, 1]),
+    )
+    obj = ArticulatedObject((Part("body", surface),))
+    (found,) = within_budget(obj, [body(*walls)], [surface])
+    assert len(found.shapes) == 5 and found.volume_error is not None
+    assert found.volume_error < 0.02

@@ -24,7 +24,7 @@ from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.physics import Body, Box, Shape
 from uniart_jax.export.separation import as_solid
-from uniart_jax.export.volume_error import corners_of, half_spaces, volume_error
+from uniart_jax.export.volume_error import corners_of, half_spaces, is_open, volume_error
 from uniart_jax.objects.object import ArticulatedObject
 
 PART_MOST = 16  # convex shapes a part
@@ -97,9 +97,10 @@ def shape_count(bodies: Sequence[Body]) -> int:
 
 def _simplest(part: _Merger, mesh: trimesh.Trimesh, size: float) -> tuple[tuple[Shape, ...], float]:
     """The shapes of a part, or one box or hull where that is as good by its measured error; and the
-    error."""
+    error: of an open surface, against the shapes before any were joined."""
     shapes = part.shapes(size)
-    error = volume_error(mesh, shapes)
+    finer = part.given if is_open(mesh) else None
+    error = volume_error(mesh, shapes, finer)
     if len(shapes) < 2:
         return shapes, error
     hull = Manifold.batch_hull(part.solids())
@@ -109,7 +110,7 @@ def _simplest(part: _Merger, mesh: trimesh.Trimesh, size: float) -> tuple[tuple[
         shape = rebuilt(one, size)
         if shape is None:
             continue
-        alone = volume_error(mesh, (shape,))
+        alone = volume_error(mesh, (shape,), finer)
         if alone <= error + AS_GOOD:
             return (shape,), alone
     return shapes, error

@@ -16,12 +16,18 @@ from uniart_jax.export.separation import as_solid
 POINTS = 8192  # at which an error is measured
 
 
-def volume_error(mesh: trimesh.Trimesh, shapes: Sequence[Shape]) -> float:
+def volume_error(
+    mesh: trimesh.Trimesh, shapes: Sequence[Shape], finer: Sequence[Shape] | None = None
+) -> float:
     """What shapes hold too much and too little of a solid, as a share of the volume of the solid's
     convex hull.
 
     Measured at 8,192 points of a Halton sequence in the box of both. 0 for a solid without a
     volume.
+
+    Args:
+      finer: shapes that tell where the solid is, instead of its surface: an open one counts as
+        full up to its rim, so a cupboard without a front would be best kept by one block.
     """
     solids = [half_spaces(as_solid(shape)) for shape in shapes]
     corners = np.concatenate([mesh.bounds, *(corners_of(as_solid(s)) for s in shapes)])
@@ -32,12 +38,30 @@ def volume_error(mesh: trimesh.Trimesh, shapes: Sequence[Shape]) -> float:
     hull = Manifold.hull_points(vertices).volume()
     if hull <= 0:
         return 0.0
-    winding = igl.fast_winding_number(vertices, faces, np.ascontiguousarray(points))
-    full = np.abs(np.asarray(winding).ravel()) > 0.5
+    if finer is None:
+        winding = igl.fast_winding_number(vertices, faces, np.ascontiguousarray(points))
+        full = np.abs(np.asarray(winding).ravel()) > 0.5
+    else:
+        full = _within([half_spaces(as_solid(shape)) for shape in finer], points)
+    return float((full != _within(solids, points)).mean() * np.prod(hi - lo) / hull)
+
+
+def is_open(mesh: trimesh.Trimesh) -> bool:
+    """Whether a surface has a rim: an edge of an odd number of faces, places made one."""
+    places, same = np.unique(np.asarray(mesh.vertices), axis=0, return_inverse=True)
+    faces = same.reshape(-1)[np.asarray(mesh.faces)]
+    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    ends = ends[ends[:, 0] != ends[:, 1]]
+    _, counts = np.unique(ends[:, 0] * len(places) + ends[:, 1], return_counts=True)
+    return bool((counts % 2).any())
+
+
+def _within(solids: Sequence[tuple[np.ndarray, np.ndarray]], points: np.ndarray) -> np.ndarray:
+    """[n] whether points lie in any of the ``half_spaces``."""
     held = np.zeros(len(points), bool)
     for normals, offsets in solids:
         held |= (points @ normals.T <= offsets).all(1)
-    return float((full != held).mean() * np.prod(hi - lo) / hull)
+    return held
 
 
 def _halton(count: int) -> np.ndarray:
