@@ -84,7 +84,9 @@ def main() -> None:
         parser.error(str(error))
     finally:
         server.stop()
-    shot.save(given.out, optimize=True)
+    # small; colours of few pixels are kept, which the usual method drops
+    palette = shot.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    palette.save(given.out, optimize=True)
     print(f"{given.out}: {shot.width}x{shot.height}")
 
 
