@@ -3,10 +3,12 @@ the last commit.
 
     make try-docs        (or: python tools/try_docs.py [README.md docs/tutorial.md …] [--list])
 
-Each is printed with its seconds and those that the document states beside it ("# 28 s", on two
-cores, compiled programs kept from a run before); "slower" marks what took more than three times as
-long. What cannot run as it stands (a name to replace, hours of training) is listed with the reason.
-A command that fails makes the program end with 1. About a quarter of an hour on two cores.
+Each is printed with its seconds, on the clock and of processors, and those that the document states
+beside it ("# 28 s", on two cores, compiled programs kept from a run before); "slower" marks what
+took more than three times as long by either. "differs" lists lines of the output that the document
+shows and that did not come (numbers may be a tenth off). Names to replace (ROOT, photo.png) have
+stand-ins; what cannot run as it stands (hours of training) is listed with the reason. A command
+that fails makes the program end with 1. About twenty minutes on two cores.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import resource
 import subprocess
 import sys
 import tempfile
@@ -32,30 +35,49 @@ DOCUMENTS = (
 )
 PROGRAMS = ("make", "python", "python3", "uniart", "git", "pip")
 LEFT_OUT = (  # what a command holds, and why it is not run
-    (r"\b(URL|ROOT|PRED|ASSET|OUT|TRELLIS-image-large/ckpts|dinov2\w*\.pth)\b", "a name to replace"),  # noqa: E501
-    (r"\bphoto\.png\b", "a picture of one's own"),
+    (r"\bURL\b", "a name to replace"),
+    (r"TRELLIS-image-large/ckpts|dinov2\w*\.pth", "needs weights that others publish"),
     (r"\b(pip|venv)\b", "changes the environment"),
     (r"^make (test|docs)\b", "has a command of its own"),
-    (r"configs/nano\.py|runs/nano|data-cache/mine|evaluate procedural", "takes hours, or needs what hours made"),  # noqa: E501
     (r"^make sample", "sets up an environment; sample.py is run"),
+    (r"configs/nano\.py|runs/nano|evaluate procedural", "takes hours, or needs what hours made"),
     (r"^uniart app", "runs until it is stopped; tests/app"),
     (r"^python -m mujoco\.viewer", "opens a window"),
 )  # fmt: skip
-LONGEST = 900  # seconds
+STAND_INS = {  # names that a reader replaces, and what they are here
+    r"\bphoto\.png\b": "examples/photograph.jpg",
+    r"\bASSET\b": "out/sample",
+    r"\bOUT\b": "out/of-ones-own",
+    r"\b(ROOT|PRED|REF)\b": "assets",
+}
+ASSETS = """from uniart_jax.procedural import generate
+for k, family in enumerate(("storage_furniture", "oven", "storage_furniture", "oven")):
+    obj = generate(family, 500_000 + k)
+    obj.save(f"assets/{family}/{k}", formats=("urdf",), motion=False)"""
+LONGEST = 3600  # seconds
+NUMBER = r"\d+(?:\.\d+)?(?:e[-+]?\d+)?"
+RATE = r"\S+ \w+/s"  # as fast as the machine is
 SHOWS = r"^\w+\.show\(\).*$"  # opens a page
 STATED = r"#.*?\b(\d+) (s|seconds|minutes?)\b"
 SLOWER = 3.0  # times what a document states
 
 
 class Command(NamedTuple):
-    """A line of a shell block, or a block of Python; where it stands, and the seconds that are
-    stated beside it (0: none)."""
+    """A line of a shell block, or a block of Python; where it stands, the seconds that are stated
+    beside it (0: none), and the output that is shown below it ("": none)."""
 
     document: str
     line: int
     text: str
     python: bool
     stated: float = 0.0
+    shown: str = ""
+
+    @property
+    def bare(self) -> str:
+        """What is run, without comments."""
+        lines = (re.sub(r"\s*#.*$", "", line) for line in self.text.strip().splitlines())
+        return "\n".join(lines)
 
     @property
     def left_out(self) -> str:
@@ -66,10 +88,12 @@ class Command(NamedTuple):
 
 
 def commands(document: str, text: str) -> list[Command]:
-    """Those of a document, in their order; blocks of output are none."""
-    found = []
+    """Those of a document, in their order. A block without any that follows one at once is what the
+    last of them prints."""
+    found: list[Command] = []
+    end = 0  # of the block before
     for block in re.finditer(r"^```(\w*)\n(.*?)^```", text, re.S | re.M):
-        line = text[: block.start()].count("\n") + 2
+        line, before = text[: block.start()].count("\n") + 2, len(found)
         if block[1] == "python":
             found.append(Command(document, line, block[2], True, seconds(block[2])))
         elif not block[1]:
@@ -79,6 +103,9 @@ def commands(document: str, text: str) -> list[Command]:
                 if bare.split(" ")[0] in PROGRAMS:
                     found.append(Command(document, at, bare, False, seconds(whole)))
                 at += 1
+            if len(found) == before and before and not text[end : block.start()].strip():
+                found[-1] = found[-1]._replace(shown=block[2])
+        end = block.end()
     return found
 
 
@@ -88,19 +115,58 @@ def seconds(text: str) -> float:
     return float(found[1]) * (60 if found[2].startswith("m") else 1) if found else 0.0
 
 
-def run(command: Command, folder: Path, environment: dict[str, str]) -> tuple[int, float, str]:
-    """Exit code, seconds, and the end of what was printed."""
+def missing(shown: str, said: str) -> list[str]:
+    """Lines of ``shown`` that ``said`` has not: other words, or numbers more than a tenth off."""
+    there = [_parted(line) for line in said.splitlines()]
+    return [
+        line
+        for line in shown.splitlines()
+        if not any(_alike(_parted(line), other) for other in there)
+    ]
+
+
+def _parted(line: str) -> tuple[str, list[float]]:
+    """The words of a line, with a mark for each number, and the numbers."""
+    line = " ".join(re.sub(RATE, "", line).split())
+    return re.sub(NUMBER, "#", line), [float(number) for number in re.findall(NUMBER, line)]
+
+
+def _alike(one: tuple[str, list[float]], other: tuple[str, list[float]]) -> bool:
+    return one[0] == other[0] and all(
+        abs(a - b) <= 0.1 * max(a, b) + 0.02 for a, b in zip(one[1], other[1], strict=True)
+    )
+
+
+class Run(NamedTuple):
+    """Exit code, seconds on the clock and of processors, and what was printed."""
+
+    code: int
+    took: float
+    processors: float
+    said: str
+
+
+def run(command: Command, folder: Path, environment: dict[str, str]) -> Run:
     code = "import uniart_jax as ua\n" + re.sub(SHOWS, "", command.text, flags=re.M)
-    call = [sys.executable, "-c", code] if command.python else ["bash", "-c", command.text]
-    begin = time.perf_counter()
+    text = command.text
+    for name, value in STAND_INS.items():
+        text = re.sub(name, value, text)
+    call = [sys.executable, "-c", code] if command.python else ["bash", "-c", text]
+    begin, used = time.perf_counter(), _processors()
     try:
         done = subprocess.run(
             call, cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST
         )
     except subprocess.TimeoutExpired:
-        return 124, LONGEST, f"not done after {LONGEST} s"
-    said = (done.stdout + done.stderr).strip().splitlines()
-    return done.returncode, time.perf_counter() - begin, "\n".join(said[-8:])
+        return Run(124, LONGEST, _processors() - used, f"not done after {LONGEST} s")
+    took = time.perf_counter() - begin
+    return Run(done.returncode, took, _processors() - used, done.stdout + done.stderr)
+
+
+def _processors() -> float:
+    """Seconds of processors that programs started here have used."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def main() -> None:
@@ -109,30 +175,48 @@ def main() -> None:
     parser.add_argument("--list", action="store_true", help="say what would be run")
     arguments = parser.parse_args()
     found = [c for name in arguments.documents for c in commands(name, (ROOT / name).read_text())]
-    failed = 0
+    tried = failed = differ = 0
+    before: dict[str, str] = {}  # what was run -> where
     with tempfile.TemporaryDirectory() as temporary:
         copy = Path(temporary) / "uniart_jax"
-        if not arguments.list:
-            subprocess.run(["git", "clone", "--quiet", str(ROOT), str(copy)], check=True)
         environment = os.environ | {
             "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
             "PYTHONPATH": str(copy),
             "BROWSER": "true",  # pages are written, none is opened
         }
+        if not arguments.list:
+            subprocess.run(["git", "clone", "--quiet", str(ROOT), str(copy)], check=True)
+            made = [sys.executable, "-c", ASSETS]
+            subprocess.run(made, cwd=copy, env=environment, check=True)
         for command in found:
             where = f"{command.document}:{command.line}"
             text = command.text.strip().splitlines()[-1] if command.python else command.text
-            if arguments.list or command.left_out:
-                print(f"{'-':>8}  {where}  {text}  ({command.left_out or 'is run'})", flush=True)
+            left_out = command.left_out or before.get(command.bare, "")
+            before.setdefault(command.bare, f"as {where}")
+            if arguments.list or left_out:
+                print(f"{'-':>8}  {where}  {text}  ({left_out or 'is run'})", flush=True)
                 continue
-            code, took, said = run(command, copy, environment)
-            slower = "  slower" if took > SLOWER * command.stated > 0 else ""
-            told = f"  ({code})\n{said}" if code else ""
+            tried += 1
+            done = run(command, copy, environment)
+            stated = f"{command.stated:.0f} stated" if command.stated else "none stated"
+            slower = min(done.took, done.processors) > SLOWER * command.stated > 0
             print(
-                f"{took:6.1f} s ({command.stated:3.0f} stated){slower}  {where}  {text}{told}",
+                f"{done.took:6.1f} s ({done.processors:.0f} of processors, {stated})"
+                f"{'  slower' if slower else ''}  {where}  {text}",
                 flush=True,
             )
-            failed += bool(code)
+            if done.code:
+                failed += 1
+                end = "\n".join(done.said.strip().splitlines()[-8:])
+                print(f"  failed ({done.code}):\n{end}", flush=True)
+            elif lines := missing(command.shown, done.said):
+                differ += 1
+                print("  differs, not printed:", *lines, sep="\n    ", flush=True)
+    if not arguments.list:
+        print(
+            f"{tried} run: {failed} failed, {differ} with other output; "
+            f"{len(found) - tried} left out or run before"
+        )
     sys.exit(min(failed, 1))
 
 

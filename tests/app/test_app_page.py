@@ -10,7 +10,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
 import zipfile
@@ -20,6 +19,7 @@ from types import SimpleNamespace
 import mujoco
 import pytest
 from chromium import chromium
+from driven_page import PATIENCE, make, move_slider, patient, press, show, text, until, upload
 from PIL import Image
 from toy_pipeline import ToyPipeline
 
@@ -31,7 +31,6 @@ from uniart_jax.models.checkpoint import PRETRAINED
 
 ROOT = Path(__file__).parents[2]
 OVEN = ROOT / "examples" / "images" / "oven.png"
-PATIENCE = 300.0  # seconds until something counts as lost: one slow core, which others use too
 needs_gradio = pytest.mark.skipif(
     not serve.has_gradio(), reason="needs Gradio: pip install 'uniart-jax[app]'"
 )
@@ -92,14 +91,6 @@ def opened(toy, tmp_path):
         check_requests(page, toy.address)
 
 
-def show(page, address):
-    page.open("about:blank")
-    page.window(1400, 1000)
-    page.open(address)
-    page.wait("document.querySelector('#make') !== null")
-    page.wait("document.querySelector('#picture input[type=file]') !== null")
-
-
 def check_requests(page, address):
     """All that was asked for came from the page's own server, and no policy was hurt."""
     known = (address, "data:", "blob:", "about:")
@@ -107,49 +98,10 @@ def check_requests(page, address):
     assert not [error for error in page.errors if "Content Security Policy" in error]
 
 
-def upload(page, file):
-    page.evaluate("document.querySelector('#picture button[aria-label*=lear]')?.click()")
-    page.wait("document.querySelector('#picture input[type=file]') !== null")
-    found = page.call(
-        "Runtime.evaluate", expression="document.querySelector('#picture input[type=file]')"
-    )
-    page.call("DOM.setFileInputFiles", files=[str(file)], objectId=found["result"]["objectId"])
-
-
-def until(holds, told, seconds=PATIENCE):
-    """Wait for ``holds()``; ``told()`` says what there is instead."""
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end, told()
-        time.sleep(0.1)
-
-
-def patient(page, condition, seconds=PATIENCE):
-    told = lambda: f"never came true: {condition}; {text(page, 'body')}"  # noqa: E731
-    until(lambda: page.evaluate(condition), told, seconds)
-
-
-def text(page, selector):
-    return page.evaluate(f"document.querySelector({json.dumps(selector)})?.innerText ?? ''")
-
-
-def press(page):
-    """The button, once it can be pressed."""
-    patient(page, "!document.querySelector('#make').disabled")
-    page.evaluate("document.querySelector('#make').click()")
-
-
 def joined(page):
     """How many requests of the page the server has put into its queue."""
     name = "performance.getEntriesByType('resource').filter(e => e.name.includes('/queue/join'))"
     return page.evaluate(f"{name}.filter(e => e.responseEnd > 0).length")
-
-
-def make(page, seconds=PATIENCE):
-    press(page)
-    patient(page, "document.querySelector('#objects iframe') !== null", seconds)
-    frames = "[...document.querySelectorAll('#objects iframe')]"
-    patient(page, f"{frames}.every(f => f.contentWindow.viewer)", seconds)
 
 
 def download(page, folder):
@@ -161,17 +113,6 @@ def download(page, folder):
     with zipfile.ZipFile(next(folder.glob("*.zip"))) as archive:
         archive.extractall(folder / "out")
     return folder / "out"
-
-
-def move_slider(page, name):
-    """A joint to its upper end by the keyboard, inside the object's frame -> its coordinate."""
-    frame = "document.querySelector('#objects iframe').contentWindow"
-    page.evaluate(f"{frame}.document.querySelector('input[name={name}]').focus()")
-    for kind in ("keyDown", "keyUp"):
-        page.call(
-            "Input.dispatchKeyEvent", type=kind, key="End", code="End", windowsVirtualKeyCode=35
-        )
-    return page.evaluate(f"{frame}.viewer.joints().{name}")
 
 
 def joints_of(urdf):
