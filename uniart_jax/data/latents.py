@@ -27,13 +27,14 @@ import numpy as np
 
 from uniart_jax.config import DataConfig, FlowConfig, ModelConfig
 from uniart_jax.data.batches import usable
-from uniart_jax.data.folder import read_metadata, write_text
+from uniart_jax.data.folder import read_metadata
 from uniart_jax.data.layout_errors import bend, with_errors
 from uniart_jax.data.order import Draw, ShuffledOrder, local_rows
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.data.stream import Batches
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.runtime.files import write_text
 from uniart_jax.voxels.part_table import ROWS, part_table
 from uniart_jax.voxels.typed_batches import StructureBatch, VoxelBatch
 
