@@ -17,6 +17,7 @@ import numpy as np
 from lxml import etree
 from trimesh.transformations import quaternion_from_matrix
 
+from uniart_jax.export.formats import Parts
 from uniart_jax.export.frames import (
     ChainJoint,
     body_frames,
@@ -49,6 +50,13 @@ SITE_SIZE = 0.01  # of the object's longest side: radius of a handle's site
 OFF = 0.02  # of the range: how far off a motor may stop for what resists it
 LAG = 0.05  # s that a motor needs to come near, at the least
 STIFF = {"solref": "0.008 1", "solimp": "0.999 0.9999 0.001"}  # of the constraint in a screw
+
+
+def write_asset(parts: Parts) -> tuple[str, ...]:
+    """``object.xml`` of an asset (``formats.SIMULATORS``)."""
+    files = (parts.visual_files, parts.bodies, parts.hull_files, parts.texture)
+    path = parts.folder / "object.xml"
+    return write_mjcf(parts.obj, path, *files, actuators=parts.actuators)
 
 
 def write_mjcf(
