@@ -33,8 +33,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jobs import Clock, compile_quickly, run_jobs, work
-from results import bars, machine, matmul_peaks, report, save, steady
+from jobs import Clock, accelerator, describe, run_jobs, work
+from results import bars, report, save, steady
 from synthetic import row_lengths, segment_ids, segment_plan
 
 from uniart_jax.nn.attention import attend, attend_segments, choose
@@ -210,11 +210,7 @@ def _ids(*arguments):
 
 def measure(job: dict[str, Any]) -> dict[str, Any]:
     if job["do"] == "about":
-        return {
-            "machine": machine(),
-            "backend": jax.default_backend(),
-            "peaks": matmul_peaks(job["side"]),
-        }
+        return describe(job)
     if job["do"] == "torch":
         from accelerator_peers import measure as peer
 
@@ -354,15 +350,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     arguments = parser.parse_args()
     clock = Clock(arguments.minutes)
-    jax.config.update("jax_platforms", "cpu")  # the accelerator is the workers'
-    about_job = dict(do="about", side=512 if arguments.tiny else 8192)
-    (_, about), *_ = run_jobs([about_job], clock.left())
-    if "raised" in about:
-        sys.exit(f"the accelerator does not work: {about['raised']}")
-    backend = about.pop("backend")
-    tiny = arguments.tiny or backend == "cpu"
-    if backend == "cpu":
-        compile_quickly()
+    about, backend, tiny = accelerator(clock, arguments.tiny, dict(do="about"))
     if "correctness" in arguments.only:
         share = 0.4 if "speed" in arguments.only else 1.0
         check(backend, tiny, share * clock.left(), arguments.out, about)

@@ -37,8 +37,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jobs import Clock, compile_quickly, run_jobs, work
-from results import bars, machine, matmul_peaks, report, save
+from jobs import Clock, accelerator, describe, run_jobs, work
+from results import bars, report, save
 from synthetic import make_loss, training_batch
 
 from uniart_jax.config import (
@@ -161,13 +161,7 @@ def step(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def measure(job: dict[str, Any]) -> dict[str, Any]:
-    if job.get("about"):
-        return {
-            "machine": machine(),
-            "backend": jax.default_backend(),
-            "peaks": matmul_peaks(job["side"]),
-        }
-    return step(job)
+    return describe(job) if job.get("about") else step(job)
 
 
 def time_steps(
@@ -312,16 +306,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/bench"))
     arguments = parser.parse_args()
     clock = Clock(arguments.minutes)
-    jax.config.update("jax_platforms", "cpu")  # the accelerator is the workers'
-    (_, about), *_ = run_jobs(
-        [dict(about=True, side=512 if arguments.tiny else 8192)], clock.left()
-    )
-    if "raised" in about:
-        sys.exit(f"the accelerator does not work: {about['raised']}")
-    backend = about.pop("backend")
-    tiny = arguments.tiny or backend == "cpu"
-    if backend == "cpu":
-        compile_quickly()
+    about, _, tiny = accelerator(clock, arguments.tiny, dict(about=True))
     base = dict(tiny=tiny, kernel=arguments.kernel)
     networks, rows = arguments.networks or list(STEPS), []
     if "steps" in arguments.only:

@@ -19,6 +19,9 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+import jax
+from results import machine, matmul_peaks
+
 MARK = "result: "
 BROKEN = ("CUDA_ERROR", "illegal memory", "INTERNAL", "unspecified launch")  # device unusable after
 Job = dict[str, Any]
@@ -96,6 +99,29 @@ def _results(
             return
         if line.startswith(MARK):
             yield json.loads(line.removeprefix(MARK))
+
+
+def accelerator(clock: Clock, tiny: bool, job: Job) -> tuple[Job, str, bool]:
+    """What workers find, as ``describe`` says it; the backend's name, and whether sizes must be
+    tiny. The accelerator is the workers' from now on. The program ends where there is none.
+
+    Args:
+      job: that a worker answers with ``describe``.
+    """
+    jax.config.update("jax_platforms", "cpu")
+    (_, about), *_ = run_jobs([{**job, "side": 512 if tiny else 8192}], clock.left())
+    if "raised" in about:
+        sys.exit(f"the accelerator does not work: {about['raised']}")
+    backend = about.pop("backend")
+    if backend == "cpu":
+        compile_quickly()
+    return about, backend, tiny or backend == "cpu"
+
+
+def describe(job: Job) -> dict[str, Any]:
+    """The worker's side of ``accelerator``."""
+    found = {"machine": machine(), "backend": jax.default_backend()}
+    return {**found, "peaks": matmul_peaks(job["side"])}
 
 
 def work(measure: Callable[[Job], dict[str, Any]]) -> None:

@@ -11,15 +11,13 @@ and the rate by XLA's flop count.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import time
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from uniart_jax.config import NETWORKS, ModelConfig
+from uniart_jax.config import NETWORKS, ModelConfig, load_config
 from uniart_jax.models.image_encoder import TYPICAL, pixel_width
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
@@ -28,15 +26,6 @@ from uniart_jax.voxels.part_table import PartTable, part_table
 from uniart_jax.voxels.typed_batches import VoxelBatch
 
 VOXELS = 6700  # usual active voxels of an object at 32^3
-
-
-def nano() -> ModelConfig:
-    """The model of ``configs/nano.py``."""
-    path = Path(__file__).parents[1] / "configs" / "nano.py"
-    spec = importlib.util.spec_from_file_location("nano", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.config().model
 
 
 def voxel_batch(
@@ -171,7 +160,7 @@ def main() -> None:
     arguments = parser.parse_args()
     items = dict(image_encoder=16, structure_vae=16, uniart_vae=2, structure_flow=16, latent_flow=4)
     for name in arguments.networks or NETWORKS:
-        measure(name, nano(), items[name])
+        measure(name, load_config("nano").model, items[name])
 
 
 if __name__ == "__main__":

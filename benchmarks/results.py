@@ -128,11 +128,7 @@ def bars(path: Path, groups: dict[str, dict[str, float]], ylabel: str) -> None:
     axes.set(yscale="log", ylabel=ylabel)
     axes.grid(alpha=0.3, axis="y", which="both")
     axes.legend(fontsize=7)
-    figure.tight_layout()
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
-    print(f"picture: {path}")
+    _save_figure(figure, path)
 
 
 def picture(
@@ -145,6 +141,10 @@ def picture(
     axes.set(xlabel=xlabel, ylabel=ylabel)
     axes.grid(alpha=0.3, which="both")
     axes.legend()
+    _save_figure(figure, path)
+
+
+def _save_figure(figure: Any, path: Path) -> None:
     figure.tight_layout()
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=120)

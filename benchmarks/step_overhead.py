@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import importlib.util
 import os
 import statistics
 import tempfile
@@ -38,7 +37,7 @@ import jax
 import numpy as np
 from results import report
 
-from uniart_jax.config import NETWORKS, Config
+from uniart_jax.config import NETWORKS, Config, load_config
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
@@ -52,11 +51,7 @@ from uniart_jax.training.state import create_state, make_optimizer
 
 
 def nano(records: Path) -> Config:
-    path = Path(__file__).parents[1] / "configs" / "nano.py"
-    spec = importlib.util.spec_from_file_location("nano", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    config = module.config()
+    config = load_config("nano")
     data = dataclasses.replace(config.data, records=str(records), validation="", procedural=0)
     return dataclasses.replace(config, data=data)
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import importlib.util
 import itertools
 from pathlib import Path
 from typing import Any
@@ -34,7 +33,7 @@ from surfaces import surface
 from torch.nn.utils import clip_grad_norm_
 from torch.utils.flop_counter import FlopCounterMode
 
-from uniart_jax.config import Config
+from uniart_jax.config import Config, load_config
 from uniart_jax.models.flow_trunk import T_MIN
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
@@ -49,11 +48,7 @@ TOKENS = 256  # of the image
 
 
 def small() -> Config:
-    path = Path(__file__).parents[1] / "configs" / "small.py"
-    spec = importlib.util.spec_from_file_location("small", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    config = module.config()
+    config = load_config("small")
     model = dataclasses.replace(
         config.model, compute_dtype="float32", scan_blocks=False, remat=False
     )

@@ -16,10 +16,13 @@ from PIL import Image
 from uniart_jax import cli
 from uniart_jax.cli import guarded
 from uniart_jax.cli import sample as sample_command
+from uniart_jax.cli.asset_options import AssetOptions
 from uniart_jax.config import SampleConfig
 from uniart_jax.models.checkpoint import PRETRAINED
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.pipeline import Sample
+
+URDF_ALONE = AssetOptions(formats=("urdf",))
 
 ROOT = Path(__file__).parent.parent
 shipped = pytest.mark.skipif(
@@ -217,7 +220,7 @@ def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, cap
     monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: finder)
     found = guarded(
         lambda: sample_command(
-            (EXAMPLE,), tmp_path, num_samples=3, check=False, refine=False, formats=("urdf",)
+            (EXAMPLE,), tmp_path, num_samples=3, check=False, refine=False, output=URDF_ALONE
         )
     )
     assert found == code and finder.asked == {4}  # as one step would make them alike
@@ -277,7 +280,7 @@ def test_each_image_is_an_object_of_its_own_unless_they_are_views(
     looker, out = Looker(), tmp_path / "out"
     monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: looker)
     sample_command(
-        two_images, out, seed=4, multi_view=multi_view, check=False, refine=False, formats=("urdf",)
+        two_images, out, seed=4, multi_view=multi_view, check=False, refine=False, output=URDF_ALONE
     )
     means = [means for means, _ in looker.shown]
     assert [seed for _, seed in looker.shown] == [4] * len(looker.shown)
@@ -291,7 +294,7 @@ def test_each_image_is_an_object_of_its_own_unless_they_are_views(
 def test_a_bug_in_one_sample_does_not_cost_the_others(tmp_path, monkeypatch, two_images, capsys):
     monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: Looker(fails=(1,)))
     out = tmp_path / "out"
-    assert sample_command(two_images, out, check=False, refine=False, formats=("urdf",)) == 1
+    assert sample_command(two_images, out, check=False, refine=False, output=URDF_ALONE) == 1
     assert (out / "light/sample-0/object.urdf").is_file() and not (out / "dark").exists()
     assert "error: dark.png, seed 0: IndexError: list index out of range" in capsys.readouterr().err
 

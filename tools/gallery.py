@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from uniart_jax.evaluation.baselines import object_name, split_families
+from uniart_jax.evaluation.baselines import object_name
 from uniart_jax.evaluation.kept import claim
-from uniart_jax.evaluation.procedural import held_out_for
+from uniart_jax.evaluation.procedural import held_out_for, split_families
 from uniart_jax.export.preview import BACKGROUND, GAP, INK, TILE
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.pipeline import Pipeline, load

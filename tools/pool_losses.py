@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax.scipy.ndimage import map_coordinates
 
-from uniart_jax.config import Config
+from uniart_jax.config import Config, load_config
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layout_errors import COARSE, LOST, MISTAKEN, MOVED, TINTED
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
@@ -27,7 +27,7 @@ from uniart_jax.voxels.typed_batches import LayoutBatch, MaskBatch
 
 FOUND, ABSENT, EXACT = 0.4, 0.06, 0.35  # shares of the layouts that the structure flow is shown
 ONCE = 0.8  # share of the draws at t = 1
-PHOTOGRAPHS = 0.5  # share of the pictures that the layout network sees as cut out of a photograph
+PHOTOGRAPHS = load_config("nano").data.photographs
 
 
 class PoolBatch(NamedTuple):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -12,42 +11,19 @@ import trimesh
 
 pytest.importorskip("mujoco")
 
-from uniart_jax import cli
-from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.load import load_object
-from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.objects.object import Part
 
 pytestmark = pytest.mark.usefixtures("small_pictures", "mujoco_here")
 
 
-def chest(angle: float = 1.4) -> ArticulatedObject:
-    """A closed block with a lid hinged at its back edge; a negative angle turns the lid into the
-    block."""
-    block = trimesh.creation.box(bounds=[[-0.3, -0.4, -0.3], [0.3, 0.4, 0.2]])
-    lid = trimesh.creation.box(bounds=[[-0.3, -0.4, 0.205], [0.3, 0.4, 0.25]])
-    joint = Joint([0.3, 0, 0.205], [0, 1, 0], (min(angle, 0), max(angle, 0)))
-    return ArticulatedObject((Part("block", block), Part("lid", lid, 0, joint)), name="chest")
-
-
 @pytest.fixture(scope="module")
-def assets(tmp_path_factory):
+def assets(tmp_path_factory, chest):
     """A sound chest and one whose lid goes into it; tests only read them."""
     root = tmp_path_factory.mktemp("assets")
     for name, angle in (("sound", 1.4), ("inward", -1.0)):
         chest(angle).save(root / name, formats=("mjcf",), motion=False)
     return root
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    def call(*arguments) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["uniart", *map(str, arguments)])
-        with pytest.raises(SystemExit) as done:
-            cli.main()
-        out, err = capsys.readouterr()
-        return int(done.value.code or 0), out, err
-
-    return call
 
 
 def test_validate_tells_sound_from_not(run, assets, tmp_path):
@@ -84,7 +60,7 @@ def test_export_writes_pieces_that_print(run, assets, tmp_path):
     assert "Assembly" in (out / "print" / "README.txt").read_text("utf-8")
 
 
-def test_an_object_that_stands_and_is_wrong_is_not_praised(run, tmp_path):
+def test_an_object_that_stands_and_is_wrong_is_not_praised(run, tmp_path, chest):
     """Two blocks float beside the chest, touching each other: no engine minds."""
     block = trimesh.creation.box([0.1] * 3).apply_translation([0, 0.7, 0])
     above = block.copy().apply_translation([0, 0, 0.1])
@@ -164,7 +140,7 @@ def test_validate_of_what_is_no_asset_is_one_line(run, assets, tmp_path):
 
 
 @pytest.mark.slow
-def test_validate_refines_on_request(run, tmp_path):
+def test_validate_refines_on_request(run, tmp_path, chest):
     chest(-1.0).save(tmp_path / "inward", formats=("mjcf",), motion=False)
     wide = chest(
         2.6
@@ -228,7 +204,7 @@ def test_export_refuses_what_cannot_be(run, assets, tmp_path, options, said):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_normalised_data_set_gets_usual_sizes(tmp_path):
+def test_a_normalised_data_set_gets_usual_sizes(tmp_path, chest):
     from uniart_jax.cli.assets import is_metric
 
     chest().save(tmp_path / "ours", formats=(), motion=False)

@@ -3,57 +3,32 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import numpy as np
 import pytest
-import trimesh
 
-from uniart_jax import cli
 from uniart_jax.evaluation import compare as frame
-from uniart_jax.objects.kinematics import Joint
-from uniart_jax.objects.object import ArticulatedObject, Part
 
 pytestmark = pytest.mark.usefixtures("small_pictures")
 
 
-def box(angle: float) -> ArticulatedObject:
-    """A block with a lid hinged at its back edge; a negative angle turns the lid the other way."""
-    block = trimesh.creation.box(bounds=[[-0.3, -0.4, -0.3], [0.3, 0.4, 0.2]])
-    lid = trimesh.creation.box(bounds=[[-0.3, -0.4, 0.205], [0.3, 0.4, 0.25]])
-    joint = Joint(np.array([0.3, 0, 0.205]), np.array([0, 1.0, 0]), (min(angle, 0), max(angle, 0)))
-    return ArticulatedObject((Part("block", block), Part("lid", lid, 0, joint)), name="box")
-
-
 @pytest.fixture(scope="module")
-def folders(tmp_path_factory):
+def folders(tmp_path_factory, chest):
     """Three references; a right prediction, a mirrored one, none; tests only read them."""
     root = tmp_path_factory.mktemp("folders")
     for name in ("a", "b", "c"):
-        box(1.4).save(root / "ref" / name, formats=(), motion=False)
-    box(1.4).save(root / "physics" / "a", formats=(), motion=False)
-    box(-1.4).save(root / "physics" / "b", formats=(), motion=False)
-    box(1.4).save(root / "physics" / "elsewhere", formats=(), motion=False)
+        chest(1.4).save(root / "ref" / name, formats=(), motion=False)
+    chest(1.4).save(root / "physics" / "a", formats=(), motion=False)
+    chest(-1.4).save(root / "physics" / "b", formats=(), motion=False)
+    chest(1.4).save(root / "physics" / "elsewhere", formats=(), motion=False)
     return root
-
-
-@pytest.fixture
-def run(monkeypatch, capsys):
-    def call(*arguments) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["uniart", "evaluate", *map(str, arguments)])
-        with pytest.raises(SystemExit) as done:
-            cli.main()
-        out, err = capsys.readouterr()
-        return int(done.value.code or 0), out, err
-
-    return call
 
 
 def test_a_folder_of_predictions(run, folders, tmp_path, monkeypatch):
     monkeypatch.chdir(folders)
     monkeypatch.setattr(frame, "write_report", lambda *given: None)  # pictures take seconds
     options = ("--only", "articulation", "pose_error", "--processes", "1")
-    code, out, err = run("./physics", "ref", "--out", tmp_path / "out", *options)
+    code, out, err = run("evaluate", "./physics", "ref", "--out", tmp_path / "out", *options)
     assert code == 0 and "pose error" in out and "1 of 3 objects have failures" in out
     assert "1 without a reference are left out: elsewhere" in err
     content = json.loads((tmp_path / "out" / "metrics.json").read_text())
@@ -63,7 +38,7 @@ def test_a_folder_of_predictions(run, folders, tmp_path, monkeypatch):
     assert content["methods"]["physics"]["confusion"]["revolute"] == {"missing": 1, "revolute": 2}
     assert content["settings"]["figures"] == ["articulation", "pose_error"]
     assert not np.isnan(content["methods"]["physics"]["rows"]["pose_error"]["low"])
-    code, _, err = run("./physics", "ref", "--out", tmp_path / "out", *options)
+    code, _, err = run("evaluate", "./physics", "ref", "--out", tmp_path / "out", *options)
     assert code == 0 and "3 of 3 were made before" in err
 
 
@@ -90,6 +65,6 @@ def test_mistakes_are_one_line_and_write_nothing(
     run, folders, tmp_path, monkeypatch, arguments, said
 ):
     monkeypatch.chdir(folders)
-    code, out, err = run(*arguments, "--out", tmp_path / "out")
+    code, out, err = run("evaluate", *arguments, "--out", tmp_path / "out")
     assert code == 2 and said in err and err.count("\n") == 1 and not out
     assert not (tmp_path / "out").exists()

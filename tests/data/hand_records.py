@@ -12,7 +12,7 @@ from uniart_jax.config import (
     ModelConfig,
     UniArtVAEConfig,
 )
-from uniart_jax.data import records
+from uniart_jax.data import latents, records
 from uniart_jax.voxels.joint_code import canonical
 
 MODEL = ModelConfig(
@@ -103,3 +103,13 @@ def features_of(record: records.Record, channels: int) -> np.ndarray:
     """[V, channels] float16 that say which record and voxel they belong to."""
     place = record.coords.astype(np.float32) @ [0.01, 0.1, 1.0] + record.meta["seed"]
     return (place[:, None] + np.arange(channels)).astype(np.float16)
+
+
+def write_latents(out, items, key: str):
+    """Items as a complete folder of latents, in the place of another."""
+    items = list(items)
+    latents.begin_latents(out, key)
+    for shard, start in enumerate(range(0, len(items), latents.SHARD_ITEMS)):
+        chunk = items[start : start + latents.SHARD_ITEMS]
+        latents.write_latent_shard(out, f"{shard:05d}", chunk)
+    return latents.finish_latents(out, key, len(items))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import EpsImagePlugin, Image, PngImagePlugin
 
-from uniart_jax.data.background import foreground
+from uniart_jax.data.background import cut_out
 from uniart_jax.data.images import crop, read_image, remove_plain_background
 
 
@@ -119,12 +119,12 @@ def test_busy_background_warns(monkeypatch):
     noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3))
     image = np.dstack([noise, np.full((64, 64), 255)]).astype(np.uint8)
     with pytest.warns(UserWarning, match="whole image"):
-        assert (foreground(image)[..., 3] == 255).all()
+        assert (cut_out(image)[0][..., 3] == 255).all()
 
 
 def test_transparent_throughout():
     with pytest.raises(ValueError, match="transparent"):
-        foreground(np.zeros((32, 32, 4), np.uint8))
+        cut_out(np.zeros((32, 32, 4), np.uint8))
 
 
 @pytest.mark.parametrize("size", [(64, 96), (16, 900), (900, 16)])

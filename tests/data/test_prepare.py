@@ -16,7 +16,8 @@ from hand_records import make_record
 
 from uniart_jax import procedural
 from uniart_jax.config import GridConfig
-from uniart_jax.data import card, folder, prepare, records, shards, sources
+from uniart_jax.data import card, folder, prepare, records, sources
+from uniart_jax.runtime import files
 
 GRID = GridConfig(8, 2, 8)
 
@@ -69,7 +70,7 @@ def test_rerun_after_a_kill_equals_an_unbroken_run(tmp_path, fake):
     whole = digest(run(tmp_path / "a"))
     out = run(tmp_path / "b")
     (out / "records-00001.arrayrecord").unlink()  # killed before the rename of the shard
-    temporary = shards.temporary_path(out / "records-00001.arrayrecord").name
+    temporary = files.temporary_path(out / "records-00001.arrayrecord").name
     (out / temporary.replace(f"-{os.getpid()}.", "-99999999.")).write_bytes(b"half")
     (out / "records-00003.arrayrecord").unlink()
     (out / "rows" / "00003.csv").unlink()
@@ -256,7 +257,7 @@ def alive(group: int) -> bool:
 def test_what_others_write_is_left_alone(tmp_path, fake):
     """A run sweeps away what dead processes left, never what a living one is writing."""
     out = run(tmp_path / "a")
-    mine = shards.temporary_path(out / "visual-00000.arrayrecord")
+    mine = files.temporary_path(out / "visual-00000.arrayrecord")
     dead = mine.with_name(mine.name.replace(f"-{os.getpid()}.", "-99999999."))
     for path in (mine, dead):
         path.write_bytes(b"")

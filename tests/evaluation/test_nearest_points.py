@@ -8,9 +8,8 @@ from scipy.spatial.distance import cdist
 
 from uniart_jax.evaluation.nearest import (
     chamfer,
-    f_score,
+    f_score_of,
     mutual_distances,
-    nearest_distances,
     posed_points,
 )
 from uniart_jax.objects.kinematics import Joint, forward_kinematics
@@ -63,7 +62,7 @@ def test_equals_all_pairs(kind_a, kind_b, n, m, seed):
 
 def test_equal_points_are_at_zero():
     a = point_set("random", 3000, 0)
-    assert nearest_distances(a, a[::-1]).max() == 0
+    assert mutual_distances(a, a[::-1])[0].max() == 0
 
 
 @settings(max_examples=15)
@@ -72,7 +71,8 @@ def test_order_does_not_matter(number, seed):
     rng = np.random.default_rng(seed)
     a, b = point_set("random", number, seed), point_set("clustered", 700, seed)
     one, other = rng.permutation(number), rng.permutation(700)
-    np.testing.assert_array_equal(nearest_distances(a[one], b[other]), nearest_distances(a, b)[one])
+    moved, expected = mutual_distances(a[one], b[other])[0], mutual_distances(a, b)[0]
+    np.testing.assert_array_equal(moved, expected[one])
 
 
 def test_a_batch_equals_its_pairs():
@@ -92,9 +92,10 @@ def test_a_batch_equals_its_pairs():
 def test_chamfer_and_f_score_by_hand():
     a, b = np.array([[0.0, 0, 0]]), np.array([[0.0, 0, 2], [0, 0, 4]])
     assert chamfer(a, b) == pytest.approx((2 + (2 + 4) / 2) / 2)
-    assert f_score(a, b, 2.5) == pytest.approx(2 * 1 * 0.5 / 1.5)  # all of a, half of b
-    assert f_score(a, b, 1.0) == 0
-    assert f_score(a, a, 0.0) == 1
+    found = mutual_distances(a, b)
+    assert f_score_of(*found, 2.5) == pytest.approx(2 * 1 * 0.5 / 1.5)  # all of a, half of b
+    assert f_score_of(*found, 1.0) == 0
+    assert f_score_of(*mutual_distances(a, a), 0.0) == 1
 
 
 @pytest.mark.parametrize(
@@ -109,7 +110,7 @@ def test_chamfer_and_f_score_by_hand():
 )
 def test_what_cannot_be_compared_is_an_error(a, b, why):
     with pytest.raises(ValueError, match=why):
-        nearest_distances(a, b)
+        mutual_distances(a, b)
 
 
 def test_points_are_carried_by_their_parts():

@@ -20,6 +20,7 @@ from PIL import Image
 import uniart_jax
 from uniart_jax.export import asset as asset_module
 from uniart_jax.export import folder as folder_module
+from uniart_jax.export import mjcf as mjcf_module
 from uniart_jax.export import preview
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.atlas import make_atlas
@@ -351,7 +352,7 @@ def test_a_failure_leaves_everything_as_it_was(block, tmp_path, monkeypatch, sta
         old.mkdir()
         (old / "report.json").write_text("old")
     target = old if overwrite else tmp_path / "new" / "deep" / "out"
-    module = folder_module if stage == "_swap" else asset_module
+    module = {"_swap": folder_module, "write_mjcf": mjcf_module}.get(stage, asset_module)
     monkeypatch.setattr(module, stage, fail)
     with pytest.raises(OSError, match="disk full"):
         save_asset(block, target, overwrite=overwrite, motion=False)

@@ -10,10 +10,10 @@ import trimesh
 from hand_records import make_record, write_folder
 
 from uniart_jax.data.batches import open_records
-from uniart_jax.data.folder import write_text
 from uniart_jax.data.records import RecordSource, decode_sdf, from_object, record_rows
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.precompute import found
+from uniart_jax.runtime.files import write_text
 from uniart_jax.voxels.grid import SDF_CLIP, subcell_centers
 from uniart_jax.voxels.voxelize import voxelize
 

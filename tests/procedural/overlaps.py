@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import trimesh
 from manifold3d import Error, Manifold, Mesh64
 
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import MAX_PARTS
+
+HAIR = 1e-3  # of the smaller part's volume
 
 
 def solid(mesh: trimesh.Trimesh) -> Manifold:
@@ -43,19 +47,44 @@ def loose(mesh: trimesh.Trimesh, air: float) -> int:
     return groups - 1
 
 
-def check_parts(obj: ArticulatedObject, name: str, most: float, on_root: bool = False) -> None:
-    """Every part is closed, also shell by shell, and shares at most ``most`` of the smaller volume
-    with its parent, or the root, from rest to the far end of its way."""
+def check_closed(obj: ArticulatedObject, name: str) -> None:
+    """Every part is closed, shell by shell, and also where a reader merges equal vertices."""
+    assert 1 <= len(obj.parts) <= MAX_PARTS, name
+    for part in obj.parts:
+        mesh, where = part.mesh, f"{name} {part.name}"
+        assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0, where
+        for shell in mesh.split(only_watertight=False):
+            assert shell.is_watertight and shell.volume > 0, where
+        merged = trimesh.Trimesh(mesh.vertices, mesh.faces, process=True)
+        assert merged.is_watertight, where
+
+
+def check_clear(obj: ArticulatedObject, name: str) -> None:
+    """No part lies in another at rest, nor, with what it carries, in its parent where it goes: by
+    less than ``HAIR`` of the smaller volume."""
     solids = [solid(part.mesh) for part in obj.parts]
-    assert len(obj.parts) <= MAX_PARTS
+    for a, b in itertools.combinations(range(len(solids)), 2):
+        shared = overlap(solids[a], solids[b])
+        assert shared < HAIR, f"{name} {obj.parts[a].name} in {obj.parts[b].name}: {shared:.2g}"
     for k, part in enumerate(obj.parts):
-        assert part.mesh.is_watertight and part.mesh.volume > 0, f"{name} {part.name}"
-        assert all(s.volume > 0 for s in part.mesh.split(only_watertight=False))
-        if part.parent < 0:
+        if part.parent < 0 or part.joint.type == "fixed":
             continue
-        carrier = solids[0 if on_root else part.parent]
-        far = part.joint.limits[np.abs(part.joint.limits).argmax()]
-        for share in (0.0, 0.25, 0.5, 1.0):
-            there = solids[k].transform(part.joint.motion(share * far)[:3])
-            shared = overlap(there, carrier)
-            assert shared < most, f"{name} {part.name} at {share:.0%}: {shared:.2g}"
+        low, high = part.joint.limits
+        far = np.pi if part.joint.type == "continuous" else (high if high > -low else low)
+        for share in (0.25, 0.5, 1.0):
+            q = np.zeros(len(obj.parts))
+            q[k] = share * far
+            moved = obj.forward_kinematics(q)
+            for i in descendants(obj, k):
+                shared = overlap(solids[i].transform(moved[i][:3]), solids[part.parent])
+                where = f"{name} {obj.parts[i].name} at {share:.0%}: {shared:.2g}"
+                assert shared < HAIR, where
+
+
+def descendants(obj: ArticulatedObject, k: int) -> list[int]:
+    """Part ``k`` and all that it carries."""
+    below = [k]
+    for i, parent in enumerate(obj.parents):
+        if parent in below:
+            below.append(i)
+    return below

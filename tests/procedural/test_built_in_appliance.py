@@ -7,8 +7,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from overlaps import loose
-from test_cooker import check, kind
+from overlaps import check_clear, check_closed, loose
+from test_cooker import kind
 
 from uniart_jax.procedural import built_in_appliance
 from uniart_jax.voxels.joint_code import TRAVEL_DEAD_ZONE
@@ -24,7 +24,8 @@ def appliances():
 
 def test_appliances_are_closed_and_clear(appliances):
     for seed, obj in enumerate(appliances):
-        check(obj, f"built_in_appliance {seed}")
+        check_closed(obj, f"built_in_appliance {seed}")
+        check_clear(obj, f"built_in_appliance {seed}")
 
 
 def test_bodies_are_in_one_piece(appliances):

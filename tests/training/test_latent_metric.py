@@ -1,6 +1,6 @@
 import numpy as np
+from hand_records import write_latents
 
-from uniart_jax.data import latents as latent_store
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, decode_color, decode_sdf
 from uniart_jax.precompute.encoding import latent_metric
@@ -71,7 +71,7 @@ def test_metric_of_stored_latents_is_that_of_their_own_voxels(tmp_path):
                 **EMPTY,
             }
 
-    latent_store.write_latents(tmp_path / "latents", items(), key="k")
+    write_latents(tmp_path / "latents", items(), key="k")
     found = latent_metric(tmp_path / "latents", records, 0.8)
     rows = {name: [] for name in ("latent", *WEIGHTS)}
     for i in range(2):

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 import pytest
 import tiny_run
-from hand_records import make_record, write_folder
+from hand_records import make_record, write_folder, write_latents
 
 from uniart_jax.data import latents
 from uniart_jax.data.batches import voxel_batches
@@ -77,7 +77,7 @@ def test_batches_of_latents_have_a_few_sets_of_shapes_a_width(tmp_path, stem):
                 **EMPTY,
             }
 
-    latents.write_latents(tmp_path / "latents", items(), key="")
+    write_latents(tmp_path / "latents", items(), key="")
     config = tiny_run.make_config(tmp_path)
     options = {} if stem == "conv" else {"stem": "patch", "patch_size": 4}
     flow = dataclasses.replace(config.model.latent_flow, **options)

@@ -13,6 +13,7 @@ from urllib.parse import quote
 from uniart_jax.app.check_words import CheckLine, check_groups, verdict_lines
 from uniart_jax.app.making import STAGES, Look, Made
 from uniart_jax.app.part_words import ReadPart, read_parts
+from uniart_jax.export.words import counted
 from uniart_jax.voxels.kind import kind_of
 
 FILES = "gradio_api/file="  # where Gradio serves files, relative to the page
@@ -103,7 +104,7 @@ def objects_html(made: Sequence[Made]) -> str:
         cards.append(
             f'<section class="ua-object"><iframe src="{html.escape(page)}" title="{title}">'
             f"</iframe><p><b>{html.escape(_upper(one.found))}</b> "
-            f'<span class="ua-soft">{_count(len(one.report["parts"]), "part")}, seed {one.seed}'
+            f'<span class="ua-soft">{counted(len(one.report["parts"]), "part")}, seed {one.seed}'
             f"</span></p><ul>{lines}</ul></section>"
         )
     many = " ua-many" if len(made) > 1 else ""
@@ -160,13 +161,9 @@ def _parts_html(kind: str, parts: Sequence[ReadPart]) -> str:
     )
     moving = sum(part.moves for part in parts)
     moves = f"{moving} of them {'moves' if moving == 1 else 'move'}"
-    title = f"{_upper(kind)}: {_count(len(parts), 'part')}, {moves}"
+    title = f"{_upper(kind)}: {counted(len(parts), 'part')}, {moves}"
     return f'<section class="ua-parts"><h4>{title}</h4><ul>{rows}</ul></section>'
 
 
 def _upper(text: str) -> str:
     return text[:1].upper() + text[1:]
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"

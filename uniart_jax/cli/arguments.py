@@ -16,8 +16,6 @@ from typing import Annotated
 import tyro
 
 from uniart_jax.config import Background
-from uniart_jax.export.formats import Collision, Format, Origin
-from uniart_jax.export.printing.settings import PrintSettings
 
 logger = logging.getLogger(__name__)
 
@@ -25,48 +23,6 @@ Out = Annotated[Path, tyro.conf.arg(help="Folder to write.")]
 Overwrite = Annotated[
     bool, tyro.conf.arg(help="Replace OUT if it is not empty (swapped at the end).")
 ]
-Formats = Annotated[
-    tuple[Format, ...] | None,
-    tyro.conf.arg(
-        help="What to write beside the URDF (default: all but stl; usd if usd-core is installed). "
-        "stl: for printing, millimetres."
-    ),
-]
-Size = Annotated[
-    str | None,
-    tyro.conf.arg(help='Metres of the longest side, or a kind of thing ("oven") of usual size.'),
-]
-Density = Annotated[
-    float | None, tyro.conf.arg(help="kg / m^3 of all parts (default: 500, light wood).")
-]
-Mass = Annotated[float | None, tyro.conf.arg(help="kg of the whole object, instead of a density.")]
-
-CollisionBudget = Annotated[
-    int, tyro.conf.arg(help="Convex collision shapes of the whole object at most; 16 a part.")
-]
-CollisionKind = Annotated[
-    Collision,
-    tyro.conf.arg(
-        help="Collision shapes: boxes and hulls as close to the surface as the budget allows "
-        "(merged); boxes alone; a hull a part; coacd's pieces (pip install "
-        "'uniart_jax[coacd]')."
-    ),
-]
-Friction = Annotated[
-    tuple[str, ...],
-    tyro.conf.arg(
-        help="Dry friction: a factor for all joints (.5), or JOINT=VALUE for each that is meant "
-        "(hinge_1_joint=2), N m or N."
-    ),
-]
-Damping = Annotated[
-    tuple[str, ...],
-    tyro.conf.arg(
-        help="Damping: a factor for all joints, or JOINT=VALUE for each that is meant, N m s / rad "
-        "or N s / m."
-    ),
-]
-
 CutOut = Annotated[
     Background,
     tyro.conf.arg(
@@ -75,44 +31,6 @@ CutOut = Annotated[
         "GrabCut. keep: nothing is cut away. rembg: by rembg."
     ),
 ]
-Stand = Annotated[
-    Origin,
-    tyro.conf.arg(
-        help="Where 0 lies: on the floor below the middle of the object at rest, or in its middle."
-    ),
-]
-Actuators = Annotated[bool, tyro.conf.arg(help="Give the MJCF a position actuator a joint.")]
-Print = Annotated[
-    bool,
-    tyro.conf.arg(
-        name="print",
-        help="With --formats stl: pieces with hinges and slides that print (docs/printing.md).",
-    ),
-]
-PrintSize = Annotated[
-    float, tyro.conf.arg(help="Of --print: longest side of the assembled object, millimetres.")
-]
-Clearance = Annotated[
-    float, tyro.conf.arg(help="Of --print: gap between parts that move, millimetres.")
-]
-PrintWall = Annotated[float, tyro.conf.arg(help="Of --print: thinner walls are told, millimetres.")]
-
-
-def print_settings(
-    wanted: bool, formats: tuple[Format, ...] | None, size: float, clearance: float, wall: float
-) -> PrintSettings | None:
-    """What ``--print`` and its measures ask for; None without it.
-
-    Raises:
-      ValueError: ``--print`` without ``--formats stl``, its measures without it, or one that cannot
-        be.
-    """
-    settings = PrintSettings(size, clearance, wall)
-    if wanted and (formats is None or "stl" not in formats):
-        raise ValueError("--print needs STL files: add --formats stl")
-    if not wanted and settings != PrintSettings():
-        raise ValueError("--print-size, --clearance and --print-wall belong to --print: add it")
-    return settings if wanted else None
 
 
 def guarded(command: Callable[[], int | None]) -> int:

@@ -11,31 +11,15 @@ from typing import Annotated, Literal
 import tyro
 
 from uniart_jax.cli.arguments import (
-    Actuators,
-    Clearance,
-    CollisionBudget,
-    CollisionKind,
-    Damping,
-    Density,
-    Formats,
-    Friction,
-    Mass,
     Out,
     Overwrite,
-    Print,
-    PrintSize,
-    PrintWall,
-    Size,
-    Stand,
     check_out,
     folder_lines,
     gate_lines,
-    print_settings,
     tried,
     validation_lines,
 )
-from uniart_jax.export.formats import COLLISION_BUDGET
-from uniart_jax.export.printing.settings import PrintSettings
+from uniart_jax.cli.asset_options import AS_USUAL, Output
 from uniart_jax.runtime.progress import messages, track
 
 Asset = Annotated[Path, tyro.conf.Positional]
@@ -45,20 +29,7 @@ def export(
     asset: Asset,
     /,
     out: Out,
-    formats: Formats = None,
-    size: Size = None,
-    density: Density = None,
-    mass: Mass = None,
-    collision: CollisionKind = "merged",
-    collision_budget: CollisionBudget = COLLISION_BUDGET,
-    friction: Friction = (),
-    damping: Damping = (),
-    origin: Stand = "floor",
-    actuators: Actuators = False,
-    printing: Print = False,
-    print_size: PrintSize = PrintSettings.size,
-    clearance: Clearance = PrintSettings.clearance,
-    print_wall: PrintWall = PrintSettings.wall,
+    output: Output = AS_USUAL,
     refine: bool = False,
     check: bool = True,
     allow_outside: bool = False,
@@ -73,38 +44,23 @@ def export(
         check: Try it in the physics engines that are installed (report.json says how it went).
         allow_outside: Let the asset name files outside its own folder.
     """
-    settings = print_settings(printing, formats, print_size, clearance, print_wall)
+    options = output.parsed()
     check_out(out, overwrite, (asset,))
     from uniart_jax.export.asset import save_asset
-    from uniart_jax.export.collision_kinds import check_collision
-    from uniart_jax.export.resistance import parse_resistance
-    from uniart_jax.export.size import parse_size, typical_size
+    from uniart_jax.export.size import typical_size
     from uniart_jax.objects.load import load_object
     from uniart_jax.simulation.refine import mend
 
-    rubs, damps = parse_resistance("friction", friction), parse_resistance("damping", damping)
-    check_collision(collision)
     obj = load_object(asset, allow_outside=allow_outside)
-    metres = parse_size(size) if size else None
-    if metres is None and not is_metric(asset, allow_outside):
-        metres = typical_size(obj.category)
+    if options["size"] is None and not is_metric(asset, allow_outside):
+        options["size"] = typical_size(obj.category)
     found: list[dict] = []
     console = messages()
     with console.status("collision shapes, textures, physics"):
         save_asset(
             obj,
             out,
-            formats=formats,
-            size=metres,
-            density=density,
-            mass=mass,
-            collision=collision,
-            collision_budget=collision_budget,
-            friction=rubs,
-            damping=damps,
-            origin=origin,
-            actuators=actuators,
-            printing=settings,
+            **options,
             overwrite=overwrite,
             mend=mend if refine else None,
             check=(lambda folder: tried(folder, found)) if check else None,

@@ -12,32 +12,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from uniart_jax.cli.arguments import (
-    Actuators,
-    Clearance,
-    CollisionBudget,
-    CollisionKind,
     CutOut,
-    Damping,
-    Density,
-    Formats,
-    Friction,
-    Mass,
     Out,
     Overwrite,
-    Print,
-    PrintSize,
-    PrintWall,
-    Size,
-    Stand,
     check_out,
-    print_settings,
     tried,
     validation_lines,
 )
+from uniart_jax.cli.asset_options import AS_USUAL, Output
 from uniart_jax.config import TOLERANCES
 from uniart_jax.evaluation.sampled import details, steps_of_several
-from uniart_jax.export.formats import COLLISION_BUDGET
-from uniart_jax.export.printing.settings import PrintSettings
 from uniart_jax.runtime.progress import messages, working
 
 if TYPE_CHECKING:
@@ -61,20 +45,7 @@ def sample(
     follow: bool = True,
     background: CutOut = "auto",
     texture: Literal["both", "network"] = "both",
-    formats: Formats = None,
-    size: Size = None,
-    density: Density = None,
-    mass: Mass = None,
-    collision: CollisionKind = "merged",
-    collision_budget: CollisionBudget = COLLISION_BUDGET,
-    friction: Friction = (),
-    damping: Damping = (),
-    origin: Stand = "floor",
-    actuators: Actuators = False,
-    printing: Print = False,
-    print_size: PrintSize = PrintSettings.size,
-    clearance: Clearance = PrintSettings.clearance,
-    print_wall: PrintWall = PrintSettings.wall,
+    output: Output = AS_USUAL,
     refine: bool = True,
     check: bool = True,
     overwrite: Overwrite = False,
@@ -128,19 +99,7 @@ def sample(
     if tolerance is not None and not least <= tolerance <= most:
         raise ValueError(f"sample: --tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
     given = _layout(layout, follow, len(images) == 1 or multi_view)
-    from uniart_jax.export.budget import check_budget
-    from uniart_jax.export.collision_kinds import check_collision
-    from uniart_jax.export.mass import check_weights
-    from uniart_jax.export.resistance import parse_resistance
-    from uniart_jax.export.size import parse_size
-
-    settings = print_settings(printing, formats, print_size, clearance, print_wall)
-    metres = parse_size(size) if size else None
-    check_weights(density, mass)
-    check_budget(collision_budget)
-    check_collision(collision)
-    given_by = {"friction": friction, "damping": damping}
-    rubs = {option: parse_resistance(option, words) for option, words in given_by.items()}
+    asset = output.parsed()
     from uniart_jax.data.images import check_visible, read_image
 
     pictures = [read_image(path) for path in images]  # all inputs are checked before any work
@@ -195,16 +154,7 @@ def sample(
                 with _noted(failed, name, seed + i, wanted):
                     one.obj.save(
                         folders[g, i],
-                        formats=formats,
-                        size=metres,
-                        density=density,
-                        mass=mass,
-                        collision=collision,
-                        collision_budget=collision_budget,
-                        **rubs,
-                        origin=origin,
-                        actuators=actuators,
-                        printing=settings,
+                        **asset,
                         image=one.cut[0] if one.cut else views[0][1],
                         picture=one.picture if texture == "both" else None,
                         seed=seed + i,

@@ -35,11 +35,6 @@ _MISSING = "needs rembg: pip install 'uniart_jax[photo]'"
 _LEAST, _MOST = 0.01, 0.98  # share of the picture that an object can be
 
 
-def foreground(rgba: np.ndarray, name: str = "image") -> np.ndarray:
-    """``cut_out`` by itself, without the way."""
-    return cut_out(rgba, name=name)[0]
-
-
 def cut_out(
     rgba: np.ndarray,
     background: Background = "auto",

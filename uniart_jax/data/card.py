@@ -5,7 +5,6 @@ from __future__ import annotations
 import collections
 import itertools
 import math
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,10 +12,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
-from uniart_jax.data.folder import Settings, write_text
+from uniart_jax.data.folder import Settings
 from uniart_jax.data.records import RecordSource
 from uniart_jax.data.sources import entry_of, load_entry
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.runtime.files import complete, write_text
 from uniart_jax.visual.diagram import picture
 from uniart_jax.visual.render import Camera, fit
 from uniart_jax.voxels.joint_code import decode_joint
@@ -183,9 +183,8 @@ def write_contact_sheet(folder: str | Path, rows: Rows, settings: Settings) -> P
     for i, tile in enumerate(tiles):
         sheet.paste(tile, (i % columns * width, i // columns * height))
     path = Path(folder) / "contact-sheet.png"
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    sheet.save(temporary, format="png")
-    os.replace(temporary, path)
+    with complete(path) as temporary:
+        sheet.save(temporary, format="png")
     return path
 
 

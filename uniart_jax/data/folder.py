@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uniart_jax.data.records import SCHEMA_VERSION, SHARD_PATTERN
-from uniart_jax.data.shards import temporary_path
+from uniart_jax.runtime.files import complete, temporary_path
 
 COLUMNS = [
     "id",
@@ -207,19 +207,11 @@ def rows_path(out: Path, number: int) -> Path:
     return out / "rows" / f"{number:05d}.csv"
 
 
-def write_text(path: Path, text: str) -> None:
-    temporary = temporary_path(path)
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
-
-
 def write_rows(path: Path, rows: Sequence[Row | dict[str, str]]) -> None:
-    temporary = temporary_path(path)
-    with temporary.open("w", newline="", encoding="utf-8") as file:
+    with complete(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    os.replace(temporary, path)
 
 
 def finished(out: Path, number: int, keys: Sequence[str], orbits: bool = False) -> bool:

@@ -17,10 +17,9 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import itertools
 import json
 import shutil
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -28,13 +27,14 @@ import numpy as np
 
 from uniart_jax.config import DataConfig, FlowConfig, ModelConfig
 from uniart_jax.data.batches import usable
-from uniart_jax.data.folder import read_metadata, write_text
+from uniart_jax.data.folder import read_metadata
 from uniart_jax.data.layout_errors import bend, with_errors
 from uniart_jax.data.order import Draw, ShuffledOrder, local_rows
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.data.stream import Batches
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.runtime.files import write_text
 from uniart_jax.voxels.part_table import ROWS, part_table
 from uniart_jax.voxels.typed_batches import StructureBatch, VoxelBatch
 
@@ -58,8 +58,8 @@ class LatentStatistics:
 
 
 class _Moments:
-    def __init__(self, count: int = 0, total: Any = 0.0, squares: Any = 0.0):
-        self.count, self.sum, self.squares = count, total, squares
+    def __init__(self):
+        self.count, self.sum, self.squares = 0, np.zeros(()), np.zeros(())
 
     def add(self, values: np.ndarray) -> None:
         values = np.asarray(values, np.float64).reshape(-1, values.shape[-1])
@@ -77,36 +77,6 @@ class _Moments:
         mean = np.asarray(self.sum) / self.count
         variance = np.asarray(self.squares) / self.count - mean**2
         return mean.tolist(), np.sqrt(np.maximum(variance, 1e-12)).tolist()
-
-
-def write_latents(
-    out: str | Path, items: Iterable[Mapping[str, Any]], *, key: str
-) -> LatentStatistics:
-    """Write one item a (record, mirrored) pair and the statistics of all; replaces what an earlier
-    pass left.
-
-    Args:
-      items: mappings with ``FIELDS`` (latents of any float type) and ``record`` (index),
-        ``mirrored`` (bool).
-      key: what the latents depend on, such as a digest of weights and records; ``latents_key``
-        reads it back.
-
-    Raises:
-      ValueError: a value is not finite in half precision, or there are no items.
-    """
-    drop_latents(out)
-    begin_latents(out, key)
-    stream, number = iter(items), 0
-    try:
-        for shard in itertools.count():
-            if not (chunk := list(itertools.islice(stream, SHARD_ITEMS))):
-                break
-            write_latent_shard(out, f"{shard:05d}", chunk)
-            number += len(chunk)
-        return finish_latents(out, key, number)
-    except BaseException:
-        drop_latents(out)
-        raise
 
 
 def _unfinished(out: str | Path) -> Path:
@@ -139,11 +109,16 @@ def drop_latents(out: str | Path) -> None:
 
 
 def write_latent_shard(out: str | Path, name: str, items: Sequence[Mapping[str, Any]]) -> None:
-    """One file of items, and one with their sizes and moments, so that the statistics are the same
-    whoever wrote which. Args and errors: as ``write_latents``.
+    """One file of items, each a (record, mirrored) pair, and one with their sizes and moments, so
+    that the statistics are the same whoever wrote which.
 
     Args:
       name: of the shard; items are ordered by it.
+      items: mappings with ``FIELDS`` (latents of any float type) and ``record`` (index),
+        ``mirrored`` (bool).
+
+    Raises:
+      ValueError: a value is not finite in half precision.
     """
     moments = {"structure": _Moments(), "latent": _Moments()}
     sizes, packed = [], []
@@ -286,7 +261,7 @@ def latent_batches(
     padded to one voxel bucket, and ``plans["flow"]``. A flow that sees layouts: ``layout``, with
     ``data.layout_errors`` in it, and pictures bent by ``data.image_warp``. Latents are as encoded;
     normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
-    ``data.mirror_latents`` is decided by what ``write_latents`` was given.
+    ``data.mirror_latents`` is decided by what the shards were given.
 
     Args and errors: as ``batches.voxel_batches``; ``decoded``: with what the loss holds a decoder's
     output against; of the latent flow ``plans`` for the UniArt VAE's decoder too.

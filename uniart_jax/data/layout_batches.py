@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -195,14 +196,21 @@ def _item(
 
 def validation_layouts(data: DataConfig, model: ModelConfig, count: int) -> LayoutBatch:
     """The first ``count`` validation objects, first view, unmirrored, as one batch."""
+    items = validation_items(data, model, count)
+    return _stacked([_item(table, i, 0.0, False) for _, table, i in items])
+
+
+def validation_items(
+    data: DataConfig, model: ModelConfig, count: int
+) -> Iterator[tuple[int, dict[str, np.ndarray], int]]:
+    """The first ``count`` validation objects: number of the block, its table, row in it."""
     settings = settings_of(data, model, validation=True)
     folder = f"{data.layouts}-validation"
     claim_folder(folder, settings)
-    items: list[LayoutBatch] = []
     number = 0
-    while len(items) < count:
+    while count > 0:
         table = load_block(folder, number, settings)
-        left = min(count - len(items), len(table["images"]))
-        items += [_item(table, i, 0.0, False) for i in range(left)]
+        for i in range(min(count, len(table["images"]))):
+            yield number, table, i
+        count -= len(table["images"])
         number += 1
-    return _stacked(items)

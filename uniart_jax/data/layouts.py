@@ -29,6 +29,7 @@ from uniart_jax.data.images import crop
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
+from uniart_jax.runtime.files import write_text
 from uniart_jax.runtime.processes import in_order, process_pool
 from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
@@ -211,9 +212,7 @@ def claim_folder(folder: str | Path, settings: LayoutSettings) -> None:
     text = json.dumps(dataclasses.asdict(settings), indent=2) + "\n"
     path.parent.mkdir(parents=True, exist_ok=True)
     if not path.is_file():
-        partial = path.with_name(f".settings-{os.getpid()}.part")
-        partial.write_text(text)
-        os.replace(partial, path)
+        write_text(path, text)
     elif path.read_text() != text:
         raise ValueError(
             f"{folder}: holds layouts of other settings ({_differing(path, settings)}); "

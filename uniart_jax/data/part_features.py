@@ -31,6 +31,7 @@ import trimesh
 
 from uniart_jax.data.columns import half
 from uniart_jax.data.records import Record
+from uniart_jax.runtime.files import complete
 from uniart_jax.voxels.grid import SDF_CLIP, subcell_offsets
 
 CHANNELS = 448
@@ -61,9 +62,8 @@ def write_points(path: Path, points: np.ndarray) -> None:
     """A binary PLY of points [n, 3]; complete or absent."""
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
     lines += [f"property float {axis}" for axis in "xyz"] + ["end_header", ""]
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    temporary.write_bytes("\n".join(lines).encode() + points.astype("<f4").tobytes())
-    os.replace(temporary, path)
+    with complete(path) as temporary:
+        temporary.write_bytes("\n".join(lines).encode() + points.astype("<f4").tobytes())
 
 
 def result_digest(folder: Path, name: str) -> str:

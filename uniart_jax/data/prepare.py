@@ -37,7 +37,7 @@ from uniart_jax.data.folder import (
 )
 from uniart_jax.data.memory import release
 from uniart_jax.data.records import from_object, to_bytes
-from uniart_jax.data.shards import MAX_RECORD_BYTES, shard_writer, sweep
+from uniart_jax.data.shards import MAX_RECORD_BYTES, shard_writer
 from uniart_jax.data.sources import Entry, ProceduralEntries, clean, load_entry
 from uniart_jax.objects.clearance import Clearance
 from uniart_jax.objects.facing import check_front
@@ -45,6 +45,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.perturb import part_factors, scale_parts
 from uniart_jax.objects.robot_object import lost_pieces
 from uniart_jax.objects.states import sample_state
+from uniart_jax.runtime.files import sweep
 from uniart_jax.runtime.processes import each
 from uniart_jax.runtime.progress import advancing
 from uniart_jax.visual.render import Camera

@@ -9,8 +9,14 @@ import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.backdrop_pictures import picture_paths
-from uniart_jax.data.layout_batches import LayoutOrder, claimed_settings, drawn_item, neighbours
-from uniart_jax.data.layouts import LayoutSettings, claim_folder, load_block, settings_of
+from uniart_jax.data.layout_batches import (
+    LayoutOrder,
+    claimed_settings,
+    drawn_item,
+    neighbours,
+    validation_items,
+)
+from uniart_jax.data.layouts import LayoutSettings
 from uniart_jax.data.order import Draw, local_rows
 from uniart_jax.data.scenes import scene, training_backdrop
 from uniart_jax.data.stream import Batches
@@ -50,7 +56,7 @@ def _load(
         rng = np.random.default_rng([data.seed, 4, place])
         back = training_backdrop(rng, size, picture_paths(data.backgrounds))
         items.append(_scene(rng, table, item, size, back))
-    return MaskBatch(*(np.stack(field) for field in zip(*items, strict=True)))
+    return _stacked(items)
 
 
 def _scene(
@@ -69,17 +75,13 @@ def _scene(
 def validation_scenes(data: DataConfig, model: ModelConfig, count: int) -> MaskBatch:
     """The first ``count`` validation objects, each in front of a background of its own, as one
     batch."""
-    settings = settings_of(data, model, validation=True)
-    folder = f"{data.layouts}-validation"
-    claim_folder(folder, settings)
-    items: list[MaskBatch] = []
-    number = 0
-    while len(items) < count:
-        table = load_block(folder, number, settings)
-        left = min(count - len(items), len(table["images"]))
-        items += [
+    return _stacked(
+        [
             _scene(np.random.default_rng([5, number, i]), table, i, model.mask.image_size)
-            for i in range(left)
+            for number, table, i in validation_items(data, model, count)
         ]
-        number += 1
+    )
+
+
+def _stacked(items: list[MaskBatch]) -> MaskBatch:
     return MaskBatch(*(np.stack(field) for field in zip(*items, strict=True)))

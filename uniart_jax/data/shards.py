@@ -11,9 +11,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import os
-import re
-import socket
 import threading
 import zipfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -25,13 +22,14 @@ from absl import flags
 from array_record.python import array_record_module
 from array_record.python.array_record_data_source import ArrayRecordDataSource
 
+from uniart_jax.runtime.files import complete
+
 MAX_RECORD_BYTES = 1 << 30
 MIN_FILE_BYTES = 1 << 16  # of any ArrayRecord file
 # numpy parses a header with ``ast``, which CPython does not always survive in several threads at
 # once ("AST constructor recursion depth
 # mismatch"), and Grain reads records in several.
 HEADERS = threading.Lock()
-_HOST = re.sub(r"[^A-Za-z0-9]", "_", socket.gethostname())
 _ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # bytes depend on content alone, so that reruns can be compared
 
 
@@ -89,18 +87,13 @@ def unpack_arrays(
 def shard_writer(path: str | Path) -> Iterator[Callable[[bytes], None]]:
     """``write(item)`` adds a byte string to an ArrayRecord file, which gets its name at the end, if
     nothing was raised."""
-    path = Path(path)
-    temporary = temporary_path(path)
-    writer = array_record_module.ArrayRecordWriter(str(temporary), "group_size:1,zstd:3")
-    try:
-        yield writer.write
-        writer.close()
-    except BaseException:
-        if writer.is_open():
-            writer.close()
-        temporary.unlink(missing_ok=True)
-        raise
-    os.replace(temporary, path)
+    with complete(Path(path)) as temporary:
+        writer = array_record_module.ArrayRecordWriter(str(temporary), "group_size:1,zstd:3")
+        try:
+            yield writer.write
+        finally:
+            if writer.is_open():
+                writer.close()
 
 
 def write_shard(path: str | Path, items: Iterable[bytes]) -> None:
@@ -108,31 +101,6 @@ def write_shard(path: str | Path, items: Iterable[bytes]) -> None:
     with shard_writer(path) as write:
         for item in items:
             write(item)
-
-
-def temporary_path(path: Path) -> Path:
-    """The name of a file of this process until it is complete: no other process, here or elsewhere,
-    has the same."""
-    return path.with_name(f".{path.name}.{_HOST}-{os.getpid()}.tmp")
-
-
-def sweep(folder: Path) -> None:
-    """Remove what processes of this machine that are gone left half-written; what others are
-    writing stays."""
-    for path in folder.glob(f".*.{_HOST}-*.tmp"):
-        number = path.name.removesuffix(".tmp").rpartition("-")[2]
-        if number.isdecimal() and not _alive(int(number)):
-            path.unlink(missing_ok=True)
-
-
-def _alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except (PermissionError, OverflowError):
-        return True
-    return True
 
 
 class Shards(ArrayRecordDataSource):

@@ -16,6 +16,7 @@ from uniart_jax.data.folder import Settings
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.reconstruction import reconstruct, score_reconstruction
 from uniart_jax.evaluation.runner import run_or_reason, write_metrics
+from uniart_jax.evaluation.summary import mean_known
 from uniart_jax.evaluation.table import markdown
 from uniart_jax.runtime.progress import messages
 
@@ -72,7 +73,7 @@ def evaluate_assets(
     rows = {
         f"{category}, {resolution}": {
             "objects": len(scores),
-            **{name: _mean([s[resolution][name] for s in scores]) for name in COLUMNS},
+            **{name: mean_known([s[resolution][name] for s in scores]) for name in COLUMNS},
         }
         for category, scores in groups.items()
         for resolution in resolutions
@@ -97,11 +98,6 @@ def table(rows: dict[str, dict[str, float]]) -> str:
         cells = ["-" if np.isnan(row[key]) else f"{row[key]:.3f}" for key in COLUMNS]
         lines.append([name, f"{row['objects']:.0f}", *cells])
     return markdown(["category, R", "objects", *COLUMNS.values()], lines)
-
-
-def _mean(values: Sequence[float]) -> float:
-    known = [value for value in values if not np.isnan(value)]
-    return float(np.mean(known)) if known else float("nan")
 
 
 def _round_trip(settings: Settings, resolutions: Sequence[int], entry: Entry) -> Scores:

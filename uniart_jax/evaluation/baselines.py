@@ -22,7 +22,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from uniart_jax import procedural
 from uniart_jax.config import ModelConfig
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.evaluation.compare import compare
@@ -31,7 +30,7 @@ from uniart_jax.evaluation.kept import claim, keep, read_kept
 from uniart_jax.evaluation.library import Asset
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.pairs import Source
-from uniart_jax.evaluation.procedural import HeldOut, held_out_for
+from uniart_jax.evaluation.procedural import HeldOut, held_out_for, split_families
 from uniart_jax.evaluation.retrieval import (
     make_asset_library,
     make_asset_retrieval,
@@ -209,11 +208,6 @@ def make_assets(
     draw = functools.partial(held_out_for, model, unseen=unseen)
     run_staged(draw, from_image, todo, "images to objects", processes=processes)
     return model
-
-
-def split_families(unseen: bool) -> Sequence[str]:
-    """The families of a held-out split."""
-    return procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
 
 
 def object_name(index: int, families: Sequence[str]) -> str:

@@ -40,29 +40,6 @@ def object_chamfer(
     return float(chamfer(*points))
 
 
-def outer_chamfer(predicted: ArticulatedObject, reference: ArticulatedObject) -> float:
-    """Chamfer distance of the surfaces that can be seen from outside (at least one of 64 directions
-    is free)."""
-    return float(chamfer(_visible_points(predicted, 0), _visible_points(reference, 1)))
-
-
-def _visible_points(obj: ArticulatedObject, seed: int) -> np.ndarray:
-    mesh = obj.mesh()
-    points, faces = trimesh.sample.sample_surface(mesh, SURFACE_POINTS // 2, seed=seed)
-    normals = mesh.face_normals[faces]
-    index = np.arange(64) + 0.5  # Fibonacci sphere
-    z, phi = 1 - 2 * index / 64, np.pi * (1 + 5**0.5) * index
-    directions = np.stack([np.sqrt(1 - z**2) * np.cos(phi), np.sqrt(1 - z**2) * np.sin(phi), z], 1)
-    visible = np.zeros(len(points), bool)
-    for direction in directions:
-        facing = ~visible & (normals @ direction > 0.05)
-        if facing.any():
-            start = points[facing] + 1e-3 * normals[facing]
-            rays = np.broadcast_to(direction, start.shape)
-            visible[np.flatnonzero(facing)[~mesh.ray.intersects_any(start, rays)]] = True
-    return np.asarray(points[visible] if visible.any() else points)
-
-
 def mesh_iou(
     a: trimesh.Trimesh, b: trimesh.Trimesh, number: int = VOLUME_POINTS, seed: int = 0
 ) -> float:

@@ -8,6 +8,8 @@ import math
 from pathlib import Path
 from typing import Any
 
+from uniart_jax.runtime.files import write_text
+
 
 def claim(out: Path, settings: dict[str, Any], what: str) -> None:
     """Begin in ``out``, or go on there with the same settings.
@@ -25,9 +27,7 @@ def claim(out: Path, settings: dict[str, Any], what: str) -> None:
 def keep(file: Path, result: dict[str, Any]) -> dict[str, Any]:
     """Write a result, complete or not at all; returns it."""
     file.parent.mkdir(parents=True, exist_ok=True)
-    partial = file.with_suffix(".new")
-    partial.write_text(json.dumps(result, indent=2, allow_nan=False) + "\n")
-    partial.replace(file)
+    write_text(file, json.dumps(result, indent=2, allow_nan=False) + "\n")
     return result
 
 

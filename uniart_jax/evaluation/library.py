@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,13 +21,14 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from uniart_jax.data.folder import Settings, temporary_path
+from uniart_jax.data.folder import Settings
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.runner import run_or_reason
 from uniart_jax.objects.facing import check_front
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
+from uniart_jax.runtime.files import complete
 from uniart_jax.runtime.progress import messages
 from uniart_jax.visual.render import render, sample_camera
 
@@ -141,6 +141,6 @@ def _show(cache: Path, size: int, asset: Asset) -> np.ndarray:
             strip = np.asarray(kept)
     else:
         strip = np.concatenate(asset.pictures(size), 1)
-        Image.fromarray(strip).save(partial := temporary_path(file), "PNG")
-        os.replace(partial, file)
+        with complete(file) as partial:
+            Image.fromarray(strip).save(partial, "PNG")
     return strip.reshape(size, VIEWS, size, 4).swapaxes(0, 1)

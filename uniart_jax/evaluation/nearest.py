@@ -8,24 +8,18 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 
-def nearest_distances(a: ArrayLike, b: ArrayLike) -> np.ndarray:
-    """Distance of every point of ``a`` from the nearest point of ``b``.
+def mutual_distances(a: ArrayLike, b: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """Distance of every point of ``a`` from the nearest one of ``b``, and of ``b`` from ``a``.
 
     Args:
       a: [..., n, 3], b: [..., m, 3] points; leading axes are pairs of sets and equal.
 
     Returns:
-      [..., n] float32.
+      [..., n] and [..., m] float32.
 
     Raises:
       ValueError: an empty set, other shapes, or a coordinate that is not finite.
     """
-    return mutual_distances(a, b)[0]
-
-
-def mutual_distances(a: ArrayLike, b: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Nearest distances both ways, side by side: ([..., n] of ``a`` from ``b``, [..., m] of ``b``
-    from ``a``); see ``nearest_distances``."""
     a, b = _points(a), _points(b)
     if a.shape[:-2] != b.shape[:-2]:
         raise ValueError(f"nearest: sets come in pairs, got shapes {a.shape} and {b.shape}")
@@ -42,19 +36,14 @@ def chamfer(a: ArrayLike, b: ArrayLike) -> np.ndarray:
     return chamfer_of(*mutual_distances(a, b))
 
 
-def f_score(a: ArrayLike, b: ArrayLike, threshold: float) -> np.ndarray:
-    """[...] harmonic mean of the two shares of points with a neighbour within ``threshold``; 0
-    where there is none."""
-    return f_score_of(*mutual_distances(a, b), threshold)
-
-
 def chamfer_of(there: np.ndarray, back: np.ndarray) -> np.ndarray:
     """``chamfer`` of what ``mutual_distances`` returns."""
     return (there.mean(-1, dtype=np.float64) + back.mean(-1, dtype=np.float64)) / 2
 
 
 def f_score_of(there: np.ndarray, back: np.ndarray, threshold: float) -> np.ndarray:
-    """``f_score`` of what ``mutual_distances`` returns."""
+    """[...] harmonic mean of the two shares of points with a neighbour within ``threshold``, of
+    what ``mutual_distances`` returns; 0 where there is none."""
     precision, recall = (there <= threshold).mean(-1), (back <= threshold).mean(-1)
     return 2 * precision * recall / np.maximum(precision + recall, 1e-12)
 

@@ -22,7 +22,7 @@ from uniart_jax import procedural
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.data.sources import find_entries
 from uniart_jax.evaluation.kept import claim
-from uniart_jax.evaluation.procedural import held_out_for, opens
+from uniart_jax.evaluation.procedural import held_out_for, opens, split_families
 from uniart_jax.evaluation.runner import DIED, Kept, error_line, run, write_metrics
 from uniart_jax.evaluation.table import markdown
 from uniart_jax.export.asset import save_asset
@@ -128,7 +128,7 @@ def evaluate_physics(
 
 
 def _truth(count: int, unseen: bool) -> list[Trial]:
-    families = procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
+    families = split_families(unseen)
     drawn = [(families[i % len(families)], procedural.HELD_OUT_SEED + i) for i in range(count)]
     return [
         Trial("truth", f"{family}-{seed}", functools.partial(procedural.generate, family, seed))

@@ -86,6 +86,11 @@ class HeldOut:
     sight: np.ndarray | None = None
 
 
+def split_families(unseen: bool) -> tuple[str, ...]:
+    """The families of a held-out split."""
+    return procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
+
+
 def held_out(
     index: int,
     *,
@@ -96,7 +101,7 @@ def held_out(
 ) -> HeldOut:
     """Test object ``index``, deterministic; a shown state that cannot be encoded (two equal boxes)
     is drawn again."""
-    families = procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
+    families = split_families(unseen)
     family, seed = families[index % len(families)], procedural.HELD_OUT_SEED + index
     closed = procedural.generate(family, seed)
     rng = np.random.default_rng([seed, 1])

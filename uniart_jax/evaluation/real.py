@@ -14,18 +14,18 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
-from uniart_jax.data.folder import Settings, temporary_path, write_text
+from uniart_jax.data.folder import Settings
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.data.layouts import encodable_state, part_colors
 from uniart_jax.data.sources import Entry, find_entries, load_entry
 from uniart_jax.evaluation.runner import run_or_reason
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.runtime.files import complete, write_text
 from uniart_jax.visual.render import render, sample_camera
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
@@ -111,7 +111,7 @@ def _show(settings: Settings, cache: Path, size: int, entry: Entry) -> RealObjec
     layout.boxes[:, 3:] = np.maximum(layout.boxes[:, 3:], SMALLEST_SIDE)  # flat sheets
     data = {"category": entry.category or "-", "layout": json.loads(layout.to_json())}
     picture = cache / f"{stem}.png"
-    Image.fromarray(image).save(partial := temporary_path(picture), "PNG")
-    os.replace(partial, picture)
+    with complete(picture) as partial:
+        Image.fromarray(image).save(partial, "PNG")
     write_text(kept, json.dumps(data) + "\n")
     return RealObject(entry.key, data["category"], layout.to_object(), image)

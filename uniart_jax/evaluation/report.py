@@ -9,7 +9,6 @@ whatever an object is called.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import resources
 from pathlib import Path
@@ -34,6 +33,7 @@ from uniart_jax.evaluation.report_pictures import data_uri, draw_pair
 from uniart_jax.evaluation.table import TITLES
 from uniart_jax.export.html_page import content_hash, fill
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.runtime.files import write_text
 
 WORST = 10  # predictions of each method that are drawn
 WORST_BY = "pose_error"
@@ -69,9 +69,7 @@ def write_report(out: Path, content: Content, load_pair: LoadPair | None = None)
     }
     page = fill((files / "template.html").read_text("utf-8"), holes)
     file = Path(out) / "report.html"
-    partial = file.with_suffix(".new")
-    partial.write_text(page, encoding="utf-8", newline="\n")  # the hash is of "\n"
-    os.replace(partial, file)
+    write_text(file, page)
     return file
 
 

@@ -19,9 +19,9 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from uniart_jax.data.folder import write_text
 from uniart_jax.evaluation.kept import keep, read_kept, without_nan
 from uniart_jax.objects.robot_object import one_line
+from uniart_jax.runtime.files import write_text
 from uniart_jax.runtime.processes import each, in_order, process_pool
 from uniart_jax.runtime.progress import messages, track
 

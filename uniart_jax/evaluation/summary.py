@@ -91,7 +91,7 @@ def object_figures(
       optional: figures that a failed prediction lacks rather than has at their worst.
     """
     rows = [_filled(result, metrics, optional) for result in results]
-    figures = {key: _mean([row[key] for row in rows]) for key in rows[0]}
+    figures = {key: mean_known([row[key] for row in rows]) for key in rows[0]}
     failures = [result["failure"] for result in results if result["failure"]]
     why = "; ".join(dict.fromkeys(failures))
     some = 0 < len(failures) < len(results)
@@ -109,7 +109,7 @@ def summarize_objects(
     for key, column in zip(keys, table.T, strict=True):
         known = column[~np.isnan(column)]
         low, high = interval(known)
-        rows[key] = {"mean": _mean(known), "low": low, "high": high, "count": len(known)}
+        rows[key] = {"mean": mean_known(known), "low": low, "high": high, "count": len(known)}
     return rows
 
 
@@ -168,6 +168,6 @@ def _filled(
     return row | {FAILED: float(bool(result["failure"]))}
 
 
-def _mean(values: Sequence[float] | np.ndarray) -> float:
+def mean_known(values: Sequence[float] | np.ndarray) -> float:
     known = [v for v in values if not np.isnan(v)]
     return float(np.mean(known)) if known else float("nan")

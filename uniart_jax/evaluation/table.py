@@ -10,8 +10,8 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from uniart_jax.data.folder import write_text
 from uniart_jax.evaluation.summary import FAILED
+from uniart_jax.runtime.files import write_text
 
 Row = Mapping[str, Mapping[str, float]]
 TITLES = {

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.config import LATENT_OF, ModelConfig
-from uniart_jax.data.folder import read_manifest, read_metadata, write_text
+from uniart_jax.data.folder import read_manifest, read_metadata
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, record_rows, shard_paths
 from uniart_jax.experiments.design import Arm, Records
@@ -21,6 +21,7 @@ from uniart_jax.experiments.judge import NEEDS, test_names, test_object
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.precompute.features import write_geometric_features
 from uniart_jax.procedural import SEEN_FAMILIES
+from uniart_jax.runtime.files import write_text
 from uniart_jax.runtime.locks import in_turn
 from uniart_jax.runtime.progress import messages
 from uniart_jax.stages.checks import prepared_objects

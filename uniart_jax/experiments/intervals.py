@@ -20,8 +20,6 @@ from scipy import stats
 
 from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED, interval
 
-Over = Literal["trainings", "objects", "other objects"]
-
 
 def row(values: np.ndarray) -> dict[str, Any]:
     """Mean of [S, N] over trainings and objects, its interval over objects, and each training's

@@ -33,7 +33,7 @@ from uniart_jax.evaluation.families import FAMILIES as ALL_FAMILIES
 from uniart_jax.evaluation.families import Posed, family_module, measure_families, posed
 from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.metric import Figures, Metric
-from uniart_jax.evaluation.procedural import HeldOut, held_out_for
+from uniart_jax.evaluation.procedural import HeldOut, held_out_for, split_families
 from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.evaluation.runner import Kept, error_line, run
 from uniart_jax.experiments.design import Arm, Objects, Station
@@ -42,7 +42,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.pipeline import Pipeline
-from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, UNSEEN_FAMILIES, generate
+from uniart_jax.procedural import HELD_OUT_SEED, generate
 from uniart_jax.visual.render import render, sample_camera
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
@@ -271,7 +271,7 @@ def test_names(tests: Objects, count: int) -> tuple[str, ...]:
     """
     if tests.records:
         return record_names(tests.records, tests.split, count)
-    families = UNSEEN_FAMILIES if tests.unseen else SEEN_FAMILIES
+    families = split_families(tests.unseen)
     names: list[str] = []
     index, last = 0, -1
     while len(names) < count:

@@ -15,6 +15,7 @@ from uniart_jax.experiments.design import Experiment
 from uniart_jax.experiments.intervals import difference, row, unpaired
 from uniart_jax.experiments.judge import METRICS, TRUTH, parameter_count, test_names
 from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.runtime.files import write_text
 
 FAILED = "failure.json"  # in a training's folder: why it has no result
 
@@ -73,9 +74,7 @@ def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any
         "metrics": {key: {"title": METRICS[key].title, "better": METRICS[key].better, "about": METRICS[key].about} for key in columns},  # noqa: E501
     }  # fmt: skip
     keep(out / "metrics.json", without_nan(content))
-    partial = out / "table.new"
-    partial.write_text("\n".join(lines(content)) + "\n", encoding="utf-8")
-    partial.replace(out / "table.md")
+    write_text(out / "table.md", "\n".join(lines(content)) + "\n")
     return content
 
 

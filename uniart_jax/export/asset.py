@@ -8,6 +8,7 @@ object.glb    view.html           print/<part>.stl           preview.png   motio
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -25,14 +26,15 @@ from uniart_jax.export.folder import check_target, complete_folder
 from uniart_jax.export.formats import (
     COLLISION_BUDGET,
     FORMATS,
+    SIMULATORS,
     Collision,
     Format,
     Origin,
+    Parts,
     default_formats,
 )
 from uniart_jax.export.frames import hulls
 from uniart_jax.export.glb import write_glb
-from uniart_jax.export.mjcf import write_mjcf
 from uniart_jax.export.naming import named
 from uniart_jax.export.page import write_page
 from uniart_jax.export.physics import Body
@@ -52,7 +54,6 @@ from uniart_jax.export.resistance import Resistance, check_resistance, resisting
 from uniart_jax.export.size import resized
 from uniart_jax.export.stl import write_stl
 from uniart_jax.export.urdf import write_urdf
-from uniart_jax.export.usd import write_usd
 from uniart_jax.export.wavefront import (
     TEXTURE_FILE,
     write_material,
@@ -224,11 +225,10 @@ def _write_simulation(
     named = [f"'{part.name}'" for part, was_open in zip(obj.parts, opened, strict=True) if was_open]
     notes = [f"open surfaces were given a thickness: {', '.join(named)}"] if named else []
     texture = f"meshes/{TEXTURE_FILE}"
-    if "mjcf" in formats:
-        xml = folder / "object.xml"
-        notes += write_mjcf(obj, xml, visual, bodies, hull_files, texture, actuators=actuators)
-    if "usd" in formats:
-        notes += write_usd(obj, folder / "object.usda", atlas.surfaces, bodies, texture)
+    parts = Parts(obj, folder, atlas.surfaces, bodies, visual, hull_files, texture, actuators)
+    for name, module in SIMULATORS.items():
+        if name in formats:
+            notes += importlib.import_module(f"uniart_jax.export.{module}").write_asset(parts)
     return tuple(notes)
 
 

@@ -8,7 +8,7 @@ frame's axes. Metres and radians, object frame at the shown state.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -163,3 +163,12 @@ def check_bodies(writer: str, obj: ArticulatedObject, bodies: Sequence[Body]) ->
 def hulls(body: Body) -> list[Hull]:
     """The body's shapes that need a mesh, in their order."""
     return [shape for shape in body.shapes if isinstance(shape, Hull)]
+
+
+def number_text(value: float) -> str:
+    """Short where it can be, and exact: limits and axes survive the round trip bit for bit."""
+    return repr(float(value) + 0.0)
+
+
+def vector_text(values: Iterable[float] | np.ndarray) -> str:
+    return " ".join(number_text(v) for v in values)

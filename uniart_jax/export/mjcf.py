@@ -17,6 +17,7 @@ import numpy as np
 from lxml import etree
 from trimesh.transformations import quaternion_from_matrix
 
+from uniart_jax.export.formats import Parts
 from uniart_jax.export.frames import (
     ChainJoint,
     body_frames,
@@ -30,7 +31,9 @@ from uniart_jax.export.frames import (
     metric_limits,
     metric_travel,
     moves,
+    number_text,
     travel_name,
+    vector_text,
 )
 from uniart_jax.export.handles import handles
 from uniart_jax.export.physics import Body, Box
@@ -49,6 +52,13 @@ SITE_SIZE = 0.01  # of the object's longest side: radius of a handle's site
 OFF = 0.02  # of the range: how far off a motor may stop for what resists it
 LAG = 0.05  # s that a motor needs to come near, at the least
 STIFF = {"solref": "0.008 1", "solimp": "0.999 0.9999 0.001"}  # of the constraint in a screw
+
+
+def write_asset(parts: Parts) -> tuple[str, ...]:
+    """``object.xml`` of an asset (``formats.SIMULATORS``)."""
+    files = (parts.visual_files, parts.bodies, parts.hull_files, parts.texture)
+    path = parts.folder / "object.xml"
+    return write_mjcf(parts.obj, path, *files, actuators=parts.actuators)
 
 
 def write_mjcf(
@@ -163,9 +173,9 @@ class _Writer:
             self._actuators(root)
         keyframe = etree.SubElement(root, "keyframe")
         for name, state in self.states.items():
-            key = etree.SubElement(keyframe, "key", name=name, qpos=_vector(self._qpos(state)))
+            key = etree.SubElement(keyframe, "key", name=name, qpos=vector_text(self._qpos(state)))
             if driven:
-                key.set("ctrl", _vector([state[k] for k in self.joined]))
+                key.set("ctrl", vector_text([state[k] for k in self.joined]))
         if any(moves(p) for p in self.obj.parts):
             self.notes.append("MJCF: it has no velocity limits of joints; they were left out")
         return root
@@ -175,19 +185,21 @@ class _Writer:
     ) -> etree._Element:
         part, body, frame = self.obj.parts[k], self.bodies[k], self.frames[k]
         origin = self.frames[part.parent] if part.parent >= 0 else np.zeros(3)
-        element = etree.SubElement(above, "body", name=self.names[k], pos=_vector(frame - origin))
+        element = etree.SubElement(
+            above, "body", name=self.names[k], pos=vector_text(frame - origin)
+        )
         tensor = np.asarray(body.inertia)
         etree.SubElement(
             element,
             "inertial",
-            pos=_vector(body.center - frame),
-            mass=_number(body.mass),
-            fullinertia=_vector(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
+            pos=vector_text(body.center - frame),
+            mass=number_text(body.mass),
+            fullinertia=vector_text(tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]),
         )
         if moves(part) and body.dynamics is not None:
             for link in joint_chain(part, body):
                 at = link.part.joint.origin * self.obj.scale - frame
-                place = {"pos": _vector(at)} if np.any(np.abs(at) > 0) else {}
+                place = {"pos": vector_text(at)} if np.any(np.abs(at) > 0) else {}
                 travel = travel_name(part) if link.first else f"{link.name}_travel"
                 self._joints(element, link, travel, place)
                 if link.part.joint.type == "screw":
@@ -195,7 +207,7 @@ class _Writer:
                         (f"{part.name}_screw" if link.first else f"{link.name}_screw", travel, link)
                     )
             self.joined.append(k)
-        at = _vector(-frame)
+        at = vector_text(-frame)
         if _drawable(part, self.obj.scale):
             seen = {"contype": "0", "conaffinity": "0", "group": "2", "material": MATERIAL}
             self._mesh_geom(element, visual, at, f"{part.name}_visual", seen)
@@ -215,9 +227,9 @@ class _Writer:
                     "geom",
                     name=name,
                     type="box",
-                    pos=_vector(shape.center - frame),
-                    quat=_vector(quaternion_from_matrix(turn)),
-                    size=_vector(np.asarray(shape.size) / 2),
+                    pos=vector_text(shape.center - frame),
+                    quat=vector_text(quaternion_from_matrix(turn)),
+                    size=vector_text(np.asarray(shape.size) / 2),
                     **group,
                 )
             else:
@@ -235,8 +247,8 @@ class _Writer:
             element,
             "site",
             name=f"{self.obj.parts[k].name}_handle",
-            pos=_vector(handle.point * self.obj.scale - frame),
-            size=_number(radius),
+            pos=vector_text(handle.point * self.obj.scale - frame),
+            size=number_text(radius),
             group="4",  # not shown unless asked for
         )
 
@@ -266,10 +278,10 @@ class _Writer:
                 "position",
                 name=joint_name(part),
                 joint=joint_name(part),
-                kp=_number(stiffness),
-                kv=_number(stiffness * LAG),
-                ctrlrange=_vector(ends),
-                forcerange=_vector([-dynamics.effort, dynamics.effort]),
+                kp=number_text(stiffness),
+                kv=number_text(stiffness * LAG),
+                ctrlrange=vector_text(ends),
+                forcerange=vector_text([-dynamics.effort, dynamics.effort]),
             )
 
     def _mesh_geom(
@@ -286,17 +298,21 @@ class _Writer:
     ) -> None:
         """One joint of a body, at ``place`` (``pos``); of a screw its slide too,
         ``travel_joint``."""
-        joint, dynamics, axis = link.part.joint, link.dynamics, _vector(link.part.joint.direction)
+        joint, dynamics, axis = (
+            link.part.joint,
+            link.dynamics,
+            vector_text(link.part.joint.direction),
+        )
         resistance = place | {
-            "damping": _number(dynamics.damping),
-            "frictionloss": _number(dynamics.friction),
+            "damping": number_text(dynamics.damping),
+            "frictionloss": number_text(dynamics.friction),
             **HELD,
         }
         if dynamics.stiffness > 0:
-            resistance["stiffness"] = _number(dynamics.stiffness)
-            resistance["springref"] = _number(dynamics.reference)
+            resistance["stiffness"] = number_text(dynamics.stiffness)
+            resistance["springref"] = number_text(dynamics.reference)
         if dynamics.effort > 0:
-            limit = _vector([-dynamics.effort, dynamics.effort])
+            limit = vector_text([-dynamics.effort, dynamics.effort])
             resistance["actuatorfrcrange"] = limit
         travel = metric_travel(link.part, self.obj.scale)
         if joint.rotates:
@@ -304,7 +320,7 @@ class _Writer:
                 element, "joint", name=link.name, type="hinge", axis=axis, **resistance
             )
             if joint.type != "continuous":
-                hinge.set("range", _vector(joint.angle))
+                hinge.set("range", vector_text(joint.angle))
             if joint.type == "screw":
                 self._slide(element, travel_joint, axis, travel, place)
         else:
@@ -324,7 +340,7 @@ class _Writer:
             name=name,
             type="slide",
             axis=axis,
-            range=_vector(travel),
+            range=vector_text(travel),
             **resistance,
         )
 
@@ -341,7 +357,7 @@ class _Writer:
         equality = etree.SubElement(root, "equality")
         for name, slide, link in self.screws:
             pitch, hinge = link.part.joint.pitch * self.obj.scale, link.name
-            polynomial = _vector([0, pitch, 0, 0, 0])
+            polynomial = vector_text([0, pitch, 0, 0, 0])
             etree.SubElement(
                 equality, "joint", name=name, joint1=slide, joint2=hinge, polycoef=polynomial
             )
@@ -351,7 +367,7 @@ class _Writer:
             # hinge = 0, has the right weight.
             tendon = etree.SubElement(tendons, "fixed", name=name)
             etree.SubElement(tendon, "joint", joint=slide, coef="1")
-            etree.SubElement(tendon, "joint", joint=hinge, coef=_number(-pitch))
+            etree.SubElement(tendon, "joint", joint=hinge, coef=number_text(-pitch))
             etree.SubElement(equality, "tendon", name=f"{name}_tendon", tendon1=name, **STIFF)
 
 
@@ -359,12 +375,3 @@ def _drawable(part: Part, scale: float) -> bool:
     """Whether MuJoCo takes the part's mesh: four places at least, and an area."""
     places = np.unique(np.asarray(part.mesh.vertices), axis=0)
     return len(places) > 3 and float(part.mesh.area) * scale**2 > MIN_AREA
-
-
-def _number(value: float) -> str:
-    """Short where it can be, and exact: limits and axes survive the round trip bit for bit."""
-    return repr(float(value) + 0.0)
-
-
-def _vector(values) -> str:
-    return " ".join(_number(v) for v in values)

@@ -27,7 +27,9 @@ from uniart_jax.export.frames import (
     joint_name,
     metric_travel,
     moves,
+    number_text,
     travel_name,
+    vector_text,
 )
 from uniart_jax.export.physics import GRAVITY, Body, Box, Dynamics
 from uniart_jax.objects.kinematics import Joint
@@ -134,7 +136,7 @@ def _collisions(link, part: Part, body: Body, frame: np.ndarray, files: Sequence
         if isinstance(shape, Box):
             turn = Rotation.from_matrix(shape.rotation).as_euler("xyz")
             geometry = _geometry(link, "collision", name, shape.center - frame, turn)
-            etree.SubElement(geometry, "box", size=_vector(shape.size))
+            etree.SubElement(geometry, "box", size=vector_text(shape.size))
         else:
             geometry = _geometry(link, "collision", name, -frame)
             etree.SubElement(geometry, "mesh", filename=left.pop(0))
@@ -188,7 +190,7 @@ def _joints(
                 robot, name, "prismatic", turned, child, np.zeros(3), joint, travel, slide
             )
             etree.SubElement(
-                element, "mimic", joint=link.name, multiplier=_number(pitch), offset="0"
+                element, "mimic", joint=link.name, multiplier=number_text(pitch), offset="0"
             )
         parent, above = child, here
 
@@ -221,41 +223,35 @@ def _element(
     etree.SubElement(element, "child", link=child)
     if kind == "fixed" or dynamics is None:
         return element
-    etree.SubElement(element, "axis", xyz=_vector(joint.direction))
+    etree.SubElement(element, "axis", xyz=vector_text(joint.direction))
     limit = etree.SubElement(
-        element, "limit", effort=_number(dynamics.effort), velocity=_number(dynamics.velocity)
+        element,
+        "limit",
+        effort=number_text(dynamics.effort),
+        velocity=number_text(dynamics.velocity),
     )
     if limits is not None:
-        limit.set("lower", _number(limits[0]))
-        limit.set("upper", _number(limits[1]))
+        limit.set("lower", number_text(limits[0]))
+        limit.set("upper", number_text(limits[1]))
     resistance = {
-        "damping": _number(dynamics.damping),
-        "friction": _number(dynamics.alone),
+        "damping": number_text(dynamics.damping),
+        "friction": number_text(dynamics.alone),
     }
     etree.SubElement(element, "dynamics", resistance)
     return element
 
 
 def _origin(element, xyz: np.ndarray, rpy: np.ndarray | None = None) -> None:
-    turn = "0 0 0" if rpy is None else _vector(rpy)
-    etree.SubElement(element, "origin", xyz=_vector(xyz), rpy=turn)
+    turn = "0 0 0" if rpy is None else vector_text(rpy)
+    etree.SubElement(element, "origin", xyz=vector_text(xyz), rpy=turn)
 
 
 def _inertial(link, mass: float, center: np.ndarray, inertia: np.ndarray) -> None:
     element = etree.SubElement(link, "inertial")
     _origin(element, center)
-    etree.SubElement(element, "mass", value=_number(mass))
-    entries = {f"i{a}{b}": _number(inertia[i, j]) for a, i, b, j in _UPPER}
+    etree.SubElement(element, "mass", value=number_text(mass))
+    entries = {f"i{a}{b}": number_text(inertia[i, j]) for a, i, b, j in _UPPER}
     etree.SubElement(element, "inertia", entries)
 
 
 _UPPER = [(a, i, b, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if i <= j]
-
-
-def _number(value: float) -> str:
-    """Short where it can be, and exact: limits and axes survive the round trip bit for bit."""
-    return repr(float(value) + 0.0)
-
-
-def _vector(values: np.ndarray) -> str:
-    return " ".join(_number(v) for v in values)

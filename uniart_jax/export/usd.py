@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 
 from uniart_jax.export.atlas import Surface
+from uniart_jax.export.formats import Parts
 from uniart_jax.export.frames import (
     ChainJoint,
     body_frames,
@@ -54,6 +55,12 @@ CARRIER_MASS = 0.01  # kg; of a body without a shape
 CARRIER_GYRATION = 0.01  # m
 SCENE = "PhysicsScene"
 ZIP_EPOCH = b"\x00\x00\x21\x00"  # 1980-01-01 00:00, a zip's first
+
+
+def write_asset(parts: Parts) -> tuple[str, ...]:
+    """``object.usda`` and ``object.usdz`` of an asset (``formats.SIMULATORS``)."""
+    path = parts.folder / "object.usda"
+    return write_usd(parts.obj, path, parts.surfaces, parts.bodies, parts.texture)
 
 
 def write_usd(

@@ -16,4 +16,9 @@ def moving_words(obj: ArticulatedObject) -> str:
         if part.joint.type != "fixed"
     ]
     counts = [(kinds.count(kind), kind) for kind in ORDER if kind in kinds]
-    return ", ".join(f"{n} {kind}{'s' if n > 1 else ''}" for n, kind in counts) or "no moving part"
+    return ", ".join(counted(n, kind) for n, kind in counts) or "no moving part"
+
+
+def counted(number: int, what: str) -> str:
+    """ "1 part", "2 parts"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"

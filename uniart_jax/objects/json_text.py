@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 
 def parse_json(data: bytes, what: str, max_bytes: int, *, nan: bool = False):
@@ -29,3 +30,8 @@ def parse_json(data: bytes, what: str, max_bytes: int, *, nan: bool = False):
 
 def _no_number(text: str) -> None:
     raise ValueError(f"{text} is no number")
+
+
+def is_whole(value: Any) -> bool:
+    """Whether it is a whole number of JSON, which True is not."""
+    return isinstance(value, int) and not isinstance(value, bool)

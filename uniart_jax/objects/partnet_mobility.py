@@ -34,7 +34,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uniart_jax.objects.json_text import parse_json
+from uniart_jax.objects.json_text import is_whole, parse_json
 from uniart_jax.objects.partnet_freedom import Freedom
 from uniart_jax.objects.partnet_joints import Node, arbitrate
 from uniart_jax.objects.robot import MAX_NUMBER, MAX_PARTS, Robot
@@ -114,7 +114,7 @@ def _nodes(data) -> list[Node]:
     nodes: dict[int, Node] = {}
     for index, entry in enumerate(data):
         number, parent = entry.get("id"), entry.get("parent", -1)
-        if not _is_int(number) or not _is_int(parent) or not isinstance(entry.get("joint"), str):
+        if not is_whole(number) or not is_whole(parent) or not isinstance(entry.get("joint"), str):
             raise ValueError(
                 f"{JOINTS}: part {index} should have an integer id and parent, and a joint"
             )
@@ -134,10 +134,6 @@ def _nodes(data) -> list[Node]:
             visited.add(above)
             above = nodes[above].parent
     return list(nodes.values())
-
-
-def _is_int(value) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
 
 
 def _node(entry: dict, number: int, parent: int, name: str) -> Node:

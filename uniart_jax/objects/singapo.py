@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 from trimesh.transformations import euler_matrix
 
-from uniart_jax.objects.json_text import parse_json
+from uniart_jax.objects.json_text import is_whole, parse_json
 from uniart_jax.objects.kinematics import JOINT_TYPES
 from uniart_jax.objects.names import Numbered
 from uniart_jax.objects.robot import MAX_NUMBER, MAX_PARTS, Geometry, Link, RawJoint, Robot
@@ -89,13 +89,9 @@ def _names(nodes: list[dict]) -> dict[int, str]:
     return names
 
 
-def _whole(value) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
 def _parent(node: dict, names: dict[int, str], name: str) -> int:
     parent = node.get("parent")
-    if not _whole(parent) or (parent != -1 and parent not in names):
+    if not is_whole(parent) or (parent != -1 and parent not in names):
         raise ValueError(f"node '{name}': there is no parent {parent!r:.40}")
     return parent
 
@@ -106,7 +102,7 @@ def _check_children(nodes: list[dict], parents: dict[int, int], notes: list[str]
         for node in nodes
         if isinstance(node.get("children"), list)
         for child in node["children"]
-        if _whole(child)
+        if is_whole(child)
     }
     if stated and stated != {(c, p) for c, p in parents.items() if p != -1}:
         notes.append("the lists of children disagree with the parents; the parents were used")

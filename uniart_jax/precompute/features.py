@@ -36,7 +36,6 @@ from uniart_jax.data.columns import (
     open_column,
     read_orbit,
 )
-from uniart_jax.data.folder import write_text
 from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
 from uniart_jax.data.geometric_features import geometric_features
 from uniart_jax.data.part_features import (
@@ -49,11 +48,12 @@ from uniart_jax.data.part_features import (
     write_points,
 )
 from uniart_jax.data.records import Record, from_bytes, shard_paths
-from uniart_jax.data.shards import open_shards, pack_arrays, sweep, unpack_arrays, write_shard
+from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import read_network
 from uniart_jax.models.multiview import intrinsic_matrices, multiview_features
 from uniart_jax.models.network import Network, Params, build
+from uniart_jax.runtime.files import sweep, write_text
 from uniart_jax.runtime.progress import advancing
 from uniart_jax.visual.render import Camera
 from uniart_jax.weights.dinov2 import converted_config

@@ -18,7 +18,7 @@ import jax
 import numpy as np
 from scipy.spatial import cKDTree
 
-from uniart_jax.data.folder import read_metadata, write_text
+from uniart_jax.data.folder import read_metadata
 from uniart_jax.data.records import (
     Record,
     RecordSource,
@@ -28,6 +28,7 @@ from uniart_jax.data.records import (
     write_shard,
 )
 from uniart_jax.pipeline import Pipeline, load
+from uniart_jax.runtime.files import write_text
 from uniart_jax.runtime.progress import track
 from uniart_jax.voxels.grid import SDF_CLIP, subcell_indices
 from uniart_jax.voxels.isosurface import dense_field

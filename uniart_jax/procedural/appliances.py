@@ -88,6 +88,26 @@ def feet(
             body.add(cylinder("z", [x, y, 0], legs, 0.8 * r, r, segments=12), material)
 
 
+def bins_behind(places, sizes, unit: float, material: Material) -> Shape | None:
+    """Open bins on the rear of a door, far enough from its edges to swing past the walls; None
+    where there is no room.
+
+    Args:
+      places: corners of the door, and of the room behind it. sizes: how far bins reach from the
+        door, the thickness of their walls, their height.
+    """
+    (lo, hi, bay_lo, bay_hi), (reach, wall, tall) = places, sizes
+    shape = Shape()
+    air = 0.03 + (reach + hi[0] - lo[0]) ** 2 / (2 * (hi[1] - lo[1]))
+    y = (max(lo[1], bay_lo[1]) + air, min(hi[1], bay_hi[1]) - air)
+    count = int(np.clip((bay_hi[2] - bay_lo[2]) / 0.35, 0, 4))
+    if y[1] - y[0] < 8 * unit or count == 0:
+        return None
+    for z in np.linspace(bay_lo[2] + 0.02, bay_hi[2] - tall - 0.06, count):
+        shape.add(tray([hi[0], y[0], z], [hi[0] + reach, y[1], z + tall], wall), material)
+    return shape
+
+
 def display(
     body: Shape, face: float, y: tuple[float, float], z: tuple[float, float], proud: float, material
 ) -> None:

@@ -159,16 +159,16 @@ def _grow(rng, pieces: list[Piece], palette) -> Candidate | None:
     return make[manner](rng, seat, parent, i, s, palette, **more)
 
 
-def _span(i: int, s: int, start: float, h: float) -> tuple[float, float]:
-    """Ends of a stretch of ``h`` along axis i that leaves the plane at ``start`` by direction s."""
+def _span(s: int, start: float, h: float) -> tuple[float, float]:
+    """Ends of a stretch of ``h`` that leaves the plane at ``start`` by direction s."""
     return (start, start + h) if s > 0 else (start - h, start)
 
 
-def _box_on(rng, seat: Piece, i: int, s: int, size: np.ndarray, place: np.ndarray):
+def _box_on(seat: Piece, i: int, s: int, size: np.ndarray, place: np.ndarray):
     """Corners of a box of ``size`` that sits on face (i, s), its middle at ``place`` in the other
     axes."""
     lo, hi = place - size / 2, place + size / 2
-    lo[i], hi[i] = _span(i, s, (seat.hi if s > 0 else seat.lo)[i] + s * AIR, size[i])
+    lo[i], hi[i] = _span(s, (seat.hi if s > 0 else seat.lo)[i] + s * AIR, size[i])
     return lo, hi
 
 
@@ -225,7 +225,7 @@ def _turning(rng, seat: Piece, parent, i: int, s: int, palette, arm=False) -> Ca
         middle = (seat.lo + seat.hi)[j] / 2
         pin = float(np.clip(pin, middle - lim, middle + lim))
         place[j] = pin + shift
-    lo, hi = _box_on(rng, seat, i, s, size, place)
+    lo, hi = _box_on(seat, i, s, size, place)
     form = str(rng.choice(["box", "round", "frame"], p=[0.45, 0.45, 0.1]))
     if arm and form == "frame":
         form = "box"
@@ -235,7 +235,7 @@ def _turning(rng, seat: Piece, parent, i: int, s: int, palette, arm=False) -> Ca
     if form != "frame" and rng.random() < CUES:  # the head of the pin
         r, tall = 0.28 * min(size[j], size[k]), max(0.25 * size[i], 0.02)
         start = at.copy()
-        start[i] = min(_span(i, s, (hi if s > 0 else lo)[i], tall))
+        start[i] = min(_span(s, (hi if s > 0 else lo)[i], tall))
         solids.append((cylinder("xyz"[i], start, tall, r, segments=16), materials.hardware(rng)))
     return Candidate(Piece(lo, hi, solids, parent, _about_normal(rng, at, i)))
 
@@ -260,7 +260,7 @@ def _flap(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | None
     edge = (seat.hi if way > 0 else seat.lo)[j]
     if flush:
         place[j] = edge - way * size[j] / 2
-    lo, hi = _box_on(rng, seat, i, s, size, place)
+    lo, hi = _box_on(seat, i, s, size, place)
     at = (lo + hi) / 2
     at[j] = (hi if way > 0 else lo)[j]
     at[i] = (lo if s > 0 else hi)[i]
@@ -281,7 +281,7 @@ def _flap(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | None
             start[k] = lo[k] + share * size[k] - tall / 2
             bars.append(cylinder("xyz"[k], start, tall, r, segments=12))
             a, b = start.copy(), start.copy()
-            a[i], b[i] = _span(i, s, at[i] + s * 0.07 * r, 0.73 * r)
+            a[i], b[i] = _span(s, at[i] + s * 0.07 * r, 0.73 * r)
             a[j], b[j] = sorted((at[j] + way * 0.15 * r, at[j] - way * (r + AIR)))
             a[k], b[k] = start[k] + 0.08 * tall, start[k] + 0.92 * tall
             bars.append(box(a, b))
@@ -312,7 +312,7 @@ def _sliding(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | N
     travel = (slack - inset) * float(rng.uniform(0.6, 1)) + over
     if travel < 0.06:
         return None
-    lo, hi = _box_on(rng, seat, i, s, size, place)
+    lo, hi = _box_on(seat, i, s, size, place)
     form = str(rng.choice(["box", "round", "frame"], p=[0.65, 0.25, 0.1]))
     finish = _finish(rng, palette)
     solids = [(_solid(rng, lo, hi, form, i), finish)]
@@ -324,7 +324,7 @@ def _sliding(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | N
         for side in (lo[k] - AIR - wide, hi[k] + AIR):
             a, b = seat.lo.copy(), seat.hi.copy()
             a[k], b[k] = side, side + wide
-            a[i], b[i] = _span(i, s, (seat.hi if s > 0 else seat.lo)[i], tall)
+            a[i], b[i] = _span(s, (seat.hi if s > 0 else seat.lo)[i], tall)
             rails.append(box(a, b))
         found.add = union(rails)
     return found
@@ -348,11 +348,11 @@ def _piston(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | No
     place = _place(rng, seat, i, np.where(np.arange(3) == i, 0, 2.6 * radius))
     plane = (seat.hi if s > 0 else seat.lo)[i]
     lo, hi = place - head / 2, place + head / 2
-    lo[i], hi[i] = _span(i, s, plane + s * (AIR + out), head[i])
+    lo[i], hi[i] = _span(s, plane + s * (AIR + out), head[i])
     square = rng.random() < 0.25
     start, bore = place.copy(), place.copy()
-    start[i] = min(_span(i, s, plane - s * deep, deep + out + AIR))
-    bore[i] = min(_span(i, s, plane - s * (deep + 0.02), deep + 0.02))
+    start[i] = min(_span(s, plane - s * deep, deep + out + AIR))
+    bore[i] = min(_span(s, plane - s * (deep + 0.02), deep + 0.02))
     long, hollow = deep + out + AIR, deep + 0.02
     if square:
         a, b = start - radius * 0.9, start + radius * 0.9
@@ -399,9 +399,9 @@ def _drawer(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | No
         place[axis] += max(slack, 0) * float(rng.uniform(-1, 1))
     lo, hi = place - size / 2, place + size / 2
     plane = (seat.hi if s > 0 else seat.lo)[i]
-    lo[i], hi[i] = _span(i, s, plane - s * size[i], size[i] + proud)
+    lo[i], hi[i] = _span(s, plane - s * size[i], size[i] + proud)
     c, d = lo - AIR, hi + AIR
-    c[i], d[i] = _span(i, s, plane - s * (size[i] + AIR), size[i] + AIR + 0.01)
+    c[i], d[i] = _span(s, plane - s * (size[i] + AIR), size[i] + AIR + 0.01)
     finish = _finish(rng, palette)
     solid = box(lo, hi)
     if i != 2 and rng.random() < 0.5 and size[i] > 0.15:  # hollow from above
@@ -417,7 +417,7 @@ def _drawer(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | No
         at[i] = (hi if s > 0 else lo)[i]
         if rng.random() < 0.5:
             start = at.copy()
-            start[i] = min(_span(i, s, at[i], reach))
+            start[i] = min(_span(s, at[i], reach))
             grip = cylinder(
                 "xyz"[i], start, reach, min(0.035, 0.2 * min(size[j], size[k])), segments=14
             )
@@ -426,7 +426,7 @@ def _drawer(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | No
             half = np.full(3, 0.014)
             half[along] = 0.3 * size[along]
             a, b = at - half, at + half
-            a[i], b[i] = _span(i, s, at[i], reach)
+            a[i], b[i] = _span(s, at[i], reach)
             grip = box(a, b)
         solids.append((grip, materials.hardware(rng)))
     travel = size[i] * float(rng.uniform(0.4, 0.9))

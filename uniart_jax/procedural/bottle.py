@@ -24,12 +24,19 @@ from uniart_jax.procedural.shapes import (
     union,
 )
 
-_KINDS = ("water", "wine", "jar", "flask", "square")
+# height up to the neck in metres; radius, of it; neck, of the radius; shoulder, of the height
+_KINDS = {
+    "water": ((0.14, 0.26), (0.14, 0.21), (0.36, 0.5), 0.75),
+    "wine": ((0.22, 0.3), (0.12, 0.16), (0.36, 0.44), 0.62),
+    "jar": ((0.07, 0.17), (0.26, 0.55), (0.78, 0.9), 0.92),
+    "flask": ((0.18, 0.28), (0.13, 0.19), (0.62, 0.85), 0.9),
+    "square": ((0.1, 0.2), (0.18, 0.28), (0.36, 0.55), 0.8),
+}
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
     """A bottle, metres, its cap screwed home."""
-    kind = str(rng.choice(_KINDS, p=[0.3, 0.14, 0.24, 0.18, 0.14]))
+    kind = str(rng.choice(list(_KINDS), p=[0.3, 0.14, 0.24, 0.18, 0.14]))
     height, radius, neck, shoulder, rise = _proportions(rng, kind)
     tall = height + rise  # of the body, neck included
     unit = max(tall, 2 * radius) / 100
@@ -109,51 +116,18 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         loop = cut(loop, (cylinder("z", [0, 0, 0], 1, radius, segments=32),))
         body.add(loop, materials.dark(rng) if rng.random() < 0.6 else accent)
     root = asm.add("body", body)
-    _cap(rng, asm, root, kind, height, rise, neck, unit, radius)
+    _cap(rng, asm, root, kind, height, rise, neck, unit)
     return asm.object()
 
 
 def _proportions(rng, kind: str):
     """Height up to the neck, radius, neck radius, height of the shoulder, height of the neck:
     metres."""
-    if kind == "water":
-        height, slim, neck, sh = (
-            rng.uniform(0.14, 0.26),
-            rng.uniform(0.14, 0.21),
-            rng.uniform(0.36, 0.5),
-            0.75,
-        )
-    elif kind == "wine":
-        height, slim, neck, sh = (
-            rng.uniform(0.22, 0.3),
-            rng.uniform(0.12, 0.16),
-            rng.uniform(0.36, 0.44),
-            0.62,
-        )
-    elif kind == "jar":
-        height, slim, neck, sh = (
-            rng.uniform(0.07, 0.17),
-            rng.uniform(0.26, 0.55),
-            rng.uniform(0.78, 0.9),
-            0.92,
-        )
-    elif kind == "flask":
-        height, slim, neck, sh = (
-            rng.uniform(0.18, 0.28),
-            rng.uniform(0.13, 0.19),
-            rng.uniform(0.62, 0.85),
-            0.9,
-        )
-    else:
-        height, slim, neck, sh = (
-            rng.uniform(0.1, 0.2),
-            rng.uniform(0.18, 0.28),
-            rng.uniform(0.36, 0.55),
-            0.8,
-        )
+    *ranges, shoulder = _KINDS[kind]
+    height, slim, neck = (rng.uniform(*r) for r in ranges)
     radius = slim * height
     rise = float(np.clip(rng.uniform(0.09, 0.14) * height, 0.012, 0.03))
-    return float(height), float(radius), float(neck * radius), float(sh * height), rise
+    return float(height), float(radius), float(neck * radius), float(shoulder * height), rise
 
 
 def _skin(rng, kind: str) -> Material:
@@ -199,7 +173,7 @@ def _inset(outline: np.ndarray, wall: float) -> np.ndarray:
     return inner
 
 
-def _cap(rng, asm: Assembly, root: int, kind, height, rise, neck, unit, radius) -> int:
+def _cap(rng, asm: Assembly, root: int, kind, height, rise, neck, unit) -> int:
     """The cap over the neck, with ridges or wings and a mark, so that one sees it turn."""
     air, wall = 0.5 * unit, max(1.8 * unit, 0.0022)
     inner, outer = neck + air, neck + air + wall

@@ -16,8 +16,9 @@ from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, slide, tray
 
 @dataclasses.dataclass(frozen=True)
 class Cell:
-    """A rectangle of the front and what fills it: 'door', 'double', 'flap', 'drawer', 'open' or
-    'blank' (a board that stays).
+    """A rectangle of the front and what fills it: 'door', 'double', 'flap', 'drawer', 'open',
+    'blank' (a board that stays); in cupboards also 'sliding', 'false' (a front that stays) or
+    'half' (one door before half of the room).
 
     ``trays``: pull-outs behind its doors; behind double doors an even number may stand in two
     columns.
@@ -27,6 +28,23 @@ class Cell:
     z: tuple[float, float]
     kind: str
     trays: int = 0
+
+
+def room_behind(
+    y: tuple[float, float],
+    z: tuple[float, float],
+    sides: tuple[float, float],
+    ends: tuple[float, float],
+    x: tuple[float, float],
+    wall: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the room behind a rectangle (y, z) of a front from ``x[0]`` to ``x[1]``: full
+    walls at the case's ``sides`` and ``ends``, half a wall towards neighbours."""
+    lo, hi = np.array([x[0], 0.0, 0.0]), np.array([x[1], 0.0, 0.0])
+    for axis, (a, b), (first, last) in ((1, y, sides), (2, z, ends)):
+        lo[axis] = a + (wall if a < first + 1e-6 else wall / 2)
+        hi[axis] = b - (wall if b > last - 1e-6 else wall / 2)
+    return lo, hi
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,12 +115,9 @@ class Case:
         )
 
     def bay(self, cell: Cell) -> tuple[np.ndarray, np.ndarray]:
-        """Corners of the room behind a cell: full walls outside, half a wall towards neighbours."""
-        lo, hi = [self.front, 0.0, 0.0], [self.front + self.depth - self.wall, 0.0, 0.0]
-        for axis, (a, b), (first, last) in ((1, cell.y, self.y), (2, cell.z, self.z)):
-            lo[axis] = a + (self.wall if a < first + 1e-6 else self.wall / 2)
-            hi[axis] = b - (self.wall if b > last - 1e-6 else self.wall / 2)
-        return np.array(lo), np.array(hi)
+        """Corners of the room behind a cell (``room_behind``)."""
+        x = (self.front, self.front + self.depth - self.wall)
+        return room_behind(cell.y, cell.z, self.y, self.z, x, self.wall)
 
     def solid(self, rng: np.random.Generator) -> Manifold:
         """The case with its bays and shelves."""

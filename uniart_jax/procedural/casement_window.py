@@ -56,7 +56,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         out, side, thick = (float(rng.uniform(*r)) * unit for r in ((2, 9), (0, 5), (1.5, 3)))
         board = box([-out, -half - side, -thick], [depth, half + side, 0])
         frame.add(board, face if rng.random() < 0.6 else materials.stone(rng))
-    plan = [_how(rng, hi - lo, k, len(bays)) for k, (lo, hi) in enumerate(bays)]
+    plan = [_how(rng, hi - lo, len(bays)) for lo, hi in bays]
     if "fixed" in plan and all(p == "fixed" for p in plan):
         plan[0] = "+y"
     look = _Look(rng, unit, sash_face, depth, post)
@@ -86,7 +86,7 @@ def _finish(rng: np.random.Generator) -> Material:
     return materials.metal(rng, brushed=False) if kind == 2 else materials.paint(rng)
 
 
-def _how(rng: np.random.Generator, size: np.ndarray, k: int, count: int) -> str:
+def _how(rng: np.random.Generator, size: np.ndarray, count: int) -> str:
     """Hinge edge of a sash, 'pair' for two that meet, or 'fixed'."""
     wide = size[0] / size[1]
     if count > 1 and rng.random() < 0.18:

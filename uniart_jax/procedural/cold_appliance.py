@@ -12,7 +12,8 @@ from manifold3d import Manifold
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import appliances, finishes, materials, real_finishes
-from uniart_jax.procedural.cold_fronts import Look, add_door, add_front, add_plate, bins_behind
+from uniart_jax.procedural.cabinet import room_behind
+from uniart_jax.procedural.cold_fronts import Look, add_door, add_front, add_plate
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import (
     Assembly,
@@ -152,11 +153,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     asm, body, shelves = Assembly(), Shape(), []
     bays, holes = [], []
     for y, z, edge, _ in cells:
-        lo = [0.0, y[0] + (wall if y[0] < 1e-6 - half else wall / 2),
-              z[0] + (wall if z[0] < low + 1e-6 else wall / 2)]  # fmt: skip
-        hi = [depth - wall, y[1] - (wall if y[1] > half - 1e-6 else wall / 2),
-              z[1] - (wall if z[1] > high - 1e-6 else wall / 2)]  # fmt: skip
-        lo, hi = np.array(lo), np.array(hi)
+        lo, hi = room_behind(y, z, (-half, half), (low, high), (0.0, depth - wall), wall)
         bays.append((lo, hi))
         holes.append(box([0.001, *lo[1:]], hi))
         if edge != "drawer":
@@ -194,7 +191,11 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
             add_front(asm, root, lo, hi, "+z", joint, look, "drawer", 0.5, basket)
             continue
         outer = y[1] > half - 1e-6 if edge == "+y" else y[0] < 1e-6 - half
-        extra = bins_behind(rng, lo, hi, bay_lo, bay_hi, look) if bins else None
+        extra = None
+        if bins:
+            reach, deep = float(rng.uniform(0.06, 0.12)), max(0.07, 5 * unit)
+            sizes, places = (reach, max(0.012, 1.3 * unit), deep), (lo, hi, bay_lo, bay_hi)
+            extra = appliances.bins_behind(places, sizes, unit, look.lining)
         beyond = look.seam / 2 if outer else 1.0
         part = add_door(asm, root, lo, hi, edge, look, beyond, at, extra)
         if len(cells) < 4 and rng.random() < 0.12:

@@ -18,7 +18,6 @@ from uniart_jax.procedural.shapes import (
     cylinder,
     extrusion,
     hinge,
-    tray,
     union,
 )
 
@@ -206,18 +205,6 @@ def add_front(asm, root, lo, hi, edge, joint, look: Look, name: str, high: float
     return part
 
 
-def _clear(thick: float, behind: float, into: float, gap: float, beyond: float, most: float):
-    """How far, radians up to ``most``, a door turns before it meets the case that lies ``gap``
-    behind it and ``beyond`` past its edge; ``behind``, ``into``: of its axis (``hinges.place``)."""
-    x = np.concatenate([np.linspace(-behind, thick - behind, 9), np.full(12, thick - behind)])
-    x = np.concatenate([x, np.full(12, -behind)])
-    y = np.concatenate([np.full(9, into), *[np.linspace(-4 * thick, into, 12)] * 2])
-    angles = np.arange(0.0, most + 0.02, 0.03)[:, None]
-    there = x * np.cos(angles) + y * np.sin(angles), y * np.cos(angles) - x * np.sin(angles)
-    met = ((there[0] > thick - behind + gap - 2e-4) & (there[1] < into + beyond + 1e-3)).any(1)
-    return most if not met.any() else float(angles[max(int(met.argmax()) - 1, 0), 0])
-
-
 def add_door(asm, root, lo, hi, edge: str, look: Look, beyond: float, high: float, extra) -> int:
     """A door that turns about its side ``edge``."""
     lo, hi = np.asarray(lo, dtype=np.float64), np.asarray(hi, dtype=np.float64)
@@ -230,7 +217,10 @@ def add_door(asm, root, lo, hi, edge: str, look: Look, beyond: float, high: floa
     at[0], at[1] = lo[0] + behind, (hi[1] if sign > 0 else lo[1]) - sign * into
     angle = look.swing if outer else min(look.swing, float(np.deg2rad(110)))
     if behind > 0:
-        angle = min(angle, _clear(thick, behind, into, look.gap, beyond, angle))
+        steps = np.arange(0.0, angle + 0.02, 0.03)
+        air = look.gap - 2e-4
+        free = hinges.clear_angle(thick, behind, into, beyond, air, steps, (9, 12))
+        angle = min(angle, free)
     free = ("-" if sign > 0 else "+") + "y"
     if look.handle == "strip" and high in (0.0, 1.0):
         free = "+z" if high == 1.0 else "-z"
@@ -252,17 +242,3 @@ def add_plate(rng, asm: Assembly, part: int, lo, hi, look: Look) -> None:
     )
     shape = Shape().add(cut(plate, [hole]), finishes.dark(rng) if rng.random() < 0.7 else look.trim)
     asm.add("dispenser", shape, part)
-
-
-def bins_behind(rng, lo, hi, bay_lo, bay_hi, look: Look) -> Shape | None:
-    """Open bins on the rear of a door, far enough from its edges to swing past the walls."""
-    shape, reach = Shape(), float(rng.uniform(0.06, 0.12))
-    air = 0.03 + (reach + hi[0] - lo[0]) ** 2 / (2 * (hi[1] - lo[1]))
-    y = (max(lo[1], bay_lo[1]) + air, min(hi[1], bay_hi[1]) - air)
-    wall, tall = max(0.012, 1.3 * look.unit), max(0.07, 5 * look.unit)
-    count = int(np.clip((bay_hi[2] - bay_lo[2]) / 0.35, 0, 4))
-    if y[1] - y[0] < 8 * look.unit or count == 0:
-        return None
-    for z in np.linspace(bay_lo[2] + 0.02, bay_hi[2] - tall - 0.06, count):
-        shape.add(tray([hi[0], y[0], z], [hi[0] + reach, y[1], z + tall], wall), look.lining)
-    return shape

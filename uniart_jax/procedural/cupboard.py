@@ -10,6 +10,7 @@ import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import finishes, joinery, materials, real_finishes
+from uniart_jax.procedural.cabinet import Cell
 from uniart_jax.procedural.cupboard_case import (
     Cabinet,
     carcass,
@@ -19,7 +20,7 @@ from uniart_jax.procedural.cupboard_case import (
     opening,
     pull_outs,
 )
-from uniart_jax.procedural.cupboard_plans import HUNG, KINDS, Cell, plan
+from uniart_jax.procedural.cupboard_plans import HUNG, KINDS, plan
 from uniart_jax.procedural.joinery import Look
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import (

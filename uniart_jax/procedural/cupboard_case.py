@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 
 from uniart_jax.procedural import joinery, materials
-from uniart_jax.procedural.cupboard_plans import Cell
+from uniart_jax.procedural.cabinet import Cell
 from uniart_jax.procedural.joinery import Look
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import Shape, box, cut, slide, tray

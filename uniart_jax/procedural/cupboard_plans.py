@@ -7,6 +7,8 @@ import itertools
 
 import numpy as np
 
+from uniart_jax.procedural.cabinet import Cell
+
 # width, height, depth (metres), share
 KINDS = {
     "base": ((0.3, 1.25), (0.72, 0.95), (0.5, 0.66), 0.26),
@@ -21,16 +23,6 @@ KINDS = {
     "bench": ((0.9, 1.6), (0.45, 1.0), (0.35, 0.6), 0.03),
 }
 HUNG = ("wall", "bridge")
-
-
-@dataclasses.dataclass(frozen=True)
-class Cell:
-    """A rectangle of the front: 'door', 'double', 'flap', 'drawer', 'sliding', 'open', 'blank' (a
-    plain board), 'false' (a front that stays), 'half' (one door before half of the room)."""
-
-    y: tuple[float, float]
-    z: tuple[float, float]
-    kind: str
 
 
 def _split(rng: np.random.Generator, lo: float, hi: float, count: int) -> np.ndarray:

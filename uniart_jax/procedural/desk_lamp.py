@@ -78,7 +78,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     axis = turned @ np.array([0.0, 1, 0])
     for k in range(count):
         angle = elevations[k]
-        pieces = _arm(rng, points[k], points[k + 1], radius, sides[k + 1], layer, paint, accent)
+        pieces = _arm(points[k], points[k + 1], radius, sides[k + 1], layer, paint, accent)
         if k == 0:  # leans forward from where it leans back
             way, most = -1, float(np.clip(angle - np.deg2rad(35), 0.4, 1.4))
         else:  # unfolds until it lies along the arm before it
@@ -178,7 +178,7 @@ def _stem(top: np.ndarray, low: float, radius: float, spans) -> Manifold:
     return union(solids)
 
 
-def _arm(rng, a, b, radius, spans, layer, paint, accent):
+def _arm(a, b, radius, spans, layer, paint, accent):
     """An arm between two hinges, with the hinges' caps."""
     thin = 0.75
     bars = [_bar(a, b, radius, span, thin) for span in spans]

@@ -312,7 +312,7 @@ def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
     frame.add(tidy(union(bars)).translate(tuple(center)), guard)
     steel = materials.hardware(rng)
     if stand:
-        root = _stand(rng, asm, center, half, deep, low, unit, steel)
+        root = _stand(asm, center, half, deep, unit, steel)
         tilt = float(np.deg2rad(rng.uniform(25, 80)))
         parent = asm.add("frame", frame, root, hinge(center, (0, 1, 0), tilt))
     else:
@@ -342,7 +342,7 @@ def _box_fan(rng: np.random.Generator) -> ArticulatedObject:
     return asm.object()
 
 
-def _stand(rng, asm: Assembly, center, half: float, deep: float, low: float, unit, steel) -> int:
+def _stand(asm: Assembly, center, half: float, deep: float, unit, steel) -> int:
     """Two feet with cheeks beside the frame and a bar between them; the root."""
     air, wall = 0.4 * unit, 1.8 * unit
     y = half + air

@@ -30,9 +30,6 @@ from uniart_jax.procedural.shapes import (
     union,
 )
 
-AIR = (
-    0.0015  # metres that the corner of a door beyond its axis may swing behind the door's rear face
-)
 PANELS = ("slab", "shaker", "raised", "glass", "slats", "border")
 HANDLES = ("bar", "round_bar", "arch", "knob", "lip", "recess", "latch", "none")
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-AIR = (
-    0.0015  # metres that the corner of a door beyond its axis may swing behind the door's rear face
-)
+# metres that the corner of a door beyond its axis may swing behind the door's rear face
+AIR = 0.0015
+_ANGLES = np.deg2rad(np.arange(90, 181, 2.0))
 
 # axis about which what is hinged at an edge opens, of a front that looks along -x
 OPENING = {"+y": (0, 0, -1), "-y": (0, 0, 1), "-z": (0, -1, 0), "+z": (0, 1, 0)}
@@ -45,22 +45,28 @@ def place(thick: float, width: float, depth: float, inset: float) -> tuple[float
     return thick - rear, into
 
 
-def clear_angle(thick: float, behind: float, into: float, beyond: float) -> float:
-    """How far a door can open, radians, before it meets what it closes.
+def clear_angle(
+    thick: float,
+    behind: float,
+    into: float,
+    beyond: float,
+    air: float = AIR,
+    angles: np.ndarray = _ANGLES,
+    points: tuple[int, int] = (12, 24),
+) -> float:
+    """How far a door can open, radians, before it meets what it closes; pi if it never does.
 
     Args:
       thick: of the door. behind, into: of its axis (``place``).
-      beyond: how far past the door's hinged edge that reaches which it closes. Metres.
+      beyond: how far past the door's hinged edge that reaches which it closes. air: how far behind
+        the door it lies. Metres.
+      angles: that are tried. points: along the door's edge and along each of its faces.
     """
-    side = np.linspace(
-        -behind, thick - behind, 12
-    )  # about the axis: x to the rear, y past the edge
-    edge = np.linspace(-4 * thick, into, 24)
-    x = np.concatenate([side, np.full(24, -behind), np.full(24, thick - behind)])
-    y = np.concatenate([np.full(12, into), edge, edge])
-    angles = np.deg2rad(np.arange(90, 181, 2.0))[:, None]
+    side = np.linspace(-behind, thick - behind, points[0])  # x to the rear, y past the edge
+    edge = np.linspace(-4 * thick, into, points[1])
+    x = np.concatenate([side, np.full(points[1], -behind), np.full(points[1], thick - behind)])
+    y = np.concatenate([np.full(points[0], into), edge, edge])
+    angles = angles[:, None]
     there = x * np.cos(angles) + y * np.sin(angles), y * np.cos(angles) - x * np.sin(angles)
-    met = ((there[0] > thick - behind + AIR) & (there[1] < into + beyond + 1e-3)).any(1)
-    if not met.any():
-        return float(np.pi)
-    return float(angles[max(int(met.argmax()) - 1, 0), 0])
+    met = ((there[0] > thick - behind + air) & (there[1] < into + beyond + 1e-3)).any(1)
+    return float(angles[max(int(met.argmax()) - 1, 0), 0]) if met.any() else float(np.pi)

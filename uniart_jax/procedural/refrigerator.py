@@ -9,9 +9,10 @@ import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import appliances, finishes
+from uniart_jax.procedural.cabinet import room_behind
 from uniart_jax.procedural.fronts import add_door, add_drawer
 from uniart_jax.procedural.hinges import opening
-from uniart_jax.procedural.shapes import Assembly, Shape, box, cut, tray
+from uniart_jax.procedural.shapes import Assembly, Shape, box, cut
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
@@ -78,7 +79,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     asm, body = Assembly(), Shape()
     case = face if rng.random() < 0.55 else face.darker(float(rng.uniform(0.3, 0.9)))
     appliances.feet(body, rng, width, depth, legs, unit)
-    bays = [_bay(y, z, half, (low, height), depth, wall) for y, z, _ in cells]
+    x = (0.0, depth - wall)
+    bays = [room_behind(y, z, full, (low, height), x, wall) for y, z, _ in cells]
     shelves, holes = Shape(), []
     together = plan == "french"  # the two doors share one room
     for (y, _, edge), (lo, hi) in zip(cells, bays, strict=True):
@@ -111,32 +113,17 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
                 dataclasses.replace(look, inside=lining), depth=0.9, fill=0.8, center=False,
             )  # fmt: skip
         else:
-            extra = _bins(rng, front_lo, front_hi, lo, hi, unit, lining) if bins else None
+            extra = None
+            if bins:
+                reach, wall = float(rng.uniform(0.08, 0.13)), max(0.014, 1.55 * unit)
+                sizes, places = (reach, wall, max(0.09, 7 * unit)), (front_lo, front_hi, lo, hi)
+                extra = appliances.bins_behind(places, sizes, unit, lining)
             outer = y[1] > half - 1e-6 if edge == "+y" else y[0] < 1e-6 - half
             beyond = seam / 2 if outer else 1.0
             add_door(
                 asm, root, front_lo, front_hi, edge, swing, look, extra=extra, beyond=beyond
             )  # fmt: skip
     return asm.object()
-
-
-def _bay(y, z, half: float, limits: tuple[float, float], depth: float, wall: float):
-    """Corners of the room behind a front: full walls outside, half a wall towards neighbours."""
-    lo = np.array(
-        [
-            0.0,
-            y[0] + (wall if y[0] < -half + 1e-6 else wall / 2),
-            z[0] + (wall if z[0] < limits[0] + 1e-6 else wall / 2),
-        ]
-    )
-    hi = np.array(
-        [
-            depth - wall,
-            y[1] - (wall if y[1] > half - 1e-6 else wall / 2),
-            z[1] - (wall if z[1] > limits[1] - 1e-6 else wall / 2),
-        ]
-    )
-    return lo, hi
 
 
 def _shelves(rng, shape: Shape, lo, hi, unit: float, depth: float, material) -> None:
@@ -147,19 +134,3 @@ def _shelves(rng, shape: Shape, lo, hi, unit: float, depth: float, material) -> 
     for k in range(count):
         z = lo[2] + (k + 1) * (hi[2] - lo[2]) / (count + 1)
         shape.add(box([front, lo[1], z - board / 2], [hi[0], hi[1], z + board / 2]), material)
-
-
-def _bins(rng, lo, hi, bay_lo, bay_hi, unit: float, material) -> Shape | None:
-    """Open bins on the rear of a door, far enough from its edges to swing past the walls."""
-    shape = Shape()
-    reach = float(rng.uniform(0.08, 0.13))
-    width = hi[1] - lo[1]
-    air = 0.03 + (reach + hi[0] - lo[0]) ** 2 / (2 * width)
-    y = (max(lo[1], bay_lo[1]) + air, min(hi[1], bay_hi[1]) - air)
-    wall, tall = max(0.014, 1.55 * unit), max(0.09, 7 * unit)
-    count = int(np.clip((bay_hi[2] - bay_lo[2]) / 0.35, 0, 4))
-    if y[1] - y[0] < 8 * unit or count == 0:
-        return None
-    for z in np.linspace(bay_lo[2] + 0.02, bay_hi[2] - tall - 0.06, count):
-        shape.add(tray([hi[0], y[0], z], [hi[0] + reach, y[1], z + tall], wall), material)
-    return shape

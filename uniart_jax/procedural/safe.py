@@ -113,7 +113,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         extra = Shape()
         if knuckles and not inset:
             _knuckles(rng, extra, a, b, edge, thick, unit, metal)
-        _rear(rng, extra, a, b, edge, room_lo, room_hi, depth, thick, unit, metal, plan, back)
+        _rear(rng, extra, a, b, edge, room_lo, room_hi, unit, metal, back)
         moving = _controls(rng, extra, a, b, edge, unit, door_face, metal) if k == 0 else []
         door = add_door(asm, root, a, b, edge, swing, look, extra=extra)
         for add in moving:
@@ -168,9 +168,7 @@ def _knuckles(rng, extra: Shape, lo, hi, edge, thick, unit, metal) -> None:
         extra.add(barrel - slab, metal)
 
 
-def _rear(
-    rng, extra, lo, hi, edge, room_lo, room_hi, depth, thick, unit, metal, plan, back
-) -> None:
+def _rear(rng, extra, lo, hi, edge, room_lo, room_hi, unit, metal, back) -> None:
     """A plate with bolts on the door's inside, clear of the walls as the door turns."""
     deep = float(rng.uniform(1.0, 2.2)) * unit
     if rng.random() < 0.3 or hi[0] + deep > back - unit:

@@ -34,8 +34,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     large = float(rng.uniform(1.0, 1.35)) if rng.random() < 0.5 else 1.0
 
     halves = [
-        _half(1.0, blade, handle, width, boss, 1.0, blunt, shears, unit),
-        _half(1.0, blade, handle, width, boss, large, blunt, shears, unit),
+        _half(blade, handle, width, boss, 1.0, blunt, shears, unit),
+        _half(blade, handle, width, boss, large, blunt, shears, unit),
     ]
     placed = _frame(rng)
     asm, lower = Assembly(), Shape()
@@ -81,7 +81,7 @@ def _grip(rng: np.random.Generator) -> Material:
 
 
 def _half(
-    sign, blade, handle, width, boss, large, blunt, shears, unit
+    blade, handle, width, boss, large, blunt, shears, unit
 ) -> tuple[CrossSection, CrossSection]:
     """The flat steel of one half and the figure of its grip: blade towards +u on -v, grip towards
     -u on +v."""

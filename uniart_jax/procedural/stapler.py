@@ -139,7 +139,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     # cap: a hood over the magazine, its cheeks outside the channel
     drop = float(rng.uniform(0.35, 0.8)) * rail  # how far its cheeks reach down
     profile = _hood(
-        rng, front - float(rng.uniform(0.5, 3)) * unit, length, top + air, rail, boss, pin, unit
+        rng, front - float(rng.uniform(0.5, 3)) * unit, top + air, boss, pin, unit
     )  # (z, x)
     hood = extrusion(profile, "y", [0, -arm, 0], 2 * arm)
     cheek_low = top - drop
@@ -191,7 +191,7 @@ def _foot(rng, start: float, end: float, half: float, unit: float) -> np.ndarray
     return np.vstack([front, lower, upper])
 
 
-def _hood(rng, start, end, low, rail, boss, pin, unit) -> np.ndarray:
+def _hood(rng, start, low, boss, pin, unit) -> np.ndarray:
     """The cap's side view (z, x): low at the mouth, higher behind, or a straight bar."""
     nose = float(rng.uniform(2.5, 6)) * unit
     crest = float(rng.uniform(4, 12)) * unit

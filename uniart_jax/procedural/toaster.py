@@ -44,7 +44,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     trim = materials.dark(rng) if rng.random() < 0.5 else materials.metal(rng, brushed=False)
 
     asm, body = Assembly(), Shape()
-    solid, corner = _shell(rng, depth, half, legs, height, unit)
+    solid, corner = _shell(rng, depth, half, legs, height)
     wall = max(0.006, 2.6 * unit)
     # slots: lo and hi (x, y)
     slots = []
@@ -149,7 +149,7 @@ def _finish(rng: np.random.Generator) -> Material:
     return materials.paint(rng) if kind == 3 else plain(rng.uniform([0.1] * 3, [0.95, 0.8, 0.8]))
 
 
-def _shell(rng, depth, half, legs, height, unit):
+def _shell(rng, depth, half, legs, height):
     """The body, flat in front: its edges rounded about y, x or z; and how much."""
     manner = str(rng.choice(["x", "z", "box", "y"], p=[0.45, 0.2, 0.15, 0.2]))
     corner = float(rng.uniform(0.05, 0.35)) * min(height, 2 * half, depth)

@@ -63,7 +63,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
         for y in (-0.45 * half, 0.45 * half)
     ]
     body.add(cut(union([*posts, *feet]), (box([-1, -1, -1], [1, 1, rim]),)), chrome)
-    press, lever_at = _cistern(rng, body, ceramic, tank_x, half, rim, wall_hung, flush)
+    press, lever_at = _cistern(rng, body, ceramic, tank_x, rim, wall_hung, flush)
     root = asm.add("body", body)
 
     room = gap - lever_reach - 0.005
@@ -149,7 +149,7 @@ def _bowl(rng, front, rear, half, power, rim, tank_x, wall_hung):
     return tidy(cut(union(solids), (hollow,)))
 
 
-def _cistern(rng, body: Shape, ceramic: Material, x: float, half: float, rim, wall_hung, flush):
+def _cistern(rng, body: Shape, ceramic: Material, x: float, rim, wall_hung, flush):
     """Cistern (or wall panel) and its buttons; returns ([(button, direction)], lever place)."""
     count = {"lever": 0, "button": 1, "dual": 2}[flush]
     if wall_hung:

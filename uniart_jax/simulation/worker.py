@@ -15,6 +15,7 @@ import sys
 import threading
 from pathlib import Path
 
+from uniart_jax.runtime.files import write_text
 from uniart_jax.simulation.engine import Engine, Plan, make_plan
 
 _PR_SET_PDEATHSIG = 1  # Linux's sys/prctl.h
@@ -56,9 +57,7 @@ def main(job_file: str, result_file: str) -> None:
             from uniart_jax.simulation.measure import measure
 
             result = measure(engine) if plan else {}
-    partial = Path(f"{result_file}.new")
-    partial.write_text(json.dumps(result, allow_nan=False), "utf-8")
-    os.replace(partial, result_file)
+    write_text(Path(result_file), json.dumps(result, allow_nan=False))
 
 
 def _end_with_parent() -> None:

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from uniart_jax.config import Config, ModelConfig
-from uniart_jax.data.folder import read_metadata, write_text
+from uniart_jax.data.folder import read_metadata
 from uniart_jax.data.latents import check_views, latent_batches
 from uniart_jax.inference.samplers import (
     join_views,
@@ -26,6 +26,7 @@ from uniart_jax.models.checkpoint import FLOW_INPUTS, Checkpoint
 from uniart_jax.models.checkpoint_files import write_statistics
 from uniart_jax.models.network import Network
 from uniart_jax.precompute.encoding import digest, encode_all
+from uniart_jax.runtime.files import write_text
 from uniart_jax.stages.stage import Stage, Statistics, check_picture_size, load
 from uniart_jax.training import distributed
 from uniart_jax.training.flow_losses import of_pictures

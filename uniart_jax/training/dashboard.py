@@ -33,6 +33,7 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from uniart_jax.config import StageConfig
+from uniart_jax.runtime.files import write_text
 from uniart_jax.runtime.progress import PLAIN_INTERVAL, duration, messages
 from uniart_jax.training.board import Board
 from uniart_jax.training.flops import matmul_peak
@@ -298,6 +299,4 @@ def _drop_after(path: Path, step: int) -> None:
                 kept.append(line + "\n")
         except (ValueError, KeyError, TypeError):
             continue
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text("".join(kept), encoding="utf-8")
-    temporary.replace(path)
+    write_text(path, "".join(kept))

@@ -19,20 +19,13 @@ import optax
 
 from uniart_jax.config import Config
 from uniart_jax.models.network import Network
-from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss
+from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss, to_corners
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
 LAYERS = 2.0
 HUBER = 0.05
 NOBODY = -1e4  # logit of a query that no part is matched to
-
-
-def to_corners(boxes: jax.Array) -> jax.Array:
-    """Boxes [..., 6] (centre, size) as lower and upper corners [..., 6]."""
-    return jnp.concatenate(
-        [boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2], -1
-    )
 
 
 def match_cost(

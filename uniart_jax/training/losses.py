@@ -54,13 +54,14 @@ def joint_code_loss(predicted: jax.Array, target: jax.Array, delta: float) -> ja
 def box_loss(predicted: jax.Array, target: jax.Array, delta: float) -> jax.Array:
     """[...] mean Huber over a box [..., 6] (centre, size), measured on its lower and upper
     corners."""
+    return huber(to_corners(predicted) - to_corners(target), delta).mean(-1)
 
-    def corners(box: jax.Array) -> jax.Array:
-        return jnp.concatenate(
-            [box[..., :3] - box[..., 3:] / 2, box[..., :3] + box[..., 3:] / 2], -1
-        )
 
-    return huber(corners(predicted) - corners(target), delta).mean(-1)
+def to_corners(boxes: jax.Array) -> jax.Array:
+    """Boxes [..., 6] (centre, size) as lower and upper corners [..., 6]."""
+    return jnp.concatenate(
+        [boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2], -1
+    )
 
 
 def part_feature_loss(
@@ -90,8 +91,7 @@ def geometry_losses(
     and surface agree. Colour counts only within two sub-cells of the surface, where it is seen.
     """
     inside = (sdf < 0).astype(jnp.float32)
-    logit = -2.0 * predicted["sdf"]
-    occupancy = jnp.maximum(logit, 0) - logit * inside + jnp.log1p(jnp.exp(-jnp.abs(logit)))
+    occupancy = binary_cross_entropy(-2.0 * predicted["sdf"], inside)
     near = (jnp.abs(sdf) < 2.0).astype(jnp.float32)
     color_error = jnp.abs(predicted["color"] - color).mean(-1)
     return {

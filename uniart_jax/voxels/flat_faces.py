@@ -192,11 +192,9 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
     lent = np.zeros_like(was)
     if plate and turn.still:
         lent[into] = (phi < 0) & (sdf[into] < 0) & np.isin(owner[into], body)
-        if lent.sum() > LENT * (phi < 0).sum():
-            lent[:] = False
-    near = ndimage.binary_dilation((sdf < 0) & ~was & ~lent, iterations=APART)
-    others = np.asarray(near, bool)
-    free = (~others & ((sdf > 0) | lent) | was)[into]
+        lent &= lent.sum() <= LENT * (phi < 0).sum()
+    near: Any = ndimage.binary_dilation((sdf < 0) & ~was & ~lent, iterations=APART)
+    free = (~near & ((sdf > 0) | lent) | was)[into]
     free &= (taken[into] == -1) | (taken[into] == part) | lent[into]
     if (free & (phi < 0)).sum() < KEPT * was.sum():
         return False
@@ -289,9 +287,8 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
 
     ``face`` (``_face``): where a plane at it covers most of it, and is not round, it covers all.
     """
-    sdf = views[0]
-    first, height = heights(sdf, _solid(views, part))
-    left = (first > 0) & (first < len(sdf))
+    first, height = heights(views[0], _solid(views, part))
+    left = (first > 0) & (first < len(views[0]))
     sides = [min(RIPPLE, side // 4 | 1) for side in height.shape]  # less of what is small
     around = ndimage.median_filter(height, sides, mode="nearest")
     least = max(PLANE_COLUMNS, PLANE_SHARE * left.sum())
@@ -313,7 +310,7 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
             if _is_most(close & face[1], face[1]):
                 whole |= face[1]
         gaps = whole & ~on & (first > plane)
-        dents = gaps & (first < np.minimum(plane + DENT, len(sdf)))
+        dents = gaps & (first < np.minimum(plane + DENT, len(views[0])))
         _end_at(views, part, on | dents, plane)
         _fill(views, part, gaps & ~dents, plane)
         left &= ~near

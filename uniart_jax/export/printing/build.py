@@ -31,6 +31,7 @@ from uniart_jax.export.printing.solids import (
     welded,
     without_path,
 )
+from uniart_jax.export.words import counted
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 
@@ -173,12 +174,12 @@ def _attempt(
         told = [x for x in struts if x > SEEN]
         if told:
             notes.append(
-                f"'{parts[k].name}': {_count(len(told), 'piece')} hung in the air; "
-                f"{_count(len(told), 'strut')} of up to {max(told):.1f} mm hold them"
+                f"'{parts[k].name}': {counted(len(told), 'piece')} hung in the air; "
+                f"{counted(len(told), 'strut')} of up to {max(told):.1f} mm hold them"
             )
         if crumbs:
             notes.append(
-                f"'{parts[k].name}': {_count(crumbs, 'crumb')} below {CRUMB:g} mm^3 left out"
+                f"'{parts[k].name}': {counted(crumbs, 'crumb')} below {CRUMB:g} mm^3 left out"
             )
     order = [k for k in sorted(bodies) if parts[k].parent >= 0]
     above = {k: leaders[parts[k].parent] for k in order}
@@ -304,10 +305,6 @@ def _fitted(
             return dataclasses.replace(fit, parent=whole), ""
         reasons.append("what would hold it stands in another part's way")
     return None, "; ".join(dict.fromkeys(reasons))
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def at_rest_bounds(made: Print) -> np.ndarray:
