@@ -361,3 +361,40 @@ def test_a_doors_handle_changes_nothing_around_it(reach):
     assert not changed[(AT[0] < 14) | (block(*door) > 4.5)].any()
     lost = solid_of(field, 0) & ~solid_of(after, 0) & (AT[0] < 18) & (AT[1] < 8)
     assert not lost.any()
+
+
+def test_a_closed_doors_edges_are_straight_and_ridges_behind_it_go():
+    teeth = (AT[2] % 8 < 3) & (AT[1] < 10.5) & (AT[0] > 12)  # missing at the hinge
+    beyond = (AT[2] % 8 < 2) & (np.abs(AT[1] - 57.5) < 1) & (AT[0] > 10.3) & (AT[0] < 13.3)
+    ridge = (np.abs(AT[1] - 30) < 1.5) & (AT[2] > 20) & (AT[2] < 44) & (AT[0] > 13) & (AT[0] < 14.5)
+    shelf = (np.abs(AT[2] - 14) < 1.5) & (AT[1] > 20) & (AT[1] < 44) & (AT[0] > 13) & (AT[0] < 20)
+    ideal = block(*DOOR)
+    rough = np.where(beyond & (AT[2] > 9) & (AT[2] < 56), -1.0, np.where(teeth, 1.0, ideal))
+    rough = np.where(ridge | shelf, -1.0, rough)
+    body = np.maximum(block(*CASE), -block(*ROOM))
+    before = field_of(np.maximum(body, 0.6 - rough), rough)
+    after = solid_of(cleaned(before), 1)
+    assert (solid_of(before, 1) != (ideal < 0)).sum() > 200
+    np.testing.assert_array_equal(after & ~shelf, (ideal < 0) & ~shelf)
+    assert after[shelf & (AT[0] > 15) & (AT[0] < 19)].all()
+
+
+def test_a_round_doors_edge_stays():
+    plate = np.maximum(np.hypot(AT[1] - 32.3, AT[2] - 32.3) - 23.7, np.abs(AT[0] - 11.8) - 1.5)
+    body = np.maximum(block(*CASE), -block(*ROOM))
+    field = field_of(body, plate)
+    np.testing.assert_array_equal(solid_of(cleaned(field), 1), solid_of(field, 1))
+
+
+def test_what_a_door_closes_against_begins_in_one_layer_and_has_no_gaps():
+    ideal = cabinet()
+    walls = (block(*CASE) < 0) & (block(*ROOM) > 0) & (AT[0] < 50)
+    torn = walls & ((AT[1] + AT[2]) % 9 < 3) & (AT[0] < 15.5)
+    slot = walls & (np.abs(AT[2] - 10.5) < 0.8) & (AT[1] > 26) & (AT[1] < 38)
+    body = np.where(torn | slot, 1.0, np.maximum(block(*CASE), -block(*ROOM)))
+    rough = field_of(body, block(*DOOR))
+    rim = (AT[0] > 14.5) & (AT[0] < 17) & (block(*DOOR)[14] < 3)[None]
+    rim &= (AT[1] > 9) & (AT[1] < 56) & (AT[2] > 9) & (AT[2] < 56)
+    wrong_before = (solid_of(rough, 0) != solid_of(ideal, 0)) & rim
+    wrong_after = (solid_of(cleaned(rough), 0) != solid_of(ideal, 0)) & rim
+    assert wrong_before.sum() > 100 and not wrong_after.any()

@@ -28,6 +28,9 @@ AHEAD = 0.4  # ... and no farther in than this share of its depth: a handle may 
 PLATE = (2, 5)  # thickness of a drawer's front, least and most
 THINNEST = 3  # box of a drawer
 BEYOND = 4  # around its box, within which what stands out from its edges is cut off
+BEHIND = 3  # behind a door, within which ridges of its back end
+DRAWN = 0.33  # share of a row of it from which the row belongs to it
+WHOLE = 0.9  # share of a door's rectangle in which it is drawn, if it is no round one
 LEDGE = 2  # wide and high along its edges, what is no handle
 SOLID = 0.5  # distance of cells that are filled or cleared
 EDGE = 15.0  # percent of a door's cells, at either side of it, from which its thickness is not told
@@ -170,6 +173,41 @@ def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None
                 sdf[~solid] = -SOLID
             else:
                 sdf[ours] = SOLID
+
+
+def whole_door(field: DenseField, part: int, body: Sequence[int], door: Front) -> None:
+    """In place: a door that is shown closed, and is a plate, as a whole one: each of its layers is
+    all door where most of it is, and teeth beside these and little ridges behind them go."""
+    margin = np.full(3, RIM)
+    margin[door.axis] = 0
+    low, high = door.low - margin, door.high + margin
+    if door.side > 0:
+        low[door.axis] -= BEHIND
+    else:
+        high[door.axis] += BEHIND
+    low, high = np.maximum(low, 1), np.minimum(high, field.sdf.shape[0] - 1)
+    around = dataclasses.replace(door, low=low, high=high)
+    shown, whose = around.seen(field.sdf), around.seen(field.owner)
+    solid = (shown < 0) & (whose == part)
+    drawn = solid.any(0)
+    spans = [np.flatnonzero(solid.mean((1, 2)) > MOST)]
+    spans += [np.flatnonzero(drawn.mean(across) > DRAWN) for across in (1, 0)]
+    if not all(len(span) for span in spans):
+        return
+    rectangle = tuple(slice(span[0], span[-1] + 1) for span in spans)
+    if drawn[rectangle[1:]].mean() < WHOLE:
+        return
+    last = rectangle[0].stop
+    plate = np.zeros_like(solid)
+    plate[rectangle] = True
+    moving = (shown < 0) & (whose != part) & ~np.isin(whose, body)
+    new = plate & ~solid & ~np.asarray(ndimage.binary_dilation(moving), bool)
+    shown[new], whose[new] = -SOLID, part
+    shown[plate & solid] = np.minimum(shown[plate & solid], -SOLID)
+    out = solid & ~plate
+    out[: rectangle[0].start] = False  # handles
+    out[last:, solid[-1]] = False  # what reaches farther, as shelves on a door do
+    shown[out] = SOLID
 
 
 def drawer_front(

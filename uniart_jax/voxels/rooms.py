@@ -17,7 +17,14 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.fronts import Front, closed_door, drawer_front, straighten_rim, whole_front
+from uniart_jax.voxels.fronts import (
+    Front,
+    closed_door,
+    drawer_front,
+    straighten_rim,
+    whole_door,
+    whole_front,
+)
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.ways import still_parts
 
@@ -34,6 +41,7 @@ SHELF = 0.35  # share of a layer that is solid, where there is a shelf, and of i
 THICKNESS = 2  # of walls where they have gaps
 KEPT = 0.5  # share of a part's cells below which all is left as it was: racks are all gaps
 CORNER = 0.12  # of the sides: a round room does not reach so far into its corners
+RIM = 3  # layers of what a door closes against
 SOLID = 0.5  # distance of cells that are filled or cleared
 TRIM = 1.0  # percent of a drawer's cells that are not looked at, at either end
 
@@ -65,6 +73,7 @@ def with_clean_rooms(
             _clean(field, [k], _from_above(cells, drawer, depth), ends=True)
         door = closed_door(cells, boxes[k], joints[k], body)
         if door is not None:
+            whole_door(field, k, still, door)
             straighten_rim(field, still, door)
             _clean(field, still, _behind(door, body))
         after = field.sdf < 0
@@ -127,6 +136,8 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool =
     fill, clear = _walls(solid, room)
     if ends:
         _straight_tops(solid, room, fill, clear)
+    else:
+        _flat_rim(solid, room, fill, clear)
     fill &= (shown > 0) & ~np.asarray(ndimage.binary_dilation(others), bool)
     # so that the walls lie between the cells
     edge = np.asarray(ndimage.binary_dilation(clear | fill), bool) & solid & ~clear
@@ -176,6 +187,24 @@ def _straight_tops(solid: np.ndarray, room: _Room, fill: np.ndarray, clear: np.n
             filled[top:, :thick] = True
             free[:top] |= shown[:top]
             filled[:top] = False
+
+
+def _flat_rim(solid: np.ndarray, room: _Room, fill: np.ndarray, clear: np.ndarray) -> None:
+    """In place: what a door closes against begins in one layer of [D, U, V] cells, has the outline
+    that it has ``RIM`` layers farther in, and no gaps."""
+    first = int(fill.any((1, 2)).argmax())
+    if first >= LIP or first + 2 * RIM > room.depth:
+        return
+    inside = np.zeros(solid.shape[1:], bool)
+    inside[tuple(slice(*ends) for ends in room.ends)] = True
+    outline = ((solid | fill) & ~clear)[first + RIM] & ~inside
+    outline = np.asarray(ndimage.binary_fill_holes(outline | inside), bool) & ~inside
+    fill[first : first + RIM] |= outline & ~solid[first : first + RIM]
+    free = ~outline & ~inside
+    clear[first : first + RIM] |= free & solid[first : first + RIM]
+    fill[:first] = False
+    before = np.s_[:first, BESIDE:-BESIDE, BESIDE:-BESIDE]
+    clear[before] |= solid[before]
 
 
 def _shelves(inner: np.ndarray) -> np.ndarray:
