@@ -202,6 +202,8 @@ def _flat_rim(solid: np.ndarray, room: _Room, fill: np.ndarray, clear: np.ndarra
     fill[first : first + RIM] |= outline & ~solid[first : first + RIM]
     free = ~outline & ~inside
     clear[first : first + RIM] |= free & solid[first : first + RIM]
+    clear[first : first + RIM] &= ~outline
+    fill[first : first + RIM] &= ~free
     fill[:first] = False
     before = np.s_[:first, BESIDE:-BESIDE, BESIDE:-BESIDE]
     clear[before] |= solid[before]
