@@ -379,6 +379,16 @@ def test_a_closed_doors_edges_are_straight_and_ridges_behind_it_go():
     assert after[shelf & (AT[0] > 15) & (AT[0] < 19)].all()
 
 
+def test_a_small_doors_edges_are_straight_too():
+    small = ((10.3, 24.3, 24.3), (13.3, 36.3, 36.3))
+    teeth = (AT[2] % 6 < 3) & (AT[1] < 27) & (AT[0] > 11)
+    body = np.maximum(block(*CASE), -block((13.0, 27.3, 27.3), (50.3, 33.3, 33.3)))
+    joint = Joint(place_of((10.3, 24.3, 30)), (0.0, 0, 1), angle=(0.0, 1.5))
+    field = field_of(body, np.where(teeth, 1.0, block(*small)))
+    assert (solid_of(field, 1) != (block(*small) < 0)).sum() > 10
+    np.testing.assert_array_equal(solid_of(cleaned(field, joint, small), 1), block(*small) < 0)
+
+
 def test_a_round_doors_edge_stays():
     plate = np.maximum(np.hypot(AT[1] - 32.3, AT[2] - 32.3) - 23.7, np.abs(AT[0] - 11.8) - 1.5)
     body = np.maximum(block(*CASE), -block(*ROOM))
@@ -392,8 +402,13 @@ def test_what_a_door_closes_against_begins_in_one_layer_and_has_no_gaps():
     torn = walls & ((AT[1] + AT[2]) % 9 < 3) & (AT[0] < 15.5)
     slot = walls & (np.abs(AT[2] - 10.5) < 0.8) & (AT[1] > 26) & (AT[1] < 38)
     body = np.where(torn | slot, 1.0, np.maximum(block(*CASE), -block(*ROOM)))
-    rough = field_of(body, block(*DOOR))
-    rim = (AT[0] > 14.5) & (AT[0] < 17) & (block(*DOOR)[14] < 3)[None]
+    bits = (
+        ((AT[1] + AT[2]) % 9 > 6) & (AT[0] > 13.5) & (AT[0] < 14.5) & (block(*ROOM)[20] > 0)[None]
+    )
+    bits &= (AT[1] > 9) & (AT[1] < 56) & (AT[2] > 9) & (AT[2] < 56)  # before the walls
+    rough = field_of(np.where(bits, -1.0, body), block(*DOOR))
+    assert solid_of(rough, 0)[bits].all() and bits.any()
+    rim = (AT[0] > 13.5) & (AT[0] < 17) & (block(*DOOR)[14] < 3)[None]
     rim &= (AT[1] > 9) & (AT[1] < 56) & (AT[2] > 9) & (AT[2] < 56)
     wrong_before = (solid_of(rough, 0) != solid_of(ideal, 0)) & rim
     wrong_after = (solid_of(cleaned(rough), 0) != solid_of(ideal, 0)) & rim

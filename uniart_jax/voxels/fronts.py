@@ -190,7 +190,8 @@ def whole_door(field: DenseField, part: int, body: Sequence[int], door: Front) -
     shown, whose = around.seen(field.sdf), around.seen(field.owner)
     solid = (shown < 0) & (whose == part)
     drawn = solid.any(0)
-    spans = [np.flatnonzero(solid.mean((1, 2)) > MOST)]
+    inner = np.delete(door.high - door.low, door.axis).prod()  # cells of a layer, no margin
+    spans = [np.flatnonzero(solid.sum((1, 2)) > MOST * inner)]
     spans += [np.flatnonzero(drawn.mean(across) > DRAWN) for across in (1, 0)]
     if not all(len(span) for span in spans):
         return

@@ -199,14 +199,10 @@ def _flat_rim(solid: np.ndarray, room: _Room, fill: np.ndarray, clear: np.ndarra
     inside[tuple(slice(*ends) for ends in room.ends)] = True
     outline = ((solid | fill) & ~clear)[first + RIM] & ~inside
     outline = np.asarray(ndimage.binary_fill_holes(outline | inside), bool) & ~inside
-    fill[first : first + RIM] |= outline & ~solid[first : first + RIM]
-    free = ~outline & ~inside
-    clear[first : first + RIM] |= free & solid[first : first + RIM]
-    clear[first : first + RIM] &= ~outline
-    fill[first : first + RIM] &= ~free
-    fill[:first] = False
-    before = np.s_[:first, BESIDE:-BESIDE, BESIDE:-BESIDE]
-    clear[before] |= solid[before]
+    rim = slice(first, first + RIM)
+    fill[rim] = (fill[rim] & inside) | outline
+    clear[rim] = (clear[rim] & inside) | (solid[rim] & ~outline & ~inside)
+    clear[:first] |= solid[:first]
 
 
 def _shelves(inner: np.ndarray) -> np.ndarray:
