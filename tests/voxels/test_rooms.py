@@ -389,6 +389,21 @@ def test_a_small_doors_edges_are_straight_too():
     np.testing.assert_array_equal(solid_of(cleaned(field, joint, small), 1), block(*small) < 0)
 
 
+def test_a_door_that_is_shown_ajar_keeps_its_cells():
+    angle, at = 0.1, AT[:2] - np.array([10.3, 8.3])[:, None, None, None]
+    along = at[1] * np.cos(angle) - at[0] * np.sin(angle)
+    across = at[0] * np.cos(angle) + at[1] * np.sin(angle)
+    sides = np.maximum(np.abs(along - 24) - 24, np.abs(AT[2] - 32.3) - 24)
+    plate = np.maximum(np.abs(across - 1.5) - 1.5, sides)
+    body = np.maximum(block(*CASE), -block(*ROOM))
+    field = field_of(np.maximum(body, 0.6 - plate), plate)
+    cells = np.argwhere(solid_of(field, 1))
+    ajar = Joint(SWINGS.origin, SWINGS.direction, angle=(-angle, 1.3))
+    for joint in (ajar, Joint(ajar.origin, -ajar.direction, angle=(-1.3, angle))):
+        after = cleaned(field, joint, (cells.min(0) - 0.5, cells.max(0) + 0.5))
+        np.testing.assert_array_equal(solid_of(after, 1), solid_of(field, 1))
+
+
 def test_a_round_doors_edge_stays():
     plate = np.maximum(np.hypot(AT[1] - 32.3, AT[2] - 32.3) - 23.7, np.abs(AT[0] - 11.8) - 1.5)
     body = np.maximum(block(*CASE), -block(*ROOM))

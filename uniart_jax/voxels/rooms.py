@@ -26,7 +26,7 @@ from uniart_jax.voxels.fronts import (
     whole_front,
 )
 from uniart_jax.voxels.isosurface import DenseField
-from uniart_jax.voxels.ways import still_parts
+from uniart_jax.voxels.ways import center_of, closed_end, still_parts
 
 # lengths in sub-cells
 LIP = 6  # behind its door, within which a room has to begin
@@ -41,6 +41,7 @@ SHELF = 0.35  # share of a layer that is solid, where there is a shelf, and of i
 THICKNESS = 2  # of walls where they have gaps
 KEPT = 0.5  # share of a part's cells below which all is left as it was: racks are all gaps
 CORNER = 0.12  # of the sides: a round room does not reach so far into its corners
+AJAR = 0.05  # radians from its closed end, from which on a door is not shown closed
 RIM = 3  # layers of what a door closes against
 SOLID = 0.5  # distance of cells that are filled or cleared
 TRIM = 1.0  # percent of a drawer's cells that are not looked at, at either end
@@ -73,7 +74,9 @@ def with_clean_rooms(
             _clean(field, [k], _from_above(cells, drawer, depth), ends=True)
         door = closed_door(cells, boxes[k], joints[k], body)
         if door is not None:
-            whole_door(field, k, still, door)
+            middle = center_of(np.argwhere(body), body.shape[0] - 2)
+            if abs(closed_end(joints[k], cells, middle, body.shape[0] - 2)) < AJAR:
+                whole_door(field, k, still, door)
             straighten_rim(field, still, door)
             _clean(field, still, _behind(door, body))
         after = field.sdf < 0
