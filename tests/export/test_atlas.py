@@ -10,7 +10,15 @@ from scipy import ndimage
 from skimage import measure
 
 from uniart_jax.export import atlas
-from uniart_jax.export.atlas import FACE_BUDGET, Atlas, make_atlas, rasterize, simplify
+from uniart_jax.export.atlas import (
+    FACE_BUDGET,
+    Atlas,
+    Surface,
+    _grid_charts,
+    make_atlas,
+    rasterize,
+    simplify,
+)
 from uniart_jax.export.collision import collision_shapes
 from uniart_jax.export.wavefront import TEXTURE_FILE, write_material, write_textured
 from uniart_jax.objects.appearance import linear_to_srgb, sample_color
@@ -115,6 +123,25 @@ def test_rough_surfaces_do_not_keep_xatlas_busy():
     assert len(surface.uv) == 3 * len(surface.faces)  # a chart for every triangle
     assert surface.mesh.is_watertight
     assert color_errors(ball, surface.textured(atlas.texture)).mean() < 0.03
+
+
+def test_large_triangles_among_many_small_ones_get_many_texels():
+    ball = trimesh.creation.icosphere(5, 0.05)
+    rng = np.random.default_rng(0)
+    ball.vertices *= 1 + 0.08 * rng.normal(size=(len(ball.vertices), 1))
+    plate = trimesh.creation.box((1, 1, 0.02))
+    size, geometry = 768, [(np.asarray(m.vertices), m.faces) for m in (ball, plate)]
+    layout, width, height = _grid_charts(geometry, 1.0, size)
+    assert max(width, height) < 2 * size
+    of_plate = layout[1][0].reshape(-1, 3, 2) * [width, height]
+    front = of_plate[plate.area_faces > 0.4]
+    assert (np.ptp(front, axis=1) > 100).all()  # texels
+    taken = np.zeros((height, width), int)
+    for uv, uv_faces in layout:
+        surface = Surface(np.zeros((3, 3)), np.zeros((len(uv_faces), 3), int), uv, uv_faces)
+        rows, columns, _, _ = rasterize(surface, width, height)
+        np.add.at(taken, (rows, columns), 1)
+    assert taken.max() == 1
 
 
 def test_flat_and_degenerate_parts_get_texels():

@@ -38,6 +38,7 @@ TOUCH = 1e-5  # of the longest side: how far vertices in one place, of two sheet
 PADDING = 3  # texels between charts
 ROUGH_EDGES = 16_000  # fewer edges are no trouble, however sharp: those of ``FACE_BUDGET`` faces
 MANY_EDGES = 40_000  # more take it long, however smooth
+LARGEST = 5  # doublings of a square of texels, for large triangles among small ones
 ROUGH_ANGLE = 0.6  # radians between the faces of a sharp edge
 ROUGH_SHARE = 0.35  # of edges that are sharp
 
@@ -221,27 +222,42 @@ def _xatlas_charts(geometry: Geometry, side: float, size: int) -> Layout:
 
 
 def _grid_charts(geometry: Geometry, side: float, size: int) -> Layout:
-    """As ``_xatlas_charts``, in no time: every triangle is a chart of its own, two in a cell of a
-    grid."""
+    """As ``_xatlas_charts``, in no time: every triangle is a chart of its own, two in a square. The
+    squares of larger triangles are larger, by powers of two; those of one size fill rows."""
     del side
     counts = [len(faces) for _, faces in geometry]
-    columns = int(np.ceil(np.sqrt(np.ceil(sum(counts) / 2))))
-    cell = max(size // columns, 8)
-    near, far = (
-        1.5,
-        cell - 3.5,
-    )  # texels, so that no two triangles share one when sampled bilinearly
-    lower = np.array([[near, near], [far, near], [near, far]])
-    index = np.arange(sum(counts))
-    origin = np.stack([index // 2 % columns, index // 2 // columns], 1) * cell
-    corners = np.where((index % 2)[:, None, None] == 0, lower, cell - lower) + origin[:, None]
-    uv = corners / (columns * cell)
+    corners = np.concatenate([vertices[faces] for vertices, faces in geometry])
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(1)
+    times = np.log2(np.maximum(longest, 1e-12) / max(float(np.median(longest)), 1e-12))
+    for less in itertools.count():  # until large ones take no more room than small ones
+        level = np.clip(np.round(times - less), 0, LARGEST).astype(int)
+        squares = np.ceil(np.bincount(level, minlength=LARGEST + 1) / 2).astype(int)
+        area = int((squares * 4 ** np.arange(LARGEST + 1)).sum())
+        if area <= len(level) or not level.any():
+            break
+    unit = 2 ** int(level.max())
+    wide = -(-int(np.ceil(np.sqrt(area))) // unit) * unit
+    place, high = np.zeros((len(level), 2)), 0  # small squares, from the upper left
+    second = np.zeros(len(level), bool)
+    for k in range(LARGEST, -1, -1):
+        rows, per_row = np.flatnonzero(level == k), max(wide // 2**k, 1)
+        index = np.arange(len(rows))
+        place[rows] = np.stack([index // 2 % per_row, index // 2 // per_row], 1) * 2**k + [0, high]
+        second[rows] = index % 2 == 1
+        high += -(-squares[k] // per_row) * 2**k
+    small = max(size // max(wide, high), 8)  # texels
+    # texels between charts, so that no two triangles share one when sampled bilinearly
+    near, cell = 1.5, (small * 2**level)[:, None, None]
+    lower = np.array([[0.0, 0], [1, 0], [0, 1]]) * (cell - 5) + near
+    spots = np.where(second[:, None, None], cell - lower, lower) + place[:, None] * small
+    width, height = wide * small, high * small
+    uv = spots / [width, height]
     starts = np.cumsum([0, *counts])
     layout = [
         (uv[a:b].reshape(-1, 2), np.arange(3 * (b - a)).reshape(-1, 3))
         for a, b in itertools.pairwise(starts)
     ]
-    return layout, columns * cell, columns * cell
+    return layout, width, height
 
 
 def _is_rough(geometry: Geometry) -> bool:

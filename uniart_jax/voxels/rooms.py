@@ -202,10 +202,12 @@ def _flat_rim(solid: np.ndarray, room: _Room, fill: np.ndarray, clear: np.ndarra
     inside[tuple(slice(*ends) for ends in room.ends)] = True
     outline = ((solid | fill) & ~clear)[first + RIM] & ~inside
     outline = np.asarray(ndimage.binary_fill_holes(outline | inside), bool) & ~inside
-    rim = slice(first, first + RIM)
+    drawn = (solid[:first] & outline).sum((1, 2)) > MOST * outline.sum()
+    start = int(np.append(drawn, True).argmax())
+    rim = slice(start, first + RIM)
     fill[rim] = (fill[rim] & inside) | outline
     clear[rim] = (clear[rim] & inside) | (solid[rim] & ~outline & ~inside)
-    clear[:first] |= solid[:first]
+    clear[:start] |= solid[:start]
 
 
 def _shelves(inner: np.ndarray) -> np.ndarray:
