@@ -114,3 +114,18 @@ def test_a_cupboard_that_lacks_its_front_is_not_filled():
     (found,) = within_budget(obj, [body(*walls)], [surface])
     assert len(found.shapes) == 5 and found.volume_error is not None
     assert found.volume_error < 0.02
+
+
+def test_thin_walls_are_not_left_out():
+    """By its volume a sheet is worth nothing; what leans on it would fall through."""
+    walls = [slab([x, 0, 0], [x + 0.002, 1, 1]) for x in (0.0, 0.998)]
+    walls += [slab([0, y, 0], [1, y + 0.002, 1]) for y in (0.0, 0.998)]
+    walls += [slab([0, 0, 0], [1, 1, 0.002])]
+    block = [slab([0.3 + 0.1 * k, 0.4, 0.4], [0.35 + 0.1 * k, 0.6, 0.6]) for k in range(4)]
+    mesh = boxed([*walls, *block])
+    obj = ArticulatedObject((Part("base", mesh, -1, Joint.fixed()),))
+    (light,) = within_budget(obj, [body(*walls, *block)], [mesh], 6)
+    sides = [(0.001, 0.5, 0.9), (0.999, 0.5, 0.9), (0.5, 0.001, 0.9), (0.5, 0.999, 0.9)]
+    for place in np.array([*sides, (0.9, 0.1, 0.001)]):
+        away = [np.abs(place - s.center) - s.size / 2 for s in light.shapes]
+        assert min(a.max() for a in away) < 1e-6

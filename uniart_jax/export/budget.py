@@ -23,7 +23,7 @@ from uniart_jax.export.collision import rebuilt
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.physics import Body, Box, Shape
-from uniart_jax.export.separation import as_solid
+from uniart_jax.export.separation import as_solid, width
 from uniart_jax.export.volume_error import corners_of, half_spaces, is_open, volume_error
 from uniart_jax.objects.object import ArticulatedObject
 
@@ -41,6 +41,7 @@ BOX_LIKE = 0.01  # likewise: by how much a box, which is the quicker shape, may 
 OWN = 6  # places along each side of a shape that stand for its matter
 SPAN = 0.03  # of the part: how much shorter it may become by what is left out
 MISSING = 1.5  # how much worse matter that is left out is than matter that is added
+SHEET = 0.03  # of the part: what is thinner counts as if it were so thick where it is left out
 
 
 def within_budget(
@@ -148,9 +149,9 @@ class _Merger:
         self.pieces = [as_solid(shape) for shape in self.given]
         self.bounds = np.array([corners_of(s) for s in self.pieces])
         self.spaces = [half_spaces(s) for s in self.pieces]
-        self.matter = [_matter(shape) for shape in self.given]
-        self.unique = [self._unique(i) for i in range(len(self.pieces))]
         self.reach = float(np.ptp(self.bounds.reshape(-1, 3), axis=0).max())
+        self.matter = [_matter(shape, SHEET * self.reach) for shape in self.given]
+        self.unique = [self._unique(i) for i in range(len(self.pieces))]
         self.kept = dict(enumerate(self.given))
         self.apart = len(self.pieces) <= MANY  # whether pieces that lie apart are paired too
         for new in range(len(self.pieces)):
@@ -296,8 +297,9 @@ class _Merger:
 _NOWHERE = np.zeros((0, 3))
 
 
-def _matter(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Points [n, 3] spread in a shape, and the cubic metres [n] that each stands for."""
+def _matter(shape: Shape, thick: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points [n, 3] spread in a shape, and the cubic metres [n] that each stands for: of a sheet
+    thinner than ``thick`` as many as if it were so thick."""
     solid = as_solid(shape)
     frame = shape.rotation if isinstance(shape, Box) else np.eye(3)
     center, extent = fitted_box(triangles(solid)[0], frame)
@@ -307,7 +309,8 @@ def _matter(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         normals, offsets = half_spaces(solid)
         inside = (points @ normals.T <= offsets).all(1)
         points = points[inside] if inside.any() else triangles(solid)[0].mean(0)[None]
-    return points, np.full(len(points), solid.volume() / len(points))
+    matter = solid.volume() * max(1.0, thick / max(width(solid), 1e-3 * thick))
+    return points, np.full(len(points), matter / len(points))
 
 
 def _common_bounds(bounds: np.ndarray) -> np.ndarray:

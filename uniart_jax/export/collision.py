@@ -4,8 +4,8 @@ drawers.
 Every closed shell of a part becomes one box, the boxes of its walls, or hulls (``convex_split``);
 then neighbours are joined while the surface allows it. No shape stands out of the part by more than
 a small share of the object, so that the shapes of two parts meet only where the parts do. Shells
-that are not closed are hulls or thin boxes if they are as good as convex or flat, else they are
-made solid on a grid first.
+that are not closed are hulls or thin boxes if they are as good as convex or flat, else plates along
+their walls (``sheets``).
 """
 
 from __future__ import annotations
@@ -18,13 +18,11 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 from scipy.spatial import ConvexHull, QhullError
-from skimage import measure
 
 from uniart_jax.export.box_cover import as_box, box_cover, flat_box, flat_plate, own_frame
 from uniart_jax.export.convex_split import (
     Surface,
     as_manifold,
-    bodies,
     merge_convex,
     split_convex,
     spread,
@@ -32,6 +30,7 @@ from uniart_jax.export.convex_split import (
 )
 from uniart_jax.export.physics import Box, Hull, Shape
 from uniart_jax.export.separation import overlaps, separated, width
+from uniart_jax.export.sheets import plates
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,7 +74,6 @@ SLIVER = 0.2  # of that: what a cut leaves thinner is dropped; MuJoCo refuses fl
 # metres: a smaller part is a box of at least this; its corners would be welded to nothing, and
 # manifold3d crashes on that
 TINY = 1e-5
-CELLS = 40  # along an open surface's longest side, when it is given a thickness
 
 
 def collision_shapes(
@@ -251,7 +249,7 @@ def _open_solids(
     vertices: np.ndarray, shells: list[np.ndarray], tolerance: float, thin: float
 ) -> list[Manifold]:
     """Open shells as closed ones: thin boxes where they are flat, hulls where they are as good as
-    convex, else sheets with a thickness."""
+    convex, else plates along their walls."""
     solids, hollow = [], []
     for faces in shells:
         points = vertices[np.unique(faces)]
@@ -267,30 +265,9 @@ def _open_solids(
             solids.append(hull)
         else:
             hollow.append(faces)
-    return solids + _thickened(vertices, hollow) if hollow else solids
-
-
-def _thickened(vertices: np.ndarray, shells: list[np.ndarray]) -> list[Manifold]:
-    """Closed bodies that hold everything within three quarters of a grid's cell of the shells.
-
-    Winding numbers would tell a solid that lacks a face from a tray no better than we do: both are
-    taken for sheets.
-    """
-    faces = np.concatenate(shells)
-    used = vertices[np.unique(faces)]
-    lo, hi = used.min(0), used.max(0)
-    cell = float((hi - lo).max()) / CELLS
-    axes = [np.arange(a - 2 * cell, b + 2.5 * cell, cell) for a, b in zip(lo, hi, strict=True)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    squared = igl.point_mesh_squared_distance(np.ascontiguousarray(points), vertices, faces)[0]
-    field = np.sqrt(np.asarray(squared)).reshape([len(a) for a in axes])
-    at, corners, _, _ = measure.marching_cubes(field, 0.75 * cell, spacing=(cell,) * 3)
-    solid = as_manifold(at + [a[0] for a in axes], corners.astype(np.int64))
-    if solid is not None and solid.volume() < 0:
-        solid = as_manifold(*_turned(solid))
-    if solid is None:
-        return [Manifold.hull_points(used)]
-    return bodies(solid.simplify(cell / 4))
+    if hollow:
+        solids += plates(vertices, np.concatenate(hollow), tolerance / 2, max(thin, tolerance / 2))
+    return solids
 
 
 def _turned(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
