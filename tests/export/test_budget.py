@@ -10,7 +10,9 @@ from asset_objects import hollow_box
 from uniart_jax import procedural
 from uniart_jax.export.bodies import make_bodies
 from uniart_jax.export.budget import PART_MOST, shape_count, within_budget
+from uniart_jax.export.collision import OVERLAP
 from uniart_jax.export.physics import Body, Box
+from uniart_jax.export.separation import overlaps
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -129,3 +131,15 @@ def test_thin_walls_are_not_left_out():
     for place in np.array([*sides, (0.9, 0.1, 0.001)]):
         away = [np.abs(place - s.center) - s.size / 2 for s in light.shapes]
         assert min(a.max() for a in away) < 1e-6
+
+
+def test_what_is_joined_does_not_stand_in_a_neighbour():
+    """The hull of a corner of two boards reaches a little into the block that stands in it."""
+    corner = [slab([0, 0, 0], [1, 1, 0.1]), slab([0, 0, 0.1], [0.1, 1, 0.5])]
+    block = slab([0.45, 0, 0.3], [0.9, 1, 0.9])
+    meshes = [boxed(corner), boxed([block])]
+    slide = Joint((0.5, 0.5, 0.5), (0, 0, 1), travel=(0.0, 0.1))
+    obj = ArticulatedObject((Part("base", meshes[0]), Part("block", meshes[1], 0, slide)))
+    light = within_budget(obj, [body(*corner), body(block)], meshes, 2)
+    assert [len(b.shapes) for b in light] == [1, 1]
+    assert not overlaps([b.shapes for b in light], OVERLAP)

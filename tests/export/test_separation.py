@@ -40,6 +40,22 @@ def test_two_blocks_that_overlap_share_the_loss():
     assert all(isinstance(s, Hull) and s.mesh.is_convex for own in apart for s in own)
 
 
+def test_a_plate_that_stands_through_another_is_cut_off_behind_it():
+    """What crossing plates share is as thin as they are; an engine pushes by what stands out."""
+    wall, shelf = box([0, 0, 0], [0.002, 1, 1]), box([0.42, 0, 0], [0.9, 1, 0.002])
+    assert overlaps([(wall,), (shelf,)], LEAST) == {(0, 1): pytest.approx(0.031)}
+    apart = separated([(wall,), (shelf,)], LEAST, hull)
+    assert not overlaps(apart, LEAST)
+    assert volume(apart[0]) == pytest.approx(0.002)
+    assert np.asarray(apart[1][0].mesh.vertices)[:, 0].min() > -0.0011
+
+
+def test_plates_that_only_touch_are_left():
+    wall, shelf = box([0, 0, 0], [0.002, 1, 1]), box([0.452, 0, 0], [0.9, 1, 0.002])
+    shapes = [(wall,), (shelf,)]
+    assert overlaps(shapes, LEAST) == {} and separated(shapes, LEAST, hull) == shapes
+
+
 def test_what_does_not_overlap_is_left_as_it_is():
     shapes = [
         (box([0, 0, 0], [1, 1, 1]),),

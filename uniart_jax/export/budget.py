@@ -19,11 +19,11 @@ import trimesh
 from manifold3d import Manifold
 
 from uniart_jax.export.box_cover import box_solid, fitted_box, own_frame
-from uniart_jax.export.collision import rebuilt
+from uniart_jax.export.collision import OVERLAP, rebuilt
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.formats import COLLISION_BUDGET
 from uniart_jax.export.physics import Body, Box, Shape
-from uniart_jax.export.separation import as_solid, width
+from uniart_jax.export.separation import as_solid, separated, width
 from uniart_jax.export.volume_error import corners_of, half_spaces, is_open, volume_error
 from uniart_jax.objects.object import ArticulatedObject
 
@@ -82,7 +82,8 @@ def within_budget(
             part.step()
         shapes, error = _simplest(part, _metric(mesh, obj.scale), size)
         out.append(dataclasses.replace(body, shapes=shapes, volume_error=error))
-    return tuple(out)
+    apart = separated([body.shapes for body in out], OVERLAP * size, lambda s: rebuilt(s, size))
+    return tuple(dataclasses.replace(b, shapes=s) for b, s in zip(out, apart, strict=True))
 
 
 def check_budget(budget: int) -> None:

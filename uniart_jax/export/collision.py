@@ -52,14 +52,11 @@ class Detail:
 
 
 MADE = Detail(0.005, 384, (32, 256), (1 / 3, 1 / 9))
-ROUGH = Detail(
-    0.015, 64, (8, 48), ()
-)  # marching cubes of a network's output: finer shapes would follow its noise
-ROUGH_FACES = 2500  # of an object that is taken for rough
-PART_DEPTH = (
-    0.06  # of the part's longest side: how far a shape may stand out of it, for small parts
-)
-OVERLAP = 0.004  # of the object's longest side, that shapes of two parts may have in common
+ROUGH = Detail(0.015, 64, (8, 48), ())  # finer takes twice as long and passes no more checks
+ROUGH_FACES = 2500  # of an object, above which it is
+# of the part's longest side: how far a shape may stand out of it, for small parts
+PART_DEPTH = 0.06
+OVERLAP = 0.004  # of the object's longest side, that shapes of two parts may stand in one another
 SHELL_LEAST = 8  # pieces a hollow shell of the budget
 SHELL_BUDGET = 256  # shells a part; the smallest are left out
 FACE_BUDGET = (
@@ -85,11 +82,10 @@ def collision_shapes(
       meshes: [K] parts of one object, metres; closed where they can be. A part below a hundredth of
         a millimetre is a box of that size.
       size: longest side of the object, default of all meshes together. Shapes stand out of a closed
-        mesh by at most .75 % of it (rough
-        surfaces of many faces: 2.3 %; or 9 % of the part's own longest side, if that is less),
-          unless it needs more convex pieces
-        than its share. Where shapes of two parts overlap by more than .4 %, both parts are made
-        again, finer, as far as that helps, and what still overlaps is cut apart (``separation``).
+        mesh by at most .75 % of it (objects of many faces: 2.3 %; or 9 % of the part's own longest
+        side, if that is less), unless it needs more convex pieces than its share. Where shapes of
+        two parts stand in one another by more than .4 %, both parts are made again, finer, as far
+        as that helps, and what still does is cut apart (``separation``).
     """
     bounds = np.array([m.bounds for m in meshes])
     size = size or float((bounds[:, 1].max(0) - bounds[:, 0].min(0)).max())

@@ -22,12 +22,12 @@ MOST_LOST = 0.5
 
 
 def overlaps(shapes: Sequence[tuple[Shape, ...]], least: float) -> dict[tuple[int, int], float]:
-    """{(a, b): how thick} of the pairs of parts that have shapes in common by more than
+    """{(a, b): how deep} of the pairs of parts whose shapes stand in one another by more than
     ``least``."""
     solids, owner = _solids(shapes)
     found: dict[tuple[int, int], float] = {}
     for i, j in _near(solids, owner, least):
-        deep = _common_width(solids[i], solids[j], least)
+        deep = 0.0 if (solids[i] ^ solids[j]).is_empty() else _depth(solids[i], solids[j])
         if deep > least:
             pair = int(owner[j]), int(owner[i])
             found[pair] = max(found.get(pair, 0.0), deep)
@@ -97,46 +97,45 @@ def as_solid(shape: Shape) -> Manifold:
 
 
 def _near(solids: Sequence[Manifold], owner: np.ndarray, least: float) -> list[tuple[int, int]]:
-    """Pairs of shapes of different parts whose boxes overlap by more than ``least``."""
+    """Pairs of shapes of different parts whose boxes stand in one another by more than
+    ``least``."""
     bounds = np.array([s.bounding_box() for s in solids]).reshape(-1, 2, 3)
     pairs = []
     for i, (lo, hi) in enumerate(bounds):
-        deep = np.minimum(bounds[:i, 1], hi) - np.maximum(bounds[:i, 0], lo)
-        pairs += [
-            (i, int(j)) for j in np.flatnonzero((deep.min(1) > least) & (owner[:i] != owner[i]))
-        ]
+        deep = np.minimum(bounds[:i, 1] - lo, hi - bounds[:i, 0]).min(1)
+        pairs += [(i, int(j)) for j in np.flatnonzero((deep > least) & (owner[:i] != owner[i]))]
     return pairs
 
 
-def _common(one: Manifold, two: Manifold, least: float) -> Manifold | None:
-    """What two shapes share, if it is thicker than ``least``."""
-    common = one ^ two
-    if common.is_empty() or common.volume() < least**3:
-        return None
-    hull = common.hull()
-    return hull if width(hull) > least else None
-
-
-def _common_width(one: Manifold, two: Manifold, least: float) -> float:
-    """How thick what two convex shapes share is; 0 if that is not more than ``least``."""
-    common = _common(one, two, least)
-    return 0.0 if common is None else width(common)
+def _depth(one: Manifold, two: Manifold) -> float:
+    """How far two convex shapes stand in one another: the least way, along a face's normal of
+    either, that takes them apart. Of two crossing plates it is what stands out behind, however
+    thin both are, as engines see it."""
+    places = [triangles(solid)[0] for solid in (one, two)]
+    ways = []
+    for own, other, solid in ((*places, one), (*places[::-1], two)):
+        normals = _normals(solid)
+        ways.append(((normals @ own.T).max(1) - (normals @ other.T).min(1)).min())
+    return float(max(min(ways), 0.0))
 
 
 def apart(
     one: Manifold, two: Manifold, least: float, first: tuple[float, float] | None = None
 ) -> tuple[Manifold, Manifold] | None:
     """Both on their own side of the plane that takes the least of them; None if that is too much,
-    or they share no more than ``least``.
+    or they stand in one another by no more than ``least``.
 
     Args:
       one, two: convex.
-      least: how thick what they share must be.
+      least: how far they must stand in one another.
       first: volumes before earlier cuts, that the losses are shares of; default the present ones.
     """
     of = first or (one.volume(), two.volume())
-    common = _common(one, two, least)
-    if common is None:
+    both = one ^ two
+    if both.is_empty() or _depth(one, two) <= least:
+        return None
+    common = both.hull()
+    if common.is_empty():
         return None
     vertices, _ = triangles(common)
     normals = _normals(common)
