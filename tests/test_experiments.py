@@ -16,8 +16,8 @@ from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
 from uniart_jax.data import folder as data_folder
 from uniart_jax.data.records import RecordSource, record_rows
-from uniart_jax.evaluation.kept import keep
 from uniart_jax.evaluation.procedural import held_out_for
+from uniart_jax.evaluation.result_store import write_result
 from uniart_jax.experiments import inputs, judge, run
 from uniart_jax.experiments.design import (
     Arm,
@@ -383,7 +383,7 @@ def test_a_half_judged_seed_is_not_in_the_table(done, tmp_path):
     for arm, objects in (("uniart", names), ("concat", names[:1])):
         for name in objects:
             file = tmp_path / arm / "seed-0" / "figures" / f"{name}.json"
-            keep(file, {"figures": {"as_chamfer": 0.5}, "failure": "none found"})
+            write_result(file, {"figures": {"as_chamfer": 0.5}, "failure": "none found"})
     content = write_tables(experiment, tmp_path, 2)
     assert list(content["arms"]) == ["uniart"]
     assert (

@@ -15,7 +15,7 @@ import trimesh
 from uniart_jax.config import Config
 from uniart_jax.data.folder import COLUMNS
 from uniart_jax.evaluation.families import posed
-from uniart_jax.evaluation.kept import keep, read_kept
+from uniart_jax.evaluation.result_store import read_result, write_result
 from uniart_jax.experiments import judge, run, settings, table
 from uniart_jax.experiments.design import Arm, Elsewhere, Experiment, Records
 from uniart_jax.experiments.inputs import check_networks
@@ -44,7 +44,9 @@ def fakes(monkeypatch):
 
     def figures(arm, checkpoint, seed, folder, count):
         (name,) = judge.test_names(arm.tests, count)
-        keep(folder / f"{name}.json", {"figures": {"rs_chamfer": 0.1 + seed}, "failure": ""})
+        write_result(
+            folder / f"{name}.json", {"figures": {"rs_chamfer": 0.1 + seed}, "failure": ""}
+        )
 
     monkeypatch.setattr(run, "prepare", lambda *_: None)
     monkeypatch.setattr(run, "train_arm", train)
@@ -89,7 +91,7 @@ def test_an_arm_of_another_experiment_is_trained_in_its_folder(fakes, monkeypatc
     trained.clear()
     run.run_experiment(experiment, tmp_path / "mine")
     assert trained == [("there", 0)]  # it failed for both
-    assert read_kept(tmp_path / "mine/b/seed-0/failure.json") is not None
+    assert read_result(tmp_path / "mine/b/seed-0/failure.json") is not None
 
 
 def test_settings_that_differ_are_named(monkeypatch, tmp_path):
@@ -97,13 +99,13 @@ def test_settings_that_differ_are_named(monkeypatch, tmp_path):
     folder = tmp_path / "two"
     claim_arm(QUEUE, "two", folder)
     claim_arm(QUEUE, "two", folder)
-    kept = read_kept(folder / FILE)
+    kept = read_result(folder / FILE)
     assert kept is not None
     del kept["config"]["uniart_vae"]["betas"]  # a setting that is newer than the folder
-    keep(folder / FILE, kept)
+    write_result(folder / FILE, kept)
     check_kept(QUEUE, "two", folder)
     kept["config"]["uniart_vae"]["learning_rate"] = 7.0
-    keep(folder / FILE, kept)
+    write_result(folder / FILE, kept)
     with pytest.raises(
         ValueError, match=r"results of arm two .*uniart_vae.learning_rate 7.0 instead"
     ):
@@ -256,13 +258,13 @@ def test_an_unfinished_training_is_named_and_copies_beside_it_are_not_read(monke
     for seed, judged in (("0", 3), ("1", 2), ("0.bak", 1)):
         for name in names[:judged]:
             kept = {"figures": {"rs_chamfer": 0.1}, "failure": ""}
-            keep(tmp_path / f"one/seed-{seed}/figures/{name}.json", kept)
+            write_result(tmp_path / f"one/seed-{seed}/figures/{name}.json", kept)
     content = table.write_tables(QUEUE, tmp_path, 3)
     assert content["arms"]["one"]["seeds"] == [0]
     assert content["arms"]["one"]["rows"]["rs_chamfer"]["mean"] == pytest.approx(0.1)
     assert "in no figure above: one (seed 1: 2 of 3)." in (tmp_path / "table.md").read_text()
     # of a newer version, which knows more figures
-    keep(
+    write_result(
         tmp_path / f"one/seed-0/figures/{names[2]}.json",
         {"figures": {"rs_chamfer": 0.4, "as_chamfer": 1.0}, "failure": ""},
     )

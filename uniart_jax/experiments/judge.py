@@ -31,11 +31,11 @@ from uniart_jax.data.geometric_features import geometric_features
 from uniart_jax.data.records import RecordSource, from_object, split_places
 from uniart_jax.evaluation.families import FAMILIES as ALL_FAMILIES
 from uniart_jax.evaluation.families import Posed, family_module, measure_families, posed
-from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.metric import Figures, Metric
 from uniart_jax.evaluation.procedural import HeldOut, held_out_for, split_families
 from uniart_jax.evaluation.reconstruction import object_of_record
-from uniart_jax.evaluation.runner import Kept, error_line, run
+from uniart_jax.evaluation.result_store import ResultStore, without_nan
+from uniart_jax.evaluation.runner import error_line, run
 from uniart_jax.experiments.design import Arm, Objects, Station
 from uniart_jax.inference.samplers import join_views
 from uniart_jax.models.checkpoint import Checkpoint
@@ -127,8 +127,8 @@ def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> No
         seconds = time.perf_counter() - begin
         return {"figures": without_nan(figures), "failure": failure, "seconds": seconds}
 
-    kept = Kept[tuple[int, str]](lambda place: folder / f"{place[1]}.json")
-    list(run(judge_one, tests, "judging", kept=kept))
+    store = ResultStore[tuple[int, str]](lambda place: folder / f"{place[1]}.json")
+    list(run(judge_one, tests, "judging", store=store))
 
 
 def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:

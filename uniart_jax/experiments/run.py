@@ -20,7 +20,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from uniart_jax.evaluation.kept import keep
+from uniart_jax.evaluation.result_store import write_result
 from uniart_jax.experiments.design import Arm, Experiment
 from uniart_jax.experiments.inputs import check_arm, check_networks, make_records, other_networks
 from uniart_jax.experiments.judge import judge
@@ -160,7 +160,7 @@ def attempt(
             console.print(f"{name}, seed {seed}: {error}", markup=False)
             broken[workdir] = str(error)
     if workdir in broken:
-        keep(here / FAILED, {"failure": broken[workdir]})
+        write_result(here / FAILED, {"failure": broken[workdir]})
         return
     (here / FAILED).unlink(missing_ok=True)
     judge(arm, checkpoint, seed, here / "figures", count)
