@@ -34,7 +34,7 @@ from uniart_jax.models.checkpoint import PRETRAINED, Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build, flat_names
 from uniart_jax.procedural import HELD_OUT_SEED, generate
-from uniart_jax.runtime.locks import alone
+from uniart_jax.runtime.locks import exclusive_lock
 
 TRAINS = pytest.mark.slow  # two arms: half a minute
 
@@ -248,7 +248,7 @@ def test_an_arm_of_other_settings_is_refused_before_any_work(done):
 @TRAINS
 def test_two_processes_never_work_in_one_folder(done):
     experiment, out = done
-    with alone(out), pytest.raises(ValueError, match="another process works on it"):
+    with exclusive_lock(out), pytest.raises(ValueError, match="another process works on it"):
         run.run_experiment(experiment, out)
 
 
@@ -257,7 +257,8 @@ def test_an_arm_of_another_experiment_waits_for_who_works_there(tmp_path, monkey
     experiment = load_experiment(ROOT / "configs/experiments/uni_encoding.py", "paper")
     (name,) = (n for n, arm in experiment.arms.items() if arm.of.startswith("aggregation/"))
     held = []
-    monkeypatch.setattr(run, "alone", lambda *given: held.append(given) or contextlib.nullcontext())
+    lock = lambda *given: held.append(given) or contextlib.nullcontext()  # noqa: E731
+    monkeypatch.setattr(run, "exclusive_lock", lock)
     monkeypatch.setattr(run, "claim_arm", lambda *_: None)
     monkeypatch.setattr(run, "train_arm", lambda *_: there)
     monkeypatch.setattr(run, "judge", lambda *_: held.append("judged"))

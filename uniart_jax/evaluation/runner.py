@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, TypeVar
 from uniart_jax.evaluation.result_store import ResultStore, without_nan, write_result
 from uniart_jax.objects.robot_object import one_line
 from uniart_jax.runtime.files import write_text
-from uniart_jax.runtime.processes import each, in_order, process_pool
+from uniart_jax.runtime.processes import map_isolated, map_ordered, process_pool
 from uniart_jax.runtime.progress import messages, track
 
 DIED = "its worker process died (out of memory, a crash in C, or a call that never came back)"
@@ -64,7 +64,7 @@ def run(
     if len(missing) < len(items):
         messages().print(f"{what}: {len(items) - len(missing)} of {len(items)} were made before")
     jobs = [(items[i], files[i]) for i in missing]
-    made = each(
+    made = map_isolated(
         processes,
         functools.partial(_measure, measure),
         jobs,
@@ -109,7 +109,7 @@ def run_staged(
     ahead = 1 if processes == 1 else 2 * processes
     begun: list[list[Future[Any]]] = []
     with process_pool(processes) as submit:
-        drawn = track(in_order(submit, draw, items, ahead), what, len(items))
+        drawn = track(map_ordered(submit, draw, items, ahead), what, len(items))
         for item, one in zip(items, drawn, strict=True):
             begun.append([submit(job) for job in predict(item, one)])
             for future in begun[-1 - ahead] if len(begun) > ahead else ():

@@ -28,7 +28,7 @@ from uniart_jax.experiments.reinit_aggregation import reinit_aggregation, shared
 from uniart_jax.experiments.settings import check_kept, claim_arm
 from uniart_jax.experiments.table import FAILED, write_tables
 from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.runtime.locks import alone
+from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.runtime.progress import messages
 from uniart_jax.stages.trainer import claim, run
 
@@ -67,7 +67,7 @@ def run_experiment(
             "--count"
         )
     seeds, count = seeds or experiment.seeds, count or experiment.count
-    with alone(out):
+    with exclusive_lock(out):
         prepare(experiment, out, chosen, seeds, count)
         broken: dict[Path, str] = {}  # trainings that failed in this run
         for seed in range(seeds):
@@ -144,7 +144,7 @@ def attempt(
                 if "/" in arm.of:
                     there = workdir.parent
                     stack.enter_context(
-                        alone(
+                        exclusive_lock(
                             there.parent,
                             lambda: console.print(
                                 f"{there.parent}: another command works there; waiting until it is done",  # noqa: E501

@@ -27,7 +27,7 @@ from uniart_jax.models.network import Network, build
 from uniart_jax.nn.shapes import check_shapes
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.pipeline import load as load_pipeline
-from uniart_jax.runtime.locks import alone
+from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.runtime.progress import messages
 from uniart_jax.stages.checks import (
     check_features,
@@ -201,7 +201,7 @@ def run(
                 source.load(name, config.model, widen=True)
         copied = networks_to_copy(config, source, names, exported)
     check_found(config, chosen, exported, copied)
-    with alone(workdir) if distributed.is_first() else contextlib.nullcontext():
+    with exclusive_lock(workdir) if distributed.is_first() else contextlib.nullcontext():
         distributed.on_first_process(lambda: claim(config, workdir))
         if not (workdir / "config.json").is_file():
             raise ValueError(
