@@ -90,10 +90,12 @@ class Stage(abc.ABC):
     def loss(
         self, network: Network, config: Config, workdir: Path, statistics: dict[str, Statistics]
     ) -> Callable[..., tuple[jax.Array, dict[str, jax.Array]]]:
-        """(params, batch, key) -> loss and scalar metrics; with ``given``, (params, batch, key,
-        given)."""
+        """(params, batch, key) -> loss and scalar metrics; with ``frozen_params``, of (params,
+        batch, key, frozen_params)."""
 
-    def given(self, config: Config, workdir: Path, source: Checkpoint | None) -> tuple[Any, ...]:
+    def frozen_params(
+        self, config: Config, workdir: Path, source: Checkpoint | None
+    ) -> tuple[Any, ...]:
         """Parameters of frozen networks that the loss takes after its key; () for none.
 
         Args:

@@ -384,7 +384,7 @@ def make_step(
       source: the checkpoint that WORKDIR goes on from.
     """
     settings = stage.settings(config)
-    frozen = stage.given(config, workdir, source)
+    frozen = stage.frozen_params(config, workdir, source)
     return make_train_step(
         stage.loss(network, config, workdir, statistics),
         optimizer,
@@ -392,5 +392,5 @@ def make_step(
         freeze=settings.freeze,
         accumulate=settings.accumulate,
         skip=settings.skip_not_finite > 0,
-        given=jax.device_put(frozen, replicated(mesh)) if frozen else None,
+        frozen_params=jax.device_put(frozen, replicated(mesh)) if frozen else None,
     )
