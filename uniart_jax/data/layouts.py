@@ -202,7 +202,7 @@ def write_block(folder: str | Path, number: int, settings: LayoutSettings) -> di
     return block
 
 
-def claim_folder(folder: str | Path, settings: LayoutSettings) -> None:
+def check_settings(folder: str | Path, settings: LayoutSettings) -> None:
     """Make the folder these settings', or check that it is.
 
     Raises:
@@ -237,7 +237,7 @@ def prepare_layouts(
 ) -> None:
     """Make the blocks from ``first`` on, ``count`` objects or a few more; those that are there are
     kept."""
-    claim_folder(folder, settings)
+    check_settings(folder, settings)
     numbers = range(first, first - (-count // BLOCK))
     numbers = [n for n in numbers if not block_path(folder, n).is_file()]
     with process_pool(processes) as submit:

@@ -28,7 +28,7 @@ from uniart_jax.data.folder import (
     ORBIT,
     Row,
     Settings,
-    claim,
+    check_settings,
     finished,
     rows_path,
     shard_path,
@@ -161,7 +161,7 @@ def prepare(
     """
     check(settings, processes, part)
     out = Path(out)
-    claim(out, settings, _keys(entries), [entry.split for entry in entries])
+    check_settings(out, settings, _keys(entries), [entry.split for entry in entries])
     for place in (out, out / "rows"):
         sweep(place)
     size = settings.shard_size

@@ -6,8 +6,9 @@
 
 What an item is (a prediction and its reference, an asset, the number of a held-out object) and what
 is measured of it is the caller's: ``compare``, ``assets``, ``layout``, ``physics``, ``procedural``,
-``baselines``, ``experiments.judge``. How far the work is stands on stderr. A command that was
-stopped goes on with the same command; files are complete or absent (``result_store.write_result``).
+``baselines``, ``experiments.evaluate_arm``. How far the work is stands on stderr. A command that
+was stopped goes on with the same command; files are complete or absent
+(``result_store.write_result``).
 """  # noqa: E501
 
 from __future__ import annotations

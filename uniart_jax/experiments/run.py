@@ -22,15 +22,15 @@ from pathlib import Path
 
 from uniart_jax.evaluation.result_store import write_result
 from uniart_jax.experiments.design import Arm, Experiment
+from uniart_jax.experiments.evaluate_arm import evaluate_arm
 from uniart_jax.experiments.inputs import check_arm, check_networks, make_records, other_networks
-from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.reinit_aggregation import reinit_aggregation, shared_init
-from uniart_jax.experiments.settings import check_kept, claim_arm
+from uniart_jax.experiments.settings import check_settings, write_settings
 from uniart_jax.experiments.table import FAILED, write_tables
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.runtime.progress import messages
-from uniart_jax.stages.trainer import claim, run
+from uniart_jax.stages.trainer import check_workdir, run
 
 console = messages()
 
@@ -105,14 +105,14 @@ def prepare(
     for records in experiment.records:
         make_records(records, experiment.trained(chosen[0]).config.model)
     for name in entered:
-        check_kept(experiment, name, out / name)
+        check_settings(experiment, name, out / name)
     for name in chosen:
         if "/" in experiment.arms[name].of:
             there = experiment.folder(name, out)
-            check_kept(alone_of(experiment, name), there.name, there)
+            check_settings(alone_of(experiment, name), there.name, there)
         check_arm(name, experiment.arms[name], experiment.trained(name), count)
     for name in chosen:
-        claim_arm(experiment, name, out / name)
+        write_settings(experiment, name, out / name)
 
 
 def missing_networks(experiment: Experiment, out: Path, chosen: Sequence[str], seeds: int) -> None:
@@ -152,7 +152,7 @@ def attempt(
                             ),
                         )
                     )
-                    claim_arm(alone_of(experiment, name), there.name, there)
+                    write_settings(alone_of(experiment, name), there.name, there)
                 checkpoint = (
                     workdir if arm.of and "/" not in arm.of else train_arm(made, seed, workdir)
                 )
@@ -163,7 +163,7 @@ def attempt(
         write_result(here / FAILED, {"failure": broken[workdir]})
         return
     (here / FAILED).unlink(missing_ok=True)
-    judge(arm, checkpoint, seed, here / "figures", count)
+    evaluate_arm(arm, checkpoint, seed, here / "figures", count)
 
 
 def alone_of(experiment: Experiment, name: str) -> Experiment:
@@ -185,7 +185,7 @@ def train_arm(arm: Arm, seed: int, workdir: Path) -> Path:
     config = dataclasses.replace(arm.config, seed=seed, data=data)
     if arm.beside:
         source, exported = Checkpoint.find(arm.beside), Checkpoint(workdir / "export")
-        claim(config, workdir)
+        check_workdir(config, workdir)
         source.copy_networks(other_networks(arm, source, exported), exported.folder)
     init = arm.init or config.init
     if init and "uniart_vae" in arm.stages:

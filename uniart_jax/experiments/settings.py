@@ -50,7 +50,7 @@ def described(arm: Arm) -> dict[str, Any]:
     return json.loads(json.dumps(found))
 
 
-def check_kept(experiment: Experiment, name: str, folder: Path) -> dict[str, Any]:
+def check_settings(experiment: Experiment, name: str, folder: Path) -> dict[str, Any]:
     """The settings of arm ``name``; what lies in its ``folder`` must be of the same.
 
     Raises:
@@ -77,13 +77,13 @@ def check_kept(experiment: Experiment, name: str, folder: Path) -> dict[str, Any
     return now
 
 
-def claim_arm(experiment: Experiment, name: str, folder: Path) -> None:
+def write_settings(experiment: Experiment, name: str, folder: Path) -> None:
     """Begin arm ``name`` in ``folder``, or go on there.
 
     Raises:
-      ValueError: as ``check_kept``.
+      ValueError: as ``check_settings``.
     """
-    now = check_kept(experiment, name, folder)
+    now = check_settings(experiment, name, folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_result(folder / FILE, now)
 

@@ -12,8 +12,8 @@ import numpy as np
 from uniart_jax.evaluation.result_store import read_result, without_nan, write_result
 from uniart_jax.evaluation.summary import LEVEL
 from uniart_jax.experiments.design import Experiment
+from uniart_jax.experiments.evaluate_arm import METRICS, TRUTH, parameter_count, test_names
 from uniart_jax.experiments.intervals import difference, row, unpaired
-from uniart_jax.experiments.judge import METRICS, TRUTH, parameter_count, test_names
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.runtime.files import write_text
 

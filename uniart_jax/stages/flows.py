@@ -53,10 +53,10 @@ class FlowStage(Stage):
         """The network whose output on the flow's samples the loss reads; "" for none."""
         return ""
 
-    def claim(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
+    def check_inputs(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
         folder = workdir / "checkpoints" / self.name
         fixed = fixed_statistics(source, workdir, self.latent)
-        distributed.on_first_process(lambda: claim_inputs(folder, config, workdir, fixed))
+        distributed.on_first_process(lambda: check_flow_inputs(folder, config, workdir, fixed))
 
     def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:
         return latent_batches(
@@ -112,7 +112,7 @@ def fixed_statistics(source: Checkpoint | None, workdir: Path, latent: str) -> S
     return source.statistics(latent)
 
 
-def claim_inputs(
+def check_flow_inputs(
     folder: Path, config: Config, workdir: Path, statistics: Statistics | None = None
 ) -> None:
     """Tie a flow's checkpoints to the latents, the statistics that normalise them (None: those of

@@ -69,7 +69,7 @@ class Stage(abc.ABC):
         """Whether ``loss.found`` shows its network layouts that the layout network finds."""
         return False
 
-    def claim(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
+    def check_inputs(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
         """Tie the stage's checkpoints in WORKDIR to what it trains on.
 
         Raises:

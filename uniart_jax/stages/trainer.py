@@ -202,7 +202,7 @@ def run(
         copied = networks_to_copy(config, source, names, exported)
     check_found(config, chosen, exported, copied)
     with exclusive_lock(workdir) if distributed.is_first() else contextlib.nullcontext():
-        distributed.on_first_process(lambda: claim(config, workdir))
+        distributed.on_first_process(lambda: check_workdir(config, workdir))
         if not (workdir / "config.json").is_file():
             raise ValueError(
                 f"workdir '{workdir}': not the first process's folder; give all processes one on a "
@@ -235,7 +235,7 @@ def trainable(config: Config, names: Sequence[str]) -> list[str]:
     return left
 
 
-def claim(config: Config, workdir: Path) -> None:
+def check_workdir(config: Config, workdir: Path) -> None:
     """Make WORKDIR this config's, or check that it is: one folder holds one model."""
     if (workdir / "config.json").is_file():
         found = Checkpoint(workdir).config
@@ -267,7 +267,7 @@ def train_network(
     network = build(name, config.model)
     mesh = make_mesh(config.mesh)
     folder, exported = workdir / "checkpoints" / name, Checkpoint(workdir / "export")
-    stage.claim(config, workdir, source)
+    stage.check_inputs(config, workdir, source)
     with Checkpoints(folder, settings.keep_checkpoints) as checkpoints:
         trained = distributed.broadcast_from_first(max(checkpoints.steps, default=0))
     if distributed.broadcast_from_first(trained >= settings.steps and exported.has(name)):
