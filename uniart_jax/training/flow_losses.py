@@ -19,8 +19,8 @@ from uniart_jax.models.network import Network, build
 from uniart_jax.models.voxel_batch import valid_tokens
 from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import (
-    GivenLossFn,
     LossFn,
+    LossFnWithFrozen,
     draw_rows,
     occupancy_iou,
     occupancy_terms,
@@ -43,7 +43,7 @@ def with_image_condition(
     condition: Callable[..., Condition],
     find: Callable[..., PartTable] | None = None,
     share: float = 0.0,
-) -> GivenLossFn:
+) -> LossFnWithFrozen:
     """A flow's loss of batches with ``image`` [B, H, W, 3], or N views [B, N, H, W, 3], in place of
     what an image encoder sees in them: (params, batch, key, frozen) -> as ``loss_fn``.
 
@@ -124,7 +124,7 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
     return loss_fn
 
 
-def make_refiner_loss(network: Network, config: Config, mean: Any, std: Any) -> GivenLossFn:
+def make_refiner_loss(network: Network, config: Config, mean: Any, std: Any) -> LossFnWithFrozen:
     """Cross-entropy and Dice of the refiner's logits on what the structure flow samples in one step
     and the structure VAE decodes; only the refiner is differentiated. Takes the structure VAE's
     parameters after the key."""

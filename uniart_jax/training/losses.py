@@ -22,7 +22,7 @@ from uniart_jax.voxels.joint_code import gauge_variants
 
 # of parameters, a batch (``voxels.typed_batches``) and a key
 LossFn = Callable[[Any, Any, jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
-GivenLossFn = Callable[[Any, Any, jax.Array, Any], tuple[jax.Array, dict[str, jax.Array]]]
+LossFnWithFrozen = Callable[[Any, Any, jax.Array, Any], tuple[jax.Array, dict[str, jax.Array]]]
 
 
 def masked_mean(values: jax.Array, weights: jax.Array) -> jax.Array:
