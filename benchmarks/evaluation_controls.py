@@ -32,7 +32,7 @@ from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.evaluation.summary import interval
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.runtime.processes import in_order, process_pool
+from uniart_jax.runtime.processes import map_ordered, process_pool
 from uniart_jax.runtime.progress import track
 
 PICTURE = Path(__file__).resolve().parent.parent / "docs" / "evaluation.png"
@@ -79,7 +79,7 @@ def main():
     rows: Rows = {name: [] for name in CONTROLS}
     with process_pool(args.processes) as submit:
         run = functools.partial(measure_held_out, unseen=args.unseen)
-        found = in_order(submit, run, range(args.count), 2 * args.processes)
+        found = map_ordered(submit, run, range(args.count), 2 * args.processes)
         for figures in track(found, "controls", args.count):
             for name, values in figures.items():
                 rows[name].append(values)

@@ -38,7 +38,7 @@ from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.sources import Entry, ProceduralEntries, find_entries, load_entry
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES
-from uniart_jax.runtime.processes import in_order, process_pool
+from uniart_jax.runtime.processes import map_ordered, process_pool
 from uniart_jax.visual.render import render, sample_camera
 from uniart_jax.voxels.voxelize import voxelize
 
@@ -112,7 +112,8 @@ def views_per_second(settings: Settings, entries, count: int) -> float:
         seconds = []
         for views in (1, 0, count):  # the first time imports are counted too
             begin = time.perf_counter()
-            list(in_order(lambda f, e, v=views: submit(f, settings, e, v), some_views, entries, 4))
+            work = lambda f, e, v=views: submit(f, settings, e, v)  # noqa: E731
+            list(map_ordered(work, some_views, entries, 4))
             seconds.append(time.perf_counter() - begin)
     return count * len(entries) / (seconds[2] - seconds[1])
 

@@ -16,7 +16,7 @@ import jax
 import matplotlib
 import numpy as np
 
-from uniart_jax.evaluation.kept import without_nan
+from uniart_jax.evaluation.result_store import without_nan
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

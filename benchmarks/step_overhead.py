@@ -43,7 +43,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.precompute.encoding import encode_all
 from uniart_jax.stages import STAGES
-from uniart_jax.stages.trainer import claim, make_put, make_step, stage_batches
+from uniart_jax.stages.trainer import check_workdir, make_put, make_step, stage_batches
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.sharding import make_mesh
@@ -109,7 +109,7 @@ def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -
     own, stage, latents = STAGES[name], getattr(config, name), {}
     if own.latent:
         needed = [n for n in NETWORKS if not STAGES[n].latent]
-        claim(config, workdir)
+        check_workdir(config, workdir)
         Checkpoint.find("nano").copy_networks(needed, workdir / "export")
         latents = encode_all(config, workdir)
     network, mesh = build(name, config.model), make_mesh(config.mesh)

@@ -16,9 +16,9 @@ from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
 from uniart_jax.data import folder as data_folder
 from uniart_jax.data.records import RecordSource, record_rows
-from uniart_jax.evaluation.kept import keep
 from uniart_jax.evaluation.procedural import held_out_for
-from uniart_jax.experiments import inputs, judge, run
+from uniart_jax.evaluation.result_store import write_result
+from uniart_jax.experiments import evaluate_arm, inputs, run
 from uniart_jax.experiments.design import (
     Arm,
     Experiment,
@@ -34,7 +34,7 @@ from uniart_jax.models.checkpoint import PRETRAINED, Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build, flat_names
 from uniart_jax.procedural import HELD_OUT_SEED, generate
-from uniart_jax.runtime.locks import alone
+from uniart_jax.runtime.locks import exclusive_lock
 
 TRAINS = pytest.mark.slow  # two arms: half a minute
 
@@ -53,7 +53,7 @@ def test_every_arm_has_the_networks_that_its_station_needs(path, size):
             load_experiment(path, size)
         return
     experiment = load_experiment(path, size)
-    assert set(experiment.columns) <= set(judge.METRICS)
+    assert set(experiment.columns) <= set(evaluate_arm.METRICS)
     shipped = {p.stem for p in (PRETRAINED / "nano").glob("*.safetensors")}
     made = {records.folder for records in experiment.records}
     for name, arm in experiment.arms.items():
@@ -62,7 +62,7 @@ def test_every_arm_has_the_networks_that_its_station_needs(path, size):
             has.add("image_encoder")  # DINOv2, beside TRELLIS's weights
         elif any(Path(source).name == "nano" for source in (arm.init, arm.beside)):
             has |= shipped  # or what an earlier commit shipped
-        assert set(judge.NEEDS[arm.station]) <= has, name
+        assert set(evaluate_arm.NEEDS[arm.station]) <= has, name
         if size == "nano" and arm.stages:
             assert arm.config.data.records in made and not arm.config.data.procedural, name
             build("uniart_vae", arm.config.model).abstract()
@@ -215,8 +215,8 @@ def test_a_queue_goes_on_where_it_was_stopped(done, monkeypatch):
     gone = next(p for p in before if "concat" in str(p))
     gone.unlink()
     judged = []
-    measure = judge.measure
-    monkeypatch.setattr(judge, "measure", lambda *a: judged.append(a) or measure(*a))
+    measure = evaluate_arm.measure
+    monkeypatch.setattr(evaluate_arm, "measure", lambda *a: judged.append(a) or measure(*a))
     monkeypatch.setattr(stages, "create_state", lambda *_: pytest.fail("trained again"))
     run.run_experiment(experiment, out)
     assert len(judged) == 1
@@ -248,7 +248,7 @@ def test_an_arm_of_other_settings_is_refused_before_any_work(done):
 @TRAINS
 def test_two_processes_never_work_in_one_folder(done):
     experiment, out = done
-    with alone(out), pytest.raises(ValueError, match="another process works on it"):
+    with exclusive_lock(out), pytest.raises(ValueError, match="another process works on it"):
         run.run_experiment(experiment, out)
 
 
@@ -257,10 +257,11 @@ def test_an_arm_of_another_experiment_waits_for_who_works_there(tmp_path, monkey
     experiment = load_experiment(ROOT / "configs/experiments/uni_encoding.py", "paper")
     (name,) = (n for n, arm in experiment.arms.items() if arm.of.startswith("aggregation/"))
     held = []
-    monkeypatch.setattr(run, "alone", lambda *given: held.append(given) or contextlib.nullcontext())
-    monkeypatch.setattr(run, "claim_arm", lambda *_: None)
+    lock = lambda *given: held.append(given) or contextlib.nullcontext()  # noqa: E731
+    monkeypatch.setattr(run, "exclusive_lock", lock)
+    monkeypatch.setattr(run, "write_settings", lambda *_: None)
     monkeypatch.setattr(run, "train_arm", lambda *_: there)
-    monkeypatch.setattr(run, "judge", lambda *_: held.append("judged"))
+    monkeypatch.setattr(run, "evaluate_arm", lambda *_: held.append("judged"))
     run.attempt(experiment, here, name, 0, 1, {})
     (folder, wait), judged = held
     assert folder == there and callable(wait) and judged == "judged"
@@ -332,8 +333,9 @@ def test_another_front_keeps_everything_behind_it(done, tmp_path):
 def test_views_begin_with_the_objects_own(done):
     experiment, _ = done
     arm, model = experiment.arms["uniart"], experiment.arms["uniart"].config.model
-    (name,) = judge.test_names(arm.tests, 1)
-    one, three = (judge.test_object(dataclasses.replace(arm, views=n), name, model) for n in (1, 3))
+    (name,) = evaluate_arm.test_names(arm.tests, 1)
+    arms = [dataclasses.replace(arm, views=n) for n in (1, 3)]
+    one, three = (evaluate_arm.test_object(arm, name, model) for arm in arms)
     assert len(one.images) == 1 and len(three.images) == 3
     assert np.array_equal(one.images[0], three.images[0])
     assert not np.array_equal(three.images[1], three.images[2])
@@ -344,24 +346,24 @@ def test_procedural_test_objects_have_geometric_part_features():
     truth = held_out_for(model, 1)
     reads = dataclasses.replace(model.uniart_vae, visual_channels=0, part_feature_channels=23)
     seen = dataclasses.replace(model, uniart_vae=reads)
-    (values,) = judge.features_of(truth, seen).values()
+    (values,) = evaluate_arm.features_of(truth, seen).values()
     assert values.shape == (len(truth.grid.coords), 23) and values.dtype == np.float32
     assert np.ptp(values, axis=0).max() > 0.5
     blind = dataclasses.replace(reads, part_feature_channels=0)
-    assert judge.features_of(truth, dataclasses.replace(model, uniart_vae=blind)) == {}
+    assert evaluate_arm.features_of(truth, dataclasses.replace(model, uniart_vae=blind)) == {}
     partfield = dataclasses.replace(reads, part_feature_channels=448)
     with pytest.raises(ValueError, match=r"'part_feature': 448.*name records with its columns"):
-        judge.features_of(truth, dataclasses.replace(model, uniart_vae=partfield))
+        evaluate_arm.features_of(truth, dataclasses.replace(model, uniart_vae=partfield))
 
 
 def test_test_objects_can_be_asked_for_a_joint_type():
-    names = judge.test_names(Objects(joint_type="screw", unseen=True), 2)
+    names = evaluate_arm.test_names(Objects(joint_type="screw", unseen=True), 2)
     for name in names:
         index, family = name.split("-")
         obj = generate(family, HELD_OUT_SEED + int(index))
         assert "screw" in {part.joint.type for part in obj.parts}
     with pytest.raises(ValueError, match="no joint of type 'planar'"):
-        judge.test_names(Objects(joint_type="planar"), 1)
+        evaluate_arm.test_names(Objects(joint_type="planar"), 1)
 
 
 @TRAINS
@@ -369,21 +371,21 @@ def test_records_are_test_objects_too(done):
     experiment, _ = done
     source = experiment.records[0].folder
     arm = dataclasses.replace(experiment.arms["uniart"], tests=Objects(records=source))
-    assert judge.test_names(arm.tests, 9) == ("0000", "0001", "0002")
-    test = judge.test_object(arm, "0002", arm.config.model)
+    assert evaluate_arm.test_names(arm.tests, 9) == ("0000", "0001", "0002")
+    test = evaluate_arm.test_object(arm, "0002", arm.config.model)
     assert len(test.truth.obj.parts) == len(RecordSource(source)[2].boxes)
     with pytest.raises(ValueError, match="1 images, 2 are shown"):
-        judge.test_object(dataclasses.replace(arm, views=2), "0002", arm.config.model)
+        evaluate_arm.test_object(dataclasses.replace(arm, views=2), "0002", arm.config.model)
 
 
 @TRAINS
 def test_a_half_judged_seed_is_not_in_the_table(done, tmp_path):
     experiment, _ = done
-    names = judge.test_names(Objects(), 2)
+    names = evaluate_arm.test_names(Objects(), 2)
     for arm, objects in (("uniart", names), ("concat", names[:1])):
         for name in objects:
             file = tmp_path / arm / "seed-0" / "figures" / f"{name}.json"
-            keep(file, {"figures": {"as_chamfer": 0.5}, "failure": "none found"})
+            write_result(file, {"figures": {"as_chamfer": 0.5}, "failure": "none found"})
     content = write_tables(experiment, tmp_path, 2)
     assert list(content["arms"]) == ["uniart"]
     assert (

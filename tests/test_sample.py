@@ -14,7 +14,7 @@ import yourdfpy
 from PIL import Image
 
 from uniart_jax import cli
-from uniart_jax.cli import guarded
+from uniart_jax.cli import exit_on_error
 from uniart_jax.cli import sample as sample_command
 from uniart_jax.cli.asset_options import AssetOptions
 from uniart_jax.config import SampleConfig
@@ -218,7 +218,7 @@ class Finder:
 def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, capsys, seeds, code):
     finder = Finder(seeds)
     monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: finder)
-    found = guarded(
+    found = exit_on_error(
         lambda: sample_command(
             (EXAMPLE,), tmp_path, num_samples=3, check=False, refine=False, output=URDF_ALONE
         )

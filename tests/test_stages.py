@@ -30,7 +30,7 @@ from uniart_jax.models.checkpoint_files import write_config, write_network, writ
 from uniart_jax.models.network import build, flat_names
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.precompute import encoding
-from uniart_jax.runtime.locks import alone
+from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.stages import STAGES
 from uniart_jax.stages.checks import check_found, networks_to_copy
 from uniart_jax.stages.flows import load_conditioner
@@ -159,7 +159,7 @@ def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, val
 
 def test_a_workdir_is_one_process_s(tmp_path):
     config = toy(tmp_path)
-    with alone(tmp_path / "w"), pytest.raises(ValueError, match="another process works on it"):
+    with exclusive_lock(tmp_path / "w"), pytest.raises(ValueError, match="another process works"):
         stages.run(config, ["structure_vae"], tmp_path / "w")
 
 

@@ -31,7 +31,7 @@ from uniart_jax.data.layouts import (
     BLOCK,
     RENDERINGS,
     LayoutSettings,
-    claim_folder,
+    check_settings,
     encodable_state,
     load_block,
     shown_object,
@@ -89,7 +89,7 @@ def of_block(
         yield obj.category, False, Layout.of_object(obj)
     if predictor is None:
         return
-    claim_folder(folder, settings)
+    check_settings(folder, settings)
     images = load_block(folder, number, settings)["images"][:, 0]
     if len(images) != len(objects):
         raise ValueError(f"{folder}: block {number} holds other objects than are made today")

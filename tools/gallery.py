@@ -18,8 +18,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from uniart_jax.evaluation.baselines import object_name
-from uniart_jax.evaluation.kept import claim
 from uniart_jax.evaluation.procedural import held_out_for, split_families
+from uniart_jax.evaluation.result_store import check_settings
 from uniart_jax.export.preview import BACKGROUND, GAP, INK, TILE
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.pipeline import Pipeline, load
@@ -82,7 +82,7 @@ def main() -> None:
     enable_compilation_cache()
     which = f"{given.checkpoint} {Checkpoint.find(given.checkpoint).digest()}"
     settings = {"checkpoint": which, "unseen": given.unseen}
-    claim(given.out, settings, "another checkpoint or split")
+    check_settings(given.out, settings, "another checkpoint or split")
     pipeline, rows, found = load(given.checkpoint), [], []
     for index in range(given.count):
         name = object_name(index, split_families(given.unseen))

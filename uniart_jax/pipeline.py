@@ -210,7 +210,7 @@ class Pipeline(Networks):
             else assemble_layout(grid, found, name=name),
             {"structure": structure_options, "latent": latent_options},
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
-            {flow: int(solved.forced[0]) for flow, solved in flows.items()},
+            {flow: int(solved.steps_over_tolerance[0]) for flow, solved in flows.items()},
             self._picture(shown[0], found, condition),
             tuple(way for _, way in cut),
             tuple(shown),

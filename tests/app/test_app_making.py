@@ -15,7 +15,7 @@ from toy_pipeline import ToyPipeline, toy_layout
 
 from uniart_jax.app import making
 from uniart_jax.app.examples import example_pictures
-from uniart_jax.app.making import Options, look, make, planned, sentence, stage_of, zip_assets
+from uniart_jax.app.making import Options, analyze, make, planned, sentence, stage_of, zip_assets
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.voxels.kind import kind_of
 
@@ -32,7 +32,7 @@ def made(tmp_path_factory):
     """Two samples, untried in engines, of three that were asked for; and all that was told."""
     folder, told = tmp_path_factory.mktemp("made"), []
     pipeline = ToyPipeline(bad=(8,))
-    seen = look(pipeline, OVEN, "auto", folder)
+    seen = analyze(pipeline, OVEN, "auto", folder)
     options = Options(samples=3, seed=7, guidance=2.0, check=False)
     return seen, *make(pipeline, seen, options, folder, told.append, "toy"), told, pipeline
 
@@ -47,7 +47,7 @@ def test_what_is_seen_in_a_picture(made):
 
 def test_no_parts_are_drawn_where_none_are_read(tmp_path, monkeypatch):
     monkeypatch.setattr(ToyPipeline, "find_layout", lambda *_: None)
-    seen = look(ToyPipeline(), OVEN, "auto", tmp_path)
+    seen = analyze(ToyPipeline(), OVEN, "auto", tmp_path)
     assert seen.layout is None and seen.drawn is None and seen.shown.is_file()
 
 
@@ -78,7 +78,8 @@ def test_each_stage_is_told_as_often_as_it_was_planned(made):
 
 
 def test_samples_that_differ_by_themselves_take_the_models_steps(tmp_path):
-    pipeline, seen = ToyPipeline(steps=4, bad=(0, 1)), look(ToyPipeline(), OVEN, "auto", tmp_path)
+    pipeline = ToyPipeline(steps=4, bad=(0, 1))
+    seen = analyze(ToyPipeline(), OVEN, "auto", tmp_path)
     with pytest.raises(ValueError):
         make(pipeline, seen, Options(samples=2), tmp_path, lambda stage: None)
     assert [asked["steps"] for asked in pipeline.asked] == [None, None]
@@ -94,12 +95,13 @@ def test_whoever_stops_telling_stops_the_work(tmp_path):
     def tell(stage):
         raise KeyError(stage)
 
+    seen = analyze(ToyPipeline(), OVEN, "auto", tmp_path)
     with pytest.raises(KeyError, match="structure"):
-        make(ToyPipeline(), look(ToyPipeline(), OVEN, "auto", tmp_path), Options(), tmp_path, tell)
+        make(ToyPipeline(), seen, Options(), tmp_path, tell)
 
 
 def test_none_that_could_be_made_is_an_error(tmp_path):
-    seen = look(ToyPipeline(), OVEN, "auto", tmp_path)
+    seen = analyze(ToyPipeline(), OVEN, "auto", tmp_path)
     with pytest.raises(ValueError, match="found no object"):
         make(ToyPipeline(bad=(0, 1)), seen, Options(samples=2), tmp_path, lambda stage: None)
 
@@ -134,7 +136,7 @@ def test_bad_pictures_are_one_sentence_without_their_place(tmp_path, write, says
     picture = tmp_path / "up.png"
     write(picture)
     with pytest.raises(ValueError) as caught:
-        look(ToyPipeline(), picture, "auto", tmp_path)
+        analyze(ToyPipeline(), picture, "auto", tmp_path)
     told = sentence(caught.value, picture)
     assert told.startswith(says) and str(tmp_path) not in told and "\n" not in told
 

@@ -25,7 +25,7 @@ from toy_pipeline import ToyPipeline
 
 from uniart_jax.app import serve
 from uniart_jax.app.sessions import Sessions
-from uniart_jax.cli import guarded
+from uniart_jax.cli import exit_on_error
 from uniart_jax.cli.app import app
 from uniart_jax.models.checkpoint import PRETRAINED
 
@@ -41,7 +41,7 @@ shipped = pytest.mark.skipif(
 
 def test_without_gradio_one_line_says_what_to_install(monkeypatch, capsys):
     monkeypatch.setattr(serve, "has_gradio", lambda: False)
-    assert guarded(app) == 2
+    assert exit_on_error(app) == 2
     said = capsys.readouterr()
     *_, last = said.err.splitlines()
     assert last == "error: app: needs Gradio: pip install 'uniart-jax[app]'"
@@ -65,7 +65,7 @@ def test_the_next_free_port_is_taken():
 
 @needs_gradio
 def test_no_such_checkpoint_is_one_line(capsys):
-    assert guarded(lambda: app(checkpoint="nowhere", browser=False)) == 2
+    assert exit_on_error(lambda: app(checkpoint="nowhere", browser=False)) == 2
     said = [x for x in capsys.readouterr().err.splitlines() if not x.startswith("·")]
     assert len(said) == 1 and "nowhere" in said[0]
 

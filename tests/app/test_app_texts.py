@@ -10,7 +10,7 @@ from toy_pipeline import toy_layout, toy_object
 
 from uniart_jax.app import texts
 from uniart_jax.app.check_words import check_groups, verdict_lines
-from uniart_jax.app.making import Look, Made
+from uniart_jax.app.making import Analysis, Made
 from uniart_jax.app.part_words import motion, read_parts, root_first
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.simulation.summary import verdicts
@@ -55,7 +55,8 @@ def made(seed=0, validation=FOUND, folder="/made/a b/<x>"):
 def seen(way="plain", background="auto", layout=None):
     pixels = np.zeros((8, 8, 4), np.uint8)
     drawn = None if layout is None else Path("/s/parts.png")
-    return Look(Path("/up.png"), pixels, pixels, background, way, layout, Path("/s/cut.png"), drawn)
+    picture, cut = Path("/up.png"), Path("/s/cut.png")
+    return Analysis(picture, pixels, pixels, background, way, layout, cut, drawn)
 
 
 def test_sentences_are_text():

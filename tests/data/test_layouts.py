@@ -73,7 +73,7 @@ def test_an_object_that_cannot_be_made_is_left_out_and_named(data, monkeypatch, 
 
 
 def test_a_damaged_block_is_made_again(data):
-    layouts.claim_folder(data.layouts, SETTINGS)
+    layouts.check_settings(data.layouts, SETTINGS)
     whole = layouts.load_block(data.layouts, 0, SETTINGS)
     path = layouts.block_path(data.layouts, 0)
     path.write_bytes(path.read_bytes()[:500])
@@ -82,9 +82,9 @@ def test_a_damaged_block_is_made_again(data):
 
 
 def test_other_settings_are_refused(data):
-    layouts.claim_folder(data.layouts, SETTINGS)
+    layouts.check_settings(data.layouts, SETTINGS)
     with pytest.raises(ValueError, match="other settings"):
-        layouts.claim_folder(data.layouts, dataclasses.replace(SETTINGS, image_size=64))
+        layouts.check_settings(data.layouts, dataclasses.replace(SETTINGS, image_size=64))
 
 
 def test_a_config_chooses_its_world_and_a_folder_keeps_to_it(tmp_path):
@@ -92,7 +92,7 @@ def test_a_config_chooses_its_world_and_a_folder_keeps_to_it(tmp_path):
     assert layouts.settings_of(seven, MODEL).families == procedural.SEEN_FAMILIES
     settings = layouts.settings_of(wide, MODEL)
     assert settings.families == procedural.WORLDS["wide"]
-    layouts.claim_folder(tmp_path, settings)
+    layouts.check_settings(tmp_path, settings)
     with pytest.raises(ValueError, match=r"other settings .families."):
         layout_batches(seven, MODEL, 4)
 

@@ -14,7 +14,7 @@ from hand_records import make_record, write_folder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uniart_jax.cli import guarded, inspect
+from uniart_jax.cli import exit_on_error, inspect
 from uniart_jax.data import records, shards
 from uniart_jax.data.columns import FEATURES
 from uniart_jax.voxels.grid import SDF_CLIP
@@ -116,7 +116,7 @@ def test_values_that_cannot_be_are_refused_by_name(tmp_path, capsys, key, place,
     with pytest.raises(ValueError) as caught:
         source[1]
     assert str(caught.value).startswith(f"{path}, item 1: record: ") and words in str(caught.value)
-    assert guarded(lambda: inspect(tmp_path, index=1, out=tmp_path / "out")) == 2
+    assert exit_on_error(lambda: inspect(tmp_path, index=1, out=tmp_path / "out")) == 2
     told = capsys.readouterr().err
     assert "hand-1" in told and told.count("\n") == 1 and not (tmp_path / "out").exists()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uniart_jax.cli import guarded, inspect, stats
+from uniart_jax.cli import exit_on_error, inspect, stats
 from uniart_jax.config import GridConfig
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
@@ -51,6 +51,6 @@ def test_commands(records, tmp_path, capsys):
     assert "table-0000001-0" in capsys.readouterr().err
     stats(records)
     assert "| microwave | 1 | 0 |" in capsys.readouterr().out
-    assert guarded(lambda: inspect(records, index=2, out=tmp_path / "b")) == 2
-    assert guarded(lambda: stats(tmp_path)) == 2
+    assert exit_on_error(lambda: inspect(records, index=2, out=tmp_path / "b")) == 2
+    assert exit_on_error(lambda: stats(tmp_path)) == 2
     assert all(line.startswith("error: ") for line in capsys.readouterr().err.splitlines())

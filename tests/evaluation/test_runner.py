@@ -1,4 +1,4 @@
-"""The loop of all evaluations: order, what is kept and taken again, what a bad item costs."""
+"""The loop of all evaluations: order, what is stored and taken again, what a bad item costs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import signal
 
 import pytest
 
+from uniart_jax.evaluation.result_store import ResultStore
 from uniart_jax.evaluation.runner import (
     DIED,
-    Kept,
     Passing,
     error_line,
     run,
@@ -39,52 +39,52 @@ def asked(folder):
 
 
 @pytest.fixture
-def kept(tmp_path):
-    return Kept(lambda item: tmp_path / "results" / f"{item}.json")
+def store(tmp_path):
+    return ResultStore(lambda item: tmp_path / "results" / f"{item}.json")
 
 
 def values(results):
     return [result["value"] for result in results]
 
 
-def test_results_are_in_order_and_made_once(tmp_path, kept, capsys):
+def test_results_are_in_order_and_made_once(tmp_path, store, capsys):
     measure = functools.partial(double, tmp_path)
-    assert values(run(measure, [3, 1, 2], "numbers", kept=kept)) == [6, 2, 4]
-    assert values(run(measure, [2, 4, 3], "numbers", kept=kept)) == [4, 8, 6]
+    assert values(run(measure, [3, 1, 2], "numbers", store=store)) == [6, 2, 4]
+    assert values(run(measure, [2, 4, 3], "numbers", store=store)) == [4, 8, 6]
     assert asked(tmp_path) == [1, 2, 3, 4]
     assert "numbers: 2 of 3 were made before" in capsys.readouterr().err
 
 
-def test_a_stopped_run_goes_on(tmp_path, kept):
+def test_a_stopped_run_goes_on(tmp_path, store):
     measure = functools.partial(double, tmp_path)
     with pytest.raises(ValueError, match="13"):
-        list(run(measure, [1, 2, 13, 4], "numbers", kept=kept))
+        list(run(measure, [1, 2, 13, 4], "numbers", store=store))
     assert {p.name for p in (tmp_path / "results").iterdir()} == {"1.json", "2.json"}
-    assert values(run(measure, [1, 2, 4], "numbers", kept=kept)) == [2, 4, 8]
+    assert values(run(measure, [1, 2, 4], "numbers", store=store)) == [2, 4, 8]
     assert asked(tmp_path) == [1, 2, 4, 13]
 
 
-def test_what_may_come_out_better_is_not_kept(tmp_path, kept):
+def test_what_may_come_out_better_is_not_kept(tmp_path, store):
     measure = functools.partial(double, tmp_path)
     for _ in range(2):
-        assert values(run(measure, [7, 8], "numbers", kept=kept)) == [14, 16]
+        assert values(run(measure, [7, 8], "numbers", store=store)) == [14, 16]
     assert asked(tmp_path) == [7, 7, 8]
 
 
-def test_a_result_of_something_else_and_a_broken_file_are_made_again(tmp_path, kept):
+def test_a_result_of_something_else_and_a_broken_file_are_made_again(tmp_path, store):
     measure = functools.partial(double, tmp_path)
-    list(run(measure, [1, 2, 3], "numbers", kept=kept))
+    list(run(measure, [1, 2, 3], "numbers", store=store))
     (tmp_path / "results/1.json").write_text("{")
-    changed = Kept(kept.file, lambda item, result: item != 2)
-    assert values(run(measure, [1, 2, 3], "numbers", kept=changed)) == [2, 4, 6]
+    changed = ResultStore(store.file, lambda item, result: item != 2)
+    assert values(run(measure, [1, 2, 3], "numbers", store=changed)) == [2, 4, 6]
     assert asked(tmp_path) == [1, 1, 2, 2, 3]
 
 
-def test_workers_make_the_same_and_one_that_dies_costs_its_item_alone(tmp_path, kept):
+def test_workers_make_the_same_and_one_that_dies_costs_its_item_alone(tmp_path, store):
     measure = functools.partial(double, tmp_path)
     died = lambda item: Passing({"value": -item})  # noqa: E731
     items = [1, 66, 2, 3]
-    made = run(measure, items, "numbers", processes=2, kept=kept, died=died)
+    made = run(measure, items, "numbers", processes=2, store=store, died=died)
     assert values(made) == [2, -66, 4, 6]
     assert {p.name for p in (tmp_path / "results").iterdir()} == {"1.json", "2.json", "3.json"}
     with pytest.raises(ValueError, match="a worker process died"):

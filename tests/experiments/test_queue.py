@@ -15,11 +15,11 @@ import trimesh
 from uniart_jax.config import Config
 from uniart_jax.data.folder import COLUMNS
 from uniart_jax.evaluation.families import posed
-from uniart_jax.evaluation.kept import keep, read_kept
-from uniart_jax.experiments import judge, run, settings, table
-from uniart_jax.experiments.design import Arm, Elsewhere, Experiment, Records
+from uniart_jax.evaluation.result_store import read_result, write_result
+from uniart_jax.experiments import evaluate_arm, run, settings, table
+from uniart_jax.experiments.design import Arm, Experiment, ExternalArm, Records
 from uniart_jax.experiments.inputs import check_networks
-from uniart_jax.experiments.settings import FILE, check_kept, claim_arm, differences
+from uniart_jax.experiments.settings import FILE, check_settings, differences, write_settings
 from uniart_jax.models.checkpoint import PRETRAINED, Checkpoint
 from uniart_jax.models.checkpoint_files import write_config
 from uniart_jax.objects.kinematics import Joint
@@ -43,12 +43,14 @@ def fakes(monkeypatch):
         return workdir
 
     def figures(arm, checkpoint, seed, folder, count):
-        (name,) = judge.test_names(arm.tests, count)
-        keep(folder / f"{name}.json", {"figures": {"rs_chamfer": 0.1 + seed}, "failure": ""})
+        (name,) = evaluate_arm.test_names(arm.tests, count)
+        write_result(
+            folder / f"{name}.json", {"figures": {"rs_chamfer": 0.1 + seed}, "failure": ""}
+        )
 
     monkeypatch.setattr(run, "prepare", lambda *_: None)
     monkeypatch.setattr(run, "train_arm", train)
-    monkeypatch.setattr(run, "judge", figures)
+    monkeypatch.setattr(run, "evaluate_arm", figures)
     monkeypatch.setattr(table, "parameters", lambda *_: 1)
     return failing, trained
 
@@ -78,10 +80,11 @@ def test_a_training_that_diverges_is_a_result_and_tried_again(fakes, tmp_path):
 def test_an_arm_of_another_experiment_is_trained_in_its_folder(fakes, monkeypatch, tmp_path):
     failing, trained = fakes
     arms = {name: dataclasses.replace(ARM, stages=(), of="main/there") for name in ("a", "b")}
-    elsewhere = {"main/there": Elsewhere(ARM, tmp_path.relative_to(tmp_path) / "main-paper/there")}
+    there = tmp_path.relative_to(tmp_path) / "main-paper/there"
+    elsewhere = {"main/there": ExternalArm(ARM, there)}
     experiment = Experiment(arms, "a", ("rs_chamfer",), seeds=1, count=1, others=elsewhere)
     claimed = []
-    monkeypatch.setattr(run, "claim_arm", lambda e, name, folder: claimed.append(folder))
+    monkeypatch.setattr(run, "write_settings", lambda e, name, folder: claimed.append(folder))
     run.run_experiment(experiment, tmp_path / "mine")
     assert set(claimed) == {tmp_path / "main-paper/there"}
     assert set(trained) == {("there", 0)}
@@ -89,29 +92,29 @@ def test_an_arm_of_another_experiment_is_trained_in_its_folder(fakes, monkeypatc
     trained.clear()
     run.run_experiment(experiment, tmp_path / "mine")
     assert trained == [("there", 0)]  # it failed for both
-    assert read_kept(tmp_path / "mine/b/seed-0/failure.json") is not None
+    assert read_result(tmp_path / "mine/b/seed-0/failure.json") is not None
 
 
 def test_settings_that_differ_are_named(monkeypatch, tmp_path):
     monkeypatch.setattr(settings, "records_digest", lambda _: "ab")
     folder = tmp_path / "two"
-    claim_arm(QUEUE, "two", folder)
-    claim_arm(QUEUE, "two", folder)
-    kept = read_kept(folder / FILE)
+    write_settings(QUEUE, "two", folder)
+    write_settings(QUEUE, "two", folder)
+    kept = read_result(folder / FILE)
     assert kept is not None
     del kept["config"]["uniart_vae"]["betas"]  # a setting that is newer than the folder
-    keep(folder / FILE, kept)
-    check_kept(QUEUE, "two", folder)
+    write_result(folder / FILE, kept)
+    check_settings(QUEUE, "two", folder)
     kept["config"]["uniart_vae"]["learning_rate"] = 7.0
-    keep(folder / FILE, kept)
+    write_result(folder / FILE, kept)
     with pytest.raises(
         ValueError, match=r"results of arm two .*uniart_vae.learning_rate 7.0 instead"
     ):
-        check_kept(QUEUE, "two", folder)
+        check_settings(QUEUE, "two", folder)
     (folder / "seed-0").mkdir()
     (folder / FILE).unlink()
     with pytest.raises(ValueError, match=r"arm two has results there without settings\.json"):
-        check_kept(QUEUE, "two", folder)
+        check_settings(QUEUE, "two", folder)
     assert settings.settings(QUEUE, "again")["of"] == settings.settings(QUEUE, "two")
     assert differences({"a": {"b": 1}}, {"a": {"b": 1, "c": 2}}, {"a": {"c": 2}}) == []
     assert differences({"a": {"b": 1}}, {"a": {"b": 1, "c": 3}}, {"a": {"c": 2}}) == [
@@ -183,18 +186,18 @@ def test_of_each_object_one_record_is_tested(tmp_path):
             for state in range(5):
                 error = "lost" if (thing, state) == ("c", 0) else ""
                 writer.writerow({"object": thing, "state": state, "split": split, "error": error})
-    assert judge.record_names(str(tmp_path), "test", 200) == ("0000", "0005", "0009")
-    assert judge.record_names(str(tmp_path), "test", 2) == ("0000", "0005")
-    assert judge.record_names(str(tmp_path), "", 200) == ("0000", "0005", "0010", "0014")
+    assert evaluate_arm.record_names(str(tmp_path), "test", 200) == ("0000", "0005", "0009")
+    assert evaluate_arm.record_names(str(tmp_path), "test", 2) == ("0000", "0005")
+    assert evaluate_arm.record_names(str(tmp_path), "", 200) == ("0000", "0005", "0010", "0014")
 
 
 def test_an_object_without_a_truth_counts_for_nobody(monkeypatch, tmp_path):
     def broken(*_):
         raise ValueError("two boxes are equal")
 
-    monkeypatch.setattr(judge, "load_networks", lambda *_: SimpleNamespace(config=Config()))
-    monkeypatch.setattr(judge, "test_object", broken)
-    judge.judge(ARM, tmp_path, 0, tmp_path / "one/seed-0/figures", 2)
+    monkeypatch.setattr(evaluate_arm, "load_networks", lambda *_: SimpleNamespace(config=Config()))
+    monkeypatch.setattr(evaluate_arm, "test_object", broken)
+    evaluate_arm.evaluate_arm(ARM, tmp_path, 0, tmp_path / "one/seed-0/figures", 2)
     monkeypatch.setattr(table, "parameters", lambda *_: 1)
     content = table.write_tables(QUEUE, tmp_path, 2)
     arm = content["arms"]["one"]
@@ -204,38 +207,38 @@ def test_an_object_without_a_truth_counts_for_nobody(monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
-    (name,) = judge.test_names(ARM.tests, 1)
+    (name,) = evaluate_arm.test_names(ARM.tests, 1)
     model = dataclasses.replace(
         Config().model,
         grid=dataclasses.replace(Config().model.grid, resolution=8),
         uniart_vae=dataclasses.replace(Config().model.uniart_vae, visual_channels=0),
     )
-    test = judge.test_object(ARM, name, model)
+    test = evaluate_arm.test_object(ARM, name, model)
 
     def broken(*_):
         raise IndexError("no part\nat all")
 
-    monkeypatch.setattr(judge, "make_object", broken)
-    figures, failure = judge.measure(ARM, PIPELINE, test, 0)
+    monkeypatch.setattr(evaluate_arm, "make_object", broken)
+    figures, failure = evaluate_arm.measure(ARM, PIPELINE, test, 0)
     assert failure == "IndexError: no part at all"
-    own = judge.worst("articulation", posed(test.truth.obj))
-    assert own["axis_median"] == judge.METRICS["axis_median"].worst
-    assert set(figures) == set(judge.figure_names(ARM.station))
-    assert figures["rs_chamfer"] == judge.METRICS["rs_chamfer"].worst
+    own = evaluate_arm.worst("articulation", posed(test.truth.obj))
+    assert own["axis_median"] == evaluate_arm.METRICS["axis_median"].worst
+    assert set(figures) == set(evaluate_arm.figure_names(ARM.station))
+    assert figures["rs_chamfer"] == evaluate_arm.METRICS["rs_chamfer"].worst
     assert figures["part_recall"] == 0
-    monkeypatch.setattr(judge, "make_object", lambda *_: (test.truth.obj, None))
+    monkeypatch.setattr(evaluate_arm, "make_object", lambda *_: (test.truth.obj, None))
     monkeypatch.setattr("uniart_jax.evaluation.pose_error.measure", broken)
-    figures, failure = judge.measure(ARM, PIPELINE, test, 0)
+    figures, failure = evaluate_arm.measure(ARM, PIPELINE, test, 0)
     assert failure == "pose_error: IndexError: no part at all"
-    assert figures["pose_error"] == judge.METRICS["pose_error"].worst
+    assert figures["pose_error"] == evaluate_arm.METRICS["pose_error"].worst
     assert figures["rs_chamfer"] < 0.01  # the others stand
 
     def full(*_):
         raise MemoryError
 
-    monkeypatch.setattr(judge, "make_object", full)
+    monkeypatch.setattr(evaluate_arm, "make_object", full)
     with pytest.raises(MemoryError):  # the machine's fault, not the network's
-        judge.measure(ARM, PIPELINE, test, 0)
+        evaluate_arm.measure(ARM, PIPELINE, test, 0)
 
 
 def test_a_failure_counts_for_nothing_where_the_truth_has_nothing_to_compare():
@@ -246,23 +249,23 @@ def test_a_failure_counts_for_nothing_where_the_truth_has_nothing_to_compare():
             Part("drawer", trimesh.creation.box((0.5, 0.5, 0.2)), 0, slide),
         ]
     )
-    figures = judge.worst("articulation", posed(chest))
+    figures = evaluate_arm.worst("articulation", posed(chest))
     assert np.isnan(figures["pivot"]) and figures["axis_median"] == 180  # nothing turns
 
 
 def test_an_unfinished_training_is_named_and_copies_beside_it_are_not_read(monkeypatch, tmp_path):
     monkeypatch.setattr(table, "parameters", lambda *_: 1)
-    names = judge.test_names(ARM.tests, 3)
+    names = evaluate_arm.test_names(ARM.tests, 3)
     for seed, judged in (("0", 3), ("1", 2), ("0.bak", 1)):
         for name in names[:judged]:
             kept = {"figures": {"rs_chamfer": 0.1}, "failure": ""}
-            keep(tmp_path / f"one/seed-{seed}/figures/{name}.json", kept)
+            write_result(tmp_path / f"one/seed-{seed}/figures/{name}.json", kept)
     content = table.write_tables(QUEUE, tmp_path, 3)
     assert content["arms"]["one"]["seeds"] == [0]
     assert content["arms"]["one"]["rows"]["rs_chamfer"]["mean"] == pytest.approx(0.1)
     assert "in no figure above: one (seed 1: 2 of 3)." in (tmp_path / "table.md").read_text()
     # of a newer version, which knows more figures
-    keep(
+    write_result(
         tmp_path / f"one/seed-0/figures/{names[2]}.json",
         {"figures": {"rs_chamfer": 0.4, "as_chamfer": 1.0}, "failure": ""},
     )

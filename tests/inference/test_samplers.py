@@ -29,7 +29,7 @@ from uniart_jax.inference.samplers import (
 )
 from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.models.network import build
-from uniart_jax.training.flow_losses import draw, make_structure_flow_loss
+from uniart_jax.training.flow_losses import make_structure_flow_loss, sample_noise_and_time
 from uniart_jax.voxels.joint_code import canonical
 from uniart_jax.voxels.layout import read_layout
 from uniart_jax.voxels.typed_batches import Condition, StructureBatch
@@ -244,7 +244,7 @@ def test_the_supplements_direction_is_the_mirror_image():
         def velocity(z, s):  # the supplement's v(z, s | c)
             return raw.apply(params, z, s, condition.tokens, condition.volume)
 
-        t, noise, _ = draw(batch.seen, x, KEY, config)
+        t, noise, _ = sample_noise_and_time(batch.seen, x, KEY, config)
         s = 1 - t
         z = (1 - s)[:, None, None, None, None] * noise + s[:, None, None, None, None] * x
         loss = jnp.square(velocity(z, s) - (x - noise)).mean()

@@ -47,8 +47,8 @@ def test_uniart_vae_ignores_padding(attention, linear_path, qk_rms_norm):
         "latent": (2, 83, 4),
         "sdf": (2, 3, 8),
         "color": (2, 3, 8, 3),
-        "box_pair": (2, 3, 2, 6),
-        "foreign": (2, 3, 8),
+        "part_boxes": (2, 3, 2, 6),
+        "other_part": (2, 3, 8),
         "own_box": (2, 3, 8, 6),
         "joint_code": (2, 3, 9),
         "parent_box": (2, 3, 6),
@@ -195,11 +195,11 @@ def test_codes_and_boxes_are_gathered_by_part():
     parent = batch.parents[1, part]
     expected = [batch.codes[1, part], batch.boxes[1, part], batch.boxes[1, parent]]
     np.testing.assert_array_equal(codes[1, 5], np.concatenate(expected))
-    foreign = batch.owner != batch.voxel_part[..., None]
-    np.testing.assert_array_equal(found["foreign"], foreign)
-    np.testing.assert_array_equal(found["shared"], foreign.any(-1))
-    b, v = np.argwhere(foreign.any(-1))[0]
-    other = batch.owner[b, v][foreign[b, v]][0]
+    other_part = batch.owner != batch.voxel_part[..., None]
+    np.testing.assert_array_equal(found["other_part"], other_part)
+    np.testing.assert_array_equal(found["shared"], other_part.any(-1))
+    b, v = np.argwhere(other_part.any(-1))[0]
+    other = batch.owner[b, v][other_part[b, v]][0]
     np.testing.assert_array_equal(found["own"][b, v], batch.boxes[b, batch.voxel_part[b, v]])
     np.testing.assert_array_equal(found["other"][b, v], batch.boxes[b, other])
     chosen = jax.device_get(voxel_boxes(batch, jnp.asarray([[1], [5]])))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import uniart_jax as ua
-from uniart_jax.cli import guarded, load_config
+from uniart_jax.cli import exit_on_error, load_config
 from uniart_jax.cli.train import train
 from uniart_jax.experiments.design import find_experiment, load_experiment
 from uniart_jax.runtime import config_files
@@ -52,7 +52,7 @@ def test_training_takes_a_name(tmp_path, monkeypatch, capsys):
         train(["--config", "nano", "--help"], prog="uniart train")
     said = capsys.readouterr().out
     assert stopped.value.code == 0 and "(default: nano)" in said and "--latent-flow.steps" in said
-    assert guarded(lambda: train(["--config", "absent"])) == 2
+    assert exit_on_error(lambda: train(["--config", "absent"])) == 2
     assert "a name of these: debug, nano" in capsys.readouterr().err
 
 

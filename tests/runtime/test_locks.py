@@ -10,8 +10,8 @@ from uniart_jax.runtime import locks
 HOLD = """
 import sys
 from pathlib import Path
-from uniart_jax.runtime.locks import alone
-with alone(Path(sys.argv[1])):
+from uniart_jax.runtime.locks import exclusive_lock
+with exclusive_lock(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()
 """
@@ -23,19 +23,19 @@ def test_a_second_process_is_refused_until_the_first_is_gone(tmp_path):
         assert first.stdout is not None and first.stdout.readline() == b"held\n"
         with (
             pytest.raises(ValueError, match="another process works on it"),
-            locks.alone(tmp_path / "run"),
+            locks.exclusive_lock(tmp_path / "run"),
         ):
             pass
         first.kill()
-    with locks.alone(tmp_path / "run"):  # a killed process keeps nothing
+    with locks.exclusive_lock(tmp_path / "run"):  # a killed process keeps nothing
         pass
 
 
-@pytest.mark.parametrize("kind", ["alone", "in_turn"])
+@pytest.mark.parametrize("kind", ["exclusive_lock", "in_turn"])
 def test_who_comes_second_waits_until_the_first_is_gone(tmp_path, kind):
-    code = HOLD.replace("alone(Path(sys.argv[1]))", f"{kind}(Path(sys.argv[1]), print)").replace(
-        "import alone", f"import {kind}"
-    )
+    code = HOLD.replace(
+        "exclusive_lock(Path(sys.argv[1]))", f"{kind}(Path(sys.argv[1]), print)"
+    ).replace("import exclusive_lock", f"import {kind}")
     command = [sys.executable, "-c", code, str(tmp_path / "records")]
     held = getattr(locks, kind)
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as first:
@@ -48,9 +48,9 @@ def test_who_comes_second_waits_until_the_first_is_gone(tmp_path, kind):
 
         with held(tmp_path / "records", told):
             assert first.wait() and waited == [None]
-            name = {"alone": "records/lock", "in_turn": ".records.lock"}[kind]
+            name = {"exclusive_lock": "records/lock", "in_turn": ".records.lock"}[kind]
             with (tmp_path / name).open("w") as other:  # it is held, not only awaited
-                assert not locks.taken(other)
+                assert not locks.try_lock(other)
         with held(tmp_path / "records", told):  # nobody has it
             assert len(waited) == 1
 
@@ -60,5 +60,5 @@ def test_a_file_system_without_locks_holds_nothing(tmp_path, monkeypatch):
         raise OSError(95, "Operation not supported")
 
     monkeypatch.setattr(locks.fcntl, "flock", none)
-    with locks.alone(tmp_path), locks.alone(tmp_path):
+    with locks.exclusive_lock(tmp_path), locks.exclusive_lock(tmp_path):
         pass

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from uniart_jax.runtime.processes import each, in_order, process_pool, time_limit
+from uniart_jax.runtime.processes import map_isolated, map_ordered, process_pool, time_limit
 
 
 @pytest.mark.parametrize("processes", [1, 2])
@@ -38,7 +38,7 @@ def test_results_come_in_order_and_none_is_begun_early(processes):
             yield k
 
     with process_pool(processes) as submit:
-        results = in_order(submit, str, items(), 2)
+        results = map_ordered(submit, str, items(), 2)
         assert next(results) == "0" and asked == [0, 1, 2]
         assert list(results) == ["1", "2", "3", "4", "5"]
 
@@ -51,13 +51,13 @@ def test_a_dead_worker_is_told_in_one_line():
 def test_an_item_that_kills_its_worker_costs_only_itself():
     """Signal 9 is a worker out of memory; signal 0 does nothing."""
     items = [0, 0, 9, 0, 9, 9, 0, 0, 0]
-    results = each(2, signal.raise_signal, items, 4, "dead {}".format)
+    results = map_isolated(2, signal.raise_signal, items, 4, "dead {}".format)
     assert list(results) == [f"dead {k}" if k else None for k in items]
-    assert list(each(1, str, [1, 2], 4, str)) == ["1", "2"]
+    assert list(map_isolated(1, str, [1, 2], 4, str)) == ["1", "2"]
 
 
 def test_an_item_alone_that_kills_its_worker():
-    assert list(each(2, signal.raise_signal, [9], 4, "dead {}".format)) == ["dead 9"]
+    assert list(map_isolated(2, signal.raise_signal, [9], 4, "dead {}".format)) == ["dead 9"]
 
 
 def counted(number: int) -> int:
@@ -67,7 +67,8 @@ def counted(number: int) -> int:
 
 
 def test_a_call_that_does_not_come_back_costs_only_itself():
-    assert list(each(2, counted, [3, 10**12, 4], 4, "dead {}".format)) == [3, f"dead {10**12}", 6]
+    results = map_isolated(2, counted, [3, 10**12, 4], 4, "dead {}".format)
+    assert list(results) == [3, f"dead {10**12}", 6]
 
 
 def test_time_limits_end_what_python_runs_and_leave_no_alarm():
@@ -97,4 +98,4 @@ def test_workers_that_cannot_start_are_told(monkeypatch):
     """Not taken for items that kill: those would be written down as failed."""
     monkeypatch.setattr("uniart_jax.runtime.processes._begin", os.abort)
     with pytest.raises(ValueError, match="cannot start"):
-        list(each(2, str, [1, 2, 3], 4, str))
+        list(map_isolated(2, str, [1, 2, 3], 4, str))

@@ -34,7 +34,7 @@ class Network:
         if method == "decode" and batch is not None:
             shape = batch.coords.shape[:2]
             cells = self.grid.subdivisions**3
-            of_voxels = {"joint_code": (9,), "box_pair": (2, 6), "parent_box": (6,)}
+            of_voxels = {"joint_code": (9,), "part_boxes": (2, 6), "parent_box": (6,)}
             of_cells = {"sdf": (cells,), "color": (cells, 3), "own_box": (cells, 6)}
             of_cells["own_logits"] = of_cells["owner"] = (cells,)
             found = {n: jnp.full((*shape, *s), 0.2) for n, s in (of_voxels | of_cells).items()}

@@ -229,7 +229,7 @@ def test_every_set_of_shapes_is_compiled_once_and_said():
         batch = {"x": np.ones((width, 3), np.float32), "counts": np.ones(4, np.int32)}
         before = len(step.compiled)
         state, _ = step(state, batch, jax.random.key(0))
-        said += [step.news()] if len(step.compiled) > before else []
+        said += [step.describe()] if len(step.compiled) > before else []
     assert len(traces) == len(step.compiled) == len(said) == 2
     assert "compiled program 1" in said[0] and "counts int32[4], x float32[4, 3]" in said[0]
     assert "compiled program 2" in said[1] and ": x float32[8, 3];" in said[1]

@@ -11,7 +11,12 @@ from hypothesis import strategies as st
 
 from uniart_jax.config import Config, FlowConfig, LossConfig
 from uniart_jax.training import losses
-from uniart_jax.training.flow_losses import draw, make_latent_flow_loss, normalize, of_pictures
+from uniart_jax.training.flow_losses import (
+    make_latent_flow_loss,
+    normalize,
+    sample_noise_and_time,
+    with_image_condition,
+)
 from uniart_jax.training.found_layouts import matching_rows
 from uniart_jax.training.losses import part_weights
 from uniart_jax.training.vae_losses import alignment_loss, make_uniart_vae_loss
@@ -94,8 +99,8 @@ def vae_case():
         "articulation": f(4),
         "sdf": f(8),
         "color": f(8, 3),
-        "box_pair": f(2, 6),
-        "foreign": f(8),
+        "part_boxes": f(2, 6),
+        "other_part": f(8),
         "joint_code": f(9),
         "parent_box": f(6),
         "part_feature": f(7),
@@ -247,7 +252,7 @@ def test_a_dropped_condition_is_nothing_in_all_its_parts():
     whole = Condition(**{name: jnp.ones(s) for name, s in shapes.items()}, layout=layout)
     for share in (0.0, 0.4, 1.0):
         config = dataclasses.replace(Config(), loss=LossConfig(condition_drop=share))
-        shown = jax.jit(lambda whole, x, key, c=config: draw(whole, x, key, c)[-1])
+        shown = jax.jit(lambda whole, x, key, c=config: sample_noise_and_time(whole, x, key, c)[-1])
         seen = shown(whole, np.zeros((64, 5, 4), np.float32), jax.random.key(0))
         kept = [np.asarray(a).reshape(64, -1) for a in jax.tree.leaves(seen)]
         assert len(kept) == 9 and all(np.array_equal(a.min(1), a.max(1)) for a in kept)
@@ -265,9 +270,9 @@ def test_a_loss_of_pictures_is_that_of_what_the_encoder_sees_in_them():
         return Condition(tokens=encoder * images)
 
     batch = StructureBatch(jnp.arange(3.0), image=jnp.ones(3))
-    found, metrics = of_pictures(loss, condition)(2.0, batch, None, (5.0,))
+    found, metrics = with_image_condition(loss, condition)(2.0, batch, None, (5.0,))
     assert found == 2 * 5 * 3 and metrics["fields"] == {"structure", "seen"}
-    given = of_pictures(loss, condition)(2.0, batch, None, (5.0, 7))
+    given = with_image_condition(loss, condition)(2.0, batch, None, (5.0, 7))
     assert given[0] == 7 * found
 
 
@@ -286,7 +291,7 @@ def test_a_loss_of_several_views_sees_all_of_them_and_the_layout_of_the_first():
         return jnp.zeros(()), batch.seen
 
     own = PartTable(*(jnp.zeros((2, 1)) for _ in range(4)), jnp.ones(2))
-    seeing = of_pictures(loss, condition, find, 1.0)
+    seeing = with_image_condition(loss, condition, find, 1.0)
     batch = StructureBatch(None, image=views, layout=own)
     _, seen = seeing(None, batch, jax.random.key(0), (None, None))
     np.testing.assert_array_equal(seen.tokens, views.reshape(2, 48, 3))
@@ -325,7 +330,7 @@ def test_a_share_of_the_items_is_shown_the_layout_found_in_its_picture(share):
         return jnp.zeros(()), {"layout": batch.layout}
 
     condition = lambda encoder, images: Condition(images)  # noqa: E731
-    seeing = of_pictures(loss, condition, find, share)
+    seeing = with_image_condition(loss, condition, find, share)
     frozen, batch = (
         ("encoder's", "vae's", "layout's"),
         StructureBatch(None, image=jnp.ones((items, 3)), layout=own),

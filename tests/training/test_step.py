@@ -128,23 +128,23 @@ def test_values_that_are_not_finite_leave_the_state_as_it_was(value, skip):
 
 
 def test_what_is_given_is_read_by_every_part_of_every_step_and_stays():
-    def through(params, batch, key, given):
-        return quadratic(params, batch @ given["mix"], key)
+    def through(params, batch, key, frozen):
+        return quadratic(params, batch @ frozen["mix"], key)
 
-    given = {"mix": jax.random.normal(jax.random.key(5), (4, 3))}
+    frozen = {"mix": jax.random.normal(jax.random.key(5), (4, 3))}
     batch = jax.random.normal(jax.random.key(1), (4, 4))
     state, plain = fresh(StageConfig(warmup_steps=0))
     for _ in range(2):
-        state, _ = plain(state, batch @ given["mix"], jax.random.key(2))
+        state, _ = plain(state, batch @ frozen["mix"], jax.random.key(2))
     for accumulate, batches in ((1, batch), (2, (batch[:2], batch[2:]))):
         other, step = fresh(
-            StageConfig(warmup_steps=0), through, accumulate=accumulate, given=given
+            StageConfig(warmup_steps=0), through, accumulate=accumulate, frozen_params=frozen
         )
         for _ in range(2):
             other, _ = step(other, batches, jax.random.key(2))
         for a, b in zip(jax.tree.leaves(state.params), jax.tree.leaves(other.params), strict=True):
             np.testing.assert_allclose(a, b, atol=1e-6)
-        assert not given["mix"].is_deleted()
+        assert not frozen["mix"].is_deleted()
 
 
 def test_the_step_compiles_once():

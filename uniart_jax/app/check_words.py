@@ -62,7 +62,7 @@ def check_groups(found: dict[str, dict]) -> dict[str, list[CheckLine]]:
     for name, checks in found.items():
         words: dict[str, str] = {GEOMETRY: _SHAPE, PLAUSIBILITY: _LOOKS}.get(name, _ENGINE)
         lines = [
-            CheckLine(bool(check["passed"]), words.get(key) or key.replace("_", " "), _why(check))
+            CheckLine(bool(check["passed"]), words.get(key) or key.replace("_", " "), _cause(check))
             for key, check in checks.items()
         ]
         groups[_title(name)] = sorted(lines, key=lambda line: line.passed)
@@ -98,7 +98,7 @@ def _title(group: str) -> str:
     return ENGINES.get(group) or TITLES.get(group, group)
 
 
-def _why(check: dict) -> str:
+def _cause(check: dict) -> str:
     """Why a check failed; "" where it passed."""
     if check["passed"]:
         return ""

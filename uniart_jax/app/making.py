@@ -95,7 +95,7 @@ class Options:
 
 
 @dataclasses.dataclass(frozen=True)
-class Look:
+class Analysis:
     """What is seen in a picture before anything is made of it.
 
     Attributes:
@@ -127,7 +127,7 @@ class Made:
     report: dict[str, Any]
 
 
-def look(pipeline: Pipeline, picture: Path, background: Background, folder: Path) -> Look:
+def analyze(pipeline: Pipeline, picture: Path, background: Background, folder: Path) -> Analysis:
     """Read a picture, cut the object out, find its parts, and draw both into ``folder``.
 
     Raises:
@@ -143,12 +143,12 @@ def look(pipeline: Pipeline, picture: Path, background: Background, folder: Path
     if layout is not None:
         drawn = folder / "parts.png"
         draw_layout(square, root_first(layout), SIDE).save(drawn)
-    return Look(picture, rgba, cut, background, way, layout, shown, drawn)
+    return Analysis(picture, rgba, cut, background, way, layout, shown, drawn)
 
 
 def make(
     pipeline: Pipeline,
-    seen: Look,
+    seen: Analysis,
     options: Options,
     folder: Path,
     tell: Tell,
@@ -189,7 +189,7 @@ def make(
     return made, [f"seed {seed}: {sentence(error, seen.picture)}" for seed, error in failed]
 
 
-def _draw(pipeline: Pipeline, seen: Look, options: Options, i: int, tell: Tell) -> Sample:
+def _draw(pipeline: Pipeline, seen: Analysis, options: Options, i: int, tell: Tell) -> Sample:
     """Sample ``i``."""
     steps = options.steps
     if steps is None and options.samples > 1:
@@ -214,7 +214,7 @@ def _draw(pipeline: Pipeline, seen: Look, options: Options, i: int, tell: Tell) 
 
 def _write(
     one: Sample,
-    seen: Look,
+    seen: Analysis,
     options: Options,
     seed: int,
     folder: Path,

@@ -24,9 +24,9 @@ from uniart_jax.app.making import (
     MOST_GUIDANCE,
     MOST_SAMPLES,
     MOST_STEPS,
-    Look,
+    Analysis,
     Options,
-    look,
+    analyze,
     make,
     planned,
     safe_stem,
@@ -71,7 +71,7 @@ class Desk:
     def came(self, payload: Any, request: gr.Request) -> None:
         """A picture was uploaded, and goes with its page even if its turn never comes."""
         session = self.sessions.of(str(request.session_hash))
-        with contextlib.suppress(ValueError, OSError):  # ``look`` tells of it
+        with contextlib.suppress(ValueError, OSError):  # ``analyze`` tells of it
             self.sessions.take(session, payload)
 
     def look(self, payload: Any, background: Any, request: gr.Request) -> tuple[Any, ...]:
@@ -127,7 +127,7 @@ class Desk:
         """A page was closed or loaded anew."""
         self.sessions.close(str(request.session_hash))
 
-    def _seen(self, session: Session, payload: Any, background: Any) -> Look:
+    def _seen(self, session: Session, payload: Any, background: Any) -> Analysis:
         """What is seen in the picture; of the same one as before, what was seen then."""
         picture = self.sessions.take(session, payload)
         before = session.looked
@@ -135,7 +135,7 @@ class Desk:
             return before
         Options(background=background)  # or an error
         folder = self.sessions.fresh(session, "picture")
-        session.looked = look(self.pipeline, picture, background, folder)
+        session.looked = analyze(self.pipeline, picture, background, folder)
         return session.looked
 
     def _made(

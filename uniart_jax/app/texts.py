@@ -11,7 +11,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from uniart_jax.app.check_words import CheckLine, check_groups, verdict_lines
-from uniart_jax.app.making import STAGES, Look, Made
+from uniart_jax.app.making import STAGES, Analysis, Made
 from uniart_jax.app.part_words import ReadPart, read_parts
 from uniart_jax.export.words import counted
 from uniart_jax.voxels.kind import kind_of
@@ -38,7 +38,7 @@ def sentence_html(text: str) -> str:
     return f'<p class="ua-trouble" role="alert">{html.escape(text)}</p>'
 
 
-def look_html(seen: Look) -> str:
+def look_html(seen: Analysis) -> str:
     """The cut-out and, beside it, the parts as they are read."""
     told = CUT_OUT.get(seen.way, "")
     if seen.background == "keep" and seen.way == "none":

@@ -13,7 +13,7 @@ import tyro
 
 from uniart_jax import __version__
 from uniart_jax.cli.app import app
-from uniart_jax.cli.arguments import guarded
+from uniart_jax.cli.arguments import exit_on_error
 from uniart_jax.cli.asset_options import AssetOptions
 from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
 from uniart_jax.cli.data import features, inspect, prepare, stats
@@ -27,7 +27,7 @@ from uniart_jax.cli.verbosity import take_verbosity
 from uniart_jax.config import load_config
 from uniart_jax.runtime.allocator import keep_freed_memory
 
-__all__ = ["COMMANDS", "guarded", "load_config", "main", "sample_main", "train_main"]
+__all__ = ["COMMANDS", "exit_on_error", "load_config", "main", "sample_main", "train_main"]
 
 COMMANDS = {
     "prepare": prepare,
@@ -59,7 +59,7 @@ for _command in (*COMMANDS.values(), AssetOptions):
 
 def main() -> None:
     """The ``uniart`` program."""
-    sys.exit(guarded(lambda: _uniart(sys.argv[1:])))
+    sys.exit(exit_on_error(lambda: _uniart(sys.argv[1:])))
 
 
 def sample_main() -> None:
@@ -87,4 +87,4 @@ def _uniart(arguments: Sequence[str]) -> int | None:
 
 
 def _exit(command: Callable[[list[str]], int | None]) -> None:
-    sys.exit(guarded(lambda: command(take_verbosity(sys.argv[1:]))))
+    sys.exit(exit_on_error(lambda: command(take_verbosity(sys.argv[1:]))))

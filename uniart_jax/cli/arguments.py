@@ -33,7 +33,7 @@ CutOut = Annotated[
 ]
 
 
-def guarded(command: Callable[[], int | None]) -> int:
+def exit_on_error(command: Callable[[], int | None]) -> int:
     """Run a command; user errors become one line and exit code 2, Ctrl-C becomes 130, SIGTERM 143
     with temporary folders removed."""
 
@@ -83,7 +83,7 @@ def check_out(
     check_target(folder, overwrite, inputs=inputs, marks=marks or MARKS)
 
 
-def tried(folder: Path, found: list[dict]) -> dict:
+def run_physics_checks(folder: Path, found: list[dict]) -> dict:
     """What the physics engines say of an asset, also put into ``found``."""
     from uniart_jax.simulation.summary import verdicts
     from uniart_jax.simulation.validate import validate

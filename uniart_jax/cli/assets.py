@@ -16,7 +16,7 @@ from uniart_jax.cli.arguments import (
     check_out,
     folder_lines,
     gate_lines,
-    tried,
+    run_physics_checks,
     validation_lines,
 )
 from uniart_jax.cli.asset_options import AS_USUAL, Output
@@ -63,7 +63,7 @@ def export(
             **options,
             overwrite=overwrite,
             mend=mend if refine else None,
-            check=(lambda folder: tried(folder, found)) if check else None,
+            check=(lambda folder: run_physics_checks(folder, found)) if check else None,
         )
     for line in json.loads((out / "report.json").read_text("utf-8"))["notes"]:
         console.print(f"note: {line}", markup=False)

@@ -16,7 +16,7 @@ from uniart_jax.cli.arguments import (
     Out,
     Overwrite,
     check_out,
-    tried,
+    run_physics_checks,
     validation_lines,
 )
 from uniart_jax.cli.asset_options import AS_USUAL, Output
@@ -165,7 +165,7 @@ def sample(
                         if refine
                         else None,
                         check=told(
-                            functools.partial(tried, found=found),
+                            functools.partial(run_physics_checks, found=found),
                             say,
                             f"{name}: tried in physics engines",
                         )

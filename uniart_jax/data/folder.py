@@ -121,7 +121,7 @@ def read_manifest(folder: str | Path) -> list[dict[str, str]]:
         return list(reader)
 
 
-def claim(
+def check_settings(
     out: Path, settings: Settings, keys: Sequence[str], splits: Sequence[str] | None = None
 ) -> None:
     """Make ``out`` ours, or check that it is. Removes nothing.

@@ -23,7 +23,7 @@ from uniart_jax.data.layouts import (
     BLOCK,
     COLUMNS,
     LayoutSettings,
-    claim_folder,
+    check_settings,
     load_block,
     settings_of,
 )
@@ -51,7 +51,7 @@ def claimed_settings(data: DataConfig, model: ModelConfig) -> LayoutSettings:
         raise ValueError(f"config: data.photographs is {data.photographs:g}; give 0 to 1")
     picture_paths(data.backgrounds)
     settings = settings_of(data, model)
-    claim_folder(data.layouts, settings)
+    check_settings(data.layouts, settings)
     return settings
 
 
@@ -206,7 +206,7 @@ def validation_items(
     """The first ``count`` validation objects: number of the block, its table, row in it."""
     settings = settings_of(data, model, validation=True)
     folder = f"{data.layouts}-validation"
-    claim_folder(folder, settings)
+    check_settings(folder, settings)
     number = 0
     while count > 0:
         table = load_block(folder, number, settings)

@@ -30,7 +30,7 @@ from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
 from uniart_jax.runtime.files import write_text
-from uniart_jax.runtime.processes import in_order, process_pool
+from uniart_jax.runtime.processes import map_ordered, process_pool
 from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
@@ -202,7 +202,7 @@ def write_block(folder: str | Path, number: int, settings: LayoutSettings) -> di
     return block
 
 
-def claim_folder(folder: str | Path, settings: LayoutSettings) -> None:
+def check_settings(folder: str | Path, settings: LayoutSettings) -> None:
     """Make the folder these settings', or check that it is.
 
     Raises:
@@ -237,12 +237,12 @@ def prepare_layouts(
 ) -> None:
     """Make the blocks from ``first`` on, ``count`` objects or a few more; those that are there are
     kept."""
-    claim_folder(folder, settings)
+    check_settings(folder, settings)
     numbers = range(first, first - (-count // BLOCK))
     numbers = [n for n in numbers if not block_path(folder, n).is_file()]
     with process_pool(processes) as submit:
         work = functools.partial(_write, folder=folder, settings=settings)
-        made = in_order(submit, work, numbers, 2 * processes)
+        made = map_ordered(submit, work, numbers, 2 * processes)
         for _ in track(made, "blocks of layouts", len(numbers), unit="blocks"):
             pass
 

@@ -28,7 +28,7 @@ from uniart_jax.data.folder import (
     ORBIT,
     Row,
     Settings,
-    claim,
+    check_settings,
     finished,
     rows_path,
     shard_path,
@@ -46,7 +46,7 @@ from uniart_jax.objects.perturb import part_factors, scale_parts
 from uniart_jax.objects.robot_object import lost_pieces
 from uniart_jax.objects.states import sample_state
 from uniart_jax.runtime.files import sweep
-from uniart_jax.runtime.processes import each
+from uniart_jax.runtime.processes import map_isolated
 from uniart_jax.runtime.progress import advancing
 from uniart_jax.visual.render import Camera
 
@@ -161,7 +161,7 @@ def prepare(
     """
     check(settings, processes, part)
     out = Path(out)
-    claim(out, settings, _keys(entries), [entry.split for entry in entries])
+    check_settings(out, settings, _keys(entries), [entry.split for entry in entries])
     for place in (out, out / "rows"):
         sweep(place)
     size = settings.shard_size
@@ -381,7 +381,7 @@ def _make_all(
     """Results of ``make_records`` in order; workers stay a bounded number of objects ahead."""
     make = functools.partial(make_records, settings)
     ahead = 2 * processes if settings.orbit_views else 8 * processes  # orbits are large
-    yield from each(processes, make, entries, ahead, _died)
+    yield from map_isolated(processes, make, entries, ahead, _died)
 
 
 def _died(entry: Entry) -> Made:

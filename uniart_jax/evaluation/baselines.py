@@ -26,11 +26,11 @@ from uniart_jax.config import ModelConfig
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.evaluation.compare import compare
 from uniart_jax.evaluation.controls import CONTROLS
-from uniart_jax.evaluation.kept import claim, keep, read_kept
 from uniart_jax.evaluation.library import Asset
 from uniart_jax.evaluation.metric import at_rest
 from uniart_jax.evaluation.pairs import Source
 from uniart_jax.evaluation.procedural import HeldOut, held_out_for, split_families
+from uniart_jax.evaluation.result_store import check_settings, read_result, write_result
 from uniart_jax.evaluation.retrieval import (
     make_asset_library,
     make_asset_retrieval,
@@ -106,7 +106,7 @@ def baseline_methods(
         of another checkpoint, split, records or library lie in ``out``.
     """
     folder = Path(out) / "objects"
-    claim(
+    check_settings(
         folder,
         {
             "checkpoint": f"{checkpoint} {Checkpoint.find(checkpoint).digest()}",
@@ -130,7 +130,7 @@ def baseline_methods(
         methods["nearest_asset"] = {
             name: Asset(**found["asset"]).at_rest
             for name in truth
-            if (found := read_kept(_said_of(folder, "nearest_asset", name)))
+            if (found := read_result(_said_of(folder, "nearest_asset", name)))
         }
         parts = make_asset_library(library, processes)
     else:
@@ -195,14 +195,14 @@ def make_assets(
                 obj = pipeline(test.image, seed=index, name=name)
                 written.append(functools.partial(_write, obj, folder / "model" / name))
             except ValueError as error:  # no object in the image: a failure that counts
-                keep(_said_of(folder, "model", name), {"why": str(error)})
+                write_result(_said_of(folder, "model", name), {"why": str(error)})
         if retrieve is not None and index in missing["nearest_image"]:
             obj = retrieve(pipeline.prepare(test.image))
             written.append(functools.partial(_write, obj, folder / "nearest_image" / name))
         if retrieve_asset is not None and index in missing["nearest_asset"]:
             asset = retrieve_asset(pipeline.prepare(test.image))
             kept = _said_of(folder, "nearest_asset", name)  # the asset stays where it is
-            keep(kept, {"asset": dataclasses.asdict(asset)})
+            write_result(kept, {"asset": dataclasses.asdict(asset)})
         return written
 
     draw = functools.partial(held_out_for, model, unseen=unseen)

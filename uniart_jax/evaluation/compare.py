@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import uniart_jax
-from uniart_jax.evaluation import kept_checks
+from uniart_jax.evaluation import physics_checks
 from uniart_jax.evaluation.articulation import MISSING, SURPLUS
 from uniart_jax.evaluation.comparison import (
     PHYSICS,
@@ -35,7 +35,6 @@ from uniart_jax.evaluation.comparison import (
     load_reference,
 )
 from uniart_jax.evaluation.families import FAMILIES, family_module
-from uniart_jax.evaluation.kept import claim
 from uniart_jax.evaluation.metric import Metric
 from uniart_jax.evaluation.pairs import (
     Missing,
@@ -50,7 +49,8 @@ from uniart_jax.evaluation.pairs import (
     shared_files,
 )
 from uniart_jax.evaluation.report import write_report
-from uniart_jax.evaluation.runner import DIED, Kept, run, write_metrics
+from uniart_jax.evaluation.result_store import ResultStore, check_settings
+from uniart_jax.evaluation.runner import DIED, run, write_metrics
 from uniart_jax.evaluation.summary import (
     FAILED,
     FAILED_METRIC,
@@ -149,7 +149,7 @@ def compare(
     }
     turned = {"front": front, "ref_front": ref_front}
     settings |= {key: value for key, value in turned.items() if value != FRONTS[0]}
-    claim(out, settings, "other predictions, references or figures")
+    check_settings(out, settings, "other predictions, references or figures")
     if only is None and openshape is None and "openshape" in families:
         module = family_module("openshape", families)
         console.print(f"OpenShape similarity is {module.NOT_COMPUTED}", markup=False)
@@ -217,7 +217,7 @@ def _metrics(
     groups: dict[str, list[str]] = {}
     metrics: dict[str, Metric] = {}
     for name in (n for n in known if n in only):
-        module = kept_checks if name == PHYSICS else family_module(name, families)
+        module = physics_checks if name == PHYSICS else family_module(name, families)
         if repeated := set(metrics) & set(module.METRICS):
             raise ValueError(
                 f"evaluate: two families have a figure '{min(repeated)}', one is {name}"
@@ -279,11 +279,11 @@ def _tell_of_refusals(results: Results) -> None:
 
 def _run(setup: Setup, work: Sequence[Comparison], processes: int) -> Results:
     """All results, those that lie there and those that are missing."""
-    kept = Kept[Comparison](
+    store = ResultStore[Comparison](
         lambda one: one.file, lambda one, found: found.get("made_of") == one.made_of
     )
     compare = functools.partial(compare_one, setup)
-    made = run(compare, work, "comparisons", processes=processes, kept=kept, died=died)
+    made = run(compare, work, "comparisons", processes=processes, store=store, died=died)
     return _with_known(
         {
             (one.method, one.reference.name, one.sample): result
@@ -316,7 +316,7 @@ def _with_known(results: Results) -> Results:
             result = result | {
                 "category": others[0]["category"],
                 "confusion": missing,
-                "inapplicable": sorted(set.intersection(*lacking) - set(kept_checks.METRICS)),
+                "inapplicable": sorted(set.intersection(*lacking) - set(physics_checks.METRICS)),
             }
         filled[key] = result
     return filled

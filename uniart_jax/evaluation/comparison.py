@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from uniart_jax.evaluation.families import Posed, load_family, measure_families, posed
-from uniart_jax.evaluation.kept_checks import read_checks
 from uniart_jax.evaluation.pairs import Missing, Source
+from uniart_jax.evaluation.physics_checks import read_checks
 from uniart_jax.evaluation.runner import DIED, Passing, error_line
 from uniart_jax.objects.facing import faced
 from uniart_jax.objects.load import load_object

@@ -33,7 +33,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot_mesh import FORMATS, IMAGES
 
 SETS = "sets.json"
-RESULTS = "settings.json"  # lies in a folder of results (``kept.claim``)
+RESULTS = "settings.json"  # lies in a folder of results (``result_store.check_settings``)
 SHARED = (*FORMATS, *IMAGES, ".mtl", ".bin")
 MAX_BYTES = 16 * 2**20
 SAMPLE = re.compile(r"(sample-)?\d+")  # folders that sample.py, SINGAPO and DIPO write

@@ -21,9 +21,9 @@ import numpy as np
 from uniart_jax import procedural
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.data.sources import find_entries
-from uniart_jax.evaluation.kept import claim
 from uniart_jax.evaluation.procedural import held_out_for, opens, split_families
-from uniart_jax.evaluation.runner import DIED, Kept, error_line, run, write_metrics
+from uniart_jax.evaluation.result_store import ResultStore, check_settings
+from uniart_jax.evaluation.runner import DIED, error_line, run, write_metrics
 from uniart_jax.evaluation.table import markdown
 from uniart_jax.export.asset import save_asset
 from uniart_jax.export.frames import joint_name, moves
@@ -99,7 +99,7 @@ def evaluate_physics(
         "allow_outside": allow_outside,
         "picture": PICTURE_SIDE,
     }
-    claim(out, settings, "other objects or engines")
+    check_settings(out, settings, "other objects or engines")
     if checkpoint is not None:
         count = count or 64
         sampled = _sampled(checkpoint, count, unseen, out)
@@ -110,9 +110,11 @@ def evaluate_physics(
             if root is not None
             else _truth(count or 200, unseen)
         )
-    kept = Kept[Trial](lambda trial: _result_file(out, trial.row, trial.name))
+    store = ResultStore[Trial](lambda trial: _result_file(out, trial.row, trial.name))
     measure = functools.partial(_try, out / "assets", tuple(engines or ()) or None)
-    made = run(measure, trials, "assets in simulators", processes=processes, kept=kept, died=_died)
+    made = run(
+        measure, trials, "assets in simulators", processes=processes, store=store, died=_died
+    )
     rows: dict[str, list[dict]] = {}
     for trial, result in zip(trials, made, strict=True):
         rows.setdefault(trial.row, []).append(result)

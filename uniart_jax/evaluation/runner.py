@@ -6,23 +6,23 @@
 
 What an item is (a prediction and its reference, an asset, the number of a held-out object) and what
 is measured of it is the caller's: ``compare``, ``assets``, ``layout``, ``physics``, ``procedural``,
-``baselines``, ``experiments.judge``. How far the work is stands on stderr. A command that was
-stopped goes on with the same command; files are complete or absent (``kept.keep``).
+``baselines``, ``experiments.evaluate_arm``. How far the work is stands on stderr. A command that
+was stopped goes on with the same command; files are complete or absent
+(``result_store.write_result``).
 """  # noqa: E501
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
-from uniart_jax.evaluation.kept import keep, read_kept, without_nan
+from uniart_jax.evaluation.result_store import ResultStore, without_nan, write_result
 from uniart_jax.objects.robot_object import one_line
 from uniart_jax.runtime.files import write_text
-from uniart_jax.runtime.processes import each, in_order, process_pool
+from uniart_jax.runtime.processes import map_isolated, map_ordered, process_pool
 from uniart_jax.runtime.progress import messages, track
 
 DIED = "its worker process died (out of memory, a crash in C, or a call that never came back)"
@@ -37,31 +37,13 @@ class Passing(NamedTuple):
     result: Any
 
 
-@dataclasses.dataclass(frozen=True)
-class Kept(Generic[Item]):
-    """Where results stay, a JSON file an item.
-
-    Attributes:
-      file: of an item.
-      is_current: whether the result that lies there is one of the item as it is now.
-    """
-
-    file: Callable[[Item], Path]
-    is_current: Callable[[Item, dict[str, Any]], bool] = lambda item, result: True
-
-    def read(self, item: Item) -> dict[str, Any] | None:
-        """The item's result of an earlier run, if there is one that counts."""
-        found = read_kept(self.file(item))
-        return found if found is not None and self.is_current(item, found) else None
-
-
 def run(
     measure: Callable[[Item], Any],
     items: Sequence[Item],
     what: str,
     *,
     processes: int = 1,
-    kept: Kept[Item] | None = None,
+    store: ResultStore[Item] | None = None,
     died: Callable[[Item], Any] | None = None,
     unit: str = "objects",
 ) -> Iterator[Any]:
@@ -71,19 +53,19 @@ def run(
       measure: item -> result, or ``Passing``; run by ``processes`` workers, which import it by its
         module; 1 = by this process.
       what: the items in words, for those who wait.
-      kept: where results stay. They must be what JSON holds.
+      store: where results stay. They must be what JSON holds.
       died: the result of an item that killed its worker; without it that is an error.
 
     Raises:
       ValueError: a worker died and ``died`` is None. What ``measure`` raises.
     """
-    found = [kept.read(item) if kept else None for item in items]
-    files = [kept.file(item) if kept else None for item in items]
+    found = [store.read(item) if store else None for item in items]
+    files = [store.file(item) if store else None for item in items]
     missing = [i for i, result in enumerate(found) if result is None]
     if len(missing) < len(items):
         messages().print(f"{what}: {len(items) - len(missing)} of {len(items)} were made before")
     jobs = [(items[i], files[i]) for i in missing]
-    made = each(
+    made = map_isolated(
         processes,
         functools.partial(_measure, measure),
         jobs,
@@ -128,7 +110,7 @@ def run_staged(
     ahead = 1 if processes == 1 else 2 * processes
     begun: list[list[Future[Any]]] = []
     with process_pool(processes) as submit:
-        drawn = track(in_order(submit, draw, items, ahead), what, len(items))
+        drawn = track(map_ordered(submit, draw, items, ahead), what, len(items))
         for item, one in zip(items, drawn, strict=True):
             begun.append([submit(job) for job in predict(item, one)])
             for future in begun[-1 - ahead] if len(begun) > ahead else ():
@@ -138,7 +120,7 @@ def run_staged(
 
 def write_metrics(out: Path, content: dict[str, Any], table: str = "") -> None:
     """``metrics.json``, with null for numbers that JSON does not have, and ``table.md``."""
-    keep(out / "metrics.json", without_nan(content))
+    write_result(out / "metrics.json", without_nan(content))
     if table:
         write_text(out / "table.md", table + "\n")
 
@@ -169,7 +151,7 @@ def _lost(died: Callable[[Item], Any] | None, job: tuple[Item, Path | None]) -> 
 def _settled(result: Any, file: Path | None) -> Any:
     if isinstance(result, Passing):
         return result.result
-    return result if file is None else keep(file, result)
+    return result if file is None else write_result(file, result)
 
 
 def _result_or_reason(measure: Callable[[Item], Any], item: Item) -> Any:

@@ -112,7 +112,7 @@ class Records:
 
 
 @dataclasses.dataclass(frozen=True)
-class Elsewhere:
+class ExternalArm:
     """An arm of another experiment, and its folder seen from beside this one's."""
 
     arm: Arm
@@ -125,7 +125,7 @@ class Experiment:
 
     Attributes:
       seeds: trainings of each arm. count: test objects of each.
-      columns: the figures of the table (``judge.METRICS``).
+      columns: the figures of the table (``evaluate_arm.METRICS``).
       others: EXPERIMENT/ARM -> the arm, for all that arms are ``of``; ``load_experiment`` fills it.
     """
 
@@ -135,7 +135,7 @@ class Experiment:
     seeds: int = 3
     count: int = 70
     records: tuple[Records, ...] = ()
-    others: dict[str, Elsewhere] = dataclasses.field(default_factory=dict)
+    others: dict[str, ExternalArm] = dataclasses.field(default_factory=dict)
 
     def trained(self, name: str) -> Arm:
         """The arm whose networks arm ``name`` is judged by: itself, or what it is ``of``."""
@@ -196,7 +196,7 @@ def load_experiment(name: str | Path, size: Size = "nano") -> Experiment:
         there = _made(beside, size).arms.get(other) if beside.is_file() else None
         if there is None or not there.stages:
             raise ValueError(f"experiment '{path}': no trained arm '{arm.of}' at size {size}")
-        others[arm.of] = Elsewhere(there, Path(folder_name(beside, size), other))
+        others[arm.of] = ExternalArm(there, Path(folder_name(beside, size), other))
     return dataclasses.replace(found, others=others)
 
 

@@ -17,7 +17,7 @@ from uniart_jax.data.folder import read_manifest, read_metadata
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource, record_rows, shard_paths
 from uniart_jax.experiments.design import Arm, Records
-from uniart_jax.experiments.judge import NEEDS, test_names, test_object
+from uniart_jax.experiments.evaluate_arm import NEEDS, test_names, test_object
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.precompute.features import write_geometric_features
 from uniart_jax.procedural import SEEN_FAMILIES

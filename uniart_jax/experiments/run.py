@@ -20,17 +20,17 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from uniart_jax.evaluation.kept import keep
+from uniart_jax.evaluation.result_store import write_result
 from uniart_jax.experiments.design import Arm, Experiment
+from uniart_jax.experiments.evaluate_arm import evaluate_arm
 from uniart_jax.experiments.inputs import check_arm, check_networks, make_records, other_networks
-from uniart_jax.experiments.judge import judge
 from uniart_jax.experiments.reinit_aggregation import reinit_aggregation, shared_init
-from uniart_jax.experiments.settings import check_kept, claim_arm
+from uniart_jax.experiments.settings import check_settings, write_settings
 from uniart_jax.experiments.table import FAILED, write_tables
 from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.runtime.locks import alone
+from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.runtime.progress import messages
-from uniart_jax.stages.trainer import claim, run
+from uniart_jax.stages.trainer import check_workdir, run
 
 console = messages()
 
@@ -67,7 +67,7 @@ def run_experiment(
             "--count"
         )
     seeds, count = seeds or experiment.seeds, count or experiment.count
-    with alone(out):
+    with exclusive_lock(out):
         prepare(experiment, out, chosen, seeds, count)
         broken: dict[Path, str] = {}  # trainings that failed in this run
         for seed in range(seeds):
@@ -105,14 +105,14 @@ def prepare(
     for records in experiment.records:
         make_records(records, experiment.trained(chosen[0]).config.model)
     for name in entered:
-        check_kept(experiment, name, out / name)
+        check_settings(experiment, name, out / name)
     for name in chosen:
         if "/" in experiment.arms[name].of:
             there = experiment.folder(name, out)
-            check_kept(alone_of(experiment, name), there.name, there)
+            check_settings(alone_of(experiment, name), there.name, there)
         check_arm(name, experiment.arms[name], experiment.trained(name), count)
     for name in chosen:
-        claim_arm(experiment, name, out / name)
+        write_settings(experiment, name, out / name)
 
 
 def missing_networks(experiment: Experiment, out: Path, chosen: Sequence[str], seeds: int) -> None:
@@ -144,7 +144,7 @@ def attempt(
                 if "/" in arm.of:
                     there = workdir.parent
                     stack.enter_context(
-                        alone(
+                        exclusive_lock(
                             there.parent,
                             lambda: console.print(
                                 f"{there.parent}: another command works there; waiting until it is done",  # noqa: E501
@@ -152,7 +152,7 @@ def attempt(
                             ),
                         )
                     )
-                    claim_arm(alone_of(experiment, name), there.name, there)
+                    write_settings(alone_of(experiment, name), there.name, there)
                 checkpoint = (
                     workdir if arm.of and "/" not in arm.of else train_arm(made, seed, workdir)
                 )
@@ -160,10 +160,10 @@ def attempt(
             console.print(f"{name}, seed {seed}: {error}", markup=False)
             broken[workdir] = str(error)
     if workdir in broken:
-        keep(here / FAILED, {"failure": broken[workdir]})
+        write_result(here / FAILED, {"failure": broken[workdir]})
         return
     (here / FAILED).unlink(missing_ok=True)
-    judge(arm, checkpoint, seed, here / "figures", count)
+    evaluate_arm(arm, checkpoint, seed, here / "figures", count)
 
 
 def alone_of(experiment: Experiment, name: str) -> Experiment:
@@ -185,7 +185,7 @@ def train_arm(arm: Arm, seed: int, workdir: Path) -> Path:
     config = dataclasses.replace(arm.config, seed=seed, data=data)
     if arm.beside:
         source, exported = Checkpoint.find(arm.beside), Checkpoint(workdir / "export")
-        claim(config, workdir)
+        check_workdir(config, workdir)
         source.copy_networks(other_networks(arm, source, exported), exported.folder)
     init = arm.init or config.init
     if init and "uniart_vae" in arm.stages:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from uniart_jax.config import Config, to_json
-from uniart_jax.evaluation.kept import keep, read_kept
+from uniart_jax.evaluation.result_store import read_result, write_result
 from uniart_jax.experiments.design import Arm, Experiment
 from uniart_jax.experiments.inputs import records_digest
 from uniart_jax.models.checkpoint import Checkpoint
@@ -50,7 +50,7 @@ def described(arm: Arm) -> dict[str, Any]:
     return json.loads(json.dumps(found))
 
 
-def check_kept(experiment: Experiment, name: str, folder: Path) -> dict[str, Any]:
+def check_settings(experiment: Experiment, name: str, folder: Path) -> dict[str, Any]:
     """The settings of arm ``name``; what lies in its ``folder`` must be of the same.
 
     Raises:
@@ -59,7 +59,7 @@ def check_kept(experiment: Experiment, name: str, folder: Path) -> dict[str, Any
     now = settings(experiment, name)
     if not any(folder.glob("seed-*")) and not (folder / FILE).is_file():
         return now
-    kept = read_kept(folder / FILE)
+    kept = read_result(folder / FILE)
     if kept is None:
         raise ValueError(
             f"{folder}: arm {name} has results there without {FILE}; move that folder away, or "
@@ -77,15 +77,15 @@ def check_kept(experiment: Experiment, name: str, folder: Path) -> dict[str, Any
     return now
 
 
-def claim_arm(experiment: Experiment, name: str, folder: Path) -> None:
+def write_settings(experiment: Experiment, name: str, folder: Path) -> None:
     """Begin arm ``name`` in ``folder``, or go on there.
 
     Raises:
-      ValueError: as ``check_kept``.
+      ValueError: as ``check_settings``.
     """
-    now = check_kept(experiment, name, folder)
+    now = check_settings(experiment, name, folder)
     folder.mkdir(parents=True, exist_ok=True)
-    keep(folder / FILE, now)
+    write_result(folder / FILE, now)
 
 
 def differences(

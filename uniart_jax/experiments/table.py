@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from uniart_jax.evaluation.kept import keep, read_kept, without_nan
+from uniart_jax.evaluation.result_store import read_result, without_nan, write_result
 from uniart_jax.evaluation.summary import LEVEL
 from uniart_jax.experiments.design import Experiment
+from uniart_jax.experiments.evaluate_arm import METRICS, TRUTH, parameter_count, test_names
 from uniart_jax.experiments.intervals import difference, row, unpaired
-from uniart_jax.experiments.judge import METRICS, TRUTH, parameter_count, test_names
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.runtime.files import write_text
 
@@ -73,7 +73,7 @@ def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any
         "unfinished": {name: judged.unfinished for name, judged in found.items() if judged.unfinished},  # noqa: E501
         "metrics": {key: {"title": METRICS[key].title, "better": METRICS[key].better, "about": METRICS[key].about} for key in columns},  # noqa: E501
     }  # fmt: skip
-    keep(out / "metrics.json", without_nan(content))
+    write_result(out / "metrics.json", without_nan(content))
     write_text(out / "table.md", "\n".join(lines(content)) + "\n")
     return content
 
@@ -85,10 +85,10 @@ def collect(experiment: Experiment, out: Path, name: str, count: int) -> Judged:
     folders = {int(p.name[5:]): p for p in (out / name).glob("seed-*") if p.name[5:].isdecimal()}
     unfinished = {}
     for seed, folder in sorted(folders.items()):
-        if failed := read_kept(folder / FAILED):
+        if failed := read_result(folder / FAILED):
             broken[seed] = failed["failure"]
             continue
-        results = [read_kept(folder / "figures" / f"{n}.json") for n in names]
+        results = [read_result(folder / "figures" / f"{n}.json") for n in names]
         if None in results:
             unfinished[seed] = len(results) - results.count(None)
             continue

@@ -40,11 +40,11 @@ INTEGRAL, PROPORTIONAL = 0.7, 0.4  # exponents of the step controller
 class Solution(NamedTuple):
     """x [B, ...] at t = 0, how many velocities each item took, and how many of its adaptive steps
     were taken with an error above the tolerance, because none shorter is tried: ``evaluations``,
-    ``forced`` [B] int32."""
+    ``steps_over_tolerance`` [B] int32."""
 
     x: jax.Array
     evaluations: jax.Array
-    forced: jax.Array
+    steps_over_tolerance: jax.Array
 
 
 def time_steps(steps: int, rescale_t: float = 1.0, end: float = 0.0) -> np.ndarray:
@@ -108,7 +108,7 @@ def solve(
       steps, rescale_t: the steps (``time_steps``); where they adapt, only the first one's length.
       tolerance: adaptive steps with an error of about this much, of values near 1; None = fixed
         steps. Adaptive ones are at least ``MIN_STEP`` long, whatever their error, and after
-        ``MOST`` velocities one is left; ``Solution.forced`` counts those.
+        ``MOST`` velocities one is left; ``Solution.steps_over_tolerance`` counts those.
       valid: mask, broadcastable to x; what is outside does not count as error.
       end: at times below it the velocity is not asked for: the last stretch is one Euler step from
         there or, with fixed steps, from the last of their times that is not below it; those between
@@ -132,8 +132,8 @@ def solve(
 
 class _Progress(NamedTuple):
     """Where each item stands: x at time t, the velocity there if ``known``, the step it tries next,
-    the error of the last one, whether the last try was refused, velocities so far, steps that were
-    forced."""
+    the error of the last one, whether the last try was refused, velocities so far, steps over
+    the tolerance."""
 
     x: jax.Array
     t: jax.Array
@@ -143,7 +143,7 @@ class _Progress(NamedTuple):
     error: jax.Array
     refused: jax.Array
     evaluations: jax.Array
-    forced: jax.Array
+    steps_over_tolerance: jax.Array
 
 
 def _adaptive(
@@ -221,7 +221,7 @@ def _adaptive(
             jnp.where(accepted & finite, scaled, now.error),
             jnp.where(tried, ~accepted, now.refused),
             now.evaluations + running,
-            now.forced + (tried & shortest & ~(finite & (size <= 1))),
+            now.steps_over_tolerance + (tried & shortest & ~(finite & (size <= 1))),
         )
 
     start = _Progress(
@@ -236,7 +236,7 @@ def _adaptive(
         jnp.zeros(items, jnp.int32),
     )
     done = jax.lax.while_loop(lambda now: (now.t > 0).any(), body, start)
-    return Solution(done.x, done.evaluations, done.forced)
+    return Solution(done.x, done.evaluations, done.steps_over_tolerance)
 
 
 def _heun_stages(

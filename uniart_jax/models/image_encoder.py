@@ -128,14 +128,17 @@ class ImageEncoder(nnx.Module):
         self.head_out = linear(_HEAD_WIDTH, outputs, rngs, dtype=dtype)
 
     def __call__(
-        self, image: jax.Array, camera: jax.Array | None = None, known: jax.Array | None = None
+        self,
+        image: jax.Array,
+        camera: jax.Array | None = None,
+        use_true_camera: jax.Array | None = None,
     ) -> dict[str, jax.Array]:
         """Encode images.
 
         Args:
           image: [B, H, W, 3] sRGB in [0, 1], the background black.
           camera: [B, 7] true camera codes (``voxels.camera_code``) to look through instead of the
-            estimated ones, where ``known`` [B] is true.
+            estimated ones, where ``use_true_camera`` [B] is true.
 
         Returns:
           camera [B, 7], the estimate; pixels [B, S, S, ``pixel_width``], maps for those who look
@@ -150,8 +153,8 @@ class ImageEncoder(nnx.Module):
         tokens = self.tokens(coarse)
         sketch, estimate = self.draw_sketch(coarse)
         used = jax.lax.stop_gradient(estimate)
-        if camera is not None and known is not None:
-            used = jnp.where(known[:, None], camera, used)
+        if camera is not None and use_true_camera is not None:
+            used = jnp.where(use_true_camera[:, None], camera, used)
         places, depth = self.look(used)
         lifted = self.lift(fine, coarse, used, places, depth)  # [B, Rv^3, C]
         side = c.volume_resolution

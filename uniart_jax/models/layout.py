@@ -212,7 +212,7 @@ class LayoutNetwork(nnx.Module):
         self,
         image: jax.Array,
         camera: jax.Array | None = None,
-        known: jax.Array | None = None,
+        use_true_camera: jax.Array | None = None,
         phase: jax.Array | None = None,
     ) -> dict[str, Any]:
         """Find the parts.
@@ -220,7 +220,7 @@ class LayoutNetwork(nnx.Module):
         Args:
           image: [B, S, S, 3] sRGB in [0, 1], the background black.
           camera: [B, 7] true camera codes that boxes are read with instead of the estimate, where
-            ``known`` [B].
+            ``use_true_camera`` [B].
           phase: [2] 0 or 1, which cells of the map are the tokens; None: the last of each four.
 
         Returns:
@@ -233,8 +233,8 @@ class LayoutNetwork(nnx.Module):
         features, sketch = self.look(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
         used = jax.lax.stop_gradient(estimate)
-        if camera is not None and known is not None:
-            used = jnp.where(known[:, None], camera, used)
+        if camera is not None and use_true_camera is not None:
+            used = jnp.where(use_true_camera[:, None], camera, used)
         tokens = self.tokens_norm(self.to_tokens(self._every_second(features, phase)))
         tokens_place = self._places(features.shape[1] // 2)
         items, count = image.shape[0], self.config.queries

@@ -131,10 +131,10 @@ class UniArtVAE(nnx.Module):
             layout, a ``PartTable``.
 
         Returns:
-          sdf [B, Q, r^3] in sub-cells; color [B, Q, r^3, 3] linear in [0, 1]; box_pair [B, Q, 2,
-          6], of the voxel's part and of another that shares it; foreign [B, Q, r^3], the logit of a
-          sub-cell being the other's; own_box [B, Q, r^3, 6], the one or the other; joint_code [B,
-          Q, 9]; parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is
+          sdf [B, Q, r^3] in sub-cells; color [B, Q, r^3, 3] linear in [0, 1]; part_boxes [B, Q, 2,
+          6], of the voxel's part and of another that shares it; other_part [B, Q, r^3], the logit
+          of a sub-cell being the other's; own_box [B, Q, r^3, 6], the one or the other; joint_code
+          [B, Q, 9]; parent_box [B, Q, 6]; part_feature [B, Q, P] where the model has it. Padding is
           zero. With ``layout_channels``, pointer [B, Q, r^3, N + 1] and rows [B, Q, N]: logits of a
           sub-cell being of each of the voxel's N candidate rows of the layout, or of none; where
           one wins, own_box, joint_code and parent_box are the row's.
@@ -163,14 +163,14 @@ class UniArtVAE(nnx.Module):
         # mean of them
         segmentation = self.segmentation_head(h).astype(jnp.float32)
         pair = segmentation[..., : 2 * BOX_SIZE].reshape(*lead, 2, BOX_SIZE)
-        foreign = segmentation[..., 2 * BOX_SIZE :]
-        own_box = jnp.where(foreign[..., None] > 0, pair[..., 1:, :], pair[..., :1, :])
+        other_part = segmentation[..., 2 * BOX_SIZE :]
+        own_box = jnp.where(other_part[..., None] > 0, pair[..., 1:, :], pair[..., :1, :])
         articulation = self.articulation_head(h).astype(jnp.float32)
         out = {
             "sdf": geometry[..., : self.cells],
             "color": color,
-            "box_pair": pair,
-            "foreign": foreign,
+            "part_boxes": pair,
+            "other_part": other_part,
             "own_box": own_box,
             "joint_code": articulation[..., :CODE_SIZE],
             "parent_box": articulation[..., CODE_SIZE:],

@@ -44,20 +44,21 @@ def voxel_boxes(batch: VoxelBatch, voxels: jax.Array | None = None) -> dict[str,
     Returns:
       own, other [B, Q, 6]: boxes of the voxel's part and of another one in it (its own where there
         is none); shared [B, Q] bool: there is one;
-      foreign [B, Q, r^3] bool: the sub-cell is not the voxel's part's.
+      other_part [B, Q, r^3] bool: the sub-cell is not the voxel's part's.
     """
     part, owner = (ids.astype(jnp.int32) for ids in (batch.voxel_part, batch.owner))
     if voxels is not None:
         part = jnp.take_along_axis(part, voxels, axis=1, mode="clip")
         owner = jnp.take_along_axis(owner, voxels[..., None], axis=1, mode="clip")
-    foreign = owner != part[..., None]
-    first = foreign.argmax(-1)
+    other_part = owner != part[..., None]
+    first = other_part.argmax(-1)
     other = jnp.take_along_axis(owner, first[..., None], axis=-1)[..., 0]
 
     def box(index: jax.Array) -> jax.Array:
         return jnp.take_along_axis(batch.boxes, index[..., None], axis=1, mode="clip")
 
-    return {"own": box(part), "other": box(other), "shared": foreign.any(-1), "foreign": foreign}
+    shared = other_part.any(-1)
+    return {"own": box(part), "other": box(other), "shared": shared, "other_part": other_part}
 
 
 def valid_tokens(counts: jax.Array, width: int) -> jax.Array:

@@ -11,7 +11,7 @@ from typing import TextIO
 
 
 @contextlib.contextmanager
-def alone(folder: Path, wait: Callable[[], None] | None = None) -> Iterator[None]:
+def exclusive_lock(folder: Path, wait: Callable[[], None] | None = None) -> Iterator[None]:
     """One process at a time in ``folder``: two would write each other's files. Where the file
     system knows no locks, nothing is held.
 
@@ -23,7 +23,7 @@ def alone(folder: Path, wait: Callable[[], None] | None = None) -> Iterator[None
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as file:
-        if not taken(file):
+        if not try_lock(file):
             if wait is None:
                 raise ValueError(
                     f"{folder}: another process works on it; wait for it, or stop it first"
@@ -39,13 +39,13 @@ def in_turn(folder: Path, wait: Callable[[], None]) -> Iterator[None]:
     wait."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     with folder.with_name(f".{folder.name}.lock").open("w") as file:
-        if not taken(file):
+        if not try_lock(file):
             wait()
             fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 
-def taken(file: TextIO) -> bool:
+def try_lock(file: TextIO) -> bool:
     """Whether this process has the lock of an open file now."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -64,7 +64,7 @@ def _workers(processes: int) -> Iterator[Submit]:
                 os.environ[name] = value
 
 
-def in_order(
+def map_ordered(
     submit: Submit, function: Callable[..., Any], items: Iterable[Any], ahead: int
 ) -> Generator[Any, None, None]:
     """Results of ``function(item)`` in the items' order, at most ``ahead`` of them begun before
@@ -78,7 +78,7 @@ def in_order(
         yield pending.popleft().result()
 
 
-def each(
+def map_isolated(
     processes: int,
     function: Callable[[Any], Any],
     items: Iterable[Any],
@@ -101,7 +101,7 @@ def each(
     while left:
         try:
             with _workers(processes) as submit:
-                for result in in_order(submit, function, list(left), ahead):
+                for result in map_ordered(submit, function, list(left), ahead):
                     left.popleft()
                     yield result
         except BrokenProcessPool:
@@ -125,9 +125,9 @@ def time_limit(seconds: float) -> Iterator[None]:
     """TimeoutError at the latest on leaving if what is inside takes longer, and as soon as the main
     thread runs a line of Python again. Not nested.
 
-    A worker of ``process_pool`` or ``each`` that a call in C still holds after twice as long is
-    ended; ``each`` then names its item. In this process such a call cannot be stopped; outside of
-    main threads, and where there are no alarms (Windows), nothing is.
+    A worker of ``process_pool`` or ``map_isolated`` that a call in C still holds after twice as
+    long is ended; ``map_isolated`` then names its item. In this process such a call cannot be
+    stopped; outside of main threads, and where there are no alarms (Windows), nothing is.
     """
     if threading.current_thread() is not threading.main_thread() or not hasattr(
         signal, "setitimer"

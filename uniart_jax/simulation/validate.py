@@ -212,7 +212,7 @@ class _Job:
         if code in _OUT_OF_TIME:
             return _failed(f"{self.engine} was not done after {SECONDS:.0f} s of processor time")
         if not self.result_file.is_file():
-            return _failed(f"{self.engine} ended: {_why(code, self.said)}")
+            return _failed(f"{self.engine} ended: {_exit_reason(code, self.said)}")
         found = json.loads(self.result_file.read_text("utf-8"))
         if "refused" in found:
             return _failed(one_line(found["refused"]))
@@ -224,7 +224,7 @@ def _failed(reason: str) -> dict:
     return {"checks": {"loads": check(1, 0, False, reason)}}
 
 
-def _why(code: int, said: Path) -> str:
+def _exit_reason(code: int, said: Path) -> str:
     if code < 0:
         with contextlib.suppress(ValueError):
             return f"it crashed ({signal.Signals(-code).name})"

@@ -29,7 +29,7 @@ from uniart_jax.precompute.encoding import digest, encode_all
 from uniart_jax.runtime.files import write_text
 from uniart_jax.stages.stage import Stage, Statistics, check_picture_size, load
 from uniart_jax.training import distributed
-from uniart_jax.training.flow_losses import of_pictures
+from uniart_jax.training.flow_losses import with_image_condition
 from uniart_jax.voxels.part_table import ROWS, PartTable, part_table
 from uniart_jax.voxels.typed_batches import Condition
 
@@ -53,10 +53,10 @@ class FlowStage(Stage):
         """The network whose output on the flow's samples the loss reads; "" for none."""
         return ""
 
-    def claim(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
+    def check_inputs(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
         folder = workdir / "checkpoints" / self.name
         fixed = fixed_statistics(source, workdir, self.latent)
-        distributed.on_first_process(lambda: claim_inputs(folder, config, workdir, fixed))
+        distributed.on_first_process(lambda: check_flow_inputs(folder, config, workdir, fixed))
 
     def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:
         return latent_batches(
@@ -93,9 +93,12 @@ class FlowStage(Stage):
     ) -> Any:
         find = make_layout_finder(config.model) if config.loss.found > 0 else None
         loss_fn = self.flow_loss(network, config, workdir, *statistics[self.latent])
-        return of_pictures(loss_fn, make_conditioner(config.model), find, config.loss.found)
+        condition = make_conditioner(config.model)
+        return with_image_condition(loss_fn, condition, find, config.loss.found)
 
-    def given(self, config: Config, workdir: Path, source: Checkpoint | None) -> tuple[Any, ...]:
+    def frozen_params(
+        self, config: Config, workdir: Path, source: Checkpoint | None
+    ) -> tuple[Any, ...]:
         frozen = ["image_encoder", *filter(None, [self.decodes(config)])]
         frozen += ["layout"] if config.loss.found > 0 else []
         return tuple(load(workdir, name, config) for name in frozen)
@@ -109,7 +112,7 @@ def fixed_statistics(source: Checkpoint | None, workdir: Path, latent: str) -> S
     return source.statistics(latent)
 
 
-def claim_inputs(
+def check_flow_inputs(
     folder: Path, config: Config, workdir: Path, statistics: Statistics | None = None
 ) -> None:
     """Tie a flow's checkpoints to the latents, the statistics that normalise them (None: those of

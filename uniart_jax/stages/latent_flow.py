@@ -81,7 +81,7 @@ def _evaluation(config: Config, workdir: Path, statistics: dict[str, Any]) -> Ev
             out, count = jax.device_get(decode(parameters, latent, batch)), counts[0]
             rows += part_readings(
                 out["joint_code"][0, :count],
-                out["box_pair"][0, :count, 0],
+                out["part_boxes"][0, :count, 0],
                 record.voxel_part,
                 record.boxes,
                 record.codes,

@@ -69,7 +69,7 @@ class Stage(abc.ABC):
         """Whether ``loss.found`` shows its network layouts that the layout network finds."""
         return False
 
-    def claim(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
+    def check_inputs(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
         """Tie the stage's checkpoints in WORKDIR to what it trains on.
 
         Raises:
@@ -90,10 +90,12 @@ class Stage(abc.ABC):
     def loss(
         self, network: Network, config: Config, workdir: Path, statistics: dict[str, Statistics]
     ) -> Callable[..., tuple[jax.Array, dict[str, jax.Array]]]:
-        """(params, batch, key) -> loss and scalar metrics; with ``given``, (params, batch, key,
-        given)."""
+        """(params, batch, key) -> loss and scalar metrics; with ``frozen_params``, of (params,
+        batch, key, frozen_params)."""
 
-    def given(self, config: Config, workdir: Path, source: Checkpoint | None) -> tuple[Any, ...]:
+    def frozen_params(
+        self, config: Config, workdir: Path, source: Checkpoint | None
+    ) -> tuple[Any, ...]:
         """Parameters of frozen networks that the loss takes after its key; () for none.
 
         Args:

@@ -27,7 +27,7 @@ from uniart_jax.models.network import Network, build
 from uniart_jax.nn.shapes import check_shapes
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.pipeline import load as load_pipeline
-from uniart_jax.runtime.locks import alone
+from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.runtime.progress import messages
 from uniart_jax.stages.checks import (
     check_features,
@@ -201,8 +201,8 @@ def run(
                 source.load(name, config.model, widen=True)
         copied = networks_to_copy(config, source, names, exported)
     check_found(config, chosen, exported, copied)
-    with alone(workdir) if distributed.is_first() else contextlib.nullcontext():
-        distributed.on_first_process(lambda: claim(config, workdir))
+    with exclusive_lock(workdir) if distributed.is_first() else contextlib.nullcontext():
+        distributed.on_first_process(lambda: check_workdir(config, workdir))
         if not (workdir / "config.json").is_file():
             raise ValueError(
                 f"workdir '{workdir}': not the first process's folder; give all processes one on a "
@@ -235,7 +235,7 @@ def trainable(config: Config, names: Sequence[str]) -> list[str]:
     return left
 
 
-def claim(config: Config, workdir: Path) -> None:
+def check_workdir(config: Config, workdir: Path) -> None:
     """Make WORKDIR this config's, or check that it is: one folder holds one model."""
     if (workdir / "config.json").is_file():
         found = Checkpoint(workdir).config
@@ -267,7 +267,7 @@ def train_network(
     network = build(name, config.model)
     mesh = make_mesh(config.mesh)
     folder, exported = workdir / "checkpoints" / name, Checkpoint(workdir / "export")
-    stage.claim(config, workdir, source)
+    stage.check_inputs(config, workdir, source)
     with Checkpoints(folder, settings.keep_checkpoints) as checkpoints:
         trained = distributed.broadcast_from_first(max(checkpoints.steps, default=0))
     if distributed.broadcast_from_first(trained >= settings.steps and exported.has(name)):
@@ -384,7 +384,7 @@ def make_step(
       source: the checkpoint that WORKDIR goes on from.
     """
     settings = stage.settings(config)
-    frozen = stage.given(config, workdir, source)
+    frozen = stage.frozen_params(config, workdir, source)
     return make_train_step(
         stage.loss(network, config, workdir, statistics),
         optimizer,
@@ -392,5 +392,5 @@ def make_step(
         freeze=settings.freeze,
         accumulate=settings.accumulate,
         skip=settings.skip_not_finite > 0,
-        given=jax.device_put(frozen, replicated(mesh)) if frozen else None,
+        frozen_params=jax.device_put(frozen, replicated(mesh)) if frozen else None,
     )

@@ -68,7 +68,9 @@ class UniArtVAEStage(Stage):
     ) -> Any:
         return make_uniart_vae_loss(network, config, *statistics.get("latent", ()))
 
-    def given(self, config: Config, workdir: Path, source: Checkpoint | None) -> tuple[Any, ...]:
+    def frozen_params(
+        self, config: Config, workdir: Path, source: Checkpoint | None
+    ) -> tuple[Any, ...]:
         if config.loss.sampled <= 0:
             return ()
         checkpoint = sampler_checkpoint(config, workdir, source)
@@ -127,7 +129,7 @@ def _evaluation(config: Config) -> Evaluation:
                 part, known = batch.voxel_part[b, :count], batch.part_counts[b]
                 rows += part_readings(
                     out["joint_code"][b, :count],
-                    out["box_pair"][b, :count, 0],
+                    out["part_boxes"][b, :count, 0],
                     part,
                     batch.boxes[b, :known],
                     batch.codes[b, :known],

@@ -34,9 +34,9 @@ def make_image_encoder_loss(network: Network, config: Config) -> LossFn:
     delta = config.loss.huber_delta
 
     def loss_fn(params, batch, key):
-        known_key, draw_key = jax.random.split(key)
-        known = jax.random.bernoulli(known_key, 0.5, batch.image.shape[:1])
-        out = network.apply(params, batch.image, batch.camera, known)
+        camera_key, draw_key = jax.random.split(key)
+        use_true_camera = jax.random.bernoulli(camera_key, 0.5, batch.image.shape[:1])
+        out = network.apply(params, batch.image, batch.camera, use_true_camera)
         occupancy = batch.occupancy.astype(jnp.float32)
         items = occupancy.shape[0]
         entropy = binary_cross_entropy(out["occupancy"], occupancy).mean()

@@ -1,6 +1,7 @@
 """What the two flows minimise: ``make_*`` gives ``loss_fn(params, batch, key) -> (loss, scalar
 metrics)``. Batches are those of ``data.latents`` with what an image encoder sees, ``seen``, in
-place of the picture (``of_pictures``); every loss is a mean per object, then over objects."""
+place of the picture (``with_image_condition``); every loss is a mean per object, then over
+objects."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ from uniart_jax.models.network import Network, build
 from uniart_jax.models.voxel_batch import valid_tokens
 from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import (
-    GivenLossFn,
     LossFn,
+    LossFnWithFrozen,
     draw_rows,
     occupancy_iou,
     occupancy_terms,
@@ -37,12 +38,12 @@ def normalize(latent: jax.Array, mean: Any, std: Any) -> jax.Array:
     return (latent - jnp.asarray(mean)) / jnp.asarray(std)
 
 
-def of_pictures(
+def with_image_condition(
     loss_fn: LossFn,
     condition: Callable[..., Condition],
     find: Callable[..., PartTable] | None = None,
     share: float = 0.0,
-) -> GivenLossFn:
+) -> LossFnWithFrozen:
     """A flow's loss of batches with ``image`` [B, H, W, 3], or N views [B, N, H, W, 3], in place of
     what an image encoder sees in them: (params, batch, key, frozen) -> as ``loss_fn``.
 
@@ -106,7 +107,7 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
 
     def velocity_loss(params, batch, key, vae_params):
         x0 = jnp.repeat(normalize(batch.structure, mean, std), weights.draws_per_image, axis=0)
-        t, noise, seen = draw(batch.seen, x0, key, config)
+        t, noise, seen = sample_noise_and_time(batch.seen, x0, key, config)
         x = interpolate(x0, noise, t)
         v = network.apply(params, x, t, seen.tokens, seen.volume, layout=seen.layout)
         error = flow_loss(v, x0, noise)
@@ -123,7 +124,7 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
     return loss_fn
 
 
-def make_refiner_loss(network: Network, config: Config, mean: Any, std: Any) -> GivenLossFn:
+def make_refiner_loss(network: Network, config: Config, mean: Any, std: Any) -> LossFnWithFrozen:
     """Cross-entropy and Dice of the refiner's logits on what the structure flow samples in one step
     and the structure VAE decodes; only the refiner is differentiated. Takes the structure VAE's
     parameters after the key."""
@@ -168,7 +169,7 @@ def make_latent_flow_loss(
         coords, counts = batch.coords, batch.counts
         mask = valid_tokens(counts, coords.shape[1])[..., 0]
         x0 = jnp.where(mask[..., None], normalize(batch.latent, mean, std), 0)
-        t, noise, seen = draw(batch.seen, x0, key, config)
+        t, noise, seen = sample_noise_and_time(batch.seen, x0, key, config)
         x = interpolate(x0, noise, t)
         given = flow_arguments(batch, seen)
         v = network.apply(params, x, t, seen.tokens, seen.volume, **given)
@@ -216,7 +217,7 @@ def decoded_losses(
     }
 
 
-def draw(seen: Condition, x0: jax.Array, key: jax.Array, config: Config):
+def sample_noise_and_time(seen: Condition, x0: jax.Array, key: jax.Array, config: Config):
     """Times [B n], noise like x0, and the condition with some items' dropped to zero for
     guidance."""
     weights = config.loss

@@ -98,10 +98,10 @@ def make_layout_loss(network: Network, config: Config):
     del config
 
     def loss_fn(params, batch, key):
-        known_key, phase_key = jax.random.split(key)
-        known = jax.random.bernoulli(known_key, 0.5, batch.image.shape[:1])
+        camera_key, phase_key = jax.random.split(key)
+        use_true_camera = jax.random.bernoulli(camera_key, 0.5, batch.image.shape[:1])
         phase = jax.random.randint(phase_key, (2,), 0, 2)
-        out = network.apply(params, batch.image, batch.camera, known, phase)
+        out = network.apply(params, batch.image, batch.camera, use_true_camera, phase)
         terms = layout_losses(out, batch)
         return terms.pop("loss"), terms
 

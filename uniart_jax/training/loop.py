@@ -107,9 +107,9 @@ def run_stage(
                     raise ValueError(f"{name}: the data ended at step {step}; repeat it") from None
                 raise
             meter.waited(ahead.seconds)
-            if not train_step.knows(batch):
+            if not train_step.is_compiled(batch):
                 meter.pause()
-                report.say(f"{name}: step {step + 1} {train_step.learn(state, batch, key)}")
+                report.say(f"{name}: step {step + 1} {train_step.precompile(state, batch, key)}")
                 meter.restart()
             state, metrics = train_step(state, batch, key)
             step += 1

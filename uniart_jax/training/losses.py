@@ -22,7 +22,7 @@ from uniart_jax.voxels.joint_code import gauge_variants
 
 # of parameters, a batch (``voxels.typed_batches``) and a key
 LossFn = Callable[[Any, Any, jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
-GivenLossFn = Callable[[Any, Any, jax.Array, Any], tuple[jax.Array, dict[str, jax.Array]]]
+LossFnWithFrozen = Callable[[Any, Any, jax.Array, Any], tuple[jax.Array, dict[str, jax.Array]]]
 
 
 def masked_mean(values: jax.Array, weights: jax.Array) -> jax.Array:
@@ -112,10 +112,10 @@ def articulation_losses(
     delta: float,
 ) -> dict[str, jax.Array]:
     """L_art's terms, Huber on "own_box", "other_box" (shared voxels), "joint_code", "parent_box";
-    and L_own, the cross-entropy "foreign".
+    and L_own, the cross-entropy "foreign" of "other_part".
 
     Args:
-      predicted: "box_pair" [B, V, 2, 6], "foreign" [B, V, r^3] logits, "joint_code" [B, V, 9],
+      predicted: "part_boxes" [B, V, 2, 6], "other_part" [B, V, r^3] logits, "joint_code" [B, V, 9],
         "parent_box" [B, V, 6].
       boxes: the truth, of ``models.voxel_batch.voxel_boxes``. joint_code, parent_box: the truth,
         shapes as predicted. weights: [B, V].
@@ -123,8 +123,9 @@ def articulation_losses(
     Two boxes told apart by name, not a mixture: fitted as a mixture, a voxel's box is right only as
     a mean of two wrong ones.
     """
-    pair = predicted["box_pair"]
-    foreign = binary_cross_entropy(predicted["foreign"], boxes["foreign"].astype(jnp.float32))
+    pair = predicted["part_boxes"]
+    is_other = boxes["other_part"].astype(jnp.float32)
+    other_part = binary_cross_entropy(predicted["other_part"], is_other)
     return {
         "own_box": masked_mean(box_loss(pair[..., 0, :], boxes["own"], delta), weights),
         "other_box": masked_mean(
@@ -134,7 +135,7 @@ def articulation_losses(
             joint_code_loss(predicted["joint_code"], joint_code, delta), weights
         ),
         "parent_box": masked_mean(box_loss(predicted["parent_box"], parent_box, delta), weights),
-        "foreign": masked_mean(foreign.mean(-1), weights),
+        "foreign": masked_mean(other_part.mean(-1), weights),
     }
 
 

@@ -27,7 +27,7 @@ class Program(NamedTuple):
 
     Attributes:
       number: from 1, in the order of compiling.
-      call: (state, batch, key, given) -> the step's result.
+      call: (state, batch, key, frozen_params) -> the step's result.
       shapes: dtype and shape of each leaf of the batch, by dotted name.
       flops: of its matrix products on all devices, by dtype (``flops.matmul_flops``).
       seconds: that tracing and compiling took.
@@ -52,21 +52,21 @@ class Program(NamedTuple):
 
 
 class Programs:
-    """``update(state, batch, key, given) -> (state, metrics)``, jitted with the state donated, as a
-    callable of (state, batch, key) that keeps its programs.
+    """``update(state, batch, key, frozen_params) -> (state, metrics)``, jitted with the state
+    donated, as a callable of (state, batch, key) that keeps its programs.
 
     The returned state has the shardings of the state that each program was compiled with.
 
     Attributes:
       update: the function itself.
-      given: its last argument in every call: arrays that stay as they are, such as a frozen
+      frozen_params: its last argument in every call: arrays that stay as they are, such as a frozen
         network's parameters, or None.
       compiled: in the order in which their shapes were first met.
       latest: the program that the last call ran.
     """
 
-    def __init__(self, update: Callable[..., Any], given: Any = None):
-        self.update, self.given = update, given
+    def __init__(self, update: Callable[..., Any], frozen_params: Any = None):
+        self.update, self.frozen_params = update, frozen_params
         self._jitted: Any = None
         self._by_shapes: dict[Any, Program] = {}
         self.latest: Program | None = None
@@ -81,19 +81,19 @@ class Programs:
         if program is None:
             program = self._by_shapes[shapes] = self.compile(state, batch, key)
         self.latest = program
-        return program.call(state, batch, key, self.given)
+        return program.call(state, batch, key, self.frozen_params)
 
-    def knows(self, batch: Any) -> bool:
+    def is_compiled(self, batch: Any) -> bool:
         """Whether there is a program for a batch of these shapes."""
         return _shapes(batch) in self._by_shapes
 
-    def learn(self, state: Any, batch: Any, key: jax.Array) -> str:
+    def precompile(self, state: Any, batch: Any, key: jax.Array) -> str:
         """Compile and keep the program for these arguments, without running it; the line about it
-        (``news``)."""
+        (``describe``)."""
         self._by_shapes[_shapes(batch)] = self.compile(state, batch, key)
-        return self.news()
+        return self.describe()
 
-    def news(self) -> str:
+    def describe(self) -> str:
         """About the newest program: what differs in its shapes from the one before, seconds,
         products, memory."""
         *before, new = self.compiled
@@ -117,7 +117,7 @@ class Programs:
             shardings = jax.tree.map(lambda leaf: leaf.sharding, state)
             self._jitted = jax.jit(self.update, donate_argnums=0, out_shardings=(shardings, None))
         with _mesh_of(state):  # for what each device does with its own items (``nn.shard_map``)
-            traced = self._jitted.trace(state, batch, key, self.given)
+            traced = self._jitted.trace(state, batch, key, self.frozen_params)
         call = traced.lower().compile()
         memory = call.memory_analysis()
         named = jax.tree_util.tree_leaves_with_path(batch)

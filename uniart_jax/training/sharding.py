@@ -15,7 +15,7 @@ from jax.sharding import AxisType, Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
 
 from uniart_jax.config import MeshConfig
-from uniart_jax.nn.shared_plans import padded_plans, plan_sizes
+from uniart_jax.nn.pad_plans import padded_plans, plan_sizes
 from uniart_jax.training.distributed import largest
 from uniart_jax.voxels.typed_batches import VoxelBatch
 
@@ -83,7 +83,7 @@ def put_batch(batch: Any, mesh: Mesh) -> Any:
     An array whose first axis this process's devices divide is split (items, and whatever goes with
     them, a plan's shares among it); another one is replicated. Either way the program computes the
     same numbers. Over several processes the plans of a ``VoxelBatch`` take the shapes that the
-    largest needs (``nn.shared_plans``).
+    largest needs (``nn.pad_plans``).
 
     Raises:
       ValueError: several processes and an array that cannot be split: replicas would differ.

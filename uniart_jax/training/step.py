@@ -21,7 +21,7 @@ from uniart_jax.training.programs import Programs
 from uniart_jax.training.state import Params, TrainState, clip_threshold, frozen_mask
 
 Metrics = dict[str, jax.Array]
-LossFn = Callable[..., tuple[jax.Array, Metrics]]  # of (params, batch, key), and what is given
+LossFn = Callable[..., tuple[jax.Array, Metrics]]  # of (params, batch, key), and what is frozen
 
 
 def make_train_step(
@@ -32,14 +32,14 @@ def make_train_step(
     freeze: Sequence[str] = (),
     accumulate: int = 1,
     skip: bool = False,
-    given: Any = None,
+    frozen_params: Any = None,
 ) -> Programs:
     """Build ``step(state, batch, key) -> (state, metrics)``; ``state`` is donated, so use only the
     returned one.
 
     Args:
-      loss_fn: (params, batch, key) -> (scalar loss, dict of scalar metrics); with ``given``, of
-        (params, batch, key, given).
+      loss_fn: (params, batch, key) -> (scalar loss, dict of scalar metrics); with
+        ``frozen_params``, of (params, batch, key, frozen_params).
       ema_decay: of the averaged parameters.
       freeze: parameters that stay as they are, bit for bit, with their average
         (``state.frozen_mask``); nothing is differentiated by them.
@@ -47,7 +47,7 @@ def make_train_step(
         (``microbatches.split_batch``), whose gradients are averaged one
         after another: the memory of one, the update of all. Micro-batch i draws by fold_in(key, i).
       skip: a step that is not finite counts as a step.
-      given: a frozen network's parameters, on the devices, which every step reads.
+      frozen_params: a frozen network's parameters, on the devices, which every step reads.
 
     The metrics are the loss function's, ``loss``, ``grad_norm`` (before clipping),
     ``clip_threshold`` where it adapts, and ``finite`` (1 or 0). A metric of micro-batches is the
@@ -55,14 +55,15 @@ def make_train_step(
     returned state keeps the shardings of the state first given.
     """
 
-    def update(state: TrainState, batch: Any, key: jax.Array, given: Any = None):
+    def update(state: TrainState, batch: Any, key: jax.Array, frozen_params: Any = None):
         key = jax.random.fold_in(key, state.step)
-        frozen = frozen_mask(state.params, freeze)
+        mask = frozen_mask(state.params, freeze)
 
         def loss_of(params: Params, batch: Any, key: jax.Array):
             stop = jax.lax.stop_gradient
-            fixed = jax.tree.map(lambda p, kept: stop(p) if kept else p, params, frozen)
-            return loss_fn(fixed, batch, key, *(() if given is None else (given,)))
+            fixed = jax.tree.map(lambda p, kept: stop(p) if kept else p, params, mask)
+            last = () if frozen_params is None else (frozen_params,)
+            return loss_fn(fixed, batch, key, *last)
 
         gradient = jax.value_and_grad(loss_of, has_aux=True)
         if accumulate > 1:
@@ -77,7 +78,7 @@ def make_train_step(
         decay = jnp.minimum(ema_decay, (1.0 + step) / (10.0 + step))
         ema = optax.incremental_update(params, state.ema, 1.0 - decay)
         params, ema = (
-            jax.tree.map(lambda kept, new, old: old if kept else new, frozen, new, old)
+            jax.tree.map(lambda kept, new, old: old if kept else new, mask, new, old)
             for new, old in ((params, state.params), (ema, state.ema))
         )
         new = TrainState(step, params, opt_state, ema)
@@ -86,7 +87,7 @@ def make_train_step(
         metrics = {**metrics, "loss": loss, "grad_norm": grad_norm, "finite": finite}
         return new, metrics | clip_threshold(opt_state)
 
-    return Programs(update, given)
+    return Programs(update, frozen_params)
 
 
 def _average(

@@ -95,8 +95,8 @@ class StructureBatch(NamedTuple):
       occupancy: of the grid's voxels, for what is decoded.
       image: [B, H, W, 3], or N views [B, N, H, W, 3].
       layout: that the flow is shown, where it sees layouts.
-      seen: what an image encoder makes of ``image`` (``training.flow_losses.of_pictures``), with
-        the layout.
+      seen: what an image encoder makes of ``image``, with the layout
+        (``training.flow_losses.with_image_condition``).
     """
 
     structure: Annotated[Array, "B s s s C", "float"]

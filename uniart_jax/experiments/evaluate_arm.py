@@ -31,11 +31,11 @@ from uniart_jax.data.geometric_features import geometric_features
 from uniart_jax.data.records import RecordSource, from_object, split_places
 from uniart_jax.evaluation.families import FAMILIES as ALL_FAMILIES
 from uniart_jax.evaluation.families import Posed, family_module, measure_families, posed
-from uniart_jax.evaluation.kept import without_nan
 from uniart_jax.evaluation.metric import Figures, Metric
 from uniart_jax.evaluation.procedural import HeldOut, held_out_for, split_families
 from uniart_jax.evaluation.reconstruction import object_of_record
-from uniart_jax.evaluation.runner import Kept, error_line, run
+from uniart_jax.evaluation.result_store import ResultStore, without_nan
+from uniart_jax.evaluation.runner import error_line, run
 from uniart_jax.experiments.design import Arm, Objects, Station
 from uniart_jax.inference.samplers import join_views
 from uniart_jax.models.checkpoint import Checkpoint
@@ -81,7 +81,7 @@ SEARCHED = 40  # objects looked through for one that has a joint of the wanted t
 
 
 @dataclasses.dataclass(frozen=True)
-class Test:
+class TestObject:
     """A test object as an arm sees it.
 
     Attributes:
@@ -95,7 +95,7 @@ class Test:
     features: dict[str, np.ndarray]
 
 
-def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> None:
+def evaluate_arm(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> None:
     """The figures of ``count`` test objects, each in ``folder/<object>.json`` as soon as it is
     known; those that lie there are kept.
 
@@ -109,7 +109,7 @@ def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> No
     networks = functools.cache(lambda: load_networks(checkpoint, NEEDS[arm.station]))
     tests = list(enumerate(test_names(arm.tests, count)))
 
-    def judge_one(place: tuple[int, str]) -> dict[str, Any]:
+    def evaluate_one(place: tuple[int, str]) -> dict[str, Any]:
         k, name = place
         pipeline = networks()
         gc.collect()  # meshes hold themselves in cycles
@@ -127,8 +127,8 @@ def judge(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int) -> No
         seconds = time.perf_counter() - begin
         return {"figures": without_nan(figures), "failure": failure, "seconds": seconds}
 
-    kept = Kept[tuple[int, str]](lambda place: folder / f"{place[1]}.json")
-    list(run(judge_one, tests, "judging", kept=kept))
+    store = ResultStore[tuple[int, str]](lambda place: folder / f"{place[1]}.json")
+    list(run(evaluate_one, tests, "judging", store=store))
 
 
 def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
@@ -151,7 +151,7 @@ def parameter_count(model: ModelConfig, station: Station) -> int:
     return sum(math.prod(leaf.shape) for leaf in leaves)
 
 
-def measure(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> tuple[Figures, str]:
+def measure(arm: Arm, pipeline: Pipeline, test: TestObject, seed: int) -> tuple[Figures, str]:
     """What the networks make of one object, against the truth; and what failed of it, "" if nothing
     did.
 
@@ -208,10 +208,10 @@ def figure_names(station: Station) -> list[str]:
     ]
 
 
-def structure_overlap(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> Figures:
+def structure_overlap(arm: Arm, pipeline: Pipeline, test: TestObject, seed: int) -> Figures:
     """Of the sampled active voxels with the true ones."""
     grid, (options, _) = test.truth.grid, pipeline.options(**arm.sampling)
-    condition = look(pipeline, test)[0]
+    condition = encode_views(pipeline, test)[0]
     solution = pipeline.solve_structure(condition, jax.random.key(seed), options)
     found = pipeline.active_voxels(solution.x, condition, options)[0]
     one, other = (occupancy(c, grid.resolution) for c in (found, grid.coords))
@@ -220,7 +220,7 @@ def structure_overlap(arm: Arm, pipeline: Pipeline, test: Test, seed: int) -> Fi
 
 
 def make_object(
-    arm: Arm, pipeline: Pipeline, test: Test, seed: int
+    arm: Arm, pipeline: Pipeline, test: TestObject, seed: int
 ) -> tuple[ArticulatedObject, float | None]:
     """The object that an arm's station ends with, and the velocities that it took; None where
     nothing is sampled.
@@ -235,12 +235,12 @@ def make_object(
     if arm.station == "vae":
         latent = pipeline.encode_voxels(grid, **test.features)
         sees = pipeline.config.model.uniart_vae.layout_channels > 0
-        layout = look(pipeline, test)[1] if sees else None
+        layout = encode_views(pipeline, test)[1] if sees else None
         out = pipeline.decode([grid.coords], [latent], [layout])[0]
         if layout is not None:
             return assemble_layout(out, layout), None
         return assemble(out, tolerance=NETWORK_TOLERANCE), None
-    (condition, layout), key = look(pipeline, test), jax.random.key(seed)
+    (condition, layout), key = encode_views(pipeline, test), jax.random.key(seed)
     _, options = pipeline.options(**arm.sampling)
     solution = pipeline.solve_latents([grid.coords], condition, key, options)
     latent = np.asarray(solution.x)[0, : len(grid.coords)]
@@ -251,7 +251,7 @@ def make_object(
     return obj, float(solution.evaluations[0])
 
 
-def look(pipeline: Pipeline, test: Test) -> tuple[Condition, Layout | None]:
+def encode_views(pipeline: Pipeline, test: TestObject) -> tuple[Condition, Layout | None]:
     """The condition that the images of an object make, and the layout of the first, which flows
     that see layouts are given."""
     pixels = [pipeline.prepare(image) for image in test.images]
@@ -300,7 +300,7 @@ def record_names(folder: str, split: str, count: int) -> tuple[str, ...]:
     return tuple(f"{k:04d}" for k in list(first.values())[:count])
 
 
-def test_object(arm: Arm, name: str, model: ModelConfig) -> Test:
+def test_object(arm: Arm, name: str, model: ModelConfig) -> TestObject:
     """The test object of that name, as the model's grid and image size want it.
 
     Raises:
@@ -318,10 +318,11 @@ def test_object(arm: Arm, name: str, model: ModelConfig) -> Test:
             )
         obj, family = object_of_record(record), str(record.meta.get("category", ""))
         truth = HeldOut(family, index, obj, record.grid(), images[0])
-        return Test(truth, images, {c: getattr(record, c).astype(np.float32) for c in columns})
+        features = {c: getattr(record, c).astype(np.float32) for c in columns}
+        return TestObject(truth, images, features)
     truth = held_out_for(model, index, tests.unseen)
     features = features_of(truth, model) if arm.station == "vae" else {}
-    return Test(truth, views_of(truth, arm.views), features)
+    return TestObject(truth, views_of(truth, arm.views), features)
 
 
 def features_of(truth: HeldOut, model: ModelConfig) -> dict[str, np.ndarray]:

@@ -7,8 +7,8 @@ import pytest
 
 from uniart_jax.config import FlowConfig, GridConfig, UniArtVAEConfig
 from uniart_jax.nn.grids import flow_plan
+from uniart_jax.nn.pad_plans import padded_plans, plan_sizes
 from uniart_jax.nn.segments import join_shares, pack_segments, plan_segments
-from uniart_jax.nn.shared_plans import padded_plans, plan_sizes
 from uniart_jax.nn.voxel_plans import serial_ids, voxel_plans, window_ids
 
 GRID = GridConfig(8, 2, 8)

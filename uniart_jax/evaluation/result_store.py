@@ -3,15 +3,19 @@ of other settings."""
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from uniart_jax.runtime.files import write_text
 
+Item = TypeVar("Item")
 
-def claim(out: Path, settings: dict[str, Any], what: str) -> None:
+
+def check_settings(out: Path, settings: dict[str, Any], what: str) -> None:
     """Begin in ``out``, or go on there with the same settings.
 
     Raises:
@@ -19,24 +23,42 @@ def claim(out: Path, settings: dict[str, Any], what: str) -> None:
     """
     out.mkdir(parents=True, exist_ok=True)
     file = out / "settings.json"
-    if file.is_file() and read_kept(file) != settings:
+    if file.is_file() and read_result(file) != settings:
         raise ValueError(f"{out}: it holds results of {what}; choose another --out")
-    keep(file, settings)
+    write_result(file, settings)
 
 
-def keep(file: Path, result: dict[str, Any]) -> dict[str, Any]:
+def write_result(file: Path, result: dict[str, Any]) -> dict[str, Any]:
     """Write a result, complete or not at all; returns it."""
     file.parent.mkdir(parents=True, exist_ok=True)
     write_text(file, json.dumps(result, indent=2, allow_nan=False) + "\n")
     return result
 
 
-def read_kept(file: Path) -> dict[str, Any] | None:
-    """What ``keep`` wrote; None where nothing is, or nothing that can be read."""
+def read_result(file: Path) -> dict[str, Any] | None:
+    """What ``write_result`` wrote; None where nothing is, or nothing that can be read."""
     try:
         return json.loads(file.read_text())
     except (OSError, ValueError):
         return None
+
+
+@dataclasses.dataclass(frozen=True)
+class ResultStore(Generic[Item]):
+    """Where results stay, a JSON file an item.
+
+    Attributes:
+      file: of an item.
+      is_current: whether the result that lies there is one of the item as it is now.
+    """
+
+    file: Callable[[Item], Path]
+    is_current: Callable[[Item, dict[str, Any]], bool] = lambda item, result: True
+
+    def read(self, item: Item) -> dict[str, Any] | None:
+        """The item's result of an earlier run, if there is one that counts."""
+        found = read_result(self.file(item))
+        return found if found is not None and self.is_current(item, found) else None
 
 
 def without_nan(value: Any) -> Any:
