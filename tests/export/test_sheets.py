@@ -74,8 +74,10 @@ def test_a_crumpled_surface_is_no_more_plates_than_allowed():
     faces = np.concatenate(
         [np.stack([cell, cell + 1, cell + 30], 1), np.stack([cell + 1, cell + 31, cell + 30], 1)]
     )
-    found = made(trimesh.Trimesh(vertices, faces))
+    surface = trimesh.Trimesh(vertices, faces)
+    found = made(surface)
     assert 0 < len(found) <= REGIONS
+    assert farthest(surface, found) < 0.08
 
 
 def test_a_surface_without_area_has_no_plates():
@@ -92,3 +94,14 @@ def test_a_large_case_of_sheets_leaves_room_for_its_door():
     assert not overlaps(shapes, OVERLAP * 2)
     inner = [as_solid(s) for s in shapes[0]]
     assert max(s.volume() for s in inner) < 0.05
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_faces_that_exist_twice_are_walls_all_the_same(turned):
+    """Each was a shell of its own, of which only the 256 largest are kept."""
+    case = open_box().subdivide().subdivide()
+    case.merge_vertices()
+    twice = np.concatenate([case.faces, case.faces[:, ::-1] if turned else case.faces])
+    (shapes,) = collision_shapes([trimesh.Trimesh(case.vertices, twice, process=False)])
+    assert len(shapes) == 5
+    assert farthest(case, [as_solid(s) for s in shapes]) < 1e-6
