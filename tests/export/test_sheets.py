@@ -58,6 +58,17 @@ def test_a_hole_in_a_wall_stays_open():
     assert plate.genus() == 1
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_wall_that_shelves_meet_is_one_plate(seed):
+    heights = np.linspace(0, 1, 7)
+    at = np.array([[x, y, z] for z in heights for x in (0, 1) for y in (0, 1)])
+    wall = [[0, 1, 5], [0, 5, 4]] + 4 * np.arange(6)[:, None, None]
+    shelves = [[0, 1, 3], [0, 3, 2]] + 4 * np.arange(1, 6)[:, None, None]
+    faces = np.concatenate([wall.reshape(-1, 3), shelves.reshape(-1, 3)])
+    found = made(trimesh.Trimesh(at, np.random.default_rng(seed).permutation(faces)))
+    assert len(found) == 6
+
+
 def test_a_round_wall_is_few_plates_that_follow_it():
     tube = trimesh.creation.cylinder(0.5, 1.0, sections=128)
     tube = tube.submesh([np.flatnonzero(np.abs(tube.face_normals[:, 2]) < 0.1)], append=True)
