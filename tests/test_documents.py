@@ -139,6 +139,10 @@ def test_output_is_held_against_what_a_document_shows(try_docs):
     assert try_docs.missing("a hinge: 1.55 rad\nloss 2.1  9.1 samples/s\n", said) == []
     for shown in ("a hinge: 1.75 rad", "a knob: 1.50 rad", "a hinge: 1.50 rad, 2", "a hinge: rad"):
         assert try_docs.missing(f"loss 2.0  1 samples/s\n{shown}\n", said) == [shown]
+    assert try_docs.missing("error 0.004, 1e-4\n", "error 0.005, 1e-4\n") == []
+    for said in ("error 0.02, 1e-4", "error 0.004, 1e-2"):
+        assert try_docs.missing("error 0.004, 1e-4\n", said) == ["error 0.004, 1e-4"]
+    assert try_docs.missing("5 parts\n", "# parts\n") == ["5 parts"]
 
 
 def test_a_command_is_run_with_stand_ins_and_its_failure_is_told(try_docs, tmp_path):
@@ -147,6 +151,8 @@ def test_a_command_is_run_with_stand_ins_and_its_failure_is_told(try_docs, tmp_p
     told = try_docs.run(shell, tmp_path, environment)
     assert told.code == 3 and told.said == "out/sample --out out/of-ones-own\n"
     assert told.took > 0 and told.processors >= 0
+    piped = try_docs.Command("d.md", 1, "(echo a; exit 3) | cat", False)
+    assert try_docs.run(piped, tmp_path, environment).code == 3
     python = try_docs.Command("d.md", 1, "ua.nothing = 3\nx.show()\nprint(ua.nothing)", True)
     told = try_docs.run(python, tmp_path, environment)
     assert told.code == 0 and told.said == "3\n"

@@ -5,7 +5,7 @@ the last commit.
 
 Each is printed with its seconds, on the clock and of processors, and those that the document states
 beside it ("# 28 s", on two cores, compiled programs kept from a run before); "slower" marks what
-took more than three times as long by either. "differs" lists lines of the output that the document
+took more than three times as long by both. "differs" lists lines of the output that the document
 shows and that did not come (numbers may be a tenth off). Names to replace (ROOT, photo.png) have
 stand-ins; what cannot run as it stands (hours of training) is listed with the reason. A command
 that fails makes the program end with 1. About twenty minutes on two cores.
@@ -125,16 +125,26 @@ def missing(shown: str, said: str) -> list[str]:
     ]
 
 
-def _parted(line: str) -> tuple[str, list[float]]:
-    """The words of a line, with a mark for each number, and the numbers."""
+def _parted(line: str) -> tuple[str, list[str]]:
+    """The words of a line, with a mark that no line has for each number, and the numbers."""
     line = " ".join(re.sub(RATE, "", line).split())
-    return re.sub(NUMBER, "#", line), [float(number) for number in re.findall(NUMBER, line)]
+    return re.sub(NUMBER, "\0", line), re.findall(NUMBER, line)
 
 
-def _alike(one: tuple[str, list[float]], other: tuple[str, list[float]]) -> bool:
-    return one[0] == other[0] and all(
-        abs(a - b) <= 0.1 * max(a, b) + 0.02 for a, b in zip(one[1], other[1], strict=True)
-    )
+def _alike(one: tuple[str, list[str]], other: tuple[str, list[str]]) -> bool:
+    return one[0] == other[0] and all(map(_near, one[1], other[1]))
+
+
+def _near(one: str, other: str) -> bool:
+    """A tenth apart at most, and what rounding to the digits shown may add."""
+    a, b = float(one), float(other)
+    return abs(a - b) <= 0.1 * max(a, b) + min(0.02, 1.001 * _last_digit(one))
+
+
+def _last_digit(number: str) -> float:
+    """What one more in the last digit is worth."""
+    digits, _, power = number.partition("e")
+    return 10.0 ** (int(power or 0) - len(digits.partition(".")[2]))
 
 
 class Run(NamedTuple):
@@ -151,7 +161,9 @@ def run(command: Command, folder: Path, environment: dict[str, str]) -> Run:
     text = command.text
     for name, value in STAND_INS.items():
         text = re.sub(name, value, text)
-    call = [sys.executable, "-c", code] if command.python else ["bash", "-c", text]
+    call = (
+        [sys.executable, "-c", code] if command.python else ["bash", "-o", "pipefail", "-c", text]
+    )
     begin, used = time.perf_counter(), _processors()
     try:
         done = subprocess.run(

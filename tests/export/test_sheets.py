@@ -58,6 +58,17 @@ def test_a_hole_in_a_wall_stays_open():
     assert plate.genus() == 1
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_wall_that_shelves_meet_is_one_plate(seed):
+    heights = np.linspace(0, 1, 7)
+    at = np.array([[x, y, z] for z in heights for x in (0, 1) for y in (0, 1)])
+    wall = [[0, 1, 5], [0, 5, 4]] + 4 * np.arange(6)[:, None, None]
+    shelves = [[0, 1, 3], [0, 3, 2]] + 4 * np.arange(1, 6)[:, None, None]
+    faces = np.concatenate([wall.reshape(-1, 3), shelves.reshape(-1, 3)])
+    found = made(trimesh.Trimesh(at, np.random.default_rng(seed).permutation(faces)))
+    assert len(found) == 6
+
+
 def test_a_round_wall_is_few_plates_that_follow_it():
     tube = trimesh.creation.cylinder(0.5, 1.0, sections=128)
     tube = tube.submesh([np.flatnonzero(np.abs(tube.face_normals[:, 2]) < 0.1)], append=True)
@@ -74,8 +85,10 @@ def test_a_crumpled_surface_is_no_more_plates_than_allowed():
     faces = np.concatenate(
         [np.stack([cell, cell + 1, cell + 30], 1), np.stack([cell + 1, cell + 31, cell + 30], 1)]
     )
-    found = made(trimesh.Trimesh(vertices, faces))
+    surface = trimesh.Trimesh(vertices, faces)
+    found = made(surface)
     assert 0 < len(found) <= REGIONS
+    assert farthest(surface, found) < 0.08
 
 
 def test_a_surface_without_area_has_no_plates():
@@ -92,3 +105,14 @@ def test_a_large_case_of_sheets_leaves_room_for_its_door():
     assert not overlaps(shapes, OVERLAP * 2)
     inner = [as_solid(s) for s in shapes[0]]
     assert max(s.volume() for s in inner) < 0.05
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_faces_that_exist_twice_are_walls_all_the_same(turned):
+    """Each was a shell of its own, of which only the 256 largest are kept."""
+    case = open_box().subdivide().subdivide()
+    case.merge_vertices()
+    twice = np.concatenate([case.faces, case.faces[:, ::-1] if turned else case.faces])
+    (shapes,) = collision_shapes([trimesh.Trimesh(case.vertices, twice, process=False)])
+    assert len(shapes) == 5
+    assert farthest(case, [as_solid(s) for s in shapes]) < 1e-6

@@ -34,3 +34,35 @@ def test_of_a_surface_with_a_rim_finer_shapes_tell_what_is_full():
     assert volume_error(cup, whole) == 0
     assert volume_error(cup, floor, floor) == 0
     assert volume_error(cup, whole, floor) == pytest.approx(0.9, abs=0.01)
+
+
+def test_what_lies_between_the_plates_of_a_flat_surface_is_too_much():
+    panels = [trimesh.creation.box(bounds=[[x, 0, 0], [x + 0.3, 0.3, 1]]) for x in (0, 2)]
+    flat = trimesh.util.concatenate([p.slice_plane([0, 0, 0.5], [0, 0, 1]) for p in panels])
+    flat = trimesh.Trimesh(flat.vertices * [1, 1, 0], flat.faces[flat.face_normals[:, 2] > 0.5])
+    for turn in (np.eye(4), trimesh.transformations.rotation_matrix(0.7, [1, 2, 3])):
+        mesh = flat.copy().apply_transform(turn)
+
+        def plate(lo, hi, turn=turn) -> Box:
+            center = np.array([(lo + hi) / 2, 0.15, 0])
+            return Box(turn[:3, :3] @ center, np.array([hi - lo, 0.3, 0.002]), turn[:3, :3])
+
+        two, one = [plate(0, 0.3), plate(2, 2.3)], [plate(0, 2.3)]
+        assert volume_error(mesh, two, two) == 0
+        assert volume_error(mesh, one, two) == pytest.approx(1.7 / 2.3, abs=0.01)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_faces_that_exist_twice_close_no_surface(turned):
+    block = trimesh.creation.box(bounds=[[0, 0, 0], [1, 1, 1]])
+    cup = block.faces[block.face_normals[:, 2] < 0.5]
+    twice = np.concatenate([cup, cup[:, ::-1] if turned else cup])
+    assert is_open(trimesh.Trimesh(block.vertices, twice, process=False))
+
+
+def test_blocks_that_share_a_face_are_closed():
+    box = trimesh.creation.box(bounds=[[0, 0, 0], [1, 1, 1]])
+    above = box.copy().apply_transform(np.diag([1.0, 1, -1, 1])).apply_translation([0, 0, 2])
+    both = trimesh.util.concatenate([box, above])
+    both.merge_vertices()
+    assert len(both.vertices) == 12 and not is_open(both)

@@ -152,9 +152,12 @@ def _part_shapes(
 
 
 def _welded(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """(vertices, faces): places made one, faces without area dropped while any is left."""
+    """(vertices, faces): places made one, each face once, faces without area dropped while any is
+    left."""
     welded = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     welded.merge_vertices(merge_tex=True, merge_norm=True)
+    _, first = np.unique(np.sort(welded.faces, axis=1), axis=0, return_index=True)
+    welded.update_faces(np.sort(first))  # twice, a face would be a shell of its own
     a, b, c = welded.faces.T
     proper = (a != b) & (b != c) & (a != c)
     if proper.any():

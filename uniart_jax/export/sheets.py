@@ -52,7 +52,7 @@ def _regions(
 ) -> tuple[list[tuple[np.ndarray, np.ndarray]], bool]:
     """(faces, normal [3]) of connected regions that keep within ``tolerance`` of a plane, grown
     from the largest face that is left, ``REGIONS`` at most; and whether they are all."""
-    pairs = _neighbours(faces)
+    edge, owner = _edges(faces)
     left = np.ones(len(faces), bool)
     found: list[tuple[np.ndarray, np.ndarray]] = []
     while left.any() and len(found) < REGIONS:
@@ -60,8 +60,11 @@ def _regions(
         height = np.abs((vertices - vertices[faces[seed, 0]]) @ normals[seed])
         near = left & (height[faces].max(1) <= tolerance)
         near[seed] = True
-        inside = pairs[near[pairs].all(1)]
-        graph = coo_matrix((np.ones(len(inside)), tuple(inside.T)), shape=(len(faces),) * 2)
+        inside = near[owner]
+        ends, same = owner[inside], np.diff(edge[inside]) == 0
+        graph = coo_matrix(
+            (np.ones(same.sum()), (ends[:-1][same], ends[1:][same])), shape=(len(faces),) * 2
+        )
         label = connected_components(graph, directed=False)[1]
         own = np.flatnonzero(label == label[seed])
         left[own] = False
@@ -69,13 +72,12 @@ def _regions(
     return found, not left.any()
 
 
-def _neighbours(faces: np.ndarray) -> np.ndarray:
-    """[n, 2] faces that share an edge; of three and more at one edge, each with the next."""
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    owner = np.repeat(np.arange(len(faces)), 3)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    same = (edges[order[1:]] == edges[order[:-1]]).all(1)
-    return np.column_stack([owner[order[:-1]], owner[order[1:]]])[same]
+def _edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """([n] which edge, [n] of which face) of all faces' edges, in the edges' order."""
+    ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edge = np.unique(ends, axis=0, return_inverse=True)[1].reshape(-1)
+    order = np.argsort(edge, kind="stable")
+    return edge[order], order // 3
 
 
 def _plate(

@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 from manifold3d import Manifold
 
+from uniart_jax.export.box_cover import own_frame
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.physics import Shape
 from uniart_jax.export.separation import as_solid
@@ -27,29 +28,41 @@ def volume_error(
 
     Args:
       finer: shapes that tell where the solid is, instead of its surface: an open one counts as
-        full up to its rim, so a cupboard without a front would be best kept by one block.
+        full up to its rim, so a cupboard without a front would be best kept by one block. The hull
+        is of both, since the surface may be flat, and the box along its own axes.
     """
-    solids = [half_spaces(as_solid(shape)) for shape in shapes]
-    corners = np.concatenate([mesh.bounds, *(corners_of(as_solid(s)) for s in shapes)])
-    lo, hi = corners.min(0), corners.max(0)
-    points = lo + _halton(POINTS) * (hi - lo)
+    solids = [as_solid(shape) for shape in shapes]
     vertices = np.ascontiguousarray(mesh.vertices, np.float64)
     faces = np.ascontiguousarray(mesh.faces, np.int64)
-    hull = Manifold.hull_points(vertices).volume()
-    if hull <= 0:
+    given = [as_solid(shape) for shape in finer or ()]
+    hull = Manifold.hull_points(np.concatenate([vertices, *(triangles(s)[0] for s in given)]))
+    if hull.volume() <= 0:
         return 0.0
-    if finer is None:
+    # few points would meet a plate that lies askew in its box
+    frame = own_frame(*triangles(hull)) if given else np.eye(3)
+    corners = [triangles(solid)[0] for solid in [*solids, *given]]
+    local = np.concatenate([*corners, *([] if given else [mesh.bounds])]) @ frame
+    lo, hi = local.min(0), local.max(0)
+    points = (lo + _halton(POINTS) * (hi - lo)) @ frame.T
+    if given:
+        full = _within([half_spaces(solid) for solid in given], points)
+    else:
         winding = igl.fast_winding_number(vertices, faces, np.ascontiguousarray(points))
         full = np.abs(np.asarray(winding).ravel()) > 0.5
-    else:
-        full = _within([half_spaces(as_solid(shape)) for shape in finer], points)
-    return float((full != _within(solids, points)).mean() * np.prod(hi - lo) / hull)
+    wrong = full != _within([half_spaces(solid) for solid in solids], points)
+    return float(wrong.mean() * np.prod(hi - lo) / hull.volume())
 
 
 def is_open(mesh: trimesh.Trimesh) -> bool:
-    """Whether a surface has a rim: an edge of an odd number of faces, places made one."""
+    """Whether a surface has a rim, an edge of an odd number of faces, or holds no room; places made
+    one. Repeated faces count once, and two back to back, as between two blocks, for none."""
     places, same = np.unique(np.asarray(mesh.vertices), axis=0, return_inverse=True)
     faces = same.reshape(-1)[np.asarray(mesh.faces)]
+    turned = 2 * (faces < np.roll(faces, -1, axis=1)).sum(1) - 3  # 1 or -1
+    faces, group = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
+    faces = faces[np.bincount(group.reshape(-1), turned) != 0]
+    if not len(faces):
+        return True
     ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     ends = ends[ends[:, 0] != ends[:, 1]]
     _, counts = np.unique(ends[:, 0] * len(places) + ends[:, 1], return_counts=True)

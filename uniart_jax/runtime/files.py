@@ -10,7 +10,17 @@ import socket
 from collections.abc import Iterator
 from pathlib import Path
 
-_HOST = re.sub(r"[^A-Za-z0-9]", "_", socket.gethostname())
+
+def _place() -> str:
+    """Where the numbers of processes are counted: containers may share their host's name."""
+    try:
+        numbers = os.readlink("/proc/self/ns/pid")
+    except OSError:
+        numbers = ""
+    return re.sub(r"[^A-Za-z0-9]+", "_", socket.gethostname() + numbers)
+
+
+_HOST = _place()
 
 
 def temporary_path(path: Path) -> Path:
@@ -37,8 +47,8 @@ def write_text(path: Path, text: str) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove what processes of this machine that are gone left half-written; what others are
-    writing stays."""
+    """Remove what processes of this machine, or container, that are gone left half-written; what
+    others are writing stays."""
     for path in folder.glob(f".*.{_HOST}-*.tmp"):
         number = path.name.removesuffix(".tmp").rpartition("-")[2]
         if number.isdecimal() and not _alive(int(number)):
