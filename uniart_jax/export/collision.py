@@ -57,7 +57,7 @@ ROUGH_FACES = 2500  # of an object, above which it is
 # of the part's longest side: how far a shape may stand out of it, for small parts
 PART_DEPTH = 0.06
 OVERLAP = 0.004  # of the object's longest side, that shapes of two parts may stand in one another
-SHELL_LEAST = 8  # pieces a hollow shell of the budget
+SHELL_LEAST = 8  # pieces a hollow shell of the budget, where there are not too many shells
 SHELL_BUDGET = 256  # shells a part; the smallest are left out
 FACE_BUDGET = (
     200,
@@ -140,8 +140,9 @@ def _part_shapes(
         else:
             hollow.append((solid, surface))
     total = sum(solid.num_tri() for solid, _ in hollow)  # a convex button needs no share
+    least = max(1, min(SHELL_LEAST, budget // max(len(hollow), 1)))
     for solid, surface in hollow:
-        cut = split_convex(solid, surface, max(SHELL_LEAST, budget * solid.num_tri() // total))
+        cut = split_convex(solid, surface, max(least, budget * solid.num_tri() // total))
         pieces += [piece for piece in cut if width(piece) > SLIVER * thin]
     if len(pieces) > 1:
         pieces = merge_convex(pieces, _surface(solids, tolerance))

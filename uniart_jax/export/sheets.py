@@ -12,19 +12,19 @@ from manifold3d import CrossSection, FillRule, Manifold
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-REGIONS = 160  # at most; of more, the distance to the planes is doubled until there are not
+REGIONS = 96  # at most; of more, the distance to the planes is doubled until there are not
 
 
 def plates(
     vertices: np.ndarray, faces: np.ndarray, tolerance: float, thickness: float
 ) -> list[Manifold]:
-    """Solids that together hold an open surface.
+    """Solids that stand for an open surface, no place of which is farther off than the tolerance.
 
     Args:
       vertices, faces: [v, 3], [f, 3]; any surface, places made one.
       tolerance: how far faces of a plate may lie from its middle plane; more where the surface
-        would need more than ``REGIONS`` plates. Of more than as many shells the smallest are left
-        out.
+        would need more than ``REGIONS`` plates. Of more shells than that, those whose largest face
+        is the smallest are left out.
       thickness: of a plate.
     """
     corners = vertices[faces]
