@@ -13,6 +13,7 @@ from uniart_jax.export.budget import PART_MOST, shape_count, within_budget
 from uniart_jax.export.collision import OVERLAP
 from uniart_jax.export.physics import Body, Box
 from uniart_jax.export.separation import overlaps
+from uniart_jax.export.volume_error import volume_error
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -143,3 +144,5 @@ def test_what_is_joined_does_not_stand_in_a_neighbour():
     light = within_budget(obj, [body(*corner), body(block)], meshes, 2)
     assert [len(b.shapes) for b in light] == [1, 1]
     assert not overlaps([b.shapes for b in light], OVERLAP)
+    for mesh, own in zip(meshes, light, strict=True):  # of the shapes as they are cut
+        assert own.volume_error == pytest.approx(volume_error(mesh, own.shapes))

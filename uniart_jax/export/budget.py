@@ -83,7 +83,12 @@ def within_budget(
         shapes, error = _simplest(part, _metric(mesh, obj.scale), size)
         out.append(dataclasses.replace(body, shapes=shapes, volume_error=error))
     apart = separated([body.shapes for body in out], OVERLAP * size, lambda s: rebuilt(s, size))
-    return tuple(dataclasses.replace(b, shapes=s) for b, s in zip(out, apart, strict=True))
+    for k, shapes in enumerate(apart):
+        if any(a is not b for a, b in itertools.zip_longest(shapes, out[k].shapes)):
+            mesh = _metric(meshes[k], obj.scale)
+            error = volume_error(mesh, shapes, parts[k].given if is_open(mesh) else None)
+            out[k] = dataclasses.replace(out[k], shapes=shapes, volume_error=error)
+    return tuple(out)
 
 
 def check_budget(budget: int) -> None:

@@ -53,7 +53,7 @@ class Detail:
 
 MADE = Detail(0.005, 384, (32, 256), (1 / 3, 1 / 9))
 ROUGH = Detail(0.015, 64, (8, 48), ())  # finer takes twice as long and passes no more checks
-ROUGH_FACES = 2500  # of an object, above which it is
+ROUGH_FACES = 2500  # an object of more has rough shapes
 # of the part's longest side: how far a shape may stand out of it, for small parts
 PART_DEPTH = 0.06
 OVERLAP = 0.004  # of the object's longest side, that shapes of two parts may stand in one another

@@ -35,10 +35,11 @@ def plates(
     if not len(faces):
         return []
     longest = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max())
-    regions, whole = _regions(vertices, faces, normals, areas, tolerance)
+    edges = _edges(faces)
+    regions, whole = _regions(vertices, faces, normals, areas, edges, tolerance)
     while not whole and tolerance < longest:
         tolerance *= 2
-        regions, whole = _regions(vertices, faces, normals, areas, tolerance)
+        regions, whole = _regions(vertices, faces, normals, areas, edges, tolerance)
     found = (_plate(vertices, faces[own], normal, thickness) for own, normal in regions)
     return [plate for plate in found if not plate.is_empty()]
 
@@ -48,11 +49,12 @@ def _regions(
     faces: np.ndarray,
     normals: np.ndarray,
     areas: np.ndarray,
+    edges: tuple[np.ndarray, np.ndarray],
     tolerance: float,
 ) -> tuple[list[tuple[np.ndarray, np.ndarray]], bool]:
     """(faces, normal [3]) of connected regions that keep within ``tolerance`` of a plane, grown
     from the largest face that is left, ``REGIONS`` at most; and whether they are all."""
-    edge, owner = _edges(faces)
+    edge, owner = edges
     left = np.ones(len(faces), bool)
     found: list[tuple[np.ndarray, np.ndarray]] = []
     while left.any() and len(found) < REGIONS:
