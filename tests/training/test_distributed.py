@@ -168,7 +168,8 @@ signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
 from uniart_jax.training import distributed
 distributed.start("localhost:{free_port()}", 1, 0)
 print("joined", flush=True)
-time.sleep({LIMIT})
+while True:  # a signal just before a long sleep would be seen after it
+    time.sleep(0.1)
 """
     with started(["-c", code]) as (running,):
         assert running.stdout.readline().strip() == "joined"
