@@ -76,6 +76,32 @@ def test_rembg_cuts_a_photograph_out(rembg):
     assert (cut[..., :3] == picture[..., :3]).all() and rembg == ["session of u2net"]
 
 
+def test_rembg_itself_reads_its_model_and_cuts_out(tmp_path, monkeypatch):
+    """The library and its runtime as they are (extra ``photo``, and onnx), on a network of one
+    layer in the place of u2net: what is red and not green stands out."""
+    pytest.importorskip("rembg")
+    onnx = pytest.importorskip("onnx")
+    floats, helper = onnx.TensorProto.FLOAT, onnx.helper
+    weight = helper.make_tensor("w", floats, (1, 3, 1, 1), [1.0, -1.0, 0.0])
+    side = (1, 3, 320, 320)
+    graph = helper.make_graph(
+        [helper.make_node("Conv", ["seen", "w"], ["found"])],
+        "u2net",
+        [helper.make_tensor_value_info("seen", floats, side)],
+        [helper.make_tensor_value_info("found", floats, (1, 1, *side[2:]))],
+        [weight],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 13)], ir_version=8)
+    onnx.save(model, tmp_path / f"{background.REMBG_MODEL}.onnx")
+    monkeypatch.setenv("U2NET_HOME", str(tmp_path))
+    monkeypatch.setenv("MODEL_CHECKSUM_DISABLED", "1")
+    background._rembg_session.cache_clear()
+    picture, box = photograph()
+    cut, way = cut_out(picture, "rembg")
+    assert way == "rembg" and ((cut[..., 3] > 127) == box).mean() > 0.97
+    background._rembg_session.cache_clear()
+
+
 def test_rembg_where_it_is_asked_for(rembg):
     cut, way = cut_out(see_through(), "rembg")
     assert way == "rembg" and len(rembg) == 1
