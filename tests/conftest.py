@@ -15,16 +15,16 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from uniart_jax.runtime.compilation_cache import QUICK_XLA, TRIED_JAXLIB
+
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 # Most of the suite's time is compiling. Processes that tests start inherit this; ``make test-full``
 # sets it to 0.
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
-QUICK = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
-TRIED = "0.10.2"  # jaxlib
 LARGE = 0.8e9  # bytes: a worker above gives back what it can
-# XLA ends a process that gives it an option that it does not know: only where they were tried
-if os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] == "1" and metadata.version("jaxlib") == TRIED:
-    os.environ["XLA_FLAGS"] = f"{QUICK} {os.environ.get('XLA_FLAGS', '')}"
+QUICK = os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] == "1"
+if QUICK and metadata.version("jaxlib") == TRIED_JAXLIB:
+    os.environ["XLA_FLAGS"] = f"{QUICK_XLA} {os.environ.get('XLA_FLAGS', '')}"
 
 gc.disable()  # until all is imported: a quarter of collecting's time
 settings.register_profile(

@@ -487,12 +487,14 @@ class Config:
 
     ``init``: a checkpoint that training goes on from (``--init`` overrides it). ``untrained``:
     parameters of a checkpoint that are still as they were drawn, by dotted name or prefix (what a
-    conversion could not fill).
+    conversion could not fill). ``quick_compile``: ``train.py`` compiles programs in less than half
+    the time, which then run slower, to see whether the road holds.
     """
 
     name: str = "paper"
     init: str = ""
     untrained: tuple[str, ...] = ()
+    quick_compile: bool = False
     model: ModelConfig = ModelConfig()
     data: DataConfig = DataConfig()
     loss: LossConfig = LossConfig()
