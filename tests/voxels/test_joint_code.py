@@ -263,10 +263,11 @@ def test_tolerance_reads_predicted_codes_as_pure_motions_and_keeps_caps():
     rng = np.random.default_rng(0)
     center = np.zeros(3)
     drawer = Joint([0, 0, 0], [1, 0, 0], travel=(-0.3, 0))
+    deep = Joint([0, 0, 0], [1, 0, 0], travel=(-0.7, 0))  # far, so no little turn is meant
     door = Joint([0, 0.5, 0], [0, 0, 1], angle=(0, 1.6))
     knob = Joint([0, 0, 0], [1, 0, 0], angle=(-np.pi, np.pi))
     cap = Joint([0, 0, 0], [0, 0, 1], angle=(0, 4 * np.pi), travel=(0, 0.1))
-    for joint in (drawer, door, knob, cap):
+    for joint in (drawer, deep, door, knob, cap):
         shared = encode_joint(joint, center) + 0.04 * rng.choice([-1, 1], 9)
         codes = shared + 0.002 * rng.normal(size=(40, 9))
         assert decode_part(codes, center, 0.1).type == joint.type

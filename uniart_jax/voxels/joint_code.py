@@ -205,7 +205,8 @@ def decode_part(codes: np.ndarray, part_center: np.ndarray, tolerance: float = 0
     middle = np.median(aligned, axis=0)
     spread = np.median(np.abs(aligned - middle), axis=0)
     middle, reach = canonical(middle), SPREADS * np.maximum(spread, 1e-9)
-    turns_once = middle[8] - middle[7] <= FULL_TURN + tolerance
+    turn = (middle[8] - middle[7]) * np.cos(middle[0] * np.pi / 2)
+    turns_once = turn <= FULL_TURN + tolerance
     near = max(reach[0], tolerance if turns_once else 0.0)
     if abs(middle[0] - np.round(middle[0])) <= near:
         middle[0] = np.round(middle[0])
