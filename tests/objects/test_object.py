@@ -73,11 +73,14 @@ def test_parents_come_first_and_names_are_kept():
 
 def test_broken_objects_are_refused():
     part = Part("a", box([0, 0, 0], [1, 1, 1]))
+    corners = [[0, 0, 0], [1, 0, np.nan], [0, 1, 0]]
+    broken = trimesh.Trimesh(corners, [[0, 1, 2]], process=False)
     for parts, words in (
         ((), "no parts"),
         ((part, part), "two parts are named 'a'"),
         ((part, dataclasses.replace(part, name="b")), "one root"),
         ((Part("a", trimesh.Trimesh()),), "no faces"),
+        ((Part("a", broken),), "not finite"),
     ):
         with pytest.raises(ValueError, match=words):
             ArticulatedObject(parts)

@@ -140,6 +140,11 @@ class ArticulatedObject:
         for part in parts:
             if len(part.mesh.faces) == 0:
                 raise ValueError(f"object: part '{part.name}' has no faces")
+            if not np.isfinite(part.mesh.bounds).all():  # of vertices that faces use
+                raise ValueError(
+                    f"object: part '{part.name}' has vertices that are not finite numbers; remove "
+                    "their faces"
+                )
         names = [p.name for p in parts]
         if len(set(names)) != len(names):
             repeated = next(n for n in names if names.count(n) > 1)
