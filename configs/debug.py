@@ -1,7 +1,7 @@
 """Every stage, to see that the road holds; the result is noise.
 
 Command: python train.py --config configs/debug.py
-Hardware and time: two CPU cores, two minutes, most of it compiling; a second run takes about one.
+Hardware and time: two CPU cores, two minutes, most of it compiling; once compiled, one.
 """
 
 from uniart_jax.config import (

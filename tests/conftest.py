@@ -17,6 +17,7 @@ from hypothesis import HealthCheck, settings
 
 from uniart_jax.runtime.compilation_cache import QUICK_XLA, TRIED_JAXLIB
 
+assert "jax" not in sys.modules  # it would not see the settings below
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 # Most of the suite's time is compiling. Processes that tests start inherit this; ``make test-full``
 # sets it to 0.

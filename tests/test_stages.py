@@ -70,7 +70,9 @@ def toy(folder: Path) -> Config:
             ),
             uniart_vae=smaller(model.uniart_vae, num_blocks=1),
             structure_flow=smaller(model.structure_flow, volume_resolution=4, layout_channels=4),
-            latent_flow=smaller(model.latent_flow, volume_resolution=4, layout_channels=4),
+            latent_flow=smaller(
+                model.latent_flow, patch_size=4, volume_resolution=4, layout_channels=4
+            ),
         ),
         data=smaller(
             debug.data,

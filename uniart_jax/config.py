@@ -487,8 +487,8 @@ class Config:
 
     ``init``: a checkpoint that training goes on from (``--init`` overrides it). ``untrained``:
     parameters of a checkpoint that are still as they were drawn, by dotted name or prefix (what a
-    conversion could not fill). ``quick_compile``: ``train.py`` compiles programs in less than half
-    the time, which then run slower, to see whether the road holds.
+    conversion could not fill). ``quick_compile``: ``train.py`` compiles programs in less time,
+    which then run slower, to see whether the road holds.
     """
 
     name: str = "paper"

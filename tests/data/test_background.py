@@ -79,8 +79,10 @@ def test_rembg_cuts_a_photograph_out(rembg):
 def test_rembg_itself_reads_its_model_and_cuts_out(tmp_path, monkeypatch):
     """The library and its runtime as they are (extra ``photo``, and onnx), on a network of one
     layer in the place of u2net: what is red and not green stands out."""
-    pytest.importorskip("rembg")
-    onnx = pytest.importorskip("onnx")
+    how = "pip install 'uniart_jax[photo]' onnx"
+    for module in ("onnxruntime", "rembg"):
+        pytest.importorskip(module, reason=how)
+    onnx = pytest.importorskip("onnx", reason=how)
     floats, helper = onnx.TensorProto.FLOAT, onnx.helper
     weight = helper.make_tensor("w", floats, (1, 3, 1, 1), [1.0, -1.0, 0.0])
     side = (1, 3, 320, 320)
@@ -97,9 +99,11 @@ def test_rembg_itself_reads_its_model_and_cuts_out(tmp_path, monkeypatch):
     monkeypatch.setenv("MODEL_CHECKSUM_DISABLED", "1")
     background._rembg_session.cache_clear()
     picture, box = photograph()
-    cut, way = cut_out(picture, "rembg")
+    try:
+        cut, way = cut_out(picture, "rembg")
+    finally:
+        background._rembg_session.cache_clear()
     assert way == "rembg" and ((cut[..., 3] > 127) == box).mean() > 0.97
-    background._rembg_session.cache_clear()
 
 
 def test_rembg_where_it_is_asked_for(rembg):

@@ -84,6 +84,8 @@ def test_broken_objects_are_refused():
     ):
         with pytest.raises(ValueError, match=words):
             ArticulatedObject(parts)
+    unused = trimesh.Trimesh([*part.mesh.vertices, [np.nan] * 3], part.mesh.faces, process=False)
+    ArticulatedObject((Part("a", unused),))  # no face has that vertex
 
 
 def test_a_knob_follows_its_door():

@@ -3,19 +3,23 @@
 import os
 import subprocess
 import sys
+from importlib import metadata
 
 import jax
 import pytest
 
+from uniart_jax.cli.train import train
 from uniart_jax.config import load_config
 from uniart_jax.runtime import compilation_cache
-from uniart_jax.runtime.compilation_cache import QUICK_XLA, quick_compile
+from uniart_jax.runtime.compilation_cache import QUICK_XLA, TRIED_JAXLIB, quick_compile
+from uniart_jax.stages import Trainer
 
 
 @pytest.fixture
 def settings(monkeypatch):
     """JAX's setting and XLA's options, put back at the end."""
     before = jax.config.read("jax_disable_most_optimizations")
+    jax.config.update("jax_disable_most_optimizations", False)
     monkeypatch.setenv("XLA_FLAGS", "--one=1")
     yield monkeypatch
     jax.config.update("jax_disable_most_optimizations", before)
@@ -38,7 +42,8 @@ def test_xla_takes_the_options_and_computes_the_same():
     code = """
 from uniart_jax.runtime.compilation_cache import quick_compile
 quick_compile()
-import jax.numpy as jnp
+import os, jax, jax.numpy as jnp
+print(jax.config.read("jax_disable_most_optimizations"), os.environ.get("XLA_FLAGS", ""))
 print(float(jnp.tanh(jnp.arange(6.0)).reshape(2, 3).sum()))
 """
     env = {k: v for k, v in os.environ.items() if k not in ("XLA_FLAGS",)}
@@ -47,9 +52,22 @@ print(float(jnp.tanh(jnp.arange(6.0)).reshape(2, 3).sum()))
         [sys.executable, "-c", code], env=env, capture_output=True, text=True, timeout=300
     )
     assert found.returncode == 0, found.stderr
-    assert float(found.stdout) == pytest.approx(4.7196, abs=1e-3)
+    settings, value = found.stdout.splitlines()
+    tried = metadata.version("jaxlib") == TRIED_JAXLIB
+    assert settings.strip() == f"True {QUICK_XLA if tried else ''}".strip()
+    assert float(value) == pytest.approx(4.719915, abs=1e-5)
 
 
 def test_only_the_config_that_runs_for_a_moment_compiles_quickly():
     quick = {name: load_config(name).quick_compile for name in ("debug", "nano", "small", "paper")}
     assert quick == {"debug": True, "nano": False, "small": False, "paper": False}
+
+
+@pytest.mark.parametrize("asked", ["quick-compile", "no-quick-compile"])
+def test_train_asks_for_it_where_the_config_does(monkeypatch, asked):
+    called = []
+    monkeypatch.setattr(compilation_cache, "quick_compile", lambda: called.append("quick"))
+    monkeypatch.setattr(compilation_cache, "enable_compilation_cache", lambda: None)
+    monkeypatch.setattr(Trainer, "fit", lambda self, stages: called.append("fit"))
+    train(["--config", "debug", f"--{asked}"])
+    assert called == (["fit"] if asked.startswith("no") else ["quick", "fit"])

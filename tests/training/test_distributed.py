@@ -168,7 +168,7 @@ signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
 from uniart_jax.training import distributed
 distributed.start("localhost:{free_port()}", 1, 0)
 print("joined", flush=True)
-while True:  # a signal just before a long sleep would be seen after it
+for _ in range({10 * LIMIT}):  # a signal just before a long sleep would be seen after it
     time.sleep(0.1)
 """
     with started(["-c", code]) as (running,):

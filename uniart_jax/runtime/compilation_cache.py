@@ -23,8 +23,11 @@ def enable_compilation_cache() -> None:
 
 
 def quick_compile() -> None:
-    """From now on compile in less than half the time what runs slower: where programs run a few
-    times only. It has to come before JAX touches a device."""
+    """Compile in less time what then runs slower: where programs run a few times only.
+
+    It holds for the rest of the process and, as XLA's options are in the environment, for its
+    children. Once JAX has touched a device, XLA's options are no longer read.
+    """
     import jax
 
     jax.config.update("jax_disable_most_optimizations", True)

@@ -184,7 +184,7 @@ def decode_part(codes: np.ndarray, part_center: np.ndarray, tolerance: float = 0
     Noisy codes are drawn to the pure motions, because 1 degree of rotation over a drawer's travel
     is a tau of only .003: within 3 spreads (median absolute deviations over the part) tau snaps to
     0 or +-1, and the ends of a pure rotation to -1 and 1. True codes have no spread and decode
-    exactly. The price is paid by screws of tau near 0 (docs/joint_code_noise.md).
+    exactly. The price is paid by screws of tau near 0 or +-1 (docs/joint_code_noise.md).
 
     Args:
       codes: [n, 9], any gauge each; rows that are not finite are left out.
