@@ -122,15 +122,10 @@ def retrieve_parts(target: ArticulatedObject, library: PartLibrary) -> Articulat
 
     Args:
       target: from ``at_rest``: only its boxes, labels, tree and joints are looked at.
-
-    Raises:
-      ValueError: a box that is not finite.
     """
     parts = []
     for part in target.parts:
         box = part.box
-        if not np.isfinite(box).all():
-            raise ValueError(f"retrieval: the box of part '{part.name}' is not finite")
         mesh = library.mesh(library.nearest(box[3:], part.label))
         parts.append(dataclasses.replace(part, mesh=fit_to_box(mesh, box)))
     return dataclasses.replace(target, parts=tuple(parts))
