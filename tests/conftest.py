@@ -9,13 +9,12 @@ import os
 import subprocess
 import sys
 import types
-from importlib import metadata
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-from uniart_jax.runtime.compilation_cache import QUICK_XLA, TRIED_JAXLIB
+from uniart_jax.runtime.compilation_cache import add_quick_xla
 
 assert "jax" not in sys.modules  # it would not see the settings below
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
@@ -23,9 +22,8 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 # sets it to 0.
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
 LARGE = 0.8e9  # bytes: a worker above gives back what it can
-QUICK = os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] == "1"
-if QUICK and metadata.version("jaxlib") == TRIED_JAXLIB:
-    os.environ["XLA_FLAGS"] = f"{QUICK_XLA} {os.environ.get('XLA_FLAGS', '')}"
+if os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] == "1":
+    add_quick_xla()
 
 gc.disable()  # until all is imported: a quarter of collecting's time
 settings.register_profile(

@@ -31,7 +31,11 @@ def quick_compile() -> None:
     import jax
 
     jax.config.update("jax_disable_most_optimizations", True)
-    if metadata.version("jaxlib") == TRIED_JAXLIB:
-        flags = os.environ.get("XLA_FLAGS", "")
-        if QUICK_XLA not in flags:
-            os.environ["XLA_FLAGS"] = f"{QUICK_XLA} {flags}".strip()
+    add_quick_xla()
+
+
+def add_quick_xla() -> None:
+    """Put ``QUICK_XLA`` into the environment, once, where jaxlib is the one it was tried with."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    if metadata.version("jaxlib") == TRIED_JAXLIB and QUICK_XLA not in flags:
+        os.environ["XLA_FLAGS"] = f"{QUICK_XLA} {flags}".strip()
