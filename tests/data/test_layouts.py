@@ -58,14 +58,14 @@ def test_pictures_are_rendered_larger_than_they_are_shown(data, monkeypatch):
 
 
 def test_an_object_that_cannot_be_made_is_left_out_and_named(data, monkeypatch, caplog):
-    whole, draw = layouts.make_block(1, SETTINGS), layouts.shown_object
+    whole, draw = layouts.make_block(1, SETTINGS), layouts.encodable_state
 
-    def faulty(seed, families, rng):
-        if seed == 4:
+    def faulty(closed, rng):
+        if closed.name.endswith("-4"):
             raise ValueError("box: expected lo < hi")
-        return draw(seed, families, rng)
+        return draw(closed, rng)
 
-    monkeypatch.setattr(layouts, "shown_object", faulty)
+    monkeypatch.setattr(layouts, "encodable_state", faulty)
     block = layouts.make_block(1, SETTINGS)
     for name in layouts.COLUMNS:  # the others are what they were
         np.testing.assert_array_equal(block[name], whole[name][[0, 2]])

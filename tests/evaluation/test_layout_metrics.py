@@ -11,6 +11,7 @@ from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.visual.layout_picture import draw_layout
 from uniart_jax.voxels.camera_code import project
+from uniart_jax.voxels.found_legs import Legs
 from uniart_jax.voxels.layout import Layout
 
 
@@ -162,4 +163,9 @@ def test_drawing_projects_as_networks_do(tests):
     layout = dataclasses.replace(Layout.of_object(tests[0].obj), camera=code)
     blank = np.zeros((64, 64, 3), np.uint8)
     without = draw_layout(blank, dataclasses.replace(layout, camera=None))
-    assert np.abs(np.asarray(draw_layout(blank, layout), int) - np.asarray(without, int)).max() > 90
+    drawn = np.asarray(draw_layout(blank, layout), int)
+    assert np.abs(drawn - np.asarray(without, int)).max() > 90
+    square = np.array([[-0.1, -0.1, 0.1, 0.1]])
+    legs = Legs(square, square, np.array([[-0.5, -0.3]]), np.ones(1), np.zeros(1, bool), True)
+    on_legs = np.asarray(draw_layout(blank, dataclasses.replace(layout, legs=legs)), int)
+    assert 30 < (on_legs != drawn).any(-1).sum() < 3000

@@ -46,6 +46,22 @@ def test_weights_come_back(tmp_path, dtype, tolerance):
             np.testing.assert_allclose(ours, theirs, rtol=tolerance, atol=0)
 
 
+def test_kernels_in_8_bits_come_back_to_one_in_a_hundred(tmp_path):
+    large = {"a": {"kernel": RNG.normal(size=(6, 50, 8)).astype(np.float32)}, "b": np.ones(3)}
+    large["a"]["kernel"][..., 2] *= 1e-3  # each channel has a scale of its own
+    large["a"]["kernel"][..., 5] = 0
+    path = write_network(tmp_path, "net", large, int8=["a.kernel"])
+    assert {str(v.dtype) for v in load_file(path).values()} == {"int8", "float16", "float32"}
+    loaded = read_network(path, large)
+    for channel in range(8):
+        ours, theirs = (p["a"]["kernel"][..., channel] for p in (loaded, large))
+        assert np.abs(ours - theirs).max() <= np.abs(theirs).max() / 245
+    again = write_network(tmp_path / "again", "net", loaded, int8=["a.kernel"])
+    assert again.read_bytes() == path.read_bytes()
+    with pytest.raises(ValueError, match=r"not written, no parameter is named c\.kernel"):
+        write_network(tmp_path, "other", large, int8=["a.kernel", "c.kernel"])
+
+
 def test_every_difference_is_listed_in_one_line(tmp_path):
     write_network(tmp_path, "net", {"a": np.ones((2, 3)), "b": np.ones(2), "c": np.ones(1)})
     other = {"a": np.ones((3, 3)), "b": np.ones(2), "d": np.ones(1)}

@@ -8,7 +8,8 @@ from scipy.optimize import linear_sum_assignment
 
 from uniart_jax.config import LayoutConfig, ModelConfig, StageConfig
 from uniart_jax.models.network import build
-from uniart_jax.training.layout_loss import layout_losses, match
+from uniart_jax.training.layout_loss import layout_losses
+from uniart_jax.training.matching import match
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 from uniart_jax.voxels.joint_code import gauge_variants

@@ -1,5 +1,6 @@
 """Layouts as tables and as JSON, and the tree that is read off a network's pointer."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 import trimesh
 
 from uniart_jax import procedural
+from uniart_jax.data.legs import legs_of
 from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -170,6 +172,11 @@ def test_json_round_trip():
     assert again.parents == layout.parents
     assert [j.type for j in again.joints] == [j.type for j in layout.joints]
     assert np.allclose(again.colors, layout.colors, atol=1e-4)
+    assert again.legs is None
+    legs = legs_of(procedural.generate("table", 5))
+    with_legs = Layout.from_json(dataclasses.replace(layout, legs=legs).to_json())
+    assert len(legs) and np.allclose(with_legs.legs.lower, legs.lower, atol=1e-5)
+    assert with_legs.legs.alone == legs.alone
 
 
 @pytest.mark.parametrize(
@@ -185,6 +192,7 @@ def test_json_round_trip():
         (lambda d: d["parts"][1]["joint"].update(angle=[0.5, 1.0]), "part 1: joint"),
         (lambda d: d["parts"][1].update(confidence=2), "part 1: confidence"),
         (lambda d: d["parts"].clear(), "parts"),
+        (lambda d: d.update(legs={"rows": [{}]}), "leg 0: lower must be 4 finite numbers"),
     ],
 )
 def test_bad_tables_are_refused_in_one_line(change, words):

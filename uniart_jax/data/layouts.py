@@ -26,6 +26,7 @@ from uniart_jax import procedural
 from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.cameras import camera_codes
 from uniart_jax.data.images import crop
+from uniart_jax.data.legs import MOST, legs_of
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
@@ -37,10 +38,14 @@ from uniart_jax.voxels.joint_code import encode_object
 
 BLOCK = 256  # objects a file
 STATES = 20  # shown states tried before an object is left out
-VERSION = 4  # of what ``make_block`` draws; 4: pictures with their masks
+VERSION = 5  # of what ``make_block`` draws; 4: pictures with their masks, 5: legs
 # a rendering's side over its crop's, and samples a pixel: sharp with hard shadows, or soft
 RENDERINGS = ((2.0, 1), (1.25, 4))
-COLUMNS = ("images", "masks", "cameras", "boxes", "codes", "parents", "colors", "part_counts")
+LEGS = ("legs", "leg_counts", "legs_alone")
+COLUMNS = (
+    *("images", "masks", "cameras", "boxes", "codes", "parents", "colors", "part_counts"),
+    *LEGS,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -127,7 +132,8 @@ def make_item(
     """
     seed = training_seed(index, settings.start_seed)
     rng = np.random.default_rng([seed, 2])
-    found = shown_object(seed, settings.families, rng)
+    closed = procedural.draw(seed, settings.families)
+    found = encodable_state(closed, rng)
     if found is None or len(found[0].parts) > settings.max_parts:
         return None
     obj, (boxes, codes, parents) = found
@@ -151,7 +157,18 @@ def make_item(
         "parents": np.pad(parents.astype(np.int32), pad[0]),
         "colors": np.pad(part_colors(obj), pad),
         "part_counts": np.int32(len(boxes)),
+        **_leg_columns(closed, obj),
     }
+
+
+def _leg_columns(closed: ArticulatedObject, obj: ArticulatedObject) -> dict[str, Any]:
+    """An object's row of ``LEGS``."""
+    legs = legs_of(closed, obj)
+    if legs is None:
+        rows, count, alone = np.zeros((MOST, 12), np.float32), -1, False
+    else:
+        rows, count, alone = legs.table(MOST), len(legs), legs.alone
+    return {"legs": rows, "leg_counts": np.int32(count), "legs_alone": np.bool_(alone)}
 
 
 def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:

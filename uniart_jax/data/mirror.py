@@ -22,6 +22,8 @@ from uniart_jax.voxels.joint_code import canonical
 _CODE_SIGNS = np.array([-1, 1, -1, 1, -1, 1, -1, -1, -1], np.float32)
 _CODE_ORDER = np.array([0, 1, 2, 3, 4, 5, 6, 8, 7])
 _BOX_SIGNS = np.array([1, -1, 1, 1, 1, 1], np.float32)
+_LEG_ORDER = np.array([0, 3, 2, 1, 4, 7, 6, 5, 8, 9, 10, 11])
+_LEG_SIGNS = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1, 1, 1, 1], np.float32)
 
 
 def mirror_boxes(boxes: np.ndarray) -> np.ndarray:
@@ -33,6 +35,12 @@ def mirror_codes(codes: Any, xp: Any = np) -> Any:
     """Mirrored joint codes [..., 9], canonical; a fixed joint stays exactly 0. ``xp``: array
     namespace of ``codes``."""
     return canonical(codes[..., _CODE_ORDER] * _CODE_SIGNS, xp) + np.float32(0)
+
+
+def mirror_legs(legs: np.ndarray) -> np.ndarray:
+    """Mirrored rows [..., 12] of ``voxels.found_legs.Legs.table``, or their first 10."""
+    width = legs.shape[-1]
+    return legs[..., _LEG_ORDER[:width]] * _LEG_SIGNS[:width]
 
 
 def mirror_dense(grid: np.ndarray, first_axis: int = 0) -> np.ndarray:

@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import load_block, settings_of
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images, mirror_legs
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.voxels.joint_code import align, box_corners
@@ -83,14 +83,15 @@ class LayoutPredictor:
 
         def run(params, images):
             out = network.apply(params, images)
-            return {**out["parts"][-1], "camera": out["camera"], "parents": out["parents"]}
+            legs = last_legs(out["legs"]) if "legs" in out else {}
+            return {**out["parts"][-1], "camera": out["camera"], "parents": out["parents"], **legs}
 
         self._run = jax.jit(run)
 
     def __call__(self, images: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Crops [S, S, 3] uint8 over black -> for each corners [Q, 6] (lower, upper), codes [Q, 9],
         exists [Q] logits, colors [Q, 3] linear RGB, parents [Q, Q] logits child -> parent
-        (diagonal: root), camera [7]."""
+        (diagonal: root), camera [7]; where the network finds legs, those of ``last_legs``."""
         found = self._look(images)
         if not self.mirrored:
             return found
@@ -112,8 +113,10 @@ def mirror_parts(outputs: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Outputs for a picture as outputs for its mirror image."""
     lower, upper = outputs["corners"][:, :3], outputs["corners"][:, 3:]
     boxes = mirror_boxes(np.concatenate([(lower + upper) / 2, upper - lower], -1))
+    legs = {name: mirror_legs(outputs[name]) for name in ("leg_rows",) if name in outputs}
     return {
         **outputs,
+        **legs,
         "corners": box_corners(boxes),
         "codes": mirror_codes(outputs["codes"]),
         "camera": mirror_camera_codes(outputs["camera"]),
@@ -137,12 +140,39 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
     codes = align(other["codes"][j], one["codes"][i])
     mix = lambda a, b: (1 - share) * a + share * b  # noqa: E731
     return {
+        **(joined_legs(one, other) if "leg_rows" in one else {}),
         "corners": mix(one["corners"][i], other["corners"][j]),
         "codes": mix(one["codes"][i], codes),
         "colors": mix(one["colors"][i], other["colors"][j]),
         "exists": (one["exists"][i] + other["exists"][j]) / 2,
         "parents": (one["parents"][np.ix_(i, i)] + other["parents"][np.ix_(j, j)]) / 2,
         "camera": (one["camera"] + other["camera"]) / 2,
+    }
+
+
+def last_legs(legs: dict[str, Any]) -> dict[str, Any]:
+    """Of a ``models.leg_decoder``'s output the last run: leg_rows [B, N, 10], leg_exists,
+    leg_plinth and leg_fill [B, N], leg_alone [B]."""
+    last = {f"leg_{name}": legs[name][-1] for name in ("rows", "exists", "plinth", "fill")}
+    return last | {"leg_alone": legs["alone"]}
+
+
+def joined_legs(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The legs of two outputs as those of one: ``joined``."""
+    rows = one["leg_rows"], other["leg_rows"]
+    sure = [1 / (1 + np.exp(-np.asarray(o["leg_exists"], np.float64))) for o in (one, other)]
+    apart = np.abs(rows[0][:, None] - rows[1]).max(-1)
+    i, j = linear_sum_assignment(apart - SURE * np.minimum(sure[0][:, None], sure[1]))
+    share = sure[1][j] / (sure[0][i] + sure[1][j] + 1e-6)
+    share = np.where(apart[i, j] < APART, share, share > 0.5)
+    means = {
+        name: (one[name][i] + other[name][j]) / 2
+        for name in ("leg_exists", "leg_plinth", "leg_fill")
+    }
+    return {
+        **means,
+        "leg_rows": (1 - share[:, None]) * rows[0][i] + share[:, None] * rows[1][j],
+        "leg_alone": np.asarray((one["leg_alone"] + other["leg_alone"]) / 2),
     }
 
 

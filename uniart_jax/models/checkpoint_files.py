@@ -1,14 +1,16 @@
 """The files of a checkpoint folder: ``config.json``, one ``<network>.safetensors`` a network, and
 ``latent_stats.safetensors`` with mean and standard deviation of each latent.
 
-Averaged weights, flat dotted names, float16 on disk (converted ones as wide as they were) and
-float32 in memory. A file is complete or absent (written beside, then renamed); nothing is
-unpickled. ``models.checkpoint`` says which of them a folder has, and reads them.
+Averaged weights, flat dotted names, float16 on disk (converted ones as wide as they were, large
+kernels as int8 where asked) and float32 in memory. A file is complete or absent (written beside,
+then renamed); nothing is unpickled. ``models.checkpoint`` says which of them a folder has, and
+reads them.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -22,6 +24,7 @@ from uniart_jax.config import Config, to_json
 from uniart_jax.models.network import differences, flat_names
 
 STATISTICS = "latent_stats.safetensors"
+SCALE = "scale_of_int8"  # end of the name of what a kernel in int8 is multiplied with
 
 
 def write_network(
@@ -29,6 +32,7 @@ def write_network(
     name: str,
     params: Any,
     dtype: Literal["float16", "float32", "stored"] = "float16",
+    int8: Sequence[str] = (),
 ) -> Path:
     """Write a network's (averaged) parameters to ``folder/<name>.safetensors``.
 
@@ -38,9 +42,12 @@ def write_network(
     Args:
       dtype: on disk; 'stored' keeps float16 where a parameter has it and writes float32 otherwise
         (converted weights are mixed).
+      int8: names of kernels that are rounded to 8 bits, each with a scale an output channel (its
+        last axis): half the bytes, an error of about 1 % of a weight.
 
     Raises:
-      ValueError: values are not finite, or too large for float16; all such names are listed.
+      ValueError: values are not finite, or too large for float16; all such names are listed. Or
+        there is no kernel of a name in ``int8``.
     """
     tensors = {}
     for key, leaf in flat_names(params).items():
@@ -54,8 +61,12 @@ def write_network(
         with np.errstate(over="ignore"):
             tensors[key] = np.ascontiguousarray(np.asarray(leaf).astype(width))
     path = Path(folder) / f"{name}.safetensors"
+    if unknown := sorted({*int8} - {*tensors}):
+        raise ValueError(f"{path}: not written, no parameter is named {', '.join(unknown)}")
     if bad := _not_finite(tensors):
         raise ValueError(f"{path}: not written, values are not finite as {dtype}: {', '.join(bad)}")
+    for key in int8:
+        tensors |= _to_int8(key, tensors[key])
     if jax.process_index() == 0:
         write_file(path, save(tensors))  # save_file would make it unreadable for others
     return path
@@ -73,7 +84,7 @@ def read_network(path: Path, abstract: Any) -> Any:
       ValueError: truncated, of another config, not finite or not floating-point numbers; every
         difference is listed.
     """
-    tensors = _read(path)
+    tensors = _from_int8(_read(path))
     expected = flat_names(abstract)
     problems = differences(
         {name: list(leaf.shape) for name, leaf in expected.items()},
@@ -90,6 +101,24 @@ def read_network(path: Path, abstract: Any) -> Any:
         )
     leaves = [tensors[n].astype(np.float32) for n in expected]
     return jax.tree.unflatten(jax.tree.structure(abstract), leaves)
+
+
+def _to_int8(name: str, kernel: np.ndarray) -> dict[str, np.ndarray]:
+    """A kernel as int8, and what its output channels are multiplied with, float32."""
+    kernel = kernel.astype(np.float32)
+    scale = np.abs(kernel).max(tuple(range(kernel.ndim - 1))) / 127
+    rounded = np.round(kernel / np.where(scale > 0, scale, 1)).astype(np.int8)
+    return {name: rounded, f"{name}.{SCALE}": scale}
+
+
+def _from_int8(tensors: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A file's tensors, those in int8 with a scale as float32."""
+    found = {name: value for name, value in tensors.items() if not name.endswith(f".{SCALE}")}
+    for name, value in found.items():
+        scale = tensors.get(f"{name}.{SCALE}")
+        if scale is not None and value.dtype == np.int8 and scale.shape == value.shape[-1:]:
+            found[name] = value.astype(np.float32) * scale
+    return found
 
 
 def write_config(folder: str | Path, config: Config) -> Path:

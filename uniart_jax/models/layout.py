@@ -21,30 +21,21 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from flax import nnx
 
 from uniart_jax.config import LayoutConfig, ModelConfig
 from uniart_jax.models.image_encoder import CAMERA_CODE, TYPICAL, StemStage
-from uniart_jax.nn.attention import attend
-from uniart_jax.nn.blocks import MLP, GroupNorm, LayerNorm, linear, zeros
-from uniart_jax.nn.lifting import project, sample_map
+from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sine_embedding
+from uniart_jax.models.leg_decoder import LegDecoder, Seen
+from uniart_jax.nn.blocks import GroupNorm, LayerNorm, linear, zeros
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
 
 STRIDES = (4, 8, 16)
 SKETCH_SIDE = 8  # cells of the coarsest map that the sketch reads, whatever the picture's size
 TOKENS_SIDE = 16  # of the table of the tokens' places, resampled to the picture's tokens
-BANDS = 8  # of the sine embedding of a box
 POINTER = 64  # width of the parent pointer's queries and keys
 GUESS = 64  # width of a query's offset from the sketch
-# a unit box's centre, corners and centres of faces
-BOX_POINTS = np.array(
-    [[0.5, 0.5, 0.5]]
-    + [[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
-    + [[0, 0.5, 0.5], [1, 0.5, 0.5], [0.5, 0, 0.5], [0.5, 1, 0.5], [0.5, 0.5, 0], [0.5, 0.5, 1]],
-    np.float32,
-)
 
 
 class Convolutions(nnx.Module):
@@ -94,48 +85,6 @@ class CellLinear(nnx.Module):
     def __call__(self, x: jax.Array) -> jax.Array:
         kernel = self.kernel[...].reshape(-1, self.bias.shape[0])
         return x.reshape(x.shape[0], -1) @ kernel.astype(x.dtype) + self.bias[...]
-
-
-class PartAttention(nnx.Module):
-    """Multi-head attention whose queries, keys and values are given apart."""
-
-    def __init__(self, width: int, heads: int, rngs: nnx.Rngs, *, kernel, dtype):
-        self.heads, self.kernel = heads, kernel
-        self.to_q, self.to_k, self.to_v, self.to_out = (
-            linear(width, width, rngs, dtype=dtype) for _ in range(4)
-        )
-
-    def __call__(self, q: jax.Array, k: jax.Array, v: jax.Array) -> jax.Array:
-        """q [B, Q, D], k and v [B, L, D] -> [B, Q, D]."""
-        split = lambda x: x.reshape(*x.shape[:2], self.heads, -1)  # noqa: E731
-        h = attend(
-            split(self.to_q(q)), split(self.to_k(k)), split(self.to_v(v)), kernel=self.kernel
-        )
-        return self.to_out(h.reshape(q.shape))
-
-
-class DecoderLayer(nnx.Module):
-    """Attention among parts, to the image's tokens, and what the part's box shows in the map."""
-
-    def __init__(self, config: ModelConfig, rngs: nnx.Rngs, dtype):
-        c = config.layout
-        options: dict[str, Any] = {"kernel": config.kernel, "dtype": dtype}
-        self.self_attn = PartAttention(c.width, c.heads, rngs, **options)
-        self.cross_attn = PartAttention(c.width, c.heads, rngs, **options)
-        self.norm1, self.norm2, self.norm3 = (LayerNorm(c.width) for _ in range(3))
-        points = len(BOX_POINTS)
-        self.read_in = linear(points * (c.map_channels + 3), c.width, rngs, dtype=dtype)
-        self.read_out = linear(c.width, c.width, rngs, dtype=dtype)
-        self.mlp = MLP(c.width, 4, rngs, dtype)
-
-    def __call__(self, x, place, tokens, tokens_place, read):
-        """x, place [B, Q, D]; tokens, tokens_place [B, L, D]; read [B, Q, 15 (C + 3)] -> [B, Q,
-        D]."""
-        y = self.norm1(x)
-        x = x + self.self_attn(y + place, y + place, y)
-        x = x + self.cross_attn(self.norm2(x) + place, tokens + tokens_place, tokens)
-        x = x + self.read_out(jax.nn.gelu(self.read_in(read)))
-        return x + self.mlp(self.norm3(x))
 
 
 class PartHeads(nnx.Module):
@@ -207,6 +156,8 @@ class LayoutNetwork(nnx.Module):
         self.parent_q = linear(width, POINTER, rngs, dtype=dtype)
         self.parent_k = linear(width, POINTER, rngs, dtype=dtype)
         self.parent_root = linear(width, 1, rngs, dtype=dtype)
+        if c.legs:
+            self.legs = LegDecoder(config, rngs, dtype)
 
     def __call__(
         self,
@@ -228,7 +179,7 @@ class LayoutNetwork(nnx.Module):
           corners [B, Q, 6] (lower, upper), codes
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits
           child -> parent, the diagonal the root's, of the last layer; tokens [B, Q, D], one a part;
-          map [B, S/4, S/4, C].
+          map [B, S/4, S/4, C]; where ``LayoutConfig.legs``, legs (``models.leg_decoder``).
         """
         features, sketch = self.look(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
@@ -245,20 +196,24 @@ class LayoutNetwork(nnx.Module):
         runs = list(zip(self.layers, list(self.heads)[1:], strict=True))
         for layer, heads in runs + runs[-1:] * self.config.repeats:
             corners = jax.lax.stop_gradient(parts[-1]["corners"])
-            read = self.read_boxes(features, corners, used)
-            place = self.place_out(jax.nn.gelu(self.place_in(sine_embedding(2 * corners))))
-            x = layer(x, place, tokens, tokens_place, read)
+            read = read_boxes(features, corners, used, gather=camera is None)
+            x = layer(x, self._place(corners), tokens, tokens_place, read)
             parts.append(heads(self.norm(x), corners))
         y = self.norm(x)
         pointer = jnp.einsum("bqd,bkd->bqk", self.parent_q(y), self.parent_k(y)) / POINTER**0.5
         parents = pointer + jnp.eye(count) * self.parent_root(y)
-        return {
+        out = {
             "camera": estimate,
             "parts": parts,
             "parents": parents.astype(jnp.float32),
             "tokens": y,
             "map": features,
         }
+        if self.config.legs:
+            place = self._place(parts[-1]["corners"])
+            seen = Seen(features, tokens, tokens_place, sketch, y, place, used)
+            out["legs"] = self.legs(seen)
+        return out
 
     def look(self, image: jax.Array) -> tuple[jax.Array, jax.Array]:
         """The map [B, S/4, S/4, C] and the sketch [B, D] of images."""
@@ -270,16 +225,9 @@ class LayoutNetwork(nnx.Module):
         down = self.to_map[1](maps[1]) + twice(down)
         return self.to_map[0](maps[0]) + twice(down), h
 
-    def read_boxes(self, features: jax.Array, corners: jax.Array, camera: jax.Array) -> jax.Array:
-        """[B, Q, 15 (C + 3)]: the map where the camera sees each box's points, and that place and
-        depth."""
-        lower, upper = corners[..., None, :3], corners[..., None, 3:]
-        points = lower + (upper - lower) * BOX_POINTS  # [B, Q, 15, 3]
-        see = jax.vmap(lambda code, p: jax.tree.map(lambda x: x[0], project(code[None], p)))
-        places, depth = see(camera, points.reshape(len(points), -1, 3))
-        read = sample_map(features, places)
-        rows = [read, places.astype(read.dtype), depth[..., None].astype(read.dtype)]
-        return jnp.concatenate(rows, -1).reshape(*corners.shape[:2], -1)
+    def _place(self, corners: jax.Array) -> jax.Array:
+        """[B, Q, D] the embedding of boxes' corners [B, Q, 6]."""
+        return self.place_out(jax.nn.gelu(self.place_in(sine_embedding(2 * corners))))
 
     def _places(self, side: int) -> jax.Array:
         """[side^2, D] the embedding of the tokens' places, resampled to so many tokens a side."""
@@ -311,9 +259,3 @@ def twice(x: jax.Array) -> jax.Array:
     items, rows, columns, channels = x.shape
     x = jnp.broadcast_to(x[:, :, None, :, None], (items, rows, 2, columns, 2, channels))
     return x.reshape(items, 2 * rows, 2 * columns, channels)
-
-
-def sine_embedding(x: jax.Array) -> jax.Array:
-    """[..., D] -> [..., 2 BANDS D] sines and cosines of octaves, the slowest of period 4."""
-    angles = x[..., None] * (2.0 ** jnp.arange(BANDS) * (jnp.pi / 2))
-    return jnp.concatenate([jnp.sin(angles), jnp.cos(angles)], -1).reshape(*x.shape[:-1], -1)

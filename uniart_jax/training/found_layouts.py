@@ -6,8 +6,8 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from uniart_jax.training.layout_loss import match
 from uniart_jax.training.losses import to_corners
+from uniart_jax.training.matching import match
 from uniart_jax.voxels.part_table import PartTable
 from uniart_jax.voxels.typed_batches import VoxelBatch
 

@@ -3,7 +3,7 @@ own (DETR, Carion 2020).
 
     cost[q, k] = sum over layers of  5 L1(corners) - p + Huber(code, .05)
     loss       = 2 mean over layers (5 L1(corners) + 5 Huber(code) + BCE(exists) + .3 L1(colour))
-                 + .3 CE(parent) + 2 L1(camera)
+                 + .3 CE(parent) + 2 L1(camera) + legs (``training.leg_loss``)
 
 One matching serves all layers. Part terms are means per object, then over objects; codes are
 compared modulo both gauges.
@@ -15,11 +15,12 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import optax
 
 from uniart_jax.config import Config
 from uniart_jax.models.network import Network
+from uniart_jax.training.leg_loss import leg_losses
 from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss, to_corners
+from uniart_jax.training.matching import match
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
@@ -41,28 +42,9 @@ def match_cost(
     return total
 
 
-def match(cost: jax.Array, counts: jax.Array) -> jax.Array:
-    """[B, K] the query of each true part, a minimum of the summed cost; of parts beyond ``counts``
-    [B] some other query.
-
-    cost: [B, Q, K] with Q >= K.
-    """
-    queries, parts = cost.shape[1:]
-    if queries < parts:
-        raise ValueError(f"layout: {queries} queries cannot hold objects of {parts} parts")
-    valid = jnp.arange(parts) < counts[:, None]
-    cost = jnp.where(valid[:, None], jax.lax.stop_gradient(cost), 0)
-
-    def of_item(cost):
-        rows, columns = optax.assignment.hungarian_algorithm(cost.T)  # K rows, Q columns
-        return jnp.zeros(parts, jnp.int32).at[rows].set(columns.astype(jnp.int32))
-
-    return jax.vmap(of_item)(cost)
-
-
 def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers),
-    "parent", "camera", and "loss"."""
+    "parent", "camera", and "loss"; where the network finds legs, ``leg_losses`` too."""
     corners, codes, counts = to_corners(batch.boxes), batch.codes, batch.part_counts
     items, known = corners.shape[:2]
     valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
@@ -89,6 +71,9 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
     terms["camera"] = jnp.abs(out["camera"] - batch.camera).mean()
     layers = BOX * terms["box"] + CODE * terms["code"] + terms["exists"] + COLOR * terms["color"]
     loss = LAYERS * layers + PARENT * terms["parent"] + CAMERA * terms["camera"]
+    if "legs" in out:
+        terms |= leg_losses(out["legs"], batch)
+        loss = loss + terms["legs"]
     return terms | {"loss": loss}
 
 

@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 
 from uniart_jax.visual.render import PART_COLORS
 from uniart_jax.voxels.camera_code import project
+from uniart_jax.voxels.found_legs import Legs
 from uniart_jax.voxels.layout import Layout
 
 SIDE = 384  # pixels of the drawing
@@ -28,7 +29,8 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
       crop: [S, S, 3] uint8, what the network saw. layout: with its camera.
 
     Each part has a colour: its box, the confidence at its centre, its axis (white) and the path of
-    its centre or, where it turns, of the corner farthest from the axis.
+    its centre or, where it turns, of the corner farthest from the axis. What the object stands on
+    is gray.
     """
     image = Image.fromarray(crop).resize((side, side), Image.Resampling.BICUBIC)
     image = Image.blend(image, Image.new("RGB", image.size, (40, 40, 40)), 0.25)
@@ -37,6 +39,10 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
         return image
     pen = ImageDraw.Draw(image)
     see = lambda p: [tuple(v) for v in (project(camera, p) + 1) * side / 2]  # noqa: E731
+    for corners in [] if layout.legs is None else _leg_corners(layout.legs):
+        spots = see(corners)
+        for a, b in EDGES:
+            pen.line([spots[a], spots[b]], fill=(200, 200, 200), width=1)
     for k, (box, joint) in enumerate(zip(layout.boxes, layout.joints, strict=True)):
         color = tuple(int(255 * c) for c in PART_COLORS[k % len(PART_COLORS)])
         signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
@@ -51,6 +57,16 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
         pen.line(see(line), fill=(255, 255, 255), width=2)
         pen.line(see(_path(joint, box, corners)), fill=color, width=3)
     return image
+
+
+def _leg_corners(legs: Legs) -> np.ndarray:
+    """[N, 8, 3] corners of legs, in the order of ``EDGES``."""
+    ends = np.stack([legs.lower, legs.upper], 1)  # [N, 2, 4]
+    rows = [
+        np.stack([ends[:, c, 2 * a], ends[:, c, 2 * b + 1], legs.heights[:, c]], -1)
+        for a, b, c in itertools.product((0, 1), repeat=3)
+    ]
+    return np.stack(rows, 1)
 
 
 def _path(joint, box: np.ndarray, corners: np.ndarray) -> np.ndarray:

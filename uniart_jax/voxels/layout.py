@@ -8,7 +8,10 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
      "camera": [7] code (``voxels.camera_code``) or null,
      "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
                 "color": [3], "confidence",
-                "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]}}]}
+                "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]}}],
+     "legs": null or {"alone": whether nothing else is as low, "rows": [{"lower": [4] rectangle
+                x0, y0, x1, y1, "upper": [4], "heights": [2] of both, "fill": share of the
+                rectangles that a slice fills, "plinth"}]}}
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
 is not read back.
@@ -28,6 +31,7 @@ from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.camera_code import camera_position
+from uniart_jax.voxels.found_legs import Legs, legs_from_json, legs_to_json, read_legs
 from uniart_jax.voxels.joint_code import (
     KAPPA,
     NETWORK_TOLERANCE,
@@ -57,6 +61,7 @@ class Layout:
       boxes: [K, 6] own boxes, centre and size. joints: K joints; the root's is fixed.
       parents: [K] rows, -1 for the root; in any order. colors: [K, 3] linear RGB in 0..1.
       confidence: [K] in 0..1. camera: [7] code of the camera, or None.
+      legs: what it stands on, where that is known.
     """
 
     boxes: np.ndarray
@@ -65,6 +70,7 @@ class Layout:
     colors: np.ndarray
     confidence: np.ndarray
     camera: np.ndarray | None = None
+    legs: Legs | None = None
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -136,11 +142,13 @@ class Layout:
             )
         camera = None if self.camera is None else _plain(self.camera)
         data = {"schema": SCHEMA, "frame": FRAME, "camera": camera, "parts": rows}
+        data["legs"] = None if self.legs is None else legs_to_json(self.legs)
         return json.dumps(data, indent=2) + "\n"
 
     @staticmethod
     def from_json(text: str) -> Layout:
-        """Read ``to_json``'s text; ``color``, ``confidence`` and ``camera`` may be left out.
+        """Read ``to_json``'s text; ``color``, ``confidence``, ``camera`` and ``legs`` may be left
+        out.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -179,8 +187,14 @@ class Layout:
         camera = data.get("camera")
         camera = None if camera is None else _numbers(data, "camera", 7, "layout")
         return Layout(
-            np.array(boxes), tuple(joints), tuple(parents), np.array(colors), np.array(confidence), camera  # noqa: E501
-        )  # fmt: skip
+            np.array(boxes),
+            tuple(joints),
+            tuple(parents),
+            np.array(colors),
+            np.array(confidence),
+            camera,
+            legs_from_json(data.get("legs")),
+        )
 
 
 def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> Layout:
@@ -220,7 +234,8 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
         for k, joint in enumerate(joints)
     )
     colors = np.clip(np.asarray(outputs["colors"], np.float64)[rows], 0, 1)
-    return Layout(boxes, joints, parents, colors, probability[rows], camera)
+    legs = read_legs(outputs) if "leg_rows" in outputs else None
+    return Layout(boxes, joints, parents, colors, probability[rows], camera, legs)
 
 
 def _closed_first(joint: Joint, box: np.ndarray, parent: np.ndarray) -> Joint:

@@ -28,6 +28,8 @@ class LayoutBatch(NamedTuple):
 
     Attributes:
       colors: linear RGB of each part. part_counts: rows of each item that are parts.
+      legs: what the object stands on (``voxels.found_legs.Legs.table``). leg_counts: rows of each
+        item that are legs; -1 where they are not known. legs_alone: nothing else is as low.
     """
 
     image: Annotated[Array, "B H W 3", "float"]
@@ -37,6 +39,9 @@ class LayoutBatch(NamedTuple):
     parents: Annotated[Array, "B K", "int"]
     colors: Annotated[Array, "B K 3", "float"]
     part_counts: Annotated[Array, "B", "int"]
+    legs: Annotated[Array, "B N 12", "float"] = None
+    leg_counts: Annotated[Array, "B", "int"] = None
+    legs_alone: Annotated[Array, "B", "bool"] = None
 
 
 class MaskBatch(NamedTuple):

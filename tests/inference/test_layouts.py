@@ -1,0 +1,73 @@
+"""Two looks at one picture, as it is and mirrored, become one answer."""
+
+import numpy as np
+
+from uniart_jax.inference.layouts import joined, last_legs, mirror_parts
+
+RNG = np.random.default_rng(0)
+
+
+def outputs(queries=5, legs=4):
+    lower = RNG.uniform(-0.5, 0, (queries, 3))
+    feet = RNG.uniform(-0.4, 0.3, (legs, 2))
+    rectangle = np.concatenate([feet, feet + 0.1], 1)
+    return {
+        "corners": np.concatenate([lower, lower + RNG.uniform(0.1, 0.5, (queries, 3))], 1),
+        "codes": np.zeros((queries, 9)),
+        "exists": RNG.normal(size=queries),
+        "colors": RNG.random((queries, 3)),
+        "parents": RNG.normal(size=(queries, queries)),
+        "camera": RNG.normal(size=7),
+        "leg_rows": np.concatenate([rectangle, rectangle, np.tile([-0.5, -0.3], (legs, 1))], 1),
+        "leg_exists": RNG.normal(size=legs),
+        "leg_plinth": RNG.normal(size=legs),
+        "leg_fill": RNG.random(legs),
+        "leg_alone": np.float64(0.7),
+    }
+
+
+def turned(out, parts, legs):
+    """The same answer with its rows in another order."""
+    rows = {name: value[legs] for name, value in out.items() if name.startswith("leg_r")}
+    for name in ("leg_exists", "leg_plinth", "leg_fill"):
+        rows[name] = out[name][legs]
+    for name in ("corners", "codes", "exists", "colors"):
+        rows[name] = out[name][parts]
+    return {**out, **rows, "parents": out["parents"][np.ix_(parts, parts)]}
+
+
+def test_equal_answers_stay_whatever_their_order_is():
+    one = outputs()
+    both = joined(one, turned(one, [3, 1, 4, 0, 2], [2, 0, 3, 1]))
+    assert both.keys() == one.keys()
+    for name, value in one.items():
+        np.testing.assert_allclose(both[name], value, atol=1e-6, err_msg=name)
+
+
+def test_legs_near_each_other_are_averaged_and_of_others_the_surer_stands():
+    one = outputs()
+    one["leg_exists"] = np.array([2.0, 2.0, 2.0, 2.0])
+    other = {name: np.copy(value) for name, value in one.items()}
+    other["leg_rows"][0] += 0.02
+    other["leg_rows"][3] = one["leg_rows"][3] + np.array([1, 0, 1, 0, 1, 0, 1, 0, 0, 0])
+    other["leg_exists"][3] = 4.0
+    both = joined(one, other)
+    np.testing.assert_allclose(both["leg_rows"][0], one["leg_rows"][0] + 0.01, atol=1e-6)
+    np.testing.assert_allclose(both["leg_rows"][3], other["leg_rows"][3], atol=1e-6)
+    np.testing.assert_allclose(both["leg_exists"], [2, 2, 2, 3])
+
+
+def test_mirrored_twice_is_as_before():
+    one = outputs()
+    mirrored = mirror_parts(one)
+    np.testing.assert_allclose(mirrored["leg_rows"][:, [1, 3]], -one["leg_rows"][:, [3, 1]])
+    again = mirror_parts(mirrored)
+    for name in ("corners", "leg_rows", "camera"):
+        np.testing.assert_allclose(again[name], one[name], atol=1e-12)
+
+
+def test_without_legs_there_are_none():
+    bare = {name: value for name, value in outputs().items() if not name.startswith("leg_")}
+    assert not any(name.startswith("leg_") for name in joined(bare, mirror_parts(bare)))
+    runs = {name: [np.zeros(1), np.ones(1)] for name in ("rows", "exists", "plinth", "fill")}
+    assert last_legs({**runs, "alone": np.full(1, 3.0)})["leg_rows"] == 1

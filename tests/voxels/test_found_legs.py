@@ -1,0 +1,174 @@
+"""A field stands on the legs that a layout has; they go through JSON and come from a network."""
+
+import json
+
+import numpy as np
+import pytest
+from fields import (
+    AT,
+    N,
+    assert_same,
+    block,
+    copy_of,
+    field_of,
+    place_of,
+    solid_of,
+    surface_has_sources,
+)
+from scipy import ndimage
+
+from uniart_jax.data.mirror import mirror_legs
+from uniart_jax.voxels.found_legs import (
+    Legs,
+    legs_from_json,
+    legs_to_json,
+    read_legs,
+    with_legs,
+)
+
+LOW, HIGH = 6.3, 44.3
+TOP = block((8.3, 8.3, HIGH), (58.3, 58.3, 48.3))
+NONE = np.full(AT.shape[1:], 3.0)
+
+
+def legs_at(corners, width=6.0, *, fill=1.0, plinth=False, alone=True, lean=0.0):
+    """Legs that stand from ``LOW`` to ``HIGH``, their lower ends ``lean`` cells further along x."""
+    lower, upper = [], []
+    for x, y in corners:
+        upper.append([*place_of((x, y)), *place_of((x + width, y + width))])
+        lower.append(np.array(upper[-1]) + np.array([lean, 0, lean, 0]) / N)
+    count = len(corners)
+    heights = np.tile(place_of((LOW, HIGH)), (count, 1))
+    flags = np.full(count, plinth)
+    return Legs(np.array(lower), np.array(upper), heights, np.full(count, fill), flags, alone)
+
+
+CORNERS = [(x, y) for x in (10.3, 50.3) for y in (10.3, 50.3)]
+FOUR = legs_at(CORNERS)
+
+
+def drawn(corners=CORNERS, width=6.0):
+    blocks = [block((x, y, LOW), (x + width, y + width, HIGH + 1)) for x, y in corners]
+    return np.min([TOP, *blocks], 0)
+
+
+def below(solid):
+    return solid & (AT[2] < HIGH - 3)
+
+
+def test_torn_legs_become_those_that_were_found():
+    holes = ndimage.binary_dilation(
+        np.random.default_rng(0).random(AT.shape[1:]) < 0.01, np.ones((3, 3, 3))
+    )
+    rough, ideal = field_of(np.where(holes & (AT[2] < HIGH), 2.0, drawn())), field_of(drawn())
+    before = copy_of(rough)
+    after = with_legs(rough, [0], FOUR)
+    assert_same(rough, before)
+    np.testing.assert_array_equal(below(solid_of(after, 0)), below(solid_of(ideal, 0)))
+    upwards = AT[2] > HIGH
+    np.testing.assert_array_equal(after.sdf[upwards], rough.sdf[upwards])
+    assert surface_has_sources(after)
+    # the surface lies where it does, to a fraction of a cell
+    near = below(np.abs(ideal.sdf) < 1)
+    np.testing.assert_allclose(after.sdf[near], ideal.sdf[near], atol=0.35)
+
+
+def test_legs_that_no_voxel_shows_are_made_and_crumbs_go():
+    crumb = block((30.3, 30.3, 10.3), (33.3, 33.3, 13.3))
+    field = field_of(np.minimum(TOP, crumb))
+    alone = with_legs(field, [0], FOUR)
+    assert not (solid_of(alone, 0) & (crumb < 0)).any()
+    beside = with_legs(field, [0], legs_at(CORNERS, alone=False))
+    assert (solid_of(beside, 0) >= (crumb < 0)).all()
+    for after in (alone, beside):
+        labels, pieces = ndimage.label(solid_of(after, 0) & (crumb >= 0))
+        assert pieces == 1 and below(labels > 0).sum() > 4 * 25 * 30
+
+
+def test_other_parts_stay_as_they_are():
+    bin_between = block((25.3, 25.3, 8.3), (40.3, 40.3, 30.3))
+    through = block((9.3, 9.3, 20.3), (18.3, 18.3, 24.3))
+    field = field_of(drawn(), np.minimum(bin_between, through))
+    after = with_legs(field, [0], FOUR)
+    np.testing.assert_array_equal(solid_of(after, 1), solid_of(field, 1))
+
+
+def test_round_and_leaning_legs_and_a_plinth():
+    disc = with_legs(field_of(TOP), [0], legs_at(CORNERS, fill=0.78))
+    square = with_legs(field_of(TOP), [0], FOUR)
+    share = below(solid_of(disc, 0)).sum() / below(solid_of(square, 0)).sum()
+    assert 0.7 < share < 0.95
+    leaning = with_legs(field_of(TOP), [0], legs_at(CORNERS, lean=8.0))
+    middle = [AT[0][:, :, z][solid_of(leaning, 0)[:, :, z]].mean() for z in (8, 25, 42)]
+    assert middle[0] - middle[2] == pytest.approx(8 * 34 / 38, abs=0.5)
+    assert middle[1] == pytest.approx((middle[0] + middle[2]) / 2, abs=0.5)
+    whole = with_legs(field_of(TOP), [0], legs_at([(12.3, 12.3)], 40.0, plinth=True))
+    assert solid_of(whole, 0)[14:51, 14:51, 10].all()
+
+
+def test_their_upper_end_is_where_the_body_begins():
+    lower_body = field_of(np.minimum(drawn(), block((8.3, 8.3, 40.3), (58.3, 58.3, 48.3))))
+    after = with_legs(lower_body, [0], FOUR)
+    np.testing.assert_array_equal(solid_of(after, 0)[:, :, 41:], solid_of(lower_body, 0)[:, :, 41:])
+
+
+def test_json_brings_them_back_and_names_what_is_wrong():
+    text = json.dumps(legs_to_json(legs_at(CORNERS[:2], fill=0.78, lean=2.0)))
+    back = legs_from_json(json.loads(text))
+    ours = legs_at(CORNERS[:2], fill=0.78, lean=2.0)
+    for name in ("lower", "upper", "heights", "fill", "plinth"):
+        np.testing.assert_allclose(getattr(back, name), getattr(ours, name), atol=1e-6)
+    assert back.alone is True and back.round.all()
+    assert legs_from_json(None) is None and legs_from_json({"rows": []}) is None
+    for change, said in (
+        ({"lower": [0, 0, 1]}, "leg 1: lower must be 4 finite numbers"),
+        ({"lower": [0, 0, -1, 1]}, "leg 1: lower .* must rise"),
+        ({"heights": [0.5, 0.2]}, "leg 1: heights .* must rise"),
+        ({"fill": "much"}, "leg 1: fill must be 1 finite numbers"),
+        ({"plinth": 1}, "leg 1: plinth 1 is neither"),
+    ):
+        data = json.loads(text)
+        data["rows"][1] |= change
+        with pytest.raises(ValueError, match=said):
+            legs_from_json(data)
+    for data, said in (([], "null or have a list"), ({"rows": [], "alone": 2}, "alone 2")):
+        with pytest.raises(ValueError, match=said):
+            legs_from_json(data)
+
+
+def outputs(count=4):
+    rows = np.concatenate([FOUR.lower, FOUR.upper, FOUR.heights], 1)
+    zeros = np.zeros(count)
+    return {
+        "leg_rows": rows[:count],
+        "leg_exists": zeros + 3,
+        "leg_plinth": zeros - 3,
+        "leg_fill": zeros + 1,
+        "leg_alone": np.float32(2.0),
+    }
+
+
+def test_what_a_network_says():
+    found = read_legs(outputs())
+    assert len(found) == 4 and found.alone and not found.round.any()
+    assert read_legs({**outputs(), "leg_exists": np.full(4, -2.0)}) is None
+    # a frame or profile is no prism: it is left as it is drawn, and so is what is beside it
+    frame = read_legs({**outputs(), "leg_fill": np.array([1, 1, 1, 0.3])})
+    assert len(frame) == 3 and not frame.alone
+    # of several plinths the surest alone
+    surest = {"leg_plinth": np.full(4, 2.0), "leg_exists": np.array([1, 4, 2, 3.0])}
+    plinth = read_legs(outputs() | surest)
+    assert len(plinth) == 1 and plinth.plinth.all()
+    np.testing.assert_allclose(plinth.lower, FOUR.lower[1:2])
+    thin = read_legs({**outputs(), "leg_rows": np.zeros((4, 10))})
+    assert (thin.lower[:, 2:] > thin.lower[:, :2]).all()
+
+
+def test_mirrored_rows_are_those_of_the_mirrored_object():
+    table = legs_at([(10.3, 12.3)], lean=3.0).table(2)
+    mirrored = mirror_legs(table)
+    np.testing.assert_allclose(mirrored[0, [0, 2, 8, 9, 10]], table[0, [0, 2, 8, 9, 10]])
+    np.testing.assert_allclose(mirrored[0, [1, 3]], -table[0, [3, 1]])
+    assert (mirrored[0, 1] < mirrored[0, 3]) and not mirrored[1].any()
+    np.testing.assert_array_equal(mirror_legs(mirrored), table)
+    np.testing.assert_array_equal(mirror_legs(table[:, :10]), mirrored[:, :10])
