@@ -20,8 +20,9 @@ from uniart_jax.cli import load_config
 from uniart_jax.config import StageConfig
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images, mirror_legs
 from uniart_jax.evaluation.procedural import held_out_for
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build
 from uniart_jax.training.state import frozen_mask, make_optimizer
@@ -197,6 +198,8 @@ def test_the_pools_mirror_is_that_of_records(pool_tools, pool_rows):
         same = (lambda x: x, lambda x: x) if not mirrored else (mirror_boxes, mirror_codes)
         np.testing.assert_allclose(out.layout.boxes[b], same[0](rows["boxes"][b]), atol=1e-6)
         np.testing.assert_allclose(out.layout.codes[b], same[1](rows["codes"][b]), atol=1e-6)
+        legs = mirror_legs(rows["legs"][b]) if mirrored else rows["legs"][b]
+        np.testing.assert_allclose(out.layout.legs[b], legs, atol=1e-6)
         np.testing.assert_array_equal(out.occupancy[b], cells[:, ::-1] if mirrored else cells)
         image, photo = (rows[k][b] / np.float32(255) for k in ("images", "photos"))
         if mirrored:
@@ -375,3 +378,27 @@ def test_what_modules_cost_is_told_the_dearest_first(monkeypatch):
     _, first, second, total = suite_seconds.table({"a.py": cheap, "b.py": dear}).splitlines()
     assert first.split() == ["1", "12.5", "40", "2", "700", "b.py"]
     assert second.split() == ["3", "0.2", "0", "0", "0", "a.py"] and total.startswith("13 CPU")
+
+
+def test_networks_are_shipped_whole_and_within_the_limit(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "tools")
+    tool = importlib.import_module("ship_weights")
+    config = load_config(ROOT / "configs/debug.py")
+    abstract = build("structure_vae", config.model).abstract()
+    source, shipped = Checkpoint(tmp_path / "source"), tmp_path / "shipped"
+    for folder, value in ((source.folder, 1.0), (shipped, 3.0)):
+        write_config(folder, config)
+        filled = jax.tree.map(lambda a, value=value: np.full(a.shape, value, np.float32), abstract)
+        write_network(folder, "structure_vae", filled)
+    name = next(iter(load_file(shipped / "structure_vae.safetensors")))
+    before = (shipped / "structure_vae.safetensors").read_bytes()
+    monkeypatch.setattr(tool, "MOST", 100)
+    with pytest.raises(ValueError, match="bytes in all; at most 100 are shipped"):
+        tool.ship(source, ["structure_vae"], shipped)
+    assert (shipped / "structure_vae.safetensors").read_bytes() == before
+    monkeypatch.setattr(tool, "MOST", 10**9)
+    size = tool.ship(source, ["structure_vae"], shipped)
+    assert size == sum(path.stat().st_size for path in shipped.iterdir())
+    assert (load_file(shipped / "structure_vae.safetensors")[name] == 1).all()
+    with pytest.raises(FileNotFoundError):
+        tool.ship(source, ["latent_flow"], shipped)

@@ -104,8 +104,8 @@ class LayoutConfig:
     'convolutions' from scratch. ``queries``: at most so many parts; objects that are trained on
     have no more. ``heads``: of attention. ``image_size``: pixels a side of the crops it sees, a
     multiple of 32; its weights fit every size. ``repeats``: how often the last layer is run once
-    more, with the same weights. ``legs``: at most so many of what the object stands on; 0: none
-    are found.
+    more, with the same weights. ``legs``: queries for what the object stands on, 8 or more; 0:
+    that is not found.
     """
 
     queries: int = 0

@@ -9,7 +9,7 @@ import pytest
 
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layout_batches, layouts
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_legs
 from uniart_jax.voxels.joint_code import gauge_variants
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
@@ -66,6 +66,9 @@ def test_mirrored_items_belong_together(data):
     turned = layout_batches._item(table, 1, 0.0, True)
     np.testing.assert_array_equal(turned.image, plain.image[:, ::-1])
     np.testing.assert_array_equal(turned.boxes, mirror_boxes(plain.boxes))
+    assert plain.leg_counts > 0
+    np.testing.assert_array_equal(turned.legs, mirror_legs(plain.legs))
+    assert (turned.legs != plain.legs).any()
     back = mirror_codes(turned.codes)
     assert np.abs(gauge_variants(back) - plain.codes[:, None]).max(-1).min(-1).max() < 1e-5
 

@@ -9,6 +9,8 @@ from uniart_jax import procedural
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layouts
 from uniart_jax.data.layout_batches import layout_batches
+from uniart_jax.data.legs import legs_of
+from uniart_jax.voxels.found_legs import MOST_LEGS
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
 MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))
@@ -41,6 +43,25 @@ def test_a_block_is_a_function_of_its_number(data):
     assert not np.array_equal(first["images"], other["images"])
     assert first["images"].shape == (3, 2, 32, 32, 3) and first["images"].max() > 60
     assert ((first["colors"] >= 0) & (first["colors"] <= 1)).all()
+
+
+def test_legs_are_those_of_the_shown_state(data, monkeypatch):
+    found = []
+
+    def noted(closed, shown):
+        found.append((closed, shown, legs_of(closed, shown)))
+        return found[-1][-1] if len(found) < 3 else None
+
+    monkeypatch.setattr(layouts, "legs_of", noted)
+    block = layouts.make_block(0, SETTINGS)
+    assert block["leg_counts"].tolist() == [len(found[0][2]), len(found[1][2]), -1]
+    for item, (closed, shown, legs) in enumerate(found[:2]):
+        np.testing.assert_array_equal(block["legs"][item], legs.table(MOST_LEGS))
+        assert block["legs_alone"][item] == legs.alone
+        boxes = np.asarray(shown.boxes)
+        np.testing.assert_allclose(block["boxes"][item][: len(boxes)], boxes, atol=1e-6)
+        assert closed.name == shown.name
+    assert not block["legs"][2].any() and not block["legs_alone"][2]
 
 
 def test_pictures_are_rendered_larger_than_they_are_shown(data, monkeypatch):

@@ -6,9 +6,10 @@ import trimesh
 
 from uniart_jax import procedural
 from uniart_jax.data.layouts import encodable_state
-from uniart_jax.data.legs import MOST, legs_of
+from uniart_jax.data.legs import legs_of
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.voxels.found_legs import MOST_LEGS
 
 FLOOR, BOARD = -0.3, 0.2
 
@@ -61,11 +62,32 @@ def test_round_legs_that_lean_and_side_boards():
 
 def test_what_is_beside_legs_is_told():
     shelf = box((-0.36, -0.36, -0.2), (0.36, 0.36, -0.19))
-    low = box((-0.15, -0.15, FLOOR), (0.15, 0.15, 0.1))  # as high as half of them
+    low = box((-0.15, -0.15, FLOOR), (0.15, 0.15, 0.0))  # as high as half of them
     with_block = legs_of(table(low, *(leg(x, y) for x, y in CORNERS)))
-    assert len(with_block) == 5 or not with_block.alone
+    assert len(with_block) == 4 and not with_block.alone
     few = legs_of(table(shelf, *(leg(x, y) for x, y in CORNERS)))
-    assert not len(few) or few.heights[0, 1] < -0.18  # they end where it is
+    np.testing.assert_allclose(few.heights, [[FLOOR, -0.2]] * 4, atol=0.011)  # they end where it is
+
+
+def test_rails_between_legs_do_not_hide_them():
+    rails = [box((-0.38, y, -0.1), (0.38, y + 0.03, -0.05)) for y in (-0.36, 0.33)]
+    found = legs_of(table(*rails, *(leg(x, y) for x, y in CORNERS)))
+    expected = sorted([x, y, x + 0.08, y + 0.08] for x, y in CORNERS)
+    np.testing.assert_allclose(sorted(found.lower.tolist()), expected, atol=1e-6)
+    np.testing.assert_allclose(found.heights, [[FLOOR, BOARD]] * 4, atol=0.011)
+    assert not found.alone
+
+
+def test_legs_of_two_lengths():
+    """A pedestal on feet beside a board that reaches up to the top."""
+    pedestal = box((-0.38, -0.38, -0.26), (0.0, 0.38, BOARD))
+    feet = [leg(x, y, 0.05, -0.25) for x in (-0.38, -0.05) for y in (-0.38, 0.33)]
+    long = leg(0.3, 0.0, 0.06)
+    found = legs_of(table(pedestal, long, *feet))
+    order = np.argsort(found.heights[:, 1])
+    np.testing.assert_allclose(
+        found.heights[order, 1], [-0.26] * 4 + [found.heights.max()], atol=0.011
+    )
 
 
 def test_a_moving_part_ends_them():
@@ -89,10 +111,12 @@ def test_a_plinth_and_what_has_nothing():
 
 def test_too_many_legs_and_open_meshes_are_not_known():
     many = [leg(x, y, 0.03) for x in np.linspace(-0.4, 0.3, 3) for y in np.linspace(-0.4, 0.3, 4)]
-    assert len(many) > MOST and legs_of(table(*many)) is None
-    whole = leg(0, 0)
-    whole.update_faces(np.arange(len(whole.faces)) > 0)
-    assert legs_of(table(whole, board=False)) is None
+    assert len(many) > MOST_LEGS and legs_of(table(*many)) is None
+    whole = table(*(leg(x, y) for x, y in CORNERS))
+    assert len(legs_of(whole)) == 4
+    open_mesh = whole.parts[0].mesh.copy()
+    open_mesh.update_faces(np.arange(len(open_mesh.faces)) > 0)
+    assert legs_of(table(open_mesh, board=False)) is None
 
 
 @pytest.mark.parametrize("family", ["table", "refrigerator"])
@@ -107,8 +131,10 @@ def test_legs_of_a_shown_state_lie_where_its_body_does(family):
             apart = getattr(there, name)[:, :2] - bounds[0][0, :2]
             expected = bounds[1][0, :2] + apart * scale[:2]
             np.testing.assert_allclose(getattr(here, name)[:, :2], expected, atol=1e-5)
+        expected = bounds[1][0, 2] + (there.heights - bounds[0][0, 2]) * scale[2]
+        np.testing.assert_allclose(here.heights, expected, atol=1e-5)
         if len(here):
             np.testing.assert_allclose(here.heights[:, 0], bounds[1][0, 2], atol=1e-6)
-            assert (here.table(MOST)[: len(here), :8] != 0).any() and not here.table(MOST)[
-                len(here) :
-            ].any()
+            assert (here.table(MOST_LEGS)[: len(here), :8] != 0).any() and not here.table(
+                MOST_LEGS
+            )[len(here) :].any()

@@ -75,6 +75,9 @@ def test_networks_without_added_layers_and_layouts_nobody_asks_for_stay(tmp_path
     asked = dataclasses.replace(config, model=model)
     assert source.copyable(asked, []) == [n for n in model.networks() if n != "latent_flow"]
     assert source.copyable(config, []) == list(NETWORKS)
+    with_legs = dataclasses.replace(model, layout=LayoutConfig(queries=4, legs=8))
+    assert source.missing_layers("layout", with_legs) == ["legs"]
+    assert "layout" not in source.copyable(dataclasses.replace(config, model=with_legs), [])
 
 
 def test_copies_bring_statistics_and_what_is_untrained(tmp_path):

@@ -46,7 +46,7 @@ def test_weights_come_back(tmp_path, dtype, tolerance):
             np.testing.assert_allclose(ours, theirs, rtol=tolerance, atol=0)
 
 
-def test_kernels_in_8_bits_come_back_to_one_in_a_hundred(tmp_path):
+def test_kernels_in_8_bits_come_back_to_a_fraction_of_the_largest(tmp_path):
     large = {"a": {"kernel": RNG.normal(size=(6, 50, 8)).astype(np.float32)}, "b": np.ones(3)}
     large["a"]["kernel"][..., 2] *= 1e-3  # each channel has a scale of its own
     large["a"]["kernel"][..., 5] = 0

@@ -9,11 +9,13 @@ import trimesh
 from solids import box_of, box_sdf, grid_of
 
 from uniart_jax import procedural
+from uniart_jax.data.legs import legs_of
 from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.simulation.pieces import at_rest, spread
 from uniart_jax.simulation.plausibility import _distances, _inside, plausibility
 from uniart_jax.voxels.follow import assemble_layout, row_of_subcells
+from uniart_jax.voxels.grid import subcell_centers
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.voxelize import voxelize
 
@@ -47,6 +49,30 @@ def test_noise_in_what_voxels_say_of_their_parts_is_borne(oven):
     assert scores.right.all() and scores.tree_right
     # the layout's joints, whatever the voxels say
     assert sorted(j.type for j in made.joints) == sorted(j.type for j in obj.joints)
+
+
+def test_the_body_stands_on_the_layouts_legs():
+    obj = procedural.generate("table", 3)
+    legs = legs_of(obj)
+    assert len(legs) == 2 and legs.alone
+    grid = voxelize(obj, 24, 4).gather()
+    height = subcell_centers(grid.coords, 24, 4)[..., 2]
+    torn = dataclasses.replace(
+        grid, sdf=np.where(height < legs.heights[0, 1] - 0.05, np.float32(0.5), grid.sdf)
+    )
+    speck = np.concatenate([obj.boxes[0][:3], [0.01, 0.014, 0.01]])  # is left out, legs are not
+    layout = dataclasses.replace(with_row(Layout.of_object(obj), speck), legs=legs)
+    made = assemble_layout(torn, layout).parts[0].mesh
+    assert made.is_watertight
+    for share in (0.1, 0.5, 0.9):
+        middle = [0, 0, legs.heights[0] @ [1 - share, share]]
+        found, true = (
+            sum(p.area for p in mesh.section([0, 0, 1], middle).to_2D()[0].polygons_full)
+            for mesh in (made, obj.parts[0].mesh)
+        )
+        assert found == pytest.approx(true, rel=0.15)
+    without = assemble_layout(torn, dataclasses.replace(layout, legs=None)).parts[0].mesh
+    assert without.bounds[0, 2] > legs.heights[0, 0] + 0.1
 
 
 def test_rows_that_no_voxel_shows_or_a_mere_speck_are_left_out_and_said(oven):

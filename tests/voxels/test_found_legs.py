@@ -1,5 +1,6 @@
 """A field stands on the legs that a layout has; they go through JSON and come from a network."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -112,6 +113,65 @@ def test_their_upper_end_is_where_the_body_begins():
     np.testing.assert_array_equal(solid_of(after, 0)[:, :, 41:], solid_of(lower_body, 0)[:, :, 41:])
 
 
+def test_a_rail_between_legs_stays_where_legs_are_not_alone():
+    rail = block((12.3, 12.3, 20.3), (54.3, 14.3, 23.3))
+    rubble = block((17.3, 17.3, 30.3), (19.3, 19.3, 33.3))  # beside a leg
+    field = field_of(np.min([drawn(), rail, rubble], 0))
+    after = with_legs(field, [0], legs_at(CORNERS, alone=False))
+    assert (solid_of(after, 0) >= (rail < 0)).all()
+    assert not (solid_of(after, 0) & (rubble < 0)).any()
+    gone = with_legs(field, [0], FOUR)
+    assert not (solid_of(gone, 0) & (rail < 0) & (AT[0] > 18) & (AT[0] < 48)).any()
+
+
+def test_each_leg_has_its_own_heights_and_nothing_is_below_the_floor():
+    heights = np.tile(place_of((LOW, HIGH)), (4, 1))
+    heights[0] = place_of((25.3, HIGH))
+    below_floor = block((30.3, 30.3, 2.3), (33.3, 33.3, 5.3))
+    field = field_of(np.minimum(TOP, below_floor))
+    after = solid_of(with_legs(field, [0], dataclasses.replace(FOUR, heights=heights)), 0)
+    assert not after[12:16, 12:16, :25].any() and after[12:16, 12:16, 26:44].all()
+    assert after[52:56, 52:56, 7:44].all() and not after[:, :, :7].any()
+    slightly = heights.copy()
+    slightly[0] = place_of((LOW + 1, HIGH - 1))  # as a network's: level all the same
+    level = with_legs(field, [0], dataclasses.replace(FOUR, heights=slightly))
+    assert_same(level, with_legs(field, [0], FOUR))
+
+
+def test_legs_go_on_to_what_covers_them():
+    """Under a drawer the legs' upper ends are told; the board is above."""
+    short = dataclasses.replace(FOUR, heights=np.tile(place_of((LOW, 35.3)), (4, 1)))
+    after = solid_of(with_legs(field_of(TOP), [0], short), 0)
+    assert after[12:16, 12:16, 7:48].all()
+    far = dataclasses.replace(FOUR, heights=np.tile(place_of((LOW, 20.3)), (4, 1)))
+    assert not solid_of(with_legs(field_of(TOP), [0], far), 0)[12:16, 12:16, 25:40].any()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_legs_beyond_the_grid_stay_in_it(axis):
+    """Normalised objects are as long as the grid; a leg at their end may be told beyond it."""
+    body = block((0.6, 0.6, 30.3), (64.4, 64.4, 48.3))
+    corners = [(x, y) for x in (-2.0, 61.0) for y in (-2.0, 61.0)]
+    legs = legs_at(corners)
+    if axis == 2:
+        legs = dataclasses.replace(legs, heights=np.tile([-0.6, 0.6], (4, 1)))
+    after = with_legs(field_of(body), [0], legs)
+    for side in (0, -1):
+        assert (np.moveaxis(after.sdf, axis, 0)[side] > 0).all()
+    pieces = ndimage.label(solid_of(after, 0))[1]
+    assert pieces == 1 and below(solid_of(after, 0)).sum() > 1000
+
+
+def test_a_leg_beside_the_body_is_moved_below_it():
+    beside = legs_at([(3.0, 10.3), *CORNERS[1:]])
+    after = with_legs(field_of(TOP), [0], beside)
+    assert ndimage.label(solid_of(after, 0))[1] == 1
+    x = AT[0][:, :, 20][
+        solid_of(after, 0)[:, :, 20] & (AT[1][:, :, 20] < 30) & (AT[0][:, :, 20] < 30)
+    ]
+    assert x.min() == 9 and x.max() == 14
+
+
 def test_json_brings_them_back_and_names_what_is_wrong():
     text = json.dumps(legs_to_json(legs_at(CORNERS[:2], fill=0.78, lean=2.0)))
     back = legs_from_json(json.loads(text))
@@ -121,17 +181,25 @@ def test_json_brings_them_back_and_names_what_is_wrong():
     assert back.alone is True and back.round.all()
     assert legs_from_json(None) is None and legs_from_json({"rows": []}) is None
     for change, said in (
-        ({"lower": [0, 0, 1]}, "leg 1: lower must be 4 finite numbers"),
+        ({"lower": [0, 0, 1]}, "leg 1: lower must be 4 numbers"),
         ({"lower": [0, 0, -1, 1]}, "leg 1: lower .* must rise"),
         ({"heights": [0.5, 0.2]}, "leg 1: heights .* must rise"),
-        ({"fill": "much"}, "leg 1: fill must be 1 finite numbers"),
+        ({"fill": "much"}, "leg 1: fill must be a number in -1..1"),
+        ({"fill": 0.3}, "leg 1: fill must be in 0.65..1, got 0.3"),
+        ({"upper": [0, 0, 10**400, 1]}, "leg 1: upper must be 4 numbers in -1..1"),
+        ({"heights": [-0.5, float("nan")]}, "leg 1: heights must be 2 numbers"),
         ({"plinth": 1}, "leg 1: plinth 1 is neither"),
     ):
         data = json.loads(text)
         data["rows"][1] |= change
         with pytest.raises(ValueError, match=said):
             legs_from_json(data)
-    for data, said in (([], "null or have a list"), ({"rows": [], "alone": 2}, "alone 2")):
+    many = {"rows": [{}] * 400}
+    for data, said in (
+        ([], "null or have a list"),
+        ({"rows": [], "alone": 2}, "alone 2"),
+        (many, "legs: 400 rows; give at most 64"),
+    ):
         with pytest.raises(ValueError, match=said):
             legs_from_json(data)
 
@@ -155,7 +223,12 @@ def test_what_a_network_says():
     # a frame or profile is no prism: it is left as it is drawn, and so is what is beside it
     frame = read_legs({**outputs(), "leg_fill": np.array([1, 1, 1, 0.3])})
     assert len(frame) == 3 and not frame.alone
-    # of several plinths the surest alone
+    # of several plinths the surest alone; one that is less sure than legs is none
+    legs = read_legs(
+        outputs()
+        | {"leg_plinth": np.array([2, -2, -2, -2]), "leg_exists": np.array([1, 4, 2, 3.0])}
+    )
+    assert len(legs) == 3 and not legs.plinth.any()
     surest = {"leg_plinth": np.full(4, 2.0), "leg_exists": np.array([1, 4, 2, 3.0])}
     plinth = read_legs(outputs() | surest)
     assert len(plinth) == 1 and plinth.plinth.all()

@@ -26,7 +26,7 @@ from uniart_jax import procedural
 from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.cameras import camera_codes
 from uniart_jax.data.images import crop
-from uniart_jax.data.legs import MOST, legs_of
+from uniart_jax.data.legs import legs_of
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
@@ -34,6 +34,7 @@ from uniart_jax.runtime.files import write_text
 from uniart_jax.runtime.processes import map_ordered, process_pool
 from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
+from uniart_jax.voxels.found_legs import MOST_LEGS
 from uniart_jax.voxels.joint_code import encode_object
 
 BLOCK = 256  # objects a file
@@ -165,9 +166,9 @@ def _leg_columns(closed: ArticulatedObject, obj: ArticulatedObject) -> dict[str,
     """An object's row of ``LEGS``."""
     legs = legs_of(closed, obj)
     if legs is None:
-        rows, count, alone = np.zeros((MOST, 12), np.float32), -1, False
+        rows, count, alone = np.zeros((MOST_LEGS, 12), np.float32), -1, False
     else:
-        rows, count, alone = legs.table(MOST), len(legs), legs.alone
+        rows, count, alone = legs.table(MOST_LEGS), len(legs), legs.alone
     return {"legs": rows, "leg_counts": np.int32(count), "legs_alone": np.bool_(alone)}
 
 
@@ -233,7 +234,7 @@ def check_settings(folder: str | Path, settings: LayoutSettings) -> None:
     elif path.read_text() != text:
         raise ValueError(
             f"{folder}: holds layouts of other settings ({_differing(path, settings)}); "
-            "give another folder"
+            "give another folder, in which they are made anew"
         )
 
 

@@ -14,17 +14,16 @@ import manifold3d
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.voxels.found_legs import Legs
+from uniart_jax.voxels.found_legs import MOST_LEGS, Legs
 from uniart_jax.voxels.ways import still_parts
 
-MOST = 8  # legs; of an object with more they are not known
 STEP = 0.01  # object units between slices
 SPARSE = 0.4  # share of the object's rectangle that a slice of legs fills at most
 REACHES = 0.8  # share of the slices that a leg is in at least
 LATE = 0.15  # share of the slices below its lowest at most
-GAP = 3  # slices
+GAP = 12  # slices in which a leg may be part of something else
 ON_LINE, STRAIGHT = 0.015, 0.6  # object units off the lines at most, in this share of the slices
-ALONE = 0.85  # share of what is there that legs are, where nothing else is
+ALONE = 0.95  # share of what is there that legs are, where nothing else is
 PLINTH = 0.28  # object units; the height of a plinth at most
 WHOLE = 0.7  # share of its rectangle that a plinth's outline, holes filled, takes at least
 SAME, GROWN = 0.006, 0.012  # object units by which a plinth's edges, and what is on it, differ
@@ -51,7 +50,7 @@ def legs_of(closed: ArticulatedObject, shown: ArticulatedObject | None = None) -
 
     Returns:
       Legs, perhaps none at all. None where they cannot be told: a mesh is not closed, or there are
-      more than ``MOST``.
+      more than ``MOST_LEGS``.
     """
     still = still_parts([p.parent for p in closed.parts], [p.joint for p in closed.parts])
     solids = [_manifold(closed.parts[k].mesh) for k in still]
@@ -63,7 +62,7 @@ def legs_of(closed: ArticulatedObject, shown: ArticulatedObject | None = None) -
     legs = _sparse_legs(solids, lower, upper, ceiling)
     if not len(legs):
         legs = _plinth(solids, lower) or legs
-    if len(legs) > MOST:
+    if len(legs) > MOST_LEGS:
         return None
     return legs if shown is None else _moved(legs, lower, upper, *_bounds(shown, still))
 
@@ -135,19 +134,28 @@ def _sparse_legs(
     total = sum(o.area for layer in layers for o in layer)
     if count < 2 or not total:
         return _none()
-    rows, taken = [], 0.0
-    for chain in _chains(layers):
-        found = _leg(chain, count)
-        if found is not None:
-            rows.append(found[:2])
-            taken += found[2]
-    if not rows:
+    legs = [leg for chain in _chains(layers) if (leg := _leg(chain, count)) is not None]
+    if not legs:
         return _none()
-    ends = np.stack([row for row, _ in rows])
-    heights = np.tile([lower[2], lower[2] + count * STEP], (len(rows), 1))
-    fill = np.array([share for _, share in rows])
-    alone = taken > ALONE * total
-    return Legs(ends[:, :4], ends[:, 4:], heights, fill, np.zeros(len(rows), bool), bool(alone))
+    ends = np.stack([leg.ends for leg in legs])
+    heights = lower[2] + np.array([[0, STEP * leg.layers] for leg in legs])
+    fill = np.array([leg.fill for leg in legs])
+    alone = sum(leg.area for leg in legs) > ALONE * total
+    return Legs(ends[:, :4], ends[:, 4:], heights, fill, np.zeros(len(legs), bool), bool(alone))
+
+
+class Leg(NamedTuple):
+    """A leg of a stack of slices.
+
+    Attributes:
+      ends: [8] rectangles at the floor and at the upper end. layers: that it is high.
+      fill: share of the rectangles that its slices fill. area: sum of its slices.
+    """
+
+    ends: np.ndarray
+    layers: int
+    fill: float
+    area: float
 
 
 def _none() -> Legs:
@@ -156,40 +164,48 @@ def _none() -> Legs:
 
 
 def _chains(layers: list[list[Outline]]) -> list[dict[int, Outline]]:
-    """Outlines of successive layers that lie over one another: {layer: outline} each. Where two
-    meet, neither goes on."""
+    """Outlines of successive layers that lie over one another: {layer: outline} each. A layer in
+    which several are one outline, as where a rail joins legs, is none of theirs."""
     chains: list[dict[int, Outline]] = []
     for k, layer in enumerate(layers):
+        live = [chain for chain in chains if k - max(chain) <= GAP]
         for outline in layer:
-            below = [c for c in chains if 0 <= k - max(c) <= GAP and _overlap(c, outline)]
+            shared = [_shared(chain, outline) for chain in live]
+            below = [chain for chain, area in zip(live, shared, strict=True) if area > 0]
             if not below:
                 chains.append({k: outline})
-            elif max(below[0]) < k:
-                below[0][k] = outline
+            elif len(below) == 1:
+                other = below[0].get(k)
+                before = {at: o for at, o in below[0].items() if at < k}
+                if other is None or _shared(before, other) < max(shared):
+                    below[0][k] = outline
     return chains
 
 
-def _overlap(chain: dict[int, Outline], outline: Outline) -> bool:
+def _shared(chain: dict[int, Outline], outline: Outline) -> float:
+    """The area that an outline's rectangle shares with that of a chain's last layer."""
     last, now = chain[max(chain)].rectangle, outline.rectangle
-    return bool((last[:2] < now[2:]).all() and (now[:2] < last[2:]).all())
+    sides = np.minimum(last[2:], now[2:]) - np.maximum(last[:2], now[:2])
+    return float(np.maximum(sides, 0).prod())
 
 
-def _leg(chain: dict[int, Outline], count: int) -> tuple[np.ndarray, float, float] | None:
-    """A chain's rectangles [8] at the floor and at the upper end, the share of them that it fills,
-    and the area of its slices; None where it is no leg."""
+def _leg(chain: dict[int, Outline], count: int) -> Leg | None:
+    """A chain of outlines in ``count`` layers as a leg; None where it is none."""
     at = np.array(sorted(chain))
-    if len(at) < REACHES * count or at[0] > LATE * count + 1:
+    if len(at) < REACHES * count - 1 or at[0] > LATE * count + 1:
         return None
     edges = np.stack([chain[k].rectangle for k in at])
     areas = np.array([chain[k].area for k in at])
-    share = (at + 0.5) / count
+    layers = int(at[-1]) + 1
+    share = (at + 0.5) / layers
     lower, upper = _lines(share, edges)
     fitted = lower + share[:, None] * (upper - lower)
     on = np.abs(fitted - edges).max(1) < ON_LINE
     if on.mean() < STRAIGHT:
         return None
     sides = np.maximum((fitted[on, 2:] - fitted[on, :2]).prod(1), 1e-6)
-    return np.concatenate([lower, upper]), float(np.median(areas[on] / sides)), areas[on].sum()
+    fill = float(np.median(areas[on] / sides))
+    return Leg(np.concatenate([lower, upper]), layers, fill, float(areas[on].sum()))
 
 
 def _lines(share: np.ndarray, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

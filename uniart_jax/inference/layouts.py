@@ -131,12 +131,8 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
     and colour stand. Their existence is averaged all the same, so that a part which one look alone
     finds has to be the surer.
     """
-    apart = np.abs(one["corners"][:, None] - other["corners"]).max(-1)
-    sure = [1 / (1 + np.exp(-np.asarray(o["exists"], np.float64))) for o in (one, other)]
-    cost = apart - SURE * np.minimum(sure[0][:, None], sure[1])
-    i, j = linear_sum_assignment(cost)
-    share = sure[1][j] / (sure[0][i] + sure[1][j] + 1e-6)
-    share = np.where(apart[i, j] < APART, share, share > 0.5)[:, None]
+    rows, exists = (one["corners"], other["corners"]), (one["exists"], other["exists"])
+    i, j, share = _matched(*rows, *exists)
     codes = align(other["codes"][j], one["codes"][i])
     mix = lambda a, b: (1 - share) * a + share * b  # noqa: E731
     return {
@@ -150,6 +146,17 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
     }
 
 
+def _matched(
+    rows: np.ndarray, others: np.ndarray, exists: np.ndarray, others_exist: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows [Q, D] of two looks, matched: i, j [Q], and the second's share [Q, 1] in the mean."""
+    sure = [1 / (1 + np.exp(-np.asarray(e, np.float64))) for e in (exists, others_exist)]
+    apart = np.abs(rows[:, None] - others).max(-1)
+    i, j = linear_sum_assignment(apart - SURE * np.minimum(sure[0][:, None], sure[1]))
+    share = sure[1][j] / (sure[0][i] + sure[1][j] + 1e-6)
+    return i, j, np.where(apart[i, j] < APART, share, share > 0.5)[:, None]
+
+
 def last_legs(legs: dict[str, Any]) -> dict[str, Any]:
     """Of a ``models.leg_decoder``'s output the last run: leg_rows [B, N, 10], leg_exists,
     leg_plinth and leg_fill [B, N], leg_alone [B]."""
@@ -159,19 +166,15 @@ def last_legs(legs: dict[str, Any]) -> dict[str, Any]:
 
 def joined_legs(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The legs of two outputs as those of one: ``joined``."""
-    rows = one["leg_rows"], other["leg_rows"]
-    sure = [1 / (1 + np.exp(-np.asarray(o["leg_exists"], np.float64))) for o in (one, other)]
-    apart = np.abs(rows[0][:, None] - rows[1]).max(-1)
-    i, j = linear_sum_assignment(apart - SURE * np.minimum(sure[0][:, None], sure[1]))
-    share = sure[1][j] / (sure[0][i] + sure[1][j] + 1e-6)
-    share = np.where(apart[i, j] < APART, share, share > 0.5)
+    rows, exists = (one["leg_rows"], other["leg_rows"]), (one["leg_exists"], other["leg_exists"])
+    i, j, share = _matched(*rows, *exists)
     means = {
         name: (one[name][i] + other[name][j]) / 2
         for name in ("leg_exists", "leg_plinth", "leg_fill")
     }
     return {
         **means,
-        "leg_rows": (1 - share[:, None]) * rows[0][i] + share[:, None] * rows[1][j],
+        "leg_rows": (1 - share) * one["leg_rows"][i] + share * other["leg_rows"][j],
         "leg_alone": np.asarray((one["leg_alone"] + other["leg_alone"]) / 2),
     }
 

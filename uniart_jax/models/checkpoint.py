@@ -32,8 +32,11 @@ from uniart_jax.models.network import build
 PRETRAINED = Path(__file__).parent.parent / "pretrained"  # the shipped models
 FLOW_INPUTS = ("image_encoder", "structure_vae", "uniart_vae")  # what a flow is trained on
 # Networks that can get layers after they were trained, and the options that add them.
-WIDENABLE = ("structure_flow", "latent_flow", "uniart_vae")
-ADDED_LAYERS = ("pixel_channels", "layout_channels", "refine_channels", "part_feature_channels")
+WIDENABLE = ("structure_flow", "latent_flow", "uniart_vae", "layout")
+ADDED_LAYERS = (
+    *("pixel_channels", "layout_channels", "refine_channels", "part_feature_channels"),
+    "legs",
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,8 +133,8 @@ class Checkpoint:
         Args:
           model: that the network must fit; default: the checkpoint's own.
           widen: leave out layers that ``model`` adds to the checkpoint's network
-            (``missing_layers``). These layers add nothing with their initial values, so a training
-            begins with the function that the checkpoint has.
+            (``missing_layers``). What the checkpoint's network gives does not depend on them at
+            first, so a training begins with the function that the checkpoint has.
 
         Raises:
           FileNotFoundError: it is not there. ValueError: as ``checkpoint_files.read_network``.

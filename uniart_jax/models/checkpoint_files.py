@@ -43,7 +43,7 @@ def write_network(
       dtype: on disk; 'stored' keeps float16 where a parameter has it and writes float32 otherwise
         (converted weights are mixed).
       int8: names of kernels that are rounded to 8 bits, each with a scale an output channel (its
-        last axis): half the bytes, an error of about 1 % of a weight.
+        last axis): half the bytes, an error of at most .4 % of the channel's largest weight.
 
     Raises:
       ValueError: values are not finite, or too large for float16; all such names are listed. Or

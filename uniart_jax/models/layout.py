@@ -29,6 +29,7 @@ from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sin
 from uniart_jax.models.leg_decoder import LegDecoder, Seen
 from uniart_jax.nn.blocks import GroupNorm, LayerNorm, linear, zeros
 from uniart_jax.nn.precision import compute_dtype
+from uniart_jax.voxels.found_legs import MOST_LEGS
 from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
 
 STRIDES = (4, 8, 16)
@@ -127,6 +128,8 @@ class LayoutNetwork(nnx.Module):
                 "layout: needs queries >= 1, an image_size that 32 divides and repeats >= 0, got "
                 f"{c.queries}, {c.image_size}, {c.repeats}"
             )
+        if c.legs and c.legs < MOST_LEGS:
+            raise ValueError(f"layout: legs must be 0 or at least {MOST_LEGS}, got {c.legs}")
         self.config, width = c, c.width
         self.backbone = make_backbone(c, rngs, dtype, config.kernel == "plain")
         channels = self.backbone.CHANNELS

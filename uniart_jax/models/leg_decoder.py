@@ -5,8 +5,8 @@
     of the leg's present box read off the map where the camera sees them
                     -> existence, plinth, corrected row, how much of its rectangles it fills
 
-It reads what ``models.layout`` makes of the image and gives nothing back, so it can be trained with
-the rest frozen.
+It reads what ``models.layout`` makes of the image. No gradient goes back, so it can be trained with
+the rest frozen (``layout.freeze``); trained together, all are clipped by one norm.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class LegDecoder(nnx.Module):
         self.count, width = c.legs, c.width
         self.queries = nnx.Param(0.5 * jax.random.normal(rngs.params(), (c.legs, width)))
         self.guess = linear(c.sketch_width, width, rngs, dtype=dtype)
-        self.anchors = nnx.Param(jnp.asarray(typical_rows(c.legs)))
+        self.anchors = nnx.Param(typical_rows(c.legs))
         self.first_row = linear(width, ROW, rngs, init=zeros, dtype=dtype)
         self.place_in = linear(6 * 2 * BANDS, width, rngs, dtype=dtype)
         self.place_out = linear(width, width, rngs, dtype=dtype)
@@ -62,7 +62,7 @@ class LegDecoder(nnx.Module):
         self.norm = LayerNorm(width)
         self.hidden = linear(width, c.head_width, rngs, dtype=dtype)
         self.row = linear(c.head_width, ROW, rngs, init=zeros, dtype=dtype)
-        self.told = linear(c.head_width, 3, rngs, init=zeros, dtype=dtype)  # exists, plinth, fill
+        self.kind = linear(c.head_width, 3, rngs, init=zeros, dtype=dtype)  # exists, plinth, fill
         self.alone = linear(width, 1, rngs, init=zeros, dtype=dtype)
 
     def __call__(self, seen: Seen) -> dict[str, Any]:
@@ -90,14 +90,14 @@ class LegDecoder(nnx.Module):
     def _read(self, x: jax.Array, row: jax.Array, out: dict[str, Any]) -> None:
         """Append what queries x [B, N, D] say of the rows that they correct."""
         h = jax.nn.gelu(self.hidden(self.norm(x)))
-        told = self.told(h).astype(jnp.float32)
+        kind = self.kind(h).astype(jnp.float32)
         out["rows"].append(row + self.row(h).astype(jnp.float32))
-        out["exists"].append(told[..., 0])
-        out["plinth"].append(told[..., 1])
-        out["fill"].append(told[..., 2] + TYPICAL_FILL)
+        out["exists"].append(kind[..., 0])
+        out["plinth"].append(kind[..., 1])
+        out["fill"].append(kind[..., 2] + TYPICAL_FILL)
 
 
-def typical_rows(count: int) -> Any:
+def typical_rows(count: int) -> jax.Array:
     """[count, 10] legs at the corners of a square, again and again."""
     rows = []
     for k in range(count):

@@ -1,4 +1,4 @@
-"""What an object stands on as the layout network finds it, and a field that is made to have it.
+"""What an object stands on as a layout has it, and a field whose body is made to stand on it.
 
 A leg is a prism that may lean and taper, or an ellipse in it: two rectangles and their heights. A
 plinth is a prism as wide as what it carries, or a little narrower. At the resolution of the voxels
@@ -16,15 +16,21 @@ from scipy import ndimage
 
 from uniart_jax.voxels.isosurface import ZERO, DenseField
 
+MOST_LEGS = 8  # of an object that is trained on
 THRESHOLD = 0.5  # of a leg's probability
 ROUND = 0.89  # share of its rectangle that a round leg fills at most
 SOLID = 0.65  # and any leg at least; with less it is a frame or a profile, and stays as drawn
 THINNEST = 0.012  # object units
+LIMIT = 1.0  # object units from the middle that coordinates in JSON may have
+MOST_ROWS = 64  # of JSON
+LEVEL = 0.03  # object units; ends that differ by less from the median are at one height
 NEAR = 5  # sub-cells from a prism within which what else is drawn of the body is the leg's
 FARTHEST = 3.0  # sub-cells, to which distances are cut off
 SEARCH = 0.06  # object units to both sides of its height, within which a leg's upper end is sought
+LOWEST = 3  # layers above the floor, from which on it is
 JUMP = 0.15  # share of the body's rectangle by which its cells grow there
 REACH = 0.2  # object units above, within which the body covers a leg that goes on
+CARRIED = 0.2  # share of the body above legs at least, for the rest below to be taken away
 COVERED = 0.6  # share of a leg that is the body's there
 BLEND = 2  # layers below a leg's upper end, where what it carries is near
 
@@ -35,8 +41,8 @@ class Legs:
 
     Attributes:
       lower, upper: [N, 4] rectangles x0, y0, x1, y1 at both ends. heights: [N, 2] of the ends.
-      fill: [N] share of the rectangles that a slice fills. plinth: [N] bool. alone: nothing else is
-        as low.
+      fill: [N] share of the rectangles that a slice fills. plinth: [N] bool. alone: what does not
+        move has nothing else below their upper ends.
     """
 
     lower: np.ndarray
@@ -70,14 +76,18 @@ def read_legs(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> L
       outputs: leg_rows [N, 10] (``models.leg_decoder``), logits leg_exists and leg_plinth [N],
         leg_fill [N], the logit leg_alone.
       threshold: of the probability that a leg exists.
+
+    Returns:
+      The plinth alone where the surest row is one, else the legs. Frames and profiles, which fill
+      little of their rectangles, are left out: they stay as they are drawn.
     """
     probability = _probability(outputs["leg_exists"])
     kept = np.flatnonzero(probability > threshold)
+    if not len(kept):
+        return None
     fill, plinth = outputs["leg_fill"][kept], _probability(outputs["leg_plinth"])[kept] > 0.5
-    if plinth.any():
-        chosen = kept == kept[plinth][probability[kept[plinth]].argmax()]
-    else:
-        chosen = fill > SOLID
+    surest = int(probability[kept].argmax())
+    chosen = np.arange(len(kept)) == surest if plinth[surest] else (fill > SOLID) & ~plinth
     if not chosen.any():
         return None
     rows = np.asarray(outputs["leg_rows"], np.float64)[kept][chosen]
@@ -112,6 +122,8 @@ def legs_from_json(data: Any) -> Legs | None:
         return None
     if not isinstance(data, dict) or not isinstance(data.get("rows"), list):
         raise ValueError('layout: "legs" must be null or have a list "rows"')
+    if len(data["rows"]) > MOST_ROWS:
+        raise ValueError(f"layout: legs: {len(data['rows'])} rows; give at most {MOST_ROWS}")
     alone = data.get("alone", False)
     if not isinstance(alone, bool):
         raise ValueError(f"layout: legs: alone {alone!r} is neither true nor false")
@@ -132,13 +144,16 @@ def legs_from_json(data: Any) -> Legs | None:
 
 
 def _numbers(row: dict, name: str, count: int, k: int) -> np.ndarray:
-    """[count] finite numbers of a row, the ends of intervals in order."""
+    """[count] numbers of a row within ``LIMIT``, the ends of intervals in order."""
     values = row.get(name, 1.0 if name == "fill" else None)
     values = [values] if count == 1 else values
     sound = isinstance(values, list) and len(values) == count
-    if not sound or not all(type(v) in (int, float) and np.isfinite(v) for v in values):
-        raise ValueError(f"layout: leg {k}: {name} must be {count} finite numbers")
+    if not sound or not all(type(v) in (int, float) and -LIMIT <= v <= LIMIT for v in values):
+        what = "a number" if count == 1 else f"{count} numbers"
+        raise ValueError(f"layout: leg {k}: {name} must be {what} in {-LIMIT:g}..{LIMIT:g}")
     found = np.array(values, np.float64)
+    if count == 1 and not SOLID <= found[0] <= 1:
+        raise ValueError(f"layout: leg {k}: {name} must be in {SOLID:g}..1, got {found[0]:g}")
     half = max(count // 2, 1)
     if count > 1 and (found[:half] >= found[half:]).any():
         raise ValueError(f"layout: leg {k}: {name} {found.tolist()} must rise")
@@ -159,7 +174,9 @@ def _ordered(rectangles: np.ndarray) -> np.ndarray:
 def with_legs(field: DenseField, body: Sequence[int], legs: Legs) -> DenseField:
     """A field whose body stands on these legs, and on nothing else where they stand ``alone``.
 
-    Their upper ends are where the body begins; a leg beside which it begins goes on to it.
+    Their upper ends are moved to where the body begins. Legs stand below it; one that it does not
+    cover there goes on up to where it does. Without ``alone`` what reaches farther than ``NEAR``
+    from the legs, as a rail between them, stays.
 
     Args:
       body: owners that do not move.
@@ -171,56 +188,105 @@ def with_legs(field: DenseField, body: Sequence[int], legs: Legs) -> DenseField:
     solid = (field.sdf < 0) & mine
     if not solid.any():
         return field
-    size = field.sdf.shape[0] - 2
-    foot, told = (_cells(float(np.median(ends)), size) for ends in legs.heights.T)
-    top = _upper_end(solid, told, size)
-    first, last = max(int(np.floor(foot)), 1), int(np.ceil(top))
-    if last <= first:
-        return field
+    prisms = Prisms(legs, solid)
+    first, last = prisms.layers()
+    alone = legs.alone and solid[:, :, last:].sum() >= CARRIED * solid.sum()
     free = ~np.asarray(ndimage.binary_dilation((field.sdf < 0) & ~mine), bool)
+    for axis in range(3):  # the layer around the grid stays outside
+        np.moveaxis(free, axis, 0)[[0, -1]] = False
     part = int(np.bincount(field.owner[solid]).argmax())
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
-    prisms = Prisms(legs, foot, top, size)
     for z in range(first, last):
         distance = prisms.at(z).min(0)
-        near = free[:, :, z] & (mine[:, :, z] | (field.sdf[:, :, z] > 0))
-        if not legs.alone:
-            near &= distance < NEAR
-        distance = np.maximum(distance, foot - z)  # the floor
+        old, ours = field.sdf[:, :, z], mine[:, :, z] | (field.sdf[:, :, z] > 0)
+        where = free[:, :, z] & ours
+        if not alone:
+            where &= (distance < NEAR) & ~_beyond(solid[:, :, z], distance)
         if last - z <= BLEND:  # what they carry is near
-            old = field.sdf[:, :, z]
-            distance = np.minimum(distance, np.where(near & (old < 0), distance, old))
-        _draw(field, z, distance, near | (free[:, :, z] & (distance < 0)), part)
-    if legs.alone:  # nothing of the body is below the floor
+            distance = np.minimum(distance, np.where(where & (old < 0), distance, old))
+        _draw(field, z, distance, where | (free[:, :, z] & (distance < 0)), part)
+    if alone:  # nothing of the body is below the floor
         below = field.sdf[:, :, :first]
         below[mine[:, :, :first] & (below < 0)] = 0.5
     for k in range(len(legs)):
-        _go_on(field, k, prisms, last, free, solid, part)
+        _go_on(field, k, prisms, free, solid, part)
     return field
 
 
 class Prisms:
-    """Legs in a field of ``size`` cells, from layer ``foot`` to ``top``."""
+    """Legs in a field, moved to what they carry.
 
-    def __init__(self, legs: Legs, foot: float, top: float, size: int):
-        self._legs, self._foot, self._high = legs, foot, max(top - foot, 1.0)
-        self.size = size
-        self._xy = np.stack(np.meshgrid(*[np.arange(size + 2.0)] * 2, indexing="ij"), -1)
+    Attributes:
+      size: cells of the grid along its side. feet, tops: [N] layers of their ends, with fractions.
+    """
 
-    def at(self, z: float) -> np.ndarray:
-        """[N, X, Y] sub-cells to each leg in a layer, below 0 inside; beyond the ends their lines
-        go on."""
-        share = (z - self._foot) / self._high
+    def __init__(self, legs: Legs, solid: np.ndarray):
+        self.size = solid.shape[0] - 2
+        self._legs = legs
+        self._xy = np.stack(np.meshgrid(*[np.arange(self.size + 2.0)] * 2, indexing="ij"), -1)
+        feet, tops = (_cells(_levelled(ends), self.size) for ends in legs.heights.T)
+        told, foot = float(np.median(tops)), float(np.median(feet))
+        self.feet = np.clip(feet, 1, self.size)
+        self.tops = np.clip(tops + _upper_end(solid, foot, told, self.size) - told, 1, self.size)
+        self._shift = np.zeros((len(legs), 2))
+        self._shift = self._under(solid)
+
+    def layers(self) -> tuple[int, int]:
+        """The first layer that they are in, and the one after their last."""
+        return int(np.floor(self.feet.min())), int(np.ceil(self.tops.max()))
+
+    def at(self, z: float, beyond: bool = False) -> np.ndarray:
+        """[N, X, Y] sub-cells to each leg in a layer, below 0 inside; infinite above its upper
+        end, unless its lines are to go on ``beyond``."""
         legs, distances = self._legs, []
         for k in range(len(legs)):
-            edges = _cells((1 - share) * legs.lower[k] + share * legs.upper[k], self.size)
-            middle, half = (edges[:2] + edges[2:]) / 2, np.maximum(edges[2:] - edges[:2], 1) / 2
+            if z > self.tops[k] and not beyond:
+                distances.append(np.full(self._xy.shape[:2], np.inf))
+                continue
+            lower, upper = self._edges(k, z)
+            middle, half = (lower + upper) / 2, np.maximum(upper - lower, 1) / 2
             apart = np.abs(self._xy - middle)
             if legs.round[k]:
-                distances.append((np.linalg.norm(apart / half, axis=-1) - 1) * half.min())
+                distance = (np.linalg.norm(apart / half, axis=-1) - 1) * half.min()
             else:
-                distances.append((apart - half).max(-1))
+                distance = (apart - half).max(-1)
+            distances.append(np.maximum(distance, self.feet[k] - z))
         return np.stack(distances)
+
+    def _edges(self, k: int, z: float) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper corner [2] of a leg's rectangle in a layer, cells."""
+        share = (z - self.feet[k]) / max(self.tops[k] - self.feet[k], 1.0)
+        edges = (1 - share) * self._legs.lower[k] + share * self._legs.upper[k]
+        edges = _cells(edges, self.size)
+        return edges[:2] + self._shift[k], edges[2:] + self._shift[k]
+
+    def _under(self, solid: np.ndarray) -> np.ndarray:
+        """[N, 2] cells by which legs are moved, so that their upper ends lie below the body."""
+        shift = np.zeros((len(self._legs), 2))
+        for k, top in enumerate(self.tops):
+            z = int(np.ceil(top))
+            carried = np.argwhere(solid[:, :, z : z + max(int(REACH * self.size), 1)].any(2))
+            if not len(carried):
+                continue
+            lower, upper = self._edges(k, top)
+            short = np.maximum(carried.min(0) - 0.5 - lower, 0)
+            over = np.maximum(upper - carried.max(0) - 0.5, 0)
+            shift[k] = np.where(short * over > 0, 0, short - over)
+        return shift
+
+
+def _levelled(heights: np.ndarray) -> np.ndarray:
+    """Heights [N] of ends; those near the median are the median."""
+    middle = np.median(heights)
+    return np.where(np.abs(heights - middle) < LEVEL, middle, heights)
+
+
+def _beyond(solid: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """[X, Y] connected pieces of a layer that reach farther than ``NEAR`` from the legs."""
+    labels = np.zeros(solid.shape, np.int32)
+    ndimage.label(solid, output=labels)
+    far = np.unique(labels[solid & (distance >= NEAR)])
+    return np.isin(labels, far[far > 0])
 
 
 def _draw(field: DenseField, z: int, distance: np.ndarray, where: np.ndarray, part: int) -> None:
@@ -234,20 +300,17 @@ def _draw(field: DenseField, z: int, distance: np.ndarray, where: np.ndarray, pa
 
 
 def _go_on(
-    field: DenseField,
-    leg: int,
-    prisms: Prisms,
-    last: int,
-    free: np.ndarray,
-    solid: np.ndarray,
-    part: int,
+    field: DenseField, leg: int, prisms: Prisms, free: np.ndarray, solid: np.ndarray, part: int
 ) -> None:
-    """Fill a leg from layer ``last`` up to where the body covers it, in place; not at all where it
+    """Fill a leg from its upper end up to where the body covers it, in place; not at all where it
     does not within ``REACH``."""
+    last = int(np.ceil(prisms.tops[leg]))
     layers = []
-    for z in range(last, min(last + int(REACH * prisms.size), free.shape[2] - 1)):
-        distance = prisms.at(z)[leg]
+    for z in range(last, min(last + int(REACH * prisms.size), prisms.size + 1)):
+        distance = prisms.at(z, beyond=True)[leg]
         inside = distance < 0
+        if not inside.any():
+            return
         if solid[:, :, z][inside].mean() >= COVERED:
             break
         layers.append((z, distance))
@@ -263,14 +326,16 @@ def _cells(places: Any, size: int) -> Any:
     return (places + 0.5) * size + 0.5
 
 
-def _upper_end(solid: np.ndarray, top: float, size: int) -> float:
-    """Where, about ``top``, the body begins: the layer at which its cells grow most."""
+def _upper_end(solid: np.ndarray, foot: float, told: float, size: int) -> float:
+    """Where, about layer ``told``, the body begins: where its cells grow most, above its lowest
+    layers, in which a network may draw it although it stands on legs."""
     count = solid.sum((0, 1)).astype(float)
     window = ndimage.find_objects(solid.astype(np.int8))[0]
     area = solid[window].shape[0] * solid[window].shape[1]
-    at = np.arange(max(int(top - SEARCH * size), 3), min(int(top + SEARCH * size), len(count) - 3))
+    first = max(int(told - SEARCH * size), int(np.ceil(foot)) + LOWEST)
+    at = np.arange(first, min(int(told + SEARCH * size), size - 2))
     if not len(at):
-        return top
+        return told
     grown = np.array([count[z : z + 2].mean() - count[z - 2 : z].mean() for z in at])
     best = int(grown.argmax())
-    return at[best] - 0.5 if grown[best] > JUMP * area else top
+    return at[best] - 0.5 if grown[best] > JUMP * area else told

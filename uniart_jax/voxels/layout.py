@@ -9,9 +9,12 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
      "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
                 "color": [3], "confidence",
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]}}],
-     "legs": null or {"alone": whether nothing else is as low, "rows": [{"lower": [4] rectangle
-                x0, y0, x1, y1, "upper": [4], "heights": [2] of both, "fill": share of the
-                rectangles that a slice fills, "plinth"}]}}
+     "legs": null or {"alone": bool, "rows": [{"lower": [x0, y0, x1, y1] of its lower end, "upper":
+                the same of its upper end, "heights": [2] of both, "fill": share of the rectangles
+                that it fills (1 a prism, .785 a cylinder), "plinth": bool}]}}
+
+Legs carry what does not move. ``alone``: it has nothing else below their upper ends, and what
+voxels show there is taken away.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
 is not read back.
