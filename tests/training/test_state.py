@@ -171,3 +171,13 @@ def test_nothing_changes_where_neither_is_asked_for():
     state, _ = fresh()
     names = {n.rpartition("trunk")[0] for n in flat_names(state.opt_state) if "trunk" in n}
     assert len(names) == 2 and not any("norms" in n for n in flat_names(state.opt_state))
+
+
+def test_what_is_frozen_need_not_be_named_as_slow():
+    params = {"backbone": {"kernel": jnp.ones((2, 2))}, "legs": {"kernel": jnp.ones((2, 2))}}
+    stage = StageConfig(slow=("backbone",), freeze=("backbone",), warmup_steps=0)
+    optimizer = make_optimizer(stage)
+    grads = jax.tree.map(jnp.ones_like, params)
+    updates, _ = optimizer.update(grads, optimizer.init(params), params)
+    np.testing.assert_array_equal(updates["backbone"]["kernel"], 1)  # as given: masked by the step
+    assert (updates["legs"]["kernel"] < 0).all()

@@ -7,6 +7,7 @@ all: the recent gradient norms of adaptive clipping too.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -65,6 +66,9 @@ def make_optimizer(stage: StageConfig) -> optax.GradientTransformation:
     ``clip_by_recent_norms`` allows. Parameters that ``freeze`` names have no moments; ``init``
     raises a ValueError where it names none.
     """
+    frozen = [f"{prefix}." for prefix in stage.freeze]
+    slow = [p for p in stage.slow if not any(f"{p}.".startswith(f) for f in frozen)]
+    stage = dataclasses.replace(stage, slow=tuple(slow))  # what is frozen is not slow
     optimizer = _adamw(stage)
     if stage.muon > 0 or stage.slow:
         rules = {

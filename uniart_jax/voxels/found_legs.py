@@ -17,7 +17,8 @@ from scipy import ndimage
 from uniart_jax.voxels.isosurface import ZERO, DenseField
 
 MOST_LEGS = 8  # of an object that is trained on
-THRESHOLD = 0.5  # of a leg's probability
+THRESHOLD = 0.5  # of the probability of the surest leg
+OTHERS = 0.25  # of those beside it: legs come in sets
 ROUND = 0.89  # share of its rectangle that a round leg fills at most
 SOLID = 0.65  # and any leg at least; with less it is a frame or a profile, and stays as drawn
 THINNEST = 0.012  # object units
@@ -75,16 +76,16 @@ def read_legs(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> L
     Args:
       outputs: leg_rows [N, 10] (``models.leg_decoder``), logits leg_exists and leg_plinth [N],
         leg_fill [N], the logit leg_alone.
-      threshold: of the probability that a leg exists.
+      threshold: of the probability that the surest leg exists; others need ``OTHERS``.
 
     Returns:
       The plinth alone where the surest row is one, else the legs. Frames and profiles, which fill
       little of their rectangles, are left out: they stay as they are drawn.
     """
     probability = _probability(outputs["leg_exists"])
-    kept = np.flatnonzero(probability > threshold)
-    if not len(kept):
+    if probability.max() <= threshold:
         return None
+    kept = np.flatnonzero(probability > min(OTHERS, threshold))
     fill, plinth = outputs["leg_fill"][kept], _probability(outputs["leg_plinth"])[kept] > 0.5
     surest = int(probability[kept].argmax())
     chosen = np.arange(len(kept)) == surest if plinth[surest] else (fill > SOLID) & ~plinth
