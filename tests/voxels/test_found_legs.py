@@ -222,6 +222,10 @@ def test_what_a_network_says():
     assert read_legs({**outputs(), "leg_exists": np.full(4, -2.0)}) is None
     doubtful = {**outputs(), "leg_exists": np.array([2.0, -0.7, -0.7, -3])}
     assert len(read_legs(doubtful)) == 3  # legs come in sets
+    assert read_legs({**outputs(), "leg_exists": np.array([2.0, 2, -3, -3])}) is None
+    boards = outputs()
+    boards["leg_rows"][:, [2, 6]] += 0.3
+    assert len(read_legs({**boards, "leg_exists": np.array([2.0, 2, -3, -3])})) == 2
     # a frame or profile is no prism: it is left as it is drawn, and so is what is beside it
     frame = read_legs({**outputs(), "leg_fill": np.array([1, 1, 1, 0.3])})
     assert len(frame) == 3 and not frame.alone

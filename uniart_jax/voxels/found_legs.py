@@ -22,6 +22,7 @@ OTHERS = 0.25  # of those beside it: legs come in sets
 ROUND = 0.89  # share of its rectangle that a round leg fills at most
 SOLID = 0.65  # and any leg at least; with less it is a frame or a profile, and stays as drawn
 THINNEST = 0.012  # object units
+BOARD = 0.25  # object units; what is wider is a board, of which two or one carry an object
 LIMIT = 1.0  # object units from the middle that coordinates in JSON may have
 MOST_ROWS = 64  # of JSON
 LEVEL = 0.03  # object units; ends that differ by less from the median are at one height
@@ -79,7 +80,8 @@ def read_legs(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> L
       threshold: of the probability that the surest leg exists; others need ``OTHERS``.
 
     Returns:
-      The plinth alone where the surest row is one, else the legs. Frames and profiles, which fill
+      The plinth alone where the surest row is one, else the legs, unless they are one or two
+      narrow ones. Frames and profiles, which fill
       little of their rectangles, are left out: they stay as they are drawn.
     """
     probability = _probability(outputs["leg_exists"])
@@ -94,6 +96,8 @@ def read_legs(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> L
     rows = np.asarray(outputs["leg_rows"], np.float64)[kept][chosen]
     alone = bool(_probability(outputs["leg_alone"]) > 0.5) and bool(chosen.all())
     lower, upper = _ordered(rows[:, :4]), _ordered(rows[:, 4:8])
+    if not plinth[chosen].any() and len(rows) < 3 and (lower[:, 2:] - lower[:, :2]).max() < BOARD:
+        return None  # nothing stands on one or two legs: the others are not found
     return Legs(lower, upper, np.sort(rows[:, 8:10], 1), fill[chosen], plinth[chosen], alone)
 
 
