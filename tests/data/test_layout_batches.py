@@ -61,6 +61,7 @@ def test_batches_resume_and_are_shared(data):
 
 
 def test_mirrored_items_belong_together(data):
+    layouts.check_settings(data.layouts, SETTINGS)
     table = layout_batches.load_window(data.layouts, 0, SETTINGS)
     plain = layout_batches._item(table, 1, 0.0, False)
     turned = layout_batches._item(table, 1, 0.0, True)
