@@ -10,7 +10,7 @@ from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layouts
 from uniart_jax.data.layout_batches import layout_batches
 from uniart_jax.data.legs import legs_of
-from uniart_jax.voxels.found_legs import MOST_LEGS
+from uniart_jax.voxels.part_table import MOST_LEGS
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
 MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))

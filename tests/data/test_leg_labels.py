@@ -9,7 +9,7 @@ from uniart_jax.data.layouts import encodable_state
 from uniart_jax.data.legs import legs_of
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.found_legs import MOST_LEGS
+from uniart_jax.voxels.part_table import MOST_LEGS
 
 FLOOR, BOARD = -0.3, 0.2
 

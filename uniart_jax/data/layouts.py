@@ -34,8 +34,8 @@ from uniart_jax.runtime.files import write_text
 from uniart_jax.runtime.processes import map_ordered, process_pool
 from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
-from uniart_jax.voxels.found_legs import MOST_LEGS
 from uniart_jax.voxels.joint_code import encode_object
+from uniart_jax.voxels.part_table import MOST_LEGS
 
 BLOCK = 256  # objects a file
 STATES = 20  # shown states tried before an object is left out

@@ -29,8 +29,8 @@ from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sin
 from uniart_jax.models.leg_decoder import LegDecoder, Seen
 from uniart_jax.nn.blocks import GroupNorm, LayerNorm, linear, zeros
 from uniart_jax.nn.precision import compute_dtype
-from uniart_jax.voxels.found_legs import MOST_LEGS
 from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
+from uniart_jax.voxels.part_table import MOST_LEGS
 
 STRIDES = (4, 8, 16)
 SKETCH_SIDE = 8  # cells of the coarsest map that the sketch reads, whatever the picture's size

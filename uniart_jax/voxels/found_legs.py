@@ -15,8 +15,8 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.part_table import MOST_LEGS as MOST_LEGS
 
-MOST_LEGS = 8  # of an object that is trained on
 THRESHOLD = 0.5  # of the probability of the surest leg
 OTHERS = 0.25  # of those beside it: legs come in sets
 ROUND = 0.89  # share of its rectangle that a round leg fills at most
