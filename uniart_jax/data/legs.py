@@ -14,7 +14,8 @@ import manifold3d
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.voxels.found_legs import MOST_LEGS, Legs
+from uniart_jax.voxels.found_legs import Legs
+from uniart_jax.voxels.part_table import MOST_LEGS
 from uniart_jax.voxels.ways import still_parts
 
 STEP = 0.01  # object units between slices

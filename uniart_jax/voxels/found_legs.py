@@ -15,7 +15,6 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.voxels.isosurface import ZERO, DenseField
-from uniart_jax.voxels.part_table import MOST_LEGS as MOST_LEGS
 
 THRESHOLD = 0.5  # of the probability of the surest leg
 OTHERS = 0.25  # of those beside it: legs come in sets
@@ -81,8 +80,8 @@ def read_legs(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> L
 
     Returns:
       The plinth alone where the surest row is one, else the legs, unless they are one or two
-      narrow ones. Frames and profiles, which fill
-      little of their rectangles, are left out: they stay as they are drawn.
+      narrow ones. Frames and profiles, which fill little of their rectangles, are left out: they
+      stay as they are drawn.
     """
     probability = _probability(outputs["leg_exists"])
     if probability.max() <= threshold:
