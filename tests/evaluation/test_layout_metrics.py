@@ -11,8 +11,8 @@ from uniart_jax.evaluation.procedural import held_out
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.visual.layout_picture import draw_layout
 from uniart_jax.voxels.camera_code import project
-from uniart_jax.voxels.found_legs import Legs
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.leg_table import Legs
 
 
 @pytest.fixture(scope="module")

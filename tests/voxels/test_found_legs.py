@@ -19,13 +19,8 @@ from fields import (
 from scipy import ndimage
 
 from uniart_jax.data.mirror import mirror_legs
-from uniart_jax.voxels.found_legs import (
-    Legs,
-    legs_from_json,
-    legs_to_json,
-    read_legs,
-    with_legs,
-)
+from uniart_jax.voxels.found_legs import with_legs
+from uniart_jax.voxels.leg_table import Legs, legs_from_json, legs_to_json, read_legs
 
 LOW, HIGH = 6.3, 44.3
 TOP = block((8.3, 8.3, HIGH), (58.3, 58.3, 48.3))
@@ -241,6 +236,24 @@ def test_what_a_network_says():
     np.testing.assert_allclose(plinth.lower, FOUR.lower[1:2])
     thin = read_legs({**outputs(), "leg_rows": np.zeros((4, 10))})
     assert (thin.lower[:, 2:] > thin.lower[:, :2]).all()
+
+
+def test_whatever_a_network_says_goes_through_json():
+    rng = np.random.default_rng(0)
+    for scale in (0.3, 3.0):
+        said = {
+            "leg_rows": rng.normal(size=(8, 10)) * scale,
+            "leg_exists": np.full(8, 2.0),
+            "leg_plinth": np.full(8, -2.0),
+            "leg_fill": rng.uniform(0.7, 1.3, 8),
+            "leg_alone": np.float32(0.1),
+        }
+        found = read_legs(said)
+        back = legs_from_json(json.loads(json.dumps(legs_to_json(found))))
+        np.testing.assert_allclose(back.lower, found.lower, atol=1e-6)
+        np.testing.assert_allclose(back.heights, found.heights, atol=1e-6)
+    flat = {**outputs(), "leg_rows": np.zeros((4, 10)), "leg_plinth": np.full(4, 2.0)}
+    assert legs_from_json(legs_to_json(read_legs({**flat, "leg_fill": np.zeros(4)}))).plinth.all()
 
 
 def test_mirrored_rows_are_those_of_the_mirrored_object():

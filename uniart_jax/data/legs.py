@@ -14,7 +14,7 @@ import manifold3d
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.voxels.found_legs import Legs
+from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.part_table import MOST_LEGS
 from uniart_jax.voxels.ways import still_parts
 

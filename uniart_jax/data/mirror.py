@@ -38,7 +38,7 @@ def mirror_codes(codes: Any, xp: Any = np) -> Any:
 
 
 def mirror_legs(legs: np.ndarray) -> np.ndarray:
-    """Mirrored rows [..., 12] of ``voxels.found_legs.Legs.table``, or their first 10."""
+    """Mirrored rows [..., 12] of ``voxels.leg_table.Legs.table``, or their first 10."""
     width = legs.shape[-1]
     return legs[..., _LEG_ORDER[:width]] * _LEG_SIGNS[:width]
 

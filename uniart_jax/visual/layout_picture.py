@@ -11,8 +11,8 @@ from PIL import Image, ImageDraw
 
 from uniart_jax.visual.render import PART_COLORS
 from uniart_jax.voxels.camera_code import project
-from uniart_jax.voxels.found_legs import Legs
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.leg_table import Legs
 
 SIDE = 384  # pixels of the drawing
 STEPS = 16  # of a path

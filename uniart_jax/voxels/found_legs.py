@@ -1,8 +1,7 @@
-"""What an object stands on as a layout has it, and a field whose body is made to stand on it.
+"""A field whose body stands on the legs that a layout has.
 
-A leg is a prism that may lean and taper, or an ellipse in it: two rectangles and their heights. A
-plinth is a prism as wide as what it carries, or a little narrower. At the resolution of the voxels
-legs are a few cells thick, and a structure network draws them torn; a set of boxes is not.
+At the resolution of the voxels legs are a few cells thick, and a structure network draws them torn;
+a set of boxes (``leg_table``) is not.
 """
 
 from __future__ import annotations
@@ -15,15 +14,8 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.leg_table import Legs
 
-THRESHOLD = 0.5  # of the probability of the surest leg
-OTHERS = 0.25  # of those beside it: legs come in sets
-ROUND = 0.89  # share of its rectangle that a round leg fills at most
-SOLID = 0.65  # and any leg at least; with less it is a frame or a profile, and stays as drawn
-THINNEST = 0.012  # object units
-BOARD = 0.25  # object units; what is wider is a board, of which two or one carry an object
-LIMIT = 1.0  # object units from the middle that coordinates in JSON may have
-MOST_ROWS = 64  # of JSON
 LEVEL = 0.03  # object units; ends that differ by less from the median are at one height
 NEAR = 5  # sub-cells from a prism within which what else is drawn of the body is the leg's
 FARTHEST = 3.0  # sub-cells, to which distances are cut off
@@ -34,145 +26,6 @@ REACH = 0.2  # object units above, within which the body covers a leg that goes 
 CARRIED = 0.2  # share of the body above legs at least, for the rest below to be taken away
 COVERED = 0.6  # share of a leg that is the body's there
 BLEND = 2  # layers below a leg's upper end, where what it carries is near
-
-
-@dataclasses.dataclass(frozen=True)
-class Legs:
-    """N legs at the shown state, object units.
-
-    Attributes:
-      lower, upper: [N, 4] rectangles x0, y0, x1, y1 at both ends. heights: [N, 2] of the ends.
-      fill: [N] share of the rectangles that a slice fills. plinth: [N] bool. alone: what does not
-        move has nothing else below their upper ends.
-    """
-
-    lower: np.ndarray
-    upper: np.ndarray
-    heights: np.ndarray
-    fill: np.ndarray
-    plinth: np.ndarray
-    alone: bool
-
-    def __len__(self) -> int:
-        return len(self.heights)
-
-    def table(self, count: int) -> np.ndarray:
-        """[count, 12] float32: rectangles and heights as ``models.leg_decoder`` has them, fill,
-        plinth; zero beyond N."""
-        columns = (self.lower, self.upper, self.heights, self.fill[:, None], self.plinth[:, None])
-        rows = np.zeros((count, 12), np.float32)
-        rows[: len(self)] = np.concatenate(columns, 1)
-        return rows
-
-    @property
-    def round(self) -> np.ndarray:
-        """[N] those that are ellipses in their rectangles."""
-        return (self.fill < ROUND) & ~self.plinth
-
-
-def read_legs(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> Legs | None:
-    """What a layout network says of one picture; None where it finds no legs.
-
-    Args:
-      outputs: leg_rows [N, 10] (``models.leg_decoder``), logits leg_exists and leg_plinth [N],
-        leg_fill [N], the logit leg_alone.
-      threshold: of the probability that the surest leg exists; others need ``OTHERS``.
-
-    Returns:
-      The plinth alone where the surest row is one, else the legs, unless they are one or two
-      narrow ones. Frames and profiles, which fill little of their rectangles, are left out: they
-      stay as they are drawn.
-    """
-    probability = _probability(outputs["leg_exists"])
-    if probability.max() <= threshold:
-        return None
-    kept = np.flatnonzero(probability > min(OTHERS, threshold))
-    fill, plinth = outputs["leg_fill"][kept], _probability(outputs["leg_plinth"])[kept] > 0.5
-    surest = int(probability[kept].argmax())
-    chosen = np.arange(len(kept)) == surest if plinth[surest] else (fill > SOLID) & ~plinth
-    if not chosen.any():
-        return None
-    rows = np.asarray(outputs["leg_rows"], np.float64)[kept][chosen]
-    alone = bool(_probability(outputs["leg_alone"]) > 0.5) and bool(chosen.all())
-    lower, upper = _ordered(rows[:, :4]), _ordered(rows[:, 4:8])
-    if not plinth[chosen].any() and len(rows) < 3 and (lower[:, 2:] - lower[:, :2]).max() < BOARD:
-        return None  # nothing stands on one or two legs: the others are not found
-    return Legs(lower, upper, np.sort(rows[:, 8:10], 1), fill[chosen], plinth[chosen], alone)
-
-
-def legs_to_json(legs: Legs) -> dict[str, Any]:
-    """``legs`` of a layout's JSON (``voxels.layout``)."""
-    plain = lambda values: [round(float(v), 6) for v in values]  # noqa: E731
-    rows = [
-        {
-            "lower": plain(legs.lower[k]),
-            "upper": plain(legs.upper[k]),
-            "heights": plain(legs.heights[k]),
-            "fill": round(float(legs.fill[k]), 4),
-            "plinth": bool(legs.plinth[k]),
-        }
-        for k in range(len(legs))
-    ]
-    return {"alone": legs.alone, "rows": rows}
-
-
-def legs_from_json(data: Any) -> Legs | None:
-    """Read ``legs_to_json``'s value; None, or one without rows, is None.
-
-    Raises:
-      ValueError: one line that names the row and the field.
-    """
-    if data is None:
-        return None
-    if not isinstance(data, dict) or not isinstance(data.get("rows"), list):
-        raise ValueError('layout: "legs" must be null or have a list "rows"')
-    if len(data["rows"]) > MOST_ROWS:
-        raise ValueError(f"layout: legs: {len(data['rows'])} rows; give at most {MOST_ROWS}")
-    alone = data.get("alone", False)
-    if not isinstance(alone, bool):
-        raise ValueError(f"layout: legs: alone {alone!r} is neither true nor false")
-    numbers: dict[str, list[np.ndarray]] = {"lower": [], "upper": [], "heights": [], "fill": []}
-    plinth = []
-    for k, row in enumerate(data["rows"]):
-        if not isinstance(row, dict):
-            raise ValueError(f"layout: leg {k} is not an object")
-        for name, count in (("lower", 4), ("upper", 4), ("heights", 2), ("fill", 1)):
-            numbers[name].append(_numbers(row, name, count, k))
-        plinth.append(row.get("plinth", False))
-        if not isinstance(plinth[-1], bool):
-            raise ValueError(f"layout: leg {k}: plinth {plinth[-1]!r} is neither true nor false")
-    if not plinth:
-        return None
-    lower, upper, heights, fill = (np.stack(values) for values in numbers.values())
-    return Legs(lower, upper, heights, fill[:, 0], np.array(plinth), alone)
-
-
-def _numbers(row: dict, name: str, count: int, k: int) -> np.ndarray:
-    """[count] numbers of a row within ``LIMIT``, the ends of intervals in order."""
-    values = row.get(name, 1.0 if name == "fill" else None)
-    values = [values] if count == 1 else values
-    sound = isinstance(values, list) and len(values) == count
-    if not sound or not all(type(v) in (int, float) and -LIMIT <= v <= LIMIT for v in values):
-        what = "a number" if count == 1 else f"{count} numbers"
-        raise ValueError(f"layout: leg {k}: {name} must be {what} in {-LIMIT:g}..{LIMIT:g}")
-    found = np.array(values, np.float64)
-    if count == 1 and not SOLID <= found[0] <= 1:
-        raise ValueError(f"layout: leg {k}: {name} must be in {SOLID:g}..1, got {found[0]:g}")
-    half = max(count // 2, 1)
-    if count > 1 and (found[:half] >= found[half:]).any():
-        raise ValueError(f"layout: leg {k}: {name} {found.tolist()} must rise")
-    return found
-
-
-def _probability(logits: np.ndarray) -> np.ndarray:
-    return 1 / (1 + np.exp(-np.asarray(logits, np.float64)))
-
-
-def _ordered(rectangles: np.ndarray) -> np.ndarray:
-    """Rectangles [N, 4] that are ``THINNEST`` wide at least."""
-    middle = (rectangles[:, :2] + rectangles[:, 2:]) / 2
-    half = np.maximum(np.abs(rectangles[:, 2:] - rectangles[:, :2]), THINNEST) / 2
-    return np.concatenate([middle - half, middle + half], 1)
 
 
 def with_legs(field: DenseField, body: Sequence[int], legs: Legs) -> DenseField:

@@ -34,7 +34,6 @@ from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.camera_code import camera_position
-from uniart_jax.voxels.found_legs import Legs, legs_from_json, legs_to_json, read_legs
 from uniart_jax.voxels.joint_code import (
     KAPPA,
     NETWORK_TOLERANCE,
@@ -42,6 +41,7 @@ from uniart_jax.voxels.joint_code import (
     decode_part,
     encode_joint,
 )
+from uniart_jax.voxels.leg_table import Legs, legs_from_json, legs_to_json, read_legs
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
 
 SCHEMA = 1

@@ -28,7 +28,7 @@ class LayoutBatch(NamedTuple):
 
     Attributes:
       colors: linear RGB of each part. part_counts: rows of each item that are parts.
-      legs: what the object stands on (``voxels.found_legs.Legs.table``). leg_counts: rows of each
+      legs: what the object stands on (``voxels.leg_table.Legs.table``). leg_counts: rows of each
         item that are legs; -1 where they are not known. legs_alone: nothing else is as low.
     """
 
