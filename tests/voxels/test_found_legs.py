@@ -133,6 +133,16 @@ def test_each_leg_has_its_own_heights_and_nothing_is_below_the_floor():
     assert_same(level, with_legs(field, [0], FOUR))
 
 
+def test_a_leg_that_is_told_shorter_reaches_the_body_all_the_same():
+    """What was drawn of it above is taken away with the rest, so it goes on to what is left."""
+    heights = np.tile(place_of((LOW, HIGH)), (4, 1))
+    heights[0, 1] = place_of(36.3)
+    told = dataclasses.replace(FOUR, heights=heights)
+    after = solid_of(with_legs(field_of(drawn(width=8.0)), [0], told), 0)
+    assert ndimage.label(after)[1] == 1
+    assert after[12:16, 12:16, 7:48].all()
+
+
 def test_legs_go_on_to_what_covers_them():
     """Under a drawer the legs' upper ends are told; the board is above."""
     short = dataclasses.replace(FOUR, heights=np.tile(place_of((LOW, 35.3)), (4, 1)))

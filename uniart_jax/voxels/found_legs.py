@@ -22,7 +22,7 @@ FARTHEST = 3.0  # sub-cells, to which distances are cut off
 SEARCH = 0.06  # object units to both sides of its height, within which a leg's upper end is sought
 LOWEST = 3  # layers above the floor, from which on it is
 JUMP = 0.15  # share of the body's rectangle by which its cells grow there
-REACH = 0.2  # object units above, within which the body covers a leg that goes on
+REACH = 0.3  # object units above, within which the body covers a leg that goes on
 CARRIED = 0.2  # share of the body above legs at least, for the rest below to be taken away
 COVERED = 0.6  # share of a leg that is the body's there
 BLEND = 2  # layers below a leg's upper end, where what it carries is near
@@ -66,7 +66,7 @@ def with_legs(field: DenseField, body: Sequence[int], legs: Legs) -> DenseField:
         below = field.sdf[:, :, :first]
         below[mine[:, :, :first] & (below < 0)] = 0.5
     for k in range(len(legs)):
-        _go_on(field, k, prisms, free, solid, part)
+        _go_on(field, k, prisms, free, body, part)
     return field
 
 
@@ -157,7 +157,7 @@ def _draw(field: DenseField, z: int, distance: np.ndarray, where: np.ndarray, pa
 
 
 def _go_on(
-    field: DenseField, leg: int, prisms: Prisms, free: np.ndarray, solid: np.ndarray, part: int
+    field: DenseField, leg: int, prisms: Prisms, free: np.ndarray, body: Sequence[int], part: int
 ) -> None:
     """Fill a leg from its upper end up to where the body covers it, in place; not at all where it
     does not within ``REACH``."""
@@ -168,7 +168,8 @@ def _go_on(
         inside = distance < 0
         if not inside.any():
             return
-        if solid[:, :, z][inside].mean() >= COVERED:
+        solid = (field.sdf[:, :, z] < 0) & np.isin(field.owner[:, :, z], body)
+        if solid[inside].mean() >= COVERED:
             break
         layers.append((z, distance))
     else:
