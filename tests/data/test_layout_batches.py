@@ -9,7 +9,7 @@ import pytest
 
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layout_batches, layouts
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_legs
+from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_corners, mirror_legs
 from uniart_jax.voxels.joint_code import gauge_variants
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
@@ -70,6 +70,9 @@ def test_mirrored_items_belong_together(data):
     assert plain.leg_counts > 0
     np.testing.assert_array_equal(turned.legs, mirror_legs(plain.legs))
     assert (turned.legs != plain.legs).any()
+    assert plain.panel_counts > 0
+    np.testing.assert_array_equal(turned.panels, mirror_corners(plain.panels))
+    assert (turned.panels != plain.panels).any() and plain.panel_share > 0
     back = mirror_codes(turned.codes)
     assert np.abs(gauge_variants(back) - plain.codes[:, None]).max(-1).min(-1).max() < 1e-5
 

@@ -10,7 +10,8 @@ from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layouts
 from uniart_jax.data.layout_batches import layout_batches
 from uniart_jax.data.legs import legs_of
-from uniart_jax.voxels.part_table import MOST_LEGS
+from uniart_jax.data.panels import panels_of
+from uniart_jax.voxels.part_table import MOST_LEGS, MOST_PANELS
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
 MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))
@@ -62,6 +63,23 @@ def test_legs_are_those_of_the_shown_state(data, monkeypatch):
         np.testing.assert_allclose(block["boxes"][item][: len(boxes)], boxes, atol=1e-6)
         assert closed.name == shown.name
     assert not block["legs"][2].any() and not block["legs_alone"][2]
+
+
+def test_panels_are_those_of_the_shown_state(data, monkeypatch):
+    found = []
+
+    def noted(shown, legs):
+        found.append(panels_of(shown, legs))
+        return found[-1] if len(found) < 3 else None
+
+    monkeypatch.setattr(layouts, "panels_of", noted)
+    block = layouts.make_block(0, SETTINGS)
+    assert block["panel_counts"].tolist() == [len(found[0]), len(found[1]), -1]
+    assert max(block["panel_counts"]) > 0
+    for item, panels in enumerate(found[:2]):
+        np.testing.assert_array_equal(block["panels"][item], panels.table(MOST_PANELS))
+        assert block["panel_share"][item] == np.float32(panels.share)
+    assert not block["panels"][2].any() and block["panel_share"][2] == 0
 
 
 def test_pictures_are_rendered_larger_than_they_are_shown(data, monkeypatch):

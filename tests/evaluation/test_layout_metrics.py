@@ -13,6 +13,7 @@ from uniart_jax.visual.layout_picture import draw_layout
 from uniart_jax.voxels.camera_code import project
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.leg_table import Legs
+from uniart_jax.voxels.panel_table import Panels
 
 
 @pytest.fixture(scope="module")
@@ -169,3 +170,6 @@ def test_drawing_projects_as_networks_do(tests):
     legs = Legs(square, square, np.array([[-0.5, -0.3]]), np.ones(1), np.zeros(1, bool), True)
     on_legs = np.asarray(draw_layout(blank, dataclasses.replace(layout, legs=legs)), int)
     assert 30 < (on_legs != drawn).any(-1).sum() < 3000
+    panels = Panels(np.array([[-0.1, -0.1, -0.5, 0.1, 0.1, -0.3]]), 1.0)
+    on_panels = draw_layout(blank, dataclasses.replace(layout, panels=panels))
+    np.testing.assert_array_equal(np.asarray(on_panels, int), on_legs)  # the same box

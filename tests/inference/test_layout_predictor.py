@@ -1,13 +1,14 @@
 """Two looks at one picture, as it is and mirrored, become one answer."""
 
 import numpy as np
+import pytest
 
-from uniart_jax.inference.layouts import joined, last_legs, mirror_parts
+from uniart_jax.inference.layouts import joined, last_legs, last_panels, mirror_parts
 
 RNG = np.random.default_rng(0)
 
 
-def outputs(queries=5, legs=4):
+def outputs(queries=5, legs=4, panels=6):
     lower = RNG.uniform(-0.5, 0, (queries, 3))
     feet = RNG.uniform(-0.4, 0.3, (legs, 2))
     rectangle = np.concatenate([feet, feet + 0.1], 1)
@@ -23,22 +24,27 @@ def outputs(queries=5, legs=4):
         "leg_plinth": RNG.normal(size=legs),
         "leg_fill": RNG.random(legs),
         "leg_alone": np.float64(0.7),
+        "panel_rows": np.sort(RNG.uniform(-0.5, 0.5, (panels, 2, 3)), 1).reshape(panels, 6),
+        "panel_exists": RNG.normal(size=panels),
+        "panel_share": np.float64(0.9),
     }
 
 
-def turned(out, parts, legs):
+def turned(out, parts, legs, panels):
     """The same answer with its rows in another order."""
     rows = {name: value[legs] for name, value in out.items() if name.startswith("leg_r")}
     for name in ("leg_exists", "leg_plinth", "leg_fill"):
         rows[name] = out[name][legs]
     for name in ("corners", "codes", "exists", "colors"):
         rows[name] = out[name][parts]
+    for name in ("panel_rows", "panel_exists"):
+        rows[name] = out[name][panels]
     return {**out, **rows, "parents": out["parents"][np.ix_(parts, parts)]}
 
 
 def test_equal_answers_stay_whatever_their_order_is():
     one = outputs()
-    both = joined(one, turned(one, [3, 1, 4, 0, 2], [2, 0, 3, 1]))
+    both = joined(one, turned(one, [3, 1, 4, 0, 2], [2, 0, 3, 1], [5, 2, 0, 1, 4, 3]))
     assert both.keys() == one.keys()
     for name, value in one.items():
         np.testing.assert_allclose(both[name], value, atol=1e-6, err_msg=name)
@@ -57,17 +63,36 @@ def test_legs_near_each_other_are_averaged_and_of_others_the_surer_stands():
     np.testing.assert_allclose(both["leg_exists"], [2, 2, 2, 3])
 
 
+def test_panels_near_each_other_are_averaged_and_of_others_the_surer_stands():
+    one = outputs(panels=3)
+    one["panel_exists"] = np.array([2.0, 2.0, 2.0])
+    other = {name: np.copy(value) for name, value in one.items()}
+    other["panel_rows"][0] += 0.02
+    other["panel_rows"][2] += 2.0
+    other["panel_exists"][2], other["panel_share"] = 4.0, 0.5
+    both = joined(one, other)
+    np.testing.assert_allclose(both["panel_rows"][0], one["panel_rows"][0] + 0.01, atol=1e-6)
+    np.testing.assert_allclose(both["panel_rows"][2], other["panel_rows"][2], atol=1e-6)
+    np.testing.assert_allclose(both["panel_exists"], [2, 2, 3])
+    assert both["panel_share"] == 0.7
+
+
 def test_mirrored_twice_is_as_before():
     one = outputs()
     mirrored = mirror_parts(one)
     np.testing.assert_allclose(mirrored["leg_rows"][:, [1, 3]], -one["leg_rows"][:, [3, 1]])
     again = mirror_parts(mirrored)
-    for name in ("corners", "leg_rows", "camera"):
+    for name in ("corners", "leg_rows", "panel_rows", "camera"):
         np.testing.assert_allclose(again[name], one[name], atol=1e-12)
 
 
-def test_without_legs_there_are_none():
-    bare = {name: value for name, value in outputs().items() if not name.startswith("leg_")}
-    assert not any(name.startswith("leg_") for name in joined(bare, mirror_parts(bare)))
+@pytest.mark.parametrize("prefix", ["leg_", "panel_"])
+def test_without_a_set_there_is_none(prefix):
+    bare = {name: value for name, value in outputs().items() if not name.startswith(prefix)}
+    assert not any(name.startswith(prefix) for name in joined(bare, mirror_parts(bare)))
+
+
+def test_of_runs_the_last_counts():
     runs = {name: [np.zeros(1), np.ones(1)] for name in ("rows", "exists", "plinth", "fill")}
     assert last_legs({**runs, "alone": np.full(1, 3.0)})["leg_rows"] == 1
+    assert last_panels({**runs, "share": np.full(1, 0.7)})["panel_rows"] == 1

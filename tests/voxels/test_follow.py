@@ -10,6 +10,7 @@ from solids import box_of, box_sdf, grid_of
 
 from uniart_jax import procedural
 from uniart_jax.data.legs import legs_of
+from uniart_jax.data.panels import panels_of
 from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.simulation.pieces import at_rest, spread
@@ -73,6 +74,27 @@ def test_the_body_stands_on_the_layouts_legs():
         assert found == pytest.approx(true, rel=0.15)
     without = assemble_layout(torn, dataclasses.replace(layout, legs=None)).parts[0].mesh
     assert without.bounds[0, 2] > legs.heights[0, 0] + 0.1
+
+
+def test_the_body_is_built_of_the_layouts_panels():
+    """Walls as they are, though voxels show them torn: its volume, and where it is solid."""
+    obj = procedural.generate("dishwasher", 3)
+    panels = panels_of(obj)
+    assert panels.share > 0.95
+    grid = voxelize(obj, 24, 4).gather()
+    places = subcell_centers(grid.coords, 24, 4)
+    holes = (np.sin(40 * places).prod(-1) > 0.02) & (row_of_subcells(grid, obj.boxes) == 0)
+    torn = dataclasses.replace(grid, sdf=np.where(holes, np.float32(0.5), grid.sdf))
+    speck = np.concatenate([obj.boxes[0][:3], [0.01, 0.014, 0.01]])  # is left out, panels are not
+    layout = with_row(Layout.of_object(obj), speck)
+    true = obj.parts[0].mesh
+    off = []
+    for told in (layout, dataclasses.replace(layout, panels=panels)):
+        made = assemble_layout(torn, told).parts[0].mesh
+        assert made.is_watertight
+        wrong = trimesh.boolean.difference([made, true]), trimesh.boolean.difference([true, made])
+        off.append(sum(mesh.volume for mesh in wrong) / true.volume)
+    assert off[1] < 0.03 and off[1] < 0.6 * off[0]
 
 
 def test_rows_that_no_voxel_shows_or_a_mere_speck_are_left_out_and_said(oven):

@@ -9,6 +9,7 @@ import trimesh
 
 from uniart_jax import procedural
 from uniart_jax.data.legs import legs_of
+from uniart_jax.data.panels import panels_of
 from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -177,6 +178,11 @@ def test_json_round_trip():
     with_legs = Layout.from_json(dataclasses.replace(layout, legs=legs).to_json())
     assert len(legs) and np.allclose(with_legs.legs.lower, legs.lower, atol=1e-5)
     assert with_legs.legs.alone == legs.alone
+    panels = panels_of(obj)
+    with_panels = Layout.from_json(dataclasses.replace(layout, panels=panels).to_json())
+    assert len(panels) and np.allclose(with_panels.panels.boxes, panels.boxes, atol=1e-5)
+    assert with_panels.panels.share == pytest.approx(panels.share, abs=1e-4)
+    assert again.panels is None and with_panels.legs is None
 
 
 @pytest.mark.parametrize(
@@ -193,6 +199,7 @@ def test_json_round_trip():
         (lambda d: d["parts"][1].update(confidence=2), "part 1: confidence"),
         (lambda d: d["parts"].clear(), "parts"),
         (lambda d: d.update(legs={"rows": [{}]}), "leg 0: lower must be 4 numbers"),
+        (lambda d: d.update(panels={"rows": [{}]}), "panel 0: lower must be 3 numbers"),
     ],
 )
 def test_bad_tables_are_refused_in_one_line(change, words):

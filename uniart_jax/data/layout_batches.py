@@ -27,7 +27,13 @@ from uniart_jax.data.layouts import (
     load_block,
     settings_of,
 )
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images, mirror_legs
+from uniart_jax.data.mirror import (
+    mirror_boxes,
+    mirror_codes,
+    mirror_corners,
+    mirror_images,
+    mirror_legs,
+)
 from uniart_jax.data.order import ENDLESS, Draw, local_rows
 from uniart_jax.data.photographs import photographed
 from uniart_jax.data.scenes import OTHERS, Crop, training_backdrop
@@ -179,10 +185,12 @@ def _item(
         others = neighbours(photographer, table, item)[1]
         back = training_backdrop(photographer, size, pictures)
         image, camera = photographed(photographer, crop, camera, others, size, back)
-    boxes, codes, legs = (table[name][item] for name in ("boxes", "codes", "legs"))
+    columns = (table[name][item] for name in ("boxes", "codes", "legs", "panels"))
+    boxes, codes, legs, panels = columns
     if mirrored:
         image, camera = mirror_images(image), mirror_camera_codes(camera)
         boxes, codes, legs = mirror_boxes(boxes), mirror_codes(codes), mirror_legs(legs)
+        panels = mirror_corners(panels)
     return LayoutBatch(
         image=image.astype(np.float32) / np.float32(255),
         camera=camera,
@@ -194,6 +202,9 @@ def _item(
         legs=legs,
         leg_counts=table["leg_counts"][item],
         legs_alone=table["legs_alone"][item],
+        panels=panels,
+        panel_counts=table["panel_counts"][item],
+        panel_share=table["panel_share"][item],
     )
 
 

@@ -27,6 +27,7 @@ from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.cameras import camera_codes
 from uniart_jax.data.images import crop
 from uniart_jax.data.legs import legs_of
+from uniart_jax.data.panels import panels_of
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
@@ -35,17 +36,19 @@ from uniart_jax.runtime.processes import map_ordered, process_pool
 from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
-from uniart_jax.voxels.part_table import MOST_LEGS
+from uniart_jax.voxels.part_table import MOST_LEGS, MOST_PANELS
 
 BLOCK = 256  # objects a file
 STATES = 20  # shown states tried before an object is left out
-VERSION = 5  # of what ``make_block`` draws; 4: pictures with their masks, 5: legs
+VERSION = 6  # of what ``make_block`` draws; 5: legs, 6: panels
 # a rendering's side over its crop's, and samples a pixel: sharp with hard shadows, or soft
 RENDERINGS = ((2.0, 1), (1.25, 4))
 LEGS = ("legs", "leg_counts", "legs_alone")
+PANELS = ("panels", "panel_counts", "panel_share")
 COLUMNS = (
     *("images", "masks", "cameras", "boxes", "codes", "parents", "colors", "part_counts"),
     *LEGS,
+    *PANELS,
 )
 
 logger = logging.getLogger(__name__)
@@ -158,18 +161,23 @@ def make_item(
         "parents": np.pad(parents.astype(np.int32), pad[0]),
         "colors": np.pad(part_colors(obj), pad),
         "part_counts": np.int32(len(boxes)),
-        **_leg_columns(closed, obj),
+        **_body_columns(closed, obj),
     }
 
 
-def _leg_columns(closed: ArticulatedObject, obj: ArticulatedObject) -> dict[str, Any]:
-    """An object's row of ``LEGS``."""
+def _body_columns(closed: ArticulatedObject, obj: ArticulatedObject) -> dict[str, Any]:
+    """An object's row of ``LEGS`` and ``PANELS``; counts are -1 where they cannot be told."""
     legs = legs_of(closed, obj)
-    if legs is None:
-        rows, count, alone = np.zeros((MOST_LEGS, 12), np.float32), -1, False
-    else:
-        rows, count, alone = legs.table(MOST_LEGS), len(legs), legs.alone
-    return {"legs": rows, "leg_counts": np.int32(count), "legs_alone": np.bool_(alone)}
+    panels = panels_of(obj, legs)
+    none = np.zeros((MOST_LEGS, 12), np.float32), np.zeros((MOST_PANELS, 6), np.float32)
+    return {
+        "legs": none[0] if legs is None else legs.table(MOST_LEGS),
+        "leg_counts": np.int32(-1 if legs is None else len(legs)),
+        "legs_alone": np.bool_(legs is not None and legs.alone),
+        "panels": none[1] if panels is None else panels.table(MOST_PANELS),
+        "panel_counts": np.int32(-1 if panels is None else len(panels)),
+        "panel_share": np.float32(0 if panels is None else panels.share),
+    }
 
 
 def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:

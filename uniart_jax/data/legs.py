@@ -8,15 +8,15 @@ plinth.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import manifold3d
 import numpy as np
 
+from uniart_jax.data.bodies import body_bounds, body_rows, body_solids, frame_change
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.part_table import MOST_LEGS
-from uniart_jax.voxels.ways import still_parts
 
 STEP = 0.01  # object units between slices
 SPARSE = 0.4  # share of the object's rectangle that a slice of legs fills at most
@@ -53,11 +53,11 @@ def legs_of(closed: ArticulatedObject, shown: ArticulatedObject | None = None) -
       Legs, perhaps none at all. None where they cannot be told: a mesh is not closed, or there are
       more than ``MOST_LEGS``.
     """
-    still = still_parts([p.parent for p in closed.parts], [p.joint for p in closed.parts])
-    solids = [_manifold(closed.parts[k].mesh) for k in still]
-    if any(solid.status() != manifold3d.Error.NoError for solid in solids):
+    solids = body_solids(closed)
+    if solids is None:
         return None
-    lower, upper = _bounds(closed, still)
+    still = body_rows(closed)
+    lower, upper = body_bounds(closed)
     moving = [p.mesh.bounds[0, 2] for k, p in enumerate(closed.parts) if k not in still]
     ceiling = min([upper[2], *moving])
     legs = _sparse_legs(solids, lower, upper, ceiling)
@@ -65,34 +65,14 @@ def legs_of(closed: ArticulatedObject, shown: ArticulatedObject | None = None) -
         legs = _plinth(solids, lower) or legs
     if len(legs) > MOST_LEGS:
         return None
-    return legs if shown is None else _moved(legs, lower, upper, *_bounds(shown, still))
+    return legs if shown is None else _moved(legs, *frame_change(closed, shown))
 
 
-def _bounds(obj: ArticulatedObject, rows: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper corner [3] of the box around some parts."""
-    bounds = np.stack([obj.parts[k].mesh.bounds for k in rows])
-    return bounds[:, 0].min(0), bounds[:, 1].max(0)
-
-
-def _moved(
-    legs: Legs, lower: np.ndarray, upper: np.ndarray, to_lower: np.ndarray, to_upper: np.ndarray
-) -> Legs:
-    """Legs of an object whose still parts' box [lower, upper] lies elsewhere."""
-    scale = (to_upper - to_lower) / (upper - lower)
-    by = to_lower - lower * scale
+def _moved(legs: Legs, scale: np.ndarray, by: np.ndarray) -> Legs:
+    """Legs of an object whose body is scaled and moved by these."""
     flat = lambda rows: rows * np.tile(scale[:2], 2) + np.tile(by[:2], 2)  # noqa: E731
     heights = legs.heights * scale[2] + by[2]
     return Legs(flat(legs.lower), flat(legs.upper), heights, legs.fill, legs.plinth, legs.alone)
-
-
-def _manifold(mesh: Any) -> manifold3d.Manifold:
-    """A mesh as Manifold has it, vertices at one place joined."""
-    vertices, row = np.unique(np.round(mesh.vertices, 6), axis=0, return_inverse=True)
-    faces = row.ravel()[np.asarray(mesh.faces)]
-    distinct = (faces != np.roll(faces, 1, axis=1)).all(1)
-    return manifold3d.Manifold(
-        manifold3d.Mesh(vertices.astype(np.float32), faces[distinct].astype(np.uint32))
-    )
 
 
 def _slice(solids: list[manifold3d.Manifold], height: float) -> list[Outline]:

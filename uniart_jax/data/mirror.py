@@ -22,6 +22,8 @@ from uniart_jax.voxels.joint_code import canonical
 _CODE_SIGNS = np.array([-1, 1, -1, 1, -1, 1, -1, -1, -1], np.float32)
 _CODE_ORDER = np.array([0, 1, 2, 3, 4, 5, 6, 8, 7])
 _BOX_SIGNS = np.array([1, -1, 1, 1, 1, 1], np.float32)
+_CORNER_ORDER = np.array([0, 4, 2, 3, 1, 5])
+_CORNER_SIGNS = np.array([1, -1, 1, 1, -1, 1], np.float32)
 _LEG_ORDER = np.array([0, 3, 2, 1, 4, 7, 6, 5, 8, 9, 10, 11])
 _LEG_SIGNS = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1, 1, 1, 1], np.float32)
 
@@ -41,6 +43,11 @@ def mirror_legs(legs: np.ndarray) -> np.ndarray:
     """Mirrored rows [..., 12] of ``voxels.leg_table.Legs.table``, or their first 10."""
     width = legs.shape[-1]
     return legs[..., _LEG_ORDER[:width]] * _LEG_SIGNS[:width]
+
+
+def mirror_corners(corners: np.ndarray) -> np.ndarray:
+    """Mirrored lower and upper corners [..., 6] of boxes."""
+    return corners[..., _CORNER_ORDER] * _CORNER_SIGNS
 
 
 def mirror_dense(grid: np.ndarray, first_axis: int = 0) -> np.ndarray:

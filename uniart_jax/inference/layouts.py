@@ -17,7 +17,13 @@ from scipy.optimize import linear_sum_assignment
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import load_block, settings_of
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images, mirror_legs
+from uniart_jax.data.mirror import (
+    mirror_boxes,
+    mirror_codes,
+    mirror_corners,
+    mirror_images,
+    mirror_legs,
+)
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.voxels.joint_code import align, box_corners
@@ -84,14 +90,17 @@ class LayoutPredictor:
         def run(params, images):
             out = network.apply(params, images)
             legs = last_legs(out["legs"]) if "legs" in out else {}
-            return {**out["parts"][-1], "camera": out["camera"], "parents": out["parents"], **legs}
+            panels = last_panels(out["panels"]) if "panels" in out else {}
+            whole = {name: out[name] for name in ("camera", "parents")}
+            return {**out["parts"][-1], **whole, **legs, **panels}
 
         self._run = jax.jit(run)
 
     def __call__(self, images: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Crops [S, S, 3] uint8 over black -> for each corners [Q, 6] (lower, upper), codes [Q, 9],
         exists [Q] logits, colors [Q, 3] linear RGB, parents [Q, Q] logits child -> parent
-        (diagonal: root), camera [7]; where the network finds legs, those of ``last_legs``."""
+        (diagonal: root), camera [7]; where the network finds legs or panels, those of
+        ``last_legs`` and ``last_panels``."""
         found = self._look(images)
         if not self.mirrored:
             return found
@@ -113,10 +122,11 @@ def mirror_parts(outputs: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Outputs for a picture as outputs for its mirror image."""
     lower, upper = outputs["corners"][:, :3], outputs["corners"][:, 3:]
     boxes = mirror_boxes(np.concatenate([(lower + upper) / 2, upper - lower], -1))
-    legs = {name: mirror_legs(outputs[name]) for name in ("leg_rows",) if name in outputs}
+    mirrors = {"leg_rows": mirror_legs, "panel_rows": mirror_corners}
+    sets = {name: turn(outputs[name]) for name, turn in mirrors.items() if name in outputs}
     return {
         **outputs,
-        **legs,
+        **sets,
         "corners": box_corners(boxes),
         "codes": mirror_codes(outputs["codes"]),
         "camera": mirror_camera_codes(outputs["camera"]),
@@ -137,6 +147,7 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
     mix = lambda a, b: (1 - share) * a + share * b  # noqa: E731
     return {
         **(joined_legs(one, other) if "leg_rows" in one else {}),
+        **(joined_panels(one, other) if "panel_rows" in one else {}),
         "corners": mix(one["corners"][i], other["corners"][j]),
         "codes": mix(one["codes"][i], codes),
         "colors": mix(one["colors"][i], other["colors"][j]),
@@ -158,10 +169,17 @@ def _matched(
 
 
 def last_legs(legs: dict[str, Any]) -> dict[str, Any]:
-    """Of a ``models.leg_decoder``'s output the last run: leg_rows [B, N, 10], leg_exists,
+    """Of a ``models.box_sets.LegDecoder``'s output the last run: leg_rows [B, N, 10], leg_exists,
     leg_plinth and leg_fill [B, N], leg_alone [B]."""
     last = {f"leg_{name}": legs[name][-1] for name in ("rows", "exists", "plinth", "fill")}
     return last | {"leg_alone": legs["alone"]}
+
+
+def last_panels(panels: dict[str, Any]) -> dict[str, Any]:
+    """Of a ``models.box_sets.PanelDecoder``'s output the last run: panel_rows [B, N, 6],
+    panel_exists [B, N], panel_share [B]."""
+    last = {f"panel_{name}": panels[name][-1] for name in ("rows", "exists")}
+    return last | {"panel_share": panels["share"]}
 
 
 def joined_legs(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -176,6 +194,22 @@ def joined_legs(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dic
         **means,
         "leg_rows": (1 - share) * one["leg_rows"][i] + share * other["leg_rows"][j],
         "leg_alone": np.asarray((one["leg_alone"] + other["leg_alone"]) / 2),
+    }
+
+
+def joined_panels(
+    one: dict[str, np.ndarray], other: dict[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """The panels of two outputs as those of one: ``joined``."""
+    rows, exists = (
+        (one["panel_rows"], other["panel_rows"]),
+        (one["panel_exists"], other["panel_exists"]),
+    )
+    i, j, share = _matched(*rows, *exists)
+    return {
+        "panel_rows": (1 - share) * rows[0][i] + share * rows[1][j],
+        "panel_exists": (exists[0][i] + exists[1][j]) / 2,
+        "panel_share": np.asarray((one["panel_share"] + other["panel_share"]) / 2),
     }
 
 

@@ -24,13 +24,13 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import LayoutConfig, ModelConfig
+from uniart_jax.models.box_sets import LegDecoder, PanelDecoder, Seen
 from uniart_jax.models.image_encoder import CAMERA_CODE, TYPICAL, StemStage
 from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sine_embedding
-from uniart_jax.models.leg_decoder import LegDecoder, Seen
 from uniart_jax.nn.blocks import GroupNorm, LayerNorm, linear, zeros
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
-from uniart_jax.voxels.part_table import MOST_LEGS
+from uniart_jax.voxels.part_table import MOST_LEGS, MOST_PANELS
 
 STRIDES = (4, 8, 16)
 SKETCH_SIDE = 8  # cells of the coarsest map that the sketch reads, whatever the picture's size
@@ -128,8 +128,9 @@ class LayoutNetwork(nnx.Module):
                 "layout: needs queries >= 1, an image_size that 32 divides and repeats >= 0, got "
                 f"{c.queries}, {c.image_size}, {c.repeats}"
             )
-        if c.legs and c.legs < MOST_LEGS:
-            raise ValueError(f"layout: legs must be 0 or at least {MOST_LEGS}, got {c.legs}")
+        for name, most in (("legs", MOST_LEGS), ("panels", MOST_PANELS)):
+            if 0 != (count := getattr(c, name)) < most:
+                raise ValueError(f"layout: {name} must be 0 or at least {most}, got {count}")
         self.config, width = c, c.width
         self.backbone = make_backbone(c, rngs, dtype, config.kernel == "plain")
         channels = self.backbone.CHANNELS
@@ -161,6 +162,8 @@ class LayoutNetwork(nnx.Module):
         self.parent_root = linear(width, 1, rngs, dtype=dtype)
         if c.legs:
             self.legs = LegDecoder(config, rngs, dtype)
+        if c.panels:
+            self.panels = PanelDecoder(config, rngs, dtype)
 
     def __call__(
         self,
@@ -182,7 +185,8 @@ class LayoutNetwork(nnx.Module):
           corners [B, Q, 6] (lower, upper), codes
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits
           child -> parent, the diagonal the root's, of the last layer; tokens [B, Q, D], one a part;
-          map [B, S/4, S/4, C]; where ``LayoutConfig.legs``, legs (``models.leg_decoder``).
+          map [B, S/4, S/4, C]; where ``LayoutConfig.legs`` and
+          ``panels``, legs and panels (``models.box_sets``).
         """
         features, sketch = self.look(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
@@ -212,11 +216,18 @@ class LayoutNetwork(nnx.Module):
             "tokens": y,
             "map": features,
         }
-        if self.config.legs:
-            place = self._place(parts[-1]["corners"])
-            seen = Seen(features, tokens, tokens_place, sketch, y, place, used)
-            out["legs"] = self.legs(seen)
+        if self.config.legs or self.config.panels:
+            last = parts[-1]
+            body = likely_root(last["corners"], last["exists"], out["parents"])
+            place = self._place(last["corners"])
+            seen = Seen(features, tokens, tokens_place, sketch, y, place, body, used)
+            out |= {name: getattr(self, name)(seen) for name in self.sets}
         return out
+
+    @property
+    def sets(self) -> list[str]:
+        """The sets that it finds beside the parts: "legs", "panels"."""
+        return [name for name in ("legs", "panels") if getattr(self.config, name)]
 
     def look(self, image: jax.Array) -> tuple[jax.Array, jax.Array]:
         """The map [B, S/4, S/4, C] and the sketch [B, D] of images."""
@@ -247,6 +258,14 @@ class LayoutNetwork(nnx.Module):
             rows = jax.lax.dynamic_index_in_dim(cells, phase[0], 2, keepdims=False)
             chosen = jax.lax.dynamic_index_in_dim(rows, phase[1], 3, keepdims=False)
         return chosen.reshape(items, -1, channels)
+
+
+def likely_root(corners: jax.Array, exists: jax.Array, parents: jax.Array) -> jax.Array:
+    """[B, 6] corners of the part that is most likely there and the root; ``parents`` [B, Q, Q]
+    logits, the diagonal the root's."""
+    root = jnp.diagonal(jax.nn.log_softmax(parents, -1), axis1=1, axis2=2)
+    best = (root + jax.nn.log_sigmoid(exists)).argmax(1)
+    return jnp.take_along_axis(corners, best[:, None, None], 1)[:, 0]
 
 
 def resize(x: jax.Array, side: int) -> jax.Array:

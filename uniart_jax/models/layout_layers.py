@@ -1,5 +1,5 @@
 """Layers of the decoders that find a set of boxes in an image (``models.layout``,
-``models.leg_decoder``)."""
+``models.box_sets``)."""
 
 from __future__ import annotations
 
@@ -57,11 +57,16 @@ class DecoderLayer(nnx.Module):
         self.read_out = linear(c.width, c.width, rngs, dtype=dtype)
         self.mlp = MLP(c.width, 4, rngs, dtype)
 
-    def __call__(self, x, place, tokens, tokens_place, read):
-        """x, place [B, Q, D]; tokens, tokens_place [B, L, D]; read [B, Q, 15 (C + 3)] -> [B, Q,
-        D]."""
+    def __call__(self, x, place, tokens, tokens_place, read, others=None, others_place=None):
+        """x, place [B, Q, D]; tokens, tokens_place [B, L, D]; read [B, Q, 15 (C + 3)]; others,
+        others_place [B, P, D], rows that are attended to as x is -> [B, Q, D]."""
         y = self.norm1(x)
-        x = x + self.self_attn(y + place, y + place, y)
+        keys, values = y + place, y
+        if others is not None:
+            also = self.norm1(others)
+            keys = jnp.concatenate([keys, also + others_place], 1)
+            values = jnp.concatenate([values, also], 1)
+        x = x + self.self_attn(y + place, keys, values)
         x = x + self.cross_attn(self.norm2(x) + place, tokens + tokens_place, tokens)
         x = x + self.read_out(jax.nn.gelu(self.read_in(read)))
         return x + self.mlp(self.norm3(x))

@@ -21,6 +21,7 @@ from uniart_jax.models.network import Network
 from uniart_jax.training.leg_loss import leg_losses
 from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss, to_corners
 from uniart_jax.training.matching import match
+from uniart_jax.training.panel_loss import panel_losses
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
@@ -74,6 +75,9 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
     if "legs" in out:
         terms |= leg_losses(out["legs"], batch)
         loss = loss + terms["legs"]
+    if "panels" in out:
+        terms |= panel_losses(out["panels"], batch)
+        loss = loss + terms["panels"]
     return terms | {"loss": loss}
 
 

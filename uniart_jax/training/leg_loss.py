@@ -15,7 +15,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from uniart_jax.models.leg_decoder import ROW
+from uniart_jax.models.box_sets import LEG_ROW
 from uniart_jax.training.losses import binary_cross_entropy
 from uniart_jax.training.matching import match
 from uniart_jax.voxels.typed_batches import LayoutBatch
@@ -26,14 +26,15 @@ PLACE, TOLD = 10.0, 0.3
 
 def leg_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """Terms "legs" (all of the loss) and "legs_row" (L1 of the last run's rows, object units) of
-    ``models.leg_decoder``'s output.
+    ``models.box_sets.LegDecoder``'s output.
 
     Raises:
       ValueError: the batch has no legs.
     """
     if batch.legs is None:
         raise ValueError("layout: layout.legs is above 0, but the batch has no legs")
-    rows, fill, plinth = batch.legs[..., :ROW], batch.legs[..., ROW], batch.legs[..., ROW + 1]
+    row = LEG_ROW
+    rows, fill, plinth = batch.legs[..., :row], batch.legs[..., row], batch.legs[..., row + 1]
     items, most = rows.shape[:2]
     known = (batch.leg_counts >= 0).astype(jnp.float32)
     counts = jnp.maximum(batch.leg_counts, 0)

@@ -30,7 +30,7 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
 
     Each part has a colour: its box, the confidence at its centre, its axis (white) and the path of
     its centre or, where it turns, of the corner farthest from the axis. What the object stands on
-    is gray.
+    and the panels of its body are gray.
     """
     image = Image.fromarray(crop).resize((side, side), Image.Resampling.BICUBIC)
     image = Image.blend(image, Image.new("RGB", image.size, (40, 40, 40)), 0.25)
@@ -39,7 +39,9 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
         return image
     pen = ImageDraw.Draw(image)
     see = lambda p: [tuple(v) for v in (project(camera, p) + 1) * side / 2]  # noqa: E731
-    for corners in [] if layout.legs is None else _leg_corners(layout.legs):
+    panels = [] if layout.panels is None else _box_corners(layout.panels.boxes)
+    legs = [] if layout.legs is None else _leg_corners(layout.legs)
+    for corners in [*panels, *legs]:
         spots = see(corners)
         for a, b in EDGES:
             pen.line([spots[a], spots[b]], fill=(200, 200, 200), width=1)
@@ -57,6 +59,12 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
         pen.line(see(line), fill=(255, 255, 255), width=2)
         pen.line(see(_path(joint, box, corners)), fill=color, width=3)
     return image
+
+
+def _box_corners(boxes: np.ndarray) -> np.ndarray:
+    """[N, 8, 3] corners of boxes [N, 6] (lower, upper), in the order of ``EDGES``."""
+    choice = np.array(list(itertools.product((0, 1), repeat=3)))
+    return boxes.reshape(-1, 2, 3)[:, choice, np.arange(3)]
 
 
 def _leg_corners(legs: Legs) -> np.ndarray:

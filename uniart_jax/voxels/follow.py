@@ -23,6 +23,7 @@ from uniart_jax.voxels.clearance import with_meshes, with_room_to_move
 from uniart_jax.voxels.drums import drums, with_drums
 from uniart_jax.voxels.flat_faces import with_flat_faces
 from uniart_jax.voxels.found_legs import with_legs
+from uniart_jax.voxels.found_panels import with_panels
 from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
@@ -136,7 +137,10 @@ def assemble_layout(
         if flat:
             carries = [rows.index(k) for k in set(layout.parents) if k >= 0]
             field = with_flat_faces(field, boxes, joints[: len(shown)], carries, body)
-            field = with_whole_walls(field, boxes, joints[: len(shown)], body)
+            if layout.panels is None:
+                field = with_whole_walls(field, boxes, joints[: len(shown)], body)
+            else:
+                field = with_panels(field, body, layout.panels)
             if layout.legs is None:
                 field = with_whole_legs(field, body)
             else:
@@ -228,4 +232,5 @@ def _without(layout: Layout, left_out: list[int]) -> Layout:
         layout.confidence[kept],
         layout.camera,
         layout.legs,
+        layout.panels,
     )

@@ -190,7 +190,7 @@ def _upper_end(solid: np.ndarray, foot: float, told: float, size: int) -> float:
     count = solid.sum((0, 1)).astype(float)
     window = ndimage.find_objects(solid.astype(np.int8))[0]
     area = solid[window].shape[0] * solid[window].shape[1]
-    first = max(int(told - SEARCH * size), int(np.ceil(foot)) + LOWEST)
+    first = max(int(told - SEARCH * size), int(np.ceil(foot)) + LOWEST, 2)
     at = np.arange(first, min(int(told + SEARCH * size), size - 2))
     if not len(at):
         return told

@@ -11,10 +11,13 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]}}],
      "legs": null or {"alone": bool, "rows": [{"lower": [x0, y0, x1, y1] of its lower end, "upper":
                 the same of its upper end, "heights": [2] of both, "fill": share of the rectangles
-                that it fills (1 a prism, .785 a cylinder), "plinth": bool}]}}
+                that it fills (1 a prism, .785 a cylinder), "plinth": bool}]},
+     "panels": null or {"share": of the body that they and the legs explain, "rows": [{"lower": [3],
+                "upper": [3] corner}]}}
 
 Legs carry what does not move. ``alone``: it has nothing else below their upper ends, and what
-voxels show there is taken away.
+voxels show there is taken away. Panels are the boards that it is built of, in the place of what
+voxels show of it.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
 is not read back.
@@ -42,6 +45,7 @@ from uniart_jax.voxels.joint_code import (
     encode_joint,
 )
 from uniart_jax.voxels.leg_table import Legs, legs_from_json, legs_to_json, read_legs
+from uniart_jax.voxels.panel_table import Panels, panels_from_json, panels_to_json, read_panels
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
 
 SCHEMA = 1
@@ -64,7 +68,7 @@ class Layout:
       boxes: [K, 6] own boxes, centre and size. joints: K joints; the root's is fixed.
       parents: [K] rows, -1 for the root; in any order. colors: [K, 3] linear RGB in 0..1.
       confidence: [K] in 0..1. camera: [7] code of the camera, or None.
-      legs: what it stands on, where that is known.
+      legs: what it stands on, panels: what its body is built of, where that is known.
     """
 
     boxes: np.ndarray
@@ -74,6 +78,7 @@ class Layout:
     confidence: np.ndarray
     camera: np.ndarray | None = None
     legs: Legs | None = None
+    panels: Panels | None = None
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -146,12 +151,13 @@ class Layout:
         camera = None if self.camera is None else _plain(self.camera)
         data = {"schema": SCHEMA, "frame": FRAME, "camera": camera, "parts": rows}
         data["legs"] = None if self.legs is None else legs_to_json(self.legs)
+        data["panels"] = None if self.panels is None else panels_to_json(self.panels)
         return json.dumps(data, indent=2) + "\n"
 
     @staticmethod
     def from_json(text: str) -> Layout:
-        """Read ``to_json``'s text; ``color``, ``confidence``, ``camera`` and ``legs`` may be left
-        out.
+        """Read ``to_json``'s text; ``color``, ``confidence``, ``camera``, ``legs`` and ``panels``
+        may be left out.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -197,6 +203,7 @@ class Layout:
             np.array(confidence),
             camera,
             legs_from_json(data.get("legs")),
+            panels_from_json(data.get("panels")),
         )
 
 
@@ -238,7 +245,8 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     )
     colors = np.clip(np.asarray(outputs["colors"], np.float64)[rows], 0, 1)
     legs = read_legs(outputs) if "leg_rows" in outputs else None
-    return Layout(boxes, joints, parents, colors, probability[rows], camera, legs)
+    panels = read_panels(outputs) if "panel_rows" in outputs else None
+    return Layout(boxes, joints, parents, colors, probability[rows], camera, legs, panels)
 
 
 def _closed_first(joint: Joint, box: np.ndarray, parent: np.ndarray) -> Joint:

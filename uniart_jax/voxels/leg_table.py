@@ -42,7 +42,7 @@ class Legs:
         return len(self.heights)
 
     def table(self, count: int) -> np.ndarray:
-        """[count, 12] float32: rectangles and heights as ``models.leg_decoder`` has them, fill,
+        """[count, 12] float32: rectangles and heights as ``models.box_sets`` has them, fill,
         plinth; zero beyond N."""
         columns = (self.lower, self.upper, self.heights, self.fill[:, None], self.plinth[:, None])
         rows = np.zeros((count, 12), np.float32)
@@ -59,7 +59,7 @@ def read_legs(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> L
     """What a layout network says of one picture; None where it finds no legs.
 
     Args:
-      outputs: leg_rows [N, 10] (``models.leg_decoder``), logits leg_exists and leg_plinth [N],
+      outputs: leg_rows [N, 10] (``models.box_sets``), logits leg_exists and leg_plinth [N],
         leg_fill [N], the logit leg_alone.
       threshold: of the probability that the surest leg exists; others need ``OTHERS``.
 

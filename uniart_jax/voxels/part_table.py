@@ -28,7 +28,7 @@ class PartTable(NamedTuple):
     counts: Annotated[Array, "B", "int"]
 
 
-MOST_LEGS = 8  # of an object that is trained on
+MOST_LEGS, MOST_PANELS = 8, 24  # of an object that is trained on
 SMALLEST_SIDE = 0.004  # object units, of a box that a mesh is made of
 ROWS = ("boxes", "codes", "parents", "colors")
 EMPTY = {

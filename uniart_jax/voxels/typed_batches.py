@@ -30,6 +30,9 @@ class LayoutBatch(NamedTuple):
       colors: linear RGB of each part. part_counts: rows of each item that are parts.
       legs: what the object stands on (``voxels.leg_table.Legs.table``). leg_counts: rows of each
         item that are legs; -1 where they are not known. legs_alone: nothing else is as low.
+      panels: corners of the boards of the body (``voxels.panel_table``). panel_counts: rows of each
+        item that are panels; -1 where they are not known. panel_share: of the body that they and
+        the legs explain.
     """
 
     image: Annotated[Array, "B H W 3", "float"]
@@ -42,6 +45,9 @@ class LayoutBatch(NamedTuple):
     legs: Annotated[Array, "B N 12", "float"] = None
     leg_counts: Annotated[Array, "B", "int"] = None
     legs_alone: Annotated[Array, "B", "bool"] = None
+    panels: Annotated[Array, "B P 6", "float"] = None
+    panel_counts: Annotated[Array, "B", "int"] = None
+    panel_share: Annotated[Array, "B", "float"] = None
 
 
 class MaskBatch(NamedTuple):

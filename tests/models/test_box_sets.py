@@ -1,0 +1,123 @@
+"""Legs and panels as sets: they leave the parts as they are and permute as a set does."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from drawn import parameters
+from flax import nnx
+
+from uniart_jax.config import LayoutConfig, ModelConfig
+from uniart_jax.models.box_sets import LEG_ROW, PANEL_ROW, LegDecoder, PanelDecoder, Seen
+from uniart_jax.models.layout import likely_root
+from uniart_jax.models.network import build
+
+SMALL = LayoutConfig(
+    queries=5, image_size=64, backbone="convolutions", map_channels=8, width=16, layers=2, heads=2,
+    sketch_width=12, head_width=12, legs=8, panels=24,
+)  # fmt: skip
+NETWORK = build("layout", ModelConfig(layout=SMALL))
+IMAGE = jax.random.uniform(jax.random.key(1), (2, 64, 64, 3))
+
+
+@pytest.fixture(scope="module")
+def params():
+    return parameters(NETWORK)
+
+
+SETS = {"legs": (8, LegDecoder), "panels": (24, PanelDecoder)}
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_they_come_with_the_parts_and_leave_them_as_they_are(name, params):
+    out = jax.jit(NETWORK.apply)(params, IMAGE)
+    found, (count, decoder) = out.pop(name), SETS[name]
+    row = {"legs": LEG_ROW, "panels": PANEL_ROW}[name]
+    assert [r.shape for r in found["rows"]] == [(2, count, row)] * (decoder.RUNS + 1)
+    said = {"legs": ("exists", "plinth", "fill"), "panels": ("exists",)}[name]
+    for kind in said:
+        assert [value.shape for value in found[kind]] == [(2, count)] * (decoder.RUNS + 1)
+    assert found[{"legs": "alone", "panels": "share"}[name]].shape == (2,)
+    without = build("layout", ModelConfig(layout=dataclasses.replace(SMALL, **{name: 0})))
+    bare = jax.jit(without.apply)({k: v for k, v in params.items() if k != name}, IMAGE)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), out, bare)
+
+
+def seen_by_chance():
+    size, width = SMALL.image_size // 4, SMALL.width
+    draw = lambda *shape: jax.random.normal(jax.random.key(sum(shape)), shape)  # noqa: E731
+    return Seen(
+        map=draw(1, size, size, SMALL.map_channels),
+        tokens=draw(1, 9, width),
+        tokens_place=draw(9, width),
+        sketch=draw(1, SMALL.sketch_width),
+        parts=draw(1, 5, width),
+        parts_place=draw(1, 5, width),
+        body=jnp.array([[-0.2, -0.3, -0.4, 0.2, 0.3, 0.4]]),
+        camera=jnp.array([[0.0, 1, 0.3, 1, 0.2, 0, 0]]),
+    )
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_they_see_the_image_and_the_parts(name):
+    decoder, seen = SETS[name][1](NETWORK.config, nnx.Rngs(0), jnp.float32), seen_by_chance()
+    nnx.update(decoder, jax.tree.map(lambda x: x + 0.1, nnx.state(decoder)))
+    rows = decoder(seen)["rows"][-1]
+    inputs = ["map", "tokens", "sketch", "parts", "parts_place", "camera"]
+    for field in inputs + ["body"] * (name == "panels"):
+        other = decoder(seen._replace(**{field: getattr(seen, field) * 0.5}))["rows"][-1]
+        assert np.abs(np.asarray(other) - np.asarray(rows)).max() > 1e-4, field
+
+
+def test_panels_begin_as_boards_of_the_body_however_small_it_is():
+    decoder, seen = PanelDecoder(NETWORK.config, nnx.Rngs(0), jnp.float32), seen_by_chance()
+    rows = np.asarray(decoder(seen)["rows"][0][0])
+    wide = rows[:, 3:] - rows[:, :3]
+    assert (wide > 0).all()
+    np.testing.assert_allclose(np.sort(wide / [0.4, 0.6, 0.8], 1)[:, 1:], 1, rtol=1e-5)
+    np.testing.assert_allclose(rows[:, :3].min(0), [-0.2, -0.3, -0.4], atol=0.03)
+    point = seen._replace(body=jnp.array([[0.1, 0.1, 0.1, 0.1, 0.0, 0.1]]))
+    rows = np.asarray(decoder(point)["rows"][0][0])
+    assert np.isfinite(rows).all() and (rows[:, 3:] > rows[:, :3]).all()
+
+
+def test_the_body_is_the_surest_root():
+    corners = jnp.arange(18.0).reshape(1, 3, 6)
+    roots = jnp.array([[[0.0, 5, 0], [0, 3, 0], [0, 0, 3]]])  # rows 1 and 2 are roots
+    for exists, row in (([5.0, -5, 5], 2), ([5.0, 5, -5], 1)):
+        found = likely_root(corners, jnp.array([exists]), roots)
+        np.testing.assert_array_equal(found[0], corners[0, row])
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_their_loss_trains_nothing_else(name, params):
+    def loss(params):
+        found = NETWORK.apply(params, IMAGE)[name]
+        return sum(jnp.square(x - 0.3).sum() for x in jax.tree.leaves(found))
+
+    gradient = jax.jit(jax.grad(loss))(params)
+    size = lambda tree: float(sum(jnp.abs(x).sum() for x in jax.tree.leaves(tree)))  # noqa: E731
+    assert size(gradient.pop(name)) > 1 and size(gradient) == 0
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_queries_are_a_set(name, params):
+    order = np.random.default_rng(3).permutation(SETS[name][0])
+    own = params[name]
+    other = {**own, "queries": own["queries"][order], "anchors": own["anchors"][order]}
+    run = jax.jit(NETWORK.apply)
+    one, two = (run({**params, name: p}, IMAGE)[name] for p in (own, other))
+    for kind, values in one.items():
+        if isinstance(values, list):
+            np.testing.assert_allclose(np.asarray(values[-1])[:, order], two[kind][-1], atol=2e-3)
+        else:
+            np.testing.assert_allclose(values, two[kind], atol=2e-4)
+
+
+def test_the_box_around_a_leg_that_leans():
+    row = jnp.array([0.0, 0.1, 0.2, 0.3, -0.1, 0.15, 0.1, 0.4, -0.5, -0.2])
+    np.testing.assert_allclose(
+        LegDecoder.corners(row), [-0.1, 0.1, -0.5, 0.2, 0.4, -0.2], rtol=1e-6
+    )

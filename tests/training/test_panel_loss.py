@@ -1,0 +1,91 @@
+"""The loss of panels: of a set, of those that are known alone, strictest about faces."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from uniart_jax.training.panel_loss import panel_losses
+from uniart_jax.voxels.typed_batches import LayoutBatch
+
+N, Q = 4, 6
+RNG = np.random.default_rng(0)
+OUT = {
+    "rows": [RNG.normal(size=(2, Q, 6)).astype(np.float32) for _ in range(2)],
+    "exists": [RNG.normal(size=(2, Q)).astype(np.float32) for _ in range(2)],
+    "share": RNG.random(2).astype(np.float32),
+}
+losses = jax.jit(panel_losses)
+
+
+def batch(panels, counts, share=(0.9, 0.2)):
+    parts = {name: np.zeros(0) for name in LayoutBatch._fields[:7]}
+    return LayoutBatch(
+        **parts,
+        panels=jnp.asarray(panels),
+        panel_counts=jnp.array(counts),
+        panel_share=jnp.array(share),
+    )
+
+
+def panels():
+    lower = RNG.random((2, N, 3)) - 0.5
+    return np.concatenate([lower, lower + 0.02 + RNG.random((2, N, 3))], -1).astype(np.float32)
+
+
+def values(*args):
+    return {name: float(value) for name, value in losses(OUT, batch(*args)).items()}
+
+
+def test_the_order_of_panels_and_what_lies_beyond_them_do_not_matter():
+    table = panels()
+    first = values(table, [4, 2])
+    turned = table.copy()
+    turned[0], turned[1, :2] = table[0, [2, 0, 3, 1]], table[1, [1, 0]]
+    turned[1, 2:] = 99
+    assert values(turned, [4, 2]) == pytest.approx(first, rel=1e-5)
+    more = np.concatenate([table, np.full((2, 2, 6), 7, np.float32)], 1)
+    assert values(more, [4, 2]) == pytest.approx(first, rel=1e-5)
+
+
+def test_objects_whose_panels_are_not_known_pay_nothing():
+    table = panels()
+    gradient = jax.grad(lambda out: panel_losses(out, batch(table, [-1, 3]))["panels"])(OUT)
+    for leaf in jax.tree.leaves(gradient):
+        assert not np.asarray(leaf)[0].any()
+    none = jax.grad(lambda out: panel_losses(out, batch(table, [0, 3]))["panels"])(OUT)
+    assert np.asarray(none["exists"][1])[0].all()  # that there are none is known
+
+
+def perfect(table):
+    rows, sure = np.zeros((2, Q, 6)), np.full((2, Q), -20.0)
+    rows[0, :4], sure[0, :4] = table[0], 20
+    rows[1, 2:4], sure[1, 2:4] = table[1, :2], 20
+    return rows, sure
+
+
+def test_a_perfect_answer_costs_next_to_nothing():
+    table = panels()
+    rows, sure = perfect(table)
+    out = {"rows": [jnp.asarray(rows)] * 2, "exists": [jnp.asarray(sure)] * 2}
+    found = losses(out | {"share": jnp.array([0.9, 0.2])}, batch(table, [4, 2]))
+    assert float(found["panels"]) < 1e-5 and float(found["panels_row"]) < 1e-6
+
+
+def test_where_a_board_lies_costs_more_than_where_it_ends():
+    table = panels()
+    table[0, 0] = [-0.4, -0.4, 0.1, 0.4, 0.4, 0.12]
+    rows, sure = perfect(table)
+
+    def cost(column):
+        moved = rows.copy()
+        moved[0, 0, column] += 0.02
+        out = {"rows": [jnp.asarray(moved)], "exists": [jnp.asarray(sure)]}
+        return float(losses(out | {"share": jnp.array([0.9, 0.2])}, batch(table, [4, 2]))["panels"])
+
+    assert cost(2) == pytest.approx(cost(5), rel=1e-3) and cost(2) > 5 * cost(0) > 0
+
+
+def test_a_batch_without_panels_is_refused():
+    with pytest.raises(ValueError, match="the batch has no panels"):
+        panel_losses(OUT, batch(panels(), [1, 1])._replace(panels=None))

@@ -1,0 +1,153 @@
+"""A field whose body is built of the panels that a layout has.
+
+At the resolution of the voxels boards are one or two cells thick: a structure network draws shelves
+and dividers as crumbs, and outer walls with ragged edges. A set of boxes (``panel_table``) is not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import ndimage
+
+from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.panel_table import Panels
+
+# lengths in sub-cells
+THINNEST = 2.2  # that a panel is made at least
+LEVEL = 1.2  # by which faces of one plane differ
+GAP = 12.0  # that a panel ends before, or beyond, one that it meets
+FARTHEST = 3.0  # to which distances are cut off
+NEAR = 4  # outside the box around all panels, to which what is drawn of the body has to reach
+
+
+def with_panels(field: DenseField, body: Sequence[int], panels: Panels) -> DenseField:
+    """A field whose body is these panels, and what of it stands out of the box around them.
+
+    Faces of nearly one plane are made one; panels are made to meet (``fitted``).
+
+    Args:
+      body: owners that do not move.
+
+    Returns:
+      A new field. Cells of other parts stay as they are.
+    """
+    mine = np.isin(field.owner, body)
+    solid = (field.sdf < 0) & mine
+    if not solid.any() or not len(panels):
+        return field
+    size = field.sdf.shape[0] - 2
+    boxes = fitted((panels.boxes + 0.5) * size + 0.5)
+    distance = _distance(boxes, field.sdf.shape)
+    free = ~np.asarray(ndimage.binary_dilation((field.sdf < 0) & ~mine), bool)
+    for axis in range(3):  # the layer around the grid stays outside
+        np.moveaxis(free, axis, 0)[[0, -1]] = False
+    stays = _outside(boxes[:, :3].min(0), boxes[:, 3:].max(0), solid)
+    where = free & (mine | (field.sdf > 0))
+    value = np.where(stays, np.minimum(distance, field.sdf), distance)
+    value = np.where(np.abs(value) < ZERO, -ZERO, value)
+    part = int(np.bincount(field.owner[solid]).argmax())
+    gained = where & (field.sdf > 0) & ((value < 0) | (field.owner < 0))
+    return dataclasses.replace(
+        field,
+        sdf=np.where(where, value, field.sdf).astype(field.sdf.dtype),
+        owner=np.where(gained, np.int16(part), field.owner),
+    )
+
+
+def _outside(lower: np.ndarray, upper: np.ndarray, solid: np.ndarray) -> np.ndarray:
+    """[X, Y, Z] cells outside a box where what is drawn stays: those farther than ``NEAR``, and
+    those between the box and something solid there."""
+    stays = np.zeros_like(solid)
+    for axis in range(3):
+        for place, outwards in ((lower[axis], -1), (upper[axis], 1)):
+            if outwards > 0:
+                layers, drawn = np.moveaxis(stays, axis, 0), np.moveaxis(solid, axis, 0)
+                at = int(np.ceil(place))
+            else:
+                layers, drawn = np.moveaxis(stays, axis, 0)[::-1], np.moveaxis(solid, axis, 0)[::-1]
+                at = len(solid) - 1 - int(np.floor(place))
+            at = max(at, 0)
+            if at + NEAR >= len(solid):
+                continue
+            layers[at + NEAR :] = True
+            layers[at : at + NEAR] |= ndimage.binary_dilation(drawn[at + NEAR])
+    return stays
+
+
+def fitted(boxes: np.ndarray) -> np.ndarray:
+    """Boxes [N, 6] in cells, made to meet.
+
+    Faces that lie within ``LEVEL`` of one another are moved to their mean, weighted by their areas;
+    an edge that ends within ``GAP`` of a panel that lies across it ends at that panel's far face.
+    """
+    sides = boxes[:, 3:] - boxes[:, :3]
+    boxes = boxes.copy()
+    for face in range(6):
+        areas = np.delete(sides, face % 3, 1).prod(1)
+        boxes[:, face] = _levelled(boxes[:, face], areas)
+    thin = (boxes[:, 3:] - boxes[:, :3]).argmin(1)
+    _thicken(boxes)
+    met = boxes.copy()
+    for k in range(len(boxes)):
+        for axis in range(3):
+            if axis == thin[k]:
+                continue
+            for end in (axis, axis + 3):
+                met[k, end] = _meeting(boxes, thin, k, axis, end)
+    sound = met[:, 3:] - met[:, :3] > 1
+    return np.where(np.tile(sound, 2), met, boxes)
+
+
+def _levelled(places: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Places [N] of faces; those that follow one another within ``LEVEL`` become their mean."""
+    places = places.copy()
+    order = np.argsort(places, kind="stable")
+    for group in np.split(order, np.flatnonzero(np.diff(places[order]) > LEVEL) + 1):
+        places[group] = np.average(places[group], weights=weights[group] + 1e-6)
+    return places
+
+
+def _thicken(boxes: np.ndarray) -> None:
+    """Make panels ``THINNEST`` thick at least, in place."""
+    middle = (boxes[:, :3] + boxes[:, 3:]) / 2
+    half = np.maximum(boxes[:, 3:] - boxes[:, :3], THINNEST) / 2
+    boxes[:, :3], boxes[:, 3:] = middle - half, middle + half
+
+
+def _meeting(boxes: np.ndarray, thin: np.ndarray, k: int, axis: int, end: int) -> float:
+    """Where a panel's edge ends: at the far face of the nearest panel that lies across it, of
+    several the outermost."""
+    place, outwards = boxes[k, end], 1 if end > 2 else -1
+    found = []
+    others = np.array([a for a in range(3) if a != axis])
+    own = boxes[k, others + 3] - boxes[k, others]
+    for j in np.flatnonzero(thin == axis):
+        low = np.maximum(boxes[k, others], boxes[j, others])
+        high = np.minimum(boxes[k, others + 3], boxes[j, others + 3])
+        if j == k or (high - low < 0.5 * own - GAP).any() or (high <= low - LEVEL).any():
+            continue
+        near, far = (boxes[j, axis], boxes[j, axis + 3])[::outwards]
+        apart = max((near - place) * outwards, (place - far) * outwards, 0.0)
+        if apart < GAP:
+            found.append((apart, -far * outwards, far))
+    return min(found)[2] if found else place
+
+
+def _distance(boxes: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """[X, Y, Z] cells to the nearest of boxes, below 0 inside, ``FARTHEST`` at most."""
+    distance = np.full(shape, FARTHEST, np.float32)
+    for box in boxes:
+        first = np.maximum(np.floor(box[:3] - FARTHEST), 0).astype(int)
+        last = np.minimum(np.ceil(box[3:] + FARTHEST) + 1, shape).astype(int)
+        middle, half = (box[:3] + box[3:]) / 2, (box[3:] - box[:3]) / 2
+        apart = [
+            np.abs(np.arange(a, b) - m) - h
+            for a, b, m, h in zip(first, last, middle, half, strict=True)
+        ]
+        own = np.maximum(np.maximum(apart[0][:, None, None], apart[1][:, None]), apart[2])
+        window = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+        distance[window] = np.minimum(distance[window], own)
+    return np.maximum(distance, -FARTHEST)

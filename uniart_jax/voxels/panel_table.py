@@ -1,0 +1,96 @@
+"""The boards that a body is built of as a table, read off a network's output, and as JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+THRESHOLD = 0.5  # of the probability of a panel
+TRUSTED = 0.8  # share of the body from which on panels stand for it
+THINNEST = 0.004  # object units
+LIMIT = 1.0  # object units from the middle that coordinates may have
+MOST_ROWS = 256  # of JSON
+
+
+@dataclasses.dataclass(frozen=True)
+class Panels:
+    """N boxes that a body is built of, at the shown state, object units.
+
+    Attributes:
+      boxes: [N, 6] lower and upper corners. share: of the body's volume that they and its legs
+        explain, less what they have beyond it.
+    """
+
+    boxes: np.ndarray
+    share: float
+
+    def __len__(self) -> int:
+        return len(self.boxes)
+
+    def table(self, count: int) -> np.ndarray:
+        """[count, 6] float32, zero beyond N."""
+        rows = np.zeros((count, 6), np.float32)
+        rows[: len(self)] = self.boxes
+        return rows
+
+
+def read_panels(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> Panels | None:
+    """What a layout network says of one picture; None where it finds no panels, or where they are
+    less than ``TRUSTED`` of the body.
+
+    Args:
+      outputs: panel_rows [N, 6] corners, panel_exists [N] logits, panel_share.
+      threshold: of the probability that a panel exists.
+    """
+    probability = 1 / (1 + np.exp(-np.asarray(outputs["panel_exists"], np.float64)))
+    share = float(np.clip(outputs["panel_share"], 0, 1))
+    kept = probability > threshold
+    if share < TRUSTED or not kept.any():
+        return None
+    rows = np.clip(np.asarray(outputs["panel_rows"], np.float64)[kept], -LIMIT, LIMIT)
+    middle = np.clip((rows[:, :3] + rows[:, 3:]) / 2, THINNEST - LIMIT, LIMIT - THINNEST)
+    half = np.maximum(np.abs(rows[:, 3:] - rows[:, :3]), THINNEST) / 2
+    return Panels(np.concatenate([middle - half, middle + half], 1), share)
+
+
+def panels_to_json(panels: Panels) -> dict[str, Any]:
+    """``panels`` of a layout's JSON (``voxels.layout``)."""
+    plain = lambda values: [round(float(v), 6) for v in values]  # noqa: E731
+    rows = [{"lower": plain(box[:3]), "upper": plain(box[3:])} for box in panels.boxes]
+    return {"share": round(panels.share, 4), "rows": rows}
+
+
+def panels_from_json(data: Any) -> Panels | None:
+    """Read ``panels_to_json``'s value; None, or one without rows, is None.
+
+    Raises:
+      ValueError: one line that names the row and the field.
+    """
+    if data is None:
+        return None
+    if not isinstance(data, dict) or not isinstance(data.get("rows"), list):
+        raise ValueError('layout: "panels" must be null or have a list "rows"')
+    if len(data["rows"]) > MOST_ROWS:
+        raise ValueError(f"layout: panels: {len(data['rows'])} rows; give at most {MOST_ROWS}")
+    share = data.get("share", 1.0)
+    if type(share) not in (int, float) or not 0 <= share <= 1:
+        raise ValueError(f"layout: panels: share {share!r} is not in 0..1")
+    boxes = []
+    for k, row in enumerate(data["rows"]):
+        if not isinstance(row, dict):
+            raise ValueError(f"layout: panel {k} is not an object")
+        lower, upper = (_corner(row, name, k) for name in ("lower", "upper"))
+        if (lower >= upper).any():
+            raise ValueError(f"layout: panel {k}: lower {lower.tolist()} must be below upper")
+        boxes.append(np.concatenate([lower, upper]))
+    return Panels(np.stack(boxes), float(share)) if boxes else None
+
+
+def _corner(row: dict, name: str, k: int) -> np.ndarray:
+    values = row.get(name)
+    sound = isinstance(values, list) and len(values) == 3
+    if not sound or not all(type(v) in (int, float) and -LIMIT <= v <= LIMIT for v in values):
+        raise ValueError(f"layout: panel {k}: {name} must be 3 numbers in {-LIMIT:g}..{LIMIT:g}")
+    return np.array(values, np.float64)
