@@ -81,6 +81,17 @@ def test_other_parts_and_what_is_outside_stay():
     assert solid_of(after, 0)[30, 30, 60]
 
 
+def test_another_board_that_is_drawn_whole_stays():
+    front = block((12.3, 8.3, 10.3), (15.3, 57.3, 56.3))
+    case = np.min([block(b[:3], b[3:]) for b in BOARDS[:5]], 0)
+    field, panels = field_of(np.minimum(case, front)), panels_at(BOARDS[:5])
+    kept = with_panels(field, [0], panels)
+    np.testing.assert_array_equal(solid_of(kept, 0), solid_of(field, 0))
+    torn = np.where(np.random.default_rng(0).random(AT.shape[1:]) < 0.6, 2.0, front)
+    gone = with_panels(field_of(np.minimum(case, torn)), [0], panels)
+    assert not solid_of(gone, 0)[:, 20:46, 20:46][11:17].any()
+
+
 def test_a_board_in_the_way_of_another_part_ends_there():
     tray = block((16.3, 14.3, 30.3), (45.3, 50.3, 37.3))  # where the shelf is to be
     after = with_panels(field_of(np.where(SHELF < 0, 2.0, CASE), tray), [0], ALL)

@@ -20,11 +20,15 @@ THINNEST = 2.2  # that a panel is made at least
 LEVEL = 1.2  # by which faces of one plane differ
 GAP = 12.0  # that a panel ends before, or beyond, one that it meets
 FARTHEST = 3.0  # to which distances are cut off
+BESIDE = 6  # to a panel, within which what is drawn is the panel's
+WIDE, THICK = 10, 8  # sides of another board at least, and its thickness at most
+WHOLE = 0.6  # share of its box that it fills at least
 NEAR = 4  # outside the box around all panels, to which what is drawn of the body has to reach
 
 
 def with_panels(field: DenseField, body: Sequence[int], panels: Panels) -> DenseField:
-    """A field whose body is these panels, and what of it stands out of the box around them.
+    """A field whose body is these panels, other boards that are drawn whole, and what of it stands
+    out of the box around them.
 
     Faces of nearly one plane are made one; panels are made to meet (``fitted``).
 
@@ -45,6 +49,8 @@ def with_panels(field: DenseField, body: Sequence[int], panels: Panels) -> Dense
     for axis in range(3):  # the layer around the grid stays outside
         np.moveaxis(free, axis, 0)[[0, -1]] = False
     stays = _outside(boxes[:, :3].min(0), boxes[:, 3:].max(0), solid)
+    stays |= _other_boards(solid, distance)
+    distance = np.clip(distance, -FARTHEST, FARTHEST)
     where = free & (mine | (field.sdf > 0))
     value = np.where(stays, np.minimum(distance, field.sdf), distance)
     value = np.where(np.abs(value) < ZERO, -ZERO, value)
@@ -74,6 +80,21 @@ def _outside(lower: np.ndarray, upper: np.ndarray, solid: np.ndarray) -> np.ndar
                 continue
             layers[at + NEAR :] = True
             layers[at : at + NEAR] |= ndimage.binary_dilation(drawn[at + NEAR])
+    return stays
+
+
+def _other_boards(solid: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """[X, Y, Z] cells of boards that are drawn where there is no panel."""
+    labels, count = ndimage.label(solid & (distance >= BESIDE))
+    stays = np.zeros_like(solid)
+    for k, window in enumerate(ndimage.find_objects(labels, count), start=1):
+        own = labels[window] == k
+        sides = sorted(own.shape)
+        if sides[0] <= THICK and sides[1] >= WIDE and own.mean() >= WHOLE:
+            stays[window] |= own
+    if stays.any():  # up to the panels that they meet
+        block = np.ones((3, 3, 3), bool)
+        stays = ndimage.binary_dilation(stays, block, BESIDE, mask=solid | stays)
     return stays
 
 
@@ -137,11 +158,11 @@ def _meeting(boxes: np.ndarray, thin: np.ndarray, k: int, axis: int, end: int) -
 
 
 def _distance(boxes: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """[X, Y, Z] cells to the nearest of boxes, below 0 inside, ``FARTHEST`` at most."""
-    distance = np.full(shape, FARTHEST, np.float32)
+    """[X, Y, Z] cells to the nearest of boxes, below 0 inside, ``BESIDE`` at most."""
+    distance = np.full(shape, BESIDE, np.float32)
     for box in boxes:
-        first = np.maximum(np.floor(box[:3] - FARTHEST), 0).astype(int)
-        last = np.minimum(np.ceil(box[3:] + FARTHEST) + 1, shape).astype(int)
+        first = np.maximum(np.floor(box[:3] - BESIDE), 0).astype(int)
+        last = np.minimum(np.ceil(box[3:] + BESIDE) + 1, shape).astype(int)
         middle, half = (box[:3] + box[3:]) / 2, (box[3:] - box[:3]) / 2
         apart = [
             np.abs(np.arange(a, b) - m) - h
@@ -150,4 +171,4 @@ def _distance(boxes: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
         own = np.maximum(np.maximum(apart[0][:, None, None], apart[1][:, None]), apart[2])
         window = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
         distance[window] = np.minimum(distance[window], own)
-    return np.maximum(distance, -FARTHEST)
+    return distance
