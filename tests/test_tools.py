@@ -20,7 +20,13 @@ from uniart_jax.cli import load_config
 from uniart_jax.config import StageConfig
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images, mirror_legs
+from uniart_jax.data.mirror import (
+    mirror_boxes,
+    mirror_codes,
+    mirror_corners,
+    mirror_images,
+    mirror_legs,
+)
 from uniart_jax.evaluation.procedural import held_out_for
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network
@@ -200,6 +206,8 @@ def test_the_pools_mirror_is_that_of_records(pool_tools, pool_rows):
         np.testing.assert_allclose(out.layout.codes[b], same[1](rows["codes"][b]), atol=1e-6)
         legs = mirror_legs(rows["legs"][b]) if mirrored else rows["legs"][b]
         np.testing.assert_allclose(out.layout.legs[b], legs, atol=1e-6)
+        panels = mirror_corners(rows["panels"][b]) if mirrored else rows["panels"][b]
+        np.testing.assert_allclose(out.layout.panels[b], panels, atol=1e-6)
         np.testing.assert_array_equal(out.occupancy[b], cells[:, ::-1] if mirrored else cells)
         image, photo = (rows[k][b] / np.float32(255) for k in ("images", "photos"))
         if mirrored:

@@ -13,7 +13,13 @@ from jax.scipy.ndimage import map_coordinates
 from uniart_jax.config import Config, load_config
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layout_errors import COARSE, LOST, MISTAKEN, MOVED, TINTED
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_images, mirror_legs
+from uniart_jax.data.mirror import (
+    mirror_boxes,
+    mirror_codes,
+    mirror_corners,
+    mirror_images,
+    mirror_legs,
+)
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
 from uniart_jax.inference.samplers import found_table
 from uniart_jax.models.image_encoder import shrink
@@ -80,6 +86,9 @@ def prepared(rows: Mapping[str, jax.Array], key: jax.Array, train: bool) -> Pool
         legs=either(mirror_legs(rows["legs"]), rows["legs"]),
         leg_counts=rows["leg_counts"],
         legs_alone=rows["legs_alone"],
+        panels=either(mirror_corners(rows["panels"]), rows["panels"]),
+        panel_counts=rows["panel_counts"],
+        panel_share=rows["panel_share"],
     )
     flow_image = jnp.where(of_picture(flow_sees), photo, image)
     return PoolBatch(layout, flow_image, either(cells[:, :, ::-1], cells))

@@ -3,7 +3,9 @@ own (DETR, Carion 2020).
 
     cost[q, k] = sum over layers of  5 L1(corners) - p + Huber(code, .05)
     loss       = 2 mean over layers (5 L1(corners) + 5 Huber(code) + BCE(exists) + .3 L1(colour))
-                 + .3 CE(parent) + 2 L1(camera) + legs (``training.leg_loss``)
+                 + .3 CE(parent) + 2 L1(camera) + legs + panels
+
+of ``training.leg_loss`` and ``training.panel_loss``.
 
 One matching serves all layers. Part terms are means per object, then over objects; codes are
 compared modulo both gauges.
@@ -45,7 +47,8 @@ def match_cost(
 
 def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers),
-    "parent", "camera", and "loss"; where the network finds legs, ``leg_losses`` too."""
+    "parent", "camera", and "loss"; where the network finds legs or panels, ``leg_losses`` and
+    ``panel_losses`` too."""
     corners, codes, counts = to_corners(batch.boxes), batch.codes, batch.part_counts
     items, known = corners.shape[:2]
     valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
