@@ -17,6 +17,7 @@ from scipy import ndimage
 
 from uniart_jax.data.mirror import mirror_corners
 from uniart_jax.voxels.found_panels import fitted, with_panels
+from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import (
     THINNEST,
     TRUSTED,
@@ -99,15 +100,38 @@ def test_a_board_in_the_way_of_another_part_ends_there():
     assert solid_of(after, 0)[14, 20, 34]
 
 
-def test_no_body_and_no_panels_change_nothing():
+def test_no_body_and_no_panels_give_nothing():
     field = field_of(CASE)
-    assert with_panels(field, [1], ALL) is field
-    assert with_panels(field, [0], Panels(np.zeros((0, 6)), 0.0)) is field
+    assert with_panels(field, [1], ALL) is None
+    assert with_panels(field, [0], Panels(np.zeros((0, 6)), 0.0)) is None
+
+
+def test_panels_of_another_body_are_not_taken():
+    field = field_of(CASE)
+    assert with_panels(field, [0], panels_at(BOARDS[:3])) is None  # much is drawn beside them
+    plain = field_of(np.min([block(b[:3], b[3:]) for b in BOARDS[3:4]], 0))
+    assert with_panels(plain, [0], ALL) is None  # little of them is drawn
+    assert with_panels(field, [0], panels_at(BOARDS + 2.0)) is not None
+
+
+def test_legs_explain_what_stands_below():
+    posts = [(14.3, 10.3), (14.3, 45.3), (41.3, 10.3), (41.3, 45.3)]
+    lifted = BOARDS.copy()  # the case is as high as the upper part of it was
+    lifted[:, [2, 5]] = 26.3 + (BOARDS[:, [2, 5]] - 10.3) * 30 / 46
+    rows = np.array([[x, y, x + 10, y + 10] for x, y in posts])
+    drawn = [block(b[:3], b[3:]) for b in lifted]
+    drawn += [block((x, y, 4.3), (u, v, 27)) for x, y, u, v in rows]
+    field = field_of(np.min(drawn, 0))
+    heights = np.tile(place_of((4.3, 27)), (4, 1))
+    legs = Legs(place_of(rows), place_of(rows), heights, np.ones(4), np.zeros(4, bool), True)
+    assert with_panels(field, [0], panels_at(lifted)) is None
+    after = with_panels(field, [0], panels_at(lifted), legs)
+    assert (solid_of(after, 0)[:, :, :20] == solid_of(field, 0)[:, :, :20]).all()
 
 
 def test_the_layer_around_the_grid_stays_outside():
     large = panels_at(np.array([[-5.0, -5, -5, 80, 80, 80]]))
-    after = with_panels(field_of(CASE), [0], large)
+    after = with_panels(field_of(block((0.3, 0.3, 0.3), (64.7, 64.7, 64.7))), [0], large)
     for axis in range(3):
         for end in (0, -1):
             assert (np.moveaxis(after.sdf, axis, 0)[end] > 0).all()

@@ -132,15 +132,21 @@ def assemble_layout(
 
     body = [k for k in still_parts(up, joints) if k < len(shown)]
 
+    unfit: list[str] = []
+
     def reshape(field: DenseField) -> DenseField:
         drawn = field
         if flat:
             carries = [rows.index(k) for k in set(layout.parents) if k >= 0]
             field = with_flat_faces(field, boxes, joints[: len(shown)], carries, body)
-            if layout.panels is None:
-                field = with_whole_walls(field, boxes, joints[: len(shown)], body)
-            else:
-                field = with_panels(field, body, layout.panels)
+            built = None
+            if layout.panels is not None:
+                built = with_panels(field, body, layout.panels, layout.legs)
+                if built is None:
+                    unfit.append("panels of the layout left out: voxels show another body")
+            if built is None:
+                built = with_whole_walls(field, boxes, joints[: len(shown)], body)
+            field = built
             if layout.legs is None:
                 field = with_whole_legs(field, body)
             else:
@@ -182,7 +188,7 @@ def assemble_layout(
         )
         for k in order
     )
-    obj = ArticulatedObject(parts, scale, name, provenance=notes, from_voxels=True)
+    obj = ArticulatedObject(parts, scale, name, provenance=(*notes, *unfit), from_voxels=True)
     return with_parts_joined(obj)
 
 

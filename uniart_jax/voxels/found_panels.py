@@ -13,6 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import Panels
 
 # lengths in sub-cells
@@ -24,27 +25,34 @@ BESIDE = 6  # to a panel, within which what is drawn is the panel's
 WIDE, THICK = 10, 8  # sides of another board at least, and its thickness at most
 WHOLE = 0.6  # share of its box that it fills at least
 NEAR = 4  # outside the box around all panels, to which what is drawn of the body has to reach
+EXPLAINED, SHOWN = 0.85, 0.8  # shares of the drawn body and of the panels that agree, at least
 
 
-def with_panels(field: DenseField, body: Sequence[int], panels: Panels) -> DenseField:
+def with_panels(
+    field: DenseField, body: Sequence[int], panels: Panels, legs: Legs | None = None
+) -> DenseField | None:
     """A field whose body is these panels, other boards that are drawn whole, and what of it stands
     out of the box around them.
 
     Faces of nearly one plane are made one; panels are made to meet (``fitted``).
 
     Args:
-      body: owners that do not move.
+      body: owners that do not move. legs: what it stands on, if that is known.
 
     Returns:
-      A new field. Cells of other parts stay as they are.
+      A new field; cells of other parts stay as they are. None where the field shows another body:
+      less than ``EXPLAINED`` of it is near panels or legs, or less than ``SHOWN`` of the panels is
+      near something that is drawn.
     """
     mine = np.isin(field.owner, body)
     solid = (field.sdf < 0) & mine
     if not solid.any() or not len(panels):
-        return field
+        return None
     size = field.sdf.shape[0] - 2
     boxes = fitted((panels.boxes + 0.5) * size + 0.5)
     distance = _distance(boxes, field.sdf.shape)
+    if not _agree(field.sdf < 0, solid, distance, legs):
+        return None
     free = ~np.asarray(ndimage.binary_dilation((field.sdf < 0) & ~mine), bool)
     for axis in range(3):  # the layer around the grid stays outside
         np.moveaxis(free, axis, 0)[[0, -1]] = False
@@ -61,6 +69,17 @@ def with_panels(field: DenseField, body: Sequence[int], panels: Panels) -> Dense
         sdf=np.where(where, value, field.sdf).astype(field.sdf.dtype),
         owner=np.where(gained, np.int16(part), field.owner),
     )
+
+
+def _agree(drawn: np.ndarray, solid: np.ndarray, distance: np.ndarray, legs: Legs | None) -> bool:
+    """Whether panels at a ``distance`` [X, Y, Z] and legs are what is drawn of the body."""
+    near = distance
+    if legs is not None:
+        near = np.minimum(near, _distance((legs.boxes + 0.5) * (len(near) - 2) + 0.5, near.shape))
+    around = ndimage.binary_dilation(drawn, iterations=NEAR)
+    inside = around[distance < 0]
+    shown = inside.mean() if len(inside) else 0.0
+    return bool((near[solid] < NEAR).mean() >= EXPLAINED and shown >= SHOWN)
 
 
 def _outside(lower: np.ndarray, upper: np.ndarray, solid: np.ndarray) -> np.ndarray:

@@ -50,6 +50,13 @@ class Legs:
         return rows
 
     @property
+    def boxes(self) -> np.ndarray:
+        """[N, 6] lower and upper corners of the boxes around them."""
+        low = np.minimum(self.lower[:, :2], self.upper[:, :2])
+        high = np.maximum(self.lower[:, 2:], self.upper[:, 2:])
+        return np.concatenate([low, self.heights[:, :1], high, self.heights[:, 1:]], 1)
+
+    @property
     def round(self) -> np.ndarray:
         """[N] those that are ellipses in their rectangles."""
         return (self.fill < ROUND) & ~self.plinth
