@@ -66,11 +66,13 @@ def test_legs_are_those_of_the_shown_state(data, monkeypatch):
 
 
 def test_panels_are_those_of_the_shown_state(data, monkeypatch):
-    found = []
+    found, given = [], []
 
     def noted(shown, legs):
         found.append(panels_of(shown, legs))
-        return found[-1] if len(found) < 3 else None
+        item = len(found) - 1
+        given.append((np.asarray(shown.boxes), legs.table(MOST_LEGS)))
+        return found[-1] if item < 2 else None
 
     monkeypatch.setattr(layouts, "panels_of", noted)
     block = layouts.make_block(0, SETTINGS)
@@ -79,6 +81,9 @@ def test_panels_are_those_of_the_shown_state(data, monkeypatch):
     for item, panels in enumerate(found[:2]):
         np.testing.assert_array_equal(block["panels"][item], panels.table(MOST_PANELS))
         assert block["panel_share"][item] == np.float32(panels.share)
+        boxes, legs = given[item]
+        np.testing.assert_allclose(block["boxes"][item][: len(boxes)], boxes, atol=1e-6)
+        np.testing.assert_array_equal(block["legs"][item], legs)
     assert not block["panels"][2].any() and block["panel_share"][2] == 0
 
 

@@ -8,6 +8,7 @@ import trimesh
 
 from uniart_jax import procedural
 from uniart_jax.data.legs import legs_of
+from uniart_jax.data.mirror import mirror_corners
 from uniart_jax.data.panels import panels_of
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -115,6 +116,22 @@ def test_most_of_furniture_and_appliances_is_panels_and_none_is_too_many():
             assert (found.boxes[:, 3:] > found.boxes[:, :3]).all()
             volume = (found.boxes[:, 3:] - found.boxes[:, :3]).prod(1)
             assert volume[0] == volume.max()
+
+
+@pytest.mark.parametrize("family", ["storage_furniture", "desk", "built_in_appliance", "oven"])
+def test_mirrored_objects_have_mirrored_panels(family):
+    for seed in range(900_000, 900_003):
+        obj = procedural.generate(family, seed)
+        parts = []
+        for part in obj.parts:
+            mesh = part.mesh.copy()
+            mesh.apply_transform(np.diag([1.0, -1, 1, 1]))
+            parts.append(dataclasses.replace(part, mesh=mesh))
+        here, there = panels_of(obj), panels_of(ArticulatedObject(tuple(parts)))
+        assert there.share == pytest.approx(here.share, abs=0.02)
+        turned = mirror_corners(there.boxes)
+        near = np.abs(here.boxes[:, None] - turned).max(2).min(1) < 2e-3
+        assert near.mean() > 0.9 and abs(len(here) - len(there)) <= 1, seed
 
 
 def test_a_mesh_that_is_not_closed_tells_nothing():

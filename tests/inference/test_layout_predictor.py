@@ -81,6 +81,7 @@ def test_mirrored_twice_is_as_before():
     one = outputs()
     mirrored = mirror_parts(one)
     np.testing.assert_allclose(mirrored["leg_rows"][:, [1, 3]], -one["leg_rows"][:, [3, 1]])
+    np.testing.assert_allclose(mirrored["panel_rows"][:, [1, 4]], -one["panel_rows"][:, [4, 1]])
     again = mirror_parts(mirrored)
     for name in ("corners", "leg_rows", "panel_rows", "camera"):
         np.testing.assert_allclose(again[name], one[name], atol=1e-12)

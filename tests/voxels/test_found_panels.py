@@ -15,7 +15,9 @@ from fields import (
 )
 from scipy import ndimage
 
+from uniart_jax import procedural
 from uniart_jax.data.mirror import mirror_corners
+from uniart_jax.data.panels import panels_of
 from uniart_jax.voxels.found_panels import fitted, with_panels
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import (
@@ -138,6 +140,61 @@ def test_the_layer_around_the_grid_stays_outside():
     assert solid_of(after, 0)[1:-1, 1:-1, 1:-1].all()
 
 
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("side", [-1, 1])
+def test_boards_and_legs_far_from_the_grid_are_borne(axis, side):
+    away = BOARDS[5].copy()
+    away[[axis, axis + 3]] += 100 * side
+    field = field_of(CASE)
+    after = with_panels(field, [0], panels_at(np.concatenate([BOARDS, away[None]])))
+    np.testing.assert_array_equal(solid_of(after, 0), solid_of(field, 0)) if after else None
+    rectangle = place_of(away[[0, 1, 3, 4]])[None]
+    heights = place_of(away[[2, 5]])[None]
+    legs = Legs(rectangle, rectangle, heights, np.ones(1), np.zeros(1, bool), False)
+    assert with_panels(field, [0], ALL, legs) is not None
+
+
+def test_a_board_is_moved_to_where_it_is_drawn():
+    moved = BOARDS.copy()
+    moved[5, [2, 5]] += 4.0
+    after = with_panels(field_of(CASE), [0], panels_at(moved))
+    np.testing.assert_array_equal(solid_of(after, 0), solid_of(field_of(CASE), 0))
+    few = np.where((SHELF < 0) & (AT[1] > 22), 2.0, CASE)  # little is drawn: it stays
+    after = with_panels(field_of(few), [0], panels_at(moved))
+    assert solid_of(after, 0)[30, 30, 38] and not solid_of(after, 0)[30, 30, 34]
+
+
+@pytest.mark.parametrize("family", ["storage_furniture", "desk", "table", "cupboard", "oven"])
+def test_what_is_true_is_not_cut(family):
+    """Of the true panels' cells, on a grid of 128, those that fitted ones are not near."""
+    places = np.stack(np.meshgrid(*[np.arange(1, 129, 2)] * 3, indexing="ij"), -1)
+
+    def inside(boxes, room=0.0):
+        rows = (((places >= b[:3] - room) & (places <= b[3:] + room)).all(-1) for b in boxes)
+        return np.any(list(rows), 0)
+
+    for seed in range(900_000, 900_004):
+        boxes = (panels_of(procedural.generate(family, seed)).boxes + 0.5) * 128 + 0.5
+        true = inside(boxes)
+        lost = true & ~inside(fitted(boxes), 1.0)
+        assert lost.sum() <= 0.02 * true.sum(), seed
+
+
+def test_a_top_that_overhangs_and_sides_that_reach_the_floor_stay():
+    boards = BOARDS.copy()
+    boards[2, [1, 4]] = 2.3, 63.3  # the top
+    boards[3, [2, 5]] = 20.3, 23.3  # the bottom
+    np.testing.assert_allclose(fitted(boards), boards)
+    short = np.array([[10.0, 24, 50, 60, 38, 52.5], [10, 30, 20, 60, 32.5, 80]])
+    np.testing.assert_allclose(fitted(short), short)  # it passes through the other
+
+
+def test_boards_that_follow_one_another_are_not_made_one():
+    stack = np.array([[0.0, 0, z, 40, 40, z + 1] for z in (20, 21.1, 22.2, 23.3, 24.4)])
+    middle = fitted(stack)[:, [2, 5]].mean(1)
+    np.testing.assert_allclose(middle, stack[:, [2, 5]].mean(1), atol=0.3)
+
+
 def test_boards_are_made_to_meet():
     rough = BOARDS.copy()
     rough[0, 5], rough[1, 5] = 51.3, 58.3  # one side ends below the top, one above it
@@ -195,6 +252,11 @@ def test_panels_of_a_network():
 
 def test_what_a_network_says_can_be_written_and_read():
     rng = np.random.default_rng(0)
+    for broken in (np.nan, np.inf):
+        rows = outputs()["panel_rows"]
+        rows[1, 2] = broken
+        assert len(read_panels(outputs(panel_rows=rows))) == 3
+    assert read_panels(outputs(panel_share=np.array(np.nan))) is None
     for scale in (0.1, 1, 100):
         rows = rng.normal(size=(24, 6)) * scale
         wild = read_panels(outputs(24, panel_rows=rows, panel_share=np.array(7.0)))

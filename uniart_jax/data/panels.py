@@ -30,6 +30,7 @@ CUTS = (0.5, 0.07, 0.93, 0.29, 0.68)  # shares of a panel's thickness at which t
 FLAT = 0.9995  # cosine of a face's angle to an axis
 SAME = 1e-3  # object units by which faces of one plane differ
 NEW = 0.15  # share of a panel that no other has, at least
+CANDIDATES = 256  # boxes at most that are chosen from
 SMALLEST = 2e-5  # cubic object units that it adds at least
 
 
@@ -40,7 +41,8 @@ def panels_of(obj: ArticulatedObject, legs: Legs | None = None) -> Panels | None
       obj: normalised, at any state. legs: what it stands on, if that is known.
 
     Returns:
-      Panels, ``MOST_PANELS`` at most, the largest first. None where a mesh is not closed.
+      Panels, ``MOST_PANELS`` at most, in order of the volume that they add. None where a mesh is
+      not closed.
     """
     solids = body_solids(obj)
     if solids is None:
@@ -114,7 +116,7 @@ def _grown(rectangle: Any, board: manifold3d.CrossSection) -> np.ndarray:
     """A rectangle [4] with each side in turn moved outwards as far as the board is solid."""
     rectangle = np.array(rectangle)
     corners = np.concatenate(board.to_polygons())
-    for side in range(4):
+    for side in (0, 2, 1, 3):
         outwards = 1 if side > 1 else -1
         places = np.unique(corners[:, side % 2])[::outwards]
         for place in places[(places - rectangle[side]) * outwards > SAME]:
@@ -136,7 +138,9 @@ def _chosen(boxes: np.ndarray) -> np.ndarray:
     """[N, 6] of candidates those that add most volume, one after the other."""
     if not len(boxes):
         return np.zeros((0, 6))
-    boxes = _not_inside(np.unique(np.round(boxes, 4), axis=0))
+    boxes = np.unique(np.round(boxes, 4), axis=0)
+    largest = np.argsort(-(boxes[:, 3:] - boxes[:, :3]).prod(1), kind="stable")[:CANDIDATES]
+    boxes = _not_inside(boxes[largest])
     edges = [np.unique(boxes[:, [axis, axis + 3]]) for axis in range(3)]
     sizes = [np.diff(e) for e in edges]
     volume = sizes[0][:, None, None] * sizes[1][:, None] * sizes[2]

@@ -73,6 +73,7 @@ class BoxSetDecoder(nnx.Module):
         self.hidden = linear(width, c.head_width, rngs, dtype=dtype)
         self.row = linear(c.head_width, size, rngs, init=zeros, dtype=dtype)
         self.kind = linear(c.head_width, kinds, rngs, init=zeros, dtype=dtype)
+        # for panels, the share of the body that they explain
         self.alone = linear(width, 1, rngs, init=zeros, dtype=dtype)
 
     def decode(self, seen: Seen) -> tuple[list[jax.Array], list[jax.Array], jax.Array]:

@@ -185,8 +185,8 @@ class LayoutNetwork(nnx.Module):
           corners [B, Q, 6] (lower, upper), codes
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits
           child -> parent, the diagonal the root's, of the last layer; tokens [B, Q, D], one a part;
-          map [B, S/4, S/4, C]; where ``LayoutConfig.legs`` and
-          ``panels``, legs and panels (``models.box_sets``).
+          map [B, S/4, S/4, C]; legs and panels (``models.box_sets``) where the
+          config has queries for them.
         """
         features, sketch = self.look(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)

@@ -16,10 +16,14 @@ from uniart_jax.voxels.isosurface import ZERO, DenseField
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import Panels
 
-# lengths in sub-cells
+# lengths in sub-cells, of a grid with 128 along its side
 THINNEST = 2.2  # that a panel is made at least
 LEVEL = 1.2  # by which faces of one plane differ
-GAP = 12.0  # that a panel ends before, or beyond, one that it meets
+SPREAD = 2.0  # and all of them together, at most
+GAP, OVER = 12.0, 3.0  # that a panel ends before, and beyond, one that it meets, at most
+SHIFT = 6  # that a panel is moved to where it is drawn, at most
+DRAWN, CLEARER = 0.35, 0.1  # share of its layers that is drawn there, and its gain, at least
+AMONG, FAR_AWAY = 0.25, 0.01  # what drawn layers beside it, and each cell of a move, count
 FARTHEST = 3.0  # to which distances are cut off
 BESIDE = 6  # to a panel, within which what is drawn is the panel's
 WIDE, THICK = 10, 8  # sides of another board at least, and its thickness at most
@@ -49,7 +53,7 @@ def with_panels(
     if not solid.any() or not len(panels):
         return None
     size = field.sdf.shape[0] - 2
-    boxes = fitted((panels.boxes + 0.5) * size + 0.5)
+    boxes = fitted(_aligned((panels.boxes + 0.5) * size + 0.5, solid))
     distance = _distance(boxes, field.sdf.shape)
     if not _agree(field.sdf < 0, solid, distance, legs):
         return None
@@ -69,6 +73,40 @@ def with_panels(
         sdf=np.where(where, value, field.sdf).astype(field.sdf.dtype),
         owner=np.where(gained, np.int16(part), field.owner),
     )
+
+
+def _aligned(boxes: np.ndarray, solid: np.ndarray) -> np.ndarray:
+    """Boxes [N, 6] in cells, each moved along its thinnest side to where the most of it is drawn,
+    where that is clearly more than where it is."""
+    boxes = boxes.copy()
+    for box in boxes:
+        sides = box[3:] - box[:3]
+        axis = int(sides.argmin())
+        window = tuple(
+            slice(max(int(np.ceil(box[a] + 2)), 0), max(int(np.floor(box[a + 3] - 2)) + 1, 0))
+            for a in range(3)
+            if a != axis
+        )
+        layers = np.moveaxis(solid, axis, 0)[(slice(None), *window)]
+        if min(layers.shape) < 3:
+            continue
+        drawn = layers.mean((1, 2))
+        thick, first = max(round(float(sides[axis])), 2), round(float(box[axis]) + 0.5)
+        moves = [m for m in range(-SHIFT, SHIFT + 1) if 2 <= first + m <= len(drawn) - thick - 2]
+        if 0 not in moves:
+            continue
+        own = {m: drawn[first + m : first + m + thick].mean() for m in moves}
+        worth = {
+            m: own[m]
+            - AMONG * drawn[first + m - 2 : first + m].mean()
+            - AMONG * drawn[first + m + thick : first + m + thick + 2].mean()
+            - FAR_AWAY * abs(m)
+            for m in moves
+        }
+        best = max(moves, key=lambda m: worth[m])
+        if worth[best] > worth[0] + CLEARER and own[best] >= DRAWN:
+            box[[axis, axis + 3]] += best
+    return boxes
 
 
 def _agree(drawn: np.ndarray, solid: np.ndarray, distance: np.ndarray, legs: Legs | None) -> bool:
@@ -120,8 +158,10 @@ def _other_boards(solid: np.ndarray, distance: np.ndarray) -> np.ndarray:
 def fitted(boxes: np.ndarray) -> np.ndarray:
     """Boxes [N, 6] in cells, made to meet.
 
-    Faces that lie within ``LEVEL`` of one another are moved to their mean, weighted by their areas;
-    an edge that ends within ``GAP`` of a panel that lies across it ends at that panel's far face.
+    Faces that lie within ``LEVEL`` of one another are moved to their mean, weighted by their areas.
+    An edge that ends up to ``GAP`` before a panel that lies across it, or up to ``OVER`` beyond,
+    ends at that panel's far face. A panel lies across an edge where its own thinnest side is along
+    the edge's axis and the two overlap in both others, by half of the one that ends.
     """
     sides = boxes[:, 3:] - boxes[:, :3]
     boxes = boxes.copy()
@@ -135,8 +175,11 @@ def fitted(boxes: np.ndarray) -> np.ndarray:
         for axis in range(3):
             if axis == thin[k]:
                 continue
-            for end in (axis, axis + 3):
-                met[k, end] = _meeting(boxes, thin, k, axis, end)
+            (first, low), (last, high) = (
+                _meeting(boxes, thin, k, axis, end) for end in (axis, axis + 3)
+            )
+            if first != last:
+                met[k, [axis, axis + 3]] = low, high
     sound = met[:, 3:] - met[:, :3] > 1
     return np.where(np.tile(sound, 2), met, boxes)
 
@@ -146,6 +189,8 @@ def _levelled(places: np.ndarray, weights: np.ndarray) -> np.ndarray:
     places = places.copy()
     order = np.argsort(places, kind="stable")
     for group in np.split(order, np.flatnonzero(np.diff(places[order]) > LEVEL) + 1):
+        if np.ptp(places[group]) > SPREAD:  # one after the other, none at its neighbour's place
+            continue
         places[group] = np.average(places[group], weights=weights[group] + 1e-6)
     return places
 
@@ -157,9 +202,9 @@ def _thicken(boxes: np.ndarray) -> None:
     boxes[:, :3], boxes[:, 3:] = middle - half, middle + half
 
 
-def _meeting(boxes: np.ndarray, thin: np.ndarray, k: int, axis: int, end: int) -> float:
-    """Where a panel's edge ends: at the far face of the nearest panel that lies across it, of
-    several the outermost."""
+def _meeting(boxes: np.ndarray, thin: np.ndarray, k: int, axis: int, end: int) -> tuple[int, float]:
+    """The panel that a panel's edge ends at, the nearest that lies across it, of several the
+    outermost, and its far face; without one -1 - ``end`` and where it ends now."""
     place, outwards = boxes[k, end], 1 if end > 2 else -1
     found = []
     others = np.array([a for a in range(3) if a != axis])
@@ -170,10 +215,10 @@ def _meeting(boxes: np.ndarray, thin: np.ndarray, k: int, axis: int, end: int) -
         if j == k or (high - low < 0.5 * own - GAP).any() or (high <= low - LEVEL).any():
             continue
         near, far = (boxes[j, axis], boxes[j, axis + 3])[::outwards]
-        apart = max((near - place) * outwards, (place - far) * outwards, 0.0)
-        if apart < GAP:
-            found.append((apart, -far * outwards, far))
-    return min(found)[2] if found else place
+        before, beyond = (near - place) * outwards, (place - far) * outwards
+        if before < GAP and beyond < OVER:
+            found.append((max(before, beyond, 0.0), -far * outwards, int(j), far))
+    return min(found)[2:] if found else (-1 - end, place)
 
 
 def _distance(boxes: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
@@ -181,7 +226,7 @@ def _distance(boxes: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     distance = np.full(shape, BESIDE, np.float32)
     for box in boxes:
         first = np.maximum(np.floor(box[:3] - BESIDE), 0).astype(int)
-        last = np.minimum(np.ceil(box[3:] + BESIDE) + 1, shape).astype(int)
+        last = np.clip(np.ceil(box[3:] + BESIDE) + 1, 0, shape).astype(int)
         middle, half = (box[:3] + box[3:]) / 2, (box[3:] - box[:3]) / 2
         apart = [
             np.abs(np.arange(a, b) - m) - h

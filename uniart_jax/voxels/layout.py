@@ -17,7 +17,7 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
 
 Legs carry what does not move. ``alone``: it has nothing else below their upper ends, and what
 voxels show there is taken away. Panels are the boards that it is built of, in the place of what
-voxels show of it.
+voxels show of it, unless that is another body; a network's are kept where their share is high.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
 is not read back.

@@ -46,10 +46,11 @@ def read_panels(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     """
     probability = 1 / (1 + np.exp(-np.asarray(outputs["panel_exists"], np.float64)))
     share = float(np.clip(outputs["panel_share"], 0, 1))
-    kept = probability > threshold
-    if share < TRUSTED or not kept.any():
+    rows = np.asarray(outputs["panel_rows"], np.float64)
+    kept = (probability > threshold) & np.isfinite(rows).all(1)
+    if not share >= TRUSTED or not kept.any():
         return None
-    rows = np.clip(np.asarray(outputs["panel_rows"], np.float64)[kept], -LIMIT, LIMIT)
+    rows = np.clip(rows[kept], -LIMIT, LIMIT)
     middle = np.clip((rows[:, :3] + rows[:, 3:]) / 2, THINNEST - LIMIT, LIMIT - THINNEST)
     half = np.maximum(np.abs(rows[:, 3:] - rows[:, :3]), THINNEST) / 2
     return Panels(np.concatenate([middle - half, middle + half], 1), share)
