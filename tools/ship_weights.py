@@ -21,7 +21,8 @@ from uniart_jax.models.checkpoint_files import write_config, write_network, writ
 
 MOST = 40 * 2**20  # bytes of all files
 # large kernels that lose nothing by it: outputs of the layout network move by .0002 object units
-INT8 = {"layout": ("sketch1.kernel",)}
+_PANELS = ("guess", "layer.read_in", "layer.mlp.mlp.0", "layer.mlp.mlp.2")
+INT8 = {"layout": ("sketch1.kernel", *(f"panels.{name}.kernel" for name in _PANELS))}
 
 
 def main() -> None:

@@ -77,9 +77,9 @@ def assemble_layout(
     Args:
       grid: attributes on active voxels as a network gives them. layout: of the same shown state and
         frame.
-      flat: nearly flat faces are made flat (``flat_faces``), the body is built of the layout's
-        panels (``found_panels``), legs are whole (``found_legs``, ``legs``), rooms behind doors and
-        in drawers boxes (``rooms``).
+      flat: nearly flat faces are made flat (``flat_faces``), boards within the body are the
+        layout's panels (``found_panels``), legs are whole (``found_legs``, ``legs``), rooms behind
+        doors and in drawers boxes (``rooms``).
       room: what stands in the way of moving parts is taken off (``clearance``).
 
     Returns:
@@ -140,14 +140,12 @@ def assemble_layout(
         if flat:
             carries = [rows.index(k) for k in set(layout.parents) if k >= 0]
             field = with_flat_faces(field, boxes, joints[: len(shown)], carries, body)
-            built = None
+            field = with_whole_walls(field, boxes, joints[: len(shown)], body)
             if layout.panels is not None and len(layout.panels):
                 built = with_panels(field, body, layout.panels, layout.legs)
                 if built is None:
                     unfit.append("panels of the layout left out: voxels show another body")
-            if built is None:
-                built = with_whole_walls(field, boxes, joints[: len(shown)], body)
-            field = built
+                field = built or field
             if layout.legs is None:
                 field = with_whole_legs(field, body)
             else:

@@ -1,7 +1,7 @@
-"""A field whose body is built of the panels that a layout has.
+"""A field whose body has the shelves, dividers and other boards within that a layout has.
 
-At the resolution of the voxels boards are one or two cells thick: a structure network draws shelves
-and dividers as crumbs, and outer walls with ragged edges. A set of boxes (``panel_table``) is not.
+At the resolution of the voxels they are one or two cells thick, and a structure network draws them
+as crumbs; a set of boxes (``panel_table``) is not.
 """
 
 from __future__ import annotations
@@ -21,13 +21,16 @@ THINNEST = 2.2  # that a panel is made at least
 LEVEL = 1.2  # by which faces of one plane differ
 SPREAD = 2.0  # and all of them together, at most
 GAP, OVER = 12.0, 3.0  # that a panel ends before, and beyond, one that it meets, at most
+REACH = 5.0  # from a face to a drawn one that it is moved to, at most
 SHIFT = 6  # that a panel is moved to where it is drawn, at most
 DRAWN, CLEARER = 0.35, 0.1  # share of its layers that is drawn there, and its gain, at least
 AMONG, FAR_AWAY = 0.25, 0.01  # what drawn layers beside it, and each cell of a move, count
 FARTHEST = 3.0  # to which distances are cut off
-BESIDE = 6  # to a panel, within which what is drawn is the panel's
-WIDE, THICK = 10, 8  # sides of another board at least, and its thickness at most
+BESIDE = 5  # to a panel, within which what is drawn is the panel's
+WIDE, THICK = 8, 8  # sides of another board at least, and its thickness at most
 WHOLE = 0.6  # share of its box that it fills at least
+OUTER = 8  # from an end of the body, within which a panel is an outer wall
+SOLID = 6  # what is as thick is neither a board nor a crumb
 NEAR = 4  # outside the box around all panels, to which what is drawn of the body has to reach
 EXPLAINED, SHOWN = 0.85, 0.8  # shares of the drawn body and of the panels that agree, at least
 
@@ -35,10 +38,11 @@ EXPLAINED, SHOWN = 0.85, 0.8  # shares of the drawn body and of the panels that 
 def with_panels(
     field: DenseField, body: Sequence[int], panels: Panels, legs: Legs | None = None
 ) -> DenseField | None:
-    """A field whose body is these panels, other boards that are drawn whole, and what of it stands
-    out of the box around them.
+    """A field whose body has these panels within, and nothing ragged beside them.
 
-    Faces of nearly one plane are made one; panels are made to meet (``fitted``).
+    Outer walls stay as they are drawn: a network is sure of them. Panels within the body are drawn
+    anew, and what else is drawn there is taken away, but for boards that are whole and what is
+    thick. Faces of nearly one plane are made one; panels are made to meet (``fitted``).
 
     Args:
       body: owners that do not move. legs: what it stands on, if that is known.
@@ -53,19 +57,30 @@ def with_panels(
     if not solid.any() or not len(panels):
         return None
     size = field.sdf.shape[0] - 2
-    boxes = fitted(_aligned((panels.boxes + 0.5) * size + 0.5, solid))
+    own = np.where(mine, field.sdf, np.abs(field.sdf))
+    boxes = fitted(_aligned((panels.boxes + 0.5) * size + 0.5, solid, own))
     distance = _distance(boxes, field.sdf.shape)
     if not _agree(field.sdf < 0, solid, distance, legs):
         return None
     free = ~np.asarray(ndimage.binary_dilation((field.sdf < 0) & ~mine), bool)
     for axis in range(3):  # the layer around the grid stays outside
         np.moveaxis(free, axis, 0)[[0, -1]] = False
+    inner = _inner(boxes, solid)
     stays = _outside(boxes[:, :3].min(0), boxes[:, 3:].max(0), solid)
-    stays |= _other_boards(solid, distance)
-    distance = np.clip(distance, -FARTHEST, FARTHEST)
-    where = free & (mine | (field.sdf > 0))
-    value = np.where(stays, np.minimum(distance, field.sdf), distance)
+    stays |= _distance(boxes[~inner], field.sdf.shape) < NEAR
+    stays |= _other_boards(solid, distance) | _thick(solid)
+    cells = np.argwhere(solid)  # no board stands out of the walls
+    within = np.concatenate(
+        [
+            np.maximum(boxes[inner, :3], cells.min(0) - 0.5),
+            np.minimum(boxes[inner, 3:], cells.max(0) + 0.5),
+        ],
+        1,
+    )
+    value = np.clip(_distance(within, field.sdf.shape), -FARTHEST, FARTHEST)
+    value = np.where(stays, np.minimum(value, field.sdf), value)
     value = np.where(np.abs(value) < ZERO, -ZERO, value)
+    where = free & (mine | (field.sdf > 0))
     part = int(np.bincount(field.owner[solid]).argmax())
     gained = where & (field.sdf > 0) & ((value < 0) | (field.owner < 0))
     return dataclasses.replace(
@@ -75,38 +90,77 @@ def with_panels(
     )
 
 
-def _aligned(boxes: np.ndarray, solid: np.ndarray) -> np.ndarray:
-    """Boxes [N, 6] in cells, each moved along its thinnest side to where the most of it is drawn,
-    where that is clearly more than where it is."""
+def _inner(boxes: np.ndarray, solid: np.ndarray) -> np.ndarray:
+    """[N] panels that are no outer walls: more than ``OUTER`` from both ends of the body."""
+    cells = np.argwhere(solid)
+    thin = (boxes[:, 3:] - boxes[:, :3]).argmin(1)
+    rows = np.arange(len(boxes))
+    first, last = cells.min(0)[thin], cells.max(0)[thin]
+    return (boxes[rows, thin] > first + OUTER) & (boxes[rows, thin + 3] < last - OUTER)
+
+
+def _thick(solid: np.ndarray) -> np.ndarray:
+    """[X, Y, Z] cells of what is ``SOLID`` thick along every axis."""
+    return ndimage.binary_opening(solid, np.ones((SOLID,) * 3))
+
+
+def _aligned(boxes: np.ndarray, solid: np.ndarray, sdf: np.ndarray) -> np.ndarray:
+    """Boxes [N, 6] in cells, moved along their thinnest sides to where they are drawn.
+
+    A board is moved to where the most of it is drawn, where that is clearly more than where it is.
+    Then each of its faces is moved to a drawn one nearby.
+
+    Args:
+      solid: [X, Y, Z] what is drawn of the body. sdf: its signed distances, positive in others.
+    """
     boxes = boxes.copy()
     for box in boxes:
-        sides = box[3:] - box[:3]
-        axis = int(sides.argmin())
-        window = tuple(
+        axis = int((box[3:] - box[:3]).argmin())
+        window = [
             slice(max(int(np.ceil(box[a] + 2)), 0), max(int(np.floor(box[a + 3] - 2)) + 1, 0))
             for a in range(3)
-            if a != axis
-        )
-        layers = np.moveaxis(solid, axis, 0)[(slice(None), *window)]
+        ]
+        window[axis] = slice(None)
+        layers = np.moveaxis(solid[tuple(window)], axis, 0)
         if min(layers.shape) < 3:
             continue
-        drawn = layers.mean((1, 2))
-        thick, first = max(round(float(sides[axis])), 2), round(float(box[axis]) + 0.5)
-        moves = [m for m in range(-SHIFT, SHIFT + 1) if 2 <= first + m <= len(drawn) - thick - 2]
-        if 0 not in moves:
-            continue
-        own = {m: drawn[first + m : first + m + thick].mean() for m in moves}
-        worth = {
-            m: own[m]
-            - AMONG * drawn[first + m - 2 : first + m].mean()
-            - AMONG * drawn[first + m + thick : first + m + thick + 2].mean()
-            - FAR_AWAY * abs(m)
-            for m in moves
-        }
-        best = max(moves, key=lambda m: worth[m])
-        if worth[best] > worth[0] + CLEARER and own[best] >= DRAWN:
-            box[[axis, axis + 3]] += best
+        ends = box[[axis, axis + 3]] + _move(layers.mean((1, 2)), *box[[axis, axis + 3]])
+        middle = np.median(np.moveaxis(sdf[tuple(window)], axis, 0), (1, 2))
+        low, high = _face(middle, ends[0], 1), _face(middle, ends[1], -1)
+        box[[axis, axis + 3]] = (low, high) if high - low >= 1 else ends
     return boxes
+
+
+def _move(drawn: np.ndarray, low: float, high: float) -> int:
+    """Layers by which a board between two places is moved; ``drawn`` [Z]: share of each layer that
+    is drawn."""
+    thick, first = max(round(high - low), 2), round(low + 0.5)
+    moves = [m for m in range(-SHIFT, SHIFT + 1) if 2 <= first + m <= len(drawn) - thick - 2]
+    if 0 not in moves:
+        return 0
+    own = {m: drawn[first + m : first + m + thick].mean() for m in moves}
+    worth = {
+        m: own[m]
+        - AMONG * drawn[first + m - 2 : first + m].mean()
+        - AMONG * drawn[first + m + thick : first + m + thick + 2].mean()
+        - FAR_AWAY * abs(m)
+        for m in moves
+    }
+    best = max(moves, key=lambda m: worth[m])
+    return best if worth[best] > worth[0] + CLEARER and own[best] >= DRAWN else 0
+
+
+def _face(middle: np.ndarray, place: float, inwards: int) -> float:
+    """The place nearest to ``place``, within ``REACH``, where the median distance [Z] of
+    layers becomes negative in direction ``inwards``; without one ``place``."""
+    positive = middle > 0
+    ends = positive[:-1] & ~positive[1:] if inwards > 0 else ~positive[:-1] & positive[1:]
+    at = np.flatnonzero(ends)
+    if not len(at):
+        return place
+    places = at + middle[at] / (middle[at] - middle[at + 1])
+    nearest = places[np.abs(places - place).argmin()]
+    return float(nearest) if abs(nearest - place) <= REACH else place
 
 
 def _agree(drawn: np.ndarray, solid: np.ndarray, distance: np.ndarray, legs: Legs | None) -> bool:
@@ -151,7 +205,7 @@ def _other_boards(solid: np.ndarray, distance: np.ndarray) -> np.ndarray:
             stays[window] |= own
     if stays.any():  # up to the panels that they meet
         block = np.ones((3, 3, 3), bool)
-        stays = ndimage.binary_dilation(stays, block, BESIDE, mask=solid | stays)
+        stays = ndimage.binary_dilation(stays, block, 2 * BESIDE + 2, mask=solid | stays)
     return stays
 
 
