@@ -16,8 +16,9 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
                 "upper": [3] corner}]}}
 
 Legs carry what does not move. ``alone``: it has nothing else below their upper ends, and what
-voxels show there is taken away. Panels are the boards that it is built of, in the place of what
-voxels show of it, unless that is another body; a network's are kept where their share is high.
+voxels show there is taken away. Panels are the boards that it is built of; those within it take
+the place of what voxels show there, unless that is another body. A network's panels are kept where
+their share is high.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
 is not read back.
