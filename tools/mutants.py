@@ -54,6 +54,7 @@ INTERVAL = (
 PHOTOGRAPHS = "uniart_jax/data/photographs.py"
 REFRAMED = "tests/data/test_photographs.py::test_the_camera_code_is_that_of_the_new_crop"
 DRUMS, ROOMS = "uniart_jax/voxels/drums.py", "uniart_jax/voxels/rooms.py"
+FOUND_PANELS = "uniart_jax/voxels/found_panels.py"
 FRONTS, MASKS = "uniart_jax/voxels/fronts.py", "uniart_jax/inference/masks.py"
 IS_DRUM = "tests/voxels/test_drums.py::test_what_is_no_drum_is_left"
 BEHIND_DOOR = "tests/voxels/test_drums.py::test_the_plate_lies_behind_the_closed_door"
@@ -77,6 +78,30 @@ MUTANTS = (
         "        _straight_tops(solid, room, fill, clear)\n",
         "        pass\n",
         "tests/voxels/test_rooms.py::test_the_walls_of_a_drawer_end_at_one_height",
+    ),
+    Mutant(
+        FOUND_PANELS,
+        "    if not _agree(field.sdf < 0, solid, distance, legs):\n",
+        "    if False:\n",
+        "tests/voxels/test_found_panels.py::test_panels_of_another_body_are_not_taken",
+    ),
+    Mutant(
+        FOUND_PANELS,
+        "GAP, OVER = 12.0, 3.0",
+        "GAP, OVER = 12.0, 12.0",
+        "tests/voxels/test_found_panels.py::test_what_is_true_is_not_cut",
+    ),
+    Mutant(
+        "uniart_jax/inference/layouts.py",
+        '"panel_rows": mirror_corners}',
+        '"panel_rows": lambda rows: rows}',
+        "tests/inference/test_layout_predictor.py::test_mirrored_twice_is_as_before",
+    ),
+    Mutant(
+        "uniart_jax/data/layouts.py",
+        "panels = panels_of(obj, legs)",
+        "panels = panels_of(closed, legs)",
+        "tests/data/test_layouts.py::test_panels_are_those_of_the_shown_state",
     ),
     Mutant(
         MASKS,
