@@ -87,13 +87,15 @@ def test_other_parts_and_what_is_outside_stay():
 
 def test_another_board_that_is_drawn_whole_stays():
     front = block((12.3, 8.3, 10.3), (15.3, 57.3, 56.3))
-    case = np.min([block(b[:3], b[3:]) for b in BOARDS[:5]], 0)
-    field, panels = field_of(np.minimum(case, front)), panels_at(BOARDS[:5])
+    boards = BOARDS.copy()
+    boards[5, [2, 5]] -= 11
+    case = np.min([block(b[:3], b[3:]) for b in boards], 0)
+    field, panels = field_of(np.minimum(case, front)), panels_at(boards)
     kept = with_panels(field, [0], panels)
     np.testing.assert_array_equal(solid_of(kept, 0), solid_of(field, 0))
     torn = np.where(np.random.default_rng(0).random(AT.shape[1:]) < 0.6, 2.0, front)
     gone = with_panels(field_of(np.minimum(case, torn)), [0], panels)
-    assert not solid_of(gone, 0)[:, 20:46, 20:46][11:17].any()
+    assert not solid_of(gone, 0)[:, 20:46, 31:46][11:17].any()
 
 
 def test_a_board_in_the_way_of_another_part_ends_there():
@@ -107,6 +109,12 @@ def test_no_body_and_no_panels_give_nothing():
     field = field_of(CASE)
     assert with_panels(field, [1], ALL) is None
     assert with_panels(field, [0], Panels(np.zeros((0, 6)), 0.0)) is None
+
+
+def test_without_a_panel_within_all_stays():
+    crumbs = block((20.3, 20.3, 22.3), (24.3, 24.3, 25.3))
+    field = field_of(np.min([crumbs, *(block(b[:3], b[3:]) for b in BOARDS[:5])], 0))
+    assert with_panels(field, [0], panels_at(BOARDS[:5])) is field
 
 
 def test_panels_of_another_body_are_not_taken():

@@ -48,7 +48,8 @@ def with_panels(
       body: owners that do not move. legs: what it stands on, if that is known.
 
     Returns:
-      A new field; cells of other parts stay as they are. None where the field shows another body:
+      A new field; cells of other parts stay as they are, and so does all where no panel is within
+      the body. None where the field shows another body:
       less than ``EXPLAINED`` of it is near panels or legs, or less than ``SHOWN`` of the panels is
       near something that is drawn.
     """
@@ -66,6 +67,8 @@ def with_panels(
     for axis in range(3):  # the layer around the grid stays outside
         np.moveaxis(free, axis, 0)[[0, -1]] = False
     inner = _inner(boxes, solid)
+    if not inner.any():
+        return field
     stays = _outside(boxes[:, :3].min(0), boxes[:, 3:].max(0), solid)
     stays |= _distance(boxes[~inner], field.sdf.shape) < NEAR
     stays |= _other_boards(solid, distance) | _thick(solid)
