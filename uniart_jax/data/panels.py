@@ -138,7 +138,7 @@ def _chosen(boxes: np.ndarray) -> np.ndarray:
     """[N, 6] of candidates those that add most volume, one after the other."""
     if not len(boxes):
         return np.zeros((0, 6))
-    boxes = np.unique(np.round(boxes, 4), axis=0)
+    boxes = np.unique(np.round(boxes, 4), axis=0)  # a body has some tens of them
     largest = np.argsort(-(boxes[:, 3:] - boxes[:, :3]).prod(1), kind="stable")[:CANDIDATES]
     boxes = _not_inside(boxes[largest])
     edges = [np.unique(boxes[:, [axis, axis + 3]]) for axis in range(3)]
@@ -167,7 +167,7 @@ def _not_inside(boxes: np.ndarray) -> np.ndarray:
     inside = (boxes[:, None, :3] >= boxes[:, :3] - SAME) & (
         boxes[:, None, 3:] <= boxes[:, 3:] + SAME
     )
-    inside = inside.all(2)
+    inside = np.asarray(inside.all(2))
     size = (boxes[:, 3:] - boxes[:, :3]).prod(1)
     larger = (size[:, None] < size) | ((size[:, None] == size) & ~np.tri(len(boxes), dtype=bool).T)
     np.fill_diagonal(inside, False)
@@ -187,8 +187,10 @@ def _cuboid(box: np.ndarray) -> manifold3d.Manifold:
 
 
 def _leg_solids(legs: Legs | None) -> list[manifold3d.Manifold]:
-    found = []
-    for k in range(0 if legs is None else len(legs)):
+    found: list[manifold3d.Manifold] = []
+    if legs is None:
+        return found
+    for k in range(len(legs)):
         ends = zip((legs.lower[k], legs.upper[k]), legs.heights[k], strict=True)
         corners = [
             (x, y, z)

@@ -18,21 +18,24 @@ from uniart_jax.voxels.panel_table import Panels
 
 # lengths in sub-cells, of a grid with 128 along its side
 THINNEST = 2.2  # that a panel is made at least
-LEVEL = 1.2  # by which faces of one plane differ
-SPREAD = 2.0  # and all of them together, at most
+LEVEL = 1.2  # between faces, one after the other, that are made one plane
+SPREAD = 2.0  # between the first and the last of them, at most
 GAP, OVER = 12.0, 3.0  # that a panel ends before, and beyond, one that it meets, at most
 REACH = 5.0  # from a face to a drawn one that it is moved to, at most
 SHIFT = 6  # that a panel is moved to where it is drawn, at most
-DRAWN, CLEARER = 0.35, 0.1  # share of its layers that is drawn there, and its gain, at least
-AMONG, FAR_AWAY = 0.25, 0.01  # what drawn layers beside it, and each cell of a move, count
 FARTHEST = 3.0  # to which distances are cut off
 BESIDE = 5  # to a panel, within which what is drawn is the panel's
 WIDE, THICK = 8, 8  # sides of another board at least, and its thickness at most
-WHOLE = 0.6  # share of its box that it fills at least
 OUTER = 8  # from an end of the body, within which a panel is an outer wall
-SOLID = 6  # what is as thick is neither a board nor a crumb
+SOLID = 6  # what is as thick along all three axes stays; even
 NEAR = 4  # outside the box around all panels, to which what is drawn of the body has to reach
-EXPLAINED, SHOWN = 0.85, 0.8  # shares of the drawn body and of the panels that agree, at least
+# shares
+DRAWN, CLEARER = 0.35, 0.1  # of a panel's layers that is drawn where it is moved to, and the gain
+AMONG = 0.25  # of what is drawn in two layers on each side that is subtracted
+FAR_AWAY = 0.01  # subtracted for each cell of a move
+WHOLE = 0.6  # of its box that another board fills at least
+EXPLAINED, SHOWN = 0.85, 0.8  # of the drawn body and of the panels that agree, at least
+PIECE = 0.02  # of the body, from which on a loose piece of it counts
 
 
 def with_panels(
@@ -40,18 +43,20 @@ def with_panels(
 ) -> DenseField | None:
     """A field whose body has these panels within, and nothing ragged beside them.
 
-    Outer walls stay as they are drawn: a network is sure of them. Panels within the body are drawn
-    anew, and what else is drawn there is taken away, but for boards that are whole and what is
-    thick. Faces of nearly one plane are made one; panels are made to meet (``fitted``).
+    Outer walls that have a panel stay as they are drawn: a network is sure of them. Panels within
+    the body are drawn anew, and what else is drawn there is taken away, but for boards that are
+    whole and what is thick. Faces of nearly one plane are made one; panels are made to meet
+    (``fitted``).
 
     Args:
       body: owners that do not move. legs: what it stands on, if that is known.
 
     Returns:
-      A new field; cells of other parts stay as they are, and so does all where no panel is within
-      the body. None where the field shows another body:
-      less than ``EXPLAINED`` of it is near panels or legs, or less than ``SHOWN`` of the panels is
-      near something that is drawn.
+      A new field; solid cells of other parts, and those next to them, stay as they are. The field
+      as it is where no panel is within the body, or where the body would fall into pieces. None
+      where there is no body or no panel, or where the field shows another body: less than
+      ``EXPLAINED`` of it is near panels or legs, or less than ``SHOWN`` of the panels is near
+      something that is drawn.
     """
     mine = np.isin(field.owner, body)
     solid = (field.sdf < 0) & mine
@@ -71,7 +76,8 @@ def with_panels(
         return field
     stays = _outside(boxes[:, :3].min(0), boxes[:, 3:].max(0), solid)
     stays |= _distance(boxes[~inner], field.sdf.shape) < NEAR
-    stays |= _other_boards(solid, distance) | _thick(solid)
+    kept = _other_boards(solid, distance) | _thick(solid)
+    stays |= ndimage.binary_dilation(kept, np.ones((3, 3, 3))) & (kept | ~solid)  # and its surface
     cells = np.argwhere(solid)  # no board stands out of the walls
     within = np.concatenate(
         [
@@ -86,6 +92,8 @@ def with_panels(
     where = free & (mine | (field.sdf > 0))
     part = int(np.bincount(field.owner[solid]).argmax())
     gained = where & (field.sdf > 0) & ((value < 0) | (field.owner < 0))
+    if _pieces(np.where(where, value < 0, solid)) > _pieces(solid):
+        return field
     return dataclasses.replace(
         field,
         sdf=np.where(where, value, field.sdf).astype(field.sdf.dtype),
@@ -104,7 +112,16 @@ def _inner(boxes: np.ndarray, solid: np.ndarray) -> np.ndarray:
 
 def _thick(solid: np.ndarray) -> np.ndarray:
     """[X, Y, Z] cells of what is ``SOLID`` thick along every axis."""
-    return ndimage.binary_opening(solid, np.ones((SOLID,) * 3))
+    cells = solid.astype(np.uint8)  # faster than ndimage.binary_opening
+    cells = ndimage.minimum_filter(cells, SOLID, mode="constant")
+    return ndimage.maximum_filter(cells, SOLID, mode="constant", origin=-1) > 0
+
+
+def _pieces(solid: np.ndarray) -> int:
+    """Connected pieces of a body that are ``PIECE`` of it at least."""
+    labels = np.zeros(solid.shape, np.int32)
+    ndimage.label(solid, output=labels)
+    return int((np.bincount(labels[solid]) >= PIECE * solid.sum()).sum())
 
 
 def _aligned(boxes: np.ndarray, solid: np.ndarray, sdf: np.ndarray) -> np.ndarray:
@@ -199,9 +216,10 @@ def _outside(lower: np.ndarray, upper: np.ndarray, solid: np.ndarray) -> np.ndar
 
 def _other_boards(solid: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """[X, Y, Z] cells of boards that are drawn where there is no panel."""
-    labels, count = ndimage.label(solid & (distance >= BESIDE))
+    labels = np.zeros(solid.shape, np.int32)
+    ndimage.label(solid & (distance >= BESIDE), output=labels)
     stays = np.zeros_like(solid)
-    for k, window in enumerate(ndimage.find_objects(labels, count), start=1):
+    for k, window in enumerate(ndimage.find_objects(labels), start=1):
         own = labels[window] == k
         sides = sorted(own.shape)
         if sides[0] <= THICK and sides[1] >= WIDE and own.mean() >= WHOLE:
@@ -215,10 +233,11 @@ def _other_boards(solid: np.ndarray, distance: np.ndarray) -> np.ndarray:
 def fitted(boxes: np.ndarray) -> np.ndarray:
     """Boxes [N, 6] in cells, made to meet.
 
-    Faces that lie within ``LEVEL`` of one another are moved to their mean, weighted by their areas.
+    Faces that follow one another within ``LEVEL`` are moved to their mean, weighted by their areas,
+    unless the first and the last of them are more than ``SPREAD`` apart.
     An edge that ends up to ``GAP`` before a panel that lies across it, or up to ``OVER`` beyond,
     ends at that panel's far face. A panel lies across an edge where its own thinnest side is along
-    the edge's axis and the two overlap in both others, by half of the one that ends.
+    the edge's axis and the two overlap in both others, by nearly half of the one that ends.
     """
     sides = boxes[:, 3:] - boxes[:, :3]
     boxes = boxes.copy()
@@ -242,7 +261,8 @@ def fitted(boxes: np.ndarray) -> np.ndarray:
 
 
 def _levelled(places: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Places [N] of faces; those that follow one another within ``LEVEL`` become their mean."""
+    """Places [N] of faces; those that follow one another within ``LEVEL`` become their mean,
+    unless they spread over more than ``SPREAD``."""
     places = places.copy()
     order = np.argsort(places, kind="stable")
     for group in np.split(order, np.flatnonzero(np.diff(places[order]) > LEVEL) + 1):
@@ -269,7 +289,7 @@ def _meeting(boxes: np.ndarray, thin: np.ndarray, k: int, axis: int, end: int) -
     for j in np.flatnonzero(thin == axis):
         low = np.maximum(boxes[k, others], boxes[j, others])
         high = np.minimum(boxes[k, others + 3], boxes[j, others + 3])
-        if j == k or (high - low < 0.5 * own - GAP).any() or (high <= low - LEVEL).any():
+        if j == k or (high - low < 0.5 * own - OVER).any() or (high <= low - LEVEL).any():
             continue
         near, far = (boxes[j, axis], boxes[j, axis + 3])[::outwards]
         before, beyond = (near - place) * outwards, (place - far) * outwards

@@ -91,7 +91,8 @@ def panels_from_json(data: Any) -> Panels | None:
 
 def _corner(row: dict, name: str, k: int) -> np.ndarray:
     values = row.get(name)
-    sound = isinstance(values, list) and len(values) == 3
-    if not sound or not all(type(v) in (int, float) and -LIMIT <= v <= LIMIT for v in values):
+    listed = values if isinstance(values, list) else []
+    sound = [type(v) in (int, float) and -LIMIT <= v <= LIMIT for v in listed]
+    if len(sound) != 3 or not all(sound):
         raise ValueError(f"layout: panel {k}: {name} must be 3 numbers in {-LIMIT:g}..{LIMIT:g}")
     return np.array(values, np.float64)
