@@ -77,7 +77,8 @@ def with_panels(
     stays = _outside(boxes[:, :3].min(0), boxes[:, 3:].max(0), solid)
     stays |= _distance(boxes[~inner], field.sdf.shape) < NEAR
     kept = _other_boards(solid, distance) | _thick(solid)
-    stays |= ndimage.binary_dilation(kept, np.ones((3, 3, 3))) & (kept | ~solid)  # and its surface
+    around = np.asarray(ndimage.binary_dilation(kept, np.ones((3, 3, 3))), bool)
+    stays |= around & (kept | ~solid)  # and its surface
     cells = np.argwhere(solid)  # no board stands out of the walls
     within = np.concatenate(
         [
