@@ -79,14 +79,10 @@ def with_panels(
     kept = _other_boards(solid, distance) | _thick(solid)
     around = np.asarray(ndimage.binary_dilation(kept, np.ones((3, 3, 3))), bool)
     stays |= around & (kept | ~solid)  # and its surface
-    cells = np.argwhere(solid)  # no board stands out of the walls
-    within = np.concatenate(
-        [
-            np.maximum(boxes[inner, :3], cells.min(0) - 0.5),
-            np.minimum(boxes[inner, 3:], cells.max(0) + 0.5),
-        ],
-        1,
-    )
+    cells = np.argwhere(solid)
+    within = boxes[inner]  # no board stands out of the walls
+    within[:, :3] = np.maximum(within[:, :3], cells.min(0) - 0.5)
+    within[:, 3:] = np.minimum(within[:, 3:], cells.max(0) + 0.5)
     value = np.clip(_distance(within, field.sdf.shape), -FARTHEST, FARTHEST)
     value = np.where(stays, np.minimum(value, field.sdf), value)
     value = np.where(np.abs(value) < ZERO, -ZERO, value)

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from uniart_jax.voxels.json_rows import json_rows
+
 THRESHOLD = 0.5  # of the probability of the surest leg
 OTHERS = 0.25  # of those beside it: legs come in sets
 ROUND = 0.89  # share of its rectangle that a round leg fills at most
@@ -119,18 +121,13 @@ def legs_from_json(data: Any) -> Legs | None:
     """
     if data is None:
         return None
-    if not isinstance(data, dict) or not isinstance(data.get("rows"), list):
-        raise ValueError('layout: "legs" must be null or have a list "rows"')
-    if len(data["rows"]) > MOST_ROWS:
-        raise ValueError(f"layout: legs: {len(data['rows'])} rows; give at most {MOST_ROWS}")
+    rows = json_rows(data, "legs", MOST_ROWS)
     alone = data.get("alone", False)
     if not isinstance(alone, bool):
         raise ValueError(f"layout: legs: alone {alone!r} is neither true nor false")
     numbers: dict[str, list[np.ndarray]] = {"lower": [], "upper": [], "heights": [], "fill": []}
     plinth = []
-    for k, row in enumerate(data["rows"]):
-        if not isinstance(row, dict):
-            raise ValueError(f"layout: leg {k} is not an object")
+    for k, row in enumerate(rows):
         for name, count in (("lower", 4), ("upper", 4), ("heights", 2), ("fill", 1)):
             numbers[name].append(_numbers(row, name, count, k))
         plinth.append(row.get("plinth", False))

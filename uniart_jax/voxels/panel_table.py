@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from uniart_jax.voxels.json_rows import json_rows
+
 THRESHOLD = 0.5  # of the probability of a panel
 TRUSTED = 0.8  # share of the body from which on panels stand for it
 THINNEST = 0.004  # object units
@@ -71,17 +73,12 @@ def panels_from_json(data: Any) -> Panels | None:
     """
     if data is None:
         return None
-    if not isinstance(data, dict) or not isinstance(data.get("rows"), list):
-        raise ValueError('layout: "panels" must be null or have a list "rows"')
-    if len(data["rows"]) > MOST_ROWS:
-        raise ValueError(f"layout: panels: {len(data['rows'])} rows; give at most {MOST_ROWS}")
+    rows = json_rows(data, "panels", MOST_ROWS)
     share = data.get("share", 1.0)
     if type(share) not in (int, float) or not 0 <= share <= 1:
         raise ValueError(f"layout: panels: share {share!r} is not in 0..1")
     boxes = []
-    for k, row in enumerate(data["rows"]):
-        if not isinstance(row, dict):
-            raise ValueError(f"layout: panel {k} is not an object")
+    for k, row in enumerate(rows):
         lower, upper = (_corner(row, name, k) for name in ("lower", "upper"))
         if (lower >= upper).any():
             raise ValueError(f"layout: panel {k}: lower {lower.tolist()} must be below upper")
