@@ -208,6 +208,8 @@ def test_the_pools_mirror_is_that_of_records(pool_tools, pool_rows):
         np.testing.assert_allclose(out.layout.legs[b], legs, atol=1e-6)
         panels = mirror_corners(rows["panels"][b]) if mirrored else rows["panels"][b]
         np.testing.assert_allclose(out.layout.panels[b], panels, atol=1e-6)
+        boards = mirror_corners(rows["boards"][b]) if mirrored else rows["boards"][b]
+        np.testing.assert_allclose(out.layout.boards[b], boards, atol=1e-6)
         np.testing.assert_array_equal(out.occupancy[b], cells[:, ::-1] if mirrored else cells)
         image, photo = (rows[k][b] / np.float32(255) for k in ("images", "photos"))
         if mirrored:

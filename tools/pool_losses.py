@@ -89,6 +89,9 @@ def prepared(rows: Mapping[str, jax.Array], key: jax.Array, train: bool) -> Pool
         panels=either(mirror_corners(rows["panels"]), rows["panels"]),
         panel_counts=rows["panel_counts"],
         panel_share=rows["panel_share"],
+        boards=either(mirror_corners(rows["boards"]), rows["boards"]),
+        board_counts=rows["board_counts"],
+        board_share=rows["board_share"],
     )
     flow_image = jnp.where(of_picture(flow_sees), photo, image)
     return PoolBatch(layout, flow_image, either(cells[:, :, ::-1], cells))

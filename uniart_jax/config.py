@@ -105,7 +105,8 @@ class LayoutConfig:
     have no more. ``heads``: of attention. ``image_size``: pixels a side of the crops it sees, a
     multiple of 32; its weights fit every size. ``repeats``: how often the last layer is run once
     more, with the same weights. ``legs``: queries for what the object stands on, 8 or more;
-    ``panels``: for the boards of its body, 24 or more; 0: that is not found.
+    ``panels``: for the boards of its body, 24 or more; ``boards``: for those of each other part, 12
+    or more; 0: that is not found.
     """
 
     queries: int = 0
@@ -120,6 +121,7 @@ class LayoutConfig:
     head_width: int = 128
     legs: int = 0
     panels: int = 0
+    boards: int = 0
 
 
 @dataclasses.dataclass(frozen=True)

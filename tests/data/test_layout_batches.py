@@ -73,6 +73,9 @@ def test_mirrored_items_belong_together(data):
     assert plain.panel_counts > 0
     np.testing.assert_array_equal(turned.panels, mirror_corners(plain.panels))
     assert (turned.panels != plain.panels).any() and plain.panel_share > 0
+    assert max(plain.board_counts) > 0 and max(plain.board_share) > 0
+    np.testing.assert_array_equal(turned.boards, mirror_corners(plain.boards))
+    assert (turned.boards != plain.boards).any()
     back = mirror_codes(turned.codes)
     assert np.abs(gauge_variants(back) - plain.codes[:, None]).max(-1).min(-1).max() < 1e-5
 

@@ -10,8 +10,8 @@ from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layouts
 from uniart_jax.data.layout_batches import layout_batches
 from uniart_jax.data.legs import legs_of
-from uniart_jax.data.panels import panels_of
-from uniart_jax.voxels.part_table import MOST_LEGS, MOST_PANELS
+from uniart_jax.data.panels import boards_of, panels_of
+from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
 MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))
@@ -85,6 +85,29 @@ def test_panels_are_those_of_the_shown_state(data, monkeypatch):
         np.testing.assert_allclose(block["boxes"][item][: len(boxes)], boxes, atol=1e-6)
         np.testing.assert_array_equal(block["legs"][item], legs)
     assert not block["panels"][2].any() and block["panel_share"][2] == 0
+
+
+def test_boards_are_those_of_the_shown_parts(data, monkeypatch):
+    found = []
+
+    def noted(shown):
+        found.append((boards_of(shown), np.asarray(shown.boxes)))
+        return found[-1][0]
+
+    monkeypatch.setattr(layouts, "boards_of", noted)
+    block = layouts.make_block(0, SETTINGS)
+    assert max(block["board_counts"].ravel()) > 0
+    for item, (boards, boxes) in enumerate(found):
+        np.testing.assert_allclose(block["boxes"][item][: len(boxes)], boxes, atol=1e-6)
+        for part in range(SETTINGS.max_parts):
+            own = boards[part] if part < len(boards) else None
+            count = -1 if own is None else len(own)
+            assert block["board_counts"][item, part] == count
+            if own is None:
+                assert not block["boards"][item, part].any()
+                continue
+            np.testing.assert_array_equal(block["boards"][item, part], own.table(MOST_BOARDS))
+            assert block["board_share"][item, part] == np.float32(own.share)
 
 
 def test_pictures_are_rendered_larger_than_they_are_shown(data, monkeypatch):

@@ -9,10 +9,10 @@ import trimesh
 from uniart_jax import procedural
 from uniart_jax.data.legs import legs_of
 from uniart_jax.data.mirror import mirror_corners
-from uniart_jax.data.panels import panels_of
+from uniart_jax.data.panels import boards_of, panels_of
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.part_table import MOST_PANELS
+from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_PANELS
 
 # sides, top and bottom between them, back, a shelf
 BOARDS = np.array(
@@ -139,3 +139,63 @@ def test_a_mesh_that_is_not_closed_tells_nothing():
     mesh = obj.parts[0].mesh.copy()
     mesh.update_faces(np.arange(len(mesh.faces)) > 0)
     assert panels_of(ArticulatedObject((dataclasses.replace(obj.parts[0], mesh=mesh),))) is None
+
+
+FRONT = [-0.24, -0.3, -0.1, -0.22, 0.3, 0.1]
+DRAWER = np.array(
+    [
+        FRONT,
+        [-0.22, -0.28, -0.08, 0.16, -0.27, 0.05],
+        [-0.22, 0.27, -0.08, 0.16, 0.28, 0.05],
+        [-0.22, -0.28, -0.08, 0.16, 0.28, -0.07],
+        [0.15, -0.28, -0.08, 0.16, 0.28, 0.05],
+        [-0.27, -0.05, -0.005, -0.24, 0.05, 0.005],  # its handle
+    ]
+)
+
+
+def drawer(*more):
+    return trimesh.boolean.union([*map(box, DRAWER), *more], engine="manifold")
+
+
+def test_the_boards_of_a_drawer_and_none_of_its_body():
+    body, boards = boards_of(case(moving=[drawer()]))
+    assert body is None and len(boards) == len(DRAWER)
+    assert boards.share == pytest.approx(1, abs=1e-3)
+    for board in DRAWER:
+        near = boards.boxes[np.abs(boards.boxes - board).max(1).argmin()]
+        thin = (board[3:] - board[:3]).argmin()
+        np.testing.assert_allclose(near[[thin, thin + 3]], board[[thin, thin + 3]], atol=1e-4)
+        assert (near[:3] < board[:3] + 1e-4).all() and (near[3:] > board[3:] - 1e-4).all()
+
+
+def test_a_round_knob_is_the_box_around_it_a_round_door_is_none():
+    disc = trimesh.creation.cylinder(0.02, 0.03, sections=24)
+    disc.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [0, 1, 0]))
+    knob = disc.copy().apply_translation([-0.255, 0, 0.0])
+    boards = boards_of(case(moving=[trimesh.boolean.union([box(FRONT), knob], engine="manifold")]))
+    boards = boards[1]
+    assert len(boards) == 2
+    np.testing.assert_allclose(boards.boxes[1][1:3], [-0.02, -0.02], atol=1e-3)
+    np.testing.assert_allclose(boards.boxes[1][4:], [0.02, 0.02], atol=1e-3)
+    door = boards_of(case(moving=[disc.copy().apply_scale(8)]))[1]
+    assert len(door) == 0 and door.share == 0
+
+
+def test_a_part_that_is_narrow_or_open_to_the_inside_has_no_boards():
+    rod = box([-0.3, -0.3, -0.02, -0.26, 0.3, 0.02])
+    assert boards_of(case(moving=[rod])) == [None, None]
+    torn = box(FRONT)
+    torn.update_faces(np.arange(len(torn.faces)) > 0)
+    assert boards_of(case(moving=[torn]))[1] is None
+
+
+def test_boards_of_procedural_drawers_explain_them():
+    found = []
+    for seed in range(40):
+        obj = procedural.draw(seed, ("storage_furniture",)).normalized()
+        for part, boards in zip(obj.parts, boards_of(obj), strict=True):
+            if part.joint.type == "prismatic" and boards is not None:
+                assert len(boards) <= MOST_BOARDS
+                found.append(boards.share)
+    assert len(found) > 20 and np.mean(np.array(found) > 0.9) > 0.9

@@ -8,7 +8,7 @@ from uniart_jax.inference.layouts import joined, last_legs, last_panels, mirror_
 RNG = np.random.default_rng(0)
 
 
-def outputs(queries=5, legs=4, panels=6):
+def outputs(queries=5, legs=4, panels=6, boards=3):
     lower = RNG.uniform(-0.5, 0, (queries, 3))
     feet = RNG.uniform(-0.4, 0.3, (legs, 2))
     rectangle = np.concatenate([feet, feet + 0.1], 1)
@@ -27,6 +27,11 @@ def outputs(queries=5, legs=4, panels=6):
         "panel_rows": np.sort(RNG.uniform(-0.5, 0.5, (panels, 2, 3)), 1).reshape(panels, 6),
         "panel_exists": RNG.normal(size=panels),
         "panel_share": np.float64(0.9),
+        "board_rows": np.sort(RNG.uniform(-0.5, 0.5, (queries, boards, 2, 3)), 2).reshape(
+            queries, boards, 6
+        ),
+        "board_exists": RNG.normal(size=(queries, boards)),
+        "board_share": RNG.random(queries),
     }
 
 
@@ -35,8 +40,10 @@ def turned(out, parts, legs, panels):
     rows = {name: value[legs] for name, value in out.items() if name.startswith("leg_r")}
     for name in ("leg_exists", "leg_plinth", "leg_fill"):
         rows[name] = out[name][legs]
-    for name in ("corners", "codes", "exists", "colors"):
+    for name in ("corners", "codes", "exists", "colors", "board_share"):
         rows[name] = out[name][parts]
+    for name in ("board_rows", "board_exists"):
+        rows[name] = out[name][parts][:, ::-1]
     for name in ("panel_rows", "panel_exists"):
         rows[name] = out[name][panels]
     return {**out, **rows, "parents": out["parents"][np.ix_(parts, parts)]}
@@ -77,17 +84,32 @@ def test_panels_near_each_other_are_averaged_and_of_others_the_surer_stands():
     assert both["panel_share"] == 0.7
 
 
+def test_boards_are_averaged_with_those_of_the_same_part():
+    one = outputs()
+    one["board_exists"][:] = 2.0
+    other = turned(one, [3, 1, 4, 0, 2], range(4), range(6))
+    other["board_rows"][0] += 0.02  # of part 3
+    other["board_share"][0] += 0.2
+    both = joined(one, other)
+    off = both["board_rows"] - one["board_rows"]
+    np.testing.assert_allclose(off[3], 0.01, atol=1e-6)
+    np.testing.assert_allclose(off[[0, 1, 2, 4]], 0, atol=1e-6)
+    share = both["board_share"] - one["board_share"]
+    np.testing.assert_allclose(share, [0, 0, 0, 0.1, 0], atol=1e-6)
+
+
 def test_mirrored_twice_is_as_before():
     one = outputs()
     mirrored = mirror_parts(one)
     np.testing.assert_allclose(mirrored["leg_rows"][:, [1, 3]], -one["leg_rows"][:, [3, 1]])
     np.testing.assert_allclose(mirrored["panel_rows"][:, [1, 4]], -one["panel_rows"][:, [4, 1]])
+    np.testing.assert_allclose(mirrored["board_rows"][..., [1, 4]], -one["board_rows"][..., [4, 1]])
     again = mirror_parts(mirrored)
-    for name in ("corners", "leg_rows", "panel_rows", "camera"):
+    for name in ("corners", "leg_rows", "panel_rows", "board_rows", "camera"):
         np.testing.assert_allclose(again[name], one[name], atol=1e-12)
 
 
-@pytest.mark.parametrize("prefix", ["leg_", "panel_"])
+@pytest.mark.parametrize("prefix", ["leg_", "panel_", "board_"])
 def test_without_a_set_there_is_none(prefix):
     bare = {name: value for name, value in outputs().items() if not name.startswith(prefix)}
     assert not any(name.startswith(prefix) for name in joined(bare, mirror_parts(bare)))
@@ -97,3 +119,4 @@ def test_of_runs_the_last_counts():
     runs = {name: [np.zeros(1), np.ones(1)] for name in ("rows", "exists", "plinth", "fill")}
     assert last_legs({**runs, "alone": np.full(1, 3.0)})["leg_rows"] == 1
     assert last_panels({**runs, "share": np.full(1, 0.7)})["panel_rows"] == 1
+    assert last_panels({**runs, "share": np.full(1, 0.7)}, "board")["board_rows"] == 1

@@ -1,4 +1,4 @@
-"""Legs and panels as sets: they leave the parts as they are and permute as a set does."""
+"""Legs, panels and boards as sets: they leave the parts as they are and permute as a set does."""
 
 import dataclasses
 
@@ -10,13 +10,20 @@ from drawn import parameters
 from flax import nnx
 
 from uniart_jax.config import LayoutConfig, ModelConfig
-from uniart_jax.models.box_sets import LEG_ROW, PANEL_ROW, LegDecoder, PanelDecoder, Seen
+from uniart_jax.models.box_sets import (
+    LEG_ROW,
+    PANEL_ROW,
+    BoardDecoder,
+    LegDecoder,
+    PanelDecoder,
+    Seen,
+)
 from uniart_jax.models.layout import likely_root
 from uniart_jax.models.network import build
 
 SMALL = LayoutConfig(
     queries=5, image_size=64, backbone="convolutions", map_channels=8, width=16, layers=2, heads=2,
-    sketch_width=12, head_width=12, legs=8, panels=24,
+    sketch_width=12, head_width=12, legs=8, panels=24, boards=12,
 )  # fmt: skip
 NETWORK = build("layout", ModelConfig(layout=SMALL))
 IMAGE = jax.random.uniform(jax.random.key(1), (2, 64, 64, 3))
@@ -27,19 +34,19 @@ def params():
     return parameters(NETWORK)
 
 
-SETS = {"legs": (8, LegDecoder), "panels": (24, PanelDecoder)}
+SETS = {"legs": (8, LegDecoder), "panels": (24, PanelDecoder), "boards": (12, BoardDecoder)}
 
 
 @pytest.mark.parametrize("name", SETS)
 def test_they_come_with_the_parts_and_leave_them_as_they_are(name, params):
     out = jax.jit(NETWORK.apply)(params, IMAGE)
     found, (count, decoder) = out.pop(name), SETS[name]
-    row = {"legs": LEG_ROW, "panels": PANEL_ROW}[name]
-    assert [r.shape for r in found["rows"]] == [(2, count, row)] * (decoder.RUNS + 1)
-    said = {"legs": ("exists", "plinth", "fill"), "panels": ("exists",)}[name]
-    for kind in said:
-        assert [value.shape for value in found[kind]] == [(2, count)] * (decoder.RUNS + 1)
-    assert found[{"legs": "alone", "panels": "share"}[name]].shape == (2,)
+    row = LEG_ROW if name == "legs" else PANEL_ROW
+    sets = (2, SMALL.queries) if name == "boards" else (2,)  # one a part
+    assert [r.shape for r in found["rows"]] == [(*sets, count, row)] * (decoder.RUNS + 1)
+    for kind in ("exists", "plinth", "fill") if name == "legs" else ("exists",):
+        assert [value.shape for value in found[kind]] == [(*sets, count)] * (decoder.RUNS + 1)
+    assert found["alone" if name == "legs" else "share"].shape == sets
     without = build("layout", ModelConfig(layout=dataclasses.replace(SMALL, **{name: 0})))
     bare = jax.jit(without.apply)({k: v for k, v in params.items() if k != name}, IMAGE)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6), out, bare)
@@ -55,6 +62,8 @@ def seen_by_chance():
         sketch=draw(1, SMALL.sketch_width),
         parts=draw(1, 5, width),
         parts_place=draw(1, 5, width),
+        asked=draw(1, 2, width),
+        asked_corners=jnp.array([[[-0.2, -0.3, -0.4, 0, 0.3, 0.1], [0, 0, 0, 0.1, 0.1, 0.3]]]),
         body=jnp.array([[-0.2, -0.3, -0.4, 0.2, 0.3, 0.4]]),
         camera=jnp.array([[0.0, 1, 0.3, 1, 0.2, 0, 0]]),
     )
@@ -65,9 +74,11 @@ def test_they_see_the_image_and_the_parts(name):
     decoder, seen = SETS[name][1](NETWORK.config, nnx.Rngs(0), jnp.float32), seen_by_chance()
     nnx.update(decoder, jax.tree.map(lambda x: x + 0.1, nnx.state(decoder)))
     rows = decoder(seen)["rows"][-1]
-    inputs = ["map", "tokens", "sketch", "parts", "parts_place", "camera"]
-    for field in inputs + ["body"] * (name == "panels"):
-        other = decoder(seen._replace(**{field: getattr(seen, field) * 0.5}))["rows"][-1]
+    inputs = ["map", "tokens", "parts", "parts_place", "camera"]
+    own = {"legs": ["sketch"], "panels": ["sketch", "body"], "boards": ["asked", "asked_corners"]}
+    for field in inputs + own[name]:
+        changed = getattr(seen, field) * (-0.5 if field == "parts" else 0.5)  # some are normalised
+        other = decoder(seen._replace(**{field: changed}))["rows"][-1]
         assert np.abs(np.asarray(other) - np.asarray(rows)).max() > 1e-4, field
 
 
@@ -81,6 +92,23 @@ def test_panels_begin_as_boards_of_the_body_however_small_it_is():
     point = seen._replace(body=jnp.array([[0.1, 0.1, 0.1, 0.1, 0.0, 0.1]]))
     rows = np.asarray(decoder(point)["rows"][0][0])
     assert np.isfinite(rows).all() and (rows[:, 3:] > rows[:, :3]).all()
+
+
+def test_boards_begin_in_the_box_of_their_part_and_do_not_see_those_of_another():
+    decoder, seen = BoardDecoder(NETWORK.config, nnx.Rngs(0), jnp.float32), seen_by_chance()
+    boxes = np.asarray(seen.asked_corners[0])
+    for part, rows in enumerate(np.asarray(decoder(seen)["rows"][0][0])):
+        wide, size = rows[:, 3:] - rows[:, :3], boxes[part, 3:] - boxes[part, :3]
+        np.testing.assert_allclose(np.sort(wide / size, 1)[:, 1:], 1, rtol=1e-5)
+        np.testing.assert_allclose((rows[:, :3].min(0) - boxes[part, :3]) / size, 0, atol=0.05)
+    nnx.update(decoder, jax.tree.map(lambda x: x + 0.1, nnx.state(decoder)))
+    one = decoder(seen)
+    other = decoder(seen._replace(asked=seen.asked.at[:, 1].set(0.3)))
+    np.testing.assert_array_equal(one["rows"][-1][:, 0], other["rows"][-1][:, 0])
+    assert (one["rows"][-1][:, 1] != other["rows"][-1][:, 1]).any()
+    alone = decoder(seen._replace(asked=seen.asked[:, :1], asked_corners=seen.asked_corners[:, :1]))
+    np.testing.assert_allclose(alone["rows"][-1][:, 0], one["rows"][-1][:, 0], rtol=1e-4)
+    np.testing.assert_allclose(alone["share"][:, 0], one["share"][:, 0], rtol=1e-4)
 
 
 def test_the_body_is_the_surest_root():
@@ -111,7 +139,9 @@ def test_queries_are_a_set(name, params):
     one, two = (run({**params, name: p}, IMAGE)[name] for p in (own, other))
     for kind, values in one.items():
         if isinstance(values, list):
-            np.testing.assert_allclose(np.asarray(values[-1])[:, order], two[kind][-1], atol=2e-3)
+            value = np.asarray(values[-1])
+            value = value[:, :, order] if name == "boards" else value[:, order]
+            np.testing.assert_allclose(value, two[kind][-1], atol=2e-3)
         else:
             np.testing.assert_allclose(values, two[kind], atol=2e-4)
 

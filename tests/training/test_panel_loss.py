@@ -1,11 +1,11 @@
-"""The loss of panels: of a set, of those that are known alone, strictest about faces."""
+"""The loss of panels and boards: of a set, of those that are known alone, strictest about faces."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from uniart_jax.training.panel_loss import panel_losses
+from uniart_jax.training.panel_loss import board_losses, panel_losses
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
 N, Q = 4, 6
@@ -89,3 +89,38 @@ def test_where_a_board_lies_costs_more_than_where_it_ends():
 def test_a_batch_without_panels_is_refused():
     with pytest.raises(ValueError, match="the batch has no panels"):
         panel_losses(OUT, batch(panels(), [1, 1])._replace(panels=None))
+
+
+def test_boards_are_those_of_the_query_that_a_part_was_matched_to():
+    """Parts 0 and 1 of both objects, by queries 2 and 0 of three; what other queries say, and
+    parts whose boards are not known, cost nothing."""
+    table = np.stack([panels()[:, :3], panels()[:, :3]], 1)  # [2, parts, 3, 6]
+    counts, share = np.array([[3, 2], [1, -1]]), np.array([[0.9, 0.5], [1.0, 0.0]])
+    query = jnp.array([[2, 0], [2, 0]])
+    true = batch(panels(), [0, 0])._replace(
+        boards=jnp.asarray(table), board_counts=jnp.asarray(counts), board_share=jnp.asarray(share)
+    )
+    rows, sure, said = np.zeros((2, 3, 4, 6)), np.full((2, 3, 4), -20.0), np.zeros((2, 3))
+    for part, q in enumerate((2, 0)):
+        for item in range(2):
+            here = max(counts[item, part], 0)
+            rows[item, q, :here], sure[item, q, :here] = table[item, part, :here], 20
+            said[item, q] = share[item, part]
+
+    def cost(rows, sure, said):
+        out = {"rows": [jnp.asarray(rows)] * 2, "exists": [jnp.asarray(sure)] * 2}
+        found = board_losses(out | {"share": jnp.asarray(said)}, true, query)
+        return float(found["boards"])
+
+    assert cost(rows, sure, said) < 1e-5
+    other = [x.copy() for x in (rows, sure, said)]
+    for x in other:
+        x[:, 1], x[1, 0] = 0.4, 0.4  # a query of no part, and the part that is not known
+    assert cost(*other) < 1e-5
+    for item, q in ((0, 0), (0, 2), (1, 2)):
+        for k in range(3):
+            wrong = [x.copy() for x in (rows, sure, said)]
+            wrong[k][item, q] = wrong[k][item, q] * -0.5 + 0.1
+            assert cost(*wrong) > 1e-3
+    with pytest.raises(ValueError, match="the batch has no boards"):
+        board_losses({}, true._replace(boards=None), query)

@@ -20,7 +20,7 @@ def body_rows(obj: ArticulatedObject) -> list[int]:
 def body_solids(obj: ArticulatedObject) -> list[manifold3d.Manifold] | None:
     """The parts that no joint moves as Manifold has them, vertices at one place joined; None where
     a mesh is not closed."""
-    solids = [_as_manifold(obj.parts[k].mesh) for k in body_rows(obj)]
+    solids = [as_manifold(obj.parts[k].mesh) for k in body_rows(obj)]
     return None if any(s.status() != manifold3d.Error.NoError for s in solids) else solids
 
 
@@ -37,7 +37,8 @@ def frame_change(one: ArticulatedObject, other: ArticulatedObject) -> tuple[np.n
     return scale, to_lower - lower * scale
 
 
-def _as_manifold(mesh: Any) -> manifold3d.Manifold:
+def as_manifold(mesh: Any) -> manifold3d.Manifold:
+    """A mesh as Manifold has it, vertices at one place joined; its status tells of faults."""
     vertices, row = np.unique(np.round(mesh.vertices, 6), axis=0, return_inverse=True)
     faces = row.ravel()[np.asarray(mesh.faces)]
     distinct = (faces != np.roll(faces, 1, axis=1)).all(1)

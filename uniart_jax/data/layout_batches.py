@@ -185,12 +185,12 @@ def _item(
         others = neighbours(photographer, table, item)[1]
         back = training_backdrop(photographer, size, pictures)
         image, camera = photographed(photographer, crop, camera, others, size, back)
-    columns = (table[name][item] for name in ("boxes", "codes", "legs", "panels"))
-    boxes, codes, legs, panels = columns
+    columns = (table[name][item] for name in ("boxes", "codes", "legs", "panels", "boards"))
+    boxes, codes, legs, panels, boards = columns
     if mirrored:
         image, camera = mirror_images(image), mirror_camera_codes(camera)
         boxes, codes, legs = mirror_boxes(boxes), mirror_codes(codes), mirror_legs(legs)
-        panels = mirror_corners(panels)
+        panels, boards = mirror_corners(panels), mirror_corners(boards)
     return LayoutBatch(
         image=image.astype(np.float32) / np.float32(255),
         camera=camera,
@@ -205,6 +205,9 @@ def _item(
         panels=panels,
         panel_counts=table["panel_counts"][item],
         panel_share=table["panel_share"][item],
+        boards=boards,
+        board_counts=table["board_counts"][item],
+        board_share=table["board_share"][item],
     )
 
 

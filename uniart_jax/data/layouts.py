@@ -27,7 +27,7 @@ from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.cameras import camera_codes
 from uniart_jax.data.images import crop
 from uniart_jax.data.legs import legs_of
-from uniart_jax.data.panels import panels_of
+from uniart_jax.data.panels import boards_of, panels_of
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
@@ -36,19 +36,21 @@ from uniart_jax.runtime.processes import map_ordered, process_pool
 from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
-from uniart_jax.voxels.part_table import MOST_LEGS, MOST_PANELS
+from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
 
 BLOCK = 256  # objects a file
 STATES = 20  # shown states tried before an object is left out
-VERSION = 6  # of what ``make_block`` draws; 5: legs, 6: panels
+VERSION = 7  # of what ``make_block`` draws; 5: legs, 6: panels, 7: boards
 # a rendering's side over its crop's, and samples a pixel: sharp with hard shadows, or soft
 RENDERINGS = ((2.0, 1), (1.25, 4))
 LEGS = ("legs", "leg_counts", "legs_alone")
 PANELS = ("panels", "panel_counts", "panel_share")
+BOARDS = ("boards", "board_counts", "board_share")
 COLUMNS = (
     *("images", "masks", "cameras", "boxes", "codes", "parents", "colors", "part_counts"),
     *LEGS,
     *PANELS,
+    *BOARDS,
 )
 
 logger = logging.getLogger(__name__)
@@ -162,6 +164,7 @@ def make_item(
         "colors": np.pad(part_colors(obj), pad),
         "part_counts": np.int32(len(boxes)),
         **_body_columns(closed, obj),
+        **_board_columns(obj, settings.max_parts),
     }
 
 
@@ -178,6 +181,17 @@ def _body_columns(closed: ArticulatedObject, obj: ArticulatedObject) -> dict[str
         "panel_counts": np.int32(-1 if panels is None else len(panels)),
         "panel_share": np.float32(0 if panels is None else panels.share),
     }
+
+
+def _board_columns(obj: ArticulatedObject, most: int) -> dict[str, Any]:
+    """An object's row of ``BOARDS``, for ``most`` parts; counts are -1 where they cannot be
+    told."""
+    tables = np.zeros((most, MOST_BOARDS, 6), np.float32)
+    counts, shares = np.full(most, -1, np.int32), np.zeros(most, np.float32)
+    for k, boards in enumerate(boards_of(obj)):
+        if boards is not None:
+            tables[k], counts[k], shares[k] = boards.table(MOST_BOARDS), len(boards), boards.share
+    return {"boards": tables, "board_counts": counts, "board_share": shares}
 
 
 def make_block(number: int, settings: LayoutSettings) -> dict[str, np.ndarray]:

@@ -1,37 +1,56 @@
-"""The panels that an object's body is built of, read off its meshes: what the layout network's
-panels train on. No jax.
+"""The panels that an object's body is built of, and the boards of parts that move, read off meshes:
+what the layout network's panels and boards train on. No jax.
 
 A panel is a box of the body: two opposite faces that an axis is normal to, with solid between, and
 as wide as the body is solid there, through boards that it meets. Where boards meet, the face of one
 is in pieces; pieces of one board are one panel. Of boxes that lie in one another the largest are
-kept, in order of the volume that they add.
+kept, in order of the volume that they add. A board is the same of a part, and may be smaller: a bar
+of a handle, or a round knob as the box around it.
 """
 
 from __future__ import annotations
 
 import itertools
-from typing import Any
+from typing import Any, NamedTuple
 
 import manifold3d
 import numpy as np
 
-from uniart_jax.data.bodies import body_solids
+from uniart_jax.data.bodies import as_manifold, body_rows, body_solids
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import Panels
-from uniart_jax.voxels.part_table import MOST_PANELS
+from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_PANELS
 
 THICKEST = 0.3  # object units between the faces of a panel at most
 THINNEST = 0.004  # and at least
-AREA = 0.0015  # square object units that its faces share at least
-SOLID = 0.9  # share of its rectangle that is solid between its faces
+SOLID = 0.9  # share of its rectangle that is solid between its faces ...
+ROUND = 0.72  # ... that of a small board: a disc has .785
 THICK = 0.05  # object units
 CUTS = (0.5, 0.07, 0.93, 0.29, 0.68)  # shares of a panel's thickness at which that is looked at
 FLAT = 0.9995  # cosine of a face's angle to an axis
 SAME = 1e-3  # object units by which faces of one plane differ
 NEW = 0.15  # share of a panel that no other has, at least
 CANDIDATES = 256  # boxes at most that are chosen from
-SMALLEST = 2e-5  # cubic object units that it adds at least
+NARROW = 0.06  # object units; a part whose two longest sides are not both longer has no boards
+
+
+class Limits(NamedTuple):
+    """Of what counts as a panel.
+
+    Attributes:
+      most: rows. area: square object units that its faces share at least. smallest: cubic object
+        units that it adds at least. small: square object units below which a rectangle is small.
+    """
+
+    most: int
+    area: float
+    smallest: float
+    small: float
+
+
+OF_BODY = Limits(MOST_PANELS, 1.5e-3, 2e-5, 0.0)
+OF_PART = Limits(MOST_BOARDS, 2e-4, 2e-6, 4e-3)
 
 
 def panels_of(obj: ArticulatedObject, legs: Legs | None = None) -> Panels | None:
@@ -48,12 +67,33 @@ def panels_of(obj: ArticulatedObject, legs: Legs | None = None) -> Panels | None
     if solids is None:
         return None
     body = manifold3d.Manifold.batch_boolean(solids, manifold3d.OpType.Add)
-    found = [box for axis in range(3) for box in _boxes_along(body, axis)]
-    boxes = _chosen(np.array([box for box in found if _is_solid(box, body)]))
+    boxes = _boxes_of(body, OF_BODY)
     return Panels(boxes, _share(body, [*map(_cuboid, boxes), *_leg_solids(legs)]))
 
 
-def _boxes_along(body: manifold3d.Manifold, axis: int) -> list[np.ndarray]:
+def boards_of(obj: ArticulatedObject) -> list[Panels | None]:
+    """The boards of each part as it is shown, ``MOST_BOARDS`` at most; None of the body, of what is
+    narrow (``NARROW``), and of a mesh that is not closed. A door that stands ajar has none."""
+    found: list[Panels | None] = []
+    still = body_rows(obj)
+    for k, part in enumerate(obj.parts):
+        found.append(None)
+        if k in still or np.sort(part.mesh.extents)[1] < NARROW:
+            continue
+        solid = as_manifold(part.mesh)
+        if solid.status() == manifold3d.Error.NoError:
+            boxes = _boxes_of(solid, OF_PART)
+            found[k] = Panels(boxes, _share(solid, [*map(_cuboid, boxes)]))
+    return found
+
+
+def _boxes_of(solid: manifold3d.Manifold, limits: Limits) -> np.ndarray:
+    """[N, 6] boxes that a solid is built of."""
+    found = [box for axis in range(3) for box in _boxes_along(solid, axis, limits)]
+    return _chosen(np.array([box for box in found if _is_solid(box, solid)]), limits)
+
+
+def _boxes_along(body: manifold3d.Manifold, axis: int, limits: Limits) -> list[np.ndarray]:
     """[6] corners each of boxes between opposite faces that an axis is normal to."""
     order = [(axis + 1) % 3, (axis + 2) % 3, axis]
     turned = body.transform(np.eye(4)[order, :])
@@ -63,12 +103,12 @@ def _boxes_along(body: manifold3d.Manifold, axis: int) -> list[np.ndarray]:
         if not THINNEST < high - low < THICKEST:
             continue
         shared = below ^ above
-        if shared.area() < AREA:
+        if shared.area() < limits.area:
             continue
         cut = turned.slice(low + CUTS[0] * (high - low))
         for share in CUTS[1:]:
             cut = cut ^ turned.slice(low + share * (high - low))
-        for rectangle in _rectangles(shared, cut):
+        for rectangle in _rectangles(shared, cut, limits):
             ends = np.array([[*rectangle[:2], low], [*rectangle[2:], high]])
             corners = np.empty((2, 3))
             corners[:, order] = ends
@@ -98,21 +138,24 @@ def _faces(solid: manifold3d.Manifold) -> dict[int, list[tuple[float, manifold3d
     return found
 
 
-def _rectangles(shared: manifold3d.CrossSection, cut: manifold3d.CrossSection) -> list[Any]:
+def _rectangles(
+    shared: manifold3d.CrossSection, cut: manifold3d.CrossSection, limits: Limits
+) -> list[Any]:
     """Rectangles [4] that faces share and that are solid between them, made as wide as it is."""
     found = []
     for board in cut.decompose():
         here = shared ^ board
-        if here.area() < AREA:
+        if here.area() < limits.area:
             continue
         pieces = [here]
-        if not _is_full(board, here.bounds()):
-            pieces = [p for p in here.decompose() if p.area() >= AREA]
-        found += [_grown(p.bounds(), board) for p in pieces if _is_full(board, p.bounds())]
+        if not _is_full(board, here.bounds(), limits.small):
+            pieces = [p for p in here.decompose() if p.area() >= limits.area]
+        full = [p.bounds() for p in pieces if _is_full(board, p.bounds(), limits.small)]
+        found += [_grown(rectangle, board, limits.small) for rectangle in full]
     return found
 
 
-def _grown(rectangle: Any, board: manifold3d.CrossSection) -> np.ndarray:
+def _grown(rectangle: Any, board: manifold3d.CrossSection, small: float) -> np.ndarray:
     """A rectangle [4] with each side in turn moved outwards as far as the board is solid."""
     rectangle = np.array(rectangle)
     corners = np.concatenate(board.to_polygons())
@@ -122,19 +165,20 @@ def _grown(rectangle: Any, board: manifold3d.CrossSection) -> np.ndarray:
         for place in places[(places - rectangle[side]) * outwards > SAME]:
             strip = rectangle.copy()
             strip[[side, (side + 2) % 4]] = place, rectangle[side]
-            if not _is_full(board, strip):
+            if not _is_full(board, strip, small):
                 break
             rectangle[side] = place
     return rectangle
 
 
-def _is_full(outline: manifold3d.CrossSection, rectangle: Any) -> bool:
+def _is_full(outline: manifold3d.CrossSection, rectangle: Any, small: float) -> bool:
     sides = np.array(rectangle[2:]) - rectangle[:2]
+    area = float(sides.prod())
     whole = manifold3d.CrossSection.square(tuple(sides)).translate(tuple(rectangle[:2]))
-    return (outline ^ whole).area() >= SOLID * float(sides.prod())
+    return (outline ^ whole).area() >= (ROUND if area < small else SOLID) * area
 
 
-def _chosen(boxes: np.ndarray) -> np.ndarray:
+def _chosen(boxes: np.ndarray, limits: Limits) -> np.ndarray:
     """[N, 6] of candidates those that add most volume, one after the other."""
     if not len(boxes):
         return np.zeros((0, 6))
@@ -151,9 +195,9 @@ def _chosen(boxes: np.ndarray) -> np.ndarray:
     ]
     own = (boxes[:, 3:] - boxes[:, :3]).prod(1)
     chosen: list[int] = []
-    while len(chosen) < MOST_PANELS:
+    while len(chosen) < limits.most:
         added = np.array([volume[w].sum() for w in windows])
-        added[added < np.maximum(NEW * own, SMALLEST)] = 0
+        added[added < np.maximum(NEW * own, limits.smallest)] = 0
         best = int(added.argmax())
         if not added[best]:
             break

@@ -91,16 +91,17 @@ class LayoutPredictor:
             out = network.apply(params, images)
             legs = last_legs(out["legs"]) if "legs" in out else {}
             panels = last_panels(out["panels"]) if "panels" in out else {}
+            boards = last_panels(out["boards"], "board") if "boards" in out else {}
             whole = {name: out[name] for name in ("camera", "parents")}
-            return {**out["parts"][-1], **whole, **legs, **panels}
+            return {**out["parts"][-1], **whole, **legs, **panels, **boards}
 
         self._run = jax.jit(run)
 
     def __call__(self, images: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Crops [S, S, 3] uint8 over black -> for each corners [Q, 6] (lower, upper), codes [Q, 9],
         exists [Q] logits, colors [Q, 3] linear RGB, parents [Q, Q] logits child -> parent
-        (diagonal: root), camera [7]; where the network finds legs or panels, those of
-        ``last_legs`` and ``last_panels``."""
+        (diagonal: root), camera [7]; where the network finds legs, panels or boards,
+        those of ``last_legs`` and ``last_panels``."""
         found = self._look(images)
         if not self.mirrored:
             return found
@@ -122,7 +123,11 @@ def mirror_parts(outputs: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Outputs for a picture as outputs for its mirror image."""
     lower, upper = outputs["corners"][:, :3], outputs["corners"][:, 3:]
     boxes = mirror_boxes(np.concatenate([(lower + upper) / 2, upper - lower], -1))
-    mirrors = {"leg_rows": mirror_legs, "panel_rows": mirror_corners}
+    mirrors = {
+        "leg_rows": mirror_legs,
+        "panel_rows": mirror_corners,
+        "board_rows": mirror_corners,
+    }
     sets = {name: turn(outputs[name]) for name, turn in mirrors.items() if name in outputs}
     return {
         **outputs,
@@ -148,6 +153,7 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
     return {
         **(joined_legs(one, other) if "leg_rows" in one else {}),
         **(joined_panels(one, other) if "panel_rows" in one else {}),
+        **(joined_boards(one, other, i, j) if "board_rows" in one else {}),
         "corners": mix(one["corners"][i], other["corners"][j]),
         "codes": mix(one["codes"][i], codes),
         "colors": mix(one["colors"][i], other["colors"][j]),
@@ -175,11 +181,11 @@ def last_legs(legs: dict[str, Any]) -> dict[str, Any]:
     return last | {"leg_alone": legs["alone"]}
 
 
-def last_panels(panels: dict[str, Any]) -> dict[str, Any]:
+def last_panels(panels: dict[str, Any], name: str = "panel") -> dict[str, Any]:
     """Of a ``models.box_sets.PanelDecoder``'s output the last run: panel_rows [B, N, 6],
-    panel_exists [B, N], panel_share [B]."""
-    last = {f"panel_{name}": panels[name][-1] for name in ("rows", "exists")}
-    return last | {"panel_share": panels["share"]}
+    panel_exists [B, N], panel_share [B]; of a ``BoardDecoder``'s those of each part, "board_"."""
+    last = {f"{name}_{field}": panels[field][-1] for field in ("rows", "exists")}
+    return last | {f"{name}_share": panels["share"]}
 
 
 def joined_legs(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -211,6 +217,22 @@ def joined_panels(
         "panel_exists": (exists[0][i] + exists[1][j]) / 2,
         "panel_share": np.asarray((one["panel_share"] + other["panel_share"]) / 2),
     }
+
+
+def joined_boards(
+    one: dict[str, np.ndarray], other: dict[str, np.ndarray], i: np.ndarray, j: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The boards of two outputs as those of one, for parts ``i`` of the first that are ``j`` of the
+    second."""
+    pairs = []
+    for a, b in zip(i, j, strict=True):
+        looks = [
+            {f"panel_{field}": out[f"board_{field}"][k] for field in ("rows", "exists", "share")}
+            for out, k in ((one, a), (other, b))
+        ]
+        pairs.append(joined_panels(*looks))
+    names = {f"board_{field}": f"panel_{field}" for field in ("rows", "exists", "share")}
+    return {name: np.stack([pair[own] for pair in pairs]) for name, own in names.items()}
 
 
 def load_layout_predictor(checkpoint: str) -> LayoutPredictor:

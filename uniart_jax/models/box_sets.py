@@ -1,5 +1,6 @@
-"""What a body is built of, as sets from one image: what it stands on (``LegDecoder``: legs, side
-boards and feet, or a plinth) and the boards of its case (``PanelDecoder``).
+"""What an object is built of, as sets of boxes from one image: what its body stands on
+(``LegDecoder``: legs, side boards and feet, or a plinth), the panels of its case
+(``PanelDecoder``), and the boards of each part (``BoardDecoder``).
 
     queries and a guess from the sketch -> first rows
     runs of one layer: attention among rows and parts, to the image's tokens, and 15 points of the
@@ -24,11 +25,12 @@ from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sin
 from uniart_jax.nn.blocks import LayerNorm, linear, zeros
 
 LEG_ROW = 10  # lower rectangle (x, y, x, y), upper rectangle, height of either
-PANEL_ROW = 6  # lower and upper corner
+PANEL_ROW = 6  # lower and upper corner, of a panel or a board
 # a table's four legs: what training begins with
 CORNER, THICK = 0.4, 0.1
 TYPICAL_FILL = 0.8
-SMALLEST_BODY = 0.05  # object units, of a side of the box that panels are told in
+# object units, of a side of the box that panels, and boards, are told in
+SMALLEST_BODY, SMALLEST_PART = 0.05, 0.02
 
 
 class Seen(NamedTuple):
@@ -37,7 +39,9 @@ class Seen(NamedTuple):
     Attributes:
       map: [B, S/4, S/4, C]. tokens, tokens_place: [B, L, D], the latter without B. sketch: [B, E].
       parts: [B, Q, D] tokens of the parts. parts_place: [B, Q, D] embeddings of their boxes.
-      body: [B, 6] corners of the part that is most likely the root. camera: [B, 7].
+      asked: [B, P, D] tokens of the parts whose boards are asked for. asked_corners: [B, P, 6] of
+        their boxes. body: [B, 6] corners of the part that is most likely the root.
+      camera: [B, 7].
     """
 
     map: jax.Array
@@ -46,15 +50,17 @@ class Seen(NamedTuple):
     sketch: jax.Array
     parts: jax.Array
     parts_place: jax.Array
+    asked: jax.Array
+    asked_corners: jax.Array
     body: jax.Array
     camera: jax.Array
 
 
 class BoxSetDecoder(nnx.Module):
-    """Queries -> a set of rows a run, and a number for all of them.
+    """Queries -> a set of rows a run, or several sets S, and a number for each set.
 
-    ``anchors`` [N, R]: rows that training begins with. ``kinds``: numbers said of a row beside
-    where it is. ``RUNS``: of the layer.
+    ``anchors`` [N, R]: rows of a set that training begins with. ``kinds``: numbers said of a row
+    beside where it is. ``RUNS``: of the layer.
     """
 
     RUNS = 3
@@ -73,17 +79,17 @@ class BoxSetDecoder(nnx.Module):
         self.hidden = linear(width, c.head_width, rngs, dtype=dtype)
         self.row = linear(c.head_width, size, rngs, init=zeros, dtype=dtype)
         self.kind = linear(c.head_width, kinds, rngs, init=zeros, dtype=dtype)
-        # for panels, the share of the body that they explain
+        # for panels and boards, the share of the body or the part that they explain
         self.alone = linear(width, 1, rngs, init=zeros, dtype=dtype)
 
     def decode(self, seen: Seen) -> tuple[list[jax.Array], list[jax.Array], jax.Array]:
-        """Rows [B, N, R] and their kinds [B, N, K], each a list over the first guess and the runs;
-        the number for all of them [B]."""
+        """Rows [B, S N, R] and their kinds [B, S N, K], each a list over the first guess and the
+        runs; the number for each set [B, S]."""
         seen = jax.tree.map(jax.lax.stop_gradient, seen)
-        guess = self.guess(seen.sketch.astype(self.queries[...].dtype))
-        x = self.queries[...] + guess[:, None]
+        x = self.first(seen)
         scale, offset = self.frame(seen)
-        row = self.anchors[...] + self.first_row(x).astype(jnp.float32)
+        sets = x.shape[1] // len(self.anchors[...])
+        row = jnp.tile(self.anchors[...], (sets, 1)) + self.first_row(x).astype(jnp.float32)
         said = [self._read(x, row)]
         for _ in range(self.RUNS):
             row = jax.lax.stop_gradient(said[-1][0])
@@ -93,7 +99,13 @@ class BoxSetDecoder(nnx.Module):
             said.append(self._read(x, row))
         rows, kinds = (list(values) for values in zip(*said, strict=True))
         rows = [row * scale + offset for row in rows]
-        return rows, kinds, self.alone(self.norm(x).mean(1)).astype(jnp.float32)[:, 0]
+        whole = self.norm(x).reshape(len(x), sets, -1, x.shape[-1]).mean(2)
+        return rows, kinds, self.alone(whole).astype(jnp.float32)[..., 0]
+
+    def first(self, seen: Seen) -> jax.Array:
+        """[B, S N, D] queries that the runs begin with."""
+        guess = self.guess(seen.sketch.astype(self.queries[...].dtype))
+        return self.queries[...] + guess[:, None]
 
     def run(self, x: jax.Array, own: jax.Array, corners: jax.Array, seen: Seen) -> jax.Array:
         """The layer on queries x [B, N, D] with their boxes' embeddings and corners."""
@@ -130,7 +142,7 @@ class LegDecoder(BoxSetDecoder):
             "exists": [kind[..., 0] for kind in kinds],
             "plinth": [kind[..., 1] for kind in kinds],
             "fill": [kind[..., 2] + TYPICAL_FILL for kind in kinds],
-            "alone": alone,
+            "alone": alone[:, 0],
         }
 
     def run(self, x, own, corners, seen):
@@ -162,7 +174,7 @@ class PanelDecoder(BoxSetDecoder):
         """Returns rows and exists (logits), each a list over the first guess and the runs of
         [B, N, 6] or [B, N]; share [B]: of the body that panels and legs explain."""
         rows, kinds, share = self.decode(seen)
-        return {"rows": rows, "exists": [kind[..., 0] for kind in kinds], "share": share}
+        return {"rows": rows, "exists": [kind[..., 0] for kind in kinds], "share": share[:, 0]}
 
     def run(self, x, own, corners, seen):
         read = read_boxes(seen.map, corners, seen.camera, gather=True)
@@ -170,14 +182,60 @@ class PanelDecoder(BoxSetDecoder):
         return self.layer(x, own, seen.tokens, seen.tokens_place, read, parts, place)
 
     def frame(self, seen: Seen) -> tuple[jax.Array, jax.Array]:
-        lower, upper = seen.body[:, None, :3], seen.body[:, None, 3:]
-        size = jnp.maximum(upper - lower, SMALLEST_BODY)
-        return jnp.tile(size, 2), jnp.tile((lower + upper - size) / 2, 2)
+        return _shares(seen.body[:, None], SMALLEST_BODY)
 
     @staticmethod
     def corners(rows: jax.Array) -> jax.Array:
         """[..., 6] lower and upper corners of panels."""
         return rows
+
+
+class BoardDecoder(BoxSetDecoder):
+    """``LayoutConfig.boards`` queries for each part P -> a set of boards a part and run, told in
+    shares of the part's box. Those of one part attend to one another and to all parts."""
+
+    def __init__(self, config: ModelConfig, rngs: nnx.Rngs, dtype):
+        anchors = typical_panels(config.layout.boards)
+        super().__init__(config, rngs, dtype, anchors, kinds=1)
+        self.guess = linear(config.layout.width, config.layout.width, rngs, dtype=dtype)
+
+    def __call__(self, seen: Seen) -> dict[str, Any]:
+        """Returns rows and exists (logits), each a list over the first guess and the runs of
+        [B, P, N, 6] or [B, P, N]; share [B, P]: of each part that its boards explain."""
+        rows, kinds, share = self.decode(seen)
+        apart = lambda x: x.reshape(*share.shape, -1, x.shape[-1])  # noqa: E731
+        return {
+            "rows": [apart(row) for row in rows],
+            "exists": [apart(kind)[..., 0] for kind in kinds],
+            "share": share,
+        }
+
+    def first(self, seen):
+        queries = self.queries[...]
+        x = queries + self.guess(seen.asked.astype(queries.dtype))[:, :, None]
+        return x.reshape(len(x), -1, x.shape[-1])
+
+    def run(self, x, own, corners, seen):
+        read = read_boxes(seen.map, corners, seen.camera, gather=True)
+        parts, place = seen.parts.astype(x.dtype), seen.parts_place.astype(own.dtype)
+        asked = seen.asked.shape[1]
+        return self.layer(x, own, seen.tokens, seen.tokens_place, read, parts, place, sets=asked)
+
+    def frame(self, seen):
+        own = jnp.repeat(seen.asked_corners, len(self.anchors[...]), 1)
+        return _shares(own, SMALLEST_PART)
+
+    @staticmethod
+    def corners(rows: jax.Array) -> jax.Array:
+        """[..., 6] lower and upper corners of boards."""
+        return rows
+
+
+def _shares(corners: jax.Array, smallest: float) -> tuple[jax.Array, jax.Array]:
+    """Scale and offset [..., 6] that take rows in shares of boxes [..., 6] to object units."""
+    lower, upper = corners[..., :3], corners[..., 3:]
+    size = jnp.maximum(upper - lower, smallest)
+    return jnp.tile(size, 2), jnp.tile((lower + upper - size) / 2, 2)
 
 
 def typical_legs(count: int) -> jax.Array:

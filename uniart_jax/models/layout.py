@@ -24,19 +24,20 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import LayoutConfig, ModelConfig
-from uniart_jax.models.box_sets import LegDecoder, PanelDecoder, Seen
+from uniart_jax.models.box_sets import BoardDecoder, LegDecoder, PanelDecoder, Seen
 from uniart_jax.models.image_encoder import CAMERA_CODE, TYPICAL, StemStage
 from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sine_embedding
 from uniart_jax.nn.blocks import GroupNorm, LayerNorm, linear, zeros
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
-from uniart_jax.voxels.part_table import MOST_LEGS, MOST_PANELS
+from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
 
 STRIDES = (4, 8, 16)
 SKETCH_SIDE = 8  # cells of the coarsest map that the sketch reads, whatever the picture's size
 TOKENS_SIDE = 16  # of the table of the tokens' places, resampled to the picture's tokens
 POINTER = 64  # width of the parent pointer's queries and keys
 GUESS = 64  # width of a query's offset from the sketch
+SETS = {"legs": MOST_LEGS, "panels": MOST_PANELS, "boards": MOST_BOARDS}  # and rows of a label
 
 
 class Convolutions(nnx.Module):
@@ -128,7 +129,7 @@ class LayoutNetwork(nnx.Module):
                 "layout: needs queries >= 1, an image_size that 32 divides and repeats >= 0, got "
                 f"{c.queries}, {c.image_size}, {c.repeats}"
             )
-        for name, most in (("legs", MOST_LEGS), ("panels", MOST_PANELS)):
+        for name, most in SETS.items():
             if 0 != (count := getattr(c, name)) < most:
                 raise ValueError(f"layout: {name} must be 0 or at least {most}, got {count}")
         self.config, width = c, c.width
@@ -164,6 +165,8 @@ class LayoutNetwork(nnx.Module):
             self.legs = LegDecoder(config, rngs, dtype)
         if c.panels:
             self.panels = PanelDecoder(config, rngs, dtype)
+        if c.boards:
+            self.boards = BoardDecoder(config, rngs, dtype)
 
     def __call__(
         self,
@@ -185,7 +188,7 @@ class LayoutNetwork(nnx.Module):
           corners [B, Q, 6] (lower, upper), codes
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits
           child -> parent, the diagonal the root's, of the last layer; tokens [B, Q, D], one a part;
-          map [B, S/4, S/4, C]; legs and panels (``models.box_sets``) where the
+          map [B, S/4, S/4, C]; legs, panels and boards (``models.box_sets``) where the
           config has queries for them.
         """
         features, sketch = self.look(image)
@@ -216,18 +219,19 @@ class LayoutNetwork(nnx.Module):
             "tokens": y,
             "map": features,
         }
-        if self.config.legs or self.config.panels:
+        if self.sets:
             last = parts[-1]
             body = likely_root(last["corners"], last["exists"], out["parents"])
             place = self._place(last["corners"])
-            seen = Seen(features, tokens, tokens_place, sketch, y, place, body, used)
+            corners = last["corners"]
+            seen = Seen(features, tokens, tokens_place, sketch, y, place, y, corners, body, used)
             out |= {name: getattr(self, name)(seen) for name in self.sets}
         return out
 
     @property
     def sets(self) -> list[str]:
-        """The sets that it finds beside the parts: "legs", "panels"."""
-        return [name for name in ("legs", "panels") if getattr(self.config, name)]
+        """The sets that it finds beside the parts: "legs", "panels", "boards"."""
+        return [name for name in SETS if getattr(self.config, name)]
 
     def look(self, image: jax.Array) -> tuple[jax.Array, jax.Array]:
         """The map [B, S/4, S/4, C] and the sketch [B, D] of images."""

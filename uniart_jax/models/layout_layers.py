@@ -57,16 +57,21 @@ class DecoderLayer(nnx.Module):
         self.read_out = linear(c.width, c.width, rngs, dtype=dtype)
         self.mlp = MLP(c.width, 4, rngs, dtype)
 
-    def __call__(self, x, place, tokens, tokens_place, read, others=None, others_place=None):
+    def __call__(
+        self, x, place, tokens, tokens_place, read, others=None, others_place=None, sets=1
+    ):
         """x, place [B, Q, D]; tokens, tokens_place [B, L, D]; read [B, Q, 15 (C + 3)]; others,
-        others_place [B, P, D], rows that are attended to as x is -> [B, Q, D]."""
+        others_place [B, P, D], rows that are attended to as x is; sets: Q is of so many, one after
+        the other, that do not attend to one another -> [B, Q, D]."""
         y = self.norm1(x)
-        keys, values = y + place, y
+        apart = lambda z: z.reshape(len(z) * sets, -1, z.shape[-1])  # noqa: E731
+        queries, values = apart(y + place), apart(y)
+        keys = queries
         if others is not None:
             also = self.norm1(others)
-            keys = jnp.concatenate([keys, also + others_place], 1)
-            values = jnp.concatenate([values, also], 1)
-        x = x + self.self_attn(y + place, keys, values)
+            keys = jnp.concatenate([keys, jnp.repeat(also + others_place, sets, 0)], 1)
+            values = jnp.concatenate([values, jnp.repeat(also, sets, 0)], 1)
+        x = x + self.self_attn(queries, keys, values).reshape(x.shape)
         x = x + self.cross_attn(self.norm2(x) + place, tokens + tokens_place, tokens)
         x = x + self.read_out(jax.nn.gelu(self.read_in(read)))
         return x + self.mlp(self.norm3(x))

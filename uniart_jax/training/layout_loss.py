@@ -3,7 +3,7 @@ own (DETR, Carion 2020).
 
     cost[q, k] = sum over layers of  5 L1(corners) - p + Huber(code, .05)
     loss       = 2 mean over layers (5 L1(corners) + 5 Huber(code) + BCE(exists) + .3 L1(colour))
-                 + .3 CE(parent) + 2 L1(camera) + legs + panels
+                 + .3 CE(parent) + 2 L1(camera) + legs + panels + boards
 
 of ``training.leg_loss`` and ``training.panel_loss``.
 
@@ -23,7 +23,7 @@ from uniart_jax.models.network import Network
 from uniart_jax.training.leg_loss import leg_losses
 from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss, to_corners
 from uniart_jax.training.matching import match
-from uniart_jax.training.panel_loss import panel_losses
+from uniart_jax.training.panel_loss import board_losses, panel_losses
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
@@ -47,8 +47,8 @@ def match_cost(
 
 def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers),
-    "parent", "camera", and "loss"; where the network finds legs or panels, ``leg_losses`` and
-    ``panel_losses`` too."""
+    "parent", "camera", and "loss"; where the network finds legs, panels or boards, ``leg_losses``,
+    ``panel_losses`` and ``board_losses`` too."""
     corners, codes, counts = to_corners(batch.boxes), batch.codes, batch.part_counts
     items, known = corners.shape[:2]
     valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
@@ -81,6 +81,9 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
     if "panels" in out:
         terms |= panel_losses(out["panels"], batch)
         loss = loss + terms["panels"]
+    if "boards" in out:
+        terms |= board_losses(out["boards"], batch, query)
+        loss = loss + terms["boards"]
     return terms | {"loss": loss}
 
 

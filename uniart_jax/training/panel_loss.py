@@ -1,12 +1,14 @@
-"""Loss of the layout network's panels: predicted ones are matched to true ones, as parts are
-(``training.layout_loss``).
+"""Loss of the layout network's panels and boards: predicted boxes of a set are matched to true
+ones, as parts are (``training.layout_loss``).
 
-    far(a, b)  = mean over corners' coordinates of  |a - b| w,   w = .3 / (size of b + .1)
+    far(a, b)  = mean over corners' coordinates of  |a - b| w,   w = f / (size of b + r) + e
     cost[q, k] = sum over runs of  2 far - p / 2
     loss       = mean over runs (5 far + 2 BCE(exists)) + .3 L1(share)
 
-``w`` asks more of where a board's faces are than of its edges. Row terms are means per object, then
-over objects. Objects whose panels are not known pay nothing.
+``w`` asks more of where a board's faces are than of its edges; f, r and e are .3, .1 and 0 of
+panels, .15, .05 and .5 of boards. Row terms are means per set, then over sets. Sets that are not
+known pay nothing, boards that are less than ``TRUSTED`` of their part for the share alone: they are
+never used, and often cannot be told, as the wires of a rack.
 """
 
 from __future__ import annotations
@@ -18,11 +20,12 @@ import jax.numpy as jnp
 
 from uniart_jax.training.losses import binary_cross_entropy
 from uniart_jax.training.matching import match
+from uniart_jax.voxels.panel_table import TRUSTED
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
 COST, SURE = 2.0, 0.5
 PLACE, THERE, SHARE = 5.0, 2.0, 0.3
-FACES, ROOM = 0.3, 0.1  # of w
+PANELS, BOARDS = (0.3, 0.1, 0.0), (0.15, 0.05, 0.5)  # f, r and e of w
 
 
 def panel_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
@@ -34,27 +37,71 @@ def panel_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array
     """
     if batch.panels is None:
         raise ValueError("layout: layout.panels is above 0, but the batch has no panels")
-    rows = batch.panels
-    items, most = rows.shape[:2]
-    known = (batch.panel_counts >= 0).astype(jnp.float32)
-    counts = jnp.maximum(batch.panel_counts, 0)
+    counts, share = batch.panel_counts, batch.panel_share
+    loss, off = _box_set_loss(
+        out, batch.panels, counts, counts >= 0, share, PANELS, len(batch.panels)
+    )
+    return {"panels": loss, "panels_row": off}
+
+
+def board_losses(out: dict[str, Any], batch: LayoutBatch, query: jax.Array) -> dict[str, jax.Array]:
+    """Terms "boards" and "boards_row" of ``models.box_sets.BoardDecoder``'s output for the parts
+    that queries [B, K] were matched to, means over those whose boards are known.
+
+    Raises:
+      ValueError: the batch has no boards.
+    """
+    if batch.boards is None:
+        raise ValueError("layout: layout.boards is above 0, but the batch has no boards")
+    flat = lambda x: x.reshape(-1, *x.shape[2:])  # noqa: E731
+
+    def own(x):  # [B, Q, ...] -> [B K, ...]
+        return flat(jax.vmap(lambda rows, q: rows[q])(x, query))
+
+    said = jax.tree.map(own, out)
+    counts, share = flat(batch.board_counts), flat(batch.board_share)
+    known = counts >= 0
+    sets = jnp.maximum(known.sum(), 1)
+    counts = jnp.where(share >= TRUSTED, counts, -1)
+    loss, off = _box_set_loss(said, flat(batch.boards), counts, known, share, BOARDS, sets)
+    return {"boards": loss, "boards_row": off}
+
+
+def _box_set_loss(
+    out: dict[str, Any],
+    rows: jax.Array,
+    counts: jax.Array,
+    share_known: jax.Array,
+    share: jax.Array,
+    weight: tuple[float, float, float],
+    sets: jax.Array | int,
+) -> tuple[jax.Array, jax.Array]:
+    """The loss, and the L1 of the last run's rows.
+
+    out: rows, a list of [S, N, 6], exists, a list of [S, N], share [S]. rows: [S, M, 6] true
+    corners. counts: [S] of them, -1 where they are not known. share_known, share: [S]. weight: f, r
+    and e of w. sets: that means are over.
+    """
+    most, (faces, room, edges) = rows.shape[1], weight
+    known = (counts >= 0).astype(jnp.float32)
+    counts = jnp.maximum(counts, 0)
     valid = (jnp.arange(most) < counts[:, None]).astype(jnp.float32)
-    weights = valid / jnp.maximum(counts, 1)[:, None] / items
+    weights = valid / jnp.maximum(counts, 1)[:, None] / sets
     size = rows[..., 3:] - rows[..., :3]
-    faces = jnp.concatenate([FACES / (size + ROOM)] * 2, -1)  # [B, N, 6]
+    near = jnp.concatenate([faces / (size + room) + edges] * 2, -1)  # [S, M, 6]
     runs = list(zip(out["rows"], out["exists"], strict=True))
     cost = jnp.zeros(())
     for row, exists in runs:
-        far = (jnp.abs(row[:, :, None] - rows[:, None]) * faces[:, None]).mean(-1)
+        far = (jnp.abs(row[:, :, None] - rows[:, None]) * near[:, None]).mean(-1)
         cost = cost + COST * far - SURE * jax.nn.sigmoid(exists)[..., None]
     query = match(cost, counts)
-    chosen = jax.nn.one_hot(query, runs[0][1].shape[1]) * valid[..., None]  # [B, N, Q]
+    chosen = jax.nn.one_hot(query, runs[0][1].shape[1]) * valid[..., None]  # [S, M, N]
     present = chosen.sum(1)
     total = last = jnp.zeros(())
     for row, exists in runs:
         off = jnp.abs(jnp.einsum("bnq,bqr->bnr", chosen, row) - rows)
         last = (off.mean(-1) * weights).sum()
-        there = (binary_cross_entropy(exists, present).mean(-1) * known).mean()
-        total = total + PLACE * ((off * faces).mean(-1) * weights).sum() + THERE * there
-    share = (jnp.abs(out["share"] - batch.panel_share) * known).mean()
-    return {"panels": total / len(runs) + SHARE * share, "panels_row": last}
+        there = (binary_cross_entropy(exists, present).mean(-1) * known).sum() / sets
+        total = total + PLACE * ((off * near).mean(-1) * weights).sum() + THERE * there
+    off_share = (jnp.abs(out["share"] - share) * share_known).sum() / sets
+    return total / len(runs) + SHARE * off_share, last

@@ -29,8 +29,8 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
       crop: [S, S, 3] uint8, what the network saw. layout: with its camera.
 
     Each part has a colour: its box, the confidence at its centre, its axis (white) and the path of
-    its centre or, where it turns, of the corner farthest from the axis. What the object stands on
-    and the panels of its body are gray.
+    its centre or, where it turns, of the corner farthest from the axis. What the object stands on,
+    the panels of its body and the boards of its parts are gray.
     """
     image = Image.fromarray(crop).resize((side, side), Image.Resampling.BICUBIC)
     image = Image.blend(image, Image.new("RGB", image.size, (40, 40, 40)), 0.25)
@@ -41,7 +41,8 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
     see = lambda p: [tuple(v) for v in (project(camera, p) + 1) * side / 2]  # noqa: E731
     panels = [] if layout.panels is None else _box_corners(layout.panels.boxes)
     legs = [] if layout.legs is None else _leg_corners(layout.legs)
-    for corners in [*panels, *legs]:
+    boards = [c for b in layout.boards if b is not None for c in _box_corners(b.boxes)]
+    for corners in [*panels, *legs, *boards]:
         spots = see(corners)
         for a, b in EDGES:
             pen.line([spots[a], spots[b]], fill=(200, 200, 200), width=1)

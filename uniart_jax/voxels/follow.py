@@ -22,6 +22,7 @@ from uniart_jax.voxels.assemble import _finite, mesh_parts
 from uniart_jax.voxels.clearance import with_meshes, with_room_to_move
 from uniart_jax.voxels.drums import drums, with_drums
 from uniart_jax.voxels.flat_faces import with_flat_faces
+from uniart_jax.voxels.found_boards import with_boards
 from uniart_jax.voxels.found_legs import with_legs
 from uniart_jax.voxels.found_panels import with_panels
 from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
@@ -78,8 +79,8 @@ def assemble_layout(
       grid: attributes on active voxels as a network gives them. layout: of the same shown state and
         frame.
       flat: nearly flat faces are made flat (``flat_faces``), boards within the body are the
-        layout's panels (``found_panels``), legs are whole (``found_legs``, ``legs``), rooms behind
-        doors and in drawers boxes (``rooms``).
+        layout's panels (``found_panels``), parts that move its boards (``found_boards``), legs are
+        whole (``found_legs``, ``legs``), rooms behind doors and in drawers boxes (``rooms``).
       room: what stands in the way of moving parts is taken off (``clearance``).
 
     Returns:
@@ -133,6 +134,11 @@ def assemble_layout(
 
     body = [k for k in still_parts(up, joints) if k < len(shown)]
 
+    boards = {
+        k: own.boxes
+        for k, row in enumerate(shown)
+        if layout.boards and (own := layout.boards[row]) is not None and k not in body
+    }
     unfit: list[str] = []
 
     def reshape(field: DenseField) -> DenseField:
@@ -146,6 +152,13 @@ def assemble_layout(
                 if built is None:
                     unfit.append("panels of the layout left out: voxels show another body")
                 field = built or field
+            if boards:
+                field, built = with_boards(field, boards, joints, body)
+                unfit.extend(
+                    f"boards of part {kept[rows[k]]} of the layout left out: voxels show another "
+                    "shape"
+                    for k in sorted(boards.keys() - built)
+                )
             if layout.legs is None:
                 field = with_whole_legs(field, body)
             else:
@@ -238,4 +251,5 @@ def _without(layout: Layout, left_out: list[int]) -> Layout:
         layout.camera,
         layout.legs,
         layout.panels,
+        tuple(layout.boards[k] for k in kept) if layout.boards else (),
     )

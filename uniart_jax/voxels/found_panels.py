@@ -64,8 +64,8 @@ def with_panels(
         return None
     size = field.sdf.shape[0] - 2
     own = np.where(mine, field.sdf, np.abs(field.sdf))
-    boxes = fitted(_aligned((panels.boxes + 0.5) * size + 0.5, solid, own))
-    distance = _distance(boxes, field.sdf.shape)
+    boxes = fitted(aligned((panels.boxes + 0.5) * size + 0.5, solid, own))
+    distance = distance_to(boxes, field.sdf.shape)
     if not _agree(field.sdf < 0, solid, distance, legs):
         return None
     free = ~np.asarray(ndimage.binary_dilation((field.sdf < 0) & ~mine), bool)
@@ -75,7 +75,7 @@ def with_panels(
     if not inner.any():
         return field
     stays = _outside(boxes[:, :3].min(0), boxes[:, 3:].max(0), solid)
-    stays |= _distance(boxes[~inner], field.sdf.shape) < NEAR
+    stays |= distance_to(boxes[~inner], field.sdf.shape) < NEAR
     kept = _other_boards(solid, distance) | _thick(solid)
     around = np.asarray(ndimage.binary_dilation(kept, np.ones((3, 3, 3))), bool)
     stays |= around & (kept | ~solid)  # and its surface
@@ -83,7 +83,7 @@ def with_panels(
     within = boxes[inner]  # no board stands out of the walls
     within[:, :3] = np.maximum(within[:, :3], cells.min(0) - 0.5)
     within[:, 3:] = np.minimum(within[:, 3:], cells.max(0) + 0.5)
-    value = np.clip(_distance(within, field.sdf.shape), -FARTHEST, FARTHEST)
+    value = np.clip(distance_to(within, field.sdf.shape), -FARTHEST, FARTHEST)
     value = np.where(stays, np.minimum(value, field.sdf), value)
     value = np.where(np.abs(value) < ZERO, -ZERO, value)
     where = free & (mine | (field.sdf > 0))
@@ -121,7 +121,7 @@ def _pieces(solid: np.ndarray) -> int:
     return int((np.bincount(labels[solid]) >= PIECE * solid.sum()).sum())
 
 
-def _aligned(boxes: np.ndarray, solid: np.ndarray, sdf: np.ndarray) -> np.ndarray:
+def aligned(boxes: np.ndarray, solid: np.ndarray, sdf: np.ndarray) -> np.ndarray:
     """Boxes [N, 6] in cells, moved along their thinnest sides to where they are drawn.
 
     A board is moved to where the most of it is drawn, where that is clearly more than where it is.
@@ -184,7 +184,7 @@ def _agree(drawn: np.ndarray, solid: np.ndarray, distance: np.ndarray, legs: Leg
     """Whether panels at a ``distance`` [X, Y, Z] and legs are what is drawn of the body."""
     near = distance
     if legs is not None:
-        near = np.minimum(near, _distance((legs.boxes + 0.5) * (len(near) - 2) + 0.5, near.shape))
+        near = np.minimum(near, distance_to((legs.boxes + 0.5) * (len(near) - 2) + 0.5, near.shape))
     around = ndimage.binary_dilation(drawn, iterations=NEAR)
     inside = around[distance < 0]
     shown = inside.mean() if len(inside) else 0.0
@@ -227,12 +227,12 @@ def _other_boards(solid: np.ndarray, distance: np.ndarray) -> np.ndarray:
     return stays
 
 
-def fitted(boxes: np.ndarray) -> np.ndarray:
+def fitted(boxes: np.ndarray, gap: float = GAP) -> np.ndarray:
     """Boxes [N, 6] in cells, made to meet.
 
     Faces that follow one another within ``LEVEL`` are moved to their mean, weighted by their areas,
     unless the first and the last of them are more than ``SPREAD`` apart.
-    An edge that ends up to ``GAP`` before a panel that lies across it, or up to ``OVER`` beyond,
+    An edge that ends up to ``gap`` before a panel that lies across it, or up to ``OVER`` beyond,
     ends at that panel's far face. A panel lies across an edge where its own thinnest side is along
     the edge's axis and the two overlap in both others, by nearly half of the one that ends.
     """
@@ -249,7 +249,7 @@ def fitted(boxes: np.ndarray) -> np.ndarray:
             if axis == thin[k]:
                 continue
             (first, low), (last, high) = (
-                _meeting(boxes, thin, k, axis, end) for end in (axis, axis + 3)
+                _meeting(boxes, thin, k, axis, end, gap) for end in (axis, axis + 3)
             )
             if first != last:
                 met[k, [axis, axis + 3]] = low, high
@@ -276,7 +276,9 @@ def _thicken(boxes: np.ndarray) -> None:
     boxes[:, :3], boxes[:, 3:] = middle - half, middle + half
 
 
-def _meeting(boxes: np.ndarray, thin: np.ndarray, k: int, axis: int, end: int) -> tuple[int, float]:
+def _meeting(
+    boxes: np.ndarray, thin: np.ndarray, k: int, axis: int, end: int, gap: float
+) -> tuple[int, float]:
     """The panel that a panel's edge ends at, the nearest that lies across it, of several the
     outermost, and its far face; without one -1 - ``end`` and where it ends now."""
     place, outwards = boxes[k, end], 1 if end > 2 else -1
@@ -290,12 +292,12 @@ def _meeting(boxes: np.ndarray, thin: np.ndarray, k: int, axis: int, end: int) -
             continue
         near, far = (boxes[j, axis], boxes[j, axis + 3])[::outwards]
         before, beyond = (near - place) * outwards, (place - far) * outwards
-        if before < GAP and beyond < OVER:
+        if before < gap and beyond < OVER:
             found.append((max(before, beyond, 0.0), -far * outwards, int(j), far))
     return min(found)[2:] if found else (-1 - end, place)
 
 
-def _distance(boxes: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def distance_to(boxes: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """[X, Y, Z] cells to the nearest of boxes, below 0 inside, ``BESIDE`` at most."""
     distance = np.full(shape, BESIDE, np.float32)
     for box in boxes:

@@ -8,7 +8,8 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
      "camera": [7] code (``voxels.camera_code``) or null,
      "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
                 "color": [3], "confidence",
-                "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]}}],
+                "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]},
+                "boards": null or as "panels", of the part}],
      "legs": null or {"alone": bool, "rows": [{"lower": [x0, y0, x1, y1] of its lower end, "upper":
                 the same of its upper end, "heights": [2] of both, "fill": share of the rectangles
                 that it fills (1 a prism, .785 a cylinder), "plinth": bool}]},
@@ -17,8 +18,8 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
 
 Legs carry what does not move. ``alone``: it has nothing else below their upper ends, and what
 voxels show there is taken away. Panels are the boards that it is built of; those within it take
-the place of what voxels show there, unless that is another body. A network's panels are kept where
-their share is high.
+the place of what voxels show there, unless that is another body. Boards are the same of a part that
+moves: all that it is built of. A network's panels and boards are kept where their share is high.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
 is not read back.
@@ -46,8 +47,15 @@ from uniart_jax.voxels.joint_code import (
     encode_joint,
 )
 from uniart_jax.voxels.leg_table import Legs, legs_from_json, legs_to_json, read_legs
-from uniart_jax.voxels.panel_table import Panels, panels_from_json, panels_to_json, read_panels
+from uniart_jax.voxels.panel_table import (
+    Panels,
+    panels_from_json,
+    panels_to_json,
+    read_boards,
+    read_panels,
+)
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
+from uniart_jax.voxels.ways import still_parts
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
@@ -69,7 +77,8 @@ class Layout:
       boxes: [K, 6] own boxes, centre and size. joints: K joints; the root's is fixed.
       parents: [K] rows, -1 for the root; in any order. colors: [K, 3] linear RGB in 0..1.
       confidence: [K] in 0..1. camera: [7] code of the camera, or None.
-      legs: what it stands on, panels: what its body is built of, where that is known.
+      legs: what it stands on, panels: what its body is built of, where that is known. boards: what
+        each part is built of; empty, or K, None where that is not known.
     """
 
     boxes: np.ndarray
@@ -80,6 +89,7 @@ class Layout:
     camera: np.ndarray | None = None
     legs: Legs | None = None
     panels: Panels | None = None
+    boards: tuple[Panels | None, ...] = ()
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -132,6 +142,7 @@ class Layout:
     def to_json(self) -> str:
         """Text of the module's schema."""
         rows = []
+        boards = self.boards or (None,) * len(self)
         for k, joint in enumerate(self.joints):
             rows.append(
                 {
@@ -147,6 +158,7 @@ class Layout:
                         "angle": _plain(joint.angle),
                         "travel": _plain(joint.travel),
                     },
+                    "boards": None if (own := boards[k]) is None else panels_to_json(own),
                 }
             )
         camera = None if self.camera is None else _plain(self.camera)
@@ -157,8 +169,8 @@ class Layout:
 
     @staticmethod
     def from_json(text: str) -> Layout:
-        """Read ``to_json``'s text; ``color``, ``confidence``, ``camera``, ``legs`` and ``panels``
-        may be left out.
+        """Read ``to_json``'s text; ``color``, ``confidence``, ``boards``, ``camera``, ``legs``
+        and ``panels`` may be left out.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -172,7 +184,7 @@ class Layout:
         rows = data.get("parts")
         if not isinstance(rows, list) or not rows:
             raise ValueError('layout: "parts" must be a list of at least one part')
-        boxes, joints, parents, colors, confidence = [], [], [], [], []
+        boxes, joints, parents, colors, confidence, boards = [], [], [], [], [], []
         for k, row in enumerate(rows):
             where = f"layout: part {k}"
             if not isinstance(row, dict):
@@ -193,6 +205,7 @@ class Layout:
             if not isinstance(sure, (int, float)) or not 0 <= sure <= 1:
                 raise ValueError(f"{where}: confidence {sure!r} is not in 0..1")
             confidence.append(float(sure))
+            boards.append(panels_from_json(row.get("boards"), f"part {k}: board"))
         _check_tree(parents)
         camera = data.get("camera")
         camera = None if camera is None else _numbers(data, "camera", 7, "layout")
@@ -205,6 +218,7 @@ class Layout:
             camera,
             legs_from_json(data.get("legs")),
             panels_from_json(data.get("panels")),
+            tuple(boards) if any(b is not None for b in boards) else (),
         )
 
 
@@ -247,7 +261,14 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     colors = np.clip(np.asarray(outputs["colors"], np.float64)[rows], 0, 1)
     legs = read_legs(outputs) if "leg_rows" in outputs else None
     panels = read_panels(outputs) if "panel_rows" in outputs else None
-    return Layout(boxes, joints, parents, colors, probability[rows], camera, legs, panels)
+    boards: tuple[Panels | None, ...] = ()
+    if "board_rows" in outputs:
+        still = still_parts(parents, joints)
+        boards = tuple(
+            None if k in still else read_boards(outputs, row, boxes[k])
+            for k, row in enumerate(rows.tolist())
+        )
+    return Layout(boxes, joints, parents, colors, probability[rows], camera, legs, panels, boards)
 
 
 def _closed_first(joint: Joint, box: np.ndarray, parent: np.ndarray) -> Joint:

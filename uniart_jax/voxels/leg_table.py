@@ -121,7 +121,7 @@ def legs_from_json(data: Any) -> Legs | None:
     """
     if data is None:
         return None
-    rows = json_rows(data, "legs", MOST_ROWS)
+    rows = json_rows(data, "leg", MOST_ROWS)
     alone = data.get("alone", False)
     if not isinstance(alone, bool):
         raise ValueError(f"layout: legs: alone {alone!r} is neither true nor false")

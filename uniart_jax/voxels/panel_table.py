@@ -1,4 +1,5 @@
-"""The boards that a body is built of as a table, read off a network's output, and as JSON."""
+"""The boards that a body, or a part, is built of as a table, read off a network's output, and as
+JSON."""
 
 from __future__ import annotations
 
@@ -12,16 +13,17 @@ from uniart_jax.voxels.json_rows import json_rows
 THRESHOLD = 0.5  # of the probability of a panel
 TRUSTED = 0.8  # share of the body from which on panels stand for it
 THINNEST = 0.004  # object units
+NARROW = 0.05  # of a part whose second longest side is shorter boards are not read
 LIMIT = 1.0  # object units from the middle that coordinates may have
 MOST_ROWS = 256  # of JSON
 
 
 @dataclasses.dataclass(frozen=True)
 class Panels:
-    """N boxes that a body is built of, at the shown state, object units.
+    """N boxes that a body, or a part, is built of, at the shown state, object units.
 
     Attributes:
-      boxes: [N, 6] lower and upper corners. share: of the body's volume that they and its legs
+      boxes: [N, 6] lower and upper corners. share: of the volume that they, and a body's legs,
         explain, less what they have beyond it.
     """
 
@@ -58,6 +60,22 @@ def read_panels(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     return Panels(np.concatenate([middle - half, middle + half], 1), share)
 
 
+def read_boards(
+    outputs: dict[str, np.ndarray], row: int, box: np.ndarray, threshold: float = THRESHOLD
+) -> Panels | None:
+    """What a layout network says of the boards of a part; None as in ``read_panels``, and where the
+    part is narrow.
+
+    Args:
+      outputs: board_rows [Q, N, 6] corners, board_exists [Q, N] logits, board_share [Q].
+      row: of the part in them. box: [6] its centre and size.
+    """
+    if np.sort(box[3:])[1] < NARROW:
+        return None
+    own = {f"panel_{name}": outputs[f"board_{name}"][row] for name in ("rows", "exists", "share")}
+    return read_panels(own, threshold)
+
+
 def panels_to_json(panels: Panels) -> dict[str, Any]:
     """``panels`` of a layout's JSON (``voxels.layout``)."""
     plain = lambda values: [round(float(v), 6) for v in values]  # noqa: E731
@@ -65,31 +83,32 @@ def panels_to_json(panels: Panels) -> dict[str, Any]:
     return {"share": round(panels.share, 4), "rows": rows}
 
 
-def panels_from_json(data: Any) -> Panels | None:
-    """Read ``panels_to_json``'s value; None, or one without rows, is None.
+def panels_from_json(data: Any, name: str = "panel") -> Panels | None:
+    """Read ``panels_to_json``'s value; None, or one without rows, is None. ``name``: of a row, in
+    errors.
 
     Raises:
       ValueError: one line that names the row and the field.
     """
     if data is None:
         return None
-    rows = json_rows(data, "panels", MOST_ROWS)
+    rows = json_rows(data, name, MOST_ROWS)
     share = data.get("share", 1.0)
     if type(share) not in (int, float) or not 0 <= share <= 1:
-        raise ValueError(f"layout: panels: share {share!r} is not in 0..1")
+        raise ValueError(f"layout: {name}s: share {share!r} is not in 0..1")
     boxes = []
     for k, row in enumerate(rows):
-        lower, upper = (_corner(row, name, k) for name in ("lower", "upper"))
+        lower, upper = (_corner(row, end, f"{name} {k}") for end in ("lower", "upper"))
         if (lower >= upper).any():
-            raise ValueError(f"layout: panel {k}: lower {lower.tolist()} must be below upper")
+            raise ValueError(f"layout: {name} {k}: lower {lower.tolist()} must be below upper")
         boxes.append(np.concatenate([lower, upper]))
     return Panels(np.stack(boxes), float(share)) if boxes else None
 
 
-def _corner(row: dict, name: str, k: int) -> np.ndarray:
-    values = row.get(name)
+def _corner(row: dict, end: str, where: str) -> np.ndarray:
+    values = row.get(end)
     listed = values if isinstance(values, list) else []
     sound = [type(v) in (int, float) and -LIMIT <= v <= LIMIT for v in listed]
     if len(sound) != 3 or not all(sound):
-        raise ValueError(f"layout: panel {k}: {name} must be 3 numbers in {-LIMIT:g}..{LIMIT:g}")
+        raise ValueError(f"layout: {where}: {end} must be 3 numbers in {-LIMIT:g}..{LIMIT:g}")
     return np.array(values, np.float64)

@@ -33,6 +33,7 @@ class LayoutBatch(NamedTuple):
       panels: corners of the boards of the body (``voxels.panel_table``). panel_counts: rows of each
         item that are panels; -1 where they are not known. panel_share: of the body that they and
         the legs explain.
+      boards: the same of each part that moves. board_counts: -1 of other parts. board_share.
     """
 
     image: Annotated[Array, "B H W 3", "float"]
@@ -48,6 +49,9 @@ class LayoutBatch(NamedTuple):
     panels: Annotated[Array, "B P 6", "float"] = None
     panel_counts: Annotated[Array, "B", "int"] = None
     panel_share: Annotated[Array, "B", "float"] = None
+    boards: Annotated[Array, "B K M 6", "float"] = None
+    board_counts: Annotated[Array, "B K", "int"] = None
+    board_share: Annotated[Array, "B K", "float"] = None
 
 
 class MaskBatch(NamedTuple):

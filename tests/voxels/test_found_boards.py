@@ -1,0 +1,176 @@
+"""Moving parts are built of a layout's boards where voxels show their outline."""
+
+import numpy as np
+import pytest
+from fields import AT, N, assert_same, block, copy_of, field_of, place_of, solid_of
+from scipy import ndimage
+
+from uniart_jax import procedural
+from uniart_jax.data.panels import boards_of
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.found_boards import with_boards
+from uniart_jax.voxels.isosurface import dense_field, with_sources
+from uniart_jax.voxels.voxelize import voxelize
+from uniart_jax.voxels.ways import still_parts
+
+# sides, top, bottom, back, in cells; the front, at small x, is open
+CASE = np.min(
+    [
+        block((12.3, 8.3, 10.3), (52.3, 11.3, 56.3)),
+        block((12.3, 54.3, 10.3), (52.3, 57.3, 56.3)),
+        block((12.3, 8.3, 53.3), (52.3, 57.3, 56.3)),
+        block((12.3, 8.3, 10.3), (52.3, 57.3, 13.3)),
+        block((49.3, 8.3, 10.3), (52.3, 57.3, 56.3)),
+    ],
+    0,
+)
+# a drawer: front, sides, back, floor, handle
+DRAWER = np.array(
+    [
+        [8.3, 8.3, 10.3, 11.3, 57.3, 30.3],
+        [11.3, 13.3, 15.3, 44.3, 15.5, 27.3],
+        [11.3, 50.3, 15.3, 44.3, 52.5, 27.3],
+        [42.1, 13.3, 15.3, 44.3, 52.5, 27.3],
+        [11.3, 13.3, 15.3, 44.3, 52.5, 17.5],
+        [5.3, 28.3, 19.3, 8.3, 38.3, 21.5],
+    ]
+)
+SHAPE = np.min([block(b[:3], b[3:]) for b in DRAWER], 0)
+SLIDE = Joint(np.zeros(3), np.array([-1.0, 0, 0]), travel=(0.0, 0.4))
+JOINTS = [Joint.fixed(), SLIDE]
+
+
+def at(boards):
+    return place_of(np.asarray(boards).reshape(-1, 2, 3)).reshape(-1, 6)
+
+
+def build(field, boards=DRAWER, joints=JOINTS):
+    return with_boards(field, {1: at(boards)}, joints, [0])
+
+
+def torn(shape, share=0.02, seed=0):
+    holes = np.random.default_rng(seed).random(AT.shape[1:]) < share
+    return np.where(ndimage.binary_dilation(holes, np.ones((3, 3, 3))), 2.0, shape)
+
+
+def test_a_torn_drawer_becomes_its_boards():
+    rough, ideal = field_of(CASE, torn(SHAPE)), field_of(CASE, SHAPE)
+    before = copy_of(rough)
+    after, built = build(rough)
+    assert_same(rough, before)
+    assert built == {1}
+    np.testing.assert_array_equal(solid_of(after, 1), solid_of(ideal, 1))
+    np.testing.assert_array_equal(solid_of(after, 0), solid_of(ideal, 0))
+    near = np.abs(ideal.sdf) < 1
+    np.testing.assert_allclose(after.sdf[near], ideal.sdf[near], atol=0.45)
+    surface = solid_of(after, 1) & ndimage.binary_dilation(~solid_of(after, 1))
+    assert (with_sources(after, 2).source[surface] >= 0).all()
+
+
+def test_boards_are_moved_to_where_faces_are_drawn():
+    off = DRAWER + np.array([1.4, -1.2, 1.1, 1.4, -1.2, 1.1])
+    after, built = build(field_of(CASE, SHAPE), off)
+    assert built == {1}
+    ideal, found = solid_of(field_of(CASE, SHAPE), 1), solid_of(after, 1)
+    front = (slice(9, 12), slice(9, 57), slice(12, 29))
+    assert found[front].mean() > 0.97
+    floor = (slice(14, 40), slice(18, 48), slice(16, 18))
+    assert found[floor].all() and (found & ideal).sum() > 0.85 * ideal.sum()
+
+
+def test_the_body_has_nothing_in_a_drawer_and_keeps_its_outer_walls():
+    lump, rail = block((20.3, 20.3, 18.3), (30.3, 30.3, 25.3)), block((44.6, 12, 40), (48, 53, 44))
+    field = field_of(np.minimum.reduce([CASE, lump, rail]), SHAPE)
+    wide = DRAWER.copy()
+    wide[[1, 3, 4], 1], wide[[3, 4, 2], 4] = 7.0, 58.0  # through the sides
+    wide[1, 4], wide[2, 1] = 9.2, 55.8
+    after, built = build(field, wide)
+    plain = field_of(np.minimum(CASE, rail), SHAPE)
+    np.testing.assert_array_equal(solid_of(after, 0), solid_of(plain, 0))
+    assert built == {1}
+
+
+def test_other_parts_stay():
+    door = block((8.3, 8.3, 32.3), (11.3, 57.3, 56.3))
+    thick = DRAWER.copy()
+    thick[0, 5] = 33.0  # its front is over the door's lower edge
+    field = field_of(CASE, SHAPE, door)
+    after, _ = with_boards(field, {1: at(thick)}, [*JOINTS, JOINTS[1]], [0])
+    np.testing.assert_array_equal(solid_of(after, 2), solid_of(field, 2))
+    np.testing.assert_array_equal(after.sdf[solid_of(field, 2)], field.sdf[solid_of(field, 2)])
+
+
+@pytest.mark.parametrize(
+    "boards",
+    [
+        DRAWER[1:],  # without its front
+        DRAWER + np.array([0, 0, 12, 0, 0, 12]),  # above it
+        DRAWER * np.array([1, 1, 1, 1, 0.6, 1]),  # half as wide
+        np.concatenate([DRAWER, [[8.3, 8.3, 30.3, 11.3, 57.3, 52.3]]]),  # twice as high
+        DRAWER[:0],
+    ],
+)
+def test_boards_of_another_shape_are_not_taken(boards):
+    field = field_of(CASE, SHAPE)
+    after, built = build(field, boards)
+    assert not built
+    assert_same(after, field)
+
+
+def test_boards_of_what_is_not_drawn_are_not_taken():
+    field = field_of(CASE)
+    after, built = build(field)
+    assert not built
+    assert_same(after, field)
+
+
+def test_a_plate_that_turns_may_be_seen_through_its_thin_side():
+    door = block((8.3, 8.3, 10.3), (11.3, 57.3, 56.3))
+    hinge = Joint(place_of([11, 8, 0]), np.array([0, 0, 1.0]), angle=(0, 1.5))
+    plate = np.array([[8.3, 8.3, 10.3, 11.3, 57.3, 56.3]])
+    after, built = build(field_of(CASE, torn(door)), plate, [JOINTS[0], hinge])
+    assert built == {1}
+    np.testing.assert_array_equal(solid_of(after, 1), solid_of(field_of(CASE, door), 1))
+
+
+def test_the_layer_around_the_grid_stays_outside():
+    at_the_edge = DRAWER - np.array([11, 0, 0, 11, 0, 0])
+    shape = np.min([block(b[:3], b[3:]) for b in at_the_edge], 0)
+    after, built = build(field_of(CASE, shape), at_the_edge)
+    assert built == {1} and not (after.sdf < 0)[[0, N + 1]].any()
+
+
+def test_what_is_true_is_changed_by_little():
+    checked = 0
+    for seed in range(900_000, 900_008):
+        obj = procedural.generate("storage_furniture", seed)
+        grid = voxelize(obj, 32, 4)
+        joints = [part.joint for part in obj.parts]
+        body = still_parts([part.parent for part in obj.parts], joints)
+        boards = {
+            k: own.boxes
+            for k, own in enumerate(boards_of(obj))
+            if own is not None and own.share > 0.9
+        }
+        if not boards:
+            continue
+        field = dense_field(grid, grid.owner)
+        after, built = with_boards(field, boards, joints, body)
+        for k in built:
+            one, two = solid_of(field, k), solid_of(after, k)
+            assert (one & two).sum() > 0.55 * (one | two).sum()
+            checked += 1
+        for k in set(range(len(joints))) - built:
+            one, two = solid_of(field, k), solid_of(after, k)
+            assert (one & two).sum() > 0.97 * (one | two).sum()
+        assert len(built) >= 0.7 * len(boards)
+    assert checked >= 8
+
+
+def test_a_back_does_not_stand_for_a_front():
+    """Seen along its way the drawer's back would close its front."""
+    boards = DRAWER.copy()
+    boards[3, [1, 2, 4, 5]] = boards[0, [1, 2, 4, 5]]  # a back as large
+    field = field_of(CASE, np.minimum(SHAPE, block(boards[3, :3], boards[3, 3:])))
+    assert build(field, boards)[1] == {1}
+    assert not build(field, boards[1:])[1]
