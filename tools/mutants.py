@@ -55,6 +55,7 @@ PHOTOGRAPHS = "uniart_jax/data/photographs.py"
 REFRAMED = "tests/data/test_photographs.py::test_the_camera_code_is_that_of_the_new_crop"
 DRUMS, ROOMS = "uniart_jax/voxels/drums.py", "uniart_jax/voxels/rooms.py"
 FOUND_PANELS = "uniart_jax/voxels/found_panels.py"
+FOUND_BOARDS = "uniart_jax/voxels/found_boards.py"
 FRONTS, MASKS = "uniart_jax/voxels/fronts.py", "uniart_jax/inference/masks.py"
 IS_DRUM = "tests/voxels/test_drums.py::test_what_is_no_drum_is_left"
 BEHIND_DOOR = "tests/voxels/test_drums.py::test_the_plate_lies_behind_the_closed_door"
@@ -93,8 +94,8 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/inference/layouts.py",
-        '"panel_rows": mirror_corners}',
-        '"panel_rows": lambda rows: rows}',
+        '"panel_rows": mirror_corners,',
+        '"panel_rows": lambda rows: rows,',
         "tests/inference/test_layout_predictor.py::test_mirrored_twice_is_as_before",
     ),
     Mutant(
@@ -102,6 +103,32 @@ MUTANTS = (
         "panels = panels_of(obj, legs)",
         "panels = panels_of(closed, legs)",
         "tests/data/test_layouts.py::test_panels_are_those_of_the_shown_state",
+    ),
+    Mutant(
+        "uniart_jax/inference/layouts.py",
+        "((one, a), (other, b))",
+        "((one, a), (other, a))",
+        "tests/inference/test_layout_predictor.py::"
+        "test_boards_are_averaged_with_those_of_the_same_part",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "        solid, built = (np.moveaxis(x, axis, 0)[layers] for x in (solid, built))\n",
+        "        solid, built = (np.moveaxis(x, axis, 0) for x in (solid, built))\n",
+        "tests/voxels/test_found_boards.py::test_a_back_does_not_stand_for_a_front",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "            if free.mean() < CRUMBS:\n",
+        "            if False:\n",
+        "tests/voxels/test_found_boards.py"
+        "::test_the_body_has_nothing_in_a_drawer_and_keeps_its_outer_walls",
+    ),
+    Mutant(
+        "uniart_jax/training/panel_loss.py",
+        "counts = jnp.where(share >= TRUSTED, counts, -1)",
+        "",
+        "tests/training/test_panel_loss.py::test_boards_that_are_little_of_a_part_pay_for_the_share",
     ),
     Mutant(
         MASKS,

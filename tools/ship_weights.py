@@ -20,9 +20,12 @@ from uniart_jax.models.checkpoint import PRETRAINED, Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 
 MOST = 40 * 2**20  # bytes of all files
-# large kernels that lose nothing by it: outputs of the layout network move by .0002 object units
-_PANELS = ("guess", "layer.read_in", "layer.mlp.mlp.0", "layer.mlp.mlp.2")
-INT8 = {"layout": ("sketch1.kernel", *(f"panels.{name}.kernel" for name in _PANELS))}
+# kernels that lose little by it: rows of legs, panels and boards move by .0005 object units
+_ATTENTION = (f"{kind}_attn.to_{of}" for kind in ("self", "cross") for of in ("q", "k", "v", "out"))
+_LAYER = ("read_in", "read_out", "mlp.mlp.0", "mlp.mlp.2", *_ATTENTION)
+_OF_SETS = ("guess", "hidden", "place_out", *(f"layer.{name}" for name in _LAYER))
+_SETS = ("legs", "panels", "boards")
+INT8 = {"layout": ("sketch1.kernel", *(f"{of}.{k}.kernel" for of in _SETS for k in _OF_SETS))}
 
 
 def main() -> None:
@@ -49,7 +52,9 @@ def ship(source: Checkpoint, networks: list[str], folder: Path) -> int:
         shutil.copytree(folder, target)
         config = Checkpoint(target).config
         for name in networks:
-            write_network(target, name, source.load(name), int8=INT8.get(name, ()))
+            params = source.load(name)
+            small = tuple(key for key in INT8.get(name, ()) if key.split(".")[0] in params)
+            write_network(target, name, params, int8=small)
             part = {name: getattr(source.config.model, name)}
             config = dataclasses.replace(config, model=dataclasses.replace(config.model, **part))
             if name in LATENT_OF:

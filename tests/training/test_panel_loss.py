@@ -95,7 +95,7 @@ def test_boards_are_those_of_the_query_that_a_part_was_matched_to():
     """Parts 0 and 1 of both objects, by queries 2 and 0 of three; what other queries say, and
     parts whose boards are not known, cost nothing."""
     table = np.stack([panels()[:, :3], panels()[:, :3]], 1)  # [2, parts, 3, 6]
-    counts, share = np.array([[3, 2], [1, -1]]), np.array([[0.9, 0.5], [1.0, 0.0]])
+    counts, share = np.array([[3, 2], [1, -1]]), np.array([[0.9, 0.85], [1.0, 0.0]])
     query = jnp.array([[2, 0], [2, 0]])
     true = batch(panels(), [0, 0])._replace(
         boards=jnp.asarray(table), board_counts=jnp.asarray(counts), board_share=jnp.asarray(share)
@@ -124,3 +124,17 @@ def test_boards_are_those_of_the_query_that_a_part_was_matched_to():
             assert cost(*wrong) > 1e-3
     with pytest.raises(ValueError, match="the batch has no boards"):
         board_losses({}, true._replace(boards=None), query)
+
+
+def test_boards_that_are_little_of_a_part_pay_for_the_share():
+    table = panels()[:, None]
+    true = batch(panels(), [0, 0])._replace(
+        boards=jnp.asarray(table),
+        board_counts=jnp.array([[4], [4]]),
+        board_share=jnp.array([[0.3], [0.9]]),
+    )
+    out = jax.tree.map(lambda x: x[:, None], OUT)
+    gradient = jax.grad(lambda out: board_losses(out, true, jnp.zeros((2, 1), int))["boards"])(out)
+    assert not np.asarray(gradient["rows"][1])[0].any()
+    assert not np.asarray(gradient["exists"][1])[0].any()
+    assert np.asarray(gradient["rows"][1])[1].any() and np.asarray(gradient["share"]).all()

@@ -10,7 +10,7 @@ from solids import box_of, box_sdf, grid_of
 
 from uniart_jax import procedural
 from uniart_jax.data.legs import legs_of
-from uniart_jax.data.panels import panels_of
+from uniart_jax.data.panels import boards_of, panels_of
 from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.simulation.pieces import at_rest, spread
@@ -102,6 +102,33 @@ def test_shelves_are_the_layouts():
     refused = assemble_layout(torn, dataclasses.replace(layout, panels=other))
     assert any("voxels show another body" in note for note in refused.provenance)
     assert not any("panels" in note for note in made[1].provenance)
+
+
+def test_drawers_are_the_layouts_boards():
+    """Where voxels show their fronts alone; a row that is left out as too small changes nothing."""
+    obj = procedural.generate("storage_furniture", 900_005)
+    boards, true = tuple(boards_of(obj)), obj.parts[1].mesh
+    grid = voxelize(obj, 24, 4).gather()
+    places = subcell_centers(grid.coords, 24, 4)
+    low, high = true.bounds
+    inside = ((places > low + [0.03, -0.02, -0.02]) & (places < high + [0.02, 0.02, 0.0])).all(-1)
+    torn = dataclasses.replace(grid, sdf=np.where(inside, np.float32(0.5), grid.sdf))
+    speck = np.concatenate([obj.boxes[0][:3], [0.01, 0.014, 0.01]])  # is left out, boards are not
+    layout = with_row(Layout.of_object(obj), speck)
+    told = dataclasses.replace(layout, boards=(*boards, None))
+    whole, plain, built = (
+        assemble_layout(*each) for each in ((grid, layout), (torn, layout), (torn, told))
+    )
+    drawers = [made.parts[1].mesh for made in (whole, plain, built)]
+    ends = [mesh.bounds[1, 0] for mesh in drawers]
+    assert ends[1] < ends[0] - 0.3 and ends[2] == pytest.approx(ends[0], abs=0.02)
+    assert drawers[2].volume > 0.7 * drawers[0].volume
+    assert built.parts[1].mesh.is_watertight
+    assert not any("boards" in note for note in built.provenance)
+    front = dataclasses.replace(boards[1], boxes=boards[1].boxes[1:2])
+    other = dataclasses.replace(layout, boards=(None, front, *[None] * (len(layout) - 2)))
+    refused = assemble_layout(torn, dataclasses.replace(other, boards=(None, None, front, None)))
+    assert any("boards of part 2 of the layout left out" in n for n in refused.provenance)
 
 
 def test_rows_that_no_voxel_shows_or_a_mere_speck_are_left_out_and_said(oven):

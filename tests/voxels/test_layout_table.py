@@ -9,11 +9,11 @@ import trimesh
 
 from uniart_jax import procedural
 from uniart_jax.data.legs import legs_of
-from uniart_jax.data.panels import panels_of
+from uniart_jax.data.panels import boards_of, panels_of
 from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.joint_code import encode_object
+from uniart_jax.voxels.joint_code import box_corners, encode_joint, encode_object
 from uniart_jax.voxels.layout import Layout, read_layout
 
 
@@ -183,6 +183,55 @@ def test_json_round_trip():
     assert len(panels) and np.allclose(with_panels.panels.boxes, panels.boxes, atol=1e-5)
     assert with_panels.panels.share == pytest.approx(panels.share, abs=1e-4)
     assert again.panels is None and with_panels.legs is None
+    assert again.boards == () == with_panels.boards
+
+
+def test_boards_go_through_json_with_their_parts():
+    obj = procedural.generate("storage_furniture", 3)
+    boards = tuple(boards_of(obj))
+    assert boards[0] is None and max(len(own) for own in boards if own) > 1
+    layout = dataclasses.replace(Layout.of_object(obj), boards=boards)
+    again = Layout.from_json(layout.to_json()).boards
+    for one, other in zip(boards, again, strict=True):
+        if one is None or not len(one):
+            assert other is None
+            continue
+        np.testing.assert_allclose(other.boxes, one.boxes, atol=1e-5)
+        assert other.share == pytest.approx(one.share, abs=1e-4)
+
+
+def test_boards_of_a_network_are_those_of_parts_that_move_and_are_not_narrow():
+    """Rows: body, drawer, what is not there, a narrow bar that moves, a second drawer that is no
+    set of boards."""
+    boxes = np.array(
+        [
+            [0, 0, 0, 0.9, 0.9, 0.9],
+            [-0.3, 0, 0.2, 0.4, 0.6, 0.2],
+            [0, 0, 0, 0.3, 0.3, 0.3],
+            [-0.5, 0, 0.2, 0.04, 0.6, 0.04],
+            [-0.3, 0, -0.2, 0.4, 0.6, 0.2],
+        ]
+    )
+    slide = encode_joint(Joint(np.zeros(3), np.array([-1.0, 0, 0]), travel=(0, 0.3)), boxes[1, :3])
+    codes = np.stack([encode_joint(Joint.fixed(), np.zeros(3)), *[slide] * 4])
+    parents = np.full((5, 5), -9.0)
+    parents[:, 0] = 9
+    exists = np.full((5, 3), 5.0)
+    exists[1, 2] = -5
+    rows = np.random.default_rng(0).uniform(-0.4, 0.4, (5, 3, 6))
+    outputs = {
+        "corners": box_corners(boxes), "codes": codes, "exists": np.array([9.0, 9, -9, 9, 9]),
+        "colors": np.full((5, 3), 0.5), "parents": parents, "camera": np.zeros(7),
+        "board_rows": rows, "board_exists": exists, "board_share": np.array([1, 0.9, 1, 1, 0.3]),
+    }  # fmt: skip
+    layout = read_layout(outputs)
+    assert len(layout) == 4 and [own is None for own in layout.boards] == [True, False, True, True]
+    own = layout.boards[1]
+    assert len(own) == 2 and own.share == pytest.approx(0.9)
+    np.testing.assert_allclose(
+        (own.boxes[:, :3] + own.boxes[:, 3:]) / 2, (rows[1, :2, :3] + rows[1, :2, 3:]) / 2
+    )
+    assert read_layout({k: v for k, v in outputs.items() if "board" not in k}).boards == ()
 
 
 @pytest.mark.parametrize(
@@ -200,6 +249,11 @@ def test_json_round_trip():
         (lambda d: d["parts"].clear(), "parts"),
         (lambda d: d.update(legs={"rows": [{}]}), "leg 0: lower must be 4 numbers"),
         (lambda d: d.update(panels={"rows": [{}]}), "panel 0: lower must be 3 numbers"),
+        (
+            lambda d: d["parts"][1].update(boards={"rows": [{}]}),
+            "layout: part 1: board 0: lower must be 3 numbers",
+        ),
+        (lambda d: d["parts"][1].update(boards=[]), "part 1: boards must be null or have a list"),
     ],
 )
 def test_bad_tables_are_refused_in_one_line(change, words):
