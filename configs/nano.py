@@ -67,7 +67,9 @@ def config() -> Config:
                 volume_blocks=1,
                 volume_channels=64,
             ),
-            layout=LayoutConfig(queries=16, image_size=256, repeats=2, legs=8, panels=24),
+            layout=LayoutConfig(
+                queries=16, image_size=256, repeats=2, legs=8, panels=24, boards=12
+            ),
             mask=MaskConfig(channels=64),
             structure_vae=StructureVAEConfig(
                 patch_size=2, channels=(16, 48), num_res_blocks=1, num_res_blocks_middle=1

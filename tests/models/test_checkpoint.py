@@ -77,8 +77,9 @@ def test_networks_without_added_layers_and_layouts_nobody_asks_for_stay(tmp_path
     assert source.copyable(config, []) == list(NETWORKS)
     with_legs = dataclasses.replace(model, layout=LayoutConfig(queries=4, legs=8))
     assert source.missing_layers("layout", with_legs) == ["legs"]
-    with_both = dataclasses.replace(model, layout=LayoutConfig(queries=4, legs=8, panels=24))
-    assert source.missing_layers("layout", with_both) == ["legs", "panels"]
+    sets = LayoutConfig(queries=4, legs=8, panels=24, boards=12)
+    with_all = dataclasses.replace(model, layout=sets)
+    assert source.missing_layers("layout", with_all) == ["legs", "panels", "boards"]
     assert "layout" not in source.copyable(dataclasses.replace(config, model=with_legs), [])
 
 
