@@ -4,8 +4,9 @@ what the layout network's panels and boards train on. No jax.
 A panel is a box of the body: two opposite faces that an axis is normal to, with solid between, and
 as wide as the body is solid there, through boards that it meets. Where boards meet, the face of one
 is in pieces; pieces of one board are one panel. Of boxes that lie in one another the largest are
-kept, in order of the volume that they add. A board is the same of a part, and may be smaller: a bar
-of a handle, or a round knob as the box around it.
+kept, in order of the volume that they add. A board is the same of a part, and may be smaller: a
+straight bar of a handle, or a round knob as the box around it, where they have level faces of 2e-4
+and more and are no longer than .3.
 """
 
 from __future__ import annotations
@@ -158,6 +159,8 @@ def _rectangles(
 def _grown(rectangle: Any, board: manifold3d.CrossSection, small: float) -> np.ndarray:
     """A rectangle [4] with each side in turn moved outwards as far as the board is solid."""
     rectangle = np.array(rectangle)
+    if (rectangle[2:] - rectangle[:2]).prod() >= small:
+        small = 0.0  # a strip of what is large is not small
     corners = np.concatenate(board.to_polygons())
     for side in (0, 2, 1, 3):
         outwards = 1 if side > 1 else -1

@@ -153,7 +153,7 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
     return {
         **(joined_legs(one, other) if "leg_rows" in one else {}),
         **(joined_panels(one, other) if "panel_rows" in one else {}),
-        **(joined_boards(one, other, i, j) if "board_rows" in one else {}),
+        **(joined_boards(one, other, i, j, share[:, 0]) if "board_rows" in one else {}),
         "corners": mix(one["corners"][i], other["corners"][j]),
         "codes": mix(one["codes"][i], codes),
         "colors": mix(one["colors"][i], other["colors"][j]),
@@ -220,19 +220,25 @@ def joined_panels(
 
 
 def joined_boards(
-    one: dict[str, np.ndarray], other: dict[str, np.ndarray], i: np.ndarray, j: np.ndarray
+    one: dict[str, np.ndarray],
+    other: dict[str, np.ndarray],
+    i: np.ndarray,
+    j: np.ndarray,
+    share: np.ndarray,
 ) -> dict[str, np.ndarray]:
     """The boards of two outputs as those of one, for parts ``i`` of the first that are ``j`` of the
-    second."""
-    pairs = []
-    for a, b in zip(i, j, strict=True):
+    second. ``share`` [Q]: of the second's in the mean; where it is 0 or 1, as of rows that are not
+    of one part, the boards of the one that stands are taken."""
+    fields = ("rows", "exists", "share")
+    rows = []
+    for a, b, of_other in zip(i, j, share, strict=True):
         looks = [
-            {f"panel_{field}": out[f"board_{field}"][k] for field in ("rows", "exists", "share")}
+            {f"panel_{field}": out[f"board_{field}"][k] for field in fields}
             for out, k in ((one, a), (other, b))
         ]
-        pairs.append(joined_panels(*looks))
-    names = {f"board_{field}": f"panel_{field}" for field in ("rows", "exists", "share")}
-    return {name: np.stack([pair[own] for pair in pairs]) for name, own in names.items()}
+        alone = of_other in (0, 1)
+        rows.append(looks[int(of_other)] if alone else joined_panels(*looks))
+    return {f"board_{f}": np.stack([row[f"panel_{f}"] for row in rows]) for f in fields}
 
 
 def load_layout_predictor(checkpoint: str) -> LayoutPredictor:

@@ -46,7 +46,8 @@ def panel_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array
 
 def board_losses(out: dict[str, Any], batch: LayoutBatch, query: jax.Array) -> dict[str, jax.Array]:
     """Terms "boards" and "boards_row" of ``models.box_sets.BoardDecoder``'s output for the parts
-    that queries [B, K] were matched to, means over those whose boards are known.
+    that queries [B, K] were matched to: means of rows over those of which boards are ``TRUSTED``
+    and more, of the share over all whose boards are known.
 
     Raises:
       ValueError: the batch has no boards.
@@ -61,8 +62,8 @@ def board_losses(out: dict[str, Any], batch: LayoutBatch, query: jax.Array) -> d
     said = jax.tree.map(own, out)
     counts, share = flat(batch.board_counts), flat(batch.board_share)
     known = counts >= 0
-    sets = jnp.maximum(known.sum(), 1)
     counts = jnp.where(share >= TRUSTED, counts, -1)
+    sets = jnp.maximum((counts >= 0).sum(), 1)
     loss, off = _box_set_loss(said, flat(batch.boards), counts, known, share, BOARDS, sets)
     return {"boards": loss, "boards_row": off}
 
@@ -80,7 +81,7 @@ def _box_set_loss(
 
     out: rows, a list of [S, N, 6], exists, a list of [S, N], share [S]. rows: [S, M, 6] true
     corners. counts: [S] of them, -1 where they are not known. share_known, share: [S]. weight: f, r
-    and e of w. sets: that means are over.
+    and e of w. sets: that means of rows are over.
     """
     most, (faces, room, edges) = rows.shape[1], weight
     known = (counts >= 0).astype(jnp.float32)
@@ -103,5 +104,6 @@ def _box_set_loss(
         last = (off.mean(-1) * weights).sum()
         there = (binary_cross_entropy(exists, present).mean(-1) * known).sum() / sets
         total = total + PLACE * ((off * near).mean(-1) * weights).sum() + THERE * there
-    off_share = (jnp.abs(out["share"] - share) * share_known).sum() / sets
+    off_share = (jnp.abs(out["share"] - share) * share_known).sum()
+    off_share = off_share / jnp.maximum(share_known.sum(), 1)
     return total / len(runs) + SHARE * off_share, last

@@ -137,9 +137,14 @@ def assemble_layout(
     boards = {
         k: own.boxes
         for k, row in enumerate(shown)
-        if layout.boards and (own := layout.boards[row]) is not None and k not in body
+        if layout.boards and (own := layout.boards[row]) is not None and len(own)
     }
-    unfit: list[str] = []
+    unfit = [
+        f"boards of part {kept[rows[k]]} of the layout left out: it does not move"
+        for k in boards
+        if k in body
+    ]
+    boards = {k: own for k, own in boards.items() if k not in body}
 
     def reshape(field: DenseField) -> DenseField:
         drawn = field

@@ -21,14 +21,18 @@ from uniart_jax.voxels.ways import opens_to
 # lengths in sub-cells, of a grid with 128 along its side
 NEAR = 3  # around boards within which a part's drawn cells are explained
 EDGE = 3  # from the ends of the body, within which it stays
+AHEAD = 3  # that a handle stands out from the boards at least
+HANDLE = 12  # cells of one at least
 LEAST = 6  # deep what is looked at of a slider, at least
 GAP = 3  # that a board ends before one that it meets, at most
 # shares
 WITHIN = 0.8  # of the drawn part that is in the box around its boards, at least
+EXPLAINED = 0.7  # of the drawn part that is near a board, at least
 COVERED, SHOWN = 0.9, 0.8  # of the outlines of the drawn part and of its boards, near the other
-DEEP = 0.3  # of a slider, from its front on, in which its outline is looked at
+DEEP = 0.3  # of a slider, from its front on, in which it is looked at
 CRUMBS = 0.3  # of what a drawer encloses that the body has there, at most, if that is to go
 FRONT = 0.5  # of a drawer's cross-section that its front takes at least
+WALL, REACH = 0.4, 0.25  # of a layer that is a wall's; of what a drawer encloses, where one may be
 
 
 def with_boards(
@@ -40,8 +44,10 @@ def with_boards(
     """A field in which parts are their boards, and which parts are.
 
     Boards are moved to faces that are drawn nearby, and made to meet. They take the place of
-    what is drawn of their part and of what the body has there, but for its outer walls; the body
-    has nothing within a drawer.
+    what is drawn of their part, but for what stands out from their front, as a handle of which
+    there is no board, and of what the body has there, but for what is within ``EDGE`` of the ends
+    of all that does not move. A drawer lies between the walls that the body has beside it; crumbs
+    of the body within it go.
 
     Args:
       boards: [N, 6] lower and upper corners, object units, of some owners. joints: of all owners.
@@ -49,45 +55,49 @@ def with_boards(
 
     Returns:
       A new field, and the owners that are built of boards in it. A part stays as it is where less
-      than ``WITHIN`` of it lies in the box around its boards, or where their outlines differ, seen
-      along the way of a slider, of which the first ``DEEP`` count, or through the plate of another:
-      less than ``COVERED`` of what is drawn, or less than ``SHOWN`` of the boards, is near the
-      other.
+      than ``WITHIN`` of it lies in the box around its boards, where less than ``EXPLAINED`` of it
+      is near one, or where their outlines differ, seen along the way of a slider or through the
+      plate of another: less than ``COVERED`` of what is drawn, or less than ``SHOWN`` of the
+      boards, is near the other. Of a slider the first ``DEEP`` counts.
     """
     still = np.isin(field.owner, body)
-    cells, size = np.argwhere((field.sdf < 0) & still), field.sdf.shape[0] - 2
-    placed, ways = {}, {}
+    held, size = (field.sdf < 0) & still, field.sdf.shape[0] - 2
+    placed, rooms, kept = {}, {}, np.zeros_like(held)
     for k, rows in boards.items():
         solid = (field.sdf < 0) & (field.owner == k)
-        if not len(rows) or not solid.any() or not len(cells):
+        if not len(rows) or not solid.any() or not held.any():
             continue
+        way = opens_to(joints[k], np.argwhere(solid), np.argwhere(held), size)
         slides = joints[k].type == "prismatic"
-        ways[k] = opens_to(joints[k], np.argwhere(solid), cells, size) if slides else None
-        found = _placed(field, k, solid, rows, ways[k])
-        if found is not None:
-            placed[k] = found
+        found = _placed(field, k, solid, rows, way if slides else None)
+        if found is None:
+            continue
+        if slides and way is not None:
+            found, rooms[k] = _between_walls(found, held, *way)
+        placed[k] = found
+        if way is not None:
+            kept |= _standing_out(found, solid, *way)
     if not placed:
         return field, frozenset()
     sdf, owner = field.sdf.copy(), field.owner.copy()
-    mine = np.isin(owner, list(placed))
-    sdf[mine & (sdf < 0)] = FARTHEST  # what they were drawn as
+    mine = np.isin(owner, list(placed)) & (sdf < 0)
+    sdf[mine & ~kept] = FARTHEST  # what they were drawn as
     solid = sdf < 0
-    stays = solid & (~still | _outer(solid & still))
-    stays = np.asarray(ndimage.binary_dilation(stays), bool)
+    stays = solid & (~still | _outer(held))
+    stays = np.asarray(ndimage.binary_dilation(stays), bool) & ~(mine & ~kept)
     for axis in range(3):  # the layer around the grid stays outside
         np.moveaxis(stays, axis, 0)[[0, -1]] = True
+    for window in rooms.values():
+        if window is not None:
+            free = (held & ~stays)[window]
+            if free.mean() < CRUMBS:
+                sdf[window] = np.where(free, FARTHEST, sdf[window])
     nearest = np.full(sdf.shape, float(BESIDE), np.float32)
     whose = np.full(sdf.shape, -1, np.int16)
     for k, rows in placed.items():
         distance = distance_to(rows, sdf.shape)
         nearer = distance < nearest
         nearest[nearer], whose[nearer] = distance[nearer], k
-        way = ways[k]
-        window = None if way is None else _inside(rows, *way)
-        if window is not None:
-            free = solid[window] & still[window] & ~stays[window]
-            if free.mean() < CRUMBS:
-                sdf[window] = np.where(free, FARTHEST, sdf[window])
     value = np.clip(nearest, -FARTHEST, FARTHEST)
     value = np.where(np.abs(value) < ZERO, -ZERO, value)
     where = ~stays & (whose >= 0) & ((value < 0) | (sdf > 0))
@@ -111,7 +121,7 @@ def _placed(
     low, high = placed[:, :3].min(0) - NEAR, placed[:, 3:].max(0) + NEAR
     if ((cells >= low) & (cells <= high)).all(1).mean() < WITHIN:
         return None
-    built = distance_to(placed, solid.shape) < 0
+    distance = distance_to(placed, solid.shape)
     if way is None:
         axis = int(np.ptp(cells, 0).argmin())
     else:
@@ -121,15 +131,37 @@ def _placed(
         layers = slice(max(first - NEAR, 0), first + deep)
         if side > 0:
             layers = slice(max(last + 1 - deep, 0), last + 1 + NEAR)
-        solid, built = (np.moveaxis(x, axis, 0)[layers] for x in (solid, built))
+        solid, distance = (np.moveaxis(x, axis, 0)[layers] for x in (solid, distance))
         axis = 0
-    drawn, built = solid.any(axis), built.any(axis)
+    drawn, built = solid.any(axis), (distance < 0).any(axis)
     near_drawn, near_built = (
         np.asarray(ndimage.binary_dilation(x, iterations=NEAR), bool) for x in (drawn, built)
     )
     if not built.any() or near_drawn[built].mean() < SHOWN:
         return None
-    return placed if near_built[drawn].mean() >= COVERED else None
+    alike = near_built[drawn].mean() >= COVERED and (distance[solid] < NEAR).mean() >= EXPLAINED
+    return placed if alike else None
+
+
+def _standing_out(boards: np.ndarray, solid: np.ndarray, axis: int, side: int) -> np.ndarray:
+    """[X, Y, Z] cells of a part before all of its boards [N, 6], to the side to which it opens:
+    pieces that stand out by ``AHEAD`` and more."""
+    low, high = boards[:, :3].min(0), boards[:, 3:].max(0)
+    window = [_cells(a, b, len(solid)) for a, b in zip(low, high, strict=True)]
+    front = high[axis] if side > 0 else low[axis]
+    window[axis] = slice(0, max(int(np.ceil(front)), 0))
+    if side > 0:
+        window[axis] = slice(max(int(np.floor(front)) + 1, 0), len(solid))
+    kept = np.zeros_like(solid)
+    labels = np.zeros(solid[tuple(window)].shape, np.int32)
+    if not labels.size:
+        return kept
+    ndimage.label(solid[tuple(window)], output=labels)
+    for k, place in enumerate(ndimage.find_objects(labels), start=1):
+        own = labels[place] == k
+        if own.shape[axis] >= AHEAD and own.sum() >= HANDLE:
+            kept[tuple(window)][place] |= own
+    return kept
 
 
 def _outer(body: np.ndarray) -> np.ndarray:
@@ -145,29 +177,74 @@ def _outer(body: np.ndarray) -> np.ndarray:
     return stays & body
 
 
-def _inside(boards: np.ndarray, axis: int, side: int) -> tuple[slice, ...] | None:
-    """What boards [N, 6] in cells of a drawer that opens to a side of an axis enclose behind its
-    front; None for what has no front, and for what opens upwards."""
-    if axis == 2:
-        return None
+def _between_walls(
+    boards: np.ndarray, body: np.ndarray, axis: int, side: int
+) -> tuple[np.ndarray, tuple[slice, ...] | None]:
+    """A drawer's boards [N, 6] in cells, those behind its front between the walls of the body
+    [X, Y, Z], and what they enclose there; the boards as they are, and None, for what has no front,
+    and for what opens upwards.
+
+    axis, side: to which it opens.
+    """
     low, high = boards[:, :3].min(0), boards[:, 3:].max(0)
     sizes = boards[:, 3:] - boards[:, :3]
+    thin = sizes.argmin(1)
     across = [a for a in range(3) if a != axis]
     wide = sizes[:, across].prod(1) >= FRONT * (high - low)[across].prod()
-    fronts = np.flatnonzero(wide & (sizes.argmin(1) == axis))
-    if not len(fronts):
-        return None
+    fronts = np.flatnonzero(wide & (thin == axis))
+    if axis == 2 or not len(fronts):
+        return boards, None
     front = max(fronts, key=lambda k: side * boards[k, axis])
     if side > 0:
         high[axis] = boards[front, axis]
-        tray = boards[boards[:, axis] < high[axis] - 1]
+        behind = boards[:, axis] < high[axis] - 1
     else:
         low[axis] = boards[front, axis + 3]
-        tray = boards[boards[:, axis + 3] > low[axis] + 1]
-    if not len(tray):
-        return None
+        behind = boards[:, axis + 3] > low[axis] + 1
+    behind[front] = False
+    if not behind.any():
+        return boards, None
+    boards, place = boards.copy(), np.flatnonzero(behind)
     for a in across:
-        low[a], high[a] = tray[:, a].min(), tray[:, a + 3].max()
-    return tuple(
-        slice(int(np.ceil(a)), int(np.floor(b)) + 1) for a, b in zip(low, high, strict=True)
-    )
+        low[a], high[a] = boards[behind, a].min(), boards[behind, a + 3].max()
+    window = tuple(_cells(a, b, len(body)) for a, b in zip(low, high, strict=True))
+    for a in across:
+        if not body[window].size:
+            return boards, None
+        full = body[window].mean(tuple(b for b in range(3) if b != a)) > WALL
+        reach = max(int(REACH * len(full)), 1)
+        ends = [window[a].start, window[a].stop]
+        if full[:reach].any():
+            ends[0] += int(np.flatnonzero(full[:reach])[-1]) + 1
+            _push(boards, place, thin, a, ends[0] - 0.5)
+        if full[-reach:].any():
+            ends[1] -= int(np.flatnonzero(full[-reach:][::-1])[-1]) + 1
+            _push(boards, place, thin, a, ends[1] - 0.5, upper=True)
+        window = (*window[:a], slice(ends[0], max(ends)), *window[a + 1 :])
+    return boards, window
+
+
+def _push(
+    boards: np.ndarray,
+    rows: np.ndarray,
+    thin: np.ndarray,
+    axis: int,
+    limit: float,
+    upper: bool = False,
+) -> None:
+    """In place: some boards end at a limit along an axis; those that it is thin along move."""
+    for k in rows:
+        over = boards[k, axis + 3] - limit if upper else limit - boards[k, axis]
+        if over <= 0:
+            continue
+        shift = -over if upper else over
+        if thin[k] == axis:
+            boards[k, [axis, axis + 3]] += shift
+        else:
+            boards[k, axis + 3 * upper] += shift
+
+
+def _cells(low: float, high: float, count: int) -> slice:
+    """Cells of ``count`` between two places, none of the layer around the grid."""
+    first = int(np.clip(np.ceil(low), 1, count - 1))
+    return slice(first, max(int(np.clip(np.floor(high) + 1, 1, count - 1)), first))
