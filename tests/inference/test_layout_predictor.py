@@ -98,6 +98,20 @@ def test_boards_are_averaged_with_those_of_the_same_part():
     np.testing.assert_allclose(share, [0, 0, 0, 0.1, 0], atol=1e-6)
 
 
+def test_boards_of_parts_that_are_not_one_are_those_of_the_surer():
+    one = outputs()
+    one["exists"][:], one["board_exists"][:] = 1.0, 1.0
+    other = {name: np.copy(value) for name, value in one.items()}
+    other["corners"][[1, 3]] += 0.6
+    other["board_rows"] += 0.3
+    other["board_exists"] += 2.0
+    other["exists"][[1, 3]] = -1.0, 4.0
+    both = joined(one, other)
+    for part, stands in ((1, one), (3, other)):
+        for name in ("board_rows", "board_exists", "board_share"):
+            np.testing.assert_allclose(both[name][part], stands[name][part], err_msg=name)
+
+
 def test_mirrored_twice_is_as_before():
     one = outputs()
     mirrored = mirror_parts(one)

@@ -138,3 +138,24 @@ def test_boards_that_are_little_of_a_part_pay_for_the_share():
     assert not np.asarray(gradient["rows"][1])[0].any()
     assert not np.asarray(gradient["exists"][1])[0].any()
     assert np.asarray(gradient["rows"][1])[1].any() and np.asarray(gradient["share"]).all()
+
+
+def test_terms_of_boards_are_means_over_those_that_count():
+    """Of three parts one is no set of boards and one is not known; without any all is 0."""
+    table = np.stack([panels()[0]] * 3)[None]
+    counts, share = np.array([[4, 4, -1]]), np.array([[0.9, 0.2, 0.0]])
+    true = batch(panels(), [0, 0])._replace(
+        boards=jnp.asarray(table), board_counts=jnp.asarray(counts), board_share=jnp.asarray(share)
+    )
+    out = {
+        "rows": [jnp.asarray(table) + 0.1],
+        "exists": [jnp.full((1, 3, 4), 20.0)],
+        "share": jnp.array([[0.9, 0.6, 0.5]]),
+    }
+    found = board_losses(out, true, jnp.arange(3)[None])
+    size = table[0, 0, :, 3:] - table[0, 0, :, :3]
+    weight = 0.15 / (size + 0.05) + 0.5
+    assert float(found["boards_row"]) == pytest.approx(0.1, rel=1e-4)
+    assert float(found["boards"]) == pytest.approx(5 * 0.1 * weight.mean() + 0.3 * 0.2, rel=1e-3)
+    none = board_losses(out, true._replace(board_counts=jnp.full((1, 3), -1)), jnp.arange(3)[None])
+    assert {name: float(value) for name, value in none.items()} == {"boards": 0, "boards_row": 0}

@@ -1,5 +1,7 @@
 """Moving parts are built of a layout's boards where voxels show their outline."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from fields import AT, N, assert_same, block, copy_of, field_of, place_of, solid_of
@@ -65,6 +67,88 @@ def test_a_torn_drawer_becomes_its_boards():
     np.testing.assert_allclose(after.sdf[near], ideal.sdf[near], atol=0.45)
     surface = solid_of(after, 1) & ndimage.binary_dilation(~solid_of(after, 1))
     assert (with_sources(after, 2).source[surface] >= 0).all()
+
+
+def test_a_handle_that_has_no_board_stays_and_a_ragged_front_does_not():
+    rough = np.minimum(SHAPE, block((7.3, 20.3, 14.3), (9.3, 26.3, 17.3)))
+    after, built = build(field_of(CASE, rough), DRAWER[:5])
+    handle = (slice(6, 8), slice(29, 39), slice(20, 22))
+    assert built == {1}
+    assert solid_of(after, 1)[handle].all() and not solid_of(after, 1)[:8, 20:27, 14:18].any()
+    whole = ndimage.label(solid_of(after, 1))[1]
+    assert whole == 1
+
+
+def test_a_drawer_stays_between_walls_that_are_not_the_bodys_ends():
+    """A wide top over a case: its sides are inset; so is a wall within."""
+    top, wall = block((8.3, 1.3, 56.3), (56.3, 64, 59.3)), block((12.3, 46.3, 10.3), (52, 48.5, 56))
+    field = field_of(np.minimum.reduce([CASE, top, wall]), SHAPE)
+    drawer = DRAWER.copy()
+    drawer[[2, 3, 4], 4] -= 8
+    drawer[2, 1] -= 8
+    narrow = np.min([block(b[:3], b[3:]) for b in drawer], 0)
+    field = field_of(np.minimum.reduce([CASE, top, wall]), narrow)
+    wide = drawer.copy()
+    wide[[1, 3, 4], 1], wide[[2, 3, 4], 4] = 8.4, 51.0
+    wide[1, 4], wide[2, 1] = 10.6, 48.8
+    after, built = build(field, wide)
+    assert built == {1}
+    one, two = solid_of(field, 0), solid_of(after, 0)
+    assert (one & two).sum() > 0.98 * one.sum()
+    assert two[20:40, 47, 20:25].all() and two[20:40, 10, 20:25].all()
+    own = solid_of(after, 1)
+    assert own[20:40, 12:16, 20:25].any(1).all() and own[20:40, 42:46, 20:25].any(1).all()
+
+
+def test_a_drawer_that_opens_to_the_other_side_is_the_mirror_image():
+    def turned(boards):
+        boards = np.asarray(boards).copy()
+        boards[:, [0, 3]] = N + 1 - boards[:, [3, 0]]
+        return boards
+
+    flip = lambda field: dataclasses.replace(  # noqa: E731
+        field, sdf=field.sdf[::-1].copy(), owner=field.owner[::-1].copy()
+    )
+    lump = block((20.3, 20.3, 18.3), (30.3, 30.3, 25.3))
+    field = field_of(np.minimum(CASE, lump), torn(SHAPE))
+    other = Joint(np.zeros(3), np.array([1.0, 0, 0]), travel=(0.0, 0.4))
+    for boards in (DRAWER, DRAWER[1:]):
+        one, built = build(field, boards)
+        two, too = build(flip(field), turned(boards), [JOINTS[0], other])
+        assert built == too
+        for part in (0, 1):
+            np.testing.assert_array_equal(solid_of(one, part), solid_of(two, part)[::-1])
+
+
+def test_what_touches_another_part_or_a_wall_keeps_its_thickness():
+    """A lid in contact with the case, and a fixed handle of its own on it."""
+    lid, handle = block((12.3, 8.3, 56.3), (52.3, 57.3, 58.5)), block((30, 30, 58.5), (34, 36, 62))
+    field = field_of(CASE, lid, handle)
+    hinge = Joint(place_of([52, 0, 56]), np.array([0, 1.0, 0]), angle=(0, 1.5))
+    plate = np.array([[12.3, 8.3, 56.3, 52.3, 57.3, 58.5]])
+    after, built = with_boards(field, {1: at(plate)}, [JOINTS[0], hinge, Joint.fixed()], [0])
+    assert built == {1}
+    np.testing.assert_array_equal(solid_of(after, 1), solid_of(field, 1))
+    np.testing.assert_array_equal(solid_of(after, 2), solid_of(field, 2))
+
+
+def test_what_boards_explain_in_outline_alone_is_left():
+    """A deep block behind a plate of the same outline, as a box lid with its rims."""
+    deep = block((8.3, 8.3, 10.3), (30.3, 57.3, 30.3))
+    hinge = Joint(place_of([11, 8, 0]), np.array([0, 0, 1.0]), angle=(0, 1.5))
+    plates = np.array(
+        [[8.3, 8.3, 10.3, 10.6, 57.3, 30.3], [28.0, 8.3, 10.3, 30.3, 12.3, 14.3]]
+    )  # together as large
+    field = field_of(CASE, deep)
+    assert not build(field, plates, [JOINTS[0], hinge])[1]
+
+
+def test_boards_beyond_the_grid_do_no_harm():
+    lump = block((36.3, 34.3, 40.3), (44.3, 44.3, 48.3))
+    field = field_of(np.minimum(CASE, lump), SHAPE)
+    stray = np.concatenate([DRAWER, [[11.3, -30.0, 15.3, 44.3, -24.0, 17.5]]])
+    after, _ = build(field, stray)
+    np.testing.assert_array_equal(solid_of(after, 0), solid_of(field, 0))
 
 
 def test_boards_are_moved_to_where_faces_are_drawn():
@@ -158,6 +242,8 @@ def test_what_is_true_is_changed_by_little():
         after, built = with_boards(field, boards, joints, body)
         for k in built:
             one, two = solid_of(field, k), solid_of(after, k)
+            ends = [np.array([np.argwhere(x).min(0), np.argwhere(x).max(0)]) for x in (one, two)]
+            assert (ends[1][0] <= ends[0][0] + 2).all() and (ends[1][1] >= ends[0][1] - 2).all()
             assert (one & two).sum() > 0.55 * (one | two).sum()
             checked += 1
         for k in set(range(len(joints))) - built:

@@ -43,6 +43,7 @@ def root_first(layout: Layout) -> Layout:
         parents=tuple(place[layout.parents[k]] for k in order),
         colors=layout.colors[order],
         confidence=layout.confidence[order],
+        boards=tuple(layout.boards[k] for k in order) if layout.boards else (),
     )
 
 

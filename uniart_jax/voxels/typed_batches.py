@@ -33,7 +33,8 @@ class LayoutBatch(NamedTuple):
       panels: corners of the boards of the body (``voxels.panel_table``). panel_counts: rows of each
         item that are panels; -1 where they are not known. panel_share: of the body that they and
         the legs explain.
-      boards: the same of each part that moves. board_counts: -1 of other parts. board_share.
+      boards: the same of each part. board_counts: -1 where they are not known, as of the body and
+        of what is narrow. board_share: of each.
     """
 
     image: Annotated[Array, "B H W 3", "float"]
