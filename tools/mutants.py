@@ -113,8 +113,8 @@ MUTANTS = (
     ),
     Mutant(
         FOUND_BOARDS,
-        "        solid, built = (np.moveaxis(x, axis, 0)[layers] for x in (solid, built))\n",
-        "        solid, built = (np.moveaxis(x, axis, 0) for x in (solid, built))\n",
+        "        solid, distance = (np.moveaxis(x, axis, 0)[layers] for x in (solid, distance))\n",
+        "        solid, distance = (np.moveaxis(x, axis, 0) for x in (solid, distance))\n",
         "tests/voxels/test_found_boards.py::test_a_back_does_not_stand_for_a_front",
     ),
     Mutant(
@@ -123,6 +123,20 @@ MUTANTS = (
         "            if False:\n",
         "tests/voxels/test_found_boards.py"
         "::test_the_body_has_nothing_in_a_drawer_and_keeps_its_outer_walls",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "            kept |= _standing_out(found, solid, *way)\n",
+        "            pass\n",
+        "tests/voxels/test_found_boards.py"
+        "::test_a_handle_that_has_no_board_stays_and_a_ragged_front_does_not",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "found, rooms[k] = _between_walls(found, held, *way)",
+        "_, rooms[k] = _between_walls(found, held, *way)",
+        "tests/voxels/test_found_boards.py"
+        "::test_a_drawer_stays_between_walls_that_are_not_the_bodys_ends",
     ),
     Mutant(
         "uniart_jax/training/panel_loss.py",
