@@ -97,6 +97,7 @@ def test_a_drawer_stays_between_walls_that_are_not_the_bodys_ends():
     assert (one & two).sum() > 0.98 * one.sum()
     assert two[20:40, 47, 20:25].all() and two[20:40, 10, 20:25].all()
     own = solid_of(after, 1)
+    assert not own[13:, 47:].any() and not own[13:, :11].any()
     assert own[20:40, 12:16, 20:25].any(1).all() and own[20:40, 42:46, 20:25].any(1).all()
 
 
