@@ -8,7 +8,8 @@ from scipy.optimize import linear_sum_assignment
 
 from uniart_jax.config import LayoutConfig, ModelConfig, StageConfig
 from uniart_jax.models.network import build
-from uniart_jax.training.layout_loss import layout_losses
+from uniart_jax.training.layout_loss import layout_losses, match_cost
+from uniart_jax.training.losses import to_corners
 from uniart_jax.training.matching import match
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
@@ -162,3 +163,29 @@ def test_muon_moves_hidden_matrices_and_a_small_network_learns():
     assert np.isfinite(seen).all() and seen[-1] < 0.7 * seen[0]
     moved = jax.tree.map(lambda a, b: float(np.abs(a - b).max()), before, state.params)
     assert moved["sketch2"]["kernel"] > 0 and moved["backbone"]["stages"]["0"]["down"]["kernel"] > 0
+
+
+def test_boards_are_in_the_loss_at_the_query_of_their_part(setting):
+    """A part's boards at the query that it was matched to cost nothing, at another they do."""
+    out, batch = setting
+    corners, counts = to_corners(batch.boxes), batch.part_counts
+    query = match(match_cost(out["parts"], corners, batch.codes), counts)
+    lower, size = jax.random.uniform(jax.random.key(0), (2, 2, K, 3, 3))
+    boards = jnp.concatenate([lower, lower + size], -1)
+    known = jnp.arange(K) < counts[:, None]
+    batch = batch._replace(
+        boards=boards, board_counts=jnp.where(known, 3, -1), board_share=jnp.where(known, 1.0, 0.0)
+    )
+    rows = jnp.full((2, Q, 4, 6), 7.0)
+    exists = jnp.full((2, Q, 4), -20.0)
+    at = jnp.arange(2)[:, None], query
+    rows, exists = rows.at[*at, :3].set(boards), exists.at[*at, :3].set(20.0)
+    said = {"rows": [rows] * 2, "exists": [exists] * 2, "share": jnp.ones((2, Q))}
+    right = losses(out | {"boards": said}, batch)
+    plain = losses(out, batch)
+    assert abs(float(right["boards"])) < 1e-5 and "boards" not in plain
+    np.testing.assert_allclose(right["loss"], plain["loss"], rtol=1e-5)
+    turned = jax.tree.map(lambda x: jnp.roll(x, 1, axis=1), said)
+    wrong = losses(out | {"boards": turned}, batch)
+    assert float(wrong["boards"]) > 1
+    np.testing.assert_allclose(wrong["loss"], plain["loss"] + wrong["boards"], rtol=1e-5)
