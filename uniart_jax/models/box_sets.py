@@ -108,8 +108,12 @@ class BoxSetDecoder(nnx.Module):
         return self.queries[...] + guess[:, None]
 
     def run(self, x: jax.Array, own: jax.Array, corners: jax.Array, seen: Seen) -> jax.Array:
-        """The layer on queries x [B, N, D] with their boxes' embeddings and corners."""
-        raise NotImplementedError
+        """The layer on queries x [B, S N, D] with their boxes' embeddings and corners: those of a
+        set attend to one another and to the parts."""
+        read = read_boxes(seen.map, corners, seen.camera, gather=True)
+        parts, place = seen.parts.astype(x.dtype), seen.parts_place.astype(own.dtype)
+        sets = x.shape[1] // len(self.anchors[...])
+        return self.layer(x, own, seen.tokens, seen.tokens_place, read, parts, place, sets)
 
     def frame(self, seen: Seen) -> tuple[Any, Any]:
         """Scale and offset that take rows to object units."""
@@ -118,7 +122,7 @@ class BoxSetDecoder(nnx.Module):
     @staticmethod
     def corners(rows: jax.Array) -> jax.Array:
         """[..., 6] lower and upper corners of the boxes around rows [..., R]."""
-        raise NotImplementedError
+        return rows
 
     def _read(self, x: jax.Array, row: jax.Array) -> tuple[jax.Array, jax.Array]:
         """What queries x [B, N, D] say of the rows that they correct."""
@@ -176,18 +180,8 @@ class PanelDecoder(BoxSetDecoder):
         rows, kinds, share = self.decode(seen)
         return {"rows": rows, "exists": [kind[..., 0] for kind in kinds], "share": share[:, 0]}
 
-    def run(self, x, own, corners, seen):
-        read = read_boxes(seen.map, corners, seen.camera, gather=True)
-        parts, place = seen.parts.astype(x.dtype), seen.parts_place.astype(own.dtype)
-        return self.layer(x, own, seen.tokens, seen.tokens_place, read, parts, place)
-
     def frame(self, seen: Seen) -> tuple[jax.Array, jax.Array]:
         return _shares(seen.body[:, None], SMALLEST_BODY)
-
-    @staticmethod
-    def corners(rows: jax.Array) -> jax.Array:
-        """[..., 6] lower and upper corners of panels."""
-        return rows
 
 
 class BoardDecoder(BoxSetDecoder):
@@ -215,20 +209,9 @@ class BoardDecoder(BoxSetDecoder):
         x = queries + self.guess(seen.asked.astype(queries.dtype))[:, :, None]
         return x.reshape(len(x), -1, x.shape[-1])
 
-    def run(self, x, own, corners, seen):
-        read = read_boxes(seen.map, corners, seen.camera, gather=True)
-        parts, place = seen.parts.astype(x.dtype), seen.parts_place.astype(own.dtype)
-        asked = seen.asked.shape[1]
-        return self.layer(x, own, seen.tokens, seen.tokens_place, read, parts, place, sets=asked)
-
     def frame(self, seen):
         own = jnp.repeat(seen.asked_corners, len(self.anchors[...]), 1)
         return _shares(own, SMALLEST_PART)
-
-    @staticmethod
-    def corners(rows: jax.Array) -> jax.Array:
-        """[..., 6] lower and upper corners of boards."""
-        return rows
 
 
 def _shares(corners: jax.Array, smallest: float) -> tuple[jax.Array, jax.Array]:
