@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from fields import AT, N, assert_same, block, copy_of, field_of, place_of, solid_of
+from fields import AT, N, assert_same, block, copy_of, field_of, moved, place_of, solid_of
 from scipy import ndimage
 
 from uniart_jax import procedural
@@ -216,6 +216,66 @@ def test_a_plate_that_turns_may_be_seen_through_its_thin_side():
     after, built = build(field_of(CASE, torn(door)), plate, [JOINTS[0], hinge])
     assert built == {1}
     np.testing.assert_array_equal(solid_of(after, 1), solid_of(field_of(CASE, door), 1))
+
+
+# a cupboard with room before it; its door, with a handle, as it lies closed
+CUPBOARD = np.min(
+    [
+        block((37.3, 8.3, 10.3), (62.3, 11.3, 56.3)),
+        block((37.3, 38.3, 10.3), (62.3, 41.3, 56.3)),
+        block((59.3, 8.3, 10.3), (62.3, 41.3, 56.3)),
+        block((37.3, 8.3, 10.3), (62.3, 41.3, 13.3)),
+    ],
+    0,
+)
+DOOR = np.array([[33.3, 8.3, 10.3, 36.3, 41.3, 56.3], [28.3, 33.3, 19.3, 33.3, 37.3, 41.5]])
+AT_LEFT = place_of([34.8, 8.3, 10.3]), np.array([0.0, 0, 1])
+
+
+def ajar(angle, boards=DOOR):
+    """Distances to the boards of the door, opened, and its joint."""
+    hinge = Joint(*AT_LEFT, angle=(-angle, 1.5 - angle))
+    closed = moved(hinge.motion(-angle))
+    return np.min([block(b[:3], b[3:], closed) for b in boards], 0), hinge
+
+
+def closed_by(joint):
+    return {1: joint.motion(joint.limits[0])[:3]}
+
+
+@pytest.mark.parametrize("angle", [0.2, 0.55])
+def test_a_torn_door_that_stands_ajar_becomes_its_boards(angle):
+    shape, hinge = ajar(angle)
+    rough, ideal = field_of(CUPBOARD, torn(shape, 0.004)), field_of(CUPBOARD, shape)
+    before = copy_of(rough)
+    after, built = with_boards(rough, {1: at(DOOR)}, [JOINTS[0], hinge], [0], closed_by(hinge))
+    assert_same(rough, before)
+    assert built == {1}
+    want, got, was = (solid_of(field, 1) for field in (ideal, after, rough))
+    assert (got & want).sum() > 0.93 * (got | want).sum() > (was & want).sum()
+    np.testing.assert_array_equal(solid_of(after, 0), solid_of(rough, 0))
+
+
+def test_a_handle_of_an_open_door_stays_though_no_board_is_found_of_it():
+    shape, hinge = ajar(0.4)
+    field, plate = field_of(CUPBOARD, shape), at(DOOR[:1])
+    after, built = with_boards(field, {1: plate}, [JOINTS[0], hinge], [0], closed_by(hinge))
+    assert built == {1}
+    handle = ajar(0.4, DOOR[1:])[0] < -0.5
+    assert solid_of(after, 1)[handle].mean() > 0.85
+
+
+def test_boards_of_an_open_door_of_another_shape_are_not_taken():
+    shape, hinge = ajar(0.4)
+    field = field_of(CUPBOARD, shape)
+    for boards in (DOOR[:1] - [0, 0, 20, 0, 0, 20], DOOR * [1, 1, 1, 1, 0.6, 1]):
+        told = {1: at(boards)}, [JOINTS[0], hinge], [0], closed_by(hinge)
+        after, built = with_boards(field, *told)
+        assert built == frozenset()
+        assert_same(after, field)
+    elsewhere = {1: np.eye(3, 4)}  # it is not closed by this
+    after, built = with_boards(field, {1: at(DOOR)}, [JOINTS[0], hinge], [0], elsewhere)
+    assert built == frozenset()
 
 
 def test_the_layer_around_the_grid_stays_outside():

@@ -40,7 +40,7 @@ from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
 
 BLOCK = 256  # objects a file
 STATES = 20  # shown states tried before an object is left out
-VERSION = 7  # of what ``make_block`` draws; 5: legs, 6: panels, 7: boards
+VERSION = 8  # of what ``make_block`` draws; 5: legs, 6: panels, 7: boards, 8: boards of open doors
 # a rendering's side over its crop's, and samples a pixel: sharp with hard shadows, or soft
 RENDERINGS = ((2.0, 1), (1.25, 4))
 LEGS = ("legs", "leg_counts", "legs_alone")

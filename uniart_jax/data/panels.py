@@ -19,6 +19,7 @@ import numpy as np
 
 from uniart_jax.data.bodies import as_manifold, body_rows, body_solids
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.voxels.closing import closing_of
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import Panels
 from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_PANELS
@@ -73,8 +74,11 @@ def panels_of(obj: ArticulatedObject, legs: Legs | None = None) -> Panels | None
 
 
 def boards_of(obj: ArticulatedObject) -> list[Panels | None]:
-    """The boards of each part as it is shown, ``MOST_BOARDS`` at most; None of the body, of what is
-    narrow (``NARROW``), and of a mesh that is not closed. A door that stands ajar has none."""
+    """The boards of each part, of a door as it lies closed (``voxels.closing``), else as it is
+    shown; ``MOST_BOARDS`` at most. None of the body, of what is narrow (``NARROW``), and of a mesh
+    that is not closed."""
+    joints, parents = [part.joint for part in obj.parts], [part.parent for part in obj.parts]
+    motions = closing_of(joints, obj.boxes, parents)
     found: list[Panels | None] = []
     still = body_rows(obj)
     for k, part in enumerate(obj.parts):
@@ -83,6 +87,7 @@ def boards_of(obj: ArticulatedObject) -> list[Panels | None]:
             continue
         solid = as_manifold(part.mesh)
         if solid.status() == manifold3d.Error.NoError:
+            solid = solid.transform(motions[k])
             boxes = _boxes_of(solid, OF_PART)
             found[k] = Panels(boxes, _share(solid, [*map(_cuboid, boxes)]))
     return found

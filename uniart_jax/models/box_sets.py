@@ -22,6 +22,7 @@ from flax import nnx
 
 from uniart_jax.config import ModelConfig
 from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sine_embedding
+from uniart_jax.voxels.closing import closed_boxes, closing, undone
 from uniart_jax.nn.blocks import LayerNorm, linear, zeros
 
 LEG_ROW = 10  # lower rectangle (x, y, x, y), upper rectangle, height of either
@@ -40,7 +41,7 @@ class Seen(NamedTuple):
       map: [B, S/4, S/4, C]. tokens, tokens_place: [B, L, D], the latter without B. sketch: [B, E].
       parts: [B, Q, D] tokens of the parts. parts_place: [B, Q, D] embeddings of their boxes.
       asked: [B, P, D] tokens of the parts whose boards are asked for. asked_corners: [B, P, 6] of
-        their boxes. body: [B, 6] corners of the part that is most likely the root.
+        their boxes. asked_codes: [B, P, 9] of their joints. body: [B, 6] corners of the part that is most likely the root.
       camera: [B, 7].
     """
 
@@ -52,6 +53,7 @@ class Seen(NamedTuple):
     parts_place: jax.Array
     asked: jax.Array
     asked_corners: jax.Array
+    asked_codes: jax.Array
     body: jax.Array
     camera: jax.Array
 
@@ -87,7 +89,7 @@ class BoxSetDecoder(nnx.Module):
         runs; the number for each set [B, S]."""
         seen = jax.tree.map(jax.lax.stop_gradient, seen)
         x = self.first(seen)
-        scale, offset = self.frame(seen)
+        scale, offset, motions = self.frame(seen)
         sets = x.shape[1] // len(self.anchors[...])
         row = jnp.tile(self.anchors[...], (sets, 1)) + self.first_row(x).astype(jnp.float32)
         said = [self._read(x, row)]
@@ -95,7 +97,7 @@ class BoxSetDecoder(nnx.Module):
             row = jax.lax.stop_gradient(said[-1][0])
             corners = self.corners(row * scale + offset)
             own = self.place_out(jax.nn.gelu(self.place_in(sine_embedding(2 * corners))))
-            x = self.run(x, own, corners, seen)
+            x = self.run(x, own, corners, seen, motions)
             said.append(self._read(x, row))
         rows, kinds = (list(values) for values in zip(*said, strict=True))
         rows = [row * scale + offset for row in rows]
@@ -107,17 +109,26 @@ class BoxSetDecoder(nnx.Module):
         guess = self.guess(seen.sketch.astype(self.queries[...].dtype))
         return self.queries[...] + guess[:, None]
 
-    def run(self, x: jax.Array, own: jax.Array, corners: jax.Array, seen: Seen) -> jax.Array:
-        """The layer on queries x [B, S N, D] with their boxes' embeddings and corners: those of a
-        set attend to one another and to the parts."""
-        read = read_boxes(seen.map, corners, seen.camera, gather=True)
+    def run(
+        self,
+        x: jax.Array,
+        own: jax.Array,
+        corners: jax.Array,
+        seen: Seen,
+        motions: jax.Array | None,
+    ) -> jax.Array:
+        """The layer on queries x [B, S N, D] with their boxes' embeddings, corners, and the motions
+        [B, S N, 3, 4] that take these to where they are shown: those of a set attend to one another
+        and to the parts."""
+        read = read_boxes(seen.map, corners, seen.camera, motions, gather=True)
         parts, place = seen.parts.astype(x.dtype), seen.parts_place.astype(own.dtype)
         sets = x.shape[1] // len(self.anchors[...])
         return self.layer(x, own, seen.tokens, seen.tokens_place, read, parts, place, sets)
 
-    def frame(self, seen: Seen) -> tuple[Any, Any]:
-        """Scale and offset that take rows to object units."""
-        return 1.0, 0.0
+    def frame(self, seen: Seen) -> tuple[Any, Any, jax.Array | None]:
+        """Scale and offset that take rows to object units, and the motions of what is not told as
+        it is shown."""
+        return 1.0, 0.0, None
 
     @staticmethod
     def corners(rows: jax.Array) -> jax.Array:
@@ -149,7 +160,7 @@ class LegDecoder(BoxSetDecoder):
             "alone": alone[:, 0],
         }
 
-    def run(self, x, own, corners, seen):
+    def run(self, x, own, corners, seen, motions):
         tokens = jnp.concatenate([seen.tokens, seen.parts.astype(seen.tokens.dtype)], 1)
         place = jnp.broadcast_to(seen.tokens_place, seen.tokens.shape)
         place = jnp.concatenate([place, seen.parts_place.astype(place.dtype)], 1)
@@ -180,13 +191,14 @@ class PanelDecoder(BoxSetDecoder):
         rows, kinds, share = self.decode(seen)
         return {"rows": rows, "exists": [kind[..., 0] for kind in kinds], "share": share[:, 0]}
 
-    def frame(self, seen: Seen) -> tuple[jax.Array, jax.Array]:
-        return _shares(seen.body[:, None], SMALLEST_BODY)
+    def frame(self, seen):
+        return *_shares(seen.body[:, None], SMALLEST_BODY), None
 
 
 class BoardDecoder(BoxSetDecoder):
     """``LayoutConfig.boards`` queries for each part P -> a set of boards a part and run, told in
-    shares of the part's box. Those of one part attend to one another and to all parts."""
+    shares of the part's box, of a door that stands ajar as it lies closed (``voxels.closing``).
+    Those of one part attend to one another and to all parts."""
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs, dtype):
         anchors = typical_panels(config.layout.boards)
@@ -210,8 +222,12 @@ class BoardDecoder(BoxSetDecoder):
         return x.reshape(len(x), -1, x.shape[-1])
 
     def frame(self, seen):
-        own = jnp.repeat(seen.asked_corners, len(self.anchors[...]), 1)
-        return _shares(own, SMALLEST_PART)
+        count = len(self.anchors[...])
+        own = seen.asked_corners, seen.asked_codes
+        motions, angles = closing(own[1], own[0], seen.body[:, None], jnp)
+        closed = closed_boxes(motions, angles, own[1], own[0], jnp)
+        shown = jnp.repeat(undone(motions, jnp), count, 1)
+        return *_shares(jnp.repeat(closed, count, 1), SMALLEST_PART), shown
 
 
 def _shares(corners: jax.Array, smallest: float) -> tuple[jax.Array, jax.Array]:

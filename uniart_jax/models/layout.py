@@ -223,8 +223,8 @@ class LayoutNetwork(nnx.Module):
             last = parts[-1]
             body = likely_root(last["corners"], last["exists"], out["parents"])
             place = self._place(last["corners"])
-            corners = last["corners"]
-            seen = Seen(features, tokens, tokens_place, sketch, y, place, y, corners, body, used)
+            asked = y, last["corners"], last["codes"]
+            seen = Seen(features, tokens, tokens_place, sketch, y, place, *asked, body, used)
             out |= {name: getattr(self, name)(seen) for name in self.sets}
         return out
 

@@ -14,6 +14,7 @@ from uniart_jax.config import ModelConfig
 from uniart_jax.nn.attention import attend
 from uniart_jax.nn.blocks import MLP, LayerNorm, linear
 from uniart_jax.nn.lifting import project, read_map, sample_map
+from uniart_jax.voxels.closing import moved
 
 BANDS = 8  # of the sine embedding of a box
 # a unit box's centre, corners and centres of faces
@@ -78,12 +79,19 @@ class DecoderLayer(nnx.Module):
 
 
 def read_boxes(
-    features: jax.Array, corners: jax.Array, camera: jax.Array, gather: bool = False
+    features: jax.Array,
+    corners: jax.Array,
+    camera: jax.Array,
+    motions: jax.Array | None = None,
+    gather: bool = False,
 ) -> jax.Array:
-    """[B, Q, 15 (C + 3)]: the map where the camera sees each box's points, and that place and
-    depth; ``gather``: the fast way where no gradient of the map is asked."""
+    """[B, Q, 15 (C + 3)]: the map where the camera sees each box's points, after motions
+    [B, Q, 3, 4], and that place and depth; ``gather``: the fast way where no gradient of the map is
+    asked."""
     lower, upper = corners[..., None, :3], corners[..., None, 3:]
     points = lower + (upper - lower) * BOX_POINTS  # [B, Q, 15, 3]
+    if motions is not None:
+        points = moved(motions[..., None, :, :], points)
     see = jax.vmap(lambda code, p: jax.tree.map(lambda x: x[0], project(code[None], p)))
     places, depth = see(camera, points.reshape(len(points), -1, 3))
     read = jax.vmap(read_map)(features, places) if gather else sample_map(features, places)

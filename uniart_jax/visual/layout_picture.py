@@ -11,6 +11,7 @@ from PIL import Image, ImageDraw
 
 from uniart_jax.visual.render import PART_COLORS
 from uniart_jax.voxels.camera_code import project
+from uniart_jax.voxels.closing import closing_of, moved, undone
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.leg_table import Legs
 
@@ -41,7 +42,13 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
     see = lambda p: [tuple(v) for v in (project(camera, p) + 1) * side / 2]  # noqa: E731
     panels = [] if layout.panels is None else _box_corners(layout.panels.boxes)
     legs = [] if layout.legs is None else _leg_corners(layout.legs)
-    boards = [c for b in layout.boards if b is not None for c in _box_corners(b.boxes)]
+    shown = undone(closing_of(layout.joints, layout.boxes, layout.parents))
+    boards = [
+        moved(shown[k], corners)
+        for k, own in enumerate(layout.boards)
+        if own is not None
+        for corners in _box_corners(own.boxes)
+    ]
     for corners in [*panels, *legs, *boards]:
         spots = see(corners)
         for a, b in EDGES:

@@ -20,6 +20,7 @@ from uniart_jax.objects.kinematics import topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.assemble import _finite, mesh_parts
 from uniart_jax.voxels.clearance import with_meshes, with_room_to_move
+from uniart_jax.voxels.closing import closing_of
 from uniart_jax.voxels.drums import drums, with_drums
 from uniart_jax.voxels.flat_faces import with_flat_faces
 from uniart_jax.voxels.found_boards import with_boards
@@ -145,6 +146,8 @@ def assemble_layout(
         if k in body
     ]
     boards = {k: own for k, own in boards.items() if k not in body}
+    closed = closing_of(joints, layout.boxes[rows], up)
+    ajar = {k: closed[k] for k in boards if (closed[k] != np.eye(3, 4)).any()}
 
     def reshape(field: DenseField) -> DenseField:
         drawn = field
@@ -158,7 +161,7 @@ def assemble_layout(
                     unfit.append("panels of the layout left out: voxels show another body")
                 field = built or field
             if boards:
-                field, built = with_boards(field, boards, joints, body)
+                field, built = with_boards(field, boards, joints, body, ajar)
                 unfit.extend(
                     f"boards of part {kept[rows[k]]} of the layout left out: voxels show another "
                     "shape"

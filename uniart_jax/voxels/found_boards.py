@@ -16,6 +16,7 @@ from scipy import ndimage
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.found_panels import BESIDE, FARTHEST, aligned, distance_to, fitted
 from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.turned import resampled
 from uniart_jax.voxels.ways import opens_to
 
 # lengths in sub-cells, of a grid with 128 along its side
@@ -25,6 +26,7 @@ AHEAD = 3  # that a handle stands out from the boards at least
 HANDLE = 12  # cells of one at least
 LEAST = 6  # deep what is looked at of a slider, at least
 GAP = 3  # that a board ends before one that it meets, at most
+ROOM = 12  # around a part that is shown turned
 # shares
 WITHIN = 0.8  # of the drawn part that is in the box around its boards, at least
 EXPLAINED = 0.7  # of the drawn part that is near a board, at least
@@ -40,6 +42,7 @@ def with_boards(
     boards: Mapping[int, np.ndarray],
     joints: Sequence[Joint],
     body: Sequence[int],
+    motions: Mapping[int, np.ndarray] | None = None,
 ) -> tuple[DenseField, frozenset[int]]:
     """A field in which parts are their boards, and which parts are.
 
@@ -51,7 +54,8 @@ def with_boards(
 
     Args:
       boards: [N, 6] lower and upper corners, object units, of some owners. joints: of all owners.
-      body: owners that do not move.
+      body: owners that do not move. motions: [3, 4] of the owners whose boards are told elsewhere
+        than they are shown, to there: doors that stand ajar (``voxels.closing``), object units.
 
     Returns:
       A new field, and the owners that are built of boards in it. A part stays as it is where less
@@ -62,14 +66,21 @@ def with_boards(
     """
     still = np.isin(field.owner, body)
     held, size = (field.sdf < 0) & still, field.sdf.shape[0] - 2
-    placed, rooms, kept = {}, {}, np.zeros_like(held)
+    placed, rooms, turned, kept = {}, {}, {}, np.zeros_like(held)
     for k, rows in boards.items():
         solid = (field.sdf < 0) & (field.owner == k)
         if not len(rows) or not solid.any() or not held.any():
             continue
+        rows = (rows + 0.5) * size + 0.5  # in cells
         way = opens_to(joints[k], np.argwhere(solid), np.argwhere(held), size)
+        own = np.where(field.owner == k, field.sdf, np.abs(field.sdf))
+        if motions is not None and k in motions:
+            found = _turned(own, solid, rows, motions[k], way)
+            if found is not None:
+                turned[k] = found
+            continue
         slides = joints[k].type == "prismatic"
-        found = _placed(field, k, solid, rows, way if slides else None)
+        found = _placed(own, solid, rows, way if slides else None)
         if found is None:
             continue
         if slides and way is not None:
@@ -77,10 +88,11 @@ def with_boards(
         placed[k] = found
         if way is not None:
             kept |= _standing_out(found, solid, *way)
-    if not placed:
-        return field, frozenset()
+    built = frozenset([*placed, *turned])
+    if not built:
+        return field, built
     sdf, owner = field.sdf.copy(), field.owner.copy()
-    mine = np.isin(owner, list(placed)) & (sdf < 0)
+    mine = np.isin(owner, list(built)) & (sdf < 0)
     sdf[mine & ~kept] = FARTHEST  # what they were drawn as
     solid = sdf < 0
     stays = solid & (~still | _outer(held))
@@ -94,8 +106,8 @@ def with_boards(
                 sdf[window] = np.where(free, FARTHEST, sdf[window])
     nearest = np.full(sdf.shape, float(BESIDE), np.float32)
     whose = np.full(sdf.shape, -1, np.int16)
-    for k, rows in placed.items():
-        distance = distance_to(rows, sdf.shape)
+    for k in built:
+        distance = turned[k] if k in turned else distance_to(placed[k], sdf.shape)
         nearer = distance < nearest
         nearest[nearer], whose[nearer] = distance[nearer], k
     value = np.clip(nearest, -FARTHEST, FARTHEST)
@@ -104,19 +116,59 @@ def with_boards(
     sdf[where] = np.where(value < 0, value, np.minimum(value, sdf))[where]
     taken = where & ((value < 0) | (owner < 0) | mine)
     owner[taken] = whose[taken]
-    return dataclasses.replace(field, sdf=sdf, owner=owner), frozenset(placed)
+    return dataclasses.replace(field, sdf=sdf, owner=owner), built
+
+
+def _turned(
+    own: np.ndarray,
+    solid: np.ndarray,
+    rows: np.ndarray,
+    motion: np.ndarray,
+    way: tuple[int, int] | None,
+) -> np.ndarray | None:
+    """[X, Y, Z] distances to the boards of a part, and to what stands out from them, that is shown
+    turned; None where it is drawn otherwise.
+
+    own: [X, Y, Z] distances of the part. solid: what is drawn of it. rows: [N, 6] boards in cells,
+    after the motion [3, 4], object units. way: axis and side to which it opens there.
+    """
+    size = len(solid) - 2
+    there = np.vstack([motion, [0, 0, 0, 1]])
+    middle = np.full(3, 0.5 * size + 0.5)  # in cells
+    there[:3, 3] = motion[:, 3] * size + middle - motion[:, :3] @ middle
+    window = ndimage.find_objects(solid.astype(np.int8))[0]
+    window = tuple(slice(max(s.start - 1, 0), s.stop + 1) for s in window)
+    low = np.array([s.start for s in window])
+    phi, _, low = resampled(own[window], np.zeros(own[window].shape, int), low, there, ROOM)
+    straight = phi < 0
+    if not straight.any():
+        return None
+    placed = _placed(phi, straight, rows - np.tile(low, 2), None)
+    if placed is None:
+        return None
+    shape = np.clip(distance_to(placed, phi.shape), -FARTHEST, 1.0)
+    if way is not None:
+        shape = np.where(_standing_out(placed, straight, *way), np.minimum(shape, phi), shape)
+    shape, _, low = resampled(shape, np.zeros(shape.shape, int), low, np.linalg.inv(there))
+    distance = np.full(own.shape, float(BESIDE), np.float32)
+    first, last = np.clip(low, 0, None), np.minimum(low + shape.shape, own.shape)
+    if (last <= first).any():
+        return None
+    into = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+    from_ = tuple(slice(a, b) for a, b in zip(first - low, last - low, strict=True))
+    distance[into] = shape[from_]
+    return distance
 
 
 def _placed(
-    field: DenseField, part: int, solid: np.ndarray, rows: np.ndarray, way: tuple[int, int] | None
+    own: np.ndarray, solid: np.ndarray, rows: np.ndarray, way: tuple[int, int] | None
 ) -> np.ndarray | None:
     """[N, 6] a part's boards in cells, where they are drawn; None where it is drawn otherwise.
 
-    solid: [X, Y, Z] what is drawn of it. way: axis and side to which it slides.
+    own: [X, Y, Z] distances of the part. solid: what is drawn of it. rows: [N, 6] its boards. way:
+    axis and side to which it slides.
     """
-    size = len(solid) - 2
-    own = np.where(field.owner == part, field.sdf, np.abs(field.sdf))
-    placed = fitted(aligned((rows + 0.5) * size + 0.5, solid, own), GAP)
+    placed = fitted(aligned(rows, solid, own), GAP)
     cells = np.argwhere(solid)
     low, high = placed[:, :3].min(0) - NEAR, placed[:, 3:].max(0) + NEAR
     if ((cells >= low) & (cells <= high)).all(1).mean() < WITHIN:
@@ -147,11 +199,11 @@ def _standing_out(boards: np.ndarray, solid: np.ndarray, axis: int, side: int) -
     """[X, Y, Z] cells of a part before all of its boards [N, 6], to the side to which it opens:
     pieces that stand out by ``AHEAD`` and more."""
     low, high = boards[:, :3].min(0), boards[:, 3:].max(0)
-    window = [_cells(a, b, len(solid)) for a, b in zip(low, high, strict=True)]
+    window = [_cells(a, b, n) for a, b, n in zip(low, high, solid.shape, strict=True)]
     front = high[axis] if side > 0 else low[axis]
     window[axis] = slice(0, max(int(np.ceil(front)), 0))
     if side > 0:
-        window[axis] = slice(max(int(np.floor(front)) + 1, 0), len(solid))
+        window[axis] = slice(max(int(np.floor(front)) + 1, 0), solid.shape[axis])
     kept = np.zeros_like(solid)
     labels = np.zeros(solid[tuple(window)].shape, np.int32)
     if not labels.size:
