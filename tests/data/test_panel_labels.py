@@ -190,6 +190,21 @@ def test_a_part_that_is_narrow_or_open_to_the_inside_has_no_boards():
     assert boards_of(case(moving=[torn]))[1] is None
 
 
+def test_boards_of_a_door_that_stands_ajar_are_those_of_the_closed_door():
+    plate, handle = [-0.23, -0.4, -0.3, -0.2, 0.4, 0.3], [-0.26, 0.3, -0.2, -0.23, 0.32, 0.1]
+    door = trimesh.boolean.union([box(plate), box(handle)], engine="manifold")
+    hinge = Joint(np.array([-0.2, -0.4, 0]), np.array([0.0, 0, 1]), angle=(0.0, 1.7))
+    body = case().parts[0]
+    closed = ArticulatedObject((body, Part("door", door, 0, hinge)))
+    boards = boards_of(closed)[1]
+    through = [*handle[:3], plate[3], *handle[4:]]  # as wide as the door is solid there
+    np.testing.assert_allclose(boards.boxes, [plate, through], atol=1e-4)
+    for angle in (0.3, 0.9, np.pi / 2):
+        ajar = boards_of(closed.shown_at(np.array([0, angle])))[1]
+        np.testing.assert_allclose(ajar.boxes, boards.boxes, atol=3e-4)
+        assert ajar.share == pytest.approx(boards.share, abs=1e-2)
+
+
 def test_boards_of_procedural_drawers_explain_them():
     found = []
     for seed in range(40):

@@ -19,7 +19,10 @@ from uniart_jax.models.box_sets import (
     Seen,
 )
 from uniart_jax.models.layout import likely_root
+from uniart_jax.models.layout_layers import read_boxes
 from uniart_jax.models.network import build
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.joint_code import encode_joint
 
 SMALL = LayoutConfig(
     queries=5, image_size=64, backbone="convolutions", map_channels=8, width=16, layers=2, heads=2,
@@ -64,6 +67,7 @@ def seen_by_chance():
         parts_place=draw(1, 5, width),
         asked=draw(1, 2, width),
         asked_corners=jnp.array([[[-0.2, -0.3, -0.4, 0, 0.3, 0.1], [0, 0, 0, 0.1, 0.1, 0.3]]]),
+        asked_codes=jnp.zeros((1, 2, 9)),
         body=jnp.array([[-0.2, -0.3, -0.4, 0.2, 0.3, 0.4]]),
         camera=jnp.array([[0.0, 1, 0.3, 1, 0.2, 0, 0]]),
     )
@@ -106,9 +110,39 @@ def test_boards_begin_in_the_box_of_their_part_and_do_not_see_those_of_another()
     other = decoder(seen._replace(asked=seen.asked.at[:, 1].set(0.3)))
     np.testing.assert_array_equal(one["rows"][-1][:, 0], other["rows"][-1][:, 0])
     assert (one["rows"][-1][:, 1] != other["rows"][-1][:, 1]).any()
-    alone = decoder(seen._replace(asked=seen.asked[:, :1], asked_corners=seen.asked_corners[:, :1]))
+    first = {f: getattr(seen, f)[:, :1] for f in ("asked", "asked_corners", "asked_codes")}
+    alone = decoder(seen._replace(**first))
     np.testing.assert_allclose(alone["rows"][-1][:, 0], one["rows"][-1][:, 0], rtol=1e-4)
     np.testing.assert_allclose(alone["share"][:, 0], one["share"][:, 0], rtol=1e-4)
+
+
+def test_boards_of_an_open_door_begin_where_it_lies_closed():
+    """Shown at a right angle; its points are read where it is shown."""
+    decoder, seen = BoardDecoder(NETWORK.config, nnx.Rngs(0), jnp.float32), seen_by_chance()
+    hinge = Joint(np.array([-0.2, 0.3, 0]), np.array([0.0, 0, 1]), angle=(0.0, np.pi / 2))
+    shown, closed = [-0.6, 0.3, -0.4, -0.2, 0.33, 0.1], [-0.23, -0.1, -0.4, -0.2, 0.3, 0.1]
+    code = jnp.asarray(encode_joint(hinge, np.zeros(3)), jnp.float32)
+    seen = seen._replace(
+        asked_corners=seen.asked_corners.at[0, 0].set(jnp.array(shown)),
+        asked_codes=seen.asked_codes.at[0, 0].set(code),
+    )
+    rows = np.asarray(decoder(seen)["rows"][0][0, 0])
+    np.testing.assert_allclose(rows[:, :3].min(0), closed[:3], atol=0.03)
+    np.testing.assert_allclose(rows[:, 3:].max(0), closed[3:], atol=0.03)
+    _, _, motions = decoder.frame(seen)
+    box = jnp.array([[closed]])
+    read = read_boxes(seen.map, box, seen.camera, motions[:, :1], gather=True)
+    plain = read_boxes(seen.map, jnp.array([[shown]]), seen.camera, gather=True)
+    # the same points, in another order: the box is turned by a quarter
+    order = np.lexsort(np.round(np.asarray(read).reshape(15, -1)[:, -3:].T, 3))
+    other = np.lexsort(np.round(np.asarray(plain).reshape(15, -1)[:, -3:].T, 3))
+    np.testing.assert_allclose(
+        np.asarray(read).reshape(15, -1)[order],
+        np.asarray(plain).reshape(15, -1)[other],
+        atol=1e-4,
+    )
+    other = decoder.frame(seen._replace(asked_codes=seen.asked_codes * 0))[2]
+    np.testing.assert_array_equal(other[0, 0], np.eye(3, 4))
 
 
 def test_the_body_is_the_surest_root():

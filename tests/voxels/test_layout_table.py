@@ -202,7 +202,7 @@ def test_boards_go_through_json_with_their_parts():
 
 def test_boards_of_a_network_are_those_of_parts_that_move_and_are_not_narrow():
     """Rows: body, thin door, what is not there, a narrow bar that moves, a drawer that is no set
-    of boards, a board that does not move."""
+    of boards, a board that does not move, a knob."""
     boxes = np.array(
         [
             [0, 0, 0, 0.9, 0.9, 0.9],
@@ -211,24 +211,28 @@ def test_boards_of_a_network_are_those_of_parts_that_move_and_are_not_narrow():
             [-0.5, 0, 0.2, 0.04, 0.6, 0.04],
             [-0.3, 0, -0.2, 0.4, 0.6, 0.2],
             [0.3, 0, -0.2, 0.4, 0.6, 0.2],
+            [-0.5, 0.3, 0.3, 0.1, 0.2, 0.2],
         ]
     )
+    knob = Joint(boxes[6, :3], np.array([1.0, 0, 0]), angle=(-np.pi, np.pi))
     slide = encode_joint(Joint(np.zeros(3), np.array([-1.0, 0, 0]), travel=(0, 0.3)), boxes[1, :3])
     fixed = [encode_joint(Joint.fixed(), box[:3]) for box in boxes[[0, 5]]]
-    codes = np.stack([fixed[0], *[slide] * 4, fixed[1]])
-    parents = np.full((6, 6), -9.0)
+    turn = encode_joint(knob, boxes[6, :3])
+    codes = np.stack([fixed[0], *[slide] * 4, fixed[1], turn])
+    parents = np.full((7, 7), -9.0)
     parents[:, 0] = 9
-    exists = np.full((6, 3), 5.0)
+    exists = np.full((7, 3), 5.0)
     exists[1, 2] = -5
-    rows = np.random.default_rng(0).uniform(-0.4, 0.4, (6, 3, 6))
+    rows = np.random.default_rng(0).uniform(-0.4, 0.4, (7, 3, 6))
     outputs = {
-        "corners": box_corners(boxes), "codes": codes, "exists": np.array([9.0, 9, -9, 9, 9, 9]),
-        "colors": np.full((6, 3), 0.5), "parents": parents, "camera": np.zeros(7),
-        "board_rows": rows, "board_exists": exists, "board_share": np.array([1, 0.9, 1, 1, 0.3, 1]),
+        "corners": box_corners(boxes), "codes": codes, "exists": np.array([9.0, 9, -9, 9, 9, 9, 9]),
+        "colors": np.full((7, 3), 0.5), "parents": parents, "camera": np.zeros(7),
+        "board_rows": rows, "board_exists": exists,
+        "board_share": np.array([1, 0.9, 1, 1, 0.3, 1, 1]),
     }  # fmt: skip
     layout = read_layout(outputs)
-    assert len(layout) == 5
-    assert [own is None for own in layout.boards] == [True, False, True, True, True]
+    assert len(layout) == 6
+    assert [own is None for own in layout.boards] == [True, False, True, True, True, True]
     own = layout.boards[1]
     assert len(own) == 2 and own.share == pytest.approx(0.9)
     np.testing.assert_allclose(

@@ -22,8 +22,8 @@ from flax import nnx
 
 from uniart_jax.config import ModelConfig
 from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sine_embedding
-from uniart_jax.voxels.closing import closed_boxes, closing, undone
 from uniart_jax.nn.blocks import LayerNorm, linear, zeros
+from uniart_jax.voxels.closing import closed_boxes, closing, undone
 
 LEG_ROW = 10  # lower rectangle (x, y, x, y), upper rectangle, height of either
 PANEL_ROW = 6  # lower and upper corner, of a panel or a board
@@ -41,8 +41,8 @@ class Seen(NamedTuple):
       map: [B, S/4, S/4, C]. tokens, tokens_place: [B, L, D], the latter without B. sketch: [B, E].
       parts: [B, Q, D] tokens of the parts. parts_place: [B, Q, D] embeddings of their boxes.
       asked: [B, P, D] tokens of the parts whose boards are asked for. asked_corners: [B, P, 6] of
-        their boxes. asked_codes: [B, P, 9] of their joints. body: [B, 6] corners of the part that is most likely the root.
-      camera: [B, 7].
+        their boxes. asked_codes: [B, P, 9] of their joints. body: [B, 6] corners of the part that
+        is most likely the root. camera: [B, 7].
     """
 
     map: jax.Array

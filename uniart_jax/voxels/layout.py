@@ -21,7 +21,7 @@ voxels show there is taken away. Panels are the boards that it is built of; thos
 the place of what voxels show there, unless that is another body. Boards are the same of a part that
 moves, all that it is built of, of a door that stands ajar as it lies closed (``voxels.closing``);
 of what does not move they are not used, and ``provenance`` says so. A network's panels and
-boards are kept where their share is high.
+boards are kept where their share is high, boards not of a disc that turns about its middle.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
 is not read back.
@@ -57,7 +57,7 @@ from uniart_jax.voxels.panel_table import (
     read_panels,
 )
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
-from uniart_jax.voxels.ways import still_parts
+from uniart_jax.voxels.ways import round_about, still_parts
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
@@ -267,7 +267,9 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     if "board_rows" in outputs:
         still = still_parts(parents, joints)
         boards = tuple(
-            None if k in still else read_boards(outputs, row, boxes[k])
+            None
+            if k in still or round_about(boxes[k, :3], boxes[k, 3:], joints[k]) is not None
+            else read_boards(outputs, row, boxes[k])
             for k, row in enumerate(rows.tolist())
         )
     return Layout(boxes, joints, parents, colors, probability[rows], camera, legs, panels, boards)

@@ -14,14 +14,12 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.isosurface import DenseField, srgb_bytes
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.ways import on_axis, round_about
 
 SMALL = 0.15  # object units; larger parts have voxels, or are not there
 SHOWN = 0.1  # share of its box that a part's solid sub-cells fill at least where voxels show it
 SURE = 0.5  # least confidence of a row that is believed without voxels
 NEAR = 0.05  # object units, from its parent's box
-AXIS = 0.95  # least cosine between a disc's axis and a side of its box
-ROUND = 0.4  # least ratio of a disc's other two sides
-MIDDLE = 0.25  # of these, that a disc's axis passes beside its middle at most
 BURIED = 0.5  # share of a disc's slice within other parts, from which on it is cut off
 GAP = 0.003  # object units between a disc and the surface that it stands on, so that it turns
 THINNEST = 2  # sub-cells that a disc then stands out at least
@@ -49,7 +47,7 @@ def needed(layout: Layout, solid: np.ndarray, cells: int) -> list[int]:
         and gaps[k, parent].max() <= NEAR
         and (
             solid[k] < SHOWN * volume[k]
-            or _round_about(layout.boxes[k, :3], size[k], layout.joints[k]) is not None
+            or round_about(layout.boxes[k, :3], size[k], layout.joints[k]) is not None
         )
     ]
 
@@ -61,13 +59,13 @@ def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) 
       box: [6] centre and size, object units. color: [3] linear RGB. thinnest: least side.
     """
     centre, size = np.array(box[:3], np.float64), np.maximum(box[3:], thinnest)
-    axis = _round_about(centre, size, joint)
+    axis = round_about(centre, size, joint)
     if axis is None:
         mesh = trimesh.creation.box(size)
     else:
         others = np.delete(np.arange(3), axis)
         size[others] = size[others].mean()
-        centre = _on_axis(centre, joint)
+        centre = on_axis(centre, joint)
         mesh = trimesh.creation.cylinder(0.5, 1.0, sections=SECTIONS)  # along z
         turned = np.eye(4)[[(axis + 1) % 3, (axis + 2) % 3, axis, 3]].T  # z goes to the axis
         mesh.apply_transform(np.diag([*size, 1.0]) @ turned)
@@ -119,11 +117,11 @@ class _Pair(NamedTuple):
 def _pair(boxes: np.ndarray, joints: Sequence[Joint]) -> _Pair | None:
     """Two boxes [2, 6] as discs beside each other, about axes in one direction; None if they are
     not."""
-    axes = {_round_about(b[:3], b[3:], j) for b, j in zip(boxes, joints, strict=True)}
+    axes = {round_about(b[:3], b[3:], j) for b, j in zip(boxes, joints, strict=True)}
     axis = axes.pop()
     if axes or axis is None:
         return None
-    first, second = (_on_axis(b[:3], j) for b, j in zip(boxes, joints, strict=True))
+    first, second = (on_axis(b[:3], j) for b, j in zip(boxes, joints, strict=True))
     between, others = np.abs(first - second), np.delete(np.arange(3), axis)
     if between[axis] >= boxes[:, 3 + axis].sum() / 2:
         return None
@@ -139,7 +137,7 @@ def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.
       mesh: of ``stand_in``.
     """
     low, high = np.asarray(mesh.bounds)
-    axis = _round_about((low + high) / 2, high - low, joint)
+    axis = round_about((low + high) / 2, high - low, joint)
     if axis is None:
         return mesh
     size = field.sdf.shape[0] - 2
@@ -163,21 +161,3 @@ def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.
     made = mesh.copy()
     made.vertices = vertices
     return made
-
-
-def _on_axis(point: np.ndarray, joint: Joint) -> np.ndarray:
-    """The place on a joint's axis that is nearest to a point."""
-    return joint.origin + ((point - joint.origin) @ joint.direction) * joint.direction
-
-
-def _round_about(centre: np.ndarray, size: np.ndarray, joint: Joint) -> int | None:
-    """The side of a box that a part's axis runs along through its middle; None where it is no
-    disc."""
-    if not joint.rotates:
-        return None
-    axis = int(np.abs(joint.direction).argmax())
-    others = np.delete(size, axis)
-    beside = np.delete(centre - _on_axis(centre, joint), axis)
-    straight = abs(joint.direction[axis]) >= AXIS
-    central = np.abs(beside).max() <= MIDDLE * others.max()
-    return axis if straight and central and others.min() >= ROUND * others.max() else None

@@ -1,4 +1,5 @@
-"""The way that a part goes: which end of its range is closed, and to which side it opens."""
+"""The way that a part goes: which end of its range is closed, to which side it opens, and whether
+it turns about its middle."""
 
 from __future__ import annotations
 
@@ -10,6 +11,9 @@ from uniart_jax.objects.kinematics import Joint, subtrees
 
 OPENS = 0.05  # object units that a part's middle goes at least, where it opens to a side
 FIRST = 0.1  # of its range, which says to which
+AXIS = 0.95  # least cosine between a disc's axis and a side of its box
+ROUND = 0.4  # least ratio of a disc's other two sides
+MIDDLE = 0.25  # of these, that a disc's axis passes beside its middle at most
 
 
 def places(cells: np.ndarray, size: int) -> np.ndarray:
@@ -54,3 +58,21 @@ def still_parts(parents: Sequence[int], joints: Sequence[Joint]) -> list[int]:
     below = subtrees(parents)
     movers = [k for k, up in enumerate(parents) if up >= 0 and joints[k].type != "fixed"]
     return [k for k in range(len(parents)) if not any(k in below[m] for m in movers)]
+
+
+def round_about(centre: np.ndarray, size: np.ndarray, joint: Joint) -> int | None:
+    """The side of a box that a part's axis runs along through its middle; None where it is no
+    disc."""
+    if not joint.rotates:
+        return None
+    axis = int(np.abs(joint.direction).argmax())
+    others = np.delete(size, axis)
+    beside = np.delete(centre - on_axis(centre, joint), axis)
+    straight = abs(joint.direction[axis]) >= AXIS
+    central = np.abs(beside).max() <= MIDDLE * others.max()
+    return axis if straight and central and others.min() >= ROUND * others.max() else None
+
+
+def on_axis(point: np.ndarray, joint: Joint) -> np.ndarray:
+    """The place on a joint's axis that is nearest to a point."""
+    return joint.origin + ((point - joint.origin) @ joint.direction) * joint.direction
