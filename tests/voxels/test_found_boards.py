@@ -256,6 +256,28 @@ def test_a_torn_door_that_stands_ajar_becomes_its_boards(angle):
     np.testing.assert_array_equal(solid_of(after, 0), solid_of(rough, 0))
 
 
+def test_a_door_is_as_wide_as_it_is_drawn():
+    """Boards that end a little elsewhere, and so far off that they are of something else."""
+    door, hinge = block(*DOOR[0].reshape(2, 3)), Joint(*AT_LEFT, angle=(0.0, 1.5))
+    field = field_of(CUPBOARD, torn(door))
+    near, far = DOOR[:1].copy(), DOOR[:1].copy()
+    near[0, [1, 2, 4, 5]] += [5, -4, 3, -6]
+    far[0, [4, 5]] -= 14
+    after, built = with_boards(field, {1: at(near)}, [JOINTS[0], hinge], [0])
+    assert built == {1}
+    np.testing.assert_array_equal(solid_of(after, 1), solid_of(field_of(CUPBOARD, door), 1))
+    assert with_boards(field, {1: at(far)}, [JOINTS[0], hinge], [0])[1] == frozenset()
+
+
+def test_boards_that_hang_in_the_air_reach_the_door():
+    handle = block((26.3, 30.3, 19.3), (33.5, 34.3, 41.3))
+    field = field_of(CUPBOARD, np.minimum(block(*DOOR[0].reshape(2, 3)), handle))
+    boards = np.array([DOOR[0], [26.3, 30.3, 19.3, 29.3, 34.3, 41.3]])
+    hinge = Joint(*AT_LEFT, angle=(0.0, 1.5))
+    after, built = with_boards(field, {1: at(boards)}, [JOINTS[0], hinge], [0])
+    assert built == {1} and ndimage.label(solid_of(after, 1))[1] == 1
+
+
 def test_a_handle_of_an_open_door_stays_though_no_board_is_found_of_it():
     shape, hinge = ajar(0.4)
     field, plate = field_of(CUPBOARD, shape), at(DOOR[:1])

@@ -53,6 +53,14 @@ def test_a_handle_is_not_counted_to_the_plate():
     assert found.low[0] == pytest.approx(LEFT[0][0], abs=1.5)
 
 
+def test_bins_on_the_inside_of_a_door_are_not_counted_to_the_plate():
+    bins = ((14.0, 14.3, 14.3), (22.3, 28.3, 20.3))
+    cells = np.argwhere(np.minimum(block(*LEFT), block(*bins)) < 0)
+    found = door_of(cells, box_of(*LEFT), hinge(8.3), N, CENTER)
+    assert found.low[0] == pytest.approx(LEFT[0][0], abs=1.5)
+    assert found.high[0] == pytest.approx(LEFT[1][0], abs=1.5)
+
+
 @pytest.mark.parametrize("opened", [(0, 0), (0.5, 0), (1.2, 0.5), (0, 1.57)])
 def test_doors_that_share_a_strip_are_narrower_by_it(opened):
     doors = {3: door(LEFT, 8.3, opened[0]), 7: door(RIGHT, 56.3, opened[1])}

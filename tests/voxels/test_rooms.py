@@ -280,6 +280,22 @@ def test_the_walls_of_a_drawer_end_at_one_height():
     assert set(tops.tolist()) <= {35, 36, 37} and len(set(tops.tolist())) == 1
 
 
+def test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open_one_stays():
+    """An inset front; teeth of its frame reach into the gap around it."""
+    frame = np.maximum(block((10.3, 8.3, 18.3), (52.3, 56.3, 46.3)), 1.4 - block(*BOX))
+    near = (block(*BOX) < 1.6) & (block(*BOX) > 0) & (AT[0] > 11)
+    teeth = near & (AT[0] < 14) & (AT[2] > 40.5) & (AT[1] % 9 < 3) & (AT[1] > 16) & (AT[1] < 48)
+    assert teeth.sum() > 20
+    tray = np.maximum(block(*BOX), -block(*TRAY))
+    boxes = np.stack([box_of((10.3, 8.3, 18.3), (52.3, 56.3, 46.3)), box_of(*BOX)])
+    field = field_of(np.where(teeth, -1.0, frame), tray)
+    for low, goes in ((0.0, True), (-0.2, False)):
+        slide = Joint(np.zeros(3), (-1.0, 0, 0), travel=(low, 0.4 + low))
+        after = with_clean_rooms(field, boxes, [FIXED, slide], [-1, 0])
+        left = solid_of(after, 0)[teeth]
+        assert not left.any() if goes else left.all()
+
+
 def test_a_front_keeps_a_cell_from_what_moves():
     torn = (block(*BOX) < 1) & (AT[0] < 14) & (AT[1] > 38) & (AT[2] > 34)
     other = block((9.3, 44.3, 36.3), (13.3, 48.3, 39.3))

@@ -26,8 +26,11 @@ AHEAD = 3  # that a handle stands out from the boards at least
 HANDLE = 12  # cells of one at least
 LEAST = 6  # deep what is looked at of a slider, at least
 GAP = 3  # that a board ends before one that it meets, at most
+WIDER, LEVEL = 8, 2  # that outer edges move to where they are drawn, and are apart, at most
+TOUCH, APART = 0.5, 6  # between boards that touch, and that are made to, at most
 ROOM = 12  # around a part that is shown turned
 # shares
+MOST = 0.5  # of its usual width that a part has where it is said to end
 WITHIN = 0.8  # of the drawn part that is in the box around its boards, at least
 EXPLAINED = 0.7  # of the drawn part that is near a board, at least
 COVERED, SHOWN = 0.9, 0.8  # of the outlines of the drawn part and of its boards, near the other
@@ -170,12 +173,8 @@ def _placed(
     """
     placed = fitted(aligned(rows, solid, own), GAP)
     cells = np.argwhere(solid)
-    low, high = placed[:, :3].min(0) - NEAR, placed[:, 3:].max(0) + NEAR
-    if ((cells >= low) & (cells <= high)).all(1).mean() < WITHIN:
-        return None
-    distance = distance_to(placed, solid.shape)
     if way is None:
-        axis = int(np.ptp(cells, 0).argmin())
+        axis, layers = int(np.ptp(cells, 0).argmin()), slice(None)
     else:
         axis, side = way
         first, last = cells[:, axis].min(), cells[:, axis].max()
@@ -183,16 +182,57 @@ def _placed(
         layers = slice(max(first - NEAR, 0), first + deep)
         if side > 0:
             layers = slice(max(last + 1 - deep, 0), last + 1 + NEAR)
-        solid, distance = (np.moveaxis(x, axis, 0)[layers] for x in (solid, distance))
-        axis = 0
-    drawn, built = solid.any(axis), (distance < 0).any(axis)
+    shown = np.moveaxis(solid, axis, 0)[layers]
+    drawn = shown.any(0)
+    _as_wide(placed, drawn, [a for a in range(3) if a != axis])
+    _joined(placed)
+    low, high = placed[:, :3].min(0) - NEAR, placed[:, 3:].max(0) + NEAR
+    if ((cells >= low) & (cells <= high)).all(1).mean() < WITHIN:
+        return None
+    distance = np.moveaxis(distance_to(placed, solid.shape), axis, 0)[layers]
+    built = (distance < 0).any(0)
     near_drawn, near_built = (
         np.asarray(ndimage.binary_dilation(x, iterations=NEAR), bool) for x in (drawn, built)
     )
     if not built.any() or near_drawn[built].mean() < SHOWN:
         return None
-    alike = near_built[drawn].mean() >= COVERED and (distance[solid] < NEAR).mean() >= EXPLAINED
+    alike = near_built[drawn].mean() >= COVERED and (distance[shown] < NEAR).mean() >= EXPLAINED
     return placed if alike else None
+
+
+def _as_wide(boards: np.ndarray, drawn: np.ndarray, axes: list[int]) -> None:
+    """In place: boards [N, 6] end where most of their part's outline [U, V] along two axes does:
+    those that end last, if that is near."""
+    for axis, lines in zip(axes, (drawn, drawn.T), strict=True):
+        filled = lines.sum(1)
+        most = np.flatnonzero(filled >= MOST * np.median(filled[filled > 0]))
+        for end, place in ((axis, most[0] - 0.5), (axis + 3, most[-1] + 0.5)):
+            faces = boards[:, end]
+            last = faces.max() if end > 2 else faces.min()
+            if abs(place - last) <= WIDER:
+                boards[np.abs(faces - last) <= LEVEL, end] = place
+
+
+def _joined(boards: np.ndarray) -> None:
+    """In place: boards [N, 6] that touch no other are made to reach the nearest that they face, up
+    to ``APART`` away, from the largest board on."""
+    low, high = boards[:, :3], boards[:, 3:]
+    joined = [int((high - low).prod(1).argmax())]
+    loose = [k for k in range(len(boards)) if k not in joined]
+    while loose:
+        gaps = np.maximum(low[loose][:, None] - high[joined], low[joined] - high[loose][:, None])
+        apart = np.where((gaps > TOUCH).sum(2) <= 1, gaps.max(2), np.inf)
+        row, other = np.unravel_index(apart.argmin(), apart.shape)
+        if apart[row, other] > APART:
+            return
+        k, near = loose.pop(int(row)), joined[int(other)]
+        axis = int(gaps[row, other].argmax())
+        if apart[row, other] > TOUCH:
+            if low[k, axis] > high[near, axis]:
+                boards[k, axis] = high[near, axis]
+            else:
+                boards[k, axis + 3] = low[near, axis]
+        joined.append(k)
 
 
 def _standing_out(boards: np.ndarray, solid: np.ndarray, axis: int, side: int) -> np.ndarray:

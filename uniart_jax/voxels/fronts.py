@@ -33,7 +33,7 @@ DRAWN = 0.33  # share of a row of it from which the row belongs to it
 WHOLE = 0.9  # share of a door's rectangle in which it is drawn, if it is no round one
 LEDGE = 2  # wide and high along its edges, what is no handle
 SOLID = 0.5  # distance of cells that are filled or cleared
-EDGE = 15.0  # percent of a door's cells, at either side of it, from which its thickness is not told
+FULL = 0.3  # of the fullest layer of a door's cells, that another of its plate has at least
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,10 +88,10 @@ def door_of(
     if turn is None:
         return None
     straight = cells @ turn.straight[:3, :3].T + turn.straight[:3, 3]
-    # the plate without its handle, which is few of its cells
-    low, high = np.percentile(straight, [EDGE, 100 - EDGE], axis=0)
-    more = (high - low) * EDGE / (100 - 2 * EDGE)
-    low, high = turn.box(np.rint(low - more), np.rint(high + more) + 1)
+    low, high = straight.min(0), straight.max(0)
+    across = 3 - turn.axis - turn.along
+    low[across], high[across] = _plate(straight[:, across])
+    low, high = turn.box(low, high)
     closed = closed_end(joint, cells, center, size) * np.sign(joint.direction[turn.axis])
     angle = closed - Rotation.from_matrix(turn.straight[:3, :3]).as_rotvec()[turn.axis]
     rotation = Rotation.from_rotvec(np.round(2 * angle / np.pi) * np.pi / 2 * np.eye(3)[turn.axis])
@@ -99,6 +99,17 @@ def door_of(
     quarter[:3, :3] = np.rint(rotation.as_matrix())
     quarter[:3, 3] = hinge - quarter[:3, :3] @ hinge
     return Door(turn, quarter, *_after(quarter, low, high))
+
+
+def _plate(places: np.ndarray) -> tuple[int, int]:
+    """The first layer of a plate, and the one after its last, of cells at ``places`` [n] through
+    it: those around the fullest that are ``FULL`` of it; not a handle, or bins on a door."""
+    layers = np.rint(places).astype(int)
+    count = np.bincount(layers - layers.min())
+    full, most = count >= FULL * count.max(), int(count.argmax())
+    first = most - int(np.append(~full[: most + 1][::-1], True).argmax()) + 1
+    last = most + int(np.append(~full[most:], True).argmax())
+    return first + layers.min(), last + layers.min()
 
 
 def _after(motion: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -72,10 +72,13 @@ def with_clean_rooms(
         if drawer is not None:
             depth = whole_front(field, k, still, drawer)
             _clean(field, [k], _from_above(cells, drawer, depth), ends=True)
+            if depth and _is_closed(joints[k], cells, body):
+                front = _plate_of(drawer, depth)
+                straighten_rim(field, still, front)
+                _clean(field, still, _behind(front, body))
         door = closed_door(cells, boxes[k], joints[k], body)
         if door is not None:
-            middle = center_of(np.argwhere(body), body.shape[0] - 2)
-            if abs(closed_end(joints[k], cells, middle, body.shape[0] - 2)) < AJAR:
+            if _is_closed(joints[k], cells, body):
                 whole_door(field, k, still, door)
             straighten_rim(field, still, door)
             _clean(field, still, _behind(door, body))
@@ -85,6 +88,22 @@ def with_clean_rooms(
         if own.sum() < KEPT * len(cells) or rest.sum() < KEPT * body.sum():
             field.sdf[:], field.owner[:] = before
     return field
+
+
+def _is_closed(joint: Joint, cells: np.ndarray, body: np.ndarray) -> bool:
+    """Whether a part of ``cells`` [n, 3] is shown closed against ``body`` [X, Y, Z]."""
+    size = body.shape[0] - 2
+    return abs(closed_end(joint, cells, center_of(np.argwhere(body), size), size)) < AJAR
+
+
+def _plate_of(drawer: Front, depth: int) -> Front:
+    """The first layers of a drawer's box."""
+    low, high = drawer.low.copy(), drawer.high.copy()
+    if drawer.side > 0:
+        low[drawer.axis] = high[drawer.axis] - depth
+    else:
+        high[drawer.axis] = low[drawer.axis] + depth
+    return Front(drawer.axis, drawer.side, low, high)
 
 
 def _from_above(cells: np.ndarray, front: Front, depth: int) -> Front:
