@@ -157,7 +157,7 @@ def config() -> Config:
         structure_flow=dataclasses.replace(stage, steps=3250, evaluate_every=250),
         latent_flow=dataclasses.replace(stage, steps=30_000, batch_size=4),
         sample_structure=StructureSampleConfig(
-            steps=1, guidance=1.0, rescale_t=3.0, threshold=-1.0
+            steps=1, guidance=1.0, rescale_t=3.0, threshold=-0.2, mirrored=True
         ),
         sample_latent=LatentSampleConfig(
             steps=1,
@@ -166,5 +166,6 @@ def config() -> Config:
             sdf_offset=0.3,
             sdf_blur=0.5,
             sdf_blur_along=2.0,
+            mirrored=True,
         ),
     )

@@ -470,20 +470,23 @@ class SampleConfig:
 @dataclasses.dataclass(frozen=True)
 class StructureSampleConfig(SampleConfig):
     """A voxel is active above ``threshold``, a logit. What is sampled in few steps is close to a
-    mean, from which thin things fade."""
+    mean, from which thin things fade. ``mirrored``: of one step, the mean with what the mirrored
+    picture gives (``inference.looks``)."""
 
     threshold: float = 0.0
+    mirrored: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
 class LatentSampleConfig(SampleConfig):
     """Sampled distances are thickened by ``sdf_offset`` and smoothed by ``sdf_blur``, along panels
     by ``sdf_blur_along`` and, where that is not 0, along legs by ``voxels.grid.ROD``, in sub-cells
-    (``voxels.grid.smoothed``), for the same reason."""
+    (``voxels.grid.smoothed``), for the same reason. ``mirrored``: as ``StructureSampleConfig``."""
 
     sdf_offset: float = 0.0
     sdf_blur: float = 0.0
     sdf_blur_along: float = 0.0
+    mirrored: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

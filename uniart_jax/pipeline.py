@@ -31,11 +31,9 @@ from uniart_jax.data.background import Way, cut_out
 from uniart_jax.data.images import crop, read_image
 from uniart_jax.export.picture_colors import Picture
 from uniart_jax.inference.layouts import LayoutPredictor
+from uniart_jax.inference.looks import find_grid, find_voxels, look
 from uniart_jax.inference.masks import MaskPredictor, load_mask_predictor
 from uniart_jax.inference.networks import Networks
-from uniart_jax.inference.samplers import (
-    join_views,
-)
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.assemble import assemble
@@ -191,18 +189,15 @@ class Pipeline(Networks):
         shown = [picture for picture, _ in cut]
         pixels = np.stack([self._crop(view) for view in shown])
         found = self._find_layout(shown[0]) if layout is True else layout or None
-        condition = self.following(join_views(self.encode_images(pixels)), [found])
+        looks = look(self, pixels, found, structure_options, latent_options)
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
-        structure = self.solve_structure(condition, keys[0], structure_options)
-        coords = self.active_voxels(structure.x, condition, structure_options)[0]
+        coords, structure = find_voxels(self, looks, keys[0], structure_options)
         if len(coords) == 0:
             raise ValueError(f"{name}: the model found no object in the image; crop to the object")
         progress(f"{len(coords)} voxels")
-        solution = self.solve_latents([coords], condition, keys[1], latent_options)
+        grid, solution = find_grid(self, coords, looks, keys[1], latent_options, found)
         progress("parts and joints")
-        latent = np.asarray(solution.x)[0, : len(coords)]
-        grid = self.decode_sampled(coords, latent, latent_options, found)
         flows = {"structure": structure, "latent": solution}
         return Sample(
             assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
@@ -211,7 +206,7 @@ class Pipeline(Networks):
             {"structure": structure_options, "latent": latent_options},
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.steps_over_tolerance[0]) for flow, solved in flows.items()},
-            self._picture(shown[0], found, condition),
+            self._picture(shown[0], found, looks.plain),
             tuple(way for _, way in cut),
             tuple(shown),
             found,
@@ -258,14 +253,6 @@ class Pipeline(Networks):
     def _find_layout(self, cut_out: np.ndarray) -> Layout | None:
         there = self.checkpoint is not None and self.checkpoint.has("layout")
         return self._read_layout(cut_out) if there and self.config.model.layout.queries else None
-
-    def following(self, condition: Condition, layouts: Sequence[Layout | None]) -> Condition:
-        """The condition of B images with their layouts for flows that see them
-        (``FlowConfig.layout_channels``); None: flows are to do without."""
-        model = self.config.model
-        if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
-            return condition
-        return condition._replace(layout=self._part_table(layouts, len(condition.tokens)))
 
     def _read_layout(self, cut_out: np.ndarray, threshold: float = THRESHOLD) -> Layout:
         predictor = self._layout_predictor

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from hand_records import make_record, write_folder
 
+from uniart_jax.config import LatentSampleConfig, StructureSampleConfig
 from uniart_jax.data.batches import open_records
 from uniart_jax.data.records import RecordSource, decode_sdf, from_object, record_rows
 from uniart_jax.objects.object import ArticulatedObject, Part
@@ -62,20 +63,28 @@ class Pipe:
     def prepare(self, image):
         return image
 
-    def encode_images(self, images):
-        return images
-
     def find_layout(self, image):
         return image.mean()
 
-    def following(self, condition, layouts):
-        assert layouts == [condition[0].mean()]
-        return condition
+    def options(self):
+        return StructureSampleConfig(steps=1), LatentSampleConfig(steps=1)
 
-    def sample_structure(self, condition, key):
-        half = np.zeros((R, R, R), bool)
-        half[:, :, R // 2 :] = condition.max() < 100
-        return [np.argwhere(half).astype(np.int32)]
+
+def see(pipe, pixels, layout, *options):
+    assert layout == pixels[0].mean()
+    return pixels
+
+
+def find(pipe, pixels, key, options):
+    half = np.zeros((R, R, R), bool)
+    half[:, :, R // 2 :] = pixels.max() < 100
+    return np.argwhere(half).astype(np.int32), None
+
+
+@pytest.fixture(autouse=True)
+def looks(monkeypatch):
+    monkeypatch.setattr(found, "look", see)
+    monkeypatch.setattr(found, "find_voxels", find)
 
 
 def test_a_folder_holds_each_picture_with_the_voxels_found_in_it(ball, tmp_path, monkeypatch):

@@ -18,6 +18,7 @@ import numpy as np
 from uniart_jax.data.columns import FEATURES
 from uniart_jax.data.records import Record
 from uniart_jax.voxels.joint_code import canonical
+from uniart_jax.voxels.part_table import PartTable
 
 _CODE_SIGNS = np.array([-1, 1, -1, 1, -1, 1, -1, -1, -1], np.float32)
 _CODE_ORDER = np.array([0, 1, 2, 3, 4, 5, 6, 8, 7])
@@ -55,6 +56,17 @@ def mirror_dense(grid: np.ndarray, first_axis: int = 0) -> np.ndarray:
     return np.flip(grid, first_axis + 1)
 
 
+def mirror_subcells(values: np.ndarray, subdivisions: int) -> np.ndarray:
+    """Values [V, r^3, ...] of voxels' sub-cells, mirrored within their voxels."""
+    r, tail = subdivisions, values.shape[2:]
+    return values.reshape(-1, r, r, r, *tail)[:, :, ::-1].reshape(-1, r**3, *tail)
+
+
+def mirror_table(table: PartTable) -> PartTable:
+    """The part tables of mirrored objects."""
+    return table._replace(boxes=mirror_boxes(table.boxes), codes=mirror_codes(table.codes))
+
+
 def mirror_images(images: np.ndarray) -> np.ndarray:
     """A flipped view of images [..., H, W, C]: what the mirrored camera sees of the mirrored
     object."""
@@ -73,10 +85,8 @@ def mirror_record(record: Record) -> Record:
     order = np.lexsort(coords.T[::-1])
 
     def cells(values: np.ndarray) -> np.ndarray:
-        """Rows in the new order, their sub-cells mirrored; whole rows are moved, not single
-        values."""
-        tail = values.shape[2:]
-        return values[order].reshape(-1, r, r, r, *tail)[:, :, ::-1].reshape(-1, r**3, *tail)
+        """Rows in the new order, their sub-cells mirrored."""
+        return mirror_subcells(values[order], r)
 
     cameras = record.cameras * np.array([-1, 1, 1, 1], np.float32)
     features = {

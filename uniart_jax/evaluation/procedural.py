@@ -37,6 +37,7 @@ from uniart_jax.evaluation.pictures import write_comparison
 from uniart_jax.evaluation.retrieval import make_retrieval
 from uniart_jax.evaluation.runner import run, run_staged, write_metrics
 from uniart_jax.evaluation.table import markdown
+from uniart_jax.inference.looks import find_grid, find_voxels, look
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
 from uniart_jax.pipeline import Pipeline, load
@@ -234,16 +235,16 @@ def predict(
     coords = test.grid.coords
     pixels = pipeline.prepare(test.image)
     layout = pipeline.find_layout(test.image)
-    condition = pipeline.following(pipeline.encode_images(pixels[None]), [layout])
+    options = pipeline.options()
+    looks = look(pipeline, pixels[None], layout, *options)
     keys = jax.random.split(jax.random.key(seed))
-    found = pipeline.sample_structure(condition, keys[0])[0]
+    found, _ = find_voxels(pipeline, looks, keys[0], options[0])
     if len(found) == 0:  # a failure counts: an object of one speck
         found = np.array([[pipeline.config.model.grid.resolution // 2] * 3], np.int32)
     encoded = pipeline.encode_voxels(test.grid)
     grids = {"vae": pipeline.decode([coords], [encoded], [layout])[0]}
     for name, where in (("latent_flow", coords), ("image_to_object", found)):
-        latent = pipeline.sample_latents([where], condition, keys[1])[0]
-        grids[name] = pipeline.decode_sampled(where, latent, layout=layout)
+        grids[name], _ = find_grid(pipeline, where, looks, keys[1], options[1], layout)
     dense = [occupancy(c, test.grid.resolution) for c in (found, coords)]
     return grids, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()), pixels, layout
 

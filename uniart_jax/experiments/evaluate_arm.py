@@ -213,7 +213,8 @@ def structure_overlap(arm: Arm, pipeline: Pipeline, test: TestObject, seed: int)
     grid, (options, _) = test.truth.grid, pipeline.options(**arm.sampling)
     condition = encode_views(pipeline, test)[0]
     solution = pipeline.solve_structure(condition, jax.random.key(seed), options)
-    found = pipeline.active_voxels(solution.x, condition, options)[0]
+    logits = pipeline.structure_logits(solution.x, condition)
+    found = pipeline.active_voxels(logits, options)[0]
     one, other = (occupancy(c, grid.resolution) for c in (found, grid.coords))
     iou = float((one & other).sum() / (one | other).sum())
     return {"structure_iou": iou, "velocities": float(solution.evaluations[0])}

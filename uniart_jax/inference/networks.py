@@ -80,12 +80,20 @@ class Networks:
         """[B, S, S, 3] in [0, 1] -> what the flows see of them."""
         return self._encode_images(self.parameters["image_encoder"], images)
 
+    def following(self, condition: Condition, layouts: Sequence[Layout | None]) -> Condition:
+        """The condition of B images with their layouts for flows that see them
+        (``FlowConfig.layout_channels``); None: flows are to do without."""
+        model = self.config.model
+        if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
+            return condition
+        return condition._replace(layout=self.part_table(layouts, len(condition.tokens)))
+
     def sample_structure(
         self, condition: Condition, key: jax.Array, options: StructureSampleConfig | None = None
     ) -> list[np.ndarray]:
         """Active voxels [V_i, 3] of each item (``active_voxels``)."""
         latent = self.solve_structure(condition, key, options).x
-        return self.active_voxels(latent, condition, options)
+        return self.active_voxels(self.structure_logits(latent, condition), options)
 
     def solve_structure(
         self, condition: Condition, key: jax.Array, options: StructureSampleConfig | None = None
@@ -95,17 +103,18 @@ class Networks:
         parameters = self.parameters["structure_flow"]
         return sampler(parameters, self.statistics["structure"], condition, key)
 
-    def active_voxels(
-        self,
-        latent: jax.Array,
-        condition: Condition,
-        options: StructureSampleConfig | None = None,
-    ) -> list[np.ndarray]:
-        """Structure latents, and the condition that they were sampled with -> active voxels [V_i,
-        3] of each item; at most as many as the largest bucket holds, the most certain first."""
-        options = options or self.config.sample_structure
+    def structure_logits(self, latent: jax.Array, condition: Condition) -> np.ndarray:
+        """Structure latents, and the condition that they were sampled with -> occupancy logits [B,
+        R, R, R]."""
         parameters = (self.parameters[name] for name in ("structure_vae", "structure_flow"))
-        logits = np.asarray(self._decode_structure(*parameters, latent, condition))
+        return np.asarray(self._decode_structure(*parameters, latent, condition))
+
+    def active_voxels(
+        self, logits: np.ndarray, options: StructureSampleConfig | None = None
+    ) -> list[np.ndarray]:
+        """Occupancy logits [B, R, R, R] -> active voxels [V_i, 3] of each item; at most as many as
+        the largest bucket holds, the most certain first."""
+        options = options or self.config.sample_structure
         most = max(self.config.data.voxel_buckets)
         found = []
         for item in logits - options.threshold:
@@ -202,17 +211,19 @@ class Networks:
         self,
         coords: Sequence[np.ndarray],
         latents: Sequence[np.ndarray],
-        layouts: Sequence[Layout | None] = (),
+        layouts: Sequence[Layout | None] | PartTable = (),
     ) -> list[VoxelGrid]:
         """Latents [V_i, C] on voxels [V_i, 3] -> voxel grids.
 
         Args:
-          layouts: of the items, for a decoder that sees them (``UniArtVAEConfig.layout_channels``);
-            none are known without.
+          layouts: of the items, or their table, for a decoder that sees them
+            (``UniArtVAEConfig.layout_channels``); none are known without.
         """
         latent, batch = self._padded(coords, latents)
         if self.config.model.uniart_vae.layout_channels:
-            table = self._part_table(list(layouts) or [None] * len(coords), len(coords))
+            table = layouts
+            if not isinstance(table, PartTable):
+                table = self.part_table(list(table) or [None] * len(coords), len(coords))
             batch = batch._replace(layout=table)
         out = jax.device_get(self._decode_voxels(self.parameters["uniart_vae"], latent, batch))
         grid, kept = self.config.model.grid, zip(batch.coords, batch.counts, strict=True)
@@ -271,7 +282,12 @@ class Networks:
         grid = self.decode([coords], [latent], [layout])[0]
         return smoothed(grid, options.sdf_offset, options.sdf_blur, options.sdf_blur_along)
 
-    def _part_table(self, layouts: Sequence[Layout | None], items: int) -> PartTable:
+    def part_table(self, layouts: Sequence[Layout | None], items: int) -> PartTable:
+        """The layouts of some items as the networks see them; None: not known.
+
+        Raises:
+          ValueError: another number of layouts, or one of more parts than the model holds.
+        """
         most = self.config.model.grid.max_parts
         if len(layouts) != items:
             raise ValueError(
