@@ -183,7 +183,7 @@ def _placed(
         if side > 0:
             layers = slice(max(last + 1 - deep, 0), last + 1 + NEAR)
     shown = np.moveaxis(solid, axis, 0)[layers]
-    drawn = shown.any(0)
+    drawn = np.asarray(shown.any(0))
     _as_wide(placed, drawn, [a for a in range(3) if a != axis])
     _joined(placed)
     low, high = placed[:, :3].min(0) - NEAR, placed[:, 3:].max(0) + NEAR
