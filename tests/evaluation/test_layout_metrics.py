@@ -1,6 +1,7 @@
 """Judging layouts: the truth is right, and each kind of error is seen."""
 
 import dataclasses
+import itertools
 import json
 
 import numpy as np
@@ -173,3 +174,24 @@ def test_drawing_projects_as_networks_do(tests):
     panels = Panels(np.array([[-0.1, -0.1, -0.5, 0.1, 0.1, -0.3]]), 1.0)
     on_panels = draw_layout(blank, dataclasses.replace(layout, panels=panels))
     np.testing.assert_array_equal(np.asarray(on_panels, int), on_legs)  # the same box
+
+
+def test_boards_of_an_open_door_are_drawn_where_it_is_shown():
+    code = np.array([0.3, 0.9, 0.4, 1.6, 0.3, 0.1, -0.2])
+    boxes = np.array([[0, 0, 0, 0.6, 0.6, 0.8], [-0.6, 0.3, 0, 0.6, 0.03, 0.8]])
+    hinge = Joint(np.array([-0.3, 0.3, 0]), np.array([0.0, 0, 1]), angle=(0.0, np.pi / 2))
+    layout = Layout(boxes, (Joint.fixed(), hinge), (-1, 0), np.full((2, 3), 0.5), np.ones(2), code)
+    told = np.array([[-0.31, -0.3, -0.4, -0.28, 0.3, 0.4]])  # as it lies closed
+    blank, side = np.zeros((64, 64, 3), np.uint8), 384
+    plain = np.asarray(draw_layout(blank, layout), int)
+    boarded = dataclasses.replace(layout, boards=(None, Panels(told, 1.0)))
+    drawn = (np.asarray(draw_layout(blank, boarded), int) != plain).any(-1)
+    assert drawn.any()
+    turned = np.linalg.inv(hinge.motion(np.pi / 2))  # back to where it is shown
+    corners = np.array(list(itertools.product(*told.reshape(2, 3).T)))
+    shown = corners @ turned[:3, :3].T + turned[:3, 3]
+    places = (project(code, shown) + 1) * side / 2
+    rows, columns = np.nonzero(drawn)
+    low, high = places.min(0) - 3, places.max(0) + 3
+    assert (columns >= low[0]).all() and (columns <= high[0]).all()
+    assert (rows >= low[1]).all() and (rows <= high[1]).all()
