@@ -113,9 +113,46 @@ MUTANTS = (
     ),
     Mutant(
         FOUND_BOARDS,
-        "        solid, distance = (np.moveaxis(x, axis, 0)[layers] for x in (solid, distance))\n",
-        "        solid, distance = (np.moveaxis(x, axis, 0) for x in (solid, distance))\n",
+        "    shown = np.moveaxis(solid, axis, 0)[layers]\n",
+        "    layers = slice(None)\n    shown = np.moveaxis(solid, axis, 0)\n",
         "tests/voxels/test_found_boards.py::test_a_back_does_not_stand_for_a_front",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "    _joined(placed)\n",
+        "",
+        "tests/voxels/test_found_boards.py::test_boards_that_hang_in_the_air_reach_the_door",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "    _as_wide(placed, drawn, [a for a in range(3) if a != axis])\n",
+        "",
+        "tests/voxels/test_found_boards.py::test_a_door_is_as_wide_as_it_is_drawn",
+    ),
+    Mutant(
+        "uniart_jax/voxels/closing.py",
+        "xp.where(far[1] < far[0], ends[..., 1], ends[..., 0])",
+        "ends[..., 0]",
+        "tests/voxels/test_closing.py::test_procedural_doors_close",
+    ),
+    Mutant(
+        "uniart_jax/models/box_sets.py",
+        "read_boxes(seen.map, corners, seen.camera, motions, gather=True)",
+        "read_boxes(seen.map, corners, seen.camera, gather=True)",
+        "tests/models/test_box_sets.py::test_boards_of_an_open_door_are_read_where_it_is_shown",
+    ),
+    Mutant(
+        "uniart_jax/inference/looks.py",
+        "sdf=(grid.sdf + sdf) / 2",
+        "sdf=grid.sdf",
+        "tests/inference/test_looks.py::test_a_mirrored_picture_gives_the_mirror_image",
+    ),
+    Mutant(
+        ROOMS,
+        "                straighten_rim(field, still, front)\n",
+        "",
+        "tests/voxels/test_rooms.py"
+        "::test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open_one_stays",
     ),
     Mutant(
         FOUND_BOARDS,

@@ -116,9 +116,13 @@ def test_boards_begin_in_the_box_of_their_part_and_do_not_see_those_of_another()
     np.testing.assert_allclose(alone["share"][:, 0], one["share"][:, 0], rtol=1e-4)
 
 
-def test_boards_of_an_open_door_begin_where_it_lies_closed():
-    """Shown at a right angle; its points are read where it is shown."""
-    decoder, seen = BoardDecoder(NETWORK.config, nnx.Rngs(0), jnp.float32), seen_by_chance()
+def board_decoder():
+    return BoardDecoder(NETWORK.config, nnx.Rngs(0), jnp.float32)
+
+
+def open_door():
+    """What is seen of a part that is shown open by a right angle, its box there and closed."""
+    seen = seen_by_chance()
     hinge = Joint(np.array([-0.2, 0.3, 0]), np.array([0.0, 0, 1]), angle=(0.0, np.pi / 2))
     shown, closed = [-0.6, 0.3, -0.4, -0.2, 0.33, 0.1], [-0.23, -0.1, -0.4, -0.2, 0.3, 0.1]
     code = jnp.asarray(encode_joint(hinge, np.zeros(3)), jnp.float32)
@@ -126,6 +130,27 @@ def test_boards_of_an_open_door_begin_where_it_lies_closed():
         asked_corners=seen.asked_corners.at[0, 0].set(jnp.array(shown)),
         asked_codes=seen.asked_codes.at[0, 0].set(code),
     )
+    return seen, shown, closed
+
+
+def test_boards_of_an_open_door_are_read_where_it_is_shown(monkeypatch):
+    decoder, (seen, *_) = board_decoder(), open_door()
+    nnx.update(decoder, jax.tree.map(lambda x: x + 0.1, nnx.state(decoder)))
+    one, frame = decoder(seen)["rows"][-1], BoardDecoder.frame
+
+    def as_told(self, seen):
+        scale, offset, motions = frame(self, seen)
+        return scale, offset, jnp.broadcast_to(jnp.eye(3, 4), motions.shape)
+
+    monkeypatch.setattr(BoardDecoder, "frame", as_told)
+    other = decoder(seen)["rows"][-1]
+    assert np.abs(one[:, 0] - other[:, 0]).max() > 1e-5
+    np.testing.assert_array_equal(one[:, 1], other[:, 1])  # what is no open door
+
+
+def test_boards_of_an_open_door_begin_where_it_lies_closed():
+    """Shown at a right angle; its points are read where it is shown."""
+    decoder, (seen, shown, closed) = board_decoder(), open_door()
     rows = np.asarray(decoder(seen)["rows"][0][0, 0])
     np.testing.assert_allclose(rows[:, :3].min(0), closed[:3], atol=0.03)
     np.testing.assert_allclose(rows[:, 3:].max(0), closed[3:], atol=0.03)
