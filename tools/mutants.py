@@ -119,6 +119,13 @@ MUTANTS = (
     ),
     Mutant(
         FOUND_BOARDS,
+        "            boards[whole, axis + 3] += shift\n",
+        "",
+        "tests/voxels/test_found_boards.py"
+        "::test_walls_of_a_drawer_that_is_drawn_narrower_move_as_they_are",
+    ),
+    Mutant(
+        FOUND_BOARDS,
         "    _joined(placed)\n",
         "",
         "tests/voxels/test_found_boards.py::test_boards_that_hang_in_the_air_reach_the_door",
@@ -131,8 +138,8 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/voxels/closing.py",
-        "xp.where(far[1] < far[0], ends[..., 1], ends[..., 0])",
-        "ends[..., 0]",
+        "xp.where(volumes[1] < volumes[0], angles[..., 1], angles[..., 0])",
+        "angles[..., 0]",
         "tests/voxels/test_closing.py::test_procedural_doors_close",
     ),
     Mutant(

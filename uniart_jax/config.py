@@ -445,6 +445,8 @@ class SampleConfig:
 
     ``adaptive``: each item in steps of its own, of an error of about ``tolerance``
     (``flow.solvers``); ``steps`` and ``rescale_t`` then give the first step's length alone.
+    ``mirrored``: where a flow takes one step, the mean with what it makes of the mirrored picture
+    (``inference.looks``).
     """
 
     solver: Literal["euler", "heun"] = "euler"
@@ -454,6 +456,7 @@ class SampleConfig:
     guidance: float = 1.0
     guidance_interval: tuple[float, float] = (0.0, 1.0)
     rescale_t: float = 3.0
+    mirrored: bool = False
 
     def __post_init__(self) -> None:
         least, most = TOLERANCES
@@ -470,23 +473,20 @@ class SampleConfig:
 @dataclasses.dataclass(frozen=True)
 class StructureSampleConfig(SampleConfig):
     """A voxel is active above ``threshold``, a logit. What is sampled in few steps is close to a
-    mean, from which thin things fade. ``mirrored``: of one step, the mean with what the mirrored
-    picture gives (``inference.looks``)."""
+    mean, from which thin things fade."""
 
     threshold: float = 0.0
-    mirrored: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
 class LatentSampleConfig(SampleConfig):
     """Sampled distances are thickened by ``sdf_offset`` and smoothed by ``sdf_blur``, along panels
     by ``sdf_blur_along`` and, where that is not 0, along legs by ``voxels.grid.ROD``, in sub-cells
-    (``voxels.grid.smoothed``), for the same reason. ``mirrored``: as ``StructureSampleConfig``."""
+    (``voxels.grid.smoothed``), for the same reason."""
 
     sdf_offset: float = 0.0
     sdf_blur: float = 0.0
     sdf_blur_along: float = 0.0
-    mirrored: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

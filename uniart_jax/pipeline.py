@@ -55,6 +55,7 @@ class SamplingOptions(TypedDict, total=False):
     solver: Literal["euler", "heun"] | None
     adaptive: bool | None
     tolerance: float | None
+    mirrored: bool | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -113,6 +114,7 @@ class Pipeline(Networks):
         solver: Literal["euler", "heun"] | None = None,
         adaptive: bool | None = None,
         tolerance: float | None = None,
+        mirrored: bool | None = None,
     ) -> ArticulatedObject:
         """The object alone of ``sample``, which see."""
         return self.sample(
@@ -129,6 +131,7 @@ class Pipeline(Networks):
             solver=solver,
             adaptive=adaptive,
             tolerance=tolerance,
+            mirrored=mirrored,
         ).obj
 
     def sample(
@@ -147,6 +150,7 @@ class Pipeline(Networks):
         solver: Literal["euler", "heun"] | None = None,
         adaptive: bool | None = None,
         tolerance: float | None = None,
+        mirrored: bool | None = None,
     ) -> Sample:
         """One image (or several views of one object) to an object.
 
@@ -158,8 +162,8 @@ class Pipeline(Networks):
             (first) image, where it has one; False = they are read off the voxels.
           background: how the object is cut out of the image (``data.background.cut_out``).
           progress: called with the name of each step.
-          steps, guidance, guidance_interval, rescale_t, solver, adaptive, tolerance: of both flows
-            (``config.SampleConfig``); None = as the checkpoint has them.
+          steps, guidance, guidance_interval, rescale_t, solver, adaptive, tolerance, mirrored: of
+            both flows (``config.SampleConfig``); None = as the checkpoint has them.
 
         Raises:
           FileNotFoundError, ValueError: an image cannot be used, no object was found in it, or the
@@ -183,6 +187,7 @@ class Pipeline(Networks):
             solver=solver,
             adaptive=adaptive,
             tolerance=tolerance,
+            mirrored=mirrored,
         )
         progress("looking at the image")
         cut = [self.cut_out(view, background) for view in views]

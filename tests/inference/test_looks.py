@@ -10,7 +10,7 @@ from drawn import parameters as parameters_of
 
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
-from uniart_jax.data.mirror import mirror_dense, mirror_subcells
+from uniart_jax.data.mirror import mirror_coords, mirror_dense, mirror_subcells
 from uniart_jax.inference.looks import find_grid, find_voxels, look
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
@@ -86,12 +86,10 @@ def test_a_mirrored_picture_gives_the_mirror_image(pipeline, pixels):
 
     rng = np.random.default_rng(1)
     coords = np.argwhere(rng.random((resolution,) * 3) < 0.01).astype(np.int32)
-    turned = coords * [1, -1, 1] + [0, resolution - 1, 0]
+    turned = mirror_coords(coords, resolution)
     order = np.lexsort(turned.T[::-1])
     here, _ = find_grid(pipeline, coords, looks, KEY, asked[1], layout(0.2))
-    there, _ = find_grid(
-        pipeline, turned[order].astype(np.int32), mirrored, KEY, asked[1], layout(-0.2)
-    )
+    there, _ = find_grid(pipeline, turned[order], mirrored, KEY, asked[1], layout(-0.2))
     for name in ("sdf", "color"):
         back = mirror_subcells(getattr(there, name), here.subdivisions)[np.argsort(order)]
         np.testing.assert_allclose(getattr(here, name), back, atol=2e-4)

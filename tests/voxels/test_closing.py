@@ -11,7 +11,7 @@ from uniart_jax import procedural
 from uniart_jax.data.mirror import mirror_codes, mirror_corners
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.closing import closed_boxes, closing, closing_of, moved, undone
-from uniart_jax.voxels.joint_code import encode_joint, gauge_variants
+from uniart_jax.voxels.joint_code import decode_joint, encode_joint, gauge_variants
 
 BODY = np.array([-0.3, -0.3, -0.4, 0.2, 0.3, 0.4])
 # a closed door before the front, hinged at its right edge; it opens by up to 1.8
@@ -43,7 +43,10 @@ def test_an_open_door_goes_back_to_where_it_closes(angle):
     shown = trimesh.transform_points(corners_of(DOOR), there)
     np.testing.assert_allclose(moved(motions[:, None], shown[None])[0], corners_of(DOOR), atol=1e-6)
     closed = closed_boxes(motions, turns, code[None], box[None])
-    np.testing.assert_allclose(closed[0], DOOR, atol=0.04)  # its width read off the box around it
+    sides = closed[0, 3:] - closed[0, :3], DOOR[3:] - DOOR[:3]  # read off the box around it
+    np.testing.assert_allclose(sides[0][1:], sides[1][1:], rtol=0.05)
+    assert 0.5 * sides[1][0] < sides[0][0] < 2 * sides[1][0]
+    np.testing.assert_allclose(closed[0], DOOR, atol=0.02)
     np.testing.assert_allclose(moved(undone(motions), DOOR[:3]), shown[:1], atol=1e-6)
 
 
@@ -53,6 +56,32 @@ def test_what_is_shown_closed_lies_as_it_is_shown():
         motions, turns = closing(code[None], box[None], BODY)
         assert turns[0] == 0 and (motions[0] == np.eye(3, 4)).all()
         np.testing.assert_allclose(closed_boxes(motions, turns, code[None], box[None])[0], box)
+
+
+@pytest.mark.parametrize("opens", [1.4, 2.12])
+def test_a_leaf_that_is_hinged_at_a_mullion_is_closed_where_it_lies_in_its_frame(opens):
+    """Its middle is nearer the frame's once it is open."""
+    frame, leaf = np.array([-0.03, -0.5, -0.4, 0.03, 0.5, 0.4]), [-0.02, 0.1, -0.3, 0.02, 0.5, 0.3]
+    joint = Joint(np.array([-0.02, 0.1, 0]), Z, angle=(0.0, opens))
+    code = encode_joint(joint, np.zeros(3))
+    assert closing(code, np.array(leaf), frame)[1] == 0
+    for angle in (0.4, 1.2):
+        turned = trimesh.transformations.rotation_matrix(angle, Z, joint.origin)
+        corners = trimesh.transform_points(corners_of(np.array(leaf)), turned)
+        ajar = Joint(joint.origin, Z, angle=(-angle, opens - angle))
+        box = np.concatenate([corners.min(0), corners.max(0)])
+        _, turn = closing(encode_joint(ajar, np.zeros(3)), box, frame)
+        assert turn == pytest.approx(-angle)
+
+
+def test_limits_are_read_as_a_joint_has_them():
+    """A network's limits may not bracket 0; the joint that is read of them does."""
+    for low, high in ((-0.5, -0.02), (0.02, 0.5), (-0.3, 0.2)):
+        code = door_at(0.0)[0].copy()
+        code[7:] = low, high
+        joint = decode_joint(code, np.zeros(3))
+        one, two = (closing(c, DOOR, BODY)[1] for c in (code, encode_joint(joint, np.zeros(3))))
+        assert one == pytest.approx(two)
 
 
 @pytest.mark.parametrize(

@@ -269,6 +269,31 @@ def test_a_door_is_as_wide_as_it_is_drawn():
     assert with_boards(field, {1: at(far)}, [JOINTS[0], hinge], [0])[1] == frozenset()
 
 
+def test_walls_of_a_drawer_that_is_drawn_narrower_move_as_they_are():
+    """Sides as far out as the front; the front is drawn narrower than its boards."""
+    boards = DRAWER.copy()
+    boards[1, [1, 4]], boards[2, [1, 4]] = [8.3, 10.5], [55.1, 57.3]
+    for less in (2, 3, 5):
+        narrower = [box.copy() for box in boards[[0, 3, 4, 5]]]
+        for box in narrower[:3]:
+            box[1], box[4] = max(box[1], 8.3 + less), min(box[4], 57.3 - less)
+        field = field_of(CASE, np.min([block(b[:3], b[3:]) for b in narrower], 0))
+        after, built = build(field, boards)
+        assert built == {1}
+        behind = solid_of(after, 1) & (AT[0] > 16) & (AT[0] < 40) & (AT[2] > 20) & (AT[2] < 26)
+        low, high = (behind & half for half in (AT[1] < 32, AT[1] > 32))
+        assert all(1 <= side.any((0, 2)).sum() <= 3 for side in (low, high))
+
+
+def test_a_tab_beyond_the_edge_of_a_door_stays():
+    tab = np.array([33.3, 20.3, 56.3, 36.3, 26.3, 60.3])
+    boards = np.stack([DOOR[0], tab])
+    field = field_of(CUPBOARD, np.min([block(b[:3], b[3:]) for b in boards], 0))
+    hinge = Joint(*AT_LEFT, angle=(0.0, 1.5))
+    after, built = with_boards(field, {1: at(boards)}, [JOINTS[0], hinge], [0])
+    assert built == {1} and solid_of(after, 1)[block(tab[:3], tab[3:]) < -0.5].all()
+
+
 def test_boards_that_hang_in_the_air_reach_the_door():
     handle = block((26.3, 30.3, 19.3), (33.5, 34.3, 41.3))
     field = field_of(CUPBOARD, np.minimum(block(*DOOR[0].reshape(2, 3)), handle))

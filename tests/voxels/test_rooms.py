@@ -289,11 +289,24 @@ def test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open
     tray = np.maximum(block(*BOX), -block(*TRAY))
     boxes = np.stack([box_of((10.3, 8.3, 18.3), (52.3, 56.3, 46.3)), box_of(*BOX)])
     field = field_of(np.where(teeth, -1.0, frame), tray)
-    for low, goes in ((0.0, True), (-0.2, False)):
+    for low, goes in ((0.0, True), (-0.04, False), (-0.2, False)):
         slide = Joint(np.zeros(3), (-1.0, 0, 0), travel=(low, 0.4 + low))
         after = with_clean_rooms(field, boxes, [FIXED, slide], [-1, 0])
         left = solid_of(after, 0)[teeth]
         assert not left.any() if goes else left.all()
+
+
+def test_the_frame_of_a_drawer_with_a_handle_stays_under_a_top_that_overhangs():
+    frame = np.maximum(block((10.3, 8.3, 18.3), (52.3, 56.3, 46.3)), 1.4 - block(*BOX))
+    top = block((1.3, 8.3, 46.3), (52.3, 56.3, 50.3))
+    handle = block((3.3, 28.3, 31.3), (10.5, 36.3, 33.3))
+    tray = np.minimum(np.maximum(block(*BOX), -block(*TRAY)), handle)
+    box = box_of((3.3, *BOX[0][1:]), BOX[1])
+    boxes = np.stack([box_of((1.3, 8.3, 18.3), (52.3, 56.3, 50.3)), box])
+    field = field_of(np.minimum(frame, top), tray)
+    after = with_clean_rooms(field, boxes, [FIXED, PULLS], [-1, 0])
+    ring = solid_of(field, 0) & (AT[0] < 15) & (AT[2] < 46)
+    assert ring.sum() > 500 and solid_of(after, 0)[ring].mean() > 0.97
 
 
 def test_a_front_keeps_a_cell_from_what_moves():

@@ -56,6 +56,13 @@ def mirror_dense(grid: np.ndarray, first_axis: int = 0) -> np.ndarray:
     return np.flip(grid, first_axis + 1)
 
 
+def mirror_coords(coords: np.ndarray, resolution: int) -> np.ndarray:
+    """Mirrored voxels [V, 3] of a grid with so many along its side, in the same order."""
+    turned = coords.copy()
+    turned[:, 1] = resolution - 1 - turned[:, 1]
+    return turned
+
+
 def mirror_subcells(values: np.ndarray, subdivisions: int) -> np.ndarray:
     """Values [V, r^3, ...] of voxels' sub-cells, mirrored within their voxels."""
     r, tail = subdivisions, values.shape[2:]
@@ -80,8 +87,7 @@ def mirror_record(record: Record) -> Record:
     mirrored object, so ``batches`` mirrors no record where a model reads them.
     """
     resolution, r = record.resolution, record.subdivisions
-    coords = record.coords.copy()
-    coords[:, 1] = resolution - 1 - coords[:, 1]
+    coords = mirror_coords(record.coords, resolution)
     order = np.lexsort(coords.T[::-1])
 
     def cells(values: np.ndarray) -> np.ndarray:

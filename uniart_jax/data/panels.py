@@ -83,11 +83,11 @@ def boards_of(obj: ArticulatedObject) -> list[Panels | None]:
     still = body_rows(obj)
     for k, part in enumerate(obj.parts):
         found.append(None)
-        if k in still or np.sort(part.mesh.extents)[1] < NARROW:
+        solid = as_manifold(part.mesh).transform(motions[k])
+        if k in still or solid.status() != manifold3d.Error.NoError:
             continue
-        solid = as_manifold(part.mesh)
-        if solid.status() == manifold3d.Error.NoError:
-            solid = solid.transform(motions[k])
+        ends = np.array(solid.bounding_box()).reshape(2, 3)
+        if np.sort(ends[1] - ends[0])[1] >= NARROW:
             boxes = _boxes_of(solid, OF_PART)
             found[k] = Panels(boxes, _share(solid, [*map(_cuboid, boxes)]))
     return found

@@ -24,7 +24,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from uniart_jax.config import ModelConfig
+from uniart_jax.config import LatentSampleConfig, ModelConfig, StructureSampleConfig
 from uniart_jax.data.folder import read_manifest
 from uniart_jax.data.geometric_features import CHANNELS as GEOMETRIC_CHANNELS
 from uniart_jax.data.geometric_features import geometric_features
@@ -37,7 +37,7 @@ from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.evaluation.result_store import ResultStore, without_nan
 from uniart_jax.evaluation.runner import error_line, run
 from uniart_jax.experiments.design import Arm, Objects, Station
-from uniart_jax.inference.samplers import join_views
+from uniart_jax.inference.looks import Looks, find_grid, find_voxels, look
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
@@ -49,7 +49,6 @@ from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.grid import occupancy
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.typed_batches import Condition
 
 NEEDS: dict[Station, tuple[str, ...]] = {
     "vae": ("uniart_vae",),
@@ -210,11 +209,9 @@ def figure_names(station: Station) -> list[str]:
 
 def structure_overlap(arm: Arm, pipeline: Pipeline, test: TestObject, seed: int) -> Figures:
     """Of the sampled active voxels with the true ones."""
-    grid, (options, _) = test.truth.grid, pipeline.options(**arm.sampling)
-    condition = encode_views(pipeline, test)[0]
-    solution = pipeline.solve_structure(condition, jax.random.key(seed), options)
-    logits = pipeline.structure_logits(solution.x, condition)
-    found = pipeline.active_voxels(logits, options)[0]
+    grid, options = test.truth.grid, pipeline.options(**arm.sampling)
+    looks, _ = look_at(pipeline, test, options)
+    found, solution = find_voxels(pipeline, looks, jax.random.key(seed), options[0])
     one, other = (occupancy(c, grid.resolution) for c in (found, grid.coords))
     iou = float((one & other).sum() / (one | other).sum())
     return {"structure_iou": iou, "velocities": float(solution.evaluations[0])}
@@ -236,29 +233,31 @@ def make_object(
     if arm.station == "vae":
         latent = pipeline.encode_voxels(grid, **test.features)
         sees = pipeline.config.model.uniart_vae.layout_channels > 0
-        layout = encode_views(pipeline, test)[1] if sees else None
+        layout = pipeline.find_layout(test.images[0]) if sees else None
         out = pipeline.decode([grid.coords], [latent], [layout])[0]
         if layout is not None:
             return assemble_layout(out, layout), None
         return assemble(out, tolerance=NETWORK_TOLERANCE), None
-    (condition, layout), key = encode_views(pipeline, test), jax.random.key(seed)
-    _, options = pipeline.options(**arm.sampling)
-    solution = pipeline.solve_latents([grid.coords], condition, key, options)
-    latent = np.asarray(solution.x)[0, : len(grid.coords)]
-    sampled = pipeline.decode_sampled(grid.coords, latent, options, layout)
+    options = pipeline.options(**arm.sampling)
+    looks, layout = look_at(pipeline, test, options)
+    key = jax.random.key(seed)
+    sampled, solution = find_grid(pipeline, grid.coords, looks, key, options[1], layout)
     if layout is not None:
         return assemble_layout(sampled, layout), float(solution.evaluations[0])
     obj = assemble(sampled, tolerance=NETWORK_TOLERANCE)
     return obj, float(solution.evaluations[0])
 
 
-def encode_views(pipeline: Pipeline, test: TestObject) -> tuple[Condition, Layout | None]:
-    """The condition that the images of an object make, and the layout of the first, which flows
-    that see layouts are given."""
-    pixels = [pipeline.prepare(image) for image in test.images]
-    condition = join_views(pipeline.encode_images(np.stack(pixels)))
+def look_at(
+    pipeline: Pipeline,
+    test: TestObject,
+    options: tuple[StructureSampleConfig, LatentSampleConfig],
+) -> tuple[Looks, Layout | None]:
+    """What the flows see of an object's images, and the layout of the first, which flows that see
+    layouts are given."""
+    pixels = np.stack([pipeline.prepare(image) for image in test.images])
     layout = pipeline.find_layout(test.images[0])
-    return pipeline.following(condition, [layout]), layout
+    return look(pipeline, pixels, layout, *options), layout
 
 
 @functools.lru_cache

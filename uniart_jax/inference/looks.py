@@ -1,8 +1,8 @@
 """A picture looked at twice, as it is and mirrored: the mean of what the flows make of both.
 
 A flow that takes one step gives a mean, and half of what a mean has wrong differs between the two
-looks (``mirrored`` of ``config.StructureSampleConfig`` and ``LatentSampleConfig``). A flow that
-takes several draws a sample; two samples have no mean, so it looks once.
+looks (``config.SampleConfig.mirrored``). A flow that takes several draws a sample; two samples have
+no mean, so it looks once.
 """
 
 from __future__ import annotations
@@ -14,7 +14,13 @@ import jax
 import numpy as np
 
 from uniart_jax.config import LatentSampleConfig, StructureSampleConfig
-from uniart_jax.data.mirror import mirror_dense, mirror_images, mirror_subcells, mirror_table
+from uniart_jax.data.mirror import (
+    mirror_coords,
+    mirror_dense,
+    mirror_images,
+    mirror_subcells,
+    mirror_table,
+)
 from uniart_jax.flow.solvers import Solution
 from uniart_jax.inference.networks import Networks
 from uniart_jax.inference.samplers import join_views
@@ -24,8 +30,8 @@ from uniart_jax.voxels.typed_batches import Condition
 
 
 class Looks(NamedTuple):
-    """What the flows see of the views of one object; mirrored: of its mirror image, None where no
-    flow asks for it."""
+    """What the flows see of the views of one object (a condition of one item), and of its mirror
+    image with the mirrored layout; None where no flow asks for that."""
 
     plain: Condition
     mirrored: Condition | None
@@ -51,13 +57,14 @@ def look(
 def find_voxels(
     networks: Networks, looks: Looks, key: jax.Array, options: StructureSampleConfig
 ) -> tuple[np.ndarray, Solution]:
-    """Active voxels [V, 3], and the plain look's solution."""
+    """Active voxels [V, 3], and the plain look's solution with the evaluations of both; both begin
+    with the noise of ``key``."""
     found = networks.solve_structure(looks.plain, key, options)
     logits = networks.structure_logits(found.x, looks.plain)
     if looks.mirrored is not None and _twice(options):
         other = networks.solve_structure(looks.mirrored, key, options)
-        other = networks.structure_logits(other.x, looks.mirrored)
-        logits = (logits + mirror_dense(other, 1)) / 2
+        there = networks.structure_logits(other.x, looks.mirrored)
+        logits, found = (logits + mirror_dense(there, 1)) / 2, _with_cost_of(found, other)
     return networks.active_voxels(logits, options)[0], found
 
 
@@ -70,8 +77,9 @@ def find_grid(
     layout: Layout | None,
 ) -> tuple[VoxelGrid, Solution]:
     """Distances, colours and what they say of parts on voxels [V, 3], thickened and smoothed as
-    the options say; and the plain look's solution. Distances and colours are of both looks, what
-    is said of parts is of the plain one."""
+    the options say; and the plain look's solution with the evaluations of both. Distances and
+    colours are of both looks, what is said of parts is of the plain one. ``layout``: in the plain
+    look's frame."""
     table = networks.part_table([layout], 1)
 
     def one(coords, condition, table):
@@ -81,14 +89,21 @@ def find_grid(
 
     grid, found = one(coords, looks.plain, table)
     if looks.mirrored is not None and _twice(options):
-        resolution, cells = grid.resolution, grid.subdivisions
-        turned = coords * np.array([1, -1, 1], coords.dtype) + [0, resolution - 1, 0]
+        turned = mirror_coords(coords, grid.resolution)
         order = np.lexsort(turned.T[::-1])  # voxels come in lexicographic order
-        there, _ = one(turned[order].astype(coords.dtype), looks.mirrored, mirror_table(table))
-        back = np.argsort(order)
+        there, other = one(turned[order], looks.mirrored, mirror_table(table))
+        back, cells = np.argsort(order), grid.subdivisions
         sdf, color = (mirror_subcells(v, cells)[back] for v in (there.sdf, there.color))
         grid = dataclasses.replace(grid, sdf=(grid.sdf + sdf) / 2, color=(grid.color + color) / 2)
+        found = _with_cost_of(found, other)
     return smoothed(grid, options.sdf_offset, options.sdf_blur, options.sdf_blur_along), found
+
+
+def _with_cost_of(found: Solution, other: Solution) -> Solution:
+    return found._replace(
+        evaluations=found.evaluations + other.evaluations,
+        steps_over_tolerance=found.steps_over_tolerance + other.steps_over_tolerance,
+    )
 
 
 def _twice(options: StructureSampleConfig | LatentSampleConfig) -> bool:

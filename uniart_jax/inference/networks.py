@@ -20,7 +20,6 @@ from uniart_jax.config import (
     NETWORKS,
     Config,
     GridConfig,
-    LatentSampleConfig,
     SampleConfig,
     StructureSampleConfig,
 )
@@ -37,7 +36,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.gaussian_decoder import gaussian_parameters
 from uniart_jax.models.network import build
 from uniart_jax.nn.voxel_plans import voxel_plans
-from uniart_jax.voxels.grid import PartGrid, VoxelGrid, smoothed
+from uniart_jax.voxels.grid import PartGrid, VoxelGrid
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table
 from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
@@ -268,19 +267,6 @@ class Networks:
             latent[b, : len(values)] = values
         plans = voxel_plans(padded, counts, model.uniart_vae, model.grid, fitted=True)
         return latent, VoxelBatch(padded, counts, plans=plans)
-
-    def decode_sampled(
-        self,
-        coords: np.ndarray,
-        latent: np.ndarray,
-        options: LatentSampleConfig | None = None,
-        layout: Layout | None = None,
-    ) -> VoxelGrid:
-        """One item of ``decode``, thickened and smoothed as ``sample_latent`` says
-        (``voxels.grid.smoothed``)."""
-        options = options or self.config.sample_latent
-        grid = self.decode([coords], [latent], [layout])[0]
-        return smoothed(grid, options.sdf_offset, options.sdf_blur, options.sdf_blur_along)
 
     def part_table(self, layouts: Sequence[Layout | None], items: int) -> PartTable:
         """The layouts of some items as the networks see them; None: not known.

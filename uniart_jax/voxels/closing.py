@@ -1,8 +1,9 @@
 """How a part that stands ajar lies closed: the frame in which boards of parts are told.
 
-A part closes at the end of its hinge's range where its box is nearer the body's middle; shown less
-than ``STRAIGHT`` from there it lies as it is shown, as does all that turns on no hinge along an
-axis. ``xp``: the array namespace, numpy or jax.numpy. No jax here.
+A part closes at the end of its hinge's range where the box around it and the body is smaller. Shown
+less than ``STRAIGHT`` from there it lies as it is shown, as does all that turns on no hinge along
+an axis. A part whose parent stands ajar is not turned with it. ``xp``: the array namespace, numpy
+or jax.numpy. No jax here.
 """
 
 from __future__ import annotations
@@ -29,32 +30,38 @@ def closing(codes: Any, boxes: Any, body: Any, xp: Any = np) -> tuple[Any, Any]:
     """The motion that closes each part.
 
     Args:
-      codes: [..., 9] joint codes (``voxels.joint_code``). boxes: [..., 6] corners of the box around
-        each part as it is shown. body: [..., 6] of the body's, or one that broadcasts.
+      codes: [..., 9] joint codes (``voxels.joint_code``), any gauge. boxes: [..., 6] corners of the
+        box around each part as it is shown, object units. body: [..., 6] of the body's, or one that
+        broadcasts.
 
     Returns:
-      [..., 3, 4] rotation about the hinge, the identity of what does not stand ajar, and the angle
-      [...], radians.
+      [..., 3, 4] rigid motions about the hinges, object units, the identity of what does not stand
+      ajar; and their angles [...], radians.
     """
     codes, boxes = xp.asarray(codes), xp.asarray(boxes)
     line, moment = codes[..., 1:4], codes[..., 4:7]
     length = xp.sqrt((line**2).sum(-1, keepdims=True) + 1e-12)
     axis, moment = line / length, moment / length
     point = xp.cross(axis, moment)
-    ends = codes[..., 7:9] * (np.pi * xp.cos(codes[..., :1] * (np.pi / 2)))
+    # limits bracket 0, as ``joint_code.decode_joint`` has them
+    ends = xp.stack([xp.minimum(codes[..., 7], 0.0), xp.maximum(codes[..., 8], 0.0)], -1)
+    angles = ends * (np.pi * xp.cos(codes[..., :1] * (np.pi / 2)))
     body = xp.broadcast_to(xp.asarray(body), boxes.shape)
-    middle, centre = (body[..., :3] + body[..., 3:]) / 2, (boxes[..., :3] + boxes[..., 3:]) / 2
-    there = [_about(axis, point, ends[..., k], centre, xp) for k in range(2)]
-    far = [((place - middle) ** 2).sum(-1) for place in there]
-    angle = xp.where(far[1] < far[0], ends[..., 1], ends[..., 0])
+    centre = (boxes[..., :3] + boxes[..., 3:]) / 2
+    motions = [_rigid(axis, point, angles[..., k], xp) for k in range(2)]
+    volumes, places = [], []
+    for k, motion in enumerate(motions):
+        closed = closed_boxes(motion, angles[..., k], codes, boxes, xp)
+        lower = xp.minimum(closed[..., :3], body[..., :3])
+        upper = xp.maximum(closed[..., 3:], body[..., 3:])
+        volumes.append(xp.maximum(upper - lower, THINNEST).prod(-1))
+        places.append(moved(motion, centre))
+    angle = xp.where(volumes[1] < volumes[0], angles[..., 1], angles[..., 0])
     hinged = (xp.abs(codes[..., 0]) < TURNS) & (length[..., 0] > FIXED_AXIS)
-    hinged &= ((there[1] - there[0]) ** 2).sum(-1) > ARM**2
-    hinged &= (xp.abs(codes[..., 8] - codes[..., 7]) < ENDLESS) & (xp.abs(axis).max(-1) > ALONG)
+    hinged &= ((places[1] - places[0]) ** 2).sum(-1) > ARM**2
+    hinged &= (xp.abs(ends[..., 1] - ends[..., 0]) < ENDLESS) & (xp.abs(axis).max(-1) > ALONG)
     angle = xp.where(hinged & (xp.abs(angle) > STRAIGHT), angle, 0.0)
-    columns = [_rotated(axis, angle, row, xp) for row in np.eye(3, dtype=np.float32)]
-    rotation = xp.stack(columns, -1)
-    offset = point - (rotation * point[..., None, :]).sum(-1)
-    return xp.concatenate([rotation, offset[..., None]], -1), angle
+    return _rigid(axis, point, angle, xp), angle
 
 
 def closing_of(joints: Sequence[Joint], boxes: np.ndarray, parents: Sequence[int]) -> np.ndarray:
@@ -111,5 +118,9 @@ def _rotated(axis: Any, angle: Any, vector: Any, xp: Any) -> Any:
     return cos * vector + sin * xp.cross(axis, vector) + (1 - cos) * along
 
 
-def _about(axis: Any, point: Any, angle: Any, place: Any, xp: Any) -> Any:
-    return _rotated(axis, angle, place - point, xp) + point
+def _rigid(axis: Any, point: Any, angle: Any, xp: Any) -> Any:
+    """[..., 3, 4] turn by an angle [...] about the line through a point [..., 3]."""
+    columns = [_rotated(axis, angle, row, xp) for row in np.eye(3, dtype=np.float32)]
+    rotation = xp.stack(columns, -1)
+    offset = point - (rotation * point[..., None, :]).sum(-1)
+    return xp.concatenate([rotation, offset[..., None]], -1)

@@ -49,7 +49,8 @@ def with_boards(
 ) -> tuple[DenseField, frozenset[int]]:
     """A field in which parts are their boards, and which parts are.
 
-    Boards are moved to faces that are drawn nearby, and made to meet. They take the place of
+    Boards are moved to faces that are drawn nearby, and made to meet; one that hangs in the air, as
+    a handle without its feet, reaches the board behind it. They take the place of
     what is drawn of their part, but for what stands out from their front, as a handle of which
     there is no board, and of what the body has there, but for what is within ``EDGE`` of the ends
     of all that does not move. A drawer lies between the walls that the body has beside it; crumbs
@@ -159,7 +160,7 @@ def _turned(
         return None
     into = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
     from_ = tuple(slice(a, b) for a, b in zip(first - low, last - low, strict=True))
-    distance[into] = shape[from_]
+    distance[into] = np.where(shape[from_] < 1, shape[from_], BESIDE)
     return distance
 
 
@@ -201,16 +202,28 @@ def _placed(
 
 
 def _as_wide(boards: np.ndarray, drawn: np.ndarray, axes: list[int]) -> None:
-    """In place: boards [N, 6] end where most of their part's outline [U, V] along two axes does:
-    those that end last, if that is near."""
-    for axis, lines in zip(axes, (drawn, drawn.T), strict=True):
+    """In place: boards [N, 6] end where most of their part's outline [U, V] along two axes does,
+    if that is near where the last of those that span the outline end: these, and those that end
+    within ``LEVEL`` of there. A board that is thin along the axis moves as it is."""
+    thin = (boards[:, 3:] - boards[:, :3]).argmin(1)
+    for axis, across, lines in zip(axes, axes[::-1], (drawn, drawn.T), strict=True):
         filled = lines.sum(1)
         most = np.flatnonzero(filled >= MOST * np.median(filled[filled > 0]))
+        span = MOST * float(lines.any(0).sum())
+        wide = boards[:, across + 3] - boards[:, across] >= span
         for end, place in ((axis, most[0] - 0.5), (axis + 3, most[-1] + 0.5)):
             faces = boards[:, end]
-            last = faces.max() if end > 2 else faces.min()
-            if abs(place - last) <= WIDER:
-                boards[np.abs(faces - last) <= LEVEL, end] = place
+            if not wide.any():
+                continue
+            last = faces[wide].max() if end > 2 else faces[wide].min()
+            if abs(place - last) > WIDER:
+                continue
+            near = np.abs(faces - last) <= LEVEL
+            whole = near & (thin == axis)
+            boards[near & ~whole, end] = place
+            shift = place - boards[whole, end]
+            boards[whole, axis] += shift
+            boards[whole, axis + 3] += shift
 
 
 def _joined(boards: np.ndarray) -> None:

@@ -241,22 +241,25 @@ def drawer_front(
     return Front(*opening, low, high) if (high - low >= THINNEST).all() else None
 
 
-def whole_front(field: DenseField, part: int, body: Sequence[int], drawer: Front) -> int:
+def whole_front(
+    field: DenseField, part: int, body: Sequence[int], drawer: Front
+) -> tuple[int, int]:
     """In place: the front of a drawer as a whole plate where most of it is drawn; what of the body
     lies in it is the drawer's.
 
     Returns:
-      How far from the box's first layer the plate's back lies; 0 where there is none.
+      The layers of the box, from its first on, at which the plate begins and ends; 0, 0 where there
+      is none.
     """
     shown, whose = drawer.seen(field.sdf), drawer.seen(field.owner)
     solid = (shown < 0) & (whose == part)
     there, first = solid.any(0), solid.argmax(0)
     if there.mean() < COVERED:
-        return 0
+        return 0, 0
     plane = int(np.median(first[there]))
     near = there & (np.abs(first - plane) <= NEAR)
     if near.mean() < FRONT or plane > AHEAD * len(solid):
-        return 0
+        return 0, 0
     gap = (np.arange(len(solid))[:, None, None] >= first) & ~solid
     back = np.where(gap.any(0), gap.argmax(0), len(solid))
     depth = int(np.clip(np.median((back - first)[near]), *PLATE))
@@ -270,7 +273,7 @@ def whole_front(field: DenseField, part: int, body: Sequence[int], drawer: Front
     edge = np.asarray(ndimage.binary_dilation(plate), bool) & ~plate & mine & (shown > 0)
     shown[edge] = np.maximum(shown[edge], SOLID)
     _trim(field, part, drawer, plane, depth)
-    return plane + depth
+    return plane, plane + depth
 
 
 def _trim(field: DenseField, part: int, drawer: Front, plane: int, depth: int) -> None:

@@ -41,7 +41,8 @@ SHELF = 0.35  # share of a layer that is solid, where there is a shelf, and of i
 THICKNESS = 2  # of walls where they have gaps
 KEPT = 0.5  # share of a part's cells below which all is left as it was: racks are all gaps
 CORNER = 0.12  # of the sides: a round room does not reach so far into its corners
-AJAR = 0.05  # radians from its closed end, from which on a door is not shown closed
+# from its closed end, from which on a door (radians) or a drawer (object units) is not shown closed
+AJAR, PULLED = 0.05, 0.01
 RIM = 3  # layers of what a door closes against
 SOLID = 0.5  # distance of cells that are filled or cleared
 TRIM = 1.0  # percent of a drawer's cells that are not looked at, at either end
@@ -70,10 +71,10 @@ def with_clean_rooms(
         before = field.sdf.copy(), field.owner.copy()
         drawer = drawer_front(cells, boxes[k], joints[k], body)
         if drawer is not None:
-            depth = whole_front(field, k, still, drawer)
-            _clean(field, [k], _from_above(cells, drawer, depth), ends=True)
-            if depth and _is_closed(joints[k], cells, body):
-                front = _plate_of(drawer, depth)
+            plate = whole_front(field, k, still, drawer)
+            _clean(field, [k], _from_above(cells, drawer, plate[1]), ends=True)
+            if plate[1] and _is_closed(joints[k], cells, body):
+                front = _layers(drawer, *plate)
                 straighten_rim(field, still, front)
                 _clean(field, still, _behind(front, body))
         door = closed_door(cells, boxes[k], joints[k], body)
@@ -93,17 +94,18 @@ def with_clean_rooms(
 def _is_closed(joint: Joint, cells: np.ndarray, body: np.ndarray) -> bool:
     """Whether a part of ``cells`` [n, 3] is shown closed against ``body`` [X, Y, Z]."""
     size = body.shape[0] - 2
-    return abs(closed_end(joint, cells, center_of(np.argwhere(body), size), size)) < AJAR
+    away = abs(closed_end(joint, cells, center_of(np.argwhere(body), size), size))
+    return away < (PULLED if joint.type == "prismatic" else AJAR)
 
 
-def _plate_of(drawer: Front, depth: int) -> Front:
-    """The first layers of a drawer's box."""
-    low, high = drawer.low.copy(), drawer.high.copy()
-    if drawer.side > 0:
-        low[drawer.axis] = high[drawer.axis] - depth
+def _layers(box: Front, first: int, last: int) -> Front:
+    """Some layers of a box, counted from where it is seen."""
+    low, high = box.low.copy(), box.high.copy()
+    if box.side > 0:
+        low[box.axis], high[box.axis] = high[box.axis] - last, high[box.axis] - first
     else:
-        high[drawer.axis] = low[drawer.axis] + depth
-    return Front(drawer.axis, drawer.side, low, high)
+        low[box.axis], high[box.axis] = low[box.axis] + first, low[box.axis] + last
+    return Front(box.axis, box.side, low, high)
 
 
 def _from_above(cells: np.ndarray, front: Front, depth: int) -> Front:
