@@ -140,7 +140,7 @@ MUTANTS = (
         "uniart_jax/voxels/closing.py",
         "xp.where(volumes[1] < volumes[0], angles[..., 1], angles[..., 0])",
         "angles[..., 0]",
-        "tests/voxels/test_closing.py::test_procedural_doors_close",
+        "tests/voxels/test_closing_doors.py::test_procedural_doors_close",
     ),
     Mutant(
         "uniart_jax/models/box_sets.py",
