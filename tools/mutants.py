@@ -388,7 +388,7 @@ def copy(folder: Path) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("names", nargs="*", help="part of a mutant's text; none: all")
     names = parser.parse_args().names
     chosen = [m for m in MUTANTS if not names or any(n in " ".join(m) for n in names)]
