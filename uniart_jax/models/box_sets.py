@@ -222,10 +222,9 @@ class BoardDecoder(BoxSetDecoder):
         return x.reshape(len(x), -1, x.shape[-1])
 
     def frame(self, seen):
-        count = len(self.anchors[...])
-        own = seen.asked_corners, seen.asked_codes
-        motions, angles = closing(own[1], own[0], seen.body[:, None], jnp)
-        closed = closed_boxes(motions, angles, own[1], own[0], jnp)
+        count, codes, corners = len(self.anchors[...]), seen.asked_codes, seen.asked_corners
+        motions, angles = closing(codes, corners, seen.body[:, None], jnp)
+        closed = closed_boxes(motions, angles, codes, corners, jnp)
         shown = jnp.repeat(undone(motions, jnp), count, 1)
         return *_shares(jnp.repeat(closed, count, 1), SMALLEST_PART), shown
 

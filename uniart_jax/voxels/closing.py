@@ -21,8 +21,7 @@ TURNS = 0.25  # |tau| of a hinge's code at most
 ENDLESS = 1.5  # of pi: a part that turns by more is no door
 ALONG = 0.99  # least cosine between the hinge and an axis
 ARM = 0.05  # object units that a box's middle goes at least; else it is a knob
-# a door, as thick as a part of its width, for which a size is read off the box around it ajar
-PLATE = 0.08
+PLATE = 0.08  # thickness over width of a door, assumed where its size is read off the box around it
 THINNEST = 0.01  # object units
 
 
@@ -76,8 +75,8 @@ def closing_of(joints: Sequence[Joint], boxes: np.ndarray, parents: Sequence[int
 def closed_boxes(motions: Any, angles: Any, codes: Any, boxes: Any, xp: Any = np) -> Any:
     """[..., 6] corners of about the box around each part once it is closed.
 
-    A door is told from the box around it ajar as if it were ``PLATE`` of its width thick. Exact
-    for what is shown closed.
+    The size of a door is read off the box around it ajar, for a plate that is ``PLATE`` of its
+    width thick. Exact for what is shown closed.
     """
     codes, boxes = xp.asarray(codes), xp.asarray(boxes)
     centre, size = (boxes[..., :3] + boxes[..., 3:]) / 2, boxes[..., 3:] - boxes[..., :3]
@@ -88,7 +87,7 @@ def closed_boxes(motions: Any, angles: Any, codes: Any, boxes: Any, xp: Any = np
     sin, cos = xp.abs(xp.sin(angles))[..., None], xp.abs(xp.cos(angles))[..., None]
     wide = xp.sqrt((across**2).sum(-1, keepdims=True) / (1 + PLATE**2 + 4 * PLATE * sin * cos))
     thick = xp.maximum(across.sum(-1, keepdims=True) / (sin + cos) - wide, THINNEST)
-    # where the hinge is fixed to it, the part lies along the arm
+    # it is wide along the arm from its hinge to its middle
     point = xp.cross(codes[..., 1:4], codes[..., 4:7])
     point = point / xp.maximum((codes[..., 1:4] ** 2).sum(-1, keepdims=True), 1e-12)
     arm = xp.where(hinge, 0.0, xp.abs(closed - point))
