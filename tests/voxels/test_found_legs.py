@@ -81,6 +81,15 @@ def test_legs_that_no_voxel_shows_are_made_and_crumbs_go():
         assert pieces == 1 and below(labels > 0).sum() > 4 * 25 * 30
 
 
+@pytest.mark.parametrize("until, stays", [(HIGH + 1, True), (20.3, False)])
+def test_plates_that_are_drawn_in_their_stead_stay(until, stays):
+    plates = [block((10.3, y, LOW), (56.3, y + 4, until)) for y in (10.3, 52.3)]
+    field = field_of(np.min([TOP, *plates], 0))
+    after = with_legs(field, [0], legs_at(CORNERS, 3.0))
+    middle = solid_of(after, 0)[24:42, 11:14, 10:18]
+    assert middle.mean() == stays
+
+
 def test_other_parts_stay_as_they_are():
     bin_between = block((25.3, 25.3, 8.3), (40.3, 40.3, 30.3))
     through = block((9.3, 9.3, 20.3), (18.3, 18.3, 24.3))

@@ -25,11 +25,14 @@ JUMP = 0.15  # share of the body's rectangle by which its cells grow there
 REACH = 0.3  # object units above, within which the body covers a leg that goes on
 CARRIED = 0.2  # share of the body above legs at least, for the rest below to be taken away
 COVERED = 0.6  # share of a leg that is the body's there
+UPRIGHT = 0.8  # share of the legs' layers in which what stands beside them is drawn
+PLATES = 2.0  # of its cells in a layer, as a multiple of the legs'
 BLEND = 2  # layers below a leg's upper end, where what it carries is near
 
 
 def with_legs(field: DenseField, body: Sequence[int], legs: Legs) -> DenseField:
-    """A field whose body stands on these legs, and on nothing else where they stand ``alone``.
+    """A field whose body stands on these legs, and on nothing else where they stand ``alone`` and
+    no plates are drawn in their stead.
 
     Their upper ends are moved to where the body begins. Legs stand below it; one that it does not
     cover there goes on up to where it does. Without ``alone`` what reaches farther than ``NEAR``
@@ -48,6 +51,7 @@ def with_legs(field: DenseField, body: Sequence[int], legs: Legs) -> DenseField:
     prisms = Prisms(legs, solid)
     first, last = prisms.layers()
     alone = legs.alone and solid[:, :, last:].sum() >= CARRIED * solid.sum()
+    alone = alone and not _on_others(solid[:, :, first:last], prisms, first)
     free = ~np.asarray(ndimage.binary_dilation((field.sdf < 0) & ~mine), bool)
     for axis in range(3):  # the layer around the grid stays outside
         np.moveaxis(free, axis, 0)[[0, -1]] = False
@@ -144,6 +148,14 @@ def _beyond(solid: np.ndarray, distance: np.ndarray) -> np.ndarray:
     ndimage.label(solid, output=labels)
     far = np.unique(labels[solid & (distance >= NEAR)])
     return np.isin(labels, far[far > 0])
+
+
+def _on_others(below: np.ndarray, prisms: Prisms, first: int) -> bool:
+    """Whether what is drawn in the legs' layers [X, Y, L], from ``first`` on, stands on other
+    things, as plates at its ends: upright all the way, and ``PLATES`` times as large as legs."""
+    distance = np.stack([prisms.at(first + z).min(0) for z in range(below.shape[2])], -1)
+    others = (below & (distance >= NEAR)).mean(2) >= UPRIGHT
+    return bool(others.sum() > PLATES * (distance < 0).sum((0, 1)).mean())
 
 
 def _draw(field: DenseField, z: int, distance: np.ndarray, where: np.ndarray, part: int) -> None:
