@@ -148,6 +148,20 @@ def test_drawers_are_the_layouts_boards():
     ]
 
 
+def test_racks_behind_a_door_are_trays():
+    obj = procedural.generate("dishwasher", 900_010)
+    racks = [k for k, part in enumerate(obj.parts) if part.joint.type == "prismatic"]
+    layout = Layout.of_object(obj)
+    made = assemble_layout(voxelize(obj, 24, 4).gather(), layout)
+    assert [n for n in made.provenance if "tray" in n] == [
+        f"part {k} of the layout made a tray" for k in racks
+    ]
+    for k in racks:
+        np.testing.assert_allclose(made.parts[k].mesh.extents, layout.boxes[k, 3:], atol=0.03)
+        assert made.parts[k].mesh.is_watertight
+        assert made.parts[k].mesh.volume > 1.5 * obj.parts[k].mesh.volume
+
+
 def test_rows_that_no_voxel_shows_or_a_mere_speck_are_left_out_and_said(oven):
     obj, grid = oven
     true = Layout.of_object(obj)

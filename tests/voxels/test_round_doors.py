@@ -58,6 +58,12 @@ def test_a_square_door_is_none_whatever_its_size_and_however_its_box_fits(half, 
     assert round_doors(field, boxes, (Joint.fixed(), hinge), [0]) == []
 
 
+def test_an_upright_door_that_falls_open_is_none():
+    field, boxes, (fixed, _) = washer(6)
+    falls = Joint(place_of((29.0, 33.3, LOWER[2])), (0, -1, 0), angle=(0, np.pi / 2))
+    assert round_doors(field, boxes, (fixed, falls), [0]) == []
+
+
 @pytest.mark.parametrize(("share", "count"), [(0.6, 1), (0.7, 0)])
 def test_a_round_door_takes_much_of_the_width(monkeypatch, share, count):
     """In a wide desk a small door whose corners are drawn badly is a square one."""

@@ -40,6 +40,7 @@ from uniart_jax.voxels.rooms import with_clean_rooms
 from uniart_jax.voxels.round_doors import round_doors, with_round_doors
 from uniart_jax.voxels.segment import Segmentation, outside
 from uniart_jax.voxels.stand_ins import doubles, in_front, needed, side_by_side, stand_in
+from uniart_jax.voxels.trays import trays
 from uniart_jax.voxels.walls import with_whole_walls
 from uniart_jax.voxels.ways import still_parts
 
@@ -80,8 +81,9 @@ def assemble_layout(
       grid: attributes on active voxels as a network gives them. layout: of the same shown state and
         frame.
       flat: nearly flat faces are made flat (``flat_faces``), boards within the body are the
-        layout's panels (``found_panels``), parts that move its boards (``found_boards``), legs are
-        whole (``found_legs``, ``legs``), rooms behind doors and in drawers boxes (``rooms``).
+        layout's panels (``found_panels``), parts that move its boards (``found_boards``), racks
+        trays (``trays``), legs are whole (``found_legs``, ``legs``), rooms behind doors and in
+        drawers boxes (``rooms``).
       room: what stands in the way of moving parts is taken off (``clearance``).
 
     Returns:
@@ -160,6 +162,7 @@ def assemble_layout(
                 if built is None:
                     unfit.append("panels of the layout left out: voxels show another body")
                 field = built or field
+            left = set(range(len(boxes)))
             if boards:
                 field, built = with_boards(field, boards, joints, body, ajar)
                 unfit.extend(
@@ -167,6 +170,11 @@ def assemble_layout(
                     "shape"
                     for k in sorted(boards.keys() - built)
                 )
+                left -= built
+            racks = trays(field, boxes, joints, body, closed, left)
+            if racks:
+                field, _ = with_boards(field, racks, joints, body, exact=True)
+                unfit.extend(f"part {kept[rows[k]]} of the layout made a tray" for k in racks)
             if layout.legs is None:
                 field = with_whole_legs(field, body)
             else:

@@ -46,6 +46,7 @@ def with_boards(
     joints: Sequence[Joint],
     body: Sequence[int],
     motions: Mapping[int, np.ndarray] | None = None,
+    exact: bool = False,
 ) -> tuple[DenseField, frozenset[int]]:
     """A field in which parts are their boards, and which parts are.
 
@@ -60,6 +61,7 @@ def with_boards(
       boards: [N, 6] lower and upper corners, object units, of some owners. joints: of all owners.
       body: owners that do not move. motions: [3, 4] of the owners whose boards are told elsewhere
         than they are shown, to there: doors that stand ajar (``voxels.closing``), object units.
+      exact: parts are their boards as they are told, whatever is drawn of them.
 
     Returns:
       A new field, and the owners that are built of boards in it. A part stays as it is where less
@@ -84,13 +86,13 @@ def with_boards(
                 turned[k] = found
             continue
         slides = joints[k].type == "prismatic"
-        found = _placed(own, solid, rows, way if slides else None)
+        found = rows if exact else _placed(own, solid, rows, way if slides else None)
         if found is None:
             continue
         if slides and way is not None:
             found, rooms[k] = _between_walls(found, held, *way)
         placed[k] = found
-        if way is not None:
+        if way is not None and not exact:
             kept |= _standing_out(found, solid, *way)
     built = frozenset([*placed, *turned])
     if not built:

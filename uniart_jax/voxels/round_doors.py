@@ -59,7 +59,7 @@ class Disc(NamedTuple):
 def round_doors(
     drawn: DenseField, boxes: np.ndarray, joints: Sequence[Joint], body: Sequence[int]
 ) -> list[Disc]:
-    """Doors that a network draws round.
+    """Doors that a network draws round. Upright ones turn about an upright hinge.
 
     Args:
       drawn: as the network draws it, before any face is made flat. boxes: [K, 6] centre and size of
@@ -75,6 +75,8 @@ def round_doors(
             continue
         turn = turn_of(cells, box, joint, size, True, center_of(still, size))
         if turn is None or not turn.outside:
+            continue
+        if 2 not in (turn.axis, 3 - turn.axis - turn.along):  # an upright one that falls open
             continue
         beside = np.ptp(still[:, turn.along]) + 1
         wide = turn.ends[1] - turn.ends[0] >= SHARE * beside
