@@ -29,6 +29,8 @@ def turning(at, direction=(1, 0, 0)):
     return Joint(np.array(at), direction, angle=(-1.0, 1.0))
 
 
+TABLE = (0.1, 0.0, -0.3, 0.4, 0.38, 0.04)
+ENDLESS = Joint(np.array((0.1, 0.0, 0.0)), (0, 0, 1), angle=(-np.pi, np.pi))
 IN_ITS_MIDDLE = turning((0.3, 0.205, 0.295))  # wherever along its axis
 
 
@@ -53,6 +55,12 @@ IN_ITS_MIDDLE = turning((0.3, 0.205, 0.295))  # wherever along its axis
         ({"joint": turning((-0.41, 0.22, 0.3))}, 380, []),  # beside its middle
         ({"joint": turning((-0.41, 0.2, 0.3), (1, 0.5, 0))}, 380, []),  # aslant
         ({"joint": Joint(np.zeros(3), (1, 0, 0), travel=(0, 0.1))}, 380, []),
+        # so is what turns without end within its parent, if it is low
+        ({"joint": ENDLESS, "box": TABLE}, 9999, [1]),
+        ({"joint": ENDLESS, "box": (*TABLE[:5], 0.2)}, 9999, []),  # a drum
+        ({"joint": ENDLESS, "box": (*TABLE[:3], 0.8, 0.8, 0.04)}, 9999, []),  # a seat
+        ({"joint": dataclasses.replace(ENDLESS, angle=(-1, 1)), "box": TABLE}, 9999, []),
+        ({"joint": turning(TABLE[:3]), "box": (*TABLE[:3], 0.04, 0.4, 0.4)}, 9999, []),  # a fan
     ],
 )
 def test_which_rows_need_one(changes, solid, wanted):

@@ -1,12 +1,13 @@
 """Colours of an object's surface from the picture that it was made of.
 
 What the picture shows, each place of the surface takes from it: the more it faces the camera and
-the farther it lies from the silhouette, where a small error of the camera shows the background. The
-picture's light is divided out: a smooth function of the normal that makes what is seen as bright as
-the network's colours, on the whole. What the picture does not show takes the colour of the nearest
-place of the same part that it does show, or of its mirror image (y -> -y), if that is near. Else it
-takes the median of the network's colours over a wide neighbourhood, because the network's guesses
-there are blotchy.
+the farther it lies from the silhouette, where a small error of the camera shows the background;
+nothing close beside a surface in front, whose colour it might be. The
+light is divided out that our renderer has fall there, past what stands in its way: from the front
+and above, as in most pictures, so that the object looks in a viewer as it does in the picture.
+What the picture does not show takes the colour of the nearest place of the same part that it does
+show, or of its mirror image (y -> -y), if that is near. Else it takes the median of the network's
+colours over a wide neighbourhood, because the network's guesses there are blotchy.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
+from embreex.rtcore_scene import EmbreeScene
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from uniart_jax.data.images import MARGIN, crop
 from uniart_jax.objects.appearance import srgb_to_linear
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.visual.render import build_scene, occluded
+from uniart_jax.visual.render import build_scene, light_on, occluded
 from uniart_jax.voxels.camera_code import camera_position, project
 
 SIZE = 512  # pixels a side that a picture is cropped to
@@ -31,10 +33,13 @@ SEEN = 0.5  # belief of places that others take their colour from
 TURNED = 0.1  # object units that the opposite of a normal counts as twice
 NEAR = 0.1  # object units over which a colour is carried
 FAR = 0.25  # beyond which none is
-LIGHT = (0.2, 3.0)
-DARK = 0.02  # linear RGB below which ratios say nothing
+LIFT = 0.012  # object units above a surface, whose teeth are no shadows, that light is asked at
+ASIDE = 0.012  # object units to the sides, where another surface may stand in front
+STEP = (
+    0.02  # object units before or behind a place's own plane, from which on it is another surface
+)
+DARKEST = 0.15  # light that a place has at least
 SAMPLES = 5_000  # places a part that colours are carried from
-ROUNDS = 4
 PLAIN = 1500  # places of a part that nothing shows, whose colours are looked at together
 AROUND = 96  # nearest of them, of which a colour is the median
 FACE = 0.5  # object units that the opposite of a normal counts as twice, for these
@@ -84,7 +89,6 @@ def paint(
     shown, belief = look(picture, obj, points, normals)
     if (belief > SEEN).sum() < 50:  # the camera is off, or the picture says nothing
         return colors
-    shown = np.clip(shown / light(shown, colors, normals, belief)[:, None], 0, 1)
     filled = colors.copy()
     for k in np.unique(parts):
         mine = np.flatnonzero(parts == k)
@@ -125,8 +129,8 @@ def plain(points: np.ndarray, normals: np.ndarray, colors: np.ndarray) -> np.nda
 def look(
     picture: Picture, obj: ArticulatedObject, points: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """[n, 3] linear RGB that the picture shows at places of the object, and how far that is to be
-    believed, [n] in 0..1."""
+    """[n, 3] linear RGB of places of the object by what the picture shows there, without its light,
+    and how far that is to be believed, [n] in 0..1."""
     position, places = camera_position(picture.camera), project(picture.camera, points)
     towards = position - points
     towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
@@ -138,27 +142,36 @@ def look(
     belief = belief * np.clip(read(picture.depth) / EDGE, 0, 1)
     tried = np.flatnonzero(belief > 0)
     start = points[tried] + OFFSET * (normals[tried] + towards[tried])
-    hidden = occluded(build_scene(obj)[0], start.astype(np.float32), towards[tried])
-    belief[tried[hidden]] = 0
-    return shown.astype(np.float32), belief.astype(np.float32)
+    scene = build_scene(obj)[0]
+    hidden = occluded(scene, start.astype(np.float32), towards[tried])
+    seen = tried[~hidden]
+    seen = seen[~beside_nearer(scene, position, points[seen], normals[seen])]
+    light = light_on(scene, points[seen] + LIFT * normals[seen], normals[seen])
+    shown[seen] /= np.maximum(light, DARKEST)[:, None]
+    believed = np.zeros(len(points), np.float32)
+    believed[seen] = belief[seen]
+    return np.clip(shown, 0, 1).astype(np.float32), believed
 
 
-def light(
-    shown: np.ndarray, colors: np.ndarray, normals: np.ndarray, belief: np.ndarray
+def beside_nearer(
+    scene: EmbreeScene, position: np.ndarray, points: np.ndarray, normals: np.ndarray
 ) -> np.ndarray:
-    """[n] the light on places, as a smooth function of their normals: what is seen over what the
-    network says, by robust least squares."""
-    ratio = np.log((shown.mean(-1) + DARK) / (colors.mean(-1) + DARK))
-    basis = np.concatenate([np.ones((len(normals), 1)), normals, normals[:, :2] ** 2], -1)
-    rows = np.flatnonzero(belief > SEEN)
-    rows = rows[:: -(-len(rows) // SAMPLES)]
-    weight, found = belief[rows], np.zeros(basis.shape[1])
-    for _ in range(ROUNDS):
-        scaled = basis[rows] * weight[:, None]
-        damp = 0.01 * len(rows) * np.eye(len(found))
-        found = np.linalg.solve(scaled.T @ basis[rows] + damp, scaled.T @ ratio[rows])
-        weight = belief[rows] / (1 + (np.abs(basis[rows] @ found - ratio[rows]) / 0.3) ** 2)
-    return np.clip(np.exp(basis @ found), *LIGHT)
+    """[n] whether a camera at ``position`` [3] sees another surface in front, ``ASIDE`` to the left
+    or right of a place [n, 3], above or below it."""
+    towards = points - position
+    towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
+    across = np.cross(towards, [0.0, 0, 1])
+    across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
+    height = ((points - position) * normals).sum(-1)
+    beside = np.zeros(len(points), bool)
+    for shift in (across, -across, np.cross(towards, across), np.cross(across, towards)):
+        ray = points + ASIDE * shift - position
+        ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+        start = np.broadcast_to(position, ray.shape).astype(np.float32)
+        hit = scene.run(start, ray.astype(np.float32), output=1)
+        plane = height / np.minimum((ray * normals).sum(-1), -1e-3)  # how far the ray goes to it
+        beside |= (hit["primID"] >= 0) & (hit["tfar"] < plane - STEP)
+    return beside
 
 
 def _places(points: np.ndarray, normals: np.ndarray, turned: float = TURNED) -> np.ndarray:

@@ -313,6 +313,19 @@ def _light(scene: EmbreeScene, point, normal, row: int, column: int, side: int) 
     return sky + KEY_STRENGTH * np.maximum(facing, 0)
 
 
+def light_on(
+    scene: EmbreeScene, points: np.ndarray, normals: np.ndarray, samples: int = 4
+) -> np.ndarray:
+    """[n] float32 light on places [n, 3] with unit normals [n, 3], a little above the surfaces that
+    cast shadows: what a white one would send to a camera of ``render``; ``samples`` as there."""
+    side = round(samples**0.5)
+    places, normals = points.astype(np.float32), normals.astype(np.float32)
+    light = np.zeros(len(places), np.float32)
+    for row, column in itertools.product(range(side), range(side)):
+        light += _light(scene, places, normals, row, column, side)
+    return light / side**2
+
+
 def occluded(scene: EmbreeScene, start: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """[n] whether something lies in a direction [n, 3] from places [n, 3] float32."""
     rays = np.ascontiguousarray(direction, dtype=np.float32)

@@ -88,7 +88,8 @@ def assemble_layout(
 
     Returns:
       Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels
-      hardly show, or that turns about its middle, is made of its box (``stand_ins``); another that
+      hardly show, or that turns about its middle, and a turntable are made of their boxes
+      (``stand_ins``); another that
       no voxel shows, or a fixed one of which they show a fragment, is left out, its children hang
       on its parent. ``provenance`` tells of all.
 

@@ -1,6 +1,6 @@
-"""Small parts that voxels are too coarse for: a knob that turns about its middle, or one that a
-layout holds and voxels hardly show, is made of its row alone, a disc or a block of its box in the
-row's colour."""
+"""Parts that voxels are too coarse for: a knob that turns about its middle, a turntable, or a small
+one that a layout holds and voxels hardly show, is made of its row alone, a disc or a block of its
+box in the row's colour."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.ways import on_axis, round_about
 
 SMALL = 0.15  # object units; larger parts have voxels, or are not there
+LOW = 0.25  # of its width that a turntable is high at most
 SHOWN = 0.1  # share of its box that a part's solid sub-cells fill at least where voxels show it
 SURE = 0.5  # least confidence of a row that is believed without voxels
 NEAR = 0.05  # object units, from its parent's box
@@ -42,7 +43,7 @@ def needed(layout: Layout, solid: np.ndarray, cells: int) -> list[int]:
         k
         for k, parent in enumerate(layout.parents)
         if parent >= 0
-        and size[k].max() <= SMALL
+        and (size[k].max() <= SMALL or _is_turntable(layout, k))
         and layout.confidence[k] >= SURE
         and gaps[k, parent].max() <= NEAR
         and (
@@ -50,6 +51,17 @@ def needed(layout: Layout, solid: np.ndarray, cells: int) -> list[int]:
             or round_about(layout.boxes[k, :3], size[k], layout.joints[k]) is not None
         )
     ]
+
+
+def _is_turntable(layout: Layout, row: int) -> bool:
+    """Whether a row is a low disc that turns about an upright axis, without end, within its parent,
+    and carries nothing."""
+    joint, box = layout.joints[row], layout.boxes[row]
+    inner, outer = box_corners(layout.boxes[[row, layout.parents[row]]])
+    within = (inner[:2] >= outer[:2]).all() and (inner[3:5] <= outer[3:5]).all()
+    upright = joint.type == "continuous" and round_about(box[:3], box[3:], joint) == 2
+    low = box[5] <= LOW * box[3:5].min()
+    return bool(upright and low and within and row not in layout.parents)
 
 
 def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) -> trimesh.Trimesh:
