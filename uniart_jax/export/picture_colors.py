@@ -6,8 +6,7 @@ nothing close beside a surface in front, whose colour it might be. The
 light is divided out that our renderer has fall there, past what stands in its way: from the front
 and above, as in most pictures, so that the object looks in a viewer as it does in the picture.
 What the picture does not show takes the colour of the nearest place of the same part that it does
-show, or of its mirror image (y -> -y), if that is near. Else it takes the median of the network's
-colours over a wide neighbourhood, because the network's guesses there are blotchy.
+show, or of its mirror image (y -> -y), if that is near, else what ``hidden_colors`` says.
 """
 
 from __future__ import annotations
@@ -20,7 +19,8 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from uniart_jax.data.images import MARGIN, crop
-from uniart_jax.objects.appearance import srgb_to_linear
+from uniart_jax.export.hidden_colors import Places, hidden_colors
+from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.visual.render import build_scene, light_on, occluded
 from uniart_jax.voxels.camera_code import camera_position, project
@@ -31,7 +31,7 @@ EDGE = 0.025  # of the picture's side, from the silhouette, over which it comes 
 OFFSET = 0.004  # object units, of rays to the camera from the surface they leave
 SEEN = 0.5  # belief of places that others take their colour from
 TURNED = 0.1  # object units that the opposite of a normal counts as twice
-NEAR = 0.1  # object units over which a colour is carried
+NEAR = 0.04  # object units over which a colour is carried
 FAR = 0.25  # beyond which none is
 LIFT = 0.012  # object units above a surface, whose teeth are no shadows, that light is asked at
 ASIDE = 0.012  # object units to the sides, where another surface may stand in front
@@ -40,10 +40,10 @@ STEP = (
 )
 DARKEST = 0.15  # light that a place has at least
 SAMPLES = 5_000  # places a part that colours are carried from
-PLAIN = 1500  # places of a part that nothing shows, whose colours are looked at together
-AROUND = 96  # nearest of them, of which a colour is the median
-FACE = 0.5  # object units that the opposite of a normal counts as twice, for these
-BETWEEN = 6  # nearest of these medians, of which a place's colour is the mean
+PLACES = 8_000  # of an object, of whose hidden ones colours are asked
+FEWEST = 64  # of them of each part, at least
+FACE = 0.5  # object units that the opposite of a normal counts as twice, between these places
+BETWEEN = 6  # nearest of them, of whose colours a place's is the mean
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,11 +89,9 @@ def paint(
     shown, belief = look(picture, obj, points, normals)
     if (belief > SEEN).sum() < 50:  # the camera is off, or the picture says nothing
         return colors
-    filled = colors.copy()
+    filled = guessed(picture, obj, points, normals, parts, colors, shown, belief)
     for k in np.unique(parts):
         mine = np.flatnonzero(parts == k)
-        hidden = mine[belief[mine] <= 0]
-        filled[hidden] = plain(points[hidden], normals[hidden], colors[hidden])
         seen, unseen = mine[belief[mine] > SEEN], mine[belief[mine] < 1]
         if len(seen) < 10 or not len(unseen):
             continue
@@ -112,18 +110,44 @@ def paint(
     return belief[:, None] * shown + (1 - belief[:, None]) * filled
 
 
-def plain(points: np.ndarray, normals: np.ndarray, colors: np.ndarray) -> np.ndarray:
-    """[n, 3] colours of places of a part without blotches: of ``PLAIN`` of them medians over their
-    ``AROUND`` nearest, and means of these in between."""
-    if len(points) <= AROUND:
-        return colors
-    at = _places(points, normals, FACE)
-    few = np.linspace(0, len(points) - 1, min(PLAIN, len(points))).astype(int)
-    _, near = cKDTree(at[few]).query(at[few], k=min(AROUND, len(few)))
-    medians = np.median(colors[few][near], axis=1)
-    distance, near = cKDTree(at[few]).query(at, k=min(BETWEEN, len(few)), eps=0.5)
-    weight = 1 / (distance + 1e-3)
-    return ((medians[near] * weight[..., None]).sum(1) / weight.sum(1)[:, None]).astype(np.float32)
+def guessed(
+    picture: Picture,
+    obj: ArticulatedObject,
+    points: np.ndarray,
+    normals: np.ndarray,
+    parts: np.ndarray,
+    colors: np.ndarray,
+    shown: np.ndarray,
+    belief: np.ndarray,
+) -> np.ndarray:
+    """[n, 3] linear RGB of places; of those that the picture does not show by ``hidden_colors`` of
+    ``PLACES``, and means in between, of others the network's."""
+    owners, counts = np.unique(parts, return_counts=True)
+    asked = np.maximum(PLACES * counts // len(parts), FEWEST)
+    rows = np.concatenate(
+        [
+            mine[np.linspace(0, len(mine) - 1, min(count, len(mine))).astype(int)]
+            for mine, count in zip((np.flatnonzero(parts == k) for k in owners), asked, strict=True)
+        ]
+    )
+    some = (points[rows], normals[rows], parts[rows])
+    seen = belief[rows] > SEEN
+    places = Places(*some, linear_to_srgb(colors[rows]), linear_to_srgb(shown[rows]), seen)
+    at = np.flatnonzero(belief[rows] <= 0)
+    said = hidden_colors(places, obj, camera_position(picture.camera), at)
+    filled = colors.copy()
+    for k in owners:
+        hidden, known = np.flatnonzero((parts == k) & (belief <= 0)), parts[rows[at]] == k
+        if not known.any():
+            continue
+        tree = cKDTree(_places(points[rows[at[known]]], normals[rows[at[known]]], FACE))
+        where = _places(points[hidden], normals[hidden], FACE)
+        count = min(BETWEEN, int(known.sum()))
+        distance, near = tree.query(where, k=np.arange(1, count + 1), eps=0.5)
+        weight = 1 / (distance + 1e-3)
+        mean = (said[known][near] * weight[..., None]).sum(1) / weight.sum(1)[:, None]
+        filled[hidden] = mean
+    return filled
 
 
 def look(
