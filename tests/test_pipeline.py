@@ -253,6 +253,13 @@ def test_the_layout_network_is_shown_a_crop_of_its_own_size(pipeline, tmp_path, 
     assert shown[0].shape != mine.prepare(image).shape
 
 
+def test_a_misspelt_background_is_refused_with_the_choices(pipeline):
+    image = np.full((64, 64, 4), 255, np.uint8)
+    for ask in (pipeline, pipeline.sample, pipeline.find_layout, pipeline.cut_out):
+        with pytest.raises(ValueError, match=r"'rembgg' is unknown; choose one of auto, keep, "):
+            ask(image, background="rembgg")
+
+
 @pytest.mark.parametrize("pixels", [np.zeros((9, 9), np.uint8), np.zeros((9, 9, 3), np.float32)])
 def test_wrong_arrays(pipeline, pixels):
     with pytest.raises(ValueError, match="uint8"):

@@ -18,6 +18,8 @@ from uniart_jax.cli import exit_on_error
 from uniart_jax.cli import sample as sample_command
 from uniart_jax.cli.asset_options import AssetOptions
 from uniart_jax.config import SampleConfig
+from uniart_jax.data import background
+from uniart_jax.data.images import read_image
 from uniart_jax.models.checkpoint import PRETRAINED
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.pipeline import Sample
@@ -167,6 +169,16 @@ def test_nonsense_options(tmp_path, refused, options, says):
     assert says in said and not (tmp_path / "out").exists()
 
 
+def test_a_missing_rembg_is_told_of_the_file_before_a_model_is_loaded(
+    tmp_path, refused, monkeypatch
+):
+    monkeypatch.setattr(background, "_installed", lambda *modules: False)
+    said = refused(EXAMPLE, "--out", tmp_path / "out", "--background", "rembg")
+    expected = f"error: image '{EXAMPLE}': --background rembg needs rembg: pip install"
+    assert said.startswith(expected) and len(said.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
 @shipped
 @pytest.mark.slow
 def test_several_adaptive_samples_say_how_much_they_agree(tmp_path):
@@ -249,7 +261,7 @@ def test_a_sample_that_fails_does_not_cost_the_others(tmp_path, monkeypatch, cap
 
 
 class Looker(Finder):
-    """Remembers the pictures that it is shown, by their mean, and fails as a bug would where it is
+    """Remembers the pictures that it is given, by their mean, and fails as a bug would where it is
     told to."""
 
     def __init__(self, fails=()):
@@ -257,7 +269,7 @@ class Looker(Finder):
         self.shown, self.fails = [], fails
 
     def sample(self, image, *, seed, **options):
-        self.shown.append(([float(picture.mean()) for picture in image], seed))
+        self.shown.append(([float(read_image(path).mean()) for path in image], seed))
         if len(self.shown) in self.fails:
             raise IndexError("list index out of range")
         return super().sample(image, seed=seed, **options)

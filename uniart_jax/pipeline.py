@@ -166,8 +166,8 @@ class Pipeline(Networks):
             both flows (``config.SampleConfig``); None = as the checkpoint has them.
 
         Raises:
-          FileNotFoundError, ValueError: an image cannot be used, no object was found in it, or the
-            checkpoint is not trained so far.
+          FileNotFoundError, ValueError: an image cannot be used, no object was found in it,
+            ``background`` is no way to cut it out, or the checkpoint is not trained so far.
         """
         if untrained := self.config.untrained:
             more = "" if len(untrained) <= 3 else f" and {len(untrained) - 3} more"
@@ -307,7 +307,7 @@ class Pipeline(Networks):
         """[H, W, 4] uint8: read, background cut away; and how (``data.background.cut_out``).
 
         Raises:
-          FileNotFoundError, ValueError: the image cannot be used.
+          FileNotFoundError, ValueError: the image cannot be used, or ``background`` is unknown.
         """
         name = "image" if isinstance(image, np.ndarray) else f"image '{image}'"
         pixels = image if isinstance(image, np.ndarray) else read_image(image)

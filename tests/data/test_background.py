@@ -131,6 +131,14 @@ def test_without_the_extra_it_is_named(monkeypatch):
     assert way == "none" and (cut[..., 3] == 255).all()
 
 
+@pytest.mark.parametrize("picture", [plain(), see_through()], ids=["plain", "alpha"])
+def test_a_way_that_does_not_exist_is_named_with_those_that_do(rembg, picture):
+    line = r"^oven: background 'rembgg' is unknown; choose one of auto, keep, rembg$"
+    with pytest.raises(ValueError, match=line):
+        cut_out(picture, "rembgg", "oven")
+    assert rembg == []
+
+
 def test_a_failing_rembg_is_one_line_or_passed_over(rembg, monkeypatch):
     def fails(*_, **__):
         raise SystemExit("no backend\nmore")

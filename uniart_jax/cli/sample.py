@@ -100,11 +100,13 @@ def sample(
         raise ValueError(f"sample: --tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
     given = _layout(layout, follow, len(images) == 1 or multi_view)
     asset = output.parsed()
+    from uniart_jax.data.background import check_background
     from uniart_jax.data.images import check_visible, read_image
 
     pictures = [read_image(path) for path in images]  # all inputs are checked before any work
     for path, picture in zip(images, pictures, strict=True):
         check_visible(picture, f"image '{path}'")
+        check_background(background, f"image '{path}'")
     folders = sample_folders(images, out, num_samples, multi_view)
     for folder in folders.values():
         check_out(folder, overwrite, images)
@@ -139,7 +141,7 @@ def sample(
                     say(f"{name}: sample {i + 1} of {num_samples}")
                 with _noted(failed, name, seed + i, wanted):
                     drawn[i] = pipeline.sample(
-                        [picture for _, picture in views],
+                        [path for path, _ in views],  # which messages name
                         seed=seed + i,
                         name=views[0][0].stem,
                         layout=given,

@@ -15,7 +15,7 @@ import functools
 import importlib.util
 import warnings
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 import scipy.ndimage
@@ -52,13 +52,12 @@ def cut_out(
         needed.
 
     Raises:
-      ValueError: the image is transparent throughout, or rembg is asked for and not installed or
-        finds nothing.
+      ValueError: the image is transparent throughout, ``background`` is none of these, or rembg is
+        asked for and not installed or finds nothing.
     """
+    check_background(background, name)
     check_visible(rgba, name)
     if background == "rembg":
-        if not _installed("rembg", "onnxruntime"):
-            raise ValueError(f"{name}: --background rembg {_MISSING}")
         mask = _by_rembg(rgba, name)
         if mask is None:
             raise ValueError(f"{name}: rembg found no object; cut it out, or use --background auto")
@@ -93,6 +92,22 @@ def cut_out(
         stacklevel=2,
     )
     return rgba, "none"
+
+
+def check_background(background: str, name: str) -> None:
+    """
+    Args:
+      name: of the image, for messages.
+
+    Raises:
+      ValueError: no way to cut an object out is called ``background``, or it is "rembg", which is
+        not installed.
+    """
+    if background not in get_args(Background):
+        ways = ", ".join(get_args(Background))
+        raise ValueError(f"{name}: background '{background}' is unknown; choose one of {ways}")
+    if background == "rembg" and not _installed("rembg", "onnxruntime"):
+        raise ValueError(f"{name}: --background rembg {_MISSING}")
 
 
 def _agree(plain: np.ndarray, mask: np.ndarray) -> bool:
