@@ -1,16 +1,20 @@
-"""What ``print`` shows of a pipeline, a network and an object: one short line."""
+"""What ``print`` and ``dir`` show: of what the package gives a short line, of a sample a few."""
 
 import dataclasses
 
 import jax
 import numpy as np
 
-from uniart_jax.config import Config, ModelConfig, StructureVAEConfig
+import uniart_jax
+from uniart_jax.config import Config, MaskConfig, ModelConfig, StructureVAEConfig
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.pipeline import Pipeline
+from uniart_jax.pipeline import Pipeline, Sample
 from uniart_jax.procedural import generate
+from uniart_jax.stages import Trainer
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.panel_table import Panels
 
 
 def test_an_object_names_its_parts_and_joints():
@@ -41,6 +45,54 @@ def test_a_pipeline_says_what_it_holds(tmp_path):
         "Pipeline(mine: 1.5 million parameters in image_encoder; "
         "64^3 voxels of 4^3 sub-cells; from memory)"
     )
-    (tmp_path / "layout.safetensors").touch()
+    (tmp_path / "mask.safetensors").touch()  # counted, though it is not read yet
+    mask = MaskConfig(channels=8, width=16)
+    pipeline.config = Config(name="mine", model=ModelConfig(mask=mask))
     pipeline.checkpoint = Checkpoint(tmp_path)
-    assert "image_encoder, beside them layout; " in str(pipeline) and str(tmp_path) in str(pipeline)
+    network = build("mask", pipeline.config.model)
+    count = sum(leaf.size for leaf in jax.tree.leaves(network.abstract()))
+    assert count > 100_000
+    millions = f"{1.5 + count / 1e6:.1f} million parameters in image_encoder, mask; "
+    assert millions in str(pipeline) and str(tmp_path) in str(pipeline)
+
+
+def test_a_layout_names_the_joints_of_its_parts():
+    layout = Layout.of_object(generate("oven", 3))
+    sure = np.linspace(0.72, 1, len(layout))
+    layout = dataclasses.replace(layout, confidence=sure, camera=np.zeros(7))
+    types = ", ".join(joint.type for joint in layout.joints)
+    assert str(layout) == f"Layout(6 parts: {types}; at least 0.72 sure; with camera)"
+    boards = (None, Panels(np.zeros((1, 6)), 0.9), *[None] * 4)
+    assert str(dataclasses.replace(layout, boards=boards)).endswith("; with camera, boards)")
+    assert str(dataclasses.replace(layout, camera=None, boards=(None,) * 6)).endswith(" sure)")
+
+
+def test_a_sample_says_what_was_found_and_how():
+    oven = generate("oven", 3)
+    cut = np.zeros((64, 64, 4), np.uint8)
+    evaluations, layout = {"structure": 2, "latent": 3}, Layout.of_object(oven)
+    sample = Sample(oven, {}, evaluations, {}, None, ("alpha",), (cut,), layout)
+    first, *rest = str(sample).splitlines()
+    assert first == "Sample(an oven-like object: 1 hinge, 4 knobs"
+    assert [line.strip() for line in rest] == [
+        str(oven),
+        "network evaluations: structure 2, latent 3",
+        "cut out by: alpha",
+        f"follows {layout})",
+    ]
+    assert str(Sample(oven, {}, {}, {})).endswith("\n  follows no layout)")
+
+
+def test_a_trainer_says_what_it_trains_and_how_far_it_is(tmp_path):
+    (tmp_path / "export").mkdir()
+    (tmp_path / "export" / "uniart_vae.safetensors").touch()
+    networks = "image_encoder, structure_vae, uniart_vae, structure_flow, latent_flow"
+    assert str(Trainer(Config(name="mine"), tmp_path)) == (
+        f"Trainer(mine: {networks}; 1 of 5 exported in {tmp_path})"
+    )
+    assert str(Trainer(Config(), tmp_path, "nano")).endswith("; goes on from nano)")
+
+
+def test_the_package_lists_its_public_names():
+    assert set(uniart_jax.__all__) <= set(dir(uniart_jax))
+    assert {"load", "Trainer", "load_object", "ArticulatedObject"} <= set(dir(uniart_jax))

@@ -30,11 +30,13 @@ from uniart_jax.config import (
 from uniart_jax.data.background import Way, cut_out
 from uniart_jax.data.images import crop, read_image
 from uniart_jax.export.picture_colors import Picture
+from uniart_jax.export.words import moving_words
 from uniart_jax.inference.layouts import LayoutPredictor
 from uniart_jax.inference.looks import find_grid, find_voxels, look
 from uniart_jax.inference.masks import MaskPredictor, load_mask_predictor
 from uniart_jax.inference.networks import Networks
 from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
@@ -76,6 +78,14 @@ class Sample:
     cut: tuple[np.ndarray, ...] = ()
     layout: Layout | None = None
 
+    def __repr__(self) -> str:
+        asked = ", ".join(f"{flow} {number}" for flow, number in self.evaluations.items())
+        lines = [f"Sample({self.kind}: {moving_words(self.obj)}", repr(self.obj)]
+        lines += [f"network evaluations: {asked}"] if asked else []
+        lines += [f"cut out by: {', '.join(self.background)}"] if self.background else []
+        lines += ["follows no layout" if self.layout is None else f"follows {self.layout!r}"]
+        return "\n  ".join(lines) + ")"
+
     @property
     def kind(self) -> Kind:
         """The kind of thing that its parts are likest to."""
@@ -86,16 +96,17 @@ class Pipeline(Networks):
     """A trained model: its networks (``inference.networks``), and what they make of a picture."""
 
     def __repr__(self) -> str:
-        names, where = ", ".join(self.parameters), "memory"
+        sizes, where = dict(self.parameters), "memory"
         if self.checkpoint is not None:
             where = self.checkpoint.folder
-            more = [name for name in ("layout", "mask") if self.checkpoint.has(name)]
-            names += f", beside them {' and '.join(more)}" if more else ""
-        count = sum(leaf.size for leaf in jax.tree.leaves(self.parameters))
+            for name in self.config.model.networks():
+                if name not in sizes and self.checkpoint.has(name):  # read when first asked for
+                    sizes[name] = build(name, self.config.model).abstract()
+        count = sum(leaf.size for leaf in jax.tree.leaves(sizes))
         side, cells = self.config.model.grid.resolution, self.config.model.grid.subdivisions
         return (
-            f"Pipeline({self.config.name}: {count / 1e6:.1f} million parameters in {names}; "
-            f"{side}^3 voxels of {cells}^3 sub-cells; from {where})"
+            f"Pipeline({self.config.name}: {count / 1e6:.1f} million parameters "
+            f"in {', '.join(sizes)}; {side}^3 voxels of {cells}^3 sub-cells; from {where})"
         )
 
     def __call__(

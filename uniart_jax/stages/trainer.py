@@ -84,6 +84,15 @@ class Trainer:
         self.config, self.init = config, init
         self.workdir = Path("runs") / config.name if workdir is None else Path(workdir)
 
+    def __repr__(self) -> str:
+        names, exported = self.config.model.networks(), Checkpoint(self.workdir / "export")
+        trained = sum(exported.has(name) for name in names)
+        init = self.init or self.config.init
+        return (
+            f"Trainer({self.config.name}: {', '.join(names)}; {trained} of {len(names)} exported "
+            f"in {self.workdir}{f'; goes on from {init}' if init else ''})"
+        )
+
     def fit(
         self, stages: str | Sequence[str] = "all", batches: Iterable[Any] | None = None
     ) -> Trainer:

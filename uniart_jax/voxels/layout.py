@@ -97,6 +97,15 @@ class Layout:
     def __len__(self) -> int:
         return len(self.boxes)
 
+    def __repr__(self) -> str:
+        types = ", ".join(joint.type for joint in self.joints[:8])
+        types += ", ..." if len(self) > 8 else ""
+        also = [name for name in ("camera", "legs", "panels") if getattr(self, name) is not None]
+        also += ["boards"] if any(own is not None for own in self.boards) else []
+        least = f"at least {min(self.confidence):.2f} sure" if len(self) else "empty"
+        beside = f"; with {', '.join(also)}" if also else ""
+        return f"Layout({len(self)} parts: {types}; {least}{beside})"
+
     @staticmethod
     def of_object(obj: ArticulatedObject, colors: np.ndarray | None = None) -> Layout:
         """The true layout of a normalised object at its shown state; ``colors`` [K, 3] linear RGB,
