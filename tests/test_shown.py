@@ -61,10 +61,10 @@ def test_a_layout_names_the_joints_of_its_parts():
     sure = np.linspace(0.72, 1, len(layout))
     layout = dataclasses.replace(layout, confidence=sure, camera=np.zeros(7))
     types = ", ".join(joint.type for joint in layout.joints)
-    assert str(layout) == f"Layout(6 parts: {types}; at least 0.72 sure; with camera)"
+    assert str(layout) == f"Layout(6 parts: {types}; confidence from 0.72; with camera)"
     boards = (None, Panels(np.zeros((1, 6)), 0.9), *[None] * 4)
     assert str(dataclasses.replace(layout, boards=boards)).endswith("; with camera, boards)")
-    assert str(dataclasses.replace(layout, camera=None, boards=(None,) * 6)).endswith(" sure)")
+    assert str(dataclasses.replace(layout, camera=None, boards=(None,) * 6)).endswith("from 0.72)")
 
 
 def test_a_sample_says_what_was_found_and_how():

@@ -161,9 +161,8 @@ class UniArtVAEConfig:
     half a run in every other block (no padding waste: the laptop's choice). ``part_segment``: parts
     longer than this are attended in pieces of this many voxels; 0 = never cut. ``linear_path``: a
     linear layer past each trunk (TRELLIS has none). ``layout_channels``: width of what the
-    decoder's voxels see of a layout, whose rows its
-      sub-cells
-    then point at (``models.layout_decoder``); 0 = none (the paper).
+    decoder's voxels see of a layout, whose rows its sub-cells then point at
+    (``models.layout_decoder``); 0 = none (the paper).
     """
 
     width: int = 768
@@ -356,8 +355,8 @@ class LossConfig:
     # encoder
     # left as it is (``freeze``): the decoder learns what to make of a flow's mistakes
     sampled: float = 0.0
-    time_mean: float = 1.0
-    time_std: float = 1.0
+    time_mean: float = 1.0  # flows: of the logit of t, which is normally distributed
+    time_std: float = 1.0  # and its standard deviation
     noise_share: float = 0.0  # share of draws taken uniformly from t in (.9, 1)
     condition_drop: float = 0.1
     # structure flow: share of the loss that is the refiner's, on what the flow samples in one step;
@@ -391,7 +390,7 @@ class DataConfig:
     # flows: images of an item that a step shows at once (the supplement's multi-view model); the
     # records must have as many
     condition_views: int = 1
-    validation_count: int = 64
+    validation_count: int = 64  # objects to prepare in ``validation`` where it is not there yet
     validation_seed: int = (
         900_000  # never trained on, and not the held-out seeds of the evaluation either
     )
@@ -427,8 +426,8 @@ class DataConfig:
     # UniArt VAE: share of the parts whose joint and parent are drawn anew
     # (``objects.perturb.draw_joint``)
     new_joints: float = 0.0
-    seed: int = 0
-    workers: int = 0
+    seed: int = 0  # of the order and of what is drawn for each item
+    workers: int = 0  # processes that make batches; 0 = a thread
 
 
 @dataclasses.dataclass(frozen=True)

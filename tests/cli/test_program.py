@@ -1,6 +1,8 @@
 """The ``uniart`` program as a whole: version, help that a person can read, how much is said."""
 
+import dataclasses
 import logging
+import re
 import runpy
 import sys
 from pathlib import Path
@@ -11,7 +13,7 @@ import tyro
 
 from uniart_jax import __version__, cli
 from uniart_jax.cli import COMMANDS
-from uniart_jax.cli.help_texts import joined_lines, readable, value_name
+from uniart_jax.cli.help_texts import field_comments, joined_lines, readable, value_name
 from uniart_jax.cli.verbosity import take_verbosity
 from uniart_jax.runtime import progress
 
@@ -63,8 +65,70 @@ def test_training_is_a_command_like_others(uniart):
 def test_help_is_for_people(uniart, command):
     code, said, _ = uniart(command, "--help")
     assert code == 0
-    for puzzle in ("{None", "{[", "[[", "default: None", "default: )", "default: '')"):
-        assert puzzle not in said
+    assert not [puzzle for puzzle in PUZZLES if puzzle in said]
+
+
+PUZZLES = ("{None", "{[", "[[", "[STR [", "default: None", "default: )", "default: '')", "``")
+
+
+def test_the_help_of_a_config_shows_the_commands_options_and_its_fields(uniart):
+    code, said, _ = uniart("train", "--config", "nano", "--help")
+    assert code == 0 and not [puzzle for puzzle in PUZZLES if puzzle in said]
+    own, fields = said.split("usage: uniart train --config nano ")
+    assert own.startswith("usage: uniart train [-h]")
+    for option in ("--stage {", "--workdir PATH", "--init STR", "--distributed", "--wait FLOAT"):
+        assert option in own
+    assert "--config NAME, --help lists them" in " ".join(own.split())
+    words = " ".join(unboxed(fields).split())
+    for line in (  # defaults are the config's, what is said the code's
+        "--untrained STR ... --quick-compile",
+        "--data.procedural INT objects to prepare in records where it is not there yet (default: ",
+        "whose rows its sub-cells then point at (models.layout_decoder); 0 = none (the paper).",
+        "--model.image-encoder.stem-channels INT ... each further stage halves; the last gives the "
+        "tokens, the one before it what volume cells read (default: 24 48 96)",
+        "--mask.betas FLOAT FLOAT (default: 0.9 0.999)",
+    ):
+        assert line in words
+
+
+def test_a_field_has_the_comments_above_and_beside_it_alone():
+    assert field_comments(Commented) == {
+        "first": "Two lines, above. And beside.",
+        "third": "Inside, and after.",
+        "fourth": "of the base",
+    }
+
+
+def test_no_comment_of_a_config_is_shown_at_the_field_below_it_too(uniart):
+    """tyro does so where that has none of its own."""
+    fields = unboxed(uniart("train", "--config", "nano", "--help")[1]).split("usage: ")[-1]
+    groups = re.split(r" options *\n", fields)[1:]
+    assert len(groups) > 20
+    for group in groups:
+        shown = [" ".join(text.split()) for text in re.split(r"\n *--\w.*", group)[1:]]
+        said = [words for text in shown if (words := text.split("(default:")[0]).count(" ") > 2]
+        assert len(said) == len(set(said)), group
+
+
+def unboxed(text):
+    """Without the frames of a help, which are of ASCII where standard output is."""
+    return re.sub(r"[│╭╮╰╯─]|--+(?= |$)", " ", text, flags=re.MULTILINE)
+
+
+@dataclasses.dataclass
+class Base:
+    fourth: int = 4  # of the base
+
+
+@dataclasses.dataclass
+class Commented(Base):
+    # Two lines,
+    # above.
+    first: int = 1  # And beside.
+    second: str = "# nothing"
+    third: tuple[int, ...] = (
+        3,  # Inside,
+    )  # and after.
 
 
 def command(
@@ -108,6 +172,7 @@ def test_words_for_values():
     assert value_name(int | None) == "INT"
     assert value_name(tuple[Literal["u", "v"], ...]) == "{u,v} ..."
     assert value_name(Annotated[Path | None, tyro.conf.Positional]) == "[PATH]"
+    assert value_name(tuple[float, float]) is None  # tyro's: FLOAT FLOAT
     assert value_name(int) is None and value_name(bool | None) is None
 
 

@@ -14,7 +14,6 @@ import tyro
 from uniart_jax import __version__
 from uniart_jax.cli.app import app
 from uniart_jax.cli.arguments import exit_on_error
-from uniart_jax.cli.asset_options import AssetOptions
 from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
 from uniart_jax.cli.data import features, inspect, prepare, stats
 from uniart_jax.cli.evaluation import evaluate
@@ -53,7 +52,7 @@ DESCRIPTION = """Articulated 3D objects from one image.
 Every command takes -q (say only results, warnings and errors) and -v (log in detail, and say where
 in the code an error was raised). uniart --version prints the version."""
 
-for _command in (*COMMANDS.values(), AssetOptions):
+for _command in COMMANDS.values():
     readable(_command)
 
 

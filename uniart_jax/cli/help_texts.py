@@ -1,43 +1,89 @@
-"""What ``--help`` shows of an option: a plain word for its value, and its default once."""
+"""What ``--help`` shows of an option: a plain word for its value, its default once, and plain words
+about it."""
 
 from __future__ import annotations
 
+import ast
+import dataclasses
+import functools
 import inspect
+import io
+import tokenize
 import types
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import tyro
 
-Command = TypeVar("Command", bound=Callable[..., Any])
-_EMPTY = (None, (), "")  # defaults that say nothing: the help's own words tell what is done then
+_EMPTY = ("None", "", "''")  # defaults that say nothing: the help's own words tell what is done
 _WORDS = {int: "INT", float: "FLOAT", str: "STR", Path: "PATH"}
 
 
-def readable(command: Command) -> Command:
-    """The command (a function or dataclass), its annotations with what its help is to show.
+@functools.cache
+def readable(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The command (a function or dataclass) and the dataclasses in it, their annotations with what
+    the help is to show.
 
-    Without it, tyro shows ``{None}|{[{urdf,mjcf} [{urdf,mjcf} ...]]}`` and ``(default: None)``
-    beside a default that the help names in words. What is parsed stays the same.
+    Without it, tyro shows ``{None}|{[{urdf,mjcf} [{urdf,mjcf} ...]]}``, ``(default: None)`` beside
+    a default that the help names in words, the backticks of docstrings and comments, and their
+    line breaks. What is parsed stays the same.
     """
     hints = get_type_hints(command, include_extras=True)
+    comments = field_comments(command) if isinstance(command, type) else {}
     for name, parameter in inspect.signature(command).parameters.items():
+        inner, *extras = _unwrapped(hints[name])
+        if dataclasses.is_dataclass(inner):
+            readable(inner)
+            continue
         shown: dict[str, Any] = {}
         if (metavar := value_name(hints[name])) is not None:
             shown["metavar"] = metavar
-        if parameter.default is inspect.Parameter.empty:
-            if shown:
-                shown["help_behavior_hint"] = "(required)"  # several, at least one
-        elif any(parameter.default is empty or parameter.default == empty for empty in _EMPTY):
-            shown["help_behavior_hint"] = ""
+        if name in comments:
+            shown["help"] = without_backticks(comments[name])
+        if parameter.default is not inspect.Parameter.empty:
+            shown["help_behavior_hint"] = _default
+        elif metavar is not None:
+            shown["help_behavior_hint"] = "(required)"  # several, at least one
         if shown:
             # what the command itself says comes last and wins
-            inner, *extras = _unwrapped(hints[name])
             marked: Any = (inner, tyro.conf.arg(**shown), *extras)
             command.__annotations__[name] = Annotated[marked]  # type: ignore[misc]
-    command.__doc__ = joined_lines(command.__doc__ or "")
+    command.__doc__ = without_backticks(joined_lines(command.__doc__ or ""))
     return command
+
+
+def _default(value: str) -> str:
+    """What stands behind an option's help, of its default as words of a command line."""
+    return "" if value in _EMPTY else f"(default: {value})"
+
+
+def without_backticks(text: str) -> str:
+    """A text for a terminal, its code as one types it."""
+    return text.replace("``", "")
+
+
+def field_comments(cls: type) -> dict[str, str]:
+    """The comments above and beside the fields of a dataclass, by field, each on one line."""
+    found: dict[str, str] = {}
+    for base in cls.__mro__[:-1]:  # the last is object
+        try:
+            source = inspect.cleandoc("\n" + inspect.getsource(base))
+        except OSError:  # only its bytes are there
+            continue
+        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+        comments = {t.start[0]: t for t in tokens if t.type == tokenize.COMMENT}
+        whole = {row for row, t in comments.items() if t.line.lstrip().startswith("#")}
+        for node in ast.parse(source).body[0].body:
+            if isinstance(node, ast.AnnAssign):
+                first, last = node.lineno, node.end_lineno or node.lineno
+                while first - 1 in whole:
+                    first -= 1
+                rows = [comments[row] for row in range(first, last + 1) if row in comments]
+                texts = (t.string.removeprefix("#").split("# noqa")[0].strip() for t in rows)
+                if text := " ".join(filter(None, texts)):
+                    found.setdefault(node.target.id, text)
+    return found
 
 
 def joined_lines(text: str) -> str:
@@ -66,7 +112,7 @@ def value_name(hint: Any) -> str | None:
     given = [kind for kind in kinds if kind is not type(None)]
     if len(given) != 1 or given[0] is bool:
         return None
-    several = get_origin(given[0]) is tuple
+    several = get_args(given[0])[-1:] == (Ellipsis,)
     optional = len(kinds) > 1
     if not optional and not several:
         return None

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import tyro
 
 import uniart_jax
+from uniart_jax.cli.help_texts import readable
 from uniart_jax.config import STAGES, Config, load_config, to_json
 
 Stage = Literal[
@@ -30,7 +31,11 @@ Stage = Literal[
 
 @dataclasses.dataclass
 class TrainArguments:
-    """Train one stage or all of them; resumes by itself if WORKDIR holds checkpoints."""
+    """Train one stage or all of them; resumes by itself if WORKDIR holds checkpoints.
+
+    Any field of the config can follow by its dotted name, as in --data.procedural 0. With --config
+    NAME, --help lists them.
+    """
 
     config: Path
     """A file like those of configs/, or the name of one: debug, nano, small, paper."""
@@ -77,13 +82,17 @@ def train(arguments: list[str], prog: str = "train.py") -> None:
 
     ``prog``: the program's name in its help.
     """
-    # with a config given, --help belongs to its fields
+    # with a config given, --help shows its fields too
     fields = "--config" in " ".join(arguments) and bool({"-h", "--help"} & set(arguments))
     first = [a for a in arguments if not (fields and a in ("-h", "--help"))]
     known, rest = tyro.cli(TrainArguments, args=first, return_unknown_args=True, prog=prog)
     rest += ["--help"] if fields else []
     default = load_config(known.config)
-    config = tyro.cli(Config, default=default, args=rest, prog=f"{prog} --config …")
+    readable(Config)
+    if fields:
+        with contextlib.suppress(SystemExit):
+            tyro.cli(TrainArguments, args=["--help"], prog=prog)
+    config = tyro.cli(Config, default=default, args=rest, prog=f"{prog} --config {known.config}")
     from uniart_jax.runtime.compilation_cache import enable_compilation_cache, quick_compile
     from uniart_jax.stages import Trainer
     from uniart_jax.training import distributed

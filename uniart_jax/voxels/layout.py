@@ -102,9 +102,9 @@ class Layout:
         types += ", ..." if len(self) > 8 else ""
         also = [name for name in ("camera", "legs", "panels") if getattr(self, name) is not None]
         also += ["boards"] if any(own is not None for own in self.boards) else []
-        least = f"at least {min(self.confidence):.2f} sure" if len(self) else "empty"
+        sure = f"; confidence from {min(self.confidence):.2f}" if len(self) else ""
         beside = f"; with {', '.join(also)}" if also else ""
-        return f"Layout({len(self)} parts: {types}; {least}{beside})"
+        return f"Layout({len(self)} parts: {types}{sure}{beside})"
 
     @staticmethod
     def of_object(obj: ArticulatedObject, colors: np.ndarray | None = None) -> Layout:
