@@ -2,8 +2,10 @@
 
 import dataclasses
 import logging
+import os
 import re
 import runpy
+import subprocess
 import sys
 from pathlib import Path
 from typing import Annotated, Literal
@@ -129,6 +131,34 @@ class Commented(Base):
     third: tuple[int, ...] = (
         3,  # Inside,
     )  # and after.
+
+
+def test_the_usage_names_words_that_are_given_already(uniart):
+    whole = uniart("evaluate", "--help")
+    assert "|procedural|" in whole[1].splitlines()[0]
+    assert uniart("evaluate", "procedural", "--help") == whole
+    assert uniart("evaluate", "-h", "PRED", "REF") == whole
+    usage = uniart("x.png", "--help", program=cli.sample_main)[1].splitlines()[0]
+    assert "PATH" in usage
+
+
+@pytest.mark.parametrize("words", [("--version",), ("--help",), ("sample", "--help")])
+def test_a_reader_that_has_ended_is_no_error(words):
+    """As ``uniart --help | head -1``, whether what is printed fits a buffer or not."""
+    reads, writes = os.pipe()
+    os.close(reads)
+    program = [sys.executable, "-m", "uniart_jax", *words]
+    done = subprocess.run(program, stdout=writes, stderr=subprocess.PIPE, text=True)
+    os.close(writes)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
+def test_other_broken_pipes_are_errors(capsys):
+    def fails():
+        raise BrokenPipeError("a worker has ended")
+
+    assert cli.exit_on_error(fails) == 2
+    assert capsys.readouterr().err == "error: a worker has ended\n"
 
 
 def command(

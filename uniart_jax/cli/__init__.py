@@ -63,7 +63,7 @@ def main() -> None:
 
 def sample_main() -> None:
     """``sample.py``."""
-    _exit(lambda rest: tyro.cli(sample, prog="sample.py", args=rest))
+    _exit(lambda rest: tyro.cli(sample, prog="sample.py", args=_help_alone(rest)))
 
 
 def train_main() -> None:
@@ -81,8 +81,16 @@ def _uniart(arguments: Sequence[str]) -> int | None:
         keep_freed_memory()
         return train(rest[1:], prog="uniart train")
     return tyro.extras.subcommand_cli_from_dict(
-        COMMANDS, prog="uniart", description=DESCRIPTION, args=rest
+        COMMANDS,
+        prog="uniart",
+        description=DESCRIPTION,
+        args=[*rest[:1], *_help_alone(rest[1:])],
     )
+
+
+def _help_alone(arguments: list[str]) -> list[str]:
+    """``--help`` where that is among them: tyro leaves what stands before it out of the usage."""
+    return ["--help"] if {"-h", "--help"} & set(arguments) else arguments
 
 
 def _exit(command: Callable[[list[str]], int | None]) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import logging
+import os
 import signal
 import sys
 import warnings
@@ -35,7 +36,8 @@ CutOut = Annotated[
 
 def exit_on_error(command: Callable[[], int | None]) -> int:
     """Run a command; user errors become one line and exit code 2, Ctrl-C becomes 130, SIGTERM 143
-    with temporary folders removed."""
+    with temporary folders removed, and 141, without a word, where nobody reads what it prints any
+    more (``uniart --help | head``)."""
 
     def show(message, category, filename, lineno, file=None, line=None):
         if issubclass(category, UserWarning):
@@ -48,8 +50,13 @@ def exit_on_error(command: Callable[[], int | None]) -> int:
     with contextlib.suppress(ValueError):  # not the main thread: somebody else's program
         signal.signal(signal.SIGTERM, stop)
     try:
-        return command() or 0
+        try:
+            return command() or 0
+        finally:
+            print(end="", flush=True)  # at the end of the program it is too late
     except (ValueError, OSError, ArithmeticError, MemoryError) as error:
+        if isinstance(error, BrokenPipeError) and _nobody_reads():
+            return 141
         message = " ".join(str(error).split()) or type(error).__name__
         if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
             message += "; make room on the disk and run the same command again"
@@ -59,6 +66,17 @@ def exit_on_error(command: Callable[[], int | None]) -> int:
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
         return 130
+
+
+def _nobody_reads() -> bool:
+    """Whether standard output is a pipe whose reader has ended; what is printed then goes
+    nowhere."""
+    try:
+        print(flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return True
+    return False
 
 
 def check_out(
