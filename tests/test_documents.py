@@ -132,6 +132,9 @@ def test_the_commands_of_the_documents_are_found_and_most_of_them_run(try_docs):
     assert len(tried) >= 32
     assert [f"{c.document}:{c.line}" for c in tried if not c.stated] == []  # no time beside it
     assert sum(bool(c.shown) for c in tried) >= 13
+    long = [c for c in found if re.search("hours|of its own|sets up", c.left_out)]
+    readme = [c for c in long if c.document == "README.md"]
+    assert len(readme) >= 6 and all(c.stated for c in readme)
 
 
 def test_output_is_held_against_what_a_document_shows(try_docs):
@@ -164,6 +167,7 @@ def test_a_command_is_run_with_stand_ins_and_its_failure_is_told(try_docs, tmp_p
         ("python x.py --count 9 s   # 28 s", 28),
         ("x  # 40 s: every stage, four steps", 40),
         ("y = 3  # about 2 minutes, once", 120),
+        ("x  # 6 hours: all stages", 21600),
         ("x --steps 30", 0),
         ("x  # why 4 of them", 0),
     ],

@@ -58,7 +58,8 @@ LONGEST = 3600  # seconds
 NUMBER = r"\d+(?:\.\d+)?(?:e[-+]?\d+)?"
 RATE = r"\S+ \w+/s"  # as fast as the machine is
 SHOWS = r"^\w+\.show\(\).*$"  # opens a page
-STATED = r"#.*?\b(\d+) (s|seconds|minutes?)\b"
+STATED = r"#.*?\b(\d+) (s|seconds|minutes?|hours?)\b"
+UNITS = {"s": 1, "m": 60, "h": 3600}  # seconds, by a unit's first letter
 SLOWER = 3.0  # times what a document states
 
 
@@ -112,7 +113,7 @@ def commands(document: str, text: str) -> list[Command]:
 def seconds(text: str) -> float:
     """The first time that a comment states; 0 where none does."""
     found = re.search(STATED, text)
-    return float(found[1]) * (60 if found[2].startswith("m") else 1) if found else 0.0
+    return float(found[1]) * UNITS[found[2][0]] if found else 0.0
 
 
 def missing(shown: str, said: str) -> list[str]:
