@@ -125,6 +125,37 @@ MUTANTS = (
         "::test_walls_of_a_drawer_that_is_drawn_narrower_move_as_they_are",
     ),
     Mutant(
+        "uniart_jax/voxels/trays.py",
+        "        if before and common",
+        "        if common",
+        "tests/voxels/test_trays.py::test_what_no_door_covers_is_no_rack",
+    ),
+    Mutant(
+        "uniart_jax/voxels/found_legs.py",
+        "    alone = alone and not _on_others(",
+        "    alone = alone or _on_others(",
+        "tests/voxels/test_found_legs.py::test_plates_that_are_drawn_in_their_stead_stay",
+    ),
+    Mutant(
+        "uniart_jax/voxels/stand_ins.py",
+        "box[5] <= LOW * box[3:5].min()",
+        "True",
+        "tests/voxels/test_stand_ins.py::test_which_rows_need_one",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
+        "    shown[seen] /= np.maximum(light, DARKEST)[:, None]\n",
+        "    shown[seen] /= np.median(light)\n",
+        "tests/export/test_picture_colors.py::test_light_is_what_the_renderer_has_there",
+    ),
+    Mutant(
+        "uniart_jax/export/hidden_colors.py",
+        "out[:, : count + 1], -30.0)",
+        "out[:, : count + 1], 0.0)",
+        "tests/export/test_hidden_colors.py"
+        "::test_without_weights_all_that_is_there_counts_the_same",
+    ),
+    Mutant(
         FOUND_BOARDS,
         "    _joined(placed)\n",
         "",

@@ -94,6 +94,17 @@ def test_numpy_and_jax_weigh_alike_and_what_is_not_there_counts_nothing():
     np.testing.assert_allclose(weighed(features, other, there, weights), ours, atol=1e-6)
 
 
+def test_without_weights_all_that_is_there_counts_the_same():
+    rng = np.random.default_rng(0)
+    features, colors = rng.normal(size=(30, 57)), rng.random((30, 8, 3))
+    there = rng.random((30, 8)) < 0.5
+    nothing = {name: np.zeros_like(value) for name, value in network._weights().items()}
+    nothing["deviation"] += 1
+    found = weighed(features, colors, there, nothing)
+    total = (colors * there[..., None]).sum(1) + 0.5  # its own colour is gray
+    np.testing.assert_allclose(found, total / (there.sum(1) + 1)[:, None], atol=1e-6)
+
+
 def test_the_tool_learns_which_candidate_is_right(tmp_path):
     tool = runpy.run_path(str(ROOT / "tools/fit_hidden_colors.py"), run_name="tool")
     seeds = tool["TRUE_SEED"], tool["MADE_SEED"]
