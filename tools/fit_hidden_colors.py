@@ -69,7 +69,7 @@ class Rows(NamedTuple):
 
 
 def surface(
-    obj: ArticulatedObject, count: int, rng: np.random.Generator
+    obj: ArticulatedObject, count: float, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """About ``count`` places on an object at its shown state, evenly, but a quarter of them as many
     on each part: points, normals [n, 3], parts [n], linear RGB [n, 3]."""
@@ -171,9 +171,9 @@ def blocks(
             seeds = range(start, min(start + BLOCK, first + count))
             found = [make(families[seed % len(families)], seed) for seed in seeds]
             columns = zip(*(row for row in found if row is not None), strict=True)
-            stacked = (np.stack(column) for column in columns)
+            stacked = Rows(*(np.stack(column) for column in columns))
             with complete(path) as part, part.open("wb") as file:
-                np.savez(file, **dict(zip(Rows._fields, stacked, strict=True)))
+                np.savez(file, allow_pickle=False, **stacked._asdict())
         with np.load(path) as held:
             rows.append(Rows(*(held[name] for name in Rows._fields)))
     return Rows(*(np.concatenate(column) for column in zip(*rows, strict=True)))
@@ -204,9 +204,10 @@ def fit(made: Rows, true: Rows, steps: int, seed: int = 0) -> dict[str, np.ndarr
         there = rows.there & ~jax.random.bernoulli(keys[2], LOST, (*objects, count))
         undecoded = jax.random.bernoulli(keys[3], UNDECODED, objects)
         there = there.at[..., 6:].set(there[..., 6:] & ~undecoded[..., None])
-        flat = (rows.features, colors, there)
-        flat = (a.reshape(-1, *a.shape[2:]) for a in flat)
-        said = network.weighed(*flat, weights | scale, jnp)
+        features, colors, there = (
+            a.reshape(-1, *a.shape[2:]) for a in (rows.features, colors, there)
+        )
+        said = network.weighed(features, colors, there, weights | scale, jnp)
         return jnp.abs(said - true.reshape(-1, 3)).mean()
 
     schedule = optax.warmup_cosine_decay_schedule(0, RATE, WARM, steps)
@@ -242,7 +243,7 @@ def errors(rows: Rows, weights: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("--made", type=int, default=448, help="objects that the checkpoint makes")
     parser.add_argument("--plain", type=int, default=8192, help="true objects")
