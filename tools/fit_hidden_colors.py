@@ -31,6 +31,7 @@ from scipy.spatial import cKDTree
 from uniart_jax import procedural
 from uniart_jax.config import DataConfig
 from uniart_jax.evaluation.procedural import sample_state
+from uniart_jax.evaluation.result_store import check_settings
 from uniart_jax.evaluation.summary import interval
 from uniart_jax.export import hidden_colors as network
 from uniart_jax.export.hidden_colors import Places, described
@@ -198,12 +199,14 @@ def fit(made: Rows, true: Rows, steps: int, seed: int = 0) -> dict[str, np.ndarr
         gain = jnp.exp(BRIGHTER * jax.random.normal(keys[0], objects))
         with_decoder = jax.random.bernoulli(keys[1], 0.5, objects)
         gains = jnp.tile(gain[..., None], (1, 1, count))
-        gains = gains.at[..., 6].set(jnp.where(with_decoder, gain, 1.0))
+        gains = gains.at[..., network.DECODER].set(jnp.where(with_decoder, gain, 1.0))
         colors = jnp.clip(rows.colors * gains[..., None], 0, 1)
         true = jnp.clip(rows.true * gain[..., None], 0, 1)
         there = rows.there & ~jax.random.bernoulli(keys[2], LOST, (*objects, count))
         undecoded = jax.random.bernoulli(keys[3], UNDECODED, objects)
-        there = there.at[..., 6:].set(there[..., 6:] & ~undecoded[..., None])
+        there = there.at[..., network.DECODER :].set(
+            there[..., network.DECODER :] & ~undecoded[..., None]
+        )
         features, colors, there = (
             a.reshape(-1, *a.shape[2:]) for a in (rows.features, colors, there)
         )
@@ -237,8 +240,16 @@ def errors(rows: Rows, weights: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """[n] mean absolute differences of sRGB in 0..1, an object each: of the decoder's colours, the
     nearest seen place's, and what the network says."""
     said = [network.weighed(*row[:3], weights) for row in zip(*rows, strict=True)]
-    nearest = np.where(rows.there[..., :1], rows.colors[..., 0, :], rows.colors[..., 3, :])
-    found = {"decoder": rows.colors[..., 6, :], "nearest": nearest, "network": np.stack(said)}
+    nearest = np.where(
+        rows.there[..., :1],
+        rows.colors[..., network.NEAREST, :],
+        rows.colors[..., network.OTHERS, :],
+    )
+    found = {
+        "decoder": rows.colors[..., network.DECODER, :],
+        "nearest": nearest,
+        "network": np.stack(said),
+    }
     return {name: np.abs(color - rows.true).mean((1, 2)) for name, color in found.items()}
 
 
@@ -253,6 +264,9 @@ def main() -> None:
     parser.add_argument("--write", action="store_true", help="put the weights into the package")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
+    counts = {name: getattr(args, name) for name in ("made", "plain", "validation")}
+    settings = {"checkpoint": args.checkpoint, **counts}
+    check_settings(args.out, settings, "another checkpoint or other counts")
     enable_compilation_cache()
     pipeline = load(args.checkpoint)
 

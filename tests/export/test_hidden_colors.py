@@ -44,10 +44,10 @@ def test_candidates_are_of_places_that_are_seen_and_of_the_decoder():
     features, colors, there = described(places, obj, CAMERA, at)
     assert features.shape == (len(at), 57) and np.isfinite(features).all() and there.all()
     own = np.where(places.parts[at][:, None] == 0, BODY, DOOR)
-    for column in (0, 1, 2):  # of the same part
+    for column in (network.NEAREST, network.ANY_WAY, network.MEDIAN):  # of the same part
         np.testing.assert_allclose(colors[:, column], own, atol=1e-6)
-    np.testing.assert_allclose(colors[:, 4], np.tile(BODY, (len(at), 1)), atol=1e-6)
-    np.testing.assert_allclose(colors[:, 6], np.tile(SAID, (len(at), 1)), atol=1e-6)
+    for column, color in ((network.BODY, BODY), (network.DECODER, SAID)):
+        np.testing.assert_allclose(colors[:, column], np.tile(color, (len(at), 1)), atol=1e-6)
 
 
 def test_there_are_no_candidates_without_a_decoder_or_of_a_part_that_is_not_seen():
@@ -61,6 +61,19 @@ def test_there_are_no_candidates_without_a_decoder_or_of_a_part_that_is_not_seen
     assert FARTHEST not in features[:, -8:-4]
     colors = hidden_colors(places, obj, CAMERA, at)
     assert colors.shape == (len(at), 3) and (colors >= 0).all() and (colors <= 1).all()
+
+
+@pytest.mark.parametrize("seen", [0, 1, 2])
+@pytest.mark.parametrize("decoded", [None, SAID])
+def test_little_that_is_seen_is_no_error(seen, decoded):
+    obj, places = cabinet(decoded=decoded, count=200)
+    few = np.zeros(len(places.points), bool)
+    few[np.flatnonzero(places.seen)[:seen]] = True
+    places = places._replace(seen=few)
+    at = np.flatnonzero(~few)
+    colors = hidden_colors(places, obj, CAMERA, at)
+    assert colors.shape == (len(at), 3) and np.isfinite(colors).all()
+    assert hidden_colors(places, obj, CAMERA, at[:0]).shape == (0, 3)
 
 
 def test_what_all_candidates_say_is_so():

@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 from uniart_jax.data.cameras import camera_codes
+from uniart_jax.export import picture_colors
 from uniart_jax.export.atlas import make_atlas
 from uniart_jax.export.picture_colors import Picture, beside_nearer, look, paint
 from uniart_jax.nn import lifting
@@ -155,6 +156,30 @@ def test_nothing_is_believed_close_beside_a_surface_in_front(scene):
     assert (belief[panel[~beside]] > 0.5).mean() > 0.4
     edge = (own == 1) & (normals[:, 0] < -0.5) & (np.abs(points[:, 2]) > 0.19)
     assert (belief[edge] > 0).any()  # what stands in front keeps its edges
+
+
+def test_what_is_hardly_seen_has_not_the_networks_colour(scene):
+    obj, picture, _ = scene
+    points, normals, own, true = sampled(obj, 20_000)
+    magenta = np.tile([0.8, 0.0, 0.8], (len(points), 1))
+    _, belief = look(picture, obj, points, normals)
+    found = paint(picture, obj, points, normals, own, magenta)
+    off = np.abs(linear_to_srgb(found) - linear_to_srgb(true)).mean(-1)
+    for least, most in ((-1, 0), (0, 0.1), (0.1, 0.3), (0.3, 0.6), (0.6, 1)):
+        band = (belief > least) & (belief <= most)
+        assert band.sum() > 20 and np.median(off[band]) < 0.1
+
+
+def test_a_few_places_that_are_seen_are_no_error(scene, monkeypatch):
+    obj, picture, _ = scene
+    points, normals, own, true = sampled(obj, 20_000)
+    shown, belief = look(picture, obj, points, normals)
+    few = np.zeros_like(belief)
+    few[np.flatnonzero(belief > 0.9)[:60]] = 1  # one after the other
+    monkeypatch.setattr(picture_colors, "look", lambda *_: (shown, few))
+    monkeypatch.setattr(picture_colors, "PLACES", 200)
+    found = paint(picture, obj, points, normals, own, true)
+    assert np.isfinite(found).all() and (found >= 0).all() and (found <= 1).all()
 
 
 def test_what_is_hidden_loses_the_networks_blotches(scene):

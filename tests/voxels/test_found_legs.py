@@ -90,6 +90,12 @@ def test_plates_that_are_drawn_in_their_stead_stay(until, stays):
     assert middle.mean() == stays
 
 
+def test_thicker_legs_that_are_drawn_elsewhere_go():
+    inner = [(x + (8 if x < 30 else -8), y) for x, y in CORNERS]
+    after = with_legs(field_of(drawn(inner, 5.0)), [0], legs_at(CORNERS, 3.0))
+    assert ndimage.label(solid_of(after, 0)[:, :, 25])[1] == 4
+
+
 def test_other_parts_stay_as_they_are():
     bin_between = block((25.3, 25.3, 8.3), (40.3, 40.3, 30.3))
     through = block((9.3, 9.3, 20.3), (18.3, 18.3, 24.3))

@@ -57,6 +57,10 @@ IN_ITS_MIDDLE = turning((0.3, 0.205, 0.295))  # wherever along its axis
         ({"joint": Joint(np.zeros(3), (1, 0, 0), travel=(0, 0.1))}, 380, []),
         # so is what turns without end within its parent, if it is low
         ({"joint": ENDLESS, "box": TABLE}, 9999, [1]),
+        ({"joint": ENDLESS, "box": TABLE}, 3000, []),  # blades: a quarter of the box
+        ({"joint": ENDLESS, "box": TABLE}, 100, [1]),  # hardly shown
+        ({"joint": ENDLESS, "box": (*TABLE[:4], 0.3, 0.04)}, 9999, []),  # longer than wide
+        ({"joint": ENDLESS, "box": (*TABLE[:2], 0.44, *TABLE[3:])}, 9999, []),  # above its parent
         ({"joint": ENDLESS, "box": (*TABLE[:5], 0.2)}, 9999, []),  # a drum
         ({"joint": ENDLESS, "box": (*TABLE[:3], 0.8, 0.8, 0.04)}, 9999, []),  # a seat
         ({"joint": dataclasses.replace(ENDLESS, angle=(-1, 1)), "box": TABLE}, 9999, []),

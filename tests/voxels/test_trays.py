@@ -43,8 +43,8 @@ def machine(rack=RACK, door=DOOR, pulled=0.0, side=-1):
     return field, boxes, joints, closing_of(joints, boxes, [-1, 0, 0])
 
 
-def of(field, boxes, joints, closed, rows=(1, 2)):
-    return trays(field, boxes, joints, [0], closed, rows)
+def of(field, boxes, joints, closed, rows=(1, 2), parents=(-1, 0, 0)):
+    return trays(field, boxes, joints, parents, [0], closed, rows)
 
 
 @pytest.mark.parametrize("side", [-1, 1])
@@ -67,10 +67,42 @@ def test_a_rack_becomes_a_tray_that_fills_its_box(side, pulled):
     assert not tray[block(low - 1, high + 1) > 0].any()
 
 
-def test_a_low_rack_is_a_floor():
-    low = (RACK[0], (*RACK[1][:2], RACK[0][2] + 3))
-    (row,) = of(*machine(rack=low))[2]
-    np.testing.assert_allclose(row[5] - row[2], THICK / N, atol=1e-6)
+@pytest.mark.parametrize("height, count", [(3, 1), (4, 1), (5, 5), (8, 5)])
+def test_a_low_rack_is_a_floor(height, count):
+    low = (RACK[0], (*RACK[1][:2], RACK[0][2] + height))
+    found = of(*machine(rack=low))[2]
+    assert len(found) == count
+    assert found[:, 5].max() - found[:, 2].min() == pytest.approx(height / N, abs=1e-6)
+
+
+def test_two_doors_cover_it_together():
+    field, boxes, joints, _ = machine()
+    boxes, half = np.insert(boxes, 2, boxes[1], 0), boxes[1][4] / 2
+    field.owner[field.owner == 2] = 3
+    right = (field.owner == 1) & (AT[1] > 32.5)
+    field.owner[right] = 2
+    boxes[1:3, 4] = half
+    boxes[1, 1] -= half / 2
+    boxes[2, 1] += half / 2
+    swings = [Joint(place_of((12.3, y, 30)), (0.0, 0, 1), angle=(0.0, 1.5)) for y in (8.3, 56.3)]
+    joints = [joints[0], *swings, joints[2]]
+    closed = np.tile(np.eye(3, 4), (4, 1, 1))
+    assert list(of(field, boxes, joints, closed, [1, 2, 3], (-1, 0, 0, 0))) == [3]
+
+
+def test_what_is_solid_or_has_a_front_is_no_rack():
+    field, boxes, joints, closed = machine()
+    whole = block(*RACK) < 0
+    solid = copy_of(field)
+    solid.owner[whole], solid.sdf[whole] = 2, -1
+    assert of(solid, boxes, joints, closed) == {}
+    front = whole & (AT[0] < RACK[0][0] + 3)
+    field.owner[front], field.sdf[front] = 2, -1
+    assert of(field, boxes, joints, closed) == {}
+
+
+def test_what_slides_in_a_moving_part_is_no_rack():
+    assert of(*machine(), parents=(-1, 0, 1)) == {}
 
 
 @pytest.mark.parametrize(
@@ -91,6 +123,8 @@ def test_only_what_slides_level_and_is_asked_for_is_a_rack():
     assert of(field, boxes, joints, closed, rows=[1]) == {}
     up = Joint(np.zeros(3), (0.0, 0, 1), travel=(0.0, 0.3))
     assert of(field, boxes, [*joints[:2], up], closed) == {}
+    aslant = Joint(np.zeros(3), (-0.8, 0, -0.6), travel=joints[2].travel)
+    assert of(field, boxes, [*joints[:2], aslant], closed) == {}
     turns = Joint(place_of((30, 14.3, 20)), (0.0, 0, 1), angle=(0.0, 1.0))
     assert of(field, boxes, [*joints[:2], turns], closed) == {}
 

@@ -7,6 +7,7 @@ import contextlib
 import errno
 import logging
 import os
+import select
 import signal
 import sys
 import warnings
@@ -72,11 +73,14 @@ def _nobody_reads() -> bool:
     """Whether standard output is a pipe whose reader has ended; what is printed then goes
     nowhere."""
     try:
-        print(flush=True)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return True
-    return False
+        poll, out = select.poll(), sys.stdout.fileno()
+    except (AttributeError, ValueError):  # no such call on this system, or no file
+        return False
+    poll.register(out, select.POLLOUT)
+    ended = any(event & select.POLLERR for _, event in poll.poll(0))
+    if ended:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), out)
+    return ended
 
 
 def check_out(

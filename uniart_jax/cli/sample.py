@@ -74,8 +74,8 @@ def sample(
           follows, instead of what is found in the image.
         follow: Follow a layout, where the checkpoint finds one; else parts and joints are read off
           the voxels.
-        texture: Colours: "both" takes what the picture shows from the picture and the rest from the
-          network; "network" all of it.
+        texture: Colours: "both" takes what the picture shows from the picture, and the rest as it
+          is likely to be by what is seen and by the decoder; "network" all from the decoder.
         refine: Draw in limits and shift axes a little where a joint runs into the object
           (report.json says which).
         check: Try the asset in the physics engines that are installed (report.json says how it

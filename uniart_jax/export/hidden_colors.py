@@ -34,6 +34,12 @@ NEIGHBOURS, WIDTH = 8, 0.15  # places that a mean by likeness is of; object unit
 NEAR = 0.1  # object units, that nearness falls off over
 FARTHEST = 2.0  # object units, in place of a distance where there is no candidate
 CLIP = 4.0  # standard deviations that a feature counts at most
+# Candidates: the nearest seen place of the same part that faces the same way, perhaps mirrored
+# (y -> -y); the nearest whichever way it faces; the part's median; the nearest of any part; the
+# root's median; that of parts of the same kind; the decoder's colour; and the mean of seen places
+# that the decoder gives like colours.
+NEAREST, ANY_WAY, MEDIAN, OTHERS, BODY, KIND, DECODER, LIKE = range(8)
+MEASURED = [NEAREST, ANY_WAY, OTHERS, LIKE]  # candidates whose distances are features
 
 
 class Places(NamedTuple):
@@ -61,6 +67,8 @@ def hidden_colors(
     Args:
       camera: [3] where the picture was taken from, object units.
     """
+    if not len(at):
+        return np.zeros((0, 3), np.float32)
     return srgb_to_linear(weighed(*described(places, obj, camera, at), _weights()))
 
 
@@ -72,7 +80,7 @@ def described(
     kinds = np.array([ROOT if p.parent < 0 else KINDS[p.joint.type] for p in obj.parts])
     colors, distances = _candidates(places, kinds, at)
     there = distances < FARTHEST
-    apart = np.where(there, distances, 0)[:, [0, 1, 3, 7]]
+    apart = np.where(there, distances, 0)[:, MEASURED]
     around = _surroundings(places, obj, kinds, camera, at)
     features = np.concatenate([around, apart, np.exp(-((apart / NEAR) ** 2))], -1)
     return features.astype(np.float32), colors, there
@@ -84,7 +92,7 @@ def weighed(features: Any, colors: Any, there: Any, weights: dict[str, Any], xp:
     count = colors.shape[1]
     colors = colors * there[..., None]
     known = xp.clip((features - weights["mean"]) / weights["deviation"], -CLIP, CLIP)
-    x = xp.concatenate([known, colors.reshape(len(colors), -1) * 2 - 1, there], -1)
+    x = xp.concatenate([known, colors.reshape(len(colors), 3 * count) * 2 - 1, there], -1)
     last = sum(name.startswith("kernel") for name in weights) - 1
     for k in range(last):
         y = x @ weights[f"kernel_{k}"] + weights[f"bias_{k}"]
@@ -99,11 +107,8 @@ def weighed(features: Any, colors: Any, there: Any, weights: dict[str, Any], xp:
 
 
 def _candidates(places: Places, kinds: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """[m, 8, 3] sRGB and [m, 8] distances, ``FARTHEST`` where there is none: of the nearest seen
-    place of the same part that faces the same way, perhaps mirrored (y -> -y); of the nearest
-    whichever way it faces; the part's median; of the nearest of any part; the root's median; that
-    of parts of the same kind; the decoder's; and the mean of seen places that the decoder gives
-    like colours."""
+    """[m, 8, 3] sRGB of the candidates and [m, 8] distances to them, ``FARTHEST`` where there is
+    none."""
     points, normals, parts = places.points, places.normals, places.parts
     seen, shown = np.flatnonzero(places.seen), places.shown
     colors = np.zeros((len(at), 8, 3), np.float32)
@@ -120,42 +125,46 @@ def _candidates(places: Places, kinds: np.ndarray, at: np.ndarray) -> tuple[np.n
         if len(mine) < FEWEST:
             continue
         median = np.median(shown[mine], 0)
-        take(rows, 2, median, 0)
+        take(rows, MEDIAN, median, 0)
         if kinds[part] == ROOT:
-            take(np.arange(len(at)), 4, median, 0)
+            take(np.arange(len(at)), BODY, median, 0)
         if not len(rows):
             continue
         where = points[at[rows]], normals[at[rows]]
-        tree = cKDTree(_joined(points[mine], normals[mine], TURNED))
-        plain, there = tree.query(_joined(*where, TURNED))
+        tree = cKDTree(with_normals(points[mine], normals[mine], TURNED))
+        plain, there = tree.query(with_normals(*where, TURNED))
         mirror = np.array([1, -1, 1])
-        other, opposite = tree.query(_joined(where[0] * mirror, where[1] * mirror, TURNED))
+        other, opposite = tree.query(with_normals(where[0] * mirror, where[1] * mirror, TURNED))
         nearest = np.where(other < plain, opposite, there)
-        take(rows, 0, shown[mine[nearest]], np.minimum(other, plain))
-        tree = cKDTree(_joined(points[mine], normals[mine], ANY_SIDE))
-        distance, nearest = tree.query(_joined(*where, ANY_SIDE))
-        take(rows, 1, shown[mine[nearest]], distance)
+        take(rows, NEAREST, shown[mine[nearest]], np.minimum(other, plain))
+        tree = cKDTree(with_normals(points[mine], normals[mine], ANY_SIDE))
+        distance, nearest = tree.query(with_normals(*where, ANY_SIDE))
+        take(rows, ANY_WAY, shown[mine[nearest]], distance)
     for kind in np.unique(kinds):
         mine = seen[kinds[parts[seen]] == kind]
         if len(mine) >= FEWEST:
-            take(np.flatnonzero(kinds[own] == kind), 5, np.median(shown[mine], 0), 0)
-    tree = cKDTree(_joined(points[seen], normals[seen], TURNED))
-    distance, nearest = tree.query(_joined(points[at], normals[at], TURNED))
+            take(np.flatnonzero(kinds[own] == kind), KIND, np.median(shown[mine], 0), 0)
     every = np.arange(len(at))
-    take(every, 3, shown[seen[nearest]], distance)
+    if places.decoded is not None:
+        take(every, DECODER, places.decoded[at], 0)
+    if not len(seen):
+        return colors, distances
+    tree = cKDTree(with_normals(points[seen], normals[seen], TURNED))
+    distance, nearest = tree.query(with_normals(points[at], normals[at], TURNED))
+    take(every, OTHERS, shown[seen[nearest]], distance)
     if places.decoded is None:
         return colors, distances
-    take(every, 6, places.decoded[at], 0)
     alike = (
-        _joined(points, normals, ALIKE),
+        with_normals(points, normals, ALIKE),
         COLOR * places.decoded,
         PART * np.eye(len(kinds))[parts],
     )
     alike = np.concatenate(alike, -1)
-    distance, nearest = cKDTree(alike[seen]).query(alike[at], k=min(NEIGHBOURS, len(seen)))
+    count = np.arange(1, min(NEIGHBOURS, len(seen)) + 1)
+    distance, nearest = cKDTree(alike[seen]).query(alike[at], k=count)
     weight = np.exp(-((distance / WIDTH) ** 2) / 2) + 1e-9
     mean = (weight[..., None] * shown[seen[nearest]]).sum(1) / weight.sum(1)[:, None]
-    take(every, 7, mean, np.minimum(distance[:, 0], 0.95 * FARTHEST))
+    take(every, LIKE, mean, np.minimum(distance[:, 0], 0.95 * FARTHEST))
     return colors, distances
 
 
@@ -198,7 +207,8 @@ def _surroundings(
     return np.concatenate(rows, -1)
 
 
-def _joined(points: np.ndarray, normals: np.ndarray, turned: float) -> np.ndarray:
+def with_normals(points: np.ndarray, normals: np.ndarray, turned: float) -> np.ndarray:
+    """[n, 6] whose distances are those of places [n, 3], and of their normals ``turned`` times."""
     return np.concatenate([points, turned * normals], -1)
 
 

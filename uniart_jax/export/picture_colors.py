@@ -19,7 +19,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from uniart_jax.data.images import MARGIN, crop
-from uniart_jax.export.hidden_colors import Places, hidden_colors
+from uniart_jax.export.hidden_colors import Places, hidden_colors, with_normals
 from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.visual.render import build_scene, light_on, occluded
@@ -96,9 +96,9 @@ def paint(
         if len(seen) < 10 or not len(unseen):
             continue
         seen = seen[:: -(-len(seen) // SAMPLES)]
-        tree = cKDTree(_places(points[seen], normals[seen]))
+        tree = cKDTree(with_normals(points[seen], normals[seen], TURNED))
         found = [
-            tree.query(_places(points[unseen] * m, normals[unseen] * m), eps=0.5, distance_upper_bound=FAR)  # noqa: E501
+            tree.query(with_normals(points[unseen] * m, normals[unseen] * m, TURNED), eps=0.5, distance_upper_bound=FAR)  # noqa: E501
             for m in ([1, 1, 1], [1, -1, 1])
         ]  # fmt: skip
         distance, index = (np.stack(rows) for rows in zip(*found, strict=True))
@@ -120,7 +120,7 @@ def guessed(
     shown: np.ndarray,
     belief: np.ndarray,
 ) -> np.ndarray:
-    """[n, 3] linear RGB of places; of those that the picture does not show by ``hidden_colors`` of
+    """[n, 3] linear RGB of places; of those that are not seen for sure by ``hidden_colors`` of
     ``PLACES``, and means in between, of others the network's."""
     owners, counts = np.unique(parts, return_counts=True)
     asked = np.maximum(PLACES * counts // len(parts), FEWEST)
@@ -133,15 +133,15 @@ def guessed(
     some = (points[rows], normals[rows], parts[rows])
     seen = belief[rows] > SEEN
     places = Places(*some, linear_to_srgb(colors[rows]), linear_to_srgb(shown[rows]), seen)
-    at = np.flatnonzero(belief[rows] <= 0)
+    at = np.flatnonzero(~seen)
     said = hidden_colors(places, obj, camera_position(picture.camera), at)
     filled = colors.copy()
     for k in owners:
-        hidden, known = np.flatnonzero((parts == k) & (belief <= 0)), parts[rows[at]] == k
+        hidden, known = np.flatnonzero((parts == k) & (belief < 1)), parts[rows[at]] == k
         if not known.any():
             continue
-        tree = cKDTree(_places(points[rows[at[known]]], normals[rows[at[known]]], FACE))
-        where = _places(points[hidden], normals[hidden], FACE)
+        tree = cKDTree(with_normals(points[rows[at[known]]], normals[rows[at[known]]], FACE))
+        where = with_normals(points[hidden], normals[hidden], FACE)
         count = min(BETWEEN, int(known.sum()))
         distance, near = tree.query(where, k=np.arange(1, count + 1), eps=0.5)
         weight = 1 / (distance + 1e-3)
@@ -196,7 +196,3 @@ def beside_nearer(
         plane = height / np.minimum((ray * normals).sum(-1), -1e-3)  # how far the ray goes to it
         beside |= (hit["primID"] >= 0) & (hit["tfar"] < plane - STEP)
     return beside
-
-
-def _places(points: np.ndarray, normals: np.ndarray, turned: float = TURNED) -> np.ndarray:
-    return np.concatenate([points, turned * normals], -1)

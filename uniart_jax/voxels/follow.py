@@ -172,7 +172,7 @@ def assemble_layout(
                     for k in sorted(boards.keys() - built)
                 )
                 left -= built
-            racks = trays(field, boxes, joints, body, closed, left)
+            racks = trays(field, boxes, joints, up, body, closed, left)
             if racks:
                 field, _ = with_boards(field, racks, joints, body, exact=True)
                 unfit.extend(f"part {kept[rows[k]]} of the layout made a tray" for k in racks)

@@ -61,7 +61,8 @@ def with_boards(
       boards: [N, 6] lower and upper corners, object units, of some owners. joints: of all owners.
       body: owners that do not move. motions: [3, 4] of the owners whose boards are told elsewhere
         than they are shown, to there: doors that stand ajar (``voxels.closing``), object units.
-      exact: parts are their boards as they are told, whatever is drawn of them.
+      exact: parts are their boards as they are told, whatever is drawn of them, and nothing else
+        of them stays.
 
     Returns:
       A new field, and the owners that are built of boards in it. A part stays as it is where less

@@ -27,6 +27,7 @@ CARRIED = 0.2  # share of the body above legs at least, for the rest below to be
 COVERED = 0.6  # share of a leg that is the body's there
 UPRIGHT = 0.8  # share of the legs' layers in which what stands beside them is drawn
 PLATES = 2.0  # of its cells in a layer, as a multiple of the legs'
+LONG = 4.0  # widths of a leg that the longest piece of it is long at least
 BLEND = 2  # layers below a leg's upper end, where what it carries is near
 
 
@@ -151,11 +152,17 @@ def _beyond(solid: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 
 def _on_others(below: np.ndarray, prisms: Prisms, first: int) -> bool:
-    """Whether what is drawn in the legs' layers [X, Y, L], from ``first`` on, stands on other
-    things, as plates at its ends: upright all the way, and ``PLATES`` times as large as legs."""
-    distance = np.stack([prisms.at(first + z).min(0) for z in range(below.shape[2])], -1)
-    others = (below & (distance >= NEAR)).mean(2) >= UPRIGHT
-    return bool(others.sum() > PLATES * (distance < 0).sum((0, 1)).mean())
+    """Whether what is drawn in the legs' layers [X, Y, L], from ``first`` on, stands on plates, as
+    at its ends: upright all the way, ``PLATES`` times as large as legs, and long."""
+    distance = np.stack([prisms.at(first + z) for z in range(below.shape[2])], -1)
+    others = (below & (distance.min(0) >= NEAR)).mean(2) >= UPRIGHT
+    legs = (distance < 0).sum((1, 2)).mean(-1)  # cells of each in a layer
+    if others.sum() <= PLATES * legs.sum():
+        return False
+    labels = np.zeros(others.shape, np.int32)
+    ndimage.label(others, output=labels)
+    long = max(max(s.stop - s.start for s in piece) for piece in ndimage.find_objects(labels))
+    return bool(long >= LONG * np.sqrt(np.median(legs)))
 
 
 def _draw(field: DenseField, z: int, distance: np.ndarray, where: np.ndarray, part: int) -> None:

@@ -17,7 +17,8 @@ from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.ways import on_axis, round_about
 
 SMALL = 0.15  # object units; larger parts have voxels, or are not there
-LOW = 0.25  # of its width that a turntable is high at most
+LOW, EVEN = 0.25, 0.85  # of its width that a turntable is high at most, and deep at least
+FILLED = 0.5  # of its box that solid sub-cells fill at least, where voxels show a turntable
 SHOWN = 0.1  # share of its box that a part's solid sub-cells fill at least where voxels show it
 SURE = 0.5  # least confidence of a row that is believed without voxels
 NEAR = 0.05  # object units, from its parent's box
@@ -43,7 +44,10 @@ def needed(layout: Layout, solid: np.ndarray, cells: int) -> list[int]:
         k
         for k, parent in enumerate(layout.parents)
         if parent >= 0
-        and (size[k].max() <= SMALL or _is_turntable(layout, k))
+        and (
+            size[k].max() <= SMALL
+            or (_is_turntable(layout, k) and not SHOWN <= solid[k] / volume[k] < FILLED)
+        )
         and layout.confidence[k] >= SURE
         and gaps[k, parent].max() <= NEAR
         and (
@@ -58,9 +62,9 @@ def _is_turntable(layout: Layout, row: int) -> bool:
     and carries nothing."""
     joint, box = layout.joints[row], layout.boxes[row]
     inner, outer = box_corners(layout.boxes[[row, layout.parents[row]]])
-    within = (inner[:2] >= outer[:2]).all() and (inner[3:5] <= outer[3:5]).all()
+    within = (inner[:3] >= outer[:3]).all() and (inner[3:] <= outer[3:]).all()
     upright = joint.type == "continuous" and round_about(box[:3], box[3:], joint) == 2
-    low = box[5] <= LOW * box[3:5].min()
+    low = box[5] <= LOW * box[3:5].min() and box[3:5].min() >= EVEN * box[3:5].max()
     return bool(upright and low and within and row not in layout.parents)
 
 
