@@ -126,8 +126,8 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/voxels/trays.py",
-        "        if before and common",
-        "        if common",
+        "        if plate and side * (np.median(door[:, axis]) - front) > 0:\n",
+        "        if plate:\n",
         "tests/voxels/test_trays.py::test_what_no_door_covers_is_no_rack",
     ),
     Mutant(
