@@ -61,8 +61,8 @@ IN_ITS_MIDDLE = turning((0.3, 0.205, 0.295))  # wherever along its axis
         ({"joint": ENDLESS, "box": TABLE}, 100, [1]),  # hardly shown
         ({"joint": ENDLESS, "box": (*TABLE[:4], 0.3, 0.04)}, 9999, []),  # longer than wide
         ({"joint": ENDLESS, "box": (*TABLE[:2], 0.44, *TABLE[3:])}, 9999, []),  # above its parent
-        ({"joint": ENDLESS, "box": (*TABLE[:5], 0.2)}, 9999, []),  # a drum
-        ({"joint": ENDLESS, "box": (*TABLE[:3], 0.8, 0.8, 0.04)}, 9999, []),  # a seat
+        ({"joint": ENDLESS, "box": (*TABLE[:5], 0.2)}, 60_000, []),  # a drum
+        ({"joint": ENDLESS, "box": (*TABLE[:3], 0.8, 0.8, 0.04)}, 50_000, []),  # a seat
         ({"joint": dataclasses.replace(ENDLESS, angle=(-1, 1)), "box": TABLE}, 9999, []),
         ({"joint": turning(TABLE[:3]), "box": (*TABLE[:3], 0.04, 0.4, 0.4)}, 9999, []),  # a fan
     ],
