@@ -43,6 +43,7 @@ SAMPLES = 5_000  # places a part that colours are carried from
 PLACES = 8_000  # of an object, of whose hidden ones colours are asked
 FEWEST = 64  # of them of each part, at least
 FACE = 0.5  # object units that the opposite of a normal counts as twice, between these places
+AROUND = 24  # nearest of them, of which a colour is the median: guesses are blotchy
 BETWEEN = 6  # nearest of them, of whose colours a place's is the mean
 
 
@@ -140,12 +141,14 @@ def guessed(
         hidden, known = np.flatnonzero((parts == k) & (belief < 1)), parts[rows[at]] == k
         if not known.any():
             continue
-        tree = cKDTree(with_normals(points[rows[at[known]]], normals[rows[at[known]]], FACE))
+        these = with_normals(points[rows[at[known]]], normals[rows[at[known]]], FACE)
+        tree, count = cKDTree(these), len(these)
+        _, near = tree.query(these, k=np.arange(1, min(AROUND, count) + 1))
+        even = np.median(said[known][near], axis=1)
         where = with_normals(points[hidden], normals[hidden], FACE)
-        count = min(BETWEEN, int(known.sum()))
-        distance, near = tree.query(where, k=np.arange(1, count + 1), eps=0.5)
+        distance, near = tree.query(where, k=np.arange(1, min(BETWEEN, count) + 1), eps=0.5)
         weight = 1 / (distance + 1e-3)
-        mean = (said[known][near] * weight[..., None]).sum(1) / weight.sum(1)[:, None]
+        mean = (even[near] * weight[..., None]).sum(1) / weight.sum(1)[:, None]
         filled[hidden] = mean
     return filled
 
