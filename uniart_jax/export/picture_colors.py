@@ -90,7 +90,9 @@ def paint(
     shown, belief = look(picture, obj, points, normals)
     if (belief > SEEN).sum() < 50:  # the camera is off, or the picture says nothing
         return colors
-    filled = guessed(picture, obj, points, normals, parts, colors, shown, belief)
+    pair = linear_to_srgb(colors), linear_to_srgb(shown)
+    places = Places(points, normals, parts, *pair, belief > SEEN)
+    filled = guessed(places, obj, camera_position(picture.camera), belief)
     for k in np.unique(parts):
         mine = np.flatnonzero(parts == k)
         seen, unseen = mine[belief[mine] > SEEN], mine[belief[mine] < 1]
@@ -98,10 +100,15 @@ def paint(
             continue
         seen = seen[:: -(-len(seen) // SAMPLES)]
         tree = cKDTree(with_normals(points[seen], normals[seen], TURNED))
+        where = points[unseen], normals[unseen]
         found = [
-            tree.query(with_normals(points[unseen] * m, normals[unseen] * m, TURNED), eps=0.5, distance_upper_bound=FAR)  # noqa: E501
-            for m in ([1, 1, 1], [1, -1, 1])
-        ]  # fmt: skip
+            tree.query(
+                with_normals(where[0] * mirror, where[1] * mirror, TURNED),
+                eps=0.5,
+                distance_upper_bound=FAR,
+            )
+            for mirror in ([1, 1, 1], [1, -1, 1])
+        ]
         distance, index = (np.stack(rows) for rows in zip(*found, strict=True))
         best = distance.argmin(0)[None]
         near = np.exp(-((np.take_along_axis(distance, best, 0)[0] / NEAR) ** 2))[:, None]
@@ -112,44 +119,40 @@ def paint(
 
 
 def guessed(
-    picture: Picture,
-    obj: ArticulatedObject,
-    points: np.ndarray,
-    normals: np.ndarray,
-    parts: np.ndarray,
-    colors: np.ndarray,
-    shown: np.ndarray,
-    belief: np.ndarray,
+    places: Places, obj: ArticulatedObject, camera: np.ndarray, belief: np.ndarray
 ) -> np.ndarray:
     """[n, 3] linear RGB of places; of those that are not seen for sure by ``hidden_colors`` of
-    ``PLACES``, and means in between, of others the network's."""
+    ``PLACES``, and means in between, of others the network's.
+
+    Args:
+      camera: [3] where the picture was taken from. belief: [n] as ``look`` says.
+    """
+    points, normals, parts = places.points, places.normals, places.parts
     owners, counts = np.unique(parts, return_counts=True)
     asked = np.maximum(PLACES * counts // len(parts), FEWEST)
+    mine = [np.flatnonzero(parts == k) for k in owners]
     rows = np.concatenate(
         [
-            mine[np.linspace(0, len(mine) - 1, min(count, len(mine))).astype(int)]
-            for mine, count in zip((np.flatnonzero(parts == k) for k in owners), asked, strict=True)
+            own[np.linspace(0, len(own) - 1, min(count, len(own))).astype(int)]
+            for own, count in zip(mine, asked, strict=True)
         ]
     )
-    some = (points[rows], normals[rows], parts[rows])
-    seen = belief[rows] > SEEN
-    places = Places(*some, linear_to_srgb(colors[rows]), linear_to_srgb(shown[rows]), seen)
-    at = np.flatnonzero(~seen)
-    said = hidden_colors(places, obj, camera_position(picture.camera), at)
-    filled = colors.copy()
-    for k in owners:
-        hidden, known = np.flatnonzero((parts == k) & (belief < 1)), parts[rows[at]] == k
-        if not known.any():
+    some = Places(*(np.asarray(column)[rows] for column in places))
+    at = np.flatnonzero(~some.seen)
+    said = hidden_colors(some, obj, camera, at)
+    known = with_normals(some.points[at], some.normals[at], FACE)
+    filled = srgb_to_linear(np.asarray(places.decoded))
+    for k, own in zip(owners, mine, strict=True):
+        hidden, told = own[belief[own] < 1], some.parts[at] == k
+        if not told.any():
             continue
-        these = with_normals(points[rows[at[known]]], normals[rows[at[known]]], FACE)
-        tree, count = cKDTree(these), len(these)
-        _, near = tree.query(these, k=np.arange(1, min(AROUND, count) + 1))
-        even = np.median(said[known][near], axis=1)
+        tree, count = cKDTree(known[told]), int(told.sum())
+        _, near = tree.query(known[told], k=np.arange(1, min(AROUND, count) + 1))
+        even = np.median(said[told][near], axis=1)
         where = with_normals(points[hidden], normals[hidden], FACE)
         distance, near = tree.query(where, k=np.arange(1, min(BETWEEN, count) + 1), eps=0.5)
         weight = 1 / (distance + 1e-3)
-        mean = (even[near] * weight[..., None]).sum(1) / weight.sum(1)[:, None]
-        filled[hidden] = mean
+        filled[hidden] = (even[near] * weight[..., None]).sum(1) / weight.sum(1)[:, None]
     return filled
 
 

@@ -44,6 +44,9 @@ def trays(
       joints, parents: theirs. body: owners that do not move. closed: [K, 3, 4] motions that close
         doors (``closing.closing_of``). rows: the parts that may be racks.
     """
+    rows = [k for k in rows if joints[k].type == "prismatic" and parents[k] in body]
+    if not rows:
+        return {}
     size, solid = field.sdf.shape[0] - 2, field.sdf < 0
     cells = [np.argwhere(solid & (field.owner == k)) for k in range(len(boxes))]
     held = np.argwhere(solid & np.isin(field.owner, list(body)))
@@ -55,9 +58,8 @@ def trays(
     found = {}
     for k in rows:
         joint, box = joints[k], box_corners(np.asarray(boxes[k], np.float64))
-        if joint.type != "prismatic" or parents[k] not in body or not len(cells[k]):
-            continue
-        way = opens_to(joint, cells[k], held, size) if len(held) else None
+        there = len(cells[k]) and len(held)
+        way = opens_to(joint, cells[k], held, size) if there else None
         if way is None or way[0] == 2 or abs(joint.direction[way[0]]) < LEVEL:
             continue
         at_rest = closed_end(joint, cells[k], center_of(held, size), size)
