@@ -1,8 +1,8 @@
 """Pictures as people take them: an object's crop in front of a random background, and what of the
 picture is the object. NumPy, SciPy and Pillow alone.
 
-    crop over black, its mask -> size, place, roll -> in front of a wall, a floor, a texture, other
-    objects -> shadow, light, things in front -> blur, noise, exposure, JPEG
+    crop over black, its mask -> size, place, roll, grain -> in front of a wall, a floor, a texture,
+    other objects -> shadow, light, things in front -> blur, noise, exposure, JPEG -> a plain margin
 
 What they train is the mask network (``models.mask``) and, cut out again (``data.photographs``), the
 layout network; a picture is a pure function of its random numbers.
@@ -23,12 +23,17 @@ from PIL import Image, ImageDraw, ImageFilter
 from uniart_jax.data.backdrop_pictures import SHARE, picture_backdrop
 
 SCALES = (0.4, 1.05)  # the crop's side over the picture's
+CLOSE = (1.0, 1.6)  # so of an object that fills the picture, or more than that
+CLOSE_UP = 0.3  # share of the pictures that are so
 WHOLE = (0.6, 0.95)  # so of an object of which nothing is hidden or cut off
 BEHIND = (0.12, 0.42)  # so of objects behind it
 SQUASH = 0.3  # most log of width over height: pictures of any shape are looked at as squares
 ROLL = 8.0  # degrees, of a third of the objects
 OTHERS = 3  # objects that may stand behind another
 BEYOND = 0.1  # share of the crop that may lie outside the picture
+GRAINED = 0.5  # share of the objects that have a grain or a pattern besides their colours
+FRAMED = 0.15  # share of the pictures with a plain margin around them (``framed``)
+FRAME = (0.05, 0.25)  # how wide it is, shares of the picture's side
 LEAVES = 400  # most things of a picture of dead leaves
 AMONG_LEAVES = 0.4  # share of the pictures to train on that are taken before them
 EXPONENTS = (0.4, 1.0, 1.8)  # of the spectra of their textures
@@ -59,13 +64,29 @@ def scene(
         for other in others[: int(rng.integers(1, len(others) + 1))]:
             back = _paste(back, *_placed(rng, other, size, BEHIND, beyond=0.6))
     scales, beyond = (WHOLE, 0.0) if whole else (SCALES, BEYOND)
+    if not whole and rng.random() < CLOSE_UP:
+        scales = CLOSE
     color, alpha = _placed(rng, crop, size, scales, beyond, still=whole)
+    if not whole and rng.random() < GRAINED:
+        color = _grained(rng, color, alpha)
     if rng.random() < 0.6:
         back = back * (1 - _shadow(rng, alpha))[..., None]
     picture = _paste(back, _lit(rng, color), alpha)
     if not whole and rng.random() < 0.12:
         picture, alpha = _hidden_in_part(rng, picture, alpha)
-    return _taken(rng, picture), np.round(alpha * 255).astype(np.uint8)
+    taken, mask = _taken(rng, picture), np.round(alpha * 255).astype(np.uint8)
+    if whole or rng.random() >= FRAMED:
+        return taken, mask
+    width, value = round(size * rng.uniform(*FRAME)), int(rng.integers(256))
+    margins = framed(taken, width, value), framed(mask, width, 0)
+    picture, mask = (Image.fromarray(m).resize((size, size), Image.Resampling.BOX) for m in margins)
+    return np.array(picture), np.array(mask)
+
+
+def framed(picture: Array, width: int, value: int) -> Array:
+    """A picture or mask [H, W, ...] uint8 with a margin of ``width`` pixels of one gray value."""
+    around = [(width, width), (width, width), *[(0, 0)] * (picture.ndim - 2)]
+    return np.pad(picture, around, constant_values=value)
 
 
 def backdrop(rng: np.random.Generator, size: int) -> Array:
@@ -345,6 +366,18 @@ def _lit(rng: np.random.Generator, color: Array) -> Array:
         return color
     gain = np.exp(0.2 * rng.normal() + 0.05 * rng.normal(size=3)).astype(np.float32)
     return np.clip(color ** np.float32(np.exp(0.15 * rng.normal())) * gain, 0, 1)
+
+
+def _grained(rng: np.random.Generator, color: Array, alpha: Array) -> Array:
+    """An object (its colour times alpha [S, S, 3]) with a grain, as wood has, or a pattern."""
+    size = len(alpha)
+    grain = 1 + rng.uniform(0.05, 0.35) * _field(rng, size, rng.uniform(0.5, 1.8))
+    color = color * np.clip(grain, 0.2, 2)[..., None].astype(np.float32)
+    if rng.random() < 0.4:
+        share = np.float32(rng.uniform(0.1, 0.6))
+        pattern = _surface(rng, size, *_grid(size)) * alpha[..., None]
+        color = color + share * (pattern - color)
+    return np.clip(color, 0, alpha[..., None])
 
 
 def _hidden_in_part(rng: np.random.Generator, picture: Array, alpha: Array) -> Crop:
