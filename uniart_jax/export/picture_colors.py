@@ -180,7 +180,8 @@ def look(
     shown[seen] /= np.maximum(light, DARKEST)[:, None]
     believed = np.zeros(len(points), np.float32)
     believed[seen] = belief[seen]
-    return np.clip(shown, 0, 1).astype(np.float32), believed
+    shown /= np.maximum(shown.max(-1, keepdims=True), 1)  # too bright: as bright as can be, same hue
+    return np.maximum(shown, 0).astype(np.float32), believed
 
 
 def beside_nearer(
