@@ -30,7 +30,6 @@ from uniart_jax.voxels.joint_code import align, box_corners
 
 APART = 0.15  # object units between the corners of rows that two looks have of one part
 SURE = 0.3  # object units that a match is worth if both rows are sure
-BATCH = 8  # pictures at once, always padded to so many: one program
 
 
 def first_layout_weights(config: Config) -> dict[str, Any]:
@@ -102,21 +101,15 @@ class LayoutPredictor:
         exists [Q] logits, colors [Q, 3] linear RGB, parents [Q, Q] logits child -> parent
         (diagonal: root), camera [7]; where the network finds legs, panels or boards,
         those of ``last_legs`` and ``last_panels``."""
-        found = self._look(images)
-        if not self.mirrored:
-            return found
-        others = self._look([np.ascontiguousarray(mirror_images(image)) for image in images])
-        return [joined(one, mirror_parts(other)) for one, other in zip(found, others, strict=True)]
+        return [self._read(image) for image in images]
 
-    def _look(self, images: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
-        found: list[dict[str, np.ndarray]] = []
-        for first in range(0, len(images), BATCH):
-            held = np.stack(images[first : first + BATCH]).astype(np.float32) / 255
-            padded = np.zeros((BATCH, *held.shape[1:]), np.float32)
-            padded[: len(held)] = held
-            out = jax.device_get(self._run(self._params, padded))
-            found += [{name: v[b] for name, v in out.items()} for b in range(len(held))]
-        return found
+    def _read(self, image: np.ndarray) -> dict[str, np.ndarray]:
+        """One picture and its mirror image at a time, so that it is read alike alone and among
+        others; on a CPU more at once are no faster."""
+        looks = [image, mirror_images(image)] if self.mirrored else [image]
+        found = jax.device_get(self._run(self._params, np.stack(looks).astype(np.float32) / 255))
+        rows = [{name: values[b] for name, values in found.items()} for b in range(len(looks))]
+        return joined(rows[0], mirror_parts(rows[1])) if self.mirrored else rows[0]
 
 
 def mirror_parts(outputs: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
