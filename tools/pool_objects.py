@@ -20,7 +20,7 @@ from uniart_jax import procedural
 from uniart_jax.data.backdrop_pictures import picture_paths
 from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
 from uniart_jax.data.photographs import photographed
-from uniart_jax.data.scenes import OTHERS, scene, training_backdrop
+from uniart_jax.data.scenes import GRAIN, OTHERS, scene, training_backdrop
 from uniart_jax.voxels.overlap import touched_cells
 
 CHUNK = 32  # objects a file
@@ -101,7 +101,8 @@ class Photographer:
         crop, others, seen = (row["images"][0], row["masks"][0]), list(self._others), []
         if not self._backs or rng.random() < SCENES:
             self._backs.append(training_backdrop(rng, self._sizes.mask, self._pictures))
-            image, mask = scene(rng, crop, others, self._sizes.mask, back=self._backs[-1])
+            back, size = self._backs[-1], self._sizes.mask
+            image, mask = scene(rng, crop, others, size, back=back, grain=GRAIN)
             seen = [{"scenes": image, "scene_masks": np.packbits(mask > 127)}]
         back = self._backs[rng.integers(len(self._backs))]
         back = back[:, ::-1] if rng.random() < 0.5 else back

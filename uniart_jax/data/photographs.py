@@ -18,7 +18,7 @@ from PIL import Image, ImageDraw
 
 from uniart_jax.data.images import crop as square_crop
 from uniart_jax.data.images import crop_window
-from uniart_jax.data.scenes import Array, Crop, scene
+from uniart_jax.data.scenes import FAINT, Array, Crop, scene
 
 SIDES = (200, 352)  # pixels of a photograph
 EXACT = 0.35  # share of the masks without errors
@@ -48,7 +48,7 @@ def photographed(
     side = int(rng.integers(*SIDES))
     if back is not None:
         back = _at_side(back, side)
-    picture, mask = scene(rng, crop, others, side, whole=True, back=back)
+    picture, mask = scene(rng, crop, others, side, whole=True, back=back, grain=FAINT)
     found = mistaken(rng, mask)
     image = square_crop(np.dstack([picture, found]), size)
     return image, reframed(camera, crop_window(mask), crop_window(found))

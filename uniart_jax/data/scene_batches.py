@@ -18,7 +18,7 @@ from uniart_jax.data.layout_batches import (
 )
 from uniart_jax.data.layouts import LayoutSettings
 from uniart_jax.data.order import Draw, local_rows
-from uniart_jax.data.scenes import scene, training_backdrop
+from uniart_jax.data.scenes import GRAIN, scene, training_backdrop
 from uniart_jax.data.stream import Batches
 from uniart_jax.voxels.typed_batches import MaskBatch
 
@@ -68,7 +68,7 @@ def _scene(
 ) -> MaskBatch:
     """One item, its arrays without the axis B."""
     crop, others = neighbours(rng, table, item)
-    image, mask = scene(rng, crop, others, size, back=back)
+    image, mask = scene(rng, crop, others, size, back=back, grain=GRAIN)
     return MaskBatch(image.astype(np.float32) / 255, mask.astype(np.float32) / 255)
 
 

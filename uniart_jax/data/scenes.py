@@ -31,7 +31,9 @@ SQUASH = 0.3  # most log of width over height: pictures of any shape are looked 
 ROLL = 8.0  # degrees, of a third of the objects
 OTHERS = 3  # objects that may stand behind another
 BEYOND = 0.1  # share of the crop that may lie outside the picture
-GRAINED = 0.5  # share of the objects that have a grain or a pattern besides their colours
+GRAINED = 0.5  # share of the objects that have a grain or a pattern, where any may
+GRAIN, FAINT = 0.35, 0.18  # how strong for the mask network, and for the layout network, which
+# must see the seams between doors
 FRAMED = 0.15  # share of the pictures with a plain margin around them (``framed``)
 FRAME = (0.05, 0.25)  # how wide it is, shares of the picture's side
 LEAVES = 400  # most things of a picture of dead leaves
@@ -49,6 +51,7 @@ def scene(
     *,
     whole: bool = False,
     back: Array | None = None,
+    grain: float = 0.0,
 ) -> Crop:
     """A picture [S, S, 3] uint8 of an object somewhere, and its mask [S, S] uint8.
 
@@ -58,6 +61,8 @@ def scene(
       size: S.
       whole: the object is fairly large, upright, and nothing of it is hidden or cut off.
       back: [S, S, 3] in [0, 1] that it stands in front of; None: any (``backdrop``).
+      grain: how strong a grain or a pattern may be that ``GRAINED`` of the objects have besides
+        their colours, a share of the brightness.
     """
     back = backdrop(rng, size) if back is None else back
     if others and rng.random() < 0.35:
@@ -67,8 +72,8 @@ def scene(
     if not whole and rng.random() < CLOSE_UP:
         scales = CLOSE
     color, alpha = _placed(rng, crop, size, scales, beyond, still=whole)
-    if not whole and rng.random() < GRAINED:
-        color = _grained(rng, color, alpha)
+    if grain and rng.random() < GRAINED:
+        color = _grained(rng, color, alpha, grain)
     if rng.random() < 0.6:
         back = back * (1 - _shadow(rng, alpha))[..., None]
     picture = _paste(back, _lit(rng, color), alpha)
@@ -368,13 +373,13 @@ def _lit(rng: np.random.Generator, color: Array) -> Array:
     return np.clip(color ** np.float32(np.exp(0.15 * rng.normal())) * gain, 0, 1)
 
 
-def _grained(rng: np.random.Generator, color: Array, alpha: Array) -> Array:
+def _grained(rng: np.random.Generator, color: Array, alpha: Array, strength: float) -> Array:
     """An object (its colour times alpha [S, S, 3]) with a grain, as wood has, or a pattern."""
     size = len(alpha)
-    grain = 1 + rng.uniform(0.05, 0.35) * _field(rng, size, rng.uniform(0.5, 1.8))
-    color = color * np.clip(grain, 0.2, 2)[..., None].astype(np.float32)
+    light = 1 + strength * rng.uniform(0.1, 1) * _field(rng, size, rng.uniform(0.5, 1.8))
+    color = color * np.clip(light, 0.2, 2)[..., None].astype(np.float32)
     if rng.random() < 0.4:
-        share = np.float32(rng.uniform(0.1, 0.6))
+        share = np.float32(strength * rng.uniform(0.3, 1.7))
         pattern = _surface(rng, size, *_grid(size)) * alpha[..., None]
         color = color + share * (pattern - color)
     return np.clip(color, 0, alpha[..., None])
