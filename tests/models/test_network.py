@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from toy import MODEL, flow_arguments, init, voxel_batch
 
-from uniart_jax.models.network import build
+from uniart_jax.models.network import TOLD, build, differences
 
 
 def test_init_has_trelliss_zeros_and_no_state():
@@ -31,6 +31,14 @@ def test_wrong_parameters_are_listed():
         network.apply(params, occupancy)
     with pytest.raises(ValueError, match="image_encoder, structure_vae"):
         build("decoder", MODEL)
+
+
+def test_a_message_holds_some_names_and_says_how_many_more():
+    expected = {f"layer.{k:03d}": "float32[4]" for k in range(100)}
+    (line,) = differences(expected, {})
+    assert line.startswith("missing: layer.000, layer.001")
+    assert line.count(",") == TOLD - 1 and line.endswith(f"and {100 - TOLD} more")
+    assert differences({"a": 1}, {"a": 2}) == ["mismatched: a is 2, expected 1"]
 
 
 def test_bfloat16_keeps_parameters_and_results_in_float32():

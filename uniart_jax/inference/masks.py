@@ -21,7 +21,7 @@ from uniart_jax.models.network import build
 
 AROUND = 1.25  # side of the second look over what the first found
 LOOSE = 0.02  # a region of less than this share of the largest is no part of the object
-EDGE = 2  # cells around the object in which a mask may be soft
+EDGE = 2  # cells to either side of the object's edge in which a mask may be soft
 LEAST, MOST = 0.01, 0.98  # share of the picture that an object can be
 
 
@@ -81,8 +81,8 @@ def _around(mask: np.ndarray, size: tuple[int, int]) -> tuple[int, int, int, int
 
 
 def _object(mask: np.ndarray) -> np.ndarray:
-    """A mask [S, S] uint8 without the regions that are small beside the largest; edges stay
-    soft."""
+    """A mask [S, S] uint8 without the regions that are small beside the largest, whole within;
+    edges stay soft."""
     found = mask > 127
     regions = np.zeros(mask.shape, np.int32)
     scipy.ndimage.label(found, np.ones((3, 3)), output=regions)
@@ -92,7 +92,8 @@ def _object(mask: np.ndarray) -> np.ndarray:
     areas[0] = 0
     kept = (areas >= LOOSE * areas.max())[regions] & found
     soft = np.asarray(scipy.ndimage.binary_dilation(kept, iterations=EDGE), bool)
-    return np.where(kept | (soft & ~found), mask, 0).astype(np.uint8)
+    within = np.asarray(scipy.ndimage.binary_erosion(kept, iterations=EDGE, border_value=1), bool)
+    return np.where(within, 255, np.where(kept | (soft & ~found), mask, 0)).astype(np.uint8)
 
 
 def load_mask_predictor(checkpoint: Checkpoint | None) -> MaskPredictor | None:

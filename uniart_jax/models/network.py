@@ -18,6 +18,7 @@ from flax import nnx
 from uniart_jax.config import STAGES, ModelConfig
 
 Params = dict[str, Any]
+TOLD = 6  # names of a kind, missing ones for instance, that a message holds
 
 # each network's file in this folder and its module, imported when it is built
 MODULES = {
@@ -127,7 +128,7 @@ def flat_names(tree: Any) -> dict[str, Any]:
 
 def differences(expected: dict[str, Any], found: dict[str, Any]) -> list[str]:
     """How the named values that were found differ from those expected: missing, extra and
-    mismatched names; empty if equal."""
+    mismatched names, the first ``TOLD`` of each; empty if equal."""
     common = sorted(expected.keys() & found.keys())
     lists = {
         "missing": sorted(expected.keys() - found.keys()),
@@ -136,7 +137,12 @@ def differences(expected: dict[str, Any], found: dict[str, Any]) -> list[str]:
             f"{n} is {found[n]}, expected {expected[n]}" for n in common if found[n] != expected[n]
         ],
     }
-    return [f"{kind}: {', '.join(names)}" for kind, names in lists.items() if names]
+    return [f"{kind}: {_first(names)}" for kind, names in lists.items() if names]
+
+
+def _first(names: list[str]) -> str:
+    more = len(names) - TOLD
+    return ", ".join(names[:TOLD]) + (f" and {more} more" if more > 0 else "")
 
 
 def _plain(state: dict) -> Params:
