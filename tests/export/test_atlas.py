@@ -100,6 +100,17 @@ def test_dense_surfaces_are_simplified_and_stay_closed():
     assert color_errors(block, surface.textured(atlas.texture)).mean() < 0.03
 
 
+def test_closed_surfaces_count_their_faces_once():
+    """Only open ones get a second side: closed parts of 5,120 faces together, and such that touch
+    along an edge, are within a budget of 6,000."""
+    ball = trimesh.creation.icosphere(4)
+    twins = [trimesh.creation.box((1, 1, 1)).apply_translation([i, i, 0]) for i in (0, 1)]
+    touching = trimesh.util.concatenate(twins)
+    parts = [ball, touching]
+    for part, (_, faces) in zip(parts, simplify(parts, 2.0, budget=6000), strict=True):
+        assert len(faces) == len(part.faces)
+
+
 def test_dense_open_surfaces_are_thinned_too():
     block = marching_cubes_block(64)
     block.update_faces(np.arange(len(block.faces)) > 0)

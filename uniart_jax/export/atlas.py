@@ -124,14 +124,15 @@ def simplify(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """(vertices, faces) of every mesh, vertices merged, with about ``budget`` faces together.
 
-    Within the budget nothing is touched. Closed manifolds are simplified first, and only if that
-    leaves them closed; no step moves a surface by more than the last of ``TOLERANCES`` times
-    ``side``, or an eighth of the part's thinnest extent. Surfaces that are not closed have their
-    vertices clustered, if they alone are still too many.
+    Within the budget nothing is touched; open surfaces count ``OPENED`` times. Closed manifolds are
+    simplified first, and only if that leaves them closed; no step moves a surface by more than the
+    last of ``TOLERANCES`` times ``side``, or an eighth of the part's thinnest extent. Surfaces that
+    are not closed have their vertices clustered, if they alone are still too many.
     """
     merged = [_merged(np.asarray(m.vertices, np.float64), np.asarray(m.faces)) for m in meshes]
     solids: dict[int, manifold3d.Manifold] = {}
-    if sum(len(f) for _, f in merged) > budget:
+    counts = [len(f) * (1 if _bounded(f) else OPENED) for _, f in merged]
+    if sum(counts) > budget:
         for k, (vertices, faces) in enumerate(merged):
             if len(faces) % 2:  # not closed, and manifold3d crashes on an odd number
                 continue
@@ -140,7 +141,7 @@ def simplify(
             )
             if solid.status() == manifold3d.Error.NoError and not solid.is_empty():
                 solids[k] = solid
-    rest = OPENED * sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
+    rest = sum(count for k, count in enumerate(counts) if k not in solids)
     out = list(merged)
     for tolerance in TOLERANCES:
         if rest + sum(solid.num_tri() for solid in solids.values()) <= budget:
@@ -159,7 +160,8 @@ def simplify(
             # places that touch have become one nevertheless: then the last closed level stays
             if len(faces) >= 4 and _closed(faces):
                 out[k] = vertices, faces
-    rest = OPENED * sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
+    if rest > budget:  # clustering opens what was closed
+        rest = OPENED * sum(len(f) for k, (_, f) in enumerate(merged) if k not in solids)
     for k, (vertices, faces) in enumerate(merged):
         share = budget * len(faces) / max(rest, budget)
         if k not in solids and len(faces) > share:
@@ -371,5 +373,14 @@ def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def _closed(faces: np.ndarray) -> bool:
     """Whether every edge has exactly two faces."""
+    return bool((_faces_an_edge(faces) == 2).all())
+
+
+def _bounded(faces: np.ndarray) -> bool:
+    """Whether every edge has an even number of faces, as where solids touch."""
+    return bool((_faces_an_edge(faces) % 2 == 0).all())
+
+
+def _faces_an_edge(faces: np.ndarray) -> np.ndarray:
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+    return np.unique(edges, axis=0, return_counts=True)[1]
