@@ -64,6 +64,41 @@ def test_a_mutant_that_no_test_fails_survives(tmp_path):
         tool["survives"](tmp_path, mutant._replace(test="test_half.py::test_none"))
 
 
+@pytest.mark.usefixtures("small_pictures")
+def test_joints_are_counted_in_files_objects_and_files_written_again(tmp_path, monkeypatch, capsys):
+    """A tap whose lever turns and lifts beside a button of 2 mm; a hinge beside a ball."""
+    box = '<geom type="box" size=".1 .1 .1"/>'
+    turn, lift, press, ball = (
+        f'<joint type="{kind}" axis="0 0 1" {limits}/>'
+        for kind, limits in (
+            ("hinge", 'range="0 1" limited="true"'),
+            ("slide", 'range="0 .05" limited="true"'),
+            ("slide", 'range="0 .002" limited="true"'),
+            ("ball", ""),
+        )
+    )
+    texts = {}
+    for name, levers in (("tap", (turn + lift, press)), ("lamp", (turn, ball))):
+        bodies = "".join(
+            f'<body pos="{i}.3 0 0">{box}{joints}</body>' for i, joints in enumerate(levers)
+        )
+        texts[name] = (
+            '<mujoco><compiler angle="radian"/><worldbody>'
+            f'<body name="base">{box}{bodies}</body></worldbody></mujoco>'
+        )
+    for name, text in texts.items():
+        (tmp_path / f"{name}.xml").write_text(text)
+    monkeypatch.setattr(sys, "argv", ["x", str(tmp_path)])
+    runpy.run_path(str(ROOT / "tools/count_joints.py"), run_name="__main__")
+    lamp, tap, told = capsys.readouterr().out.splitlines()
+    assert lamp.startswith("lamp.xml: 1 joints, 0 read, 0 written (")
+    assert tap == "tap.xml: 3 joints, 3 read, 3 written"
+    assert told == (
+        "2 files, 2 of them with joints, 1 of these read and written; 1 keep every joint; 4 "
+        "joints, 3 read, 3 kept"
+    )
+
+
 def test_weights_are_averaged_by_the_share_of_the_second(tmp_path, monkeypatch, capsys):
     config = load_config(ROOT / "configs/debug.py")
     abstract = build("structure_vae", config.model).abstract()
