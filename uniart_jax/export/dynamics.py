@@ -62,9 +62,9 @@ def joint_dynamics(
     the joint, friction is that, and the part stays where it is left. Else a spring carries what a
     spring can carry, and friction 1.15 times what is left, as far as 22 N allow; formats without
     springs (``Dynamics.unsprung``) get friction that holds the part within 40 N at the handle, or,
-    where that does not suffice, 22 N and a part that falls (``Dynamics.falls``), but never from
-    rest. Damping is inertia / .2 s, at most 25 N s / m at the handle. Effort is five times friction
-    and load together plus what brings the part to its top speed in 1 / 20 s.
+    where 1.15 times the load is more than that, 22 N and a part that falls (``Dynamics.falls``),
+    but never from rest. Damping is inertia / .2 s, at most 25 N s / m at the handle. Effort is five
+    times friction and load together plus what brings the part to its top speed in 1 / 20 s.
     """
     below = [sorted(own) for own in subtrees(obj.parents)]
     states, loads = _loads_tried(obj, inertials, below)
@@ -159,6 +159,8 @@ def _held(
     hold = max(floor, HOLD * largest, LIGHTEST * lever - lift)
     if hold + lift <= HEAVIEST * lever:
         return Dynamics(0.0, hold, 0.0, 0.0, start=(hold + lift) / lever)
+    if STEADY * largest <= HELD * lever < hold:  # that holds it too
+        hold = HELD * lever
     falls = hold > HELD * lever
     if ends is None:
         friction = max(floor, HEAVIEST * lever - lift) if falls else hold
