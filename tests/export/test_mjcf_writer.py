@@ -19,7 +19,7 @@ from lxml import etree
 
 from uniart_jax import procedural
 from uniart_jax.export.dynamics import joint_dynamics
-from uniart_jax.export.handles import handles
+from uniart_jax.export.handles import handles, opening
 from uniart_jax.export.mass import part_inertials
 from uniart_jax.export.mjcf import write_mjcf
 from uniart_jax.export.placement import place
@@ -399,7 +399,8 @@ def test_a_site_stands_at_every_handle(cabinet_files, model):
 
 
 def test_actuators_open_and_close(tmp_path):
-    """Told to go to ``open``, then to ``closed``, every joint comes within 5 % of its range."""
+    """Told to go to ``open``, then to ``closed``, every joint comes within 5 % of its range, and
+    stays there."""
     obj = place(procedural.generate("oven", 900_001)).obj
     given = write_files(obj, tmp_path / "oven")
     inertials = part_inertials([p.mesh for p in obj.parts], obj.scale, None, None)
@@ -430,3 +431,18 @@ def test_actuators_open_and_close(tmp_path):
             assert data.joint(joint.name).qpos[0] == pytest.approx(goal, abs=0.05 * span), part.name
             if name == "open":
                 assert goal > 0
+    for k, handle in enumerate(handles(obj)):  # told to stay, they do under a hand's 25 N
+        if handle is None:
+            continue
+        mujoco.mj_resetDataKeyframe(model, data, model.key("closed").id)
+        data.ctrl[:] = 0
+        name, body = obj.parts[k].name, model.body(obj.parts[handle.part].name).id
+        force = 25.0 * opening(obj, k, handle)
+        for _ in range(500):
+            data.qfrc_applied[:] = 0
+            at = data.site(f"{name}_handle").xpos
+            mujoco.mj_applyFT(model, data, force, np.zeros(3), at, body, data.qfrc_applied)
+            mujoco.mj_step(model, data)
+        joint = model.joint(f"{name}_joint")
+        most = 0.05 * np.ptp(joint.range) if joint.limited[0] else 0.2 * np.pi  # .1 of a turn
+        assert data.joint(joint.name).qpos[0] < most, name
