@@ -39,8 +39,10 @@ def trio(made: Print, joint: PrintedJoint):
     return by[joint.parent].solid, child.solid, pins
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [n if n in ("drawer", "knob") else pytest.param(n, marks=pytest.mark.slow) for n in NAMES],
+)
 def test_parts_do_not_touch_at_any_state(name):
     made = print_of(name)
     assert made.joints
