@@ -4,6 +4,8 @@ ones, in MuJoCo and in PyBullet."""
 from __future__ import annotations
 
 import json
+import os
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -11,6 +13,8 @@ import pytest
 
 from uniart_jax import procedural
 from uniart_jax.export.asset import save_asset
+from uniart_jax.objects.load import load_object
+from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.simulation.reading import descriptions
 from uniart_jax.simulation.worker import load
 
@@ -18,6 +22,9 @@ pytestmark = pytest.mark.usefixtures("small_pictures")
 FORCE = 25.0  # N
 SECONDS = 8.0
 OPEN = 0.7  # of the range
+QUICK = ("table", 60.0)  # the case that runs with every test
+BESIDE = Path(__file__).resolve().parents[2].parent / "shared/real"
+REAL = Path(os.environ.get("UNIART_REAL_DIR") or BESIDE) / "furniture_sim/hingecabinet.xml"
 OBJECTS = [("oven", 900_001), ("refrigerator", 900_001), ("table", 900_001), ("box", 900_001)]
 
 
@@ -51,19 +58,39 @@ def pulled(model: mujoco.MjModel, part: dict, report: dict) -> float:
     return best
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mass", [None, 60.0])
-@pytest.mark.parametrize(("family", "seed"), OBJECTS)
-def test_a_hand_opens_what_is_written(family, seed, mass, tmp_path):
-    obj = procedural.generate(family, seed)
-    folder = save_asset(obj, tmp_path / "asset", formats=("mjcf",), motion=False, mass=mass)
+def assert_opens(obj: ArticulatedObject, folder: Path, mass: float | None = None) -> None:
+    """Every joint of an object, written with that mass."""
+    folder = save_asset(obj, folder, formats=("mjcf",), motion=False, mass=mass)
     report = json.loads((folder / "report.json").read_text())
     model = mujoco.MjModel.from_xml_path(str(folder / "object.xml"))
-    for part in report["parts"]:
-        if part["handle"] is None:
-            continue
+    moving = [part for part in report["parts"] if part["handle"] is not None]
+    assert moving
+    for part in moving:
         assert 5 - 1e-6 <= part["handle"]["start_force"] <= 22 + 1e-6, part
         assert pulled(model, part, report) > OPEN, part
+
+
+@pytest.mark.parametrize(
+    ("family", "seed", "mass"),
+    [
+        pytest.param(*drawn, mass, marks=() if (drawn[0], mass) == QUICK else pytest.mark.slow)
+        for drawn in OBJECTS
+        for mass in (None, 60.0)
+    ],
+)
+def test_a_hand_opens_what_is_written(family, seed, mass, tmp_path):
+    assert_opens(procedural.generate(family, seed), tmp_path / "asset", mass)
+
+
+@pytest.mark.skipif(
+    not REAL.is_file(), reason="set UNIART_REAL_DIR to a folder with furniture_sim's MJCFs"
+)
+@pytest.mark.parametrize("mass", [None, pytest.param(60.0, marks=pytest.mark.slow)])
+def test_a_hand_opens_what_others_made(mass, tmp_path):
+    """A cabinet whose two doors turn."""
+    obj = load_object(REAL, allow_outside=True)
+    assert [part.joint.type for part in obj.parts].count("revolute") == 2
+    assert_opens(obj, tmp_path / "asset", mass)
 
 
 def pulled_in_bullet(folder, part: dict, tmp_path) -> float:
