@@ -21,6 +21,7 @@ from PIL import Image
 from uniart_jax.export.atlas import Atlas, make_atlas
 from uniart_jax.export.bodies import make_bodies, with_joints
 from uniart_jax.export.budget import check_budget, within_budget
+from uniart_jax.export.closing import is_bounded
 from uniart_jax.export.collision_kinds import check_collision
 from uniart_jax.export.folder import check_target, complete_folder
 from uniart_jax.export.formats import (
@@ -187,7 +188,7 @@ def save_asset(
         write_preview(shown, target / "preview.png", beside, view)
         if motion:
             write_motion(shown, target / "motion.gif", view)
-        closed = [surface.mesh.is_watertight for surface in atlas.surfaces]
+        closed = [is_bounded(surface.faces) for surface in atlas.surfaces]
         read = AsRead(obj, tuple(part.name for part in given), placed.shown)
         report = make_report(placed.obj, bodies, closed, seed, checkpoint, notes, read)
         report |= {"origin": origin, "collision": collision} | dict(details or {})

@@ -21,7 +21,7 @@ import xatlas
 from PIL import Image
 from scipy import ndimage
 
-from uniart_jax.export.closing import closed
+from uniart_jax.export.closing import closed, faces_an_edge, is_bounded
 from uniart_jax.export.picture_colors import Picture, paint
 from uniart_jax.export.voxel_boxes import is_rough
 from uniart_jax.objects.appearance import corner_weights, linear_to_srgb, sample_color
@@ -131,7 +131,7 @@ def simplify(
     """
     merged = [_merged(np.asarray(m.vertices, np.float64), np.asarray(m.faces)) for m in meshes]
     solids: dict[int, manifold3d.Manifold] = {}
-    counts = [len(f) * (1 if _bounded(f) else OPENED) for _, f in merged]
+    counts = [len(f) * (1 if is_bounded(f) else OPENED) for _, f in merged]
     if sum(counts) > budget:
         for k, (vertices, faces) in enumerate(merged):
             if len(faces) % 2:  # not closed, and manifold3d crashes on an odd number
@@ -373,14 +373,4 @@ def _merged(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def _closed(faces: np.ndarray) -> bool:
     """Whether every edge has exactly two faces."""
-    return bool((_faces_an_edge(faces) == 2).all())
-
-
-def _bounded(faces: np.ndarray) -> bool:
-    """Whether every edge has an even number of faces, as where solids touch."""
-    return bool((_faces_an_edge(faces) % 2 == 0).all())
-
-
-def _faces_an_edge(faces: np.ndarray) -> np.ndarray:
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    return np.unique(edges, axis=0, return_counts=True)[1]
+    return bool((faces_an_edge(faces) == 2).all())

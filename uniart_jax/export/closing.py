@@ -65,6 +65,22 @@ def closed(vertices: np.ndarray, faces: np.ndarray, side: float) -> tuple[np.nda
     return np.concatenate([vertices[kept], layers]), joined
 
 
+def is_bounded(faces: np.ndarray) -> bool:
+    """Whether every edge has an even number of faces, as where solids touch: what
+    ``simulation.soundness`` calls watertight too.
+
+    Args:
+      faces: [f, 3]; no two vertices in the same place.
+    """
+    return bool((faces_an_edge(faces) % 2 == 0).all())
+
+
+def faces_an_edge(faces: np.ndarray) -> np.ndarray:
+    """[e] how many faces each edge has."""
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    return np.unique(edges, axis=0, return_counts=True)[1]
+
+
 def _layers(
     vertices: np.ndarray,
     faces: np.ndarray,
