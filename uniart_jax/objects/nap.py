@@ -13,6 +13,9 @@ joints along one line. Codes and figures take the one
 screw that makes both in proportion (``several_joints``), as NAP's own pictures show them.
 
 A range shorter than .003 is none: the threshold by which NAP's ``arti_viz_utils.py`` tells types.
+Files of others keep turns down to .1 degree, but these ranges are a diffusion model's own numbers
+(``get_G_from_VE`` copies them as they are): of a drawer the turn is nearly 0, never 0, and below
+.17 degrees it says nothing.
 """
 
 from __future__ import annotations
