@@ -6,8 +6,9 @@ A table over procedural objects (validation seeds, families in turn), with --rea
 and MJCF files by others, and with --generated over asset folders that sample.py wrote. Each object
 is written without a budget, with it, and with other kinds of shapes: shapes an object, MB of its
 folder (URDF, MJCF, meshes, texture, a picture), error of their volume, whether drawers hold a ball,
-MuJoCo's steps of one object a second where many copies stand in models of a hundred. The last row
-of generated objects is of the folders as they lie there. What is not there is told and left out,
+MuJoCo's steps of one object a second where many copies stand in models of a hundred (one model of
+all takes minutes to compile). The last row of generated objects is of the folders as they lie
+there. What is not there is told and left out,
 and with --limit what takes more seconds of processor time.
 """
 
