@@ -53,13 +53,13 @@ INTERVAL = (
 )
 PHOTOGRAPHS = "uniart_jax/data/photographs.py"
 REFRAMED = "tests/data/test_photographs.py::test_the_camera_code_is_that_of_the_new_crop"
-DRUMS, ROOMS = "uniart_jax/voxels/drums.py", "uniart_jax/voxels/rooms.py"
-FOUND_PANELS = "uniart_jax/voxels/found_panels.py"
-FOUND_BOARDS = "uniart_jax/voxels/found_boards.py"
-FRONTS, MASKS = "uniart_jax/voxels/fronts.py", "uniart_jax/inference/masks.py"
-IS_DRUM = "tests/voxels/test_drums.py::test_what_is_no_drum_is_left"
-BEHIND_DOOR = "tests/voxels/test_drums.py::test_the_plate_lies_behind_the_closed_door"
-ROUND = "tests/voxels/test_drums.py::test_a_torn_drum_and_its_hole_are_round"
+DRUMS, ROOMS = "uniart_jax/voxels/cleanup/drums.py", "uniart_jax/voxels/cleanup/rooms.py"
+FOUND_PANELS = "uniart_jax/voxels/cleanup/found_panels.py"
+FOUND_BOARDS = "uniart_jax/voxels/cleanup/found_boards.py"
+FRONTS, MASKS = "uniart_jax/voxels/cleanup/fronts.py", "uniart_jax/inference/masks.py"
+IS_DRUM = "tests/voxels/cleanup/test_drums.py::test_what_is_no_drum_is_left"
+BEHIND_DOOR = "tests/voxels/cleanup/test_drums.py::test_the_plate_lies_behind_the_closed_door"
+ROUND = "tests/voxels/cleanup/test_drums.py::test_a_torn_drum_and_its_hole_are_round"
 POOL_LOSSES = "tools/pool_losses.py"
 MUTANTS = (
     Mutant(DRUMS, "return FULL * drum", "return NARROW * drum", BEHIND_DOOR),
@@ -72,25 +72,25 @@ MUTANTS = (
         FRONTS,
         "_trim(field, part, drawer, plane, depth)\n    return",
         "return",
-        "tests/voxels/test_rooms.py::test_nothing_stands_out_from_the_edges_of_a_drawers_front",
+        "tests/voxels/cleanup/test_rooms.py::test_nothing_stands_out_from_the_edges_of_a_drawers_front",
     ),
     Mutant(
         ROOMS,
         "        _straight_tops(solid, room, fill, clear)\n",
         "        pass\n",
-        "tests/voxels/test_rooms.py::test_the_walls_of_a_drawer_end_at_one_height",
+        "tests/voxels/cleanup/test_rooms.py::test_the_walls_of_a_drawer_end_at_one_height",
     ),
     Mutant(
         FOUND_PANELS,
         "    if not _agree(field.sdf < 0, solid, distance, legs):\n",
         "    if False:\n",
-        "tests/voxels/test_found_panels.py::test_panels_of_another_body_are_not_taken",
+        "tests/voxels/cleanup/test_found_panels.py::test_panels_of_another_body_are_not_taken",
     ),
     Mutant(
         FOUND_PANELS,
         "GAP, OVER = 12.0, 3.0",
         "GAP, OVER = 12.0, 12.0",
-        "tests/voxels/test_found_panels.py::test_what_is_true_is_not_cut",
+        "tests/voxels/cleanup/test_found_panels.py::test_what_is_true_is_not_cut",
     ),
     Mutant(
         "uniart_jax/inference/layouts.py",
@@ -115,32 +115,32 @@ MUTANTS = (
         FOUND_BOARDS,
         "    shown = np.moveaxis(solid, axis, 0)[layers]\n",
         "    layers = slice(None)\n    shown = np.moveaxis(solid, axis, 0)\n",
-        "tests/voxels/test_found_boards.py::test_a_back_does_not_stand_for_a_front",
+        "tests/voxels/cleanup/test_found_boards.py::test_a_back_does_not_stand_for_a_front",
     ),
     Mutant(
         FOUND_BOARDS,
         "            boards[whole, axis + 3] += shift\n",
         "",
-        "tests/voxels/test_found_boards.py"
+        "tests/voxels/cleanup/test_found_boards.py"
         "::test_walls_of_a_drawer_that_is_drawn_narrower_move_as_they_are",
     ),
     Mutant(
-        "uniart_jax/voxels/trays.py",
+        "uniart_jax/voxels/cleanup/trays.py",
         "        if plate and side * (np.median(door[:, axis]) - front) > 0:\n",
         "        if plate:\n",
-        "tests/voxels/test_trays.py::test_what_no_door_covers_is_no_rack",
+        "tests/voxels/cleanup/test_trays.py::test_what_no_door_covers_is_no_rack",
     ),
     Mutant(
-        "uniart_jax/voxels/found_legs.py",
+        "uniart_jax/voxels/cleanup/found_legs.py",
         "    alone = alone and not _on_others(",
         "    alone = alone or _on_others(",
-        "tests/voxels/test_found_legs.py::test_plates_that_are_drawn_in_their_stead_stay",
+        "tests/voxels/cleanup/test_found_legs.py::test_plates_that_are_drawn_in_their_stead_stay",
     ),
     Mutant(
-        "uniart_jax/voxels/stand_ins.py",
+        "uniart_jax/voxels/cleanup/stand_ins.py",
         "box[5] <= LOW * box[3:5].min()",
         "True",
-        "tests/voxels/test_stand_ins.py::test_which_rows_need_one",
+        "tests/voxels/cleanup/test_stand_ins.py::test_which_rows_need_one",
     ),
     Mutant(
         "uniart_jax/export/picture_colors.py",
@@ -159,13 +159,13 @@ MUTANTS = (
         FOUND_BOARDS,
         "    _joined(placed)\n",
         "",
-        "tests/voxels/test_found_boards.py::test_boards_that_hang_in_the_air_reach_the_door",
+        "tests/voxels/cleanup/test_found_boards.py::test_boards_that_hang_in_the_air_reach_the_door",
     ),
     Mutant(
         FOUND_BOARDS,
         "    _as_wide(placed, drawn, [a for a in range(3) if a != axis])\n",
         "",
-        "tests/voxels/test_found_boards.py::test_a_door_is_as_wide_as_it_is_drawn",
+        "tests/voxels/cleanup/test_found_boards.py::test_a_door_is_as_wide_as_it_is_drawn",
     ),
     Mutant(
         "uniart_jax/voxels/closing.py",
@@ -189,28 +189,28 @@ MUTANTS = (
         ROOMS,
         "                straighten_rim(field, still, front)\n",
         "",
-        "tests/voxels/test_rooms.py"
+        "tests/voxels/cleanup/test_rooms.py"
         "::test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open_one_stays",
     ),
     Mutant(
         FOUND_BOARDS,
         "            if free.mean() < CRUMBS:\n",
         "            if False:\n",
-        "tests/voxels/test_found_boards.py"
+        "tests/voxels/cleanup/test_found_boards.py"
         "::test_the_body_has_nothing_in_a_drawer_and_keeps_its_outer_walls",
     ),
     Mutant(
         FOUND_BOARDS,
         "            kept |= _standing_out(found, solid, *way)\n",
         "            pass\n",
-        "tests/voxels/test_found_boards.py"
+        "tests/voxels/cleanup/test_found_boards.py"
         "::test_a_handle_that_has_no_board_stays_and_a_ragged_front_does_not",
     ),
     Mutant(
         FOUND_BOARDS,
         "found, rooms[k] = _between_walls(found, held, *way)",
         "_, rooms[k] = _between_walls(found, held, *way)",
-        "tests/voxels/test_found_boards.py"
+        "tests/voxels/cleanup/test_found_boards.py"
         "::test_a_drawer_stays_between_walls_that_are_not_the_bodys_ends",
     ),
     Mutant(
@@ -340,17 +340,17 @@ MUTANTS = (
     Mutant(LAYOUT, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),
     Mutant(LAYOUT, "> OFF_AXIS * largest", "> 9", f"{KNOBS}_a_small_lid_opens_as_it_is_read"),
     Mutant(
-        "uniart_jax/voxels/turned.py",
+        "uniart_jax/voxels/cleanup/turned.py",
         "(at_rim > cells / 2)",
         "(at_rim < 0)",
-        "tests/voxels/test_turned.py"
+        "tests/voxels/cleanup/test_turned.py"
         "::test_what_stands_out_at_a_panels_rim_or_is_small_is_no_handle",
     ),
     Mutant(
-        "uniart_jax/voxels/flat_faces.py",
+        "uniart_jax/voxels/cleanup/flat_faces.py",
         "if phi is not drawn:",
         "if False:",
-        "tests/voxels/test_flat_faces.py"
+        "tests/voxels/cleanup/test_flat_faces.py"
         "::test_the_edges_of_a_closed_door_do_not_reach_to_its_handle",
     ),
     Mutant(SESSIONS, "session.uploads - held", "session.uploads", SHARED),

@@ -180,9 +180,7 @@ def look(
     shown[seen] /= np.maximum(light, DARKEST)[:, None]
     believed = np.zeros(len(points), np.float32)
     believed[seen] = belief[seen]
-    shown /= np.maximum(
-        shown.max(-1, keepdims=True), 1
-    )  # too bright: as bright as can be, same hue
+    shown /= np.maximum(shown.max(-1, keepdims=True), 1)  # as bright as can be, same hue
     return np.maximum(shown, 0).astype(np.float32), believed
 
 

@@ -12,6 +12,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint, topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.voxels.cleanup.loose_parts import with_parts_joined, without_debris
 from uniart_jax.voxels.grid import SDF_CLIP, VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import (
     FACE_BUDGET,
@@ -23,7 +24,6 @@ from uniart_jax.voxels.isosurface import (
     with_sources,
 )
 from uniart_jax.voxels.joint_code import LARGEST, box_corners, canonical, decode_part, decode_tree
-from uniart_jax.voxels.loose_parts import with_parts_joined, without_debris
 from uniart_jax.voxels.segment import Segmentation, outside, segment
 
 EXPLAINED = (

@@ -19,29 +19,29 @@ import trimesh
 from uniart_jax.objects.kinematics import topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.assemble import _finite, mesh_parts
-from uniart_jax.voxels.clearance import with_meshes, with_room_to_move
-from uniart_jax.voxels.closing import closing_of
-from uniart_jax.voxels.drums import drums, with_drums
-from uniart_jax.voxels.flat_faces import with_flat_faces
-from uniart_jax.voxels.found_boards import with_boards
-from uniart_jax.voxels.found_legs import with_legs
-from uniart_jax.voxels.found_panels import with_panels
-from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
-from uniart_jax.voxels.isosurface import DenseField
-from uniart_jax.voxels.joint_code import box_corners
-from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.legs import with_whole_legs
-from uniart_jax.voxels.loose_parts import (
+from uniart_jax.voxels.cleanup.clearance import with_meshes, with_room_to_move
+from uniart_jax.voxels.cleanup.drums import drums, with_drums
+from uniart_jax.voxels.cleanup.flat_faces import with_flat_faces
+from uniart_jax.voxels.cleanup.found_boards import with_boards
+from uniart_jax.voxels.cleanup.found_legs import with_legs
+from uniart_jax.voxels.cleanup.found_panels import with_panels
+from uniart_jax.voxels.cleanup.legs import with_whole_legs
+from uniart_jax.voxels.cleanup.loose_parts import (
     with_lost_parts,
     with_parts_joined,
     without_floating_pieces,
 )
-from uniart_jax.voxels.rooms import with_clean_rooms
-from uniart_jax.voxels.round_doors import round_doors, with_round_doors
+from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
+from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
+from uniart_jax.voxels.cleanup.stand_ins import doubles, in_front, needed, side_by_side, stand_in
+from uniart_jax.voxels.cleanup.trays import trays
+from uniart_jax.voxels.cleanup.walls import with_whole_walls
+from uniart_jax.voxels.closing import closing_of
+from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
+from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.joint_code import box_corners
+from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.segment import Segmentation, outside
-from uniart_jax.voxels.stand_ins import doubles, in_front, needed, side_by_side, stand_in
-from uniart_jax.voxels.trays import trays
-from uniart_jax.voxels.walls import with_whole_walls
 from uniart_jax.voxels.ways import still_parts
 
 SAID = 0.25

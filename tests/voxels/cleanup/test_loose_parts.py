@@ -10,13 +10,13 @@ from fields import AT, N, assert_same, block, copy_of, field_of, solid_of
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.simulation.soundness import gaps
-from uniart_jax.voxels.isosurface import DenseField
-from uniart_jax.voxels.loose_parts import (
+from uniart_jax.voxels.cleanup.loose_parts import (
     with_lost_parts,
     with_parts_joined,
     without_debris,
     without_floating_pieces,
 )
+from uniart_jax.voxels.isosurface import DenseField
 
 
 def cube(side: float, at: tuple[float, float, float]) -> trimesh.Trimesh:

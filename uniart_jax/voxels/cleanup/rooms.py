@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.fronts import (
+from uniart_jax.voxels.cleanup.fronts import (
     Front,
     closed_door,
     drawer_front,

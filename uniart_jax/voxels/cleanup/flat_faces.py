@@ -27,9 +27,9 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.fronts import door_of, without_overlap
+from uniart_jax.voxels.cleanup.fronts import door_of, without_overlap
+from uniart_jax.voxels.cleanup.turned import Turn, panel, resampled, turn_of
 from uniart_jax.voxels.isosurface import ZERO, DenseField
-from uniart_jax.voxels.turned import Turn, panel, resampled, turn_of
 from uniart_jax.voxels.ways import center_of
 
 # lengths in sub-cells

@@ -5,7 +5,7 @@ import pytest
 from fields import AT, N, block, box_of, field_of, place_of, solid_of
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.fronts import closed_door, door_of, straighten_rim, without_overlap
+from uniart_jax.voxels.cleanup.fronts import closed_door, door_of, straighten_rim, without_overlap
 
 CENTER = place_of((36, 32, 32))
 LEFT = ((10.3, 8.3, 12.3), (14.3, 34.3, 52.3))

@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels import ways
-from uniart_jax.voxels.clearance import with_meshes, with_room_to_move
+from uniart_jax.voxels.cleanup.clearance import with_meshes, with_room_to_move
 from uniart_jax.voxels.isosurface import ZERO, with_sources
 
 FIXED = Joint.fixed()

@@ -6,8 +6,8 @@ from fields import AT, N, assert_same, block, box_of, copy_of, field_of, place_o
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
 from uniart_jax.voxels.isosurface import ZERO
-from uniart_jax.voxels.rooms import with_clean_rooms
 
 FIXED = Joint.fixed()
 CASE = ((14.3, 8.3, 8.3), (56.3, 56.3, 56.3))

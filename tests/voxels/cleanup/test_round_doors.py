@@ -5,8 +5,8 @@ import pytest
 from fields import AT, assert_same, block, box_of, copy_of, field_of, moved, place_of, solid_of
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels import round_doors as round_doors_module
-from uniart_jax.voxels.round_doors import round_doors, with_round_doors
+from uniart_jax.voxels.cleanup import round_doors as round_doors_module
+from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
 
 BODY = (34.3, 4.3, 4.3), (60.3, 60.3, 60.3)
 LOWER, UPPER = (28.3, 9.3, 11.3), (36.3, 53.3, 55.3)  # of the door, closed in front of the body

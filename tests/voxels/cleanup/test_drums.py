@@ -5,7 +5,7 @@ import pytest
 from fields import AT, block, box_of, field_of, place_of, solid_of
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.drums import PLATE, SHELL, drums, with_drums
+from uniart_jax.voxels.cleanup.drums import PLATE, SHELL, drums, with_drums
 
 MIDDLE, RADIUS, HOLE = np.array([33.3, 33.3]), 18.0, 13.0  # of the drum's axis, y and z
 FRONT, BACK = 40.3, 58.3  # the drum's ends; it is open to lower x

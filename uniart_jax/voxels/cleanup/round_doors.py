@@ -16,8 +16,8 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup.turned import Turn, turn_of
 from uniart_jax.voxels.isosurface import ZERO, DenseField
-from uniart_jax.voxels.turned import Turn, turn_of
 from uniart_jax.voxels.ways import center_of
 
 SQUARE = 1.2  # ratio of a round door's sides at most

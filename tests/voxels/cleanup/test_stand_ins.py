@@ -10,9 +10,9 @@ from fields import AT, N, field_of, place_of
 from uniart_jax import procedural
 from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup.stand_ins import doubles, in_front, needed, side_by_side, stand_in
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.stand_ins import doubles, in_front, needed, side_by_side, stand_in
 from uniart_jax.voxels.voxelize import voxelize
 
 

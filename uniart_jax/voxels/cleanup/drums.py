@@ -16,7 +16,7 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.fronts import closed_door
+from uniart_jax.voxels.cleanup.fronts import closed_door
 from uniart_jax.voxels.isosurface import ZERO, DenseField
 
 ALONG = 0.99  # least cosine between a drum's axis and one of the lattice

@@ -18,8 +18,8 @@ from fields import (
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels import flat_faces
-from uniart_jax.voxels.flat_faces import heights, with_flat_faces
+from uniart_jax.voxels.cleanup import flat_faces
+from uniart_jax.voxels.cleanup.flat_faces import heights, with_flat_faces
 from uniart_jax.voxels.isosurface import DenseField, part_mesh
 
 LOWER, UPPER = (20.3, 8.2, 8.2), (30.3, 56.4, 56.4)

@@ -5,7 +5,7 @@ import pytest
 from fields import AT, assert_same, block, box_of, copy_of, field_of, solid_of
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.walls import with_whole_walls
+from uniart_jax.voxels.cleanup.walls import with_whole_walls
 
 BODY = (10.3, 8.3, 4.3), (54.3, 56.3, 60.3)
 HOLE = (20, 20), (30, 32)  # of a wall, y and z, or x and y

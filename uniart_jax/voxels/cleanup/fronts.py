@@ -12,8 +12,8 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup.turned import ALONG, Turn, turn_of
 from uniart_jax.voxels.isosurface import DenseField
-from uniart_jax.voxels.turned import ALONG, Turn, turn_of
 from uniart_jax.voxels.ways import center_of, closed_end, opens_to
 
 # lengths in sub-cells

@@ -14,9 +14,9 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.found_panels import BESIDE, FARTHEST, aligned, distance_to, fitted
+from uniart_jax.voxels.cleanup.found_panels import BESIDE, FARTHEST, aligned, distance_to, fitted
+from uniart_jax.voxels.cleanup.turned import resampled
 from uniart_jax.voxels.isosurface import ZERO, DenseField
-from uniart_jax.voxels.turned import resampled
 from uniart_jax.voxels.ways import opens_to
 
 # lengths in sub-cells, of a grid with 128 along its side
