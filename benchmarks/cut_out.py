@@ -62,7 +62,7 @@ def main() -> None:
             cells.append(f"{found[key]:.2f} [{low:.2f}, {high:.2f}]")
         rows.append([name, *cells])
         sheet.append([crop(c, SIDE) for c in cut[:8]])
-    print(markdown(["", "mask", "worst tenth", "parts right", "recall", "count"], rows))
+    print(markdown(["", "mask", "worst tenth", "parts right", "moving found", "count"], rows))
     if given.sheet:
         Image.fromarray(np.vstack([np.hstack(row) for row in sheet])).save(given.sheet)
 

@@ -1,4 +1,4 @@
-"""Every stage, to see that the road holds; the result is noise.
+"""Every stage, to see that they run; the result is noise.
 
 Command: python train.py --config configs/debug.py
 Hardware and time: two CPU cores, 52 s, a third of it compiling; once compiled, 39 s (of another

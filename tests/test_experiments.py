@@ -47,7 +47,7 @@ COLUMNS_OF_ROWS = data_folder.COLUMNS
 
 @pytest.mark.parametrize("size", ["nano", "paper"])
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
-def test_every_arm_has_the_networks_that_its_station_needs(path, size):
+def test_every_arm_has_the_networks_that_its_pipeline_stage_needs(path, size):
     if path.stem in NANO_ONLY and size == "paper":
         with pytest.raises(ValueError, match="no paper size"):
             load_experiment(path, size)
@@ -60,9 +60,9 @@ def test_every_arm_has_the_networks_that_its_station_needs(path, size):
         has = set(experiment.trained(name).stages)
         if size == "paper":
             has.add("image_encoder")  # DINOv2, beside TRELLIS's weights
-        elif any(Path(source).name == "nano" for source in (arm.init, arm.beside)):
+        elif any(Path(source).name == "nano" for source in (arm.init, arm.other_networks_from)):
             has |= shipped  # or what an earlier commit shipped
-        assert set(evaluate_arm.NEEDS[arm.station]) <= has, name
+        assert set(evaluate_arm.NEEDS[arm.pipeline_stage]) <= has, name
         if size == "nano" and arm.stages:
             assert arm.config.data.records in made and not arm.config.data.procedural, name
             build("uniart_vae", arm.config.model).abstract()
@@ -140,7 +140,7 @@ def toy(folder: Path) -> Experiment:
     arms = {
         "uniart": Arm(base, ("uniart_vae",), "vae"),
         "concat": Arm(other, ("uniart_vae",), "vae"),
-        "again": Arm(base, (), "vae", Objects(unseen=True), of="uniart"),
+        "again": Arm(base, (), "vae", Objects(unseen=True), reuse="uniart"),
     }
     records = Records(str(folder / "records"), families=("bottle", "door"), count=3, views=1)
     return Experiment(arms, "uniart", COLUMNS, seeds=1, count=1, records=(records,))
@@ -163,7 +163,7 @@ def test_settings_are_what_figures_depend_on(tmp_path):
     assert described(arm)["records"] != found["records"]
     for folder, weight in (("a", 0.0), ("b", 1.0)):
         write_network(tmp_path / folder, "uniart_vae", {"w": np.full(3, weight)})
-    judged = dataclasses.replace(arm, stages=(), of="", init=str(tmp_path / "a"))
+    judged = dataclasses.replace(arm, stages=(), reuse="", init=str(tmp_path / "a"))
     other = dataclasses.replace(judged, init=str(tmp_path / "b"))
     first = described(judged)
     assert "config" not in first
@@ -255,7 +255,7 @@ def test_two_processes_never_work_in_one_folder(done):
 def test_an_arm_of_another_experiment_waits_for_who_works_there(tmp_path, monkeypatch):
     here, there = tmp_path / "uni_encoding-paper", tmp_path / "aggregation-paper"
     experiment = load_experiment(ROOT / "configs/experiments/uni_encoding.py", "paper")
-    (name,) = (n for n, arm in experiment.arms.items() if arm.of.startswith("aggregation/"))
+    (name,) = (n for n, arm in experiment.arms.items() if arm.reuse.startswith("aggregation/"))
     held = []
     lock = lambda *given: held.append(given) or contextlib.nullcontext()  # noqa: E731
     monkeypatch.setattr(run, "exclusive_lock", lock)
@@ -445,7 +445,12 @@ def test_what_is_missing_is_said_before_any_training(done, monkeypatch, tmp_path
     monkeypatch.setattr(run, "train_arm", lambda *_: pytest.fail("trained"))
     source = experiment.records[0].folder
     shown = Arm(
-        experiment.arms["uniart"].config, (), "vae", Objects(records=source), of="uniart", views=2
+        experiment.arms["uniart"].config,
+        (),
+        "vae",
+        Objects(records=source),
+        reuse="uniart",
+        views=2,
     )
     more = dataclasses.replace(experiment, arms={**experiment.arms, "two": shown})
     with pytest.raises(

@@ -137,10 +137,10 @@ MUTANTS = (
         "tests/voxels/cleanup/test_found_legs.py::test_plates_that_are_drawn_in_their_stead_stay",
     ),
     Mutant(
-        "uniart_jax/voxels/cleanup/stand_ins.py",
+        "uniart_jax/voxels/cleanup/primitive_parts.py",
         "box[5] <= LOW * box[3:5].min()",
         "True",
-        "tests/voxels/cleanup/test_stand_ins.py::test_which_rows_need_one",
+        "tests/voxels/cleanup/test_primitive_parts.py::test_which_rows_need_one",
     ),
     Mutant(
         "uniart_jax/export/picture_colors.py",
@@ -180,10 +180,10 @@ MUTANTS = (
         "tests/models/test_box_sets.py::test_boards_of_an_open_door_are_read_where_it_is_shown",
     ),
     Mutant(
-        "uniart_jax/inference/looks.py",
+        "uniart_jax/inference/mirror_average.py",
         "sdf=(grid.sdf + sdf) / 2",
         "sdf=grid.sdf",
-        "tests/inference/test_looks.py::test_a_mirrored_picture_gives_the_mirror_image",
+        "tests/inference/test_mirror_average.py::test_a_mirrored_picture_gives_the_mirror_image",
     ),
     Mutant(
         ROOMS,
@@ -340,10 +340,10 @@ MUTANTS = (
     Mutant(LAYOUT, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),
     Mutant(LAYOUT, "> OFF_AXIS * largest", "> 9", f"{KNOBS}_a_small_lid_opens_as_it_is_read"),
     Mutant(
-        "uniart_jax/voxels/cleanup/turned.py",
+        "uniart_jax/voxels/cleanup/align_open_parts.py",
         "(at_rim > cells / 2)",
         "(at_rim < 0)",
-        "tests/voxels/cleanup/test_turned.py"
+        "tests/voxels/cleanup/test_align_open_parts.py"
         "::test_what_stands_out_at_a_panels_rim_or_is_small_is_no_handle",
     ),
     Mutant(

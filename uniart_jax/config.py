@@ -445,7 +445,7 @@ class SampleConfig:
     ``adaptive``: each item in steps of its own, of an error of about ``tolerance``
     (``flow.solvers``); ``steps`` and ``rescale_t`` then give the first step's length alone.
     ``mirrored``: where a flow takes one step, the mean with what it makes of the mirrored picture
-    (``inference.looks``).
+    (``inference.mirror_average``).
     """
 
     solver: Literal["euler", "heun"] = "euler"
@@ -495,7 +495,7 @@ class Config:
     ``init``: a checkpoint that training goes on from (``--init`` overrides it). ``untrained``:
     parameters of a checkpoint that are still as they were drawn, by dotted name or prefix (what a
     conversion could not fill). ``quick_compile``: ``train.py`` compiles programs in less time,
-    which then run slower, to see whether the road holds.
+    which then run slower, for tests of the whole training.
     """
 
     name: str = "paper"

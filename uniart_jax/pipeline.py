@@ -32,8 +32,8 @@ from uniart_jax.data.images import crop, read_image
 from uniart_jax.export.picture_colors import Picture
 from uniart_jax.export.words import moving_words
 from uniart_jax.inference.layouts import LayoutPredictor
-from uniart_jax.inference.looks import find_grid, find_voxels, look
 from uniart_jax.inference.masks import MaskPredictor, load_mask_predictor
+from uniart_jax.inference.mirror_average import encode_views, find_grid, find_voxels
 from uniart_jax.inference.networks import Networks
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
@@ -205,14 +205,14 @@ class Pipeline(Networks):
         shown = [picture for picture, _ in cut]
         pixels = np.stack([self._crop(view) for view in shown])
         found = self._find_layout(shown[0]) if layout is True else layout or None
-        looks = look(self, pixels, found, structure_options, latent_options)
+        conditions = encode_views(self, pixels, found, structure_options, latent_options)
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
-        coords, structure = find_voxels(self, looks, keys[0], structure_options)
+        coords, structure = find_voxels(self, conditions, keys[0], structure_options)
         if len(coords) == 0:
             raise ValueError(f"{name}: the model found no object in the image; crop to the object")
         progress(f"{len(coords)} voxels")
-        grid, solution = find_grid(self, coords, looks, keys[1], latent_options, found)
+        grid, solution = find_grid(self, coords, conditions, keys[1], latent_options, found)
         progress("parts and joints")
         flows = {"structure": structure, "latent": solution}
         return Sample(
@@ -222,7 +222,7 @@ class Pipeline(Networks):
             {"structure": structure_options, "latent": latent_options},
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.steps_over_tolerance[0]) for flow, solved in flows.items()},
-            self._picture(shown[0], found, looks.plain),
+            self._picture(shown[0], found, conditions.original),
             tuple(way for _, way in cut),
             tuple(shown),
             found,

@@ -56,7 +56,7 @@ def experiment(size: str) -> Experiment:
         return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=3, count=28, records=(RECORDS,))
     config = load_config(CONFIGS / "paper.py")
     tests = Objects(records=config.data.validation, split="test")
-    arms = {"uniart": Arm(config, (), "object", tests, of="main/uniart")}
+    arms = {"uniart": Arm(config, (), "object", tests, reuse="main/uniart")}
     for kind in KINDS[1:]:
         arms[kind] = Arm(with_aggregation(config, kind), PAPER_STAGES, "object", tests)
     return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=1, count=200)

@@ -55,7 +55,7 @@ def experiment(size: str) -> Experiment:
     config = load_config(CONFIGS / "paper.py")
     tests = Objects(records=config.data.validation, split="test")
     arms = {
-        name: Arm(config, (), "object", tests, of="main/uniart", views=n)
+        name: Arm(config, (), "object", tests, reuse="main/uniart", views=n)
         for n, name in NAMES.items()
     }
     for n in (2, 3):

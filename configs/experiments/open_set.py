@@ -28,7 +28,7 @@ def experiment(size: str) -> Experiment:
             "unseen": Arm(config, (), "object", Objects(unseen=True), init="nano"),
             "seen_vae": Arm(config, (), "vae", Objects(), init="nano"),
             "unseen_vae": Arm(
-                config, (), "vae", Objects(unseen=True), init="nano", against="seen_vae"
+                config, (), "vae", Objects(unseen=True), init="nano", reference="seen_vae"
             ),
         }
         return Experiment(arms, "seen", OBJECT_COLUMNS, seeds=1, count=70)
@@ -38,6 +38,6 @@ def experiment(size: str) -> Experiment:
     config = dataclasses.replace(config, data=data)
     arms = {
         "seen": Arm(config, PAPER_STAGES, "object", Objects(records=folder, split="test")),
-        "unseen": Arm(config, (), "object", Objects(records=folder, split="unseen"), of="seen"),
+        "unseen": Arm(config, (), "object", Objects(records=folder, split="unseen"), reuse="seen"),
     }
     return Experiment(arms, "seen", OBJECT_COLUMNS, seeds=1, count=200)

@@ -55,9 +55,9 @@ def experiment(size: str) -> Experiment:
         model = dataclasses.replace(base.model, uniart_vae=vae)
         config = dataclasses.replace(base, model=model, uniart_vae=stage)
         config = trained_on(config, RECORDS, voxel_crop=1024, new_joints=share)
-        arms[name] = Arm(config, ("uniart_vae",), "vae", Objects(unseen=True), against=against)
+        arms[name] = Arm(config, ("uniart_vae",), "vae", Objects(unseen=True), reference=against)
     for name, *_, against in ARMS:
-        seen = {"tests": Objects(), "of": name, "against": f"{against or name}_seen"}
+        seen = {"tests": Objects(), "reuse": name, "reference": f"{against or name}_seen"}
         arms[f"{name}_seen"] = dataclasses.replace(arms[name], stages=(), **seen)
     return Experiment(
         arms, "narrow", (*OBJECT_COLUMNS, "range_iou"), seeds=1, count=28, records=(RECORDS,)

@@ -58,7 +58,7 @@ def experiment(size: str) -> Experiment:
         config, stages, tests = nano(), ("structure_flow",), Objects(unseen=True)
         arms = {
             "prior": Arm(config, stages, "structure", tests, init="nano"),
-            "scratch": Arm(config, stages, "structure", tests, beside="nano"),
+            "scratch": Arm(config, stages, "structure", tests, other_networks_from="nano"),
             "prior_alone": Arm(config, (), "structure", tests, init="nano"),
         }
         columns = ("structure_iou",)
@@ -67,8 +67,8 @@ def experiment(size: str) -> Experiment:
     tests = Objects(records=config.data.validation, split="test")
     scratch = dataclasses.replace(config, init="")
     arms = {
-        "prior": Arm(config, (), "object", tests, of="main/uniart"),
-        "scratch": Arm(scratch, PAPER_STAGES, "object", tests, beside=config.init),
+        "prior": Arm(config, (), "object", tests, reuse="main/uniart"),
+        "scratch": Arm(scratch, PAPER_STAGES, "object", tests, other_networks_from=config.init),
     }
     columns = ("rs_psnr", "as_psnr", "rs_chamfer", "as_chamfer", "parts_right", "pose_error")
     return Experiment(arms, "prior", columns, seeds=1, count=200)

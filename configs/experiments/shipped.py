@@ -12,11 +12,11 @@ Time: one CPU core; sampling alone, about 6 s an object and arm: 80 minutes for 
 from pathlib import Path
 
 from uniart_jax.cli import load_config
-from uniart_jax.experiments.design import OBJECT_COLUMNS, Arm, Experiment, Objects, Station
+from uniart_jax.experiments.design import OBJECT_COLUMNS, Arm, Experiment, Objects, PipelineStage
 
 CONFIGS = Path(__file__).parent.parent
 BEFORE = "runs/uniart_jax/pretrained/nano"
-SETS: dict[str, tuple[Station, bool]] = {
+SETS: dict[str, tuple[PipelineStage, bool]] = {
     "seen": ("object", False),
     "given": ("latent_flow", False),
     "unseen": ("object", True),
@@ -28,8 +28,8 @@ def experiment(size: str) -> Experiment:
         raise ValueError("experiment shipped: it has no paper size, the paper ships no weights")
     config = load_config(CONFIGS / "nano.py")
     arms = {}
-    for name, (station, unseen) in SETS.items():
+    for name, (stage, unseen) in SETS.items():
         tests = Objects(unseen=unseen)
-        arms[f"{name}_before"] = Arm(config, (), station, tests, init=BEFORE, against="seen_before")
-        arms[f"{name}_now"] = Arm(config, (), station, tests, init="nano", against=f"{name}_before")
+        arms[f"{name}_before"] = Arm(config, (), stage, tests, init=BEFORE, reference="seen_before")
+        arms[f"{name}_now"] = Arm(config, (), stage, tests, init="nano", reference=f"{name}_before")
     return Experiment(arms, "seen_before", OBJECT_COLUMNS, seeds=1, count=128)

@@ -52,7 +52,7 @@ def experiment(size: str) -> Experiment:
     config = load_config(CONFIGS / "paper.py")
     tests = Objects(records=config.data.validation, split="test")
     arms = {
-        name: Arm(config, (), "object", tests, of="main/uniart", sampling=options)
+        name: Arm(config, (), "object", tests, reuse="main/uniart", sampling=options)
         for name, options in SOLVERS.items()
     }
     return Experiment(arms, "euler_4", COLUMNS, seeds=1, count=200)

@@ -50,14 +50,14 @@ def experiment(size: str) -> Experiment:
     if size == "nano":
         base = nano()
         arms = {
-            kind: Arm(with_aggregation(base, kind), ("uniart_vae", "latent_flow"), "latent_flow", beside="nano")  # noqa: E501
+            kind: Arm(with_aggregation(base, kind), ("uniart_vae", "latent_flow"), "latent_flow", other_networks_from="nano")  # noqa: E501
             for kind in KINDS
         }  # fmt: skip
         return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=3, count=28, records=(RECORDS,))
     base = load_config(CONFIGS / "paper.py")
     tests = Objects(records=base.data.validation, split="test")
     arms = {
-        kind: Arm(with_aggregation(base, kind), (), "object", tests, of=of)
-        for kind, of in zip(KINDS, ("main/uniart", "aggregation/concat"), strict=True)
+        kind: Arm(with_aggregation(base, kind), (), "object", tests, reuse=trained)
+        for kind, trained in zip(KINDS, ("main/uniart", "aggregation/concat"), strict=True)
     }
     return Experiment(arms, "uniart", OBJECT_COLUMNS, seeds=1, count=200)

@@ -11,7 +11,7 @@ import trimesh
 
 pytest.importorskip("mujoco")
 
-from uniart_jax.evaluation.physics import evaluate_physics, summarize_trials, table_of
+from uniart_jax.evaluation.physics import evaluate_physics, summarize_checks, table_of
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -84,10 +84,10 @@ def test_figures_of_a_row():
         "seconds": {},
         "yourdfpy": False,
     }
-    row = summarize_trials([good, bad])
+    row = summarize_checks([good, bad])
     assert row["loads mujoco"] == 0.5 and row["stands mujoco"] == 0.5 and row["sound"] == 0.5
     assert row["joints mujoco"] == 4 and row["70 % mujoco"] == 0.25 and row["export s"] == 2.0
     assert table_of({"truth": row}).count("\n") == 2
     assert "plausible" not in row  # figures kept from before do not know
     known = [good | {"stands": True, "plausible": s} for s in (True, False)]
-    assert summarize_trials(known)["plausible"] == 0.5
+    assert summarize_checks(known)["plausible"] == 0.5

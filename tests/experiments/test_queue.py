@@ -27,7 +27,7 @@ from uniart_jax.objects.object import ArticulatedObject, Part
 
 PIPELINE: Any = None  # nothing is asked of it
 ARM = Arm(Config(), ("uniart_vae",), "vae")
-ARMS = {"one": ARM, "two": ARM, "again": dataclasses.replace(ARM, stages=(), of="two")}
+ARMS = {"one": ARM, "two": ARM, "again": dataclasses.replace(ARM, stages=(), reuse="two")}
 QUEUE = Experiment(ARMS, "one", ("rs_chamfer",), seeds=2, count=1)
 
 
@@ -79,7 +79,7 @@ def test_a_training_that_diverges_is_a_result_and_tried_again(fakes, tmp_path):
 
 def test_an_arm_of_another_experiment_is_trained_in_its_folder(fakes, monkeypatch, tmp_path):
     failing, trained = fakes
-    arms = {name: dataclasses.replace(ARM, stages=(), of="main/there") for name in ("a", "b")}
+    arms = {name: dataclasses.replace(ARM, stages=(), reuse="main/there") for name in ("a", "b")}
     there = tmp_path.relative_to(tmp_path) / "main-paper/there"
     elsewhere = {"main/there": ExternalArm(ARM, there)}
     experiment = Experiment(arms, "a", ("rs_chamfer",), seeds=1, count=1, others=elsewhere)
@@ -130,7 +130,7 @@ def test_a_checkpoint_that_is_missing_is_named_before_anything_is_made(
     missing, arm = str(tmp_path / "before"), dataclasses.replace(ARM, init="nano")
     other = {
         "init": dataclasses.replace(ARM, init=missing),
-        "beside": dataclasses.replace(ARM, beside=missing),
+        "beside": dataclasses.replace(ARM, other_networks_from=missing),
         "config.init": dataclasses.replace(ARM, config=Config(init=missing)),
         "there before": dataclasses.replace(ARM, init=missing),
     }[field]
@@ -159,7 +159,7 @@ def test_an_arm_that_lacks_a_network_is_named_before_anything_is_made(monkeypatc
         "flows, encoder": Arm(kept, ("structure_flow",), "object"),
         "latent_flow": Arm(kept, ("structure_flow",), "object", init=str(blind)),
         "structure_flow, latent_flow": Arm(kept, ("uniart_vae",), "object", init="nano"),
-        "structure_flow": Arm(kept, ("latent_flow",), "object", beside="nano"),
+        "structure_flow": Arm(kept, ("latent_flow",), "object", other_networks_from="nano"),
     }
     lacking = {
         **{name: name for name in arms},
@@ -223,7 +223,7 @@ def test_an_object_that_fails_counts_with_the_worst_values(monkeypatch):
     assert failure == "IndexError: no part at all"
     own = evaluate_arm.worst("articulation", posed(test.truth.obj))
     assert own["axis_median"] == evaluate_arm.METRICS["axis_median"].worst
-    assert set(figures) == set(evaluate_arm.figure_names(ARM.station))
+    assert set(figures) == set(evaluate_arm.figure_names(ARM.pipeline_stage))
     assert figures["rs_chamfer"] == evaluate_arm.METRICS["rs_chamfer"].worst
     assert figures["part_recall"] == 0
     monkeypatch.setattr(evaluate_arm, "make_object", lambda *_: (test.truth.obj, None))

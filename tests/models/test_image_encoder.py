@@ -70,7 +70,7 @@ def test_image_encoder_reads_each_cell_where_the_camera_sees_it():
 
     @jax.jit
     def lift(fine):
-        places = network.apply(params, camera, method="look")
+        places = network.apply(params, camera, method="project_cells")
         return network.apply(params, fine, coarse, camera, *places, method="lift")
 
     plain, marked = lift(fine), lift(mark)

@@ -22,7 +22,7 @@ def test_real_folders():
     """Every folder below ``$UNIART_PARTNET_DIR``: no error of an unknown kind; shapes, axes and
     limits as mobility_v2.json has them.
 
-    What is expected is worked out here from the raw files, by another road than the reader's.
+    What is expected is worked out here from the raw files, in another way than the reader's.
     """
     place = os.environ.get("UNIART_PARTNET_DIR")
     if not place:

@@ -83,7 +83,7 @@ def find(pipe, pixels, key, options):
 
 @pytest.fixture(autouse=True)
 def looks(monkeypatch):
-    monkeypatch.setattr(found, "look", see)
+    monkeypatch.setattr(found, "encode_views", see)
     monkeypatch.setattr(found, "find_voxels", find)
 
 

@@ -51,8 +51,8 @@ def evaluate(
     PRED and REF are folders of assets (URDF, MJCF, object.json, nap.npz) matched by name, or one
     asset each; PRED/NAME may hold several samples.
     Or measure a checkpoint on held-out procedural objects, beside retrieval and controls
-    (baselines) or station by station (procedural), its layouts (layout), the representation alone,
-    or assets in simulators (physics).
+    (baselines) or stage by stage of the pipeline (procedural), its layouts (layout), the
+    representation alone, or assets in simulators (physics).
 
     Args:
         what: A folder of predictions, or one of the five words baselines, procedural, layout,

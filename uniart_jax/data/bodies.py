@@ -9,7 +9,7 @@ import manifold3d
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.voxels.ways import still_parts
+from uniart_jax.voxels.opening_direction import still_parts
 
 
 def body_rows(obj: ArticulatedObject) -> list[int]:

@@ -1,4 +1,4 @@
-"""From an image file to what a network sees, one road for training, sampling and evaluation.
+"""From an image file to what a network sees, the same for training, sampling and evaluation.
 
     file -> RGBA (orientation, palettes, CMYK, 16 bit) -> background.cut_out -> square crop ->
     [size, size, 3] on black

@@ -44,8 +44,8 @@ console = messages()
 
 
 @dataclasses.dataclass(frozen=True)
-class Trial:
-    """One object to be tried.
+class AssetCheck:
+    """One object to be written as an asset and checked in simulators.
 
     Attributes:
       row: of the table.
@@ -103,22 +103,22 @@ def evaluate_physics(
     if checkpoint is not None:
         count = count or 64
         sampled = _sampled(checkpoint, count, unseen, out)
-        trials = list(track(sampled, "images to objects", 2 * count, unit="trials"))
+        planned = list(track(sampled, "images to objects", 2 * count, unit="assets"))
     else:
-        trials = (
+        planned = (
             _assets(root, count, allow_outside)
             if root is not None
             else _truth(count or 200, unseen)
         )
-    store = ResultStore[Trial](lambda trial: _result_file(out, trial.row, trial.name))
-    measure = functools.partial(_try, out / "assets", tuple(engines or ()) or None)
+    store = ResultStore[AssetCheck](lambda asset: _result_file(out, asset.row, asset.name))
+    measure = functools.partial(_check, out / "assets", tuple(engines or ()) or None)
     made = run(
-        measure, trials, "assets in simulators", processes=processes, store=store, died=_died
+        measure, planned, "assets in simulators", processes=processes, store=store, died=_died
     )
     rows: dict[str, list[dict]] = {}
-    for trial, result in zip(trials, made, strict=True):
-        rows.setdefault(trial.row, []).append(result)
-    table = {row: summarize_trials(results) for row, results in rows.items()}
+    for asset, result in zip(planned, made, strict=True):
+        rows.setdefault(asset.row, []).append(result)
+    table = {row: summarize_checks(results) for row, results in rows.items()}
     content = {**settings, "rows": table, "objects": rows}
     write_metrics(out, content, table_of(table))
     print(table_of(table))
@@ -129,34 +129,38 @@ def evaluate_physics(
     return content
 
 
-def _truth(count: int, unseen: bool) -> list[Trial]:
+def _truth(count: int, unseen: bool) -> list[AssetCheck]:
     families = split_families(unseen)
     drawn = [(families[i % len(families)], procedural.HELD_OUT_SEED + i) for i in range(count)]
     return [
-        Trial("truth", f"{family}-{seed}", functools.partial(procedural.generate, family, seed))
+        AssetCheck(
+            "truth", f"{family}-{seed}", functools.partial(procedural.generate, family, seed)
+        )
         for family, seed in drawn
     ]
 
 
-def _assets(root: Path, count: int | None, allow_outside: bool) -> list[Trial]:
+def _assets(root: Path, count: int | None, allow_outside: bool) -> list[AssetCheck]:
     entries = find_entries(root, "urdf")[:count]
     # with every joint; ``load_entry`` keeps one a part
     load = functools.partial(load_object, allow_outside=allow_outside)
     return [
-        Trial("assets", f"{i:04d}-{Path(e.key).name}", functools.partial(load, Path(root) / e.path))
+        AssetCheck(
+            "assets", f"{i:04d}-{Path(e.key).name}", functools.partial(load, Path(root) / e.path)
+        )
         for i, e in enumerate(entries)
     ]
 
 
-def _sampled(checkpoint: str, count: int, unseen: bool, out: Path) -> Iterator[Trial]:
-    """Two trials an image, before and after refining; the networks run in this process, only where
+def _sampled(checkpoint: str, count: int, unseen: bool, out: Path) -> Iterator[AssetCheck]:
+    """Two checks an image, before and after refining; the networks run in this process, only where
     a result is missing."""
     pipeline = None
     for index in range(count):
         name = f"{index:04d}"
         files = [_result_file(out, row, name) for row in ("sampled", "refined")]
         if all(f.is_file() for f in files):
-            yield from (Trial(row, name, "done before") for row in ("sampled", "refined"))
+            yield from (AssetCheck(row, name, "done before") for row in ("sampled", "refined"))
             continue
         if pipeline is None:
             enable_compilation_cache()
@@ -167,15 +171,15 @@ def _sampled(checkpoint: str, count: int, unseen: bool, out: Path) -> Iterator[T
             source: ArticulatedObject | str = pipeline(test.image, seed=index)
         except ValueError as error:  # no object in the image: a failure that counts
             source = str(error)
-        yield from (Trial(row, name, source) for row in ("sampled", "refined"))
+        yield from (AssetCheck(row, name, source) for row in ("sampled", "refined"))
 
 
 def _result_file(out: Path, row: str, name: str) -> Path:
     return out / "results" / row / f"{name}.json"
 
 
-def _died(trial: Trial) -> dict:
-    return _failure(trial.name, DIED)
+def _died(asset: AssetCheck) -> dict:
+    return _failure(asset.name, DIED)
 
 
 def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
@@ -187,11 +191,11 @@ def _failure(name: str, why: str, moving: Sequence[str] = ()) -> dict:
     return told | dict.fromkeys(no, False) | nothing
 
 
-def _try(assets: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
+def _check(assets: Path, engines: Sequence[str] | None, asset: AssetCheck) -> dict:
     """One object's figures; it lies in ``assets/<row>/<name>``."""
-    folder, moving = assets / trial.row / trial.name, []
+    folder, moving = assets / asset.row / asset.name, []
     try:
-        obj = named(trial.make())
+        obj = named(asset.make())
         moving = [joint_name(part) for part in obj.parts if moves(part)]
         start = time.perf_counter()
         save_asset(
@@ -200,13 +204,13 @@ def _try(assets: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
             formats=FORMATS,
             motion=False,
             overwrite=True,
-            mend=mend if trial.row == "refined" else None,
+            mend=mend if asset.row == "refined" else None,
         )
         written = time.perf_counter()
         found = validate(folder, out=folder, engines=engines)
         done = time.perf_counter()
     except Exception as error:  # one object must not cost the figures of all others
-        return _failure(trial.name, error_line(error), moving)
+        return _failure(asset.name, error_line(error), moving)
     ran = found["engines"]
     failed = [
         f"{where} {name} ({check.get('reason', check['value'])})"
@@ -215,7 +219,7 @@ def _try(assets: Path, engines: Sequence[str] | None, trial: Trial) -> dict:
         if not check["passed"]
     ]
     return {
-        "name": trial.name,
+        "name": asset.name,
         "moving": moving,
         "sound": is_sound(found),
         "stands": stands(verdicts(found)),
@@ -237,7 +241,7 @@ def _works(joint: dict) -> bool:
     return joint["reached"] >= REACH and joint["collision"] <= DEPTH
 
 
-def summarize_trials(results: Sequence[dict]) -> dict[str, float]:
+def summarize_checks(results: Sequence[dict]) -> dict[str, float]:
     """Shares of objects and of joints, and median seconds. An object that could not be tried fails
     everything, its moving joints too."""
     engines = sorted({engine for r in results for engine in r["engines"]})

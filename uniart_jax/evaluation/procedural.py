@@ -1,7 +1,7 @@
-"""Held-out procedural objects: how far each station of the road gets, beside retrieval and the
-representation's ceiling.
+"""Quality after each pipeline stage (VAE, latent flow, image to object), compared with retrieval
+and with the representation's upper bound.
 
-One object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown state, one rendered
+Held-out procedural objects: one object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown state, one rendered
 view, one sample. Rows of the table:
 
     representation     truth -> voxels -> object
@@ -37,7 +37,7 @@ from uniart_jax.evaluation.pictures import write_comparison
 from uniart_jax.evaluation.retrieval import make_retrieval
 from uniart_jax.evaluation.runner import run, run_staged, write_metrics
 from uniart_jax.evaluation.table import markdown
-from uniart_jax.inference.looks import find_grid, find_voxels, look
+from uniart_jax.inference.mirror_average import encode_views, find_grid, find_voxels
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
 from uniart_jax.pipeline import Pipeline, load
@@ -133,8 +133,8 @@ def held_out_for(model: ModelConfig, index: int, unseen: bool = False) -> HeldOu
 
 @dataclasses.dataclass(frozen=True)
 class Score:
-    """One object of one station against the truth; ``chamfer`` at the shown state, ``chamfer_open``
-    with both opened."""
+    """The object of one pipeline stage against the truth; ``chamfer`` at the shown state,
+    ``chamfer_open`` with both opened."""
 
     family: str
     parts: PartScores
@@ -202,7 +202,7 @@ def evaluate_checkpoint(
     out.mkdir(parents=True, exist_ok=True)
     overlaps: list[float] = []
 
-    def at_stations(index: int, test: HeldOut) -> list[Finish]:
+    def at_stages(index: int, test: HeldOut) -> list[Finish]:
         grids, overlap, pixels, layout = predict(pipeline, test, index)
         overlaps.append(overlap)
         others = {} if retrieve is None else {"retrieval": retrieve(pixels)}
@@ -211,7 +211,7 @@ def evaluate_checkpoint(
         return [functools.partial(finish, test, grids, others, folder, name, layout)]
 
     draw = functools.partial(held_out_for, model, unseen=unseen)
-    made = run_staged(draw, at_stations, range(count), "held-out objects", processes=processes)
+    made = run_staged(draw, at_stages, range(count), "held-out objects", processes=processes)
     results = [one for (one,) in made]
     loads = [load for _, load in results if load]
     extra = {
@@ -230,21 +230,21 @@ def evaluate_checkpoint(
 def predict(
     pipeline: Pipeline, test: HeldOut, seed: int
 ) -> tuple[dict[str, VoxelGrid], float, np.ndarray, Layout | None]:
-    """What the networks say at every station, the IoU of the sampled structure with the true one,
-    the image as they see it, and its layout."""
+    """What the networks say at every pipeline stage, the IoU of the sampled structure with the true
+    one, the image as they see it, and its layout."""
     coords = test.grid.coords
     pixels = pipeline.prepare(test.image)
     layout = pipeline.find_layout(test.image)
     options = pipeline.options()
-    looks = look(pipeline, pixels[None], layout, *options)
+    conditions = encode_views(pipeline, pixels[None], layout, *options)
     keys = jax.random.split(jax.random.key(seed))
-    found, _ = find_voxels(pipeline, looks, keys[0], options[0])
+    found, _ = find_voxels(pipeline, conditions, keys[0], options[0])
     if len(found) == 0:  # a failure counts: an object of one speck
         found = np.array([[pipeline.config.model.grid.resolution // 2] * 3], np.int32)
     encoded = pipeline.encode_voxels(test.grid)
     grids = {"vae": pipeline.decode([coords], [encoded], [layout])[0]}
     for name, where in (("latent_flow", coords), ("image_to_object", found)):
-        grids[name], _ = find_grid(pipeline, where, looks, keys[1], options[1], layout)
+        grids[name], _ = find_grid(pipeline, where, conditions, keys[1], options[1], layout)
     dense = [occupancy(c, test.grid.resolution) for c in (found, coords)]
     return grids, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()), pixels, layout
 
@@ -257,13 +257,13 @@ def finish(
     name: str,
     layout: Layout | None = None,
 ) -> tuple[dict[str, Score], dict[str, bool]]:
-    """Assemble every station's object and score it; where ``out`` is given, draw them and write the
+    """Assemble every stage's object and score it; where ``out`` is given, draw them and write the
     model's as an asset (``check_asset``)."""
     read_off = functools.partial(assemble, tolerance=NETWORK_TOLERANCE)
     follow = read_off if layout is None else functools.partial(assemble_layout, layout=layout)
     predicted = {"representation": assemble(test.grid.gather())}
-    for station in ("vae", "latent_flow", "image_to_object"):
-        predicted[station] = follow(grids[station])
+    for stage in ("vae", "latent_flow", "image_to_object"):
+        predicted[stage] = follow(grids[stage])
     if layout is not None:
         predicted["without_layout"] = read_off(grids["image_to_object"])
     predicted |= others
@@ -271,7 +271,7 @@ def finish(
     if out is not None:
         loads = check_asset(predicted["image_to_object"], out / "assets" / name)
         write_comparison(out / "pictures" / f"{name}.png", test.image, test.obj, predicted)
-    return {station: score(obj, test) for station, obj in predicted.items()}, loads
+    return {stage: score(obj, test) for stage, obj in predicted.items()}, loads
 
 
 def check_asset(obj: ArticulatedObject, folder: Path) -> dict[str, bool]:

@@ -1,4 +1,4 @@
-"""What an experiment is: arms, what is trained in each, and where on the road it is judged.
+"""What an experiment is: arms, what is trained in each, and which pipeline stage is judged.
 ``configs/experiments/*.py`` make them."""
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from uniart_jax.config import Config
 from uniart_jax.runtime.config_files import CONFIGS, find_file
 
 Size = Literal["nano", "paper"]
-# from what to what the networks of a checkpoint are judged: evaluation.procedural's rows, and the
-# structure alone
-Station = Literal["vae", "structure", "latent_flow", "object"]
+# the steps from image to object after which quality is measured, given the truth before them:
+# evaluation.procedural's rows, and the structure alone
+PipelineStage = Literal["vae", "structure", "latent_flow", "object"]
 FOLDER = CONFIGS / "experiments"
 # every network that configs/paper.py trains; DINOv2 is taken as it is
 PAPER_STAGES = ("structure_vae", "uniart_vae", "structure_flow", "latent_flow")
@@ -54,38 +54,38 @@ class Objects:
 
 @dataclasses.dataclass(frozen=True)
 class Arm:
-    """One line of the table.
+    """One variant of the experiment, a row of its table.
 
     Attributes:
       config: what is trained; its seeds are set by the run.
-      stages: the networks that are trained, in this order; () = the checkpoint ``init``, or that of
-        the arm ``of``, is judged as it is.
-      station: where on the road it is judged.
+      stages: the networks that are trained, in this order. (): nothing is trained, and the
+        checkpoint ``init``, or that of the arm ``reuse``, is judged as it is.
+      pipeline_stage: what is judged.
       tests: on which objects.
       init: checkpoint whose weights the stages begin with; "" = the config's own.
-      beside: checkpoint that gives the networks that are not trained, where the stages begin from
-        scratch.
-      of: an arm that is trained, whose networks are judged again: one before this one, or
-        EXPERIMENT/ARM of another experiment, which is trained only once.
+      other_networks_from: checkpoint that gives the networks that are not trained, where the stages
+        begin from scratch.
+      reuse: a trained arm whose networks are judged again, on other objects or in another way: one
+        before this one, or EXPERIMENT/ARM of another experiment, which is trained only once.
       views: images of the object that are shown together.
-      against: the arm that it is held against; "" = the experiment's reference.
+      reference: the arm from whose figures differences are taken; "" = the experiment's reference.
       sampling: options of both flows that differ from the checkpoint's (``Pipeline.options``).
     """
 
     config: Config
     stages: tuple[str, ...]
-    station: Station
+    pipeline_stage: PipelineStage
     tests: Objects = Objects()
     init: str = ""
-    beside: str = ""
-    of: str = ""
+    other_networks_from: str = ""
+    reuse: str = ""
     views: int = 1
-    against: str = ""
+    reference: str = ""
     sampling: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     def checkpoints(self) -> list[str]:
         """All that it names."""
-        given = {self.init, self.beside, self.config.init if self.stages else ""}
+        given = {self.init, self.other_networks_from, self.config.init if self.stages else ""}
         return sorted(given - {""})
 
 
@@ -126,7 +126,7 @@ class Experiment:
     Attributes:
       seeds: trainings of each arm. count: test objects of each.
       columns: the figures of the table (``evaluate_arm.METRICS``).
-      others: EXPERIMENT/ARM -> the arm, for all that arms are ``of``; ``load_experiment`` fills it.
+      others: EXPERIMENT/ARM -> the arm, for all that arms ``reuse``; ``load_experiment`` fills it.
     """
 
     arms: dict[str, Arm]
@@ -138,16 +138,16 @@ class Experiment:
     others: dict[str, ExternalArm] = dataclasses.field(default_factory=dict)
 
     def trained(self, name: str) -> Arm:
-        """The arm whose networks arm ``name`` is judged by: itself, or what it is ``of``."""
-        of = self.arms[name].of
-        if not of:
+        """The arm whose networks arm ``name`` is judged by: itself, or the one that it reuses."""
+        reuse = self.arms[name].reuse
+        if not reuse:
             return self.arms[name]
-        return self.others[of].arm if "/" in of else self.arms[of]
+        return self.others[reuse].arm if "/" in reuse else self.arms[reuse]
 
     def folder(self, name: str, out: Path) -> Path:
         """Where that arm is trained, of an experiment in ``out``."""
-        of = self.arms[name].of
-        return out.parent / self.others[of].folder if "/" in of else out / (of or name)
+        reuse = self.arms[name].reuse
+        return out.parent / self.others[reuse].folder if "/" in reuse else out / (reuse or name)
 
 
 def trained_on(config: Config, records: Records, **more: Any) -> Config:
@@ -179,7 +179,7 @@ def find_experiment(name: str | Path) -> Path:
 
 def load_experiment(name: str | Path, size: Size = "nano") -> Experiment:
     """The ``experiment(size)`` of a file, with the arms of other experiments (beside that file)
-    that its arms are of.
+    that its arms reuse.
 
     Raises:
       FileNotFoundError: no such file. ValueError: it has no such function, the function refuses the
@@ -189,14 +189,14 @@ def load_experiment(name: str | Path, size: Size = "nano") -> Experiment:
     found = _made(path, size)
     others = {}
     for arm in found.arms.values():
-        if "/" not in arm.of:
+        if "/" not in arm.reuse:
             continue
-        stem, _, other = arm.of.partition("/")
+        stem, _, other = arm.reuse.partition("/")
         beside = path.with_name(f"{stem}.py")
         there = _made(beside, size).arms.get(other) if beside.is_file() else None
         if there is None or not there.stages:
-            raise ValueError(f"experiment '{path}': no trained arm '{arm.of}' at size {size}")
-        others[arm.of] = ExternalArm(there, Path(folder_name(beside, size), other))
+            raise ValueError(f"experiment '{path}': no trained arm '{arm.reuse}' at size {size}")
+        others[arm.reuse] = ExternalArm(there, Path(folder_name(beside, size), other))
     return dataclasses.replace(found, others=others)
 
 
@@ -208,19 +208,19 @@ def _made(path: Path, size: Size) -> Experiment:
     if not isinstance(found, Experiment):
         raise ValueError(f"experiment '{path}': experiment(size) must give a {Experiment.__name__}")
     arms = found.arms
-    for wanted in [found.reference, *(arm.against for arm in arms.values() if arm.against)]:
+    for wanted in [found.reference, *(arm.reference for arm in arms.values() if arm.reference)]:
         if wanted not in arms:
             raise ValueError(f"experiment '{path}': no arm '{wanted}' to hold others against")
     for name, arm in arms.items():
-        if bool(arm.stages) + bool(arm.of) + (not arm.stages and bool(arm.init)) != 1:
+        if bool(arm.stages) + bool(arm.reuse) + (not arm.stages and bool(arm.init)) != 1:
             raise ValueError(
-                f"experiment '{path}': arm {name} must have just one of stages, of, and init "
+                f"experiment '{path}': arm {name} must have just one of stages, reuse, and init "
                 "without stages"
             )
         before = [other for other in list(arms)[: list(arms).index(name)] if arms[other].stages]
-        if arm.of and "/" not in arm.of and arm.of not in before:
+        if arm.reuse and "/" not in arm.reuse and arm.reuse not in before:
             raise ValueError(
-                f"experiment '{path}': arm {name} is of '{arm.of}', which is not a trained arm "
+                f"experiment '{path}': arm {name} reuses '{arm.reuse}', which is not a trained arm "
                 "before it"
             )
     return found

@@ -1,4 +1,4 @@
-"""What an arm is worth: its networks at one station of the road, on held-out objects, by the
+"""What an arm is worth: its networks at one pipeline stage, on held-out objects, by the
 figures of ``uniart evaluate``.
 
 vae            the truth's voxels -> UniArt VAE -> object
@@ -36,8 +36,13 @@ from uniart_jax.evaluation.procedural import HeldOut, held_out_for, split_famili
 from uniart_jax.evaluation.reconstruction import object_of_record
 from uniart_jax.evaluation.result_store import ResultStore, without_nan
 from uniart_jax.evaluation.runner import error_line, run
-from uniart_jax.experiments.design import Arm, Objects, Station
-from uniart_jax.inference.looks import Looks, find_grid, find_voxels, look
+from uniart_jax.experiments.design import Arm, Objects, PipelineStage
+from uniart_jax.inference.mirror_average import (
+    ImageConditions,
+    encode_views,
+    find_grid,
+    find_voxels,
+)
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject
@@ -50,7 +55,7 @@ from uniart_jax.voxels.grid import occupancy
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.layout import Layout
 
-NEEDS: dict[Station, tuple[str, ...]] = {
+NEEDS: dict[PipelineStage, tuple[str, ...]] = {
     "vae": ("uniart_vae",),
     "structure": ("image_encoder", "structure_vae", "structure_flow"),
     "latent_flow": ("image_encoder", "uniart_vae", "latent_flow"),
@@ -66,7 +71,7 @@ METRICS: dict[str, Metric] = {
         "network calls",
         "lower",
         math.nan,
-        "velocities that the flows of the station were asked for, together",
+        "velocities that the flows of the pipeline stage were asked for, together",
     ),
     **{
         name: metric
@@ -102,10 +107,10 @@ def evaluate_arm(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int
       seed: of the noise of sampling, with the object's number.
 
     Raises:
-      FileNotFoundError, ValueError: the checkpoint lacks a network that the station needs, or it is
-        not trained.
+      FileNotFoundError, ValueError: the checkpoint lacks a network that the pipeline stage
+        needs, or the network is not trained.
     """
-    networks = functools.cache(lambda: load_networks(checkpoint, NEEDS[arm.station]))
+    networks = functools.cache(lambda: load_networks(checkpoint, NEEDS[arm.pipeline_stage]))
     tests = list(enumerate(test_names(arm.tests, count)))
 
     def evaluate_one(place: tuple[int, str]) -> dict[str, Any]:
@@ -119,7 +124,7 @@ def evaluate_arm(arm: Arm, checkpoint: Path, seed: int, folder: Path, count: int
         except MACHINE:
             raise
         except Exception as error:
-            figures = dict.fromkeys(figure_names(arm.station), math.nan)
+            figures = dict.fromkeys(figure_names(arm.pipeline_stage), math.nan)
             failure = TRUTH + error_line(error)
         else:
             figures, failure = measure(arm, pipeline, test, seed * 10_000 + k)
@@ -144,9 +149,9 @@ def load_networks(checkpoint: Path, networks: tuple[str, ...]) -> Pipeline:
 
 
 @functools.lru_cache
-def parameter_count(model: ModelConfig, station: Station) -> int:
-    """Of the networks that stand between a station and the figures."""
-    leaves = [leaf for n in NEEDS[station] for leaf in jax.tree.leaves(build(n, model).abstract())]
+def parameter_count(model: ModelConfig, stage: PipelineStage) -> int:
+    """Of the networks that a pipeline stage runs."""
+    leaves = [leaf for n in NEEDS[stage] for leaf in jax.tree.leaves(build(n, model).abstract())]
     return sum(math.prod(leaf.shape) for leaf in leaves)
 
 
@@ -159,17 +164,17 @@ def measure(arm: Arm, pipeline: Pipeline, test: TestObject, seed: int) -> tuple[
     """
     ref = posed(test.truth.obj)
     try:
-        if arm.station == "structure":
+        if arm.pipeline_stage == "structure":
             return structure_overlap(arm, pipeline, test, seed), ""
         made, velocities = make_object(arm, pipeline, test, seed)
         pred = posed(made)
     except MACHINE:
         raise
     except Exception as error:  # one object must not cost the figures of all others
-        if arm.station == "structure":
-            missed = {name: METRICS[name].worst for name in figure_names(arm.station)}
+        if arm.pipeline_stage == "structure":
+            missed = {name: METRICS[name].worst for name in figure_names(arm.pipeline_stage)}
             return missed, error_line(error)
-        figures: Figures = {} if arm.station == "vae" else {"velocities": math.nan}
+        figures: Figures = {} if arm.pipeline_stage == "vae" else {"velocities": math.nan}
         for family in FAMILIES:
             figures |= worst(family, ref)
         return figures, error_line(error)
@@ -196,22 +201,22 @@ def worst(family: str, ref: Posed) -> Figures:
     }
 
 
-def figure_names(station: Station) -> list[str]:
-    """Those that a station is judged by."""
-    if station == "structure":
+def figure_names(stage: PipelineStage) -> list[str]:
+    """Those that a pipeline stage is judged by."""
+    if stage == "structure":
         return ["structure_iou", "velocities"]
     return [
         n
         for n in METRICS
-        if n not in ("structure_iou", *(("velocities",) if station == "vae" else ()))
+        if n not in ("structure_iou", *(("velocities",) if stage == "vae" else ()))
     ]
 
 
 def structure_overlap(arm: Arm, pipeline: Pipeline, test: TestObject, seed: int) -> Figures:
     """Of the sampled active voxels with the true ones."""
     grid, options = test.truth.grid, pipeline.options(**arm.sampling)
-    looks, _ = look_at(pipeline, test, options)
-    found, solution = find_voxels(pipeline, looks, jax.random.key(seed), options[0])
+    conditions, _ = encode_test(pipeline, test, options)
+    found, solution = find_voxels(pipeline, conditions, jax.random.key(seed), options[0])
     one, other = (occupancy(c, grid.resolution) for c in (found, grid.coords))
     iou = float((one & other).sum() / (one | other).sum())
     return {"structure_iou": iou, "velocities": float(solution.evaluations[0])}
@@ -220,17 +225,17 @@ def structure_overlap(arm: Arm, pipeline: Pipeline, test: TestObject, seed: int)
 def make_object(
     arm: Arm, pipeline: Pipeline, test: TestObject, seed: int
 ) -> tuple[ArticulatedObject, float | None]:
-    """The object that an arm's station ends with, and the velocities that it took; None where
+    """The object that an arm's pipeline stage makes, and the velocities that it took; None where
     nothing is sampled.
 
     Raises:
       ValueError: nothing was found in the image.
     """
-    if arm.station == "object":
+    if arm.pipeline_stage == "object":
         sample = pipeline.sample(test.images, seed=seed, **arm.sampling)
         return sample.obj, float(sum(sample.evaluations.values()))
     grid = test.truth.grid
-    if arm.station == "vae":
+    if arm.pipeline_stage == "vae":
         latent = pipeline.encode_voxels(grid, **test.features)
         sees = pipeline.config.model.uniart_vae.layout_channels > 0
         layout = pipeline.find_layout(test.images[0]) if sees else None
@@ -239,25 +244,25 @@ def make_object(
             return assemble_layout(out, layout), None
         return assemble(out, tolerance=NETWORK_TOLERANCE), None
     options = pipeline.options(**arm.sampling)
-    looks, layout = look_at(pipeline, test, options)
+    conditions, layout = encode_test(pipeline, test, options)
     key = jax.random.key(seed)
-    sampled, solution = find_grid(pipeline, grid.coords, looks, key, options[1], layout)
+    sampled, solution = find_grid(pipeline, grid.coords, conditions, key, options[1], layout)
     if layout is not None:
         return assemble_layout(sampled, layout), float(solution.evaluations[0])
     obj = assemble(sampled, tolerance=NETWORK_TOLERANCE)
     return obj, float(solution.evaluations[0])
 
 
-def look_at(
+def encode_test(
     pipeline: Pipeline,
     test: TestObject,
     options: tuple[StructureSampleConfig, LatentSampleConfig],
-) -> tuple[Looks, Layout | None]:
+) -> tuple[ImageConditions, Layout | None]:
     """What the flows see of an object's images, and the layout of the first, which flows that see
     layouts are given."""
     pixels = np.stack([pipeline.prepare(image) for image in test.images])
     layout = pipeline.find_layout(test.images[0])
-    return look(pipeline, pixels, layout, *options), layout
+    return encode_views(pipeline, pixels, layout, *options), layout
 
 
 @functools.lru_cache
@@ -321,7 +326,7 @@ def test_object(arm: Arm, name: str, model: ModelConfig) -> TestObject:
         features = {c: getattr(record, c).astype(np.float32) for c in columns}
         return TestObject(truth, images, features)
     truth = held_out_for(model, index, tests.unseen)
-    features = features_of(truth, model) if arm.station == "vae" else {}
+    features = features_of(truth, model) if arm.pipeline_stage == "vae" else {}
     return TestObject(truth, views_of(truth, arm.views), features)
 
 

@@ -174,9 +174,9 @@ def check_networks(name: str, arm: Arm, trained: Arm) -> None:
         has |= {*found[trained.init].networks()}
     elif init := trained.init or trained.config.init:
         has |= {*found[init].copyable(trained.config, trained.stages)}
-    if trained.beside:
-        has |= {*other_networks(trained, found[trained.beside])}
-    if lacking := [network for network in NEEDS[arm.station] if network not in has]:
+    if trained.other_networks_from:
+        has |= {*other_networks(trained, found[trained.other_networks_from])}
+    if lacking := [network for network in NEEDS[arm.pipeline_stage] if network not in has]:
         raise ValueError(
             f"arm {name}: is judged by {', '.join(lacking)}, which it neither trains nor can take "
             f"from {' or '.join(found) or 'a checkpoint'}"
@@ -184,7 +184,7 @@ def check_networks(name: str, arm: Arm, trained: Arm) -> None:
 
 
 def other_networks(arm: Arm, source: Checkpoint, target: Checkpoint | None = None) -> list[str]:
-    """The networks that an arm copies from the checkpoint beside it; no flow, since its latent
+    """The networks that an arm copies from ``other_networks_from``; no flow, since its latent
     space would differ. ``target``: the arm's own checkpoint, if it is begun."""
     found = source.copyable(arm.config, arm.stages, target)
     return [network for network in found if network not in LATENT_OF]

@@ -92,11 +92,11 @@ def prepare(
     missing_networks(experiment, out, chosen, seeds)
     for name in chosen:
         if (
-            "/" in experiment.arms[name].of
+            "/" in experiment.arms[name].reuse
             and experiment.folder(name, out).parent.resolve() == out.resolve()
         ):
             raise ValueError(
-                f"{out}: is the folder of the experiment that arm '{name}' is of; give another "
+                f"{out}: is the folder of the experiment that arm '{name}' reuses; give another "
                 "--out"
             )
     entered = [name for name in experiment.arms if name in chosen or (out / name).is_dir()]
@@ -107,7 +107,7 @@ def prepare(
     for name in entered:
         check_settings(experiment, name, out / name)
     for name in chosen:
-        if "/" in experiment.arms[name].of:
+        if "/" in experiment.arms[name].reuse:
             there = experiment.folder(name, out)
             check_settings(alone_of(experiment, name), there.name, there)
         check_arm(name, experiment.arms[name], experiment.trained(name), count)
@@ -116,17 +116,17 @@ def prepare(
 
 
 def missing_networks(experiment: Experiment, out: Path, chosen: Sequence[str], seeds: int) -> None:
-    """Raises ValueError where an arm is of another of this experiment that is neither chosen nor
+    """Raises ValueError where an arm reuses another of this experiment that is neither chosen nor
     trained."""
     for name in chosen:
-        of = experiment.arms[name].of
-        if not of or "/" in of or of in chosen:
+        reuse = experiment.arms[name].reuse
+        if not reuse or "/" in reuse or reuse in chosen:
             continue
-        exports = [Checkpoint(out / of / f"seed-{seed}" / "export") for seed in range(seeds)]
-        if not all(export.has(*experiment.arms[of].stages) for export in exports):
+        exports = [Checkpoint(out / reuse / f"seed-{seed}" / "export") for seed in range(seeds)]
+        if not all(export.has(*experiment.arms[reuse].stages) for export in exports):
             raise ValueError(
-                f"experiment: arm '{name}' judges the networks of '{of}', which are not trained in "
-                f"{out}; give it too: --arms {of} {name}"
+                f"experiment: arm '{name}' judges the networks of '{reuse}', which are not trained "
+                f"in {out}; give it too: --arms {reuse} {name}"
             )
 
 
@@ -141,7 +141,7 @@ def attempt(
     if workdir not in broken:
         try:
             with contextlib.ExitStack() as stack:
-                if "/" in arm.of:
+                if "/" in arm.reuse:
                     there = workdir.parent
                     stack.enter_context(
                         exclusive_lock(
@@ -154,7 +154,9 @@ def attempt(
                     )
                     write_settings(alone_of(experiment, name), there.name, there)
                 checkpoint = (
-                    workdir if arm.of and "/" not in arm.of else train_arm(made, seed, workdir)
+                    workdir
+                    if arm.reuse and "/" not in arm.reuse
+                    else train_arm(made, seed, workdir)
                 )
         except FloatingPointError as error:  # others go on
             console.print(f"{name}, seed {seed}: {error}", markup=False)
@@ -167,8 +169,8 @@ def attempt(
 
 
 def alone_of(experiment: Experiment, name: str) -> Experiment:
-    """The other experiment that arm ``name`` is of, as far as that arm."""
-    there = experiment.others[experiment.arms[name].of].folder.name
+    """The other experiment that arm ``name`` reuses, as far as that arm."""
+    there = experiment.others[experiment.arms[name].reuse].folder.name
     return Experiment({there: experiment.trained(name)}, there, ())
 
 
@@ -183,8 +185,8 @@ def train_arm(arm: Arm, seed: int, workdir: Path) -> Path:
         return Checkpoint.find(arm.init).folder
     data = dataclasses.replace(arm.config.data, seed=seed)
     config = dataclasses.replace(arm.config, seed=seed, data=data)
-    if arm.beside:
-        source, exported = Checkpoint.find(arm.beside), Checkpoint(workdir / "export")
+    if arm.other_networks_from:
+        source, exported = Checkpoint.find(arm.other_networks_from), Checkpoint(workdir / "export")
         check_workdir(config, workdir)
         source.copy_networks(other_networks(arm, source, exported), exported.folder)
     init = arm.init or config.init

@@ -19,14 +19,14 @@ SHOWN = 3  # differences that a message names
 
 
 def settings(experiment: Experiment, name: str) -> dict[str, Any]:
-    """Of arm ``name`` and, where it is of another, of that one.
+    """Of arm ``name`` and, where it reuses another, of that one.
 
     Raises:
       FileNotFoundError, ValueError: a checkpoint or records that it names are not there.
     """
     arm = experiment.arms[name]
     found = described(arm)
-    return found | {"of": described(experiment.trained(name))} if arm.of else found
+    return found | {"of": described(experiment.trained(name))} if arm.reuse else found
 
 
 def described(arm: Arm) -> dict[str, Any]:
@@ -34,11 +34,11 @@ def described(arm: Arm) -> dict[str, Any]:
     of records and weights."""
     found: dict[str, Any] = {
         "stages": arm.stages,
-        "station": arm.station,
+        "station": arm.pipeline_stage,
         "tests": dataclasses.asdict(arm.tests),
         "views": arm.views,
         "init": arm.init,
-        "beside": arm.beside,
+        "beside": arm.other_networks_from,
         "sampling": arm.sampling,
     }
     records = {arm.tests.records}

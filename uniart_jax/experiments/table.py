@@ -59,7 +59,7 @@ def write_tables(experiment: Experiment, out: Path, count: int) -> dict[str, Any
             "faulty": judged.faulty,
             "rows": {key: row(v) for key, v in judged.values.items()},
         }
-        against = experiment.arms[name].against or experiment.reference
+        against = experiment.arms[name].reference or experiment.reference
         if name != against and found[against].seeds:
             arms[name] |= compare(experiment, name, against, found)
     columns = [key for key in experiment.columns if any(key in a["rows"] for a in arms.values())]
@@ -115,7 +115,7 @@ def parameters(experiment: Experiment, name: str) -> int:
     """Of the networks that an arm is judged by."""
     arm, made = experiment.arms[name], experiment.trained(name)
     config = made.config if made.stages else Checkpoint.find(made.init).config
-    return parameter_count(config.model, arm.station)
+    return parameter_count(config.model, arm.pipeline_stage)
 
 
 def compare(

@@ -3,7 +3,7 @@
     images -> what the flows see of them -> structure latent -> active voxels -> UniArt latents ->
     voxel grids
 
-``pipeline.Pipeline`` is these and the road from a picture to an object.
+``pipeline.Pipeline`` adds the steps from a picture to them, and from voxels to an object.
 """
 
 from __future__ import annotations

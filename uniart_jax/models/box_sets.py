@@ -126,8 +126,8 @@ class BoxSetDecoder(nnx.Module):
         return self.layer(x, own, seen.tokens, seen.tokens_place, read, parts, place, sets)
 
     def frame(self, seen: Seen) -> tuple[Any, Any, jax.Array | None]:
-        """Scale and offset that take rows to object units, and the motions of what is not told as
-        it is shown."""
+        """Scale and offset that take rows to object units, and the rigid transforms from the
+        predicted (closed) pose to the pose in the image; None where both are the same."""
         return 1.0, 0.0, None
 
     @staticmethod

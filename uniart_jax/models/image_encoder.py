@@ -155,7 +155,7 @@ class ImageEncoder(nnx.Module):
         used = jax.lax.stop_gradient(estimate)
         if camera is not None and use_true_camera is not None:
             used = jnp.where(use_true_camera[:, None], camera, used)
-        places, depth = self.look(used)
+        places, depth = self.project_cells(used)
         lifted = self.lift(fine, coarse, used, places, depth)  # [B, Rv^3, C]
         side = c.volume_resolution
         folded = _fold(lifted.reshape(items, side, side, side, -1), self.cells)
@@ -211,7 +211,7 @@ class ImageEncoder(nnx.Module):
             read.append(jnp.repeat(jnp.repeat(scaled, times, axis=1), times, axis=2))
         return jnp.concatenate(read, -1)
 
-    def look(self, camera: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def project_cells(self, camera: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Where cameras [B, 7] see the cells' centres: ``lifting.project``."""
         side = self.config.volume_resolution
         centers = (grid_coords(side) + 0.5) / side - 0.5
@@ -226,7 +226,7 @@ class ImageEncoder(nnx.Module):
         depth: jax.Array,
     ) -> jax.Array:
         """Each cell's features [B, Rv^3, C] of the maps, read where cameras [B, 7] see it
-        (``look``)."""
+        (``project_cells``)."""
         twice = jnp.repeat(jnp.repeat(self.lift_coarse(coarse), 2, axis=1), 2, axis=2)
         read = sample_map(self.lift_fine(fine) + twice, places)
         index = (places + 1) * (fine.shape[1] / 2) - 0.5

@@ -191,7 +191,7 @@ class LayoutNetwork(nnx.Module):
           map [B, S/4, S/4, C]; legs, panels and boards (``models.box_sets``) where the
           config has queries for them.
         """
-        features, sketch = self.look(image)
+        features, sketch = self.read_image(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
         used = jax.lax.stop_gradient(estimate)
         if camera is not None and use_true_camera is not None:
@@ -233,7 +233,7 @@ class LayoutNetwork(nnx.Module):
         """The sets that it finds beside the parts: "legs", "panels", "boards"."""
         return [name for name in SETS if getattr(self.config, name)]
 
-    def look(self, image: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def read_image(self, image: jax.Array) -> tuple[jax.Array, jax.Array]:
         """The map [B, S/4, S/4, C] and the sketch [B, D] of images."""
         maps = self.backbone(image * 2 - 1)
         maps = [jax.nn.gelu(norm(m)) for norm, m in zip(self.map_norms, maps, strict=True)]

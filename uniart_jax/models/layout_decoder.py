@@ -66,7 +66,7 @@ class LayoutDecoder(nnx.Module):
 
     def after(self, table: PartTable, coords: jax.Array, h: jax.Array) -> Refinement:
         """What is added to the trunk's output h [B, Q, width] at voxels [B, Q, 3]."""
-        seen, picks, depth = self.features.look(table, coords, self.resolution)
+        seen, picks, depth = self.features.read_features(table, coords, self.resolution)
         u = jax.nn.gelu(self.after_in(jnp.concatenate([h.astype(seen.dtype), seen], -1)))
         u = jax.nn.gelu(self.after_hidden(u))
         logits = self.pointer_out(u).astype(jnp.float32)

@@ -57,9 +57,9 @@ class LayoutFeatures(nnx.Module):
 
     def __call__(self, table: PartTable, coords: jax.Array, resolution: int) -> jax.Array:
         """Features of cells ``coords`` [B, S, 3] of a grid of ``resolution`` cells a side."""
-        return self.look(table, coords, resolution)[0]
+        return self.read_features(table, coords, resolution)[0]
 
-    def look(
+    def read_features(
         self, table: PartTable, coords: jax.Array, resolution: int
     ) -> tuple[jax.Array, jax.Array, jax.Array]:
         """Features, and of the candidates: their rows [B, S, N, K] one-hot (zero where there are

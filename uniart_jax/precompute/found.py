@@ -27,7 +27,7 @@ from uniart_jax.data.records import (
     to_bytes,
     write_shard,
 )
-from uniart_jax.inference.looks import find_voxels, look
+from uniart_jax.inference.mirror_average import encode_views, find_voxels
 from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.runtime.files import write_text
 from uniart_jax.runtime.progress import track
@@ -92,8 +92,8 @@ def found_record(record: Record, view: int, pipeline: Pipeline) -> Record:
     image = record.images[view]
     pixels = pipeline.prepare(image)
     options = pipeline.options()
-    looks = look(pipeline, pixels[None], pipeline.find_layout(image), *options)
-    coords, _ = find_voxels(pipeline, looks, jax.random.key(0), options[0])
+    conditions = encode_views(pipeline, pixels[None], pipeline.find_layout(image), *options)
+    coords, _ = find_voxels(pipeline, conditions, jax.random.key(0), options[0])
     made = on_voxels(record, coords) if len(coords) else record
     return dataclasses.replace(
         made,

@@ -110,9 +110,9 @@ def articulation_losses(
     parent_box: jax.Array,
     weights: jax.Array,
     delta: float,
-) -> dict[str, jax.Array]:
+) -> tuple[dict[str, jax.Array], jax.Array]:
     """L_art's terms, Huber on "own_box", "other_box" (shared voxels), "joint_code", "parent_box";
-    and L_own, the cross-entropy "foreign" of "other_part".
+    and, apart from them, L_own, the cross-entropy of "other_part".
 
     Args:
       predicted: "part_boxes" [B, V, 2, 6], "other_part" [B, V, r^3] logits, "joint_code" [B, V, 9],
@@ -126,7 +126,7 @@ def articulation_losses(
     pair = predicted["part_boxes"]
     is_other = boxes["other_part"].astype(jnp.float32)
     other_part = binary_cross_entropy(predicted["other_part"], is_other)
-    return {
+    articulation = {
         "own_box": masked_mean(box_loss(pair[..., 0, :], boxes["own"], delta), weights),
         "other_box": masked_mean(
             box_loss(pair[..., 1, :], boxes["other"], delta), weights * boxes["shared"]
@@ -135,8 +135,8 @@ def articulation_losses(
             joint_code_loss(predicted["joint_code"], joint_code, delta), weights
         ),
         "parent_box": masked_mean(box_loss(predicted["parent_box"], parent_box, delta), weights),
-        "foreign": masked_mean(other_part.mean(-1), weights),
     }
+    return articulation, masked_mean(other_part.mean(-1), weights)
 
 
 def binary_cross_entropy(logits: jax.Array, target: jax.Array) -> jax.Array:

@@ -99,7 +99,7 @@ def make_uniart_vae_loss(
         codes = at(voxel_codes(batch))
         sdf, color = cell_sdf(at(batch.sdf)), cell_color(at(batch.color))
         geometry = geometry_losses(out, sdf, color, mask)
-        articulation = articulation_losses(
+        articulation, ownership = articulation_losses(
             out,
             voxel_boxes(batch, voxels),
             codes[..., JOINT_CODE],
@@ -112,8 +112,9 @@ def make_uniart_vae_loss(
         kl = kl_loss(out["mean"], out["logvar"], valid)
         loss = geometry["occupancy"] + geometry["sdf"] + weights.color * geometry["color"]
         loss = loss + geometry.get("pointer", 0.0)
-        metrics = {**geometry, **articulation, "kl": kl, "padding": 1 - valid.mean()}
-        loss = loss + articulation.pop("foreign")
+        metrics = {**geometry, **articulation, "foreign": ownership, "kl": kl}
+        metrics["padding"] = 1 - valid.mean()
+        loss = loss + ownership
         loss = loss + weights.articulation * sum(articulation.values()) + weights.kl * kl
         if "part_feature" in out:
             true = at(batch.part_feature)

@@ -31,9 +31,15 @@ from uniart_jax.voxels.cleanup.loose_parts import (
     with_parts_joined,
     without_floating_pieces,
 )
+from uniart_jax.voxels.cleanup.primitive_parts import (
+    doubles,
+    in_front,
+    needed,
+    primitive_part,
+    side_by_side,
+)
 from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
 from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
-from uniart_jax.voxels.cleanup.stand_ins import doubles, in_front, needed, side_by_side, stand_in
 from uniart_jax.voxels.cleanup.trays import trays
 from uniart_jax.voxels.cleanup.walls import with_whole_walls
 from uniart_jax.voxels.closing import closing_of
@@ -41,8 +47,8 @@ from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.opening_direction import still_parts
 from uniart_jax.voxels.segment import Segmentation, outside
-from uniart_jax.voxels.ways import still_parts
 
 SAID = 0.25
 SIZE = 0.02
@@ -89,7 +95,7 @@ def assemble_layout(
     Returns:
       Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels
       hardly show, or that turns about its middle, and a turntable are made of their boxes
-      (``stand_ins``); another that
+      (``primitive_parts``); another that
       no voxel shows, or a fixed one of which they show a fragment, is left out, its children hang
       on its parent. ``provenance`` tells of all.
 
@@ -128,7 +134,7 @@ def assemble_layout(
     told = dataclasses.replace(grid, own_box=boxes[owner])
     fitting = side_by_side(layout.boxes[boxed], [layout.joints[k] for k in boxed])
     meshes = {
-        k: stand_in(box, layout.joints[k], layout.colors[k], 1 / cells)
+        k: primitive_part(box, layout.joints[k], layout.colors[k], 1 / cells)
         for k, box in zip(boxed, fitting, strict=True)
     }
     rows = [*shown, *boxed]  # of the field's owners

@@ -50,6 +50,7 @@ from uniart_jax.voxels.joint_code import (
     encode_joint,
 )
 from uniart_jax.voxels.leg_table import Legs, legs_from_json, legs_to_json, read_legs
+from uniart_jax.voxels.opening_direction import round_about, still_parts
 from uniart_jax.voxels.panel_table import (
     Panels,
     panels_from_json,
@@ -58,7 +59,6 @@ from uniart_jax.voxels.panel_table import (
     read_panels,
 )
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
-from uniart_jax.voxels.ways import round_about, still_parts
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"

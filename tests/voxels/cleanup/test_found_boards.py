@@ -12,8 +12,8 @@ from uniart_jax.data.panels import boards_of
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.found_boards import with_boards
 from uniart_jax.voxels.isosurface import dense_field, with_sources
+from uniart_jax.voxels.opening_direction import still_parts
 from uniart_jax.voxels.voxelize import voxelize
-from uniart_jax.voxels.ways import still_parts
 
 # sides, top, bottom, back, in cells; the front, at small x, is open
 CASE = np.min(

@@ -7,7 +7,7 @@ from fields import AT, N, assert_same, block, copy_of, field_of, moved, place_of
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels import ways
+from uniart_jax.voxels import opening_direction
 from uniart_jax.voxels.cleanup.clearance import with_meshes, with_room_to_move
 from uniart_jax.voxels.isosurface import ZERO, with_sources
 
@@ -342,9 +342,9 @@ def test_a_part_opens_to_the_side_to_which_it_begins_to_go(joint, side):
     body, door = (np.argwhere(block(*corners) < 0) for corners in (CASE, DOOR))
     if joint.direction[1] == 1:
         lid = np.argwhere(block((14.3, 8.3, 56.3), (56.3, 56.3, 60.3)) < 0)
-        assert ways.opens_to(joint, lid, body, N) == (2, 1)
+        assert opening_direction.opens_to(joint, lid, body, N) == (2, 1)
     else:
-        assert ways.opens_to(joint, door, body, N) == side
+        assert opening_direction.opens_to(joint, door, body, N) == side
 
 
 def test_a_part_that_is_shown_open_opens_to_the_same_side():
@@ -354,7 +354,7 @@ def test_a_part_that_is_shown_open_opens_to_the_same_side():
         matrix = joint.motion(share * 1.9)
         opened = np.argwhere(block(*DOOR, moved(np.linalg.inv(matrix))) < 0)
         shown = hinge((10.3, 12.3, 30), (0, 0, 1), -share * 1.9, (1 - share) * 1.9)
-        assert ways.opens_to(shown, opened, body, N) == (0, -1)
+        assert opening_direction.opens_to(shown, opened, body, N) == (0, -1)
 
 
 def test_parts_that_do_not_fit_side_by_side_when_closed_are_made_to():

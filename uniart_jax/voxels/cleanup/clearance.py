@@ -22,7 +22,7 @@ from scipy import ndimage
 from uniart_jax.objects.kinematics import Joint, subtrees
 from uniart_jax.voxels.grid import connected, dilated
 from uniart_jax.voxels.isosurface import ZERO, DenseField
-from uniart_jax.voxels.ways import center_of, closed_end, opens_to, places
+from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to, places
 
 STEP = 1.0  # sub-cells that the farthest cell of a part goes between two states, unless these
 STATES = (9, 193)  # are more, or fewer

@@ -8,8 +8,8 @@ sub-cells. Two kinds of planes:
   there end at one depth, so that edges become straight;
 * depths at which many columns end: these columns end there exactly, and small gaps are closed.
 
-What turns about a hinge and is most of a plate becomes all of it (``turned.panel``), open or
-closed. Of a moving part's other faces, those that are most of a rectangle become all of it.
+What turns about a hinge and is most of a plate becomes all of it (``align_open_parts.panel``),
+open or closed. Of a moving part's other faces, those that are most of a rectangle become all of it.
 
 What stands out from a plane by more than ``STANDS`` is a handle or a knob and stays. Round things
 keep their shape: their columns end at many depths, and few reach a face of the box. Slots and slats
@@ -27,10 +27,10 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup.align_open_parts import Turn, panel, resampled, turn_of
 from uniart_jax.voxels.cleanup.fronts import door_of, without_overlap
-from uniart_jax.voxels.cleanup.turned import Turn, panel, resampled, turn_of
 from uniart_jax.voxels.isosurface import ZERO, DenseField
-from uniart_jax.voxels.ways import center_of
+from uniart_jax.voxels.opening_direction import center_of
 
 # lengths in sub-cells
 AROUND = 4  # a part's box, that is looked at
@@ -73,9 +73,9 @@ def with_flat_faces(
 
     Args:
       boxes: [K, 6] centre and size of each part, object units. joints: [K]; what turns on one and
-        is shown turned is made flat as it lies straight (``turned``); that, and what is most of a
-        plate, is completed. carries: parts that others hang on. body: parts that do not move; what
-        of them lies within a closed door's plate is the door's.
+        is shown turned is made flat as it lies straight (``align_open_parts``); that, and what is
+        most of a plate, is completed. carries: parts that others hang on. body: parts that do not
+        move; what of them lies within a closed door's plate is the door's.
 
     Returns:
       A new field. No other cell that is solid in another part of ``field`` becomes a part's, but

@@ -14,10 +14,10 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup.align_open_parts import resampled
 from uniart_jax.voxels.cleanup.found_panels import BESIDE, FARTHEST, aligned, distance_to, fitted
-from uniart_jax.voxels.cleanup.turned import resampled
 from uniart_jax.voxels.isosurface import ZERO, DenseField
-from uniart_jax.voxels.ways import opens_to
+from uniart_jax.voxels.opening_direction import opens_to
 
 # lengths in sub-cells, of a grid with 128 along its side
 NEAR = 3  # around boards within which a part's drawn cells are explained

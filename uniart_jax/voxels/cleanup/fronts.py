@@ -12,9 +12,9 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.turned import ALONG, Turn, turn_of
+from uniart_jax.voxels.cleanup.align_open_parts import ALONG, Turn, turn_of
 from uniart_jax.voxels.isosurface import DenseField
-from uniart_jax.voxels.ways import center_of, closed_end, opens_to
+from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to
 
 # lengths in sub-cells
 STRIP = 0.4  # share of a door's width: doors that overlap by no more are made narrower

@@ -26,7 +26,7 @@ from uniart_jax.voxels.cleanup.fronts import (
     whole_front,
 )
 from uniart_jax.voxels.isosurface import DenseField
-from uniart_jax.voxels.ways import center_of, closed_end, still_parts
+from uniart_jax.voxels.opening_direction import center_of, closed_end, still_parts
 
 # lengths in sub-cells
 LIP = 6  # behind its door, within which a room has to begin

@@ -16,9 +16,9 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.turned import Turn, turn_of
+from uniart_jax.voxels.cleanup.align_open_parts import Turn, turn_of
 from uniart_jax.voxels.isosurface import ZERO, DenseField
-from uniart_jax.voxels.ways import center_of
+from uniart_jax.voxels.opening_direction import center_of
 
 SQUARE = 1.2  # ratio of a round door's sides at most
 THIN = 0.35  # of its width, that a door's box is thick at most

@@ -15,7 +15,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.closing import moved
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
-from uniart_jax.voxels.ways import center_of, closed_end, opens_to, places
+from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to, places
 
 THICK = 2.2  # sub-cells, of a tray's floor and walls
 FLAT = 2.0  # times that thickness, up to which a box is a floor alone

@@ -10,7 +10,13 @@ from fields import AT, N, field_of, place_of
 from uniart_jax import procedural
 from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.stand_ins import doubles, in_front, needed, side_by_side, stand_in
+from uniart_jax.voxels.cleanup.primitive_parts import (
+    doubles,
+    in_front,
+    needed,
+    primitive_part,
+    side_by_side,
+)
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.voxelize import voxelize
@@ -80,7 +86,7 @@ def test_a_part_that_turns_about_its_middle_is_a_disc_and_others_are_blocks():
         beside = np.where(np.arange(3) == axis, 0.7, [0.004, -0.003, 0.002])
         for toward in (direction, -direction):
             joint = Joint(box[:3] + beside, toward, angle=(-1.0, 1.0))
-            disc = stand_in(box, joint, np.array([1.0, 0, 0]), 1 / 128)
+            disc = primitive_part(box, joint, np.array([1.0, 0, 0]), 1 / 128)
             assert disc.is_watertight and disc.volume > 0 and len(disc.vertices) > 40
             assert len(np.unique(disc.vertices[:, axis].round(9))) == 2  # its two flat sides
             width = box[3:][across].mean()
@@ -97,9 +103,9 @@ def test_a_part_that_turns_about_its_middle_is_a_disc_and_others_are_blocks():
     beside = Joint(box[:3] + [0, 0.03, 0], [1.0, 0, 0], angle=(0.0, 1.0))
     slides = Joint(np.zeros(3), [1.0, 0, 0], travel=(0.0, 0.1))
     for joint in (beside, slides, Joint.fixed()):
-        block = stand_in(box, joint, np.zeros(3), 1 / 128)
+        block = primitive_part(box, joint, np.zeros(3), 1 / 128)
         assert block.is_watertight and block.volume == pytest.approx(box[3:].prod(), rel=1e-5)
-    flat = stand_in(np.array([0, 0, 0, 0, 0.1, 0.1]), slides, np.zeros(3), 1 / 128)
+    flat = primitive_part(np.array([0, 0, 0, 0, 0.1, 0.1]), slides, np.zeros(3), 1 / 128)
     assert flat.is_watertight and np.ptp(flat.bounds, 0)[0] == pytest.approx(1 / 128)
 
 
@@ -128,7 +134,7 @@ def test_a_knob_that_voxels_lost_is_there_and_said():
 def test_a_disc_turns_within_itself_though_its_axis_is_tilted():
     joint = Joint((0.1, 0.2, 0.31), (1.0, 0.15, -0.1), angle=(-np.pi, np.pi))
     box = np.array([0.1, 0.2, 0.3, 0.03, 0.06, 0.06])
-    mesh = stand_in(box, joint, np.full(3, 0.5), 1 / 128)
+    mesh = primitive_part(box, joint, np.full(3, 0.5), 1 / 128)
     turned = trimesh.transform_points(mesh.vertices, joint.motion(4 * np.pi / 32))
     apart = np.linalg.norm(turned[:, None] - mesh.vertices, axis=-1).min(1)
     assert apart.max() < 1e-6
@@ -142,13 +148,15 @@ def test_a_disc_stands_on_the_surface_that_it_is_set_into(side):
     surface = place_of((32.3, 0, 0))[0]
     box = np.array([surface, 0, 0, 12 / N, 10 / N, 10 / N])
     joint = Joint(box[:3], (1, 0, 0), angle=(-np.pi, np.pi))
-    cut = in_front(stand_in(box, joint, np.full(3, 0.5), 1 / N), joint, field)
+    cut = in_front(primitive_part(box, joint, np.full(3, 0.5), 1 / N), joint, field)
     ends = cut.bounds[:, 0] - surface
     inner, outer = (ends[1], ends[0]) if side > 0 else (ends[0], ends[1])
     assert abs(inner) < 1.01 / N and abs(outer) == pytest.approx(6 / N)
     assert cut.is_watertight
     buried = Joint(box[:3] + (side * 0.2, 0, 0), (1, 0, 0), angle=(-np.pi, np.pi))
-    inside = stand_in(box + side * np.array([0.2, 0, 0, 0, 0, 0]), buried, np.full(3, 0.5), 1 / N)
+    inside = primitive_part(
+        box + side * np.array([0.2, 0, 0, 0, 0, 0]), buried, np.full(3, 0.5), 1 / N
+    )
     np.testing.assert_array_equal(in_front(inside, buried, field).vertices, inside.vertices)
 
 

@@ -14,7 +14,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.isosurface import DenseField, srgb_bytes
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.ways import on_axis, round_about
+from uniart_jax.voxels.opening_direction import on_axis, round_about
 
 SMALL = 0.15  # object units; larger parts have voxels, or are not there
 LOW, EVEN = 0.25, 0.85  # of its width that a turntable is high at most, and deep at least
@@ -68,7 +68,9 @@ def _is_turntable(layout: Layout, row: int) -> bool:
     return bool(upright and low and within and row not in layout.parents)
 
 
-def stand_in(box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float) -> trimesh.Trimesh:
+def primitive_part(
+    box: np.ndarray, joint: Joint, color: np.ndarray, thinnest: float
+) -> trimesh.Trimesh:
     """A closed mesh that fills a box: a disc where the part turns about its middle, else a block.
 
     Args:
@@ -150,7 +152,7 @@ def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.
     what is no disc, or hardly comes out of them, as it is.
 
     Args:
-      mesh: of ``stand_in``.
+      mesh: of ``primitive_part``.
     """
     low, high = np.asarray(mesh.bounds)
     axis = round_about((low + high) / 2, high - low, joint)

@@ -5,7 +5,7 @@ import pytest
 from fields import AT, N, block, box_of, field_of, moved, place_of
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.turned import panel, resampled, turn_of
+from uniart_jax.voxels.cleanup.align_open_parts import panel, resampled, turn_of
 
 HINGE = (42.4, 14.2, 30.0)
 LOWER, UPPER = (40.3, 14.3, 12.2), (44.3, 50.3, 52.2)  # closed, along y, hinged at its low end

@@ -1,4 +1,4 @@
-"""Two looks at a picture: what they make of a mirrored picture is the mirror image."""
+"""Averages over a picture and its mirror image: of a mirrored picture they are mirror images."""
 
 import dataclasses
 from pathlib import Path
@@ -11,7 +11,7 @@ from drawn import parameters as parameters_of
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
 from uniart_jax.data.mirror import mirror_coords, mirror_dense, mirror_subcells
-from uniart_jax.inference.looks import find_grid, find_voxels, look
+from uniart_jax.inference.mirror_average import encode_views, find_grid, find_voxels
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.pipeline import Pipeline
@@ -64,49 +64,51 @@ def options(pipeline, mirrored=True, steps=1):
 
 def made(pipeline, pixels, where, asked):
     """Voxels, and the grid on some voxels and their mirror images."""
-    looks = look(pipeline, pixels, where, *asked)
+    conditions = encode_views(pipeline, pixels, where, *asked)
     logits = pipeline.structure_logits(
-        pipeline.solve_structure(looks.plain, KEY, asked[0]).x, looks.plain
+        pipeline.solve_structure(conditions.original, KEY, asked[0]).x, conditions.original
     )
     middle = dataclasses.replace(asked[0], threshold=float(np.median(logits)))
-    voxels, _ = find_voxels(pipeline, looks, KEY, middle)
-    return looks, voxels, middle
+    voxels, _ = find_voxels(pipeline, conditions, KEY, middle)
+    return conditions, voxels, middle
 
 
 def test_a_mirrored_picture_gives_the_mirror_image(pipeline, pixels):
     asked = options(pipeline)
-    looks, voxels, middle = made(pipeline, pixels, layout(0.2), asked)
-    mirrored = look(pipeline, pixels[:, :, ::-1], layout(-0.2), *asked)
+    conditions, voxels, middle = made(pipeline, pixels, layout(0.2), asked)
+    mirrored = encode_views(pipeline, pixels[:, :, ::-1], layout(-0.2), *asked)
     other, _ = find_voxels(pipeline, mirrored, KEY, middle)
     resolution = pipeline.config.model.grid.resolution
     one, two = occupancy(voxels, resolution), mirror_dense(occupancy(other, resolution))
     assert one.sum() > 100 and (one != two).mean() < 1e-3
-    plain, _ = find_voxels(pipeline, looks._replace(mirrored=None), KEY, middle)
+    plain, _ = find_voxels(pipeline, conditions._replace(mirrored=None), KEY, middle)
     assert (occupancy(plain, resolution) != one).mean() > 1e-3
 
     rng = np.random.default_rng(1)
     coords = np.argwhere(rng.random((resolution,) * 3) < 0.01).astype(np.int32)
     turned = mirror_coords(coords, resolution)
     order = np.lexsort(turned.T[::-1])
-    here, _ = find_grid(pipeline, coords, looks, KEY, asked[1], layout(0.2))
+    here, _ = find_grid(pipeline, coords, conditions, KEY, asked[1], layout(0.2))
     there, _ = find_grid(pipeline, turned[order], mirrored, KEY, asked[1], layout(-0.2))
     for name in ("sdf", "color"):
         back = mirror_subcells(getattr(there, name), here.subdivisions)[np.argsort(order)]
         np.testing.assert_allclose(getattr(here, name), back, atol=2e-4)
-    once, _ = find_grid(pipeline, coords, looks._replace(mirrored=None), KEY, asked[1], layout(0.2))
+    once, _ = find_grid(
+        pipeline, coords, conditions._replace(mirrored=None), KEY, asked[1], layout(0.2)
+    )
     assert np.abs(once.sdf - here.sdf).max() > 0.01
     np.testing.assert_array_equal(once.own_box, here.own_box)
 
 
 def test_samples_of_several_steps_are_looked_at_once(pipeline, pixels):
-    assert look(pipeline, pixels, None, *options(pipeline)).mirrored is not None
+    assert encode_views(pipeline, pixels, None, *options(pipeline)).mirrored is not None
     for asked in (options(pipeline, steps=2), options(pipeline, mirrored=False)):
-        assert look(pipeline, pixels, None, *asked).mirrored is None
+        assert encode_views(pipeline, pixels, None, *asked).mirrored is None
     mixed = options(pipeline)[0], options(pipeline, steps=2)[1]
-    looks = look(pipeline, pixels, None, *mixed)
+    conditions = encode_views(pipeline, pixels, None, *mixed)
     coords = np.argwhere(np.ones((4, 4, 4))).astype(np.int32)
     grids = [
         find_grid(pipeline, coords, each, KEY, mixed[1], None)[0]
-        for each in (looks, looks._replace(mirrored=None))
+        for each in (conditions, conditions._replace(mirrored=None))
     ]
     np.testing.assert_array_equal(grids[0].sdf, grids[1].sdf)

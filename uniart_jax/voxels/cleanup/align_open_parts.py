@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.grid import connected
 from uniart_jax.voxels.isosurface import ZERO
-from uniart_jax.voxels.ways import closed_end, places
+from uniart_jax.voxels.opening_direction import closed_end, places
 
 STRAIGHT = np.deg2rad(2.5)  # what is turned by less lies straight
 OPEN = np.deg2rad(8.0)  # what is turned by more is drawn badly: ``panel``
