@@ -110,7 +110,7 @@ def measure(name: str, config: Config, workdir: Path, steps: int, rounds: int) -
     if own.latent:
         needed = [n for n in NETWORKS if not STAGES[n].latent]
         check_workdir(config, workdir)
-        Checkpoint.find("nano").copy_networks(needed, workdir / "export")
+        Checkpoint.find("nano").copy_networks(needed, Checkpoint.of_workdir(workdir).folder)
         latents = encode_all(config, workdir)
     network, mesh = build(name, config.model), make_mesh(config.mesh)
     optimizer = make_optimizer(stage)

@@ -226,7 +226,7 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys)
     with pytest.raises(ValueError, match=r"does not fit this config; missing: pixel_cube\.bias"):
         stages.run(config, ["latent_flow"], tmp_path / "work", init=source)  # it should have them
     write_config(source, dataclasses.replace(config, model=model))
-    target = Checkpoint(tmp_path / "work" / "export")
+    target = Checkpoint.of_workdir(tmp_path / "work")
     assert networks_to_copy(config, Checkpoint(source), ["structure_flow"], target) == [
         "image_encoder",
         "structure_vae",
@@ -294,7 +294,7 @@ def test_a_checkpoint_that_does_not_fit_leaves_nothing(trained, tmp_path, name):
 
 def test_flows_are_copied_only_with_their_encoder_and_vaes(trained, tmp_path):
     config, workdir = trained
-    source, empty = Checkpoint.find(workdir), Checkpoint(tmp_path / "empty" / "export")
+    source, empty = Checkpoint.find(workdir), Checkpoint.of_workdir(tmp_path / "empty")
     assert networks_to_copy(config, source, ["image_encoder"], empty) == [
         "structure_vae",
         "uniart_vae",
@@ -309,7 +309,7 @@ def test_flows_are_copied_only_with_their_encoder_and_vaes(trained, tmp_path):
     vae = tmp_path / "own" / "export" / "uniart_vae.safetensors"
     vae.write_bytes(vae.read_bytes()[:-1] + b"x")
     (tmp_path / "own" / "export" / "structure_flow.safetensors").unlink()
-    own = Checkpoint(tmp_path / "own" / "export")
+    own = Checkpoint.of_workdir(tmp_path / "own")
     assert networks_to_copy(config, source, ["latent_flow"], own) == []
 
 
@@ -368,7 +368,7 @@ def test_a_layout_network_must_be_there_before_anything_is_written(trained, tmp_
     with pytest.raises(FileNotFoundError, match="--stage layout"):
         stages.run(changed, ["latent_flow"], tmp_path / "w", init=workdir)
     assert not (tmp_path / "w").exists()
-    empty = Checkpoint(tmp_path / "export")
+    empty = Checkpoint.of_workdir(tmp_path)
     check_found(changed, [STAGES["latent_flow"]], empty, ["layout"])
     check_found(changed, [STAGES["uniart_vae"]], empty, [])  # sees nothing sampled
 
@@ -512,8 +512,8 @@ def test_what_is_untrained_stays_marked_until_its_stage_is_through(trained, tmp_
     write_config(source, marked)
     work = tmp_path / "work"
     stages.run(config, ("image_encoder",), work, source)
-    assert Checkpoint(work / "export").config.untrained == ("uniart_vae.front",)
+    assert Checkpoint.of_workdir(work).config.untrained == ("uniart_vae.front",)
     with pytest.raises(ValueError, match=r"uniart_vae: not trained yet .*--stage uniart_vae"):
         stages.run(config, ("latent_flow",), work)
     stages.run(config, ("uniart_vae",), work)
-    assert Checkpoint(work / "export").config.untrained == ()
+    assert Checkpoint.of_workdir(work).config.untrained == ()

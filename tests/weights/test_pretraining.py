@@ -102,7 +102,7 @@ def test_training_goes_on_from_trelliss_weights_and_leaves_what_is_frozen(tmp_pa
         )
     ]
     assert encoder[0] == encoder[1]
-    assert not Checkpoint(work / "export").untrained()
+    assert not Checkpoint.of_workdir(work).untrained()
     assert uniart_jax.load(work).config.model == model
     heard = Checkpoint.find(work).load("uniart_vae")["front"]["part_feature"]["kernel"]
     assert np.asarray(heard).any()  # it began at zero

@@ -122,7 +122,7 @@ def missing_networks(experiment: Experiment, out: Path, chosen: Sequence[str], s
         reuse = experiment.arms[name].reuse
         if not reuse or "/" in reuse or reuse in chosen:
             continue
-        exports = [Checkpoint(out / reuse / f"seed-{seed}" / "export") for seed in range(seeds)]
+        exports = [Checkpoint.of_workdir(out / reuse / f"seed-{seed}") for seed in range(seeds)]
         if not all(export.has(*experiment.arms[reuse].stages) for export in exports):
             raise ValueError(
                 f"experiment: arm '{name}' judges the networks of '{reuse}', which are not trained "
@@ -186,7 +186,7 @@ def train_arm(arm: Arm, seed: int, workdir: Path) -> Path:
     data = dataclasses.replace(arm.config.data, seed=seed)
     config = dataclasses.replace(arm.config, seed=seed, data=data)
     if arm.other_networks_from:
-        source, exported = Checkpoint.find(arm.other_networks_from), Checkpoint(workdir / "export")
+        source, exported = Checkpoint.find(arm.other_networks_from), Checkpoint.of_workdir(workdir)
         check_workdir(config, workdir)
         source.copy_networks(other_networks(arm, source, exported), exported.folder)
     init = arm.init or config.init

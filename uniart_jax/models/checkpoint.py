@@ -30,6 +30,7 @@ from uniart_jax.models.hub import PREFIX, hub_folder
 from uniart_jax.models.network import build
 
 PRETRAINED = Path(__file__).parent.parent / "pretrained"  # the shipped models
+EXPORT = "export"  # folder of a WORKDIR
 FLOW_INPUTS = ("image_encoder", "structure_vae", "uniart_vae")  # what a flow is trained on
 # Networks that can get layers after they were trained, and the options that add them.
 WIDENABLE = ("structure_flow", "latent_flow", "uniart_vae", "layout")
@@ -41,8 +42,8 @@ ADDED_LAYERS = (
 
 @dataclasses.dataclass(frozen=True)
 class Checkpoint:
-    """The networks in a folder. ``Checkpoint.find`` takes what people name; ``Checkpoint(WORKDIR /
-    "export")`` is what a training has left so far.
+    """The networks in a folder. ``Checkpoint.find`` takes what people name;
+    ``Checkpoint.of_workdir`` is what a training has left so far.
 
     Attributes:
       folder: holds ``config.json``, ``<network>.safetensors`` and ``latent_stats.safetensors``
@@ -50,6 +51,11 @@ class Checkpoint:
     """
 
     folder: Path
+
+    @classmethod
+    def of_workdir(cls, workdir: Path) -> Checkpoint:
+        """What the training in WORKDIR has left so far; its folder need not be there yet."""
+        return cls(Path(workdir) / EXPORT)
 
     @classmethod
     def find(cls, given: str | Path) -> Checkpoint:
@@ -71,8 +77,9 @@ class Checkpoint:
                 f"checkpoint '{given}': neither a folder nor a shipped model (shipped: "
                 f"{', '.join(known) or 'none'}; of the hub: hf:ORG/NAME)"
             )
-        workdir = not any(folder.glob("*.safetensors")) and (folder / "export").is_dir()
-        return cls(folder / "export" if workdir else folder)
+        own = cls.of_workdir(folder)
+        is_workdir = not any(folder.glob("*.safetensors")) and own.folder.is_dir()
+        return own if is_workdir else cls(folder)
 
     @functools.cached_property
     def config(self) -> Config:

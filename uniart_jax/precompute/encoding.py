@@ -46,7 +46,7 @@ def encode_all(config: Config, workdir: Path) -> dict[str, tuple[np.ndarray, np.
 
     Several processes share the work; all return when it is done.
     """
-    exported = Checkpoint(workdir / "export")
+    exported = Checkpoint.of_workdir(workdir)
     parameters = {name: exported.load(name, config.model) for name in ENCODED}
     data = config.data
     both = (False, True) if data.mirror_latents and may_mirror(config.model) else (False,)
@@ -100,7 +100,7 @@ def digest(config: Config, workdir: Path, records: Path, split: str = "") -> str
     sizes = (model.grid, model.structure_vae, model.uniart_vae)
     which = (config.data.mirror_latents, max(config.data.voxel_buckets))
     total = hashlib.sha256(repr((sizes, which, latent_store.FIELDS)).encode())
-    for path in [workdir / "export" / f"{name}.safetensors" for name in ENCODED]:
+    for path in [Checkpoint.of_workdir(workdir).folder / f"{name}.safetensors" for name in ENCODED]:
         total.update(path.read_bytes())
     for path in (records / "metadata.json", records / "manifest.csv"):
         total.update(path.read_bytes() if path.is_file() else b"")

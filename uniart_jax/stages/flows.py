@@ -77,7 +77,7 @@ class FlowStage(Stage):
         ours = fixed_statistics(source, workdir, self.latent) or found[self.latent]
         found[self.latent] = ours
         distributed.on_first_process(
-            lambda: write_statistics(workdir / "export", self.latent, *ours)
+            lambda: write_statistics(Checkpoint.of_workdir(workdir).folder, self.latent, *ours)
         )
         return found
 
@@ -107,7 +107,7 @@ class FlowStage(Stage):
 def fixed_statistics(source: Checkpoint | None, workdir: Path, latent: str) -> Statistics | None:
     """Mean and standard deviation of a latent by which a flow that goes on from checkpoint
     ``source`` was normalised; None where its latent space differs: those of the records count."""
-    if source is None or not source.same_latent_space(Checkpoint(workdir / "export")):
+    if source is None or not source.same_latent_space(Checkpoint.of_workdir(workdir)):
         return None
     return source.statistics(latent)
 
@@ -123,7 +123,7 @@ def check_flow_inputs(
       ValueError: the checkpoints belong to others; a flow finished on these would not fit the
         networks exported beside it.
     """
-    exported = Checkpoint(workdir / "export")
+    exported = Checkpoint.of_workdir(workdir)
     for name in FLOW_INPUTS:
         if not exported.has(name):
             frozen = name == "image_encoder" and not config.model.image_encoder.kind.trained
@@ -132,7 +132,7 @@ def check_flow_inputs(
                 if frozen
                 else f"train it first: --stage {name}"
             )
-            raise FileNotFoundError(f"{workdir}/export/{name}.safetensors: not there; {how}")
+            raise FileNotFoundError(f"{exported.folder}/{name}.safetensors: not there; {how}")
         if left := exported.untrained([name]):
             raise ValueError(
                 f"{name}: not trained yet ({', '.join(left)}); train it first: --stage {name}"

@@ -125,7 +125,7 @@ class Stage(abc.ABC):
 
 def load(workdir: Path, name: str, config: Config) -> Any:
     """Parameters of a network that WORKDIR has trained or copied."""
-    return Checkpoint(workdir / "export").load(name, config.model)
+    return Checkpoint.of_workdir(workdir).load(name, config.model)
 
 
 def check_picture_size(config: Config) -> None:

@@ -85,7 +85,7 @@ class Trainer:
         self.workdir = Path("runs") / config.name if workdir is None else Path(workdir)
 
     def __repr__(self) -> str:
-        names, exported = self.config.model.networks(), Checkpoint(self.workdir / "export")
+        names, exported = self.config.model.networks(), Checkpoint.of_workdir(self.workdir)
         trained = sum(exported.has(name) for name in names)
         init = self.init or self.config.init
         return (
@@ -201,7 +201,7 @@ def run(
             stacklevel=2,
         )
     init = init or config.init
-    source, exported = Checkpoint.find(init) if init else None, Checkpoint(workdir / "export")
+    source, exported = Checkpoint.find(init) if init else None, Checkpoint.of_workdir(workdir)
     copied: list[str] = []
     check_freeze(config, chosen)
     if source is not None:  # before anything is written
@@ -259,8 +259,9 @@ def check_workdir(config: Config, workdir: Path) -> None:
             )
     workdir.mkdir(parents=True, exist_ok=True)
     write_config(workdir, config)
-    untrained = Checkpoint(workdir / "export").untrained()
-    write_config(workdir / "export", dataclasses.replace(config, untrained=untrained))
+    exported = Checkpoint.of_workdir(workdir)
+    untrained = exported.untrained()
+    write_config(exported.folder, dataclasses.replace(config, untrained=untrained))
 
 
 def train_network(
@@ -275,7 +276,7 @@ def train_network(
     name, settings = stage.name, stage.settings(config)
     network = build(name, config.model)
     mesh = make_mesh(config.mesh)
-    folder, exported = workdir / "checkpoints" / name, Checkpoint(workdir / "export")
+    folder, exported = workdir / "checkpoints" / name, Checkpoint.of_workdir(workdir)
     stage.check_inputs(config, workdir, source)
     with Checkpoints(folder, settings.keep_checkpoints) as checkpoints:
         trained = distributed.broadcast_from_first(max(checkpoints.steps, default=0))

@@ -94,7 +94,7 @@ def sampler_checkpoint(config: Config, workdir: Path, source: Checkpoint | None)
             "loss.sampled: the flow's latents are those of the encoder as it is; "
             "give --uniart_vae.freeze front encoder"
         )
-    for checkpoint in (Checkpoint(workdir / "export"), source):
+    for checkpoint in (Checkpoint.of_workdir(workdir), source):
         if checkpoint is not None and checkpoint.has(*SAMPLER):
             return checkpoint
     raise FileNotFoundError(
