@@ -33,7 +33,11 @@ from uniart_jax.objects.kinematics import Joint, line_distance
 from uniart_jax.objects.states import sample_state
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES, UNSEEN_FAMILIES, generate
 from uniart_jax.voxels.joint_code import (
+    CODE_CHANNELS,
+    JOINT_CODE,
     NETWORK_TOLERANCE,
+    OWN_BOX,
+    PARENT_BOX,
     decode_part,
     decode_tree,
     encode_joint,
@@ -136,12 +140,12 @@ def measure(cases, kind: str, sigma: float, rng: np.random.Generator) -> dict:
             if kind != "shared":
                 said += rng.normal(0, sigma, said.shape)
             if kind != "independent":
-                said += rng.normal(0, sigma, 21)
-            own.append(np.median(said[:, 9:15], axis=0))
-            parent.append(np.median(said[:, 15:], axis=0))
+                said += rng.normal(0, sigma, CODE_CHANNELS)
+            own.append(np.median(said[:, OWN_BOX], axis=0))
+            parent.append(np.median(said[:, PARENT_BOX], axis=0))
             if parents[k] != k:
                 rows[joint.type].append(
-                    errors(joint, decode_part(said[:, :9], own[-1][:3], tolerance))
+                    errors(joint, decode_part(said[:, JOINT_CODE], own[-1][:3], tolerance))
                 )
         tree = decode_tree(np.stack(own), np.stack(parent))
         trees.append(

@@ -37,7 +37,7 @@ from results import report
 from synthetic import make_loss, training_batch
 
 from uniart_jax.cli.train import load_config
-from uniart_jax.config import Config, MeshConfig
+from uniart_jax.config import LATENT_OF, Config, MeshConfig
 from uniart_jax.models.network import build
 from uniart_jax.training.flops import matmul_flops
 from uniart_jax.training.sharding import make_mesh
@@ -181,7 +181,7 @@ def main() -> None:
     for name in arguments.networks:
         parameters, first = program(name, config, 1)
         _, second = program(name, config, 2)
-        seeing, held = looking(config) if name.endswith("_flow") else (0.0, 0)
+        seeing, held = looking(config) if name in LATENT_OF else (0.0, 0)
         cost = {
             "flops": useful_flops(name, config) + seeing,
             "parameters": parameters,

@@ -118,12 +118,13 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
     from jax.experimental import multihost_utils
 
     from uniart_jax.models.network import flat_names
-    from uniart_jax.stages import trainer
+    from uniart_jax.stages import table, trainer
     from uniart_jax.training import distributed, sharding
 
     sharding.MIN_SHARDED_SIZE = MIN_SHARDED_SIZE
     workdir = folder / run / name
-    if name.endswith("_flow"):  # the first process looks: a later one would find what it has begun
+    if table.STAGES[name].latent:
+        # the first process looks: a later one would find what it has begun
         distributed.on_first_process(
             lambda: workdir.exists() or begin_flow(folder / "base", workdir, latents)
         )

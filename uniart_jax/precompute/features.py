@@ -413,7 +413,7 @@ def load_encoder(path: Path) -> Encoder:
         raise ValueError(f"weights '{path}': {error}") from None
     if (path.parent / "config.json").is_file():
         beside = Checkpoint(path.parent).config.model.image_encoder
-        config = beside if beside.architecture == "dinov2" else config
+        config = config if beside.kind.trained else beside
     network = _network(config)
     params = jax.device_put(read_network(path, network.abstract()))
     with path.open("rb") as file:

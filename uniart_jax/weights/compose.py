@@ -15,7 +15,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from uniart_jax.config import ImageEncoderConfig, ModelConfig
+from uniart_jax.config import LATENT_OF, ImageEncoderConfig, ModelConfig
 from uniart_jax.models.network import Network, Params, build
 from uniart_jax.weights.mapping import flatten, nest
 from uniart_jax.weights.trellis import PLACES, Converted
@@ -167,7 +167,7 @@ def _with_image_encoder(model: ModelConfig, pieces: Sequence[Converted]) -> Mode
     widths = {
         getattr(model, piece.network).cond_channels
         for piece in pieces
-        if piece.network.endswith("flow")
+        if piece.network in LATENT_OF
     }
     if not widths:
         return model
