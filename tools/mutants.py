@@ -287,7 +287,7 @@ MUTANTS = (
         "tests/stages/test_trainer.py::test_batches_of_ones_own_need_no_records_and_resume",
     ),
     Mutant("uniart_jax/training/step.py", "minimum(ema_decay,", "minimum(0.9,", DECAY),
-    Mutant("uniart_jax/config.py", "ema_decay: float = 0.9995", "ema_decay: float = 0.9", DECAY),
+    Mutant("uniart_jax/config/training.py", "= 0.9995", "= 0.9", DECAY),
     Mutant(
         "uniart_jax/training/flow_losses.py",
         "(latent - jnp.asarray(mean))",
