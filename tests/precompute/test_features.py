@@ -39,7 +39,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import read_network, write_config, write_network
 from uniart_jax.models.network import build, flat_names
 from uniart_jax.pipeline import Pipeline
-from uniart_jax.precompute import encoding, features
+from uniart_jax.precompute import encoding, features, fill_columns, visual_features
 from uniart_jax.visual.render import Camera, orbit_cameras
 
 ENCODER = ImageEncoderConfig(
@@ -134,7 +134,7 @@ def test_padding_and_batches_change_nothing(folder, tmp_path, monkeypatch):
     first = [item.visual for item in RecordSource(folder, columns=("visual",))]
     for path in folder.glob("visual*"):
         path.unlink()
-    monkeypatch.setattr(features, "VOXEL_STEP", 70)
+    monkeypatch.setattr(visual_features, "VOXEL_STEP", 70)
     features.write_visual(folder, file, batch=4, progress=False)
     for item, other in zip(RecordSource(folder, columns=("visual",)), first, strict=True):
         np.testing.assert_allclose(item.visual, other, atol=1e-3)
@@ -142,9 +142,9 @@ def test_padding_and_batches_change_nothing(folder, tmp_path, monkeypatch):
 
 def test_fewer_views_are_spread_over_the_sphere(folder, tmp_path):
     cameras = orbit(make_record())["cameras"]
-    assert features.spread_views(cameras, 9).tolist() == list(range(VIEWS))
+    assert visual_features.spread_views(cameras, 9).tolist() == list(range(VIEWS))
     many = np.array([(c.azimuth, c.elevation, 40, 2) for c in orbit_cameras(150)], np.float32)
-    chosen = features.spread_views(many, 24)
+    chosen = visual_features.spread_views(many, 24)
     assert len(set(chosen.tolist())) == 24 and (np.diff(chosen) > 0).all()
     forward = np.stack([Camera(*many[i]).matrix()[2, :3] for i in chosen])
     angles = np.degrees(np.arccos(np.clip(forward @ forward.T, -1, 1))) + 360 * np.eye(24)
@@ -153,7 +153,7 @@ def test_fewer_views_are_spread_over_the_sphere(folder, tmp_path):
     features.write_visual(folder, file, views=3, progress=False)
     record = RecordSource(folder, columns=("visual",))[1]
     seen, params = orbit(record), read_network(file, NETWORK.abstract())
-    three = features.spread_views(cameras, 3)
+    three = visual_features.spread_views(cameras, 3)
     expected = reference(record, seen["images"][three], cameras[three], params)
     np.testing.assert_allclose(record.visual, expected, atol=2e-3, rtol=2e-3)
 
@@ -163,10 +163,10 @@ import os, signal, sys
 sys.path.insert(0, sys.argv[2])
 import numpy as np
 from hand_records import features_of
-from uniart_jax.precompute.features import _records, fill_column
+from uniart_jax.precompute.fill_columns import fill_column, records_of
 
 def make(shard):
-    for row, record in _records(shard):
+    for row, record in records_of(shard):
         if record.meta["seed"] == 5:
             os.kill(os.getpid(), signal.SIGKILL)
         yield record, features_of(record, 3)
@@ -177,10 +177,12 @@ fill_column(sys.argv[1], "visual", {"weights": "x"}, make, progress=False)
 
 def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(folder, tmp_path):
     def make(shard):
-        yield from ((record, features_of(record, 3)) for _, record in features._records(shard))
+        yield from (
+            (record, features_of(record, 3)) for _, record in fill_columns.records_of(shard)
+        )
 
     whole = prepared(tmp_path / "whole")
-    features.fill_column(whole, "visual", {"weights": "x"}, make, progress=False)
+    fill_columns.fill_column(whole, "visual", {"weights": "x"}, make, progress=False)
     run = subprocess.run(
         [sys.executable, "-c", KILLED, folder, Path(__file__).parent.parent / "data"],
         env={"JAX_PLATFORMS": "cpu", "PYTHONPATH": str(Path(__file__).parents[2])},
@@ -190,14 +192,14 @@ def test_a_killed_run_goes_on_and_ends_with_the_same_bytes(folder, tmp_path):
     with pytest.raises(ValueError, match=r"unfinished column 'visual' \(1 of 2"):
         RecordSource(folder, columns=("visual",))
     kept = (folder / "visual-00000.arrayrecord").stat().st_mtime_ns
-    features.fill_column(folder, "visual", {"weights": "x"}, make, progress=False)
+    fill_columns.fill_column(folder, "visual", {"weights": "x"}, make, progress=False)
     assert (folder / "visual-00000.arrayrecord").stat().st_mtime_ns == kept
     assert column(folder) == column(whole)
     # prepare may have made a last shard longer since: it is made again
     records.write_shard(
         folder / "visual-00001.arrayrecord", [records.pack_arrays({}, {"id": "hand-4"})]
     )
-    features.fill_column(folder, "visual", {"weights": "x"}, make, progress=False)
+    fill_columns.fill_column(folder, "visual", {"weights": "x"}, make, progress=False)
     assert column(folder) == column(whole)
 
 
