@@ -26,7 +26,7 @@ from uniart_jax.evaluation.table import markdown
 from uniart_jax.inference.layouts import load_layout_predictor
 from uniart_jax.inference.masks import load_mask_predictor
 from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.voxels.layout import read_layout
+from uniart_jax.voxels.read_layout import read_layout
 
 
 def main() -> None:

@@ -45,7 +45,8 @@ from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 from uniart_jax.visual.render import sample_camera
 from uniart_jax.voxels import kind
 from uniart_jax.voxels.kind import MOVING, NAMELESS, WORDS, KindTable, features
-from uniart_jax.voxels.layout import Layout, read_layout
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.read_layout import read_layout
 
 FOUND = 3.0  # true layouts that a found one counts as
 DECAY = 3e-3  # of the weights

@@ -45,7 +45,8 @@ DECAY = "tests/training/test_step.py::test_the_average_follows_its_decay_over_se
 POSITIONS = "tests/models/test_dinov2.py::test_positions_are_interpolated_as_pytorch_does"
 NAP, EXPORT_NAP = "uniart_jax/objects/nap.py", "tools/export_nap.py"
 MOVES = "tests/objects/test_nap.py::test_parts_move_as_nap_moves_them"
-LAYOUT, KNOBS = "uniart_jax/voxels/layout.py", "tests/voxels/test_layout_table.py::test"
+READ = "uniart_jax/voxels/read_layout.py"
+KNOBS = "tests/voxels/test_layout_table.py::test"
 UNITS = "tests/inference/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
 OUTSIDE = "tests/inference/test_samplers.py::test_outside_its_interval_guidance_changes_nothing"
 INTERVAL = (
@@ -336,9 +337,9 @@ MUTANTS = (
         "_solve(guided, noise, options, model.latent_flow, valid)",
         f"{OUTSIDE}[latent]",
     ),
-    Mutant(LAYOUT, "back, forth = forth, back", "pass", f"{KNOBS}_a_knob_turns_clockwise"),
-    Mutant(LAYOUT, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),
-    Mutant(LAYOUT, "> OFF_AXIS * largest", "> 9", f"{KNOBS}_a_small_lid_opens_as_it_is_read"),
+    Mutant(READ, "back, forth = forth, back", "pass", f"{KNOBS}_a_knob_turns_clockwise"),
+    Mutant(READ, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),
+    Mutant(READ, "> OFF_AXIS * largest", "> 9", f"{KNOBS}_a_small_lid_opens_as_it_is_read"),
     Mutant(
         "uniart_jax/voxels/cleanup/align_open_parts.py",
         "(at_rim > cells / 2)",

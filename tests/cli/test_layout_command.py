@@ -14,7 +14,8 @@ from uniart_jax.inference.layouts import joined, load_layout_predictor, mirror_p
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build
 from uniart_jax.voxels.joint_code import align, canonical
-from uniart_jax.voxels.layout import THRESHOLD, Layout
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.read_layout import THRESHOLD
 
 
 @pytest.fixture(scope="module")

@@ -31,7 +31,7 @@ from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.models.network import build
 from uniart_jax.training.flow_losses import make_structure_flow_loss, sample_noise_and_time
 from uniart_jax.voxels.joint_code import canonical
-from uniart_jax.voxels.layout import read_layout
+from uniart_jax.voxels.read_layout import read_layout
 from uniart_jax.voxels.typed_batches import Condition, StructureBatch
 
 FLOW = FlowConfig(

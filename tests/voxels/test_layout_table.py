@@ -14,7 +14,8 @@ from uniart_jax.evaluation.parts import compare_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.joint_code import box_corners, encode_joint, encode_object
-from uniart_jax.voxels.layout import Layout, read_layout
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.read_layout import read_layout
 
 
 def outputs_of(obj, queries=16, order=None):

@@ -20,7 +20,7 @@ def layout(
     /,
     out: Out,
     checkpoint: str = "nano",
-    threshold: float = 0.5,  # voxels.layout.THRESHOLD
+    threshold: float = 0.5,  # voxels.read_layout.THRESHOLD
     background: CutOut = "auto",
     overwrite: Overwrite = False,
 ) -> None:
@@ -58,7 +58,7 @@ def layout(
     ]
     from uniart_jax.inference.layouts import load_layout_predictor
     from uniart_jax.visual.layout_picture import draw_layout
-    from uniart_jax.voxels.layout import read_layout
+    from uniart_jax.voxels.read_layout import read_layout
 
     console = messages()
     with console.status("finding the parts"):

@@ -34,7 +34,8 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.objects.thresholds import FOUND
 from uniart_jax.runtime.progress import messages, track
 from uniart_jax.visual.layout_picture import contact_sheet, draw_layout
-from uniart_jax.voxels.layout import Layout, read_layout
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.read_layout import read_layout
 
 BINS = 10
 COUNT = 128  # held-out objects

@@ -46,8 +46,8 @@ def make_layout_finder(model: ModelConfig) -> Callable[..., PartTable]:
     """Jitted (layout network's params, images [B, S, S, 3] in [0, 1]) -> part tables [B, K, ...] of
     the parts that it finds in them, the surest first. Images of any size: they are resampled.
 
-    ``inference.layouts.LayoutPredictor`` and ``voxels.layout.read_layout`` do the same with more
-    care (two looks, a tree, exact joints) on the host; this is what a training step can afford.
+    ``inference.layouts.LayoutPredictor`` and ``voxels.read_layout`` do the same with more care (two
+    looks, a tree, exact joints) on the host; this is what a training step can afford.
     """
     network = build("layout", model)
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.joint_code import box_corners
-from uniart_jax.voxels.layout import KNOB, OFF_AXIS, Layout
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.read_layout import KNOB, OFF_AXIS
 
 WORDS = {
     "storage_furniture": "cabinet",
