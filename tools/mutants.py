@@ -73,13 +73,13 @@ MUTANTS = (
         FRONTS,
         "_trim(field, part, drawer, plane, depth)\n    return",
         "return",
-        "tests/voxels/cleanup/test_rooms.py::test_nothing_stands_out_from_the_edges_of_a_drawers_front",
+        "tests/voxels/cleanup/test_drawers.py::test_nothing_stands_out_from_the_edges_of_a_drawers_front",
     ),
     Mutant(
         ROOMS,
         "        _straight_tops(solid, room, fill, clear)\n",
         "        pass\n",
-        "tests/voxels/cleanup/test_rooms.py::test_the_walls_of_a_drawer_end_at_one_height",
+        "tests/voxels/cleanup/test_drawers.py::test_the_walls_of_a_drawer_end_at_one_height",
     ),
     Mutant(
         FOUND_PANELS,
@@ -190,7 +190,7 @@ MUTANTS = (
         ROOMS,
         "                straighten_rim(field, still, front)\n",
         "",
-        "tests/voxels/cleanup/test_rooms.py"
+        "tests/voxels/cleanup/test_drawers.py"
         "::test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open_one_stays",
     ),
     Mutant(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib.util
+
 import numpy as np
 import trimesh
 from PIL import Image
@@ -9,6 +11,14 @@ from skimage import measure
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
+
+# what is in an asset's folder
+FILES = {
+    *("object.urdf", "object.xml", "object.glb", "view.html", "meshes"),
+    *("preview.png", "motion.gif", "report.json"),
+}
+if importlib.util.find_spec("pxr"):
+    FILES |= {"object.usda", "object.usdz"}
 
 
 def painted_box(lo, hi, subdivisions: int = 2) -> trimesh.Trimesh:
@@ -86,3 +96,11 @@ def make_cabinet() -> ArticulatedObject:
         scale=0.5,
         name="cabinet",
     )
+
+
+def make_block() -> ArticulatedObject:
+    """A box with a lid."""
+    lid = Part(
+        "lid", painted_box([0, 0, 1], [1, 1, 1.1], 0), 0, Joint([0, 0, 1], [0, 1, 0], (-2, 0))
+    )
+    return ArticulatedObject((Part("base", painted_box([0, 0, 0], [1, 1, 1], 0)), lid))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+
 import pytest
-from asset_objects import make_cabinet
+from asset_objects import make_block, make_cabinet
 
 
 @pytest.fixture(scope="session")
@@ -25,3 +27,16 @@ def asset(cabinet, tmp_path_factory):
     from uniart_jax.export.asset import save_asset
 
     return save_asset(cabinet, tmp_path_factory.mktemp("asset") / "cabinet", seed=7, checkpoint="x")
+
+
+@pytest.fixture
+def block(monkeypatch):
+    """Two boxes, and small pictures: quick to write."""
+    from uniart_jax.export import asset as asset_module
+    from uniart_jax.export import preview
+    from uniart_jax.export.atlas import make_atlas
+
+    monkeypatch.setattr(asset_module, "make_atlas", functools.partial(make_atlas, size=64))
+    monkeypatch.setattr(preview, "TILE", 48)
+    monkeypatch.setattr(preview, "MOTION_SIZE", 48)
+    return make_block()

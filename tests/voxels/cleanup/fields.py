@@ -66,3 +66,10 @@ def surface_has_sources(field):
     solid = solid_of(field, 0)
     surface = solid & ndimage.binary_dilation(~solid, np.ones((3, 3, 3)))
     return bool((with_sources(field, 1).source[surface] >= 0).all())
+
+
+def noise(seed, share, size=3):
+    """[N + 2]^3 bool: lumps of cells."""
+    rng = np.random.default_rng(seed)
+    seeds = rng.random((N + 2,) * 3) < share
+    return ndimage.binary_dilation(seeds, np.ones((size,) * 3))
