@@ -74,9 +74,26 @@ def test_what_is_small_beside_it_is_left_out_and_its_parts_stay(predictor):
     assert not found[55:70, 295:310].any() and (found[110:170, 235:255] > 200).all()
 
 
-def test_nothing_and_everything_are_no_object(predictor):
+def test_nothing_is_no_object_and_everything_is_one(predictor):
     assert predictor(picture()[0]) is None
-    assert predictor(picture((0, 300, 0, 400))[0]) is None
+    assert (predictor(picture((0, 300, 0, 400))[0]) == 255).all()
+
+
+def test_small_holes_are_closed_and_large_ones_stay(predictor):
+    """Doors with a bright spot have none; a chair's back has slats."""
+    rgba, mask = picture((50, 250, 50, 350))
+    for top, bottom, left, right in ((100, 120, 100, 130), (150, 220, 180, 300)):
+        rgba[top:bottom, left:right, :3] = 120
+    found = predictor(rgba)
+    assert (found[100:120, 100:130] == 255).all() and not found[160:210, 190:290].any()
+
+
+def test_what_is_hardly_seen_within_an_object_is_the_object(predictor):
+    red = predictor._run
+    rgba, mask = picture((50, 250, 50, 350))
+    predictor._run = lambda params, image: np.clip(red(params, image), -6, 0.5)
+    found = predictor(rgba)
+    assert (found[70:230, 70:330] == 255).all() and not found[:40].any()
 
 
 def test_a_checkpoint_without_one_has_none(tmp_path):

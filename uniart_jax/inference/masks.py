@@ -22,7 +22,8 @@ from uniart_jax.models.network import build
 AROUND = 1.25  # side of the second look over what the first found
 LOOSE = 0.02  # a region of less than this share of the largest is no part of the object
 EDGE = 2  # cells to either side of the object's edge in which a mask may be soft
-LEAST, MOST = 0.01, 0.98  # share of the picture that an object can be
+HOLE = 0.03  # share of the object that a hole has at most which is no hole, but a mistake
+LEAST = 0.01  # share of the picture that an object has at least
 
 
 class MaskPredictor:
@@ -39,7 +40,7 @@ class MaskPredictor:
 
     def __call__(self, rgba: np.ndarray) -> np.ndarray | None:
         """[H, W, 4] uint8 (alpha is not looked at) -> [H, W] uint8 mask, soft at its edges; None if
-        hardly anything or nearly all would be the object."""
+        hardly anything would be the object."""
         picture = Image.fromarray(np.ascontiguousarray(rgba[..., :3]))
         whole = (0.0, 0.0, float(picture.width), float(picture.height))
         box = _around(self._look(picture, whole), picture.size)
@@ -51,7 +52,7 @@ class MaskPredictor:
         mask[top:bottom, left:right] = seen.resize(
             (right - left, bottom - top), Image.Resampling.BILINEAR
         )
-        return mask if LEAST < (mask > 127).mean() < MOST else None
+        return mask if (mask > 127).mean() > LEAST else None
 
     def _look(self, picture: Image.Image, box: Any) -> np.ndarray:
         """[S, S] uint8 mask of a box (left, upper, right, lower) of the picture, squeezed to a
@@ -81,19 +82,27 @@ def _around(mask: np.ndarray, size: tuple[int, int]) -> tuple[int, int, int, int
 
 
 def _object(mask: np.ndarray) -> np.ndarray:
-    """A mask [S, S] uint8 without the regions that are small beside the largest, whole within;
-    edges stay soft."""
+    """A mask [S, S] uint8 without the regions that are small beside the largest, and without small
+    holes; whole within, soft at its edges."""
     found = mask > 127
-    regions = np.zeros(mask.shape, np.int32)
-    scipy.ndimage.label(found, np.ones((3, 3)), output=regions)
-    areas = np.bincount(regions.ravel())
+    regions, areas = _regions(found)
     if len(areas) < 2:
         return mask
-    areas[0] = 0
-    kept = (areas >= LOOSE * areas.max())[regions] & found
+    kept = (areas >= LOOSE * areas[1:].max())[regions] & found
+    around, areas = _regions(~kept)
+    small = areas < HOLE * kept.sum()
+    small[np.unique(np.concatenate([*around[[0, -1]], *around[:, [0, -1]].T]))] = False
+    kept |= small[around] & ~found
     soft = np.asarray(scipy.ndimage.binary_dilation(kept, iterations=EDGE), bool)
     within = np.asarray(scipy.ndimage.binary_erosion(kept, iterations=EDGE, border_value=1), bool)
     return np.where(within, 255, np.where(kept | (soft & ~found), mask, 0)).astype(np.uint8)
+
+
+def _regions(inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The regions of [S, S] bool, numbered from 1, 0 elsewhere, and their areas [N + 1]."""
+    regions = np.zeros(inside.shape, np.int32)
+    scipy.ndimage.label(inside, np.ones((3, 3)), output=regions)
+    return regions, np.bincount(regions.ravel())
 
 
 def load_mask_predictor(checkpoint: Checkpoint | None) -> MaskPredictor | None:
