@@ -81,7 +81,7 @@ def test_nothing_is_no_object_and_everything_is_one(predictor):
 
 def test_small_holes_are_closed_and_large_ones_stay(predictor):
     """Doors with a bright spot have none; a chair's back has slats."""
-    rgba, mask = picture((50, 250, 50, 350))
+    rgba, _ = picture((50, 250, 50, 350))
     for top, bottom, left, right in ((100, 120, 100, 130), (150, 220, 180, 300)):
         rgba[top:bottom, left:right, :3] = 120
     found = predictor(rgba)
@@ -90,7 +90,7 @@ def test_small_holes_are_closed_and_large_ones_stay(predictor):
 
 def test_what_is_hardly_seen_within_an_object_is_the_object(predictor):
     red = predictor._run
-    rgba, mask = picture((50, 250, 50, 350))
+    rgba, _ = picture((50, 250, 50, 350))
     predictor._run = lambda params, image: np.clip(red(params, image), -6, 0.5)
     found = predictor(rgba)
     assert (found[70:230, 70:330] == 255).all() and not found[:40].any()
