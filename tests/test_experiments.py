@@ -9,7 +9,6 @@ import jax
 import numpy as np
 import pytest
 
-from uniart_jax import stages
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
 from uniart_jax.data import folder as data_folder
@@ -31,6 +30,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build, flat_names
 from uniart_jax.runtime.locks import exclusive_lock
+from uniart_jax.stages import trainer
 
 TRAINS = pytest.mark.slow  # two arms: half a minute
 
@@ -160,7 +160,7 @@ def test_a_queue_goes_on_where_it_was_stopped(done, monkeypatch):
     judged = []
     measure = evaluate_arm.measure
     monkeypatch.setattr(evaluate_arm, "measure", lambda *a: judged.append(a) or measure(*a))
-    monkeypatch.setattr(stages, "create_state", lambda *_: pytest.fail("trained again"))
+    monkeypatch.setattr(trainer, "create_state", lambda *_: pytest.fail("trained again"))
     run.run_experiment(experiment, out)
     assert len(judged) == 1
     assert kept() == before
