@@ -94,8 +94,8 @@ def test_joints_are_counted_in_files_objects_and_files_written_again(tmp_path, m
     assert lamp.startswith("lamp.xml: 1 joints, 0 read, 0 written (")
     assert tap == "tap.xml: 3 joints, 3 read, 3 written"
     assert told == (
-        "2 files, 2 of them with joints, 1 of these read and written; 1 keep every joint; 4 "
-        "joints, 3 read, 3 kept"
+        "2 files, 2 of them with joints or not read, 1 of these read and written; in 1 no joint is "
+        "lost; 4 joints, 3 read, 3 written"
     )
 
 

@@ -83,15 +83,15 @@ def main() -> None:
         why = f" ({joints.why})" if joints.why else ""
         told = f"{joints.there} joints, {joints.read} read, {joints.written} written"
         print(f"{entry.path}: {told}{why}", flush=True)
-    jointed = [joints for joints in found if joints.there]
+    jointed = [joints for joints in found if joints.there or joints.why]
     kept = [joints for joints in jointed if min(joints.read, joints.written) >= joints.there]
     there, read, written = (
         sum(getattr(joints, key) for joints in found) for key in ("there", "read", "written")
     )
     print(
-        f"{len(found)} files, {len(jointed)} of them with joints, "
+        f"{len(found)} files, {len(jointed)} of them with joints or not read, "
         f"{sum(not joints.why for joints in jointed)} of these read and written; "
-        f"{len(kept)} keep every joint; {there} joints, {read} read, {written} kept"
+        f"in {len(kept)} no joint is lost; {there} joints, {read} read, {written} written"
     )
 
 

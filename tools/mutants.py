@@ -57,6 +57,7 @@ REFRAMED = "tests/data/test_photographs.py::test_the_camera_code_is_that_of_the_
 DRUMS, ROOMS = "uniart_jax/voxels/cleanup/drums.py", "uniart_jax/voxels/cleanup/rooms.py"
 FOUND_PANELS = "uniart_jax/voxels/cleanup/found_panels.py"
 FOUND_BOARDS = "uniart_jax/voxels/cleanup/found_boards.py"
+SCENES = "uniart_jax/data/scenes.py"
 FRONTS, MASKS = "uniart_jax/voxels/cleanup/fronts.py", "uniart_jax/inference/masks.py"
 IS_DRUM = "tests/voxels/cleanup/test_drums.py::test_what_is_no_drum_is_left"
 BEHIND_DOOR = "tests/voxels/cleanup/test_drums.py::test_the_plate_lies_behind_the_closed_door"
@@ -219,6 +220,36 @@ MUTANTS = (
         "counts = jnp.where(share >= TRUSTED, counts, -1)",
         "",
         "tests/training/test_panel_loss.py::test_boards_that_are_little_of_a_part_pay_for_the_share",
+    ),
+    Mutant(
+        SCENES,
+        "framed(mask, width, 0)",
+        "framed(mask, width, 255)",
+        "tests/data/test_scenes.py::test_a_margin_is_no_object_and_frames_some_pictures",
+    ),
+    Mutant(
+        SCENES,
+        "scales = CLOSE",
+        "pass",
+        "tests/data/test_scenes.py::test_some_objects_fill_the_picture_and_whole_ones_do_not",
+    ),
+    Mutant(
+        MASKS,
+        "np.where(within, 255,",
+        "np.where(within, mask,",
+        "tests/inference/test_masks.py::test_what_is_hardly_seen_within_an_object_is_the_object",
+    ),
+    Mutant(
+        MASKS,
+        "kept |= small[around] & ~found",
+        "pass",
+        "tests/inference/test_masks.py::test_small_holes_are_closed_and_large_ones_stay",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
+        "shown /= np.maximum(shown.max(-1, keepdims=True), 1)",
+        "shown = np.clip(shown, 0, 1)",
+        "tests/export/test_picture_colors.py::test_what_light_would_make_too_bright_keeps_its_hue",
     ),
     Mutant(
         MASKS,

@@ -9,7 +9,7 @@ import pytest
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, MaskConfig, ModelConfig
 from uniart_jax.data import layout_batches, layouts
 from uniart_jax.data.scene_batches import scene_batches, validation_scenes
-from uniart_jax.data.scenes import backdrop, leaves, scene, training_backdrop
+from uniart_jax.data.scenes import GRAIN, backdrop, framed, leaves, scene, training_backdrop
 
 RED = np.array([220, 20, 30], np.uint8)
 MODEL = ModelConfig(
@@ -62,6 +62,41 @@ def test_a_whole_object_is_neither_cut_off_nor_covered():
         assert image.shape == (96, 96, 3)
     hidden = [(mask > 127)[[0, -1]].any() or (mask > 127)[:, [0, -1]].any() for _, mask in scenes()]
     assert any(hidden)  # else some are
+
+
+def test_some_objects_fill_the_picture_and_whole_ones_do_not():
+    filled = [(mask > 127).mean() for _, mask in scenes(60)]
+    assert 6 <= sum(share > 0.75 for share in filled) <= 24  # a disc is .79 of its square
+    assert max((mask > 127).mean() for _, mask in scenes(60, whole=True)) < 0.72
+
+
+def test_a_margin_is_no_object_and_frames_some_pictures(monkeypatch):
+    monkeypatch.setattr("uniart_jax.data.scenes.FRAMED", 1.0)
+    monkeypatch.setattr("uniart_jax.data.scenes.CLOSE_UP", 1.0)
+    for image, mask in scenes(8):
+        assert image.shape == (96, 96, 3) and mask.shape == (96, 96)
+        edge = np.concatenate([image[:3].reshape(-1, 3), image[-3:].reshape(-1, 3)])
+        assert (edge == edge[0, 0]).all()  # one gray value
+        assert not mask[:3].any() and not mask[:, -3:].any() and (mask > 127).mean() > 0.2
+    assert framed(np.ones((4, 5), np.uint8), 2, 7).tolist()[0] == [7] * 9
+
+
+def test_grain_changes_the_object_alone_and_only_where_asked(monkeypatch):
+    monkeypatch.setattr("uniart_jax.data.scenes.GRAINED", 1.0)
+    monkeypatch.setattr("uniart_jax.data.scenes._taken", lambda rng, picture: picture)
+    monkeypatch.setattr("uniart_jax.data.scenes._shadow", lambda rng, alpha: 0 * alpha)
+    monkeypatch.setattr("uniart_jax.data.scenes._lit", lambda rng, color: color)
+    back = np.full((96, 96, 3), 0.5, np.float32)
+
+    def taken(seed, **given):
+        return scene(np.random.default_rng(seed), disc(), (), 96, whole=True, back=back, **given)
+
+    for seed in range(8):
+        (plain, mask), (grained, same) = taken(seed), taken(seed, grain=GRAIN)
+        np.testing.assert_array_equal(mask, same)
+        assert (grained[mask == 0] == 0.5).all() and plain[mask == 255].std(0).max() < 0.01
+        assert grained[mask == 255].std(0).max() > 0.01
+        assert grained.min() >= 0 and grained.max() <= 1
 
 
 def test_a_background_can_be_given():

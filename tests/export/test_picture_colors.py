@@ -145,6 +145,20 @@ def test_light_is_what_the_renderer_has_there(scene):
     assert shadow.sum() > 20 and abs(np.median(before)) < 0.03
 
 
+def test_what_light_would_make_too_bright_keeps_its_hue(scene):
+    """A dark place of the renderer's light that is bright in the picture, as in soft light."""
+    obj, picture, _ = scene
+    points, normals, _, _ = sampled(obj)
+    tint = np.array([0.8, 0.6, 0.4])
+    bright = dataclasses.replace(picture, pixels=np.broadcast_to(tint, picture.pixels.shape))
+    shown, belief = look(bright, obj, points, normals)
+    found = shown[belief > 0.9]
+    assert np.isclose(found.max(-1), 1).any() and found.max() <= 1 + 1e-6
+    np.testing.assert_allclose(
+        found / found.max(-1, keepdims=True), [tint / 0.8] * len(found), atol=1e-4
+    )
+
+
 def test_nothing_is_believed_close_beside_a_surface_in_front(scene):
     obj, picture, code = scene
     points, normals, own, _ = sampled(obj, 20_000)

@@ -72,6 +72,17 @@ def test_watertight_is_what_the_edges_of_the_written_file_say(tmp_path, scale):
     assert all(told.values()) and not is_bounded(shapes()["bowl"].faces)
 
 
+def test_a_surface_that_stays_open_is_told_so(tmp_path, monkeypatch):
+    monkeypatch.setattr("uniart_jax.export.asset.is_bounded", lambda faces: len(faces) > 12)
+    parts = (
+        Part("ball", trimesh.creation.icosphere(1)),
+        Part("box", trimesh.creation.box().apply_translation([3, 0, 0]), 0),
+    )
+    out = save_asset(ArticulatedObject(parts), tmp_path / "a", formats=(), motion=False)
+    told = json.loads((out / "report.json").read_text())["parts"]
+    assert [part["watertight"] for part in told] == [True, False]
+
+
 @pytest.mark.slow
 def test_surfaces_found_on_voxels_are_known_again(tmp_path):
     """So what is made of them next is made of cells too; a report that is broken says nothing."""

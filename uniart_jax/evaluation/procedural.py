@@ -1,8 +1,8 @@
 """Quality after each pipeline stage (VAE, latent flow, image to object), compared with retrieval
 and with the representation's upper bound.
 
-Held-out procedural objects: one object a seed from ``HELD_OUT_SEED`` on, families in turn, a random shown state, one rendered
-view, one sample. Rows of the table:
+Held-out procedural objects: one object a seed from ``HELD_OUT_SEED`` on, families in turn, a
+random shown state, one rendered view, one sample. Rows of the table:
 
     representation     truth -> voxels -> object
     vae                truth -> voxels -> UniArt VAE -> object

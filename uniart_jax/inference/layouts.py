@@ -105,7 +105,7 @@ class LayoutPredictor:
 
     def _read(self, image: np.ndarray) -> dict[str, np.ndarray]:
         """One picture and its mirror image at a time, so that it is read alike alone and among
-        others; on a CPU more at once are no faster."""
+        others; on a CPU more at once are no faster (on a GPU that was not measured)."""
         looks = [image, mirror_images(image)] if self.mirrored else [image]
         found = jax.device_get(self._run(self._params, np.stack(looks).astype(np.float32) / 255))
         rows = [{name: values[b] for name, values in found.items()} for b in range(len(looks))]

@@ -1,13 +1,14 @@
-"""``uniart features``: columns of per-voxel features beside prepared records (``data.columns``), a
-pass of its own.
+"""``uniart features``: columns of per-voxel features beside prepared records (``data.columns``),
+a pass of its own.
 
-    visual        orbit pictures -> DINOv2 -> patch maps -> read at each voxel's centre -> mean over views     (``precompute.visual_features``)
-    part_feature  PartField's files -> nearest point of each voxel                                             (``data.part_features``)
-                  or the shape around each voxel, without weights                                      (``data.geometric_features``)
+    visual        orbit pictures -> DINOv2 -> patch maps -> read at each voxel's centre
+                  -> mean over views (``precompute.visual_features``)
+    part_feature  PartField's files -> nearest point of each voxel (``data.part_features``)
+                  or the shape around each voxel, without weights (``data.geometric_features``)
 
-Shard by shard (``precompute.fill_columns``), one record at a time: memory grows neither with the records
-nor with the views.
-"""  # noqa: E501
+Shard by shard (``precompute.fill_columns``), one record at a time: memory grows neither with the
+records nor with the views.
+"""
 
 from __future__ import annotations
 

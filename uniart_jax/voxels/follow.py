@@ -95,9 +95,8 @@ def assemble_layout(
     Returns:
       Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels
       hardly show, or that turns about its middle, and a turntable are made of their boxes
-      (``primitive_parts``); another that
-      no voxel shows, or a fixed one of which they show a fragment, is left out, its children hang
-      on its parent. ``provenance`` tells of all.
+      (``primitive_parts``). Another that no voxel shows, or a fixed one of which they show a
+      fragment, is left out; its children hang on its parent. ``provenance`` tells of all.
 
     Raises:
       ValueError: the grid holds no voxels.
