@@ -241,9 +241,9 @@ def test_the_layout_network_is_shown_a_crop_of_its_own_size(pipeline, tmp_path, 
     write_config(tmp_path, mine.config)
     network = build("layout", model)
     write_network(tmp_path, "layout", parameters_of(network))
-    shown, look = [], mine._layout_predictor._look
+    shown, run = [], mine._layout_predictor._run
     monkeypatch.setattr(
-        mine._layout_predictor, "_look", lambda images: shown.extend(images) or look(images)
+        mine._layout_predictor, "_run", lambda params, x: shown.extend(x) or run(params, x)
     )
     image = np.full((300, 200, 4), 255, np.uint8)
     image[:20, :, 3] = 0
