@@ -22,7 +22,7 @@ from uniart_jax.models.network import build
 AROUND = 1.25  # side of the second look over what the first found
 LOOSE = 0.02  # a region of less than this share of the largest is no part of the object
 EDGE = 2  # cells to either side of the object's edge in which a mask may be soft
-HOLE = 0.03  # share of the object that a hole has at most which is no hole, but a mistake
+HOLE = 0.03  # a hole of less than this share of the object is a mistake, and is closed
 LEAST = 0.01  # share of the picture that an object has at least
 
 
@@ -82,8 +82,8 @@ def _around(mask: np.ndarray, size: tuple[int, int]) -> tuple[int, int, int, int
 
 
 def _object(mask: np.ndarray) -> np.ndarray:
-    """A mask [S, S] uint8 without the regions that are small beside the largest, and without small
-    holes; whole within, soft at its edges."""
+    """A mask [S, S] uint8 without regions that are small beside the largest and without small holes:
+    255 inside, soft within ``EDGE`` cells of its edges."""
     found = mask > 127
     regions, areas = _regions(found)
     if len(areas) < 2:
