@@ -82,8 +82,8 @@ def _around(mask: np.ndarray, size: tuple[int, int]) -> tuple[int, int, int, int
 
 
 def _object(mask: np.ndarray) -> np.ndarray:
-    """A mask [S, S] uint8 without regions that are small beside the largest and without small holes:
-    255 inside, soft within ``EDGE`` cells of its edges."""
+    """A mask [S, S] uint8 without regions that are small beside the largest, and without small
+    holes: 255 inside, soft within ``EDGE`` cells of its edges."""
     found = mask > 127
     regions, areas = _regions(found)
     if len(areas) < 2:
