@@ -90,7 +90,7 @@ def test_colours_come_from_the_picture_and_light_does_not(scene):
     obj, picture, _ = scene
     points, normals, own, true = sampled(obj)
     gray = np.full_like(true, true.mean())
-    found = paint(picture, obj, points, normals, own, gray)
+    found = paint(picture, obj, points, normals, own, gray.__getitem__)
     _, belief = look(picture, obj, points, normals)
     sure = belief > 0.9
     before, after = np.abs(gray - true)[sure].mean(), np.abs(found - true)[sure].mean()
@@ -116,7 +116,7 @@ def test_a_picture_of_nothing_changes_nothing(scene):
     obj, picture, code = scene
     points, normals, own, true = sampled(obj, 300)
     away = Picture(picture.pixels, picture.depth, code + np.array([0, 0, 0, 0, 0, 5, 5]))
-    np.testing.assert_array_equal(paint(away, obj, points, normals, own, true), true)
+    np.testing.assert_array_equal(paint(away, obj, points, normals, own, true.__getitem__), true)
 
 
 def test_the_atlas_of_a_gray_object_takes_the_pictures_colours(scene):
@@ -177,7 +177,7 @@ def test_what_is_hardly_seen_has_not_the_networks_colour(scene):
     points, normals, own, true = sampled(obj, 20_000)
     magenta = np.tile([0.8, 0.0, 0.8], (len(points), 1))
     _, belief = look(picture, obj, points, normals)
-    found = paint(picture, obj, points, normals, own, magenta)
+    found = paint(picture, obj, points, normals, own, magenta.__getitem__)
     off = np.abs(linear_to_srgb(found) - linear_to_srgb(true)).mean(-1)
     for least, most in ((-1, 0), (0, 0.1), (0.1, 0.3), (0.3, 0.6), (0.6, 1)):
         band = (belief > least) & (belief <= most)
@@ -192,7 +192,7 @@ def test_a_few_places_that_are_seen_are_no_error(scene, monkeypatch):
     few[np.flatnonzero(belief > 0.9)[:60]] = 1  # one after the other
     monkeypatch.setattr(picture_colors, "look", lambda *_: (shown, few))
     monkeypatch.setattr(picture_colors, "PLACES", 200)
-    found = paint(picture, obj, points, normals, own, true)
+    found = paint(picture, obj, points, normals, own, true.__getitem__)
     assert np.isfinite(found).all() and (found >= 0).all() and (found <= 1).all()
 
 
@@ -201,7 +201,7 @@ def test_what_is_hidden_loses_the_networks_blotches(scene):
     points, normals, parts, _ = sampled(obj)
     colors = np.random.default_rng(1).random((len(points), 3)).astype(np.float32)
     _, belief = look(picture, obj, points, normals)
-    made = paint(picture, obj, points, normals, parts, colors)
+    made = paint(picture, obj, points, normals, parts, colors.__getitem__)
     for part in range(2):
         hidden = (belief == 0) & (parts == part) & (normals[:, 0] > 0.5)
         assert hidden.sum() > 100

@@ -291,13 +291,21 @@ def bake(
         points = np.einsum("nk,nkc->nc", weights, corners)
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
-        own = np.full(len(rows), k)
-        texels.append((rows, columns, points, normals, own, source_color(source, points)))
-    rows, columns, points, normals, own, found = (
-        np.concatenate(c) for c in zip(*texels, strict=True)
-    )
+        texels.append((rows, columns, points, normals, np.full(len(rows), k)))
+    rows, columns, points, normals, own = (np.concatenate(c) for c in zip(*texels, strict=True))
+
+    def decoded(asked: np.ndarray) -> np.ndarray:
+        found = np.zeros((len(asked), 3), np.float32)
+        for k, source in enumerate(sources):
+            mine = np.flatnonzero(own[asked] == k)
+            if len(mine):
+                found[mine] = source_color(source, points[asked[mine]])
+        return found
+
     if obj is not None and picture is not None:
-        found = paint(picture, obj, points, normals, own, found)
+        found = paint(picture, obj, points, normals, own, decoded)
+    else:
+        found = decoded(np.arange(len(points)))
     color = np.zeros((height, width, 3), np.float32)
     filled = np.zeros((height, width), bool)
     color[rows, columns], filled[rows, columns] = found, True

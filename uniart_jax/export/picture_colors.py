@@ -12,6 +12,7 @@ show, or of its mirror image (y -> -y), if that is near, else what ``hidden_colo
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 from embreex.rtcore_scene import EmbreeScene
@@ -79,20 +80,19 @@ def paint(
     points: np.ndarray,
     normals: np.ndarray,
     parts: np.ndarray,
-    colors: np.ndarray,
+    decoded: Callable[[np.ndarray], np.ndarray],
 ) -> np.ndarray:
     """[n, 3] linear RGB of places on an object at the state that the picture shows.
 
     Args:
       points, normals: [n, 3] places, object units and frame, and unit normals. parts: [n] whose
-        they are. colors: [n, 3] the network's.
+        they are. decoded: rows [m] of them -> [m, 3] the network's colours; most are never asked.
     """
     shown, belief = look(picture, obj, points, normals)
     if (belief > SEEN).sum() < 50:  # the camera is off, or the picture says nothing
-        return colors
-    pair = linear_to_srgb(colors), linear_to_srgb(shown)
-    places = Places(points, normals, parts, *pair, belief > SEEN)
-    filled = guessed(places, obj, camera_position(picture.camera), belief)
+        return decoded(np.arange(len(points)))
+    places = Places(points, normals, parts, None, linear_to_srgb(shown), belief > SEEN)
+    filled = guessed(places, decoded, obj, camera_position(picture.camera), belief)
     for k in np.unique(parts):
         mine = np.flatnonzero(parts == k)
         seen, unseen = mine[belief[mine] > SEEN], mine[belief[mine] < 1]
@@ -119,13 +119,18 @@ def paint(
 
 
 def guessed(
-    places: Places, obj: ArticulatedObject, camera: np.ndarray, belief: np.ndarray
+    places: Places,
+    decoded: Callable[[np.ndarray], np.ndarray],
+    obj: ArticulatedObject,
+    camera: np.ndarray,
+    belief: np.ndarray,
 ) -> np.ndarray:
-    """[n, 3] linear RGB of places; of those that are not seen for sure by ``hidden_colors`` of
-    ``PLACES``, and means in between, of others the network's.
+    """[n, 3] linear RGB of the places that are not seen for sure, by ``hidden_colors`` of
+    ``PLACES``, and means in between; of parts without any of these the network's. 0 elsewhere.
 
     Args:
-      camera: [3] where the picture was taken from. belief: [n] as ``look`` says.
+      decoded: as in ``paint``. camera: [3] where the picture was taken from. belief: [n] as
+        ``look`` says.
     """
     points, normals, parts = places.points, places.normals, places.parts
     owners, counts = np.unique(parts, return_counts=True)
@@ -137,14 +142,22 @@ def guessed(
             for own, count in zip(mine, asked, strict=True)
         ]
     )
-    some = Places(*(np.asarray(column)[rows] for column in places))
+    some = Places(
+        points[rows],
+        normals[rows],
+        parts[rows],
+        linear_to_srgb(decoded(rows)),
+        places.shown[rows],
+        places.seen[rows],
+    )
     at = np.flatnonzero(~some.seen)
     said = hidden_colors(some, obj, camera, at)
     known = with_normals(some.points[at], some.normals[at], FACE)
-    filled = srgb_to_linear(np.asarray(places.decoded))
+    filled = np.zeros((len(points), 3))
     for k, own in zip(owners, mine, strict=True):
         hidden, told = own[belief[own] < 1], some.parts[at] == k
         if not told.any():
+            filled[hidden] = decoded(hidden)
             continue
         tree, count = cKDTree(known[told]), int(told.sum())
         _, near = tree.query(known[told], k=np.arange(1, min(AROUND, count) + 1))

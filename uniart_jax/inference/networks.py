@@ -36,6 +36,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.gaussian_decoder import gaussian_parameters
 from uniart_jax.models.network import build
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.runtime.program_cache import kept_program
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table
@@ -284,17 +285,19 @@ class Networks:
 
     @functools.cached_property
     def _encode_images(self):
-        return make_conditioner(self.config.model)
+        model = self.config.model
+        return kept_program(make_conditioner(model), "conditioner", model)
 
     @functools.cached_property
     def _decode_structure(self):
-        return make_structure_decoder(self.config.model)
+        model = self.config.model
+        return kept_program(make_structure_decoder(model), "structure decoder", model)
 
     @functools.cached_property
     def _decode_voxels(self):
-        return jax.jit(
-            functools.partial(build("uniart_vae", self.config.model).apply, method="decode")
-        )
+        model = self.config.model
+        decode = jax.jit(functools.partial(build("uniart_vae", model).apply, method="decode"))
+        return kept_program(decode, "voxel decoder", model)
 
     @functools.cached_property
     def _decode_gaussians(self):
@@ -315,11 +318,15 @@ class Networks:
 
     @functools.lru_cache(maxsize=4)  # noqa: B019  one pipeline lives as long as the program
     def _structure_sampler(self, options: SampleConfig):
-        return make_structure_sampler(self.config.model, options)
+        model = self.config.model
+        sampler = make_structure_sampler(model, options)
+        return kept_program(sampler, "structure sampler", model, options)
 
     @functools.lru_cache(maxsize=4)  # noqa: B019
     def _latent_sampler(self, options: SampleConfig):
-        return make_latent_sampler(self.config.model, options)
+        model = self.config.model
+        sampler = make_latent_sampler(model, options)
+        return kept_program(sampler, "latent sampler", model, options)
 
 
 def voxel_grid(

@@ -13,6 +13,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import export
 
 from uniart_jax.config import FlowConfig, ModelConfig, SampleConfig
 from uniart_jax.flow.guidance import guide
@@ -23,6 +24,9 @@ from uniart_jax.nn.grids import CELL_STEP, flow_plan
 from uniart_jax.voxels.joint_code import FIXED_AXIS, canonical
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
 from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
+
+for _kind in (Condition, Solution):  # what programs that are kept return
+    export.register_namedtuple_serialization(_kind, serialized_name=f"uniart_jax.{_kind.__name__}")
 
 WIDTH_STEP = 4096  # voxels beyond the largest bucket are padded to multiples of this
 

@@ -28,6 +28,7 @@ from uniart_jax.models.checkpoint_files import (
 )
 from uniart_jax.models.hub import PREFIX, hub_folder
 from uniart_jax.models.network import build
+from uniart_jax.runtime.program_cache import kept_shapes
 
 PRETRAINED = Path(__file__).parent.parent / "pretrained"  # the shipped models
 EXPORT = "export"  # folder of a WORKDIR
@@ -150,7 +151,8 @@ class Checkpoint:
         if widen and (options := self.missing_layers(name, model)):
             narrow = dataclasses.replace(getattr(model, name), **dict.fromkeys(options, 0))
             model = dataclasses.replace(model, **{name: narrow})
-        return read_network(self.path(f"{name}.safetensors"), build(name, model).abstract())
+        shapes = kept_shapes(lambda: build(name, model).abstract(), name, model)
+        return read_network(self.path(f"{name}.safetensors"), shapes)
 
     def missing_layers(self, name: str, model: ModelConfig) -> list[str]:
         """Which of ``ADDED_LAYERS`` network ``name`` has in ``model`` and lacks here."""

@@ -1,4 +1,4 @@
-"""Compiled programs are kept between runs, or compiled in less time."""
+"""Traced and compiled programs are kept between runs, or compiled in less time."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ TRIED_JAXLIB = "0.10.2"  # of ``QUICK_XLA``; XLA ends a process whose options it
 
 
 def enable_compilation_cache() -> None:
-    """Keep compiled programs between runs, in the user's cache folder; programs call this, the
-    library does not."""
+    """Keep traced and compiled programs between runs, in the user's cache folder, unless JAX was
+    told another; programs call this, the library does not."""
     import jax
+
+    from uniart_jax.runtime.program_cache import keep_programs
 
     if jax.config.jax_compilation_cache_dir is None:
         base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
         jax.config.update("jax_compilation_cache_dir", str(base / "uniart_jax" / "xla"))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
+        keep_programs(base / "uniart_jax" / "programs")
 
 
 def quick_compile() -> None:
