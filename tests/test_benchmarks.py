@@ -14,6 +14,7 @@ import mujoco
 import numpy as np
 import predict_training
 import pytest
+import sampling
 import spread
 import step_overhead
 import trimesh
@@ -34,6 +35,14 @@ def test_saves_are_counted_as_often_as_a_run_has_them():
     assert (loop, save) == pytest.approx((46.0, 3.0))
     assert in_run(times, held, save_every=400)[0] == pytest.approx(40.3)
     assert in_run(times, [], save_every=400) == pytest.approx((46.0, 0.0))
+
+
+def test_stages_of_sampling_are_called_after_what_the_program_tells():
+    lines = ("· loading the model\n", "· oven.png: 9731 voxels\n", "· a: b.png: structure\n")
+    names = [sampling._stage(line) for line in lines]
+    assert names == ["loading the model", "voxels", "structure"]
+    used, peak = sampling._used(os.getpid())
+    assert 0 < used < 1e5 and 0.05 < peak < 50
 
 
 def test_what_samples_agree_on_is_counted_by_joints_and_drawn_by_objects():

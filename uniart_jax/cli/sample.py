@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import importlib
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -112,7 +114,6 @@ def sample(
         check_out(folder, overwrite, images)
     from uniart_jax.pipeline import load
     from uniart_jax.runtime.compilation_cache import enable_compilation_cache
-    from uniart_jax.simulation.refine import mend
 
     changes = {
         "steps": steps,
@@ -123,6 +124,7 @@ def sample(
     }
     enable_compilation_cache()
     console = messages()
+    threading.Thread(target=_import_writers, daemon=True).start()
     with working(console, "loading the model") as say:
         pipeline = load(checkpoint)
         if num_samples > 1 and steps is None and not adaptive:
@@ -163,7 +165,7 @@ def sample(
                         checkpoint=checkpoint,
                         details=details(made, index),
                         overwrite=overwrite,
-                        mend=told(mend, say, f"{name}: joints that run into the object")
+                        mend=told(_mend, say, f"{name}: joints that run into the object")
                         if refine
                         else None,
                         check=told(
@@ -182,6 +184,18 @@ def sample(
         kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
         print(f"error: {what}: {kind}{' '.join(str(error).split())}", file=sys.stderr)
     return 1 if failed else 0
+
+
+def _mend(*given: Any) -> Any:
+    from uniart_jax.simulation.refine import mend
+
+    return mend(*given)
+
+
+def _import_writers() -> None:
+    """Import what writes and checks objects while the networks run, which takes seconds."""
+    for module in ("export.asset", "simulation.validate", "simulation.refine"):
+        importlib.import_module(f"uniart_jax.{module}")
 
 
 def _layout(path: Path | None, follow: bool, single: bool) -> Any:

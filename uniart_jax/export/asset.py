@@ -7,6 +7,7 @@ object.glb    view.html           print/<part>.stl           preview.png   motio
 
 from __future__ import annotations
 
+import concurrent.futures
 import dataclasses
 import importlib
 import re
@@ -132,8 +133,8 @@ def save_asset(
       motion: also write ``motion.gif`` (if anything moves).
       mend: mends joints and shapes once these are known, and keeps them within the budget
         (``simulation.refine.mend``).
-      check: looks at the written folder before it takes its place and returns the report's
-        ``validation`` (``simulation.validate``).
+      check: looks at the folder before it takes its place, in a thread beside the making of its
+        pictures, and returns the report's ``validation`` (``simulation.validate``).
 
     Returns:
       The folder.
@@ -182,19 +183,22 @@ def save_asset(
                 write_page(placed.obj, glb, shapes, target / "view.html")
             if "glb" not in chosen:
                 glb.unlink()
-        textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
-        shown = with_meshes(obj, textured).normalized()
-        view = choose_view(shown, beside)
-        write_preview(shown, target / "preview.png", beside, view)
-        if motion:
-            write_motion(shown, target / "motion.gif", view)
         closed = [is_bounded(surface.faces) for surface in atlas.surfaces]
         read = AsRead(obj, tuple(part.name for part in given), placed.shown)
         report = make_report(placed.obj, bodies, closed, seed, checkpoint, notes, read)
         report |= {"origin": origin, "collision": collision} | dict(details or {})
         write_report(report, target / "report.json")
-        if check is not None:
-            write_report(report | {"validation": check(target)}, target / "report.json")
+        with concurrent.futures.ThreadPoolExecutor(1) as beside_pictures:  # engines are processes
+            checking = None if check is None else beside_pictures.submit(check, target)
+            textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
+            shown = with_meshes(obj, textured).normalized()
+            view = choose_view(shown, beside)
+            write_preview(shown, target / "preview.png", beside, view)
+            if motion:
+                write_motion(shown, target / "motion.gif", view)
+            if checking is not None:
+                report["validation"] = checking.result()
+                write_report(report, target / "report.json")
     return Path(folder)
 
 

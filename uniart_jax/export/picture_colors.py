@@ -106,6 +106,7 @@ def paint(
                 with_normals(where[0] * mirror, where[1] * mirror, TURNED),
                 eps=0.5,
                 distance_upper_bound=FAR,
+                workers=-1,
             )
             for mirror in ([1, 1, 1], [1, -1, 1])
         ]
@@ -163,7 +164,9 @@ def guessed(
         _, near = tree.query(known[told], k=np.arange(1, min(AROUND, count) + 1))
         even = np.median(said[told][near], axis=1)
         where = with_normals(points[hidden], normals[hidden], FACE)
-        distance, near = tree.query(where, k=np.arange(1, min(BETWEEN, count) + 1), eps=0.5)
+        distance, near = tree.query(
+            where, k=np.arange(1, min(BETWEEN, count) + 1), eps=0.5, workers=-1
+        )
         weight = 1 / (distance + 1e-3)
         filled[hidden] = (even[near] * weight[..., None]).sum(1) / weight.sum(1)[:, None]
     return filled
