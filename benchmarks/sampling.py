@@ -37,7 +37,8 @@ def main() -> None:
     runs = [run(given.image, given.options) for _ in range(1 + given.repeats)][1:]
     rows = []
     for stage in zip(*runs, strict=True):
-        numbers = [statistics.median(values) for values in zip(*(row[1:] for row in stage))]
+        columns = zip(*(row[1:] for row in stage), strict=True)
+        numbers = [statistics.median(values) for values in columns]
         rows.append([stage[0][0], *(f"{number:.2f}" for number in numbers)])
     print(markdown(["stage", "seconds", "CPU seconds", "GB at most"], rows))
     print(f"asked for: {LIMITS['seconds']:g} s, {LIMITS['GB']:g} GB")

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from drawn import parameters
 
-from uniart_jax.config import Config, MaskConfig, ModelConfig
+from uniart_jax import stages
+from uniart_jax.config import Config, MaskConfig, ModelConfig, load_config
 from uniart_jax.models.network import build
-from uniart_jax.stages import STAGES
+from uniart_jax.stages import STAGES, trainer
 from uniart_jax.stages import mask as stage_file
 from uniart_jax.voxels.typed_batches import MaskBatch
 
@@ -29,7 +30,22 @@ def test_without_the_published_weights_nothing_begins(monkeypatch):
 
     monkeypatch.setattr(stage_file, "find_published", missing)
     with pytest.raises(FileNotFoundError, match="not installed"):
-        STAGE.check(Config(model=MODEL))
+        STAGE.check_first_weights(Config(model=MODEL))
+
+
+def test_a_training_that_goes_on_needs_no_published_weights(monkeypatch, tmp_path):
+    def missing():
+        raise FileNotFoundError("efficientnet_lite0: its ImageNet weights are not installed")
+
+    begun = []
+    monkeypatch.setattr(stage_file, "find_published", missing)
+    monkeypatch.setattr(trainer, "train_network", lambda stage, *rest: begun.append(stage.name))
+    config = load_config("configs/nano.py")
+    with pytest.raises(FileNotFoundError, match="not installed"):
+        stages.run(config, ["mask"], tmp_path / "new")
+    assert not (tmp_path / "new").exists() and not begun
+    stages.run(config, ["mask"], tmp_path / "on", init="nano")
+    assert begun == ["mask"]
 
 
 def test_it_begins_with_the_published_backbone(monkeypatch):

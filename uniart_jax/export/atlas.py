@@ -285,7 +285,7 @@ def bake(
     """sRGB image of the sources' colours under the surfaces' charts, or of a picture of ``obj``;
     texels outside all charts repeat the nearest inside."""
     texels: list[tuple[np.ndarray, ...]] = []
-    for k, (surface, source) in enumerate(zip(surfaces, sources, strict=True)):
+    for k, surface in enumerate(surfaces):
         rows, columns, faces, weights = rasterize(surface, width, height)
         corners = surface.vertices[surface.faces[faces]]
         points = np.einsum("nk,nkc->nc", weights, corners)

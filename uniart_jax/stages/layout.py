@@ -30,7 +30,7 @@ class LayoutStage(Stage):
     def left_out(self, model: ModelConfig) -> str:
         return "" if model.layout.queries else "the config has none; give --model.layout.queries 16"
 
-    def check(self, config: Config) -> None:
+    def check_first_weights(self, config: Config) -> None:
         check_backbone(config.model)
 
     def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:

@@ -31,7 +31,7 @@ class MaskStage(Stage):
     def left_out(self, model: ModelConfig) -> str:
         return "" if model.mask.channels else "the config has none; give --model.mask.channels 64"
 
-    def check(self, config: Config) -> None:
+    def check_first_weights(self, config: Config) -> None:
         find_published()
 
     def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:

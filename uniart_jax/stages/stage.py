@@ -115,6 +115,14 @@ class Stage(abc.ABC):
         ones."""
         return {}
 
+    def check_first_weights(self, config: Config) -> None:
+        """Whether what ``first_weights`` reads is there, before anything is written.
+
+        Raises:
+          FileNotFoundError: it is not installed.
+        """
+        return None
+
     @abc.abstractmethod
     def evaluation(
         self, config: Config, workdir: Path, statistics: dict[str, Statistics]

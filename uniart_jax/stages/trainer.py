@@ -182,7 +182,7 @@ def run(
       ValueError: WORKDIR belongs to another model or another process works in it, a setting is out
         of range, a flow's checkpoint to other inputs, ``init`` does not fit the config, or a
         stage's ``freeze`` its network.
-      FileNotFoundError: records or an earlier stage's weights are missing.
+      FileNotFoundError: records, an earlier stage's weights or published ones are missing.
       FloatingPointError: loss or gradients are not finite (``StageConfig.skip_not_finite``).
     """
     workdir = Path(workdir)
@@ -209,6 +209,9 @@ def run(
             if goes_on(source, name):
                 source.load(name, config.model, widen=True)
         copied = networks_to_copy(config, source, names, exported)
+    for stage in chosen:
+        if source is None or not goes_on(source, stage.name):
+            stage.check_first_weights(config)
     check_found(config, chosen, exported, copied)
     with exclusive_lock(workdir) if distributed.is_first() else contextlib.nullcontext():
         distributed.on_first_process(lambda: check_workdir(config, workdir))
