@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from uniart_jax.data import background
-from uniart_jax.evaluation.photographed import SIDE, cut_again, overlap, photograph
+from uniart_jax.evaluation.photographed import FILLING, SIDE, cut_again, overlap, photograph
 from uniart_jax.evaluation.procedural import held_out
 
 
@@ -24,6 +24,20 @@ def test_a_photograph_is_opaque_and_its_mask_is_the_objects(tests):
     other, same = photograph(tests, 1, gray)
     far = other[..., :3][same == 0].astype(float)
     assert np.abs(far - far.mean(0)).mean() < 20 < np.abs(other[same > 127] - 127.0).mean()
+
+
+def test_objects_with_a_grain_and_those_that_fill_the_picture(tests):
+    _, mask = photograph(tests, 1, scales=FILLING)
+    rows, columns = np.nonzero(mask > 127)
+    assert max(np.ptp(rows), np.ptp(columns)) > 0.93 * SIDE
+    gray = np.full((SIDE, SIDE, 3), 0.5, np.float32)
+    changed = 0
+    for index in range(2):  # half of the objects have a grain
+        (plain, mask), (grained, same) = (photograph(tests, index, gray, grain=g) for g in (0, 0.9))
+        there = (mask > 127) & (same > 127)
+        off = np.abs(plain[..., :3].astype(float) - grained[..., :3])[there]
+        changed += off.mean() > 5
+    assert changed
 
 
 def test_what_the_network_finds_is_what_is_cut_out(tests, monkeypatch):

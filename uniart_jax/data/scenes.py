@@ -52,6 +52,7 @@ def scene(
     whole: bool = False,
     back: Array | None = None,
     grain: float = 0.0,
+    scales: tuple[float, float] | None = None,
 ) -> Crop:
     """A picture [S, S, 3] uint8 of an object somewhere, and its mask [S, S] uint8.
 
@@ -63,15 +64,17 @@ def scene(
       back: [S, S, 3] in [0, 1] that it stands in front of; None: any (``backdrop``).
       grain: how strong a grain or a pattern may be that ``GRAINED`` of the objects have besides
         their colours, a share of the brightness.
+      scales: from and to, of the crop's side over the picture's; None: ``WHOLE``, or ``SCALES`` and
+        ``CLOSE``.
     """
     back = backdrop(rng, size) if back is None else back
     if others and rng.random() < 0.35:
         for other in others[: int(rng.integers(1, len(others) + 1))]:
             back = _paste(back, *_placed(rng, other, size, BEHIND, beyond=0.6))
-    scales, beyond = (WHOLE, 0.0) if whole else (SCALES, BEYOND)
+    usual, beyond = (WHOLE, 0.0) if whole else (SCALES, BEYOND)
     if not whole and rng.random() < CLOSE_UP:
-        scales = CLOSE
-    color, alpha = _placed(rng, crop, size, scales, beyond, still=whole)
+        usual = CLOSE
+    color, alpha = _placed(rng, crop, size, scales or usual, beyond, still=whole)
     if grain and rng.random() < GRAINED:
         color = _grained(rng, color, alpha, grain)
     if rng.random() < 0.6:
