@@ -8,8 +8,8 @@ pictures of FOLDER, in turn, each cut to a square. With --grain half of them hav
 wood's or a pattern besides their colours (.18 is what the layout network learns on, .35 what the
 mask network does); with --filling they reach from side to side of the picture. They are cut out by
 their true mask (the limit), by the checkpoint's mask network, by GrabCut, and not at all; then the
-layout network looks at them. Mask: intersection over union, mean and worst tenth. Parts: over moving
-parts, with 95 % intervals over objects (``evaluation.layout``).
+layout network looks at them. Mask: intersection over union, mean and worst tenth. Parts: over
+moving parts, with 95 % intervals over objects (``evaluation.layout``).
 """
 
 from __future__ import annotations
