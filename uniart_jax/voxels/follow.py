@@ -89,7 +89,7 @@ def assemble_layout(
       flat: nearly flat faces are made flat (``flat_faces``), boards within the body are the
         layout's panels (``found_panels``), parts that move its boards (``found_boards``), racks
         trays (``trays``), legs are whole (``found_legs``, ``legs``), rooms behind doors and in
-        drawers boxes (``rooms``).
+        drawers boxes (``rooms``), and what surrounds their fronts is flat (``frames``).
       room: what stands in the way of moving parts is taken off (``clearance``).
 
     Returns:

@@ -21,6 +21,8 @@ THRESHOLD = 0.5  # of a part's probability (docs/model_card.md, layouts)
 KNOB = 0.15  # object units; what turns far and is no larger is a knob
 FAR = np.deg2rad(144)
 OFF_AXIS = 0.3  # of a knob's largest side, that its axis passes its centre at most
+PLATE = 2.5  # least width of a plate over its thickness
+BESIDE = (0.4, 0.62)  # places of hinges over a plate's width, from its middle, that are its edge's
 NEAREST_EYE = 0.8  # object units from the origin; a camera that is nearer is none
 ALIKE = 0.01  # of a volume
 UNDECIDED = 0.5  # least ratio of a knob's turns to both sides where its state is not known
@@ -36,7 +38,7 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
 
     Returns:
       A layout whose tree is the arborescence of the highest total score. Knobs turn clockwise
-      (``_knobs_turn_clockwise``).
+      (``_knobs_turn_clockwise``), and hinges of plates lie at their edges (``_at_edge``).
     """
     probability = 1 / (1 + np.exp(-np.asarray(outputs["exists"], np.float64)))
     rows = np.flatnonzero(probability > threshold)
@@ -59,8 +61,8 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
         for k, row in enumerate(rows)
     )
     joints = tuple(
-        joint if parents[k] < 0 else _closed_first(joint, boxes[k], boxes[parents[k]])
-        for k, joint in enumerate(joints)
+        joint if parents[k] < 0 else _closed_first(_at_edge(joint, boxes[k]), boxes[k], boxes[up])
+        for k, (joint, up) in enumerate(zip(joints, parents, strict=True))
     )
     colors = np.clip(np.asarray(outputs["colors"], np.float64)[rows], 0, 1)
     legs = read_legs(outputs) if "leg_rows" in outputs else None
@@ -75,6 +77,20 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
             for k, row in enumerate(rows.tolist())
         )
     return Layout(boxes, joints, parents, colors, probability[rows], camera, legs, panels, boards)
+
+
+def _at_edge(joint: Joint, box: np.ndarray) -> Joint:
+    """The joint of a plate that turns on a hinge near an edge of its ``box`` [6], at that edge."""
+    axis = int(np.abs(joint.direction).argmax())
+    across = np.delete(np.arange(3), axis)
+    wide, thick = across[np.argsort(-box[3 + across])]
+    at = (joint.origin[wide] - box[wide]) / box[3 + wide]
+    plate = box[3 + wide] > PLATE * box[3 + thick]
+    if joint.type != "revolute" or not plate or not BESIDE[0] < abs(at) < BESIDE[1]:
+        return joint
+    origin = np.array(joint.origin)
+    origin[wide] = box[wide] + np.sign(at) * box[3 + wide] / 2
+    return dataclasses.replace(joint, origin=origin)
 
 
 def _closed_first(joint: Joint, box: np.ndarray, parent: np.ndarray) -> Joint:

@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels import opening_direction
-from uniart_jax.voxels.cleanup.clearance import with_meshes, with_room_to_move
+from uniart_jax.voxels.cleanup.clearance import _straight, with_meshes, with_room_to_move
 from uniart_jax.voxels.isosurface import ZERO, with_sources
 
 FIXED = Joint.fixed()
@@ -373,3 +373,25 @@ def test_parts_that_do_not_fit_side_by_side_when_closed_are_made_to():
     assert shared(field).sum() > 500 and not shared(after).any()
     np.testing.assert_array_equal(solid_of(after, 2), solid_of(field, 2))  # the smaller
     assert taken(field, after, 1).sum() == shared(field).sum()
+
+
+def test_what_is_cut_along_a_hinge_is_straight():
+    others = np.zeros((20, 20, 40), bool)
+    others[5:9, 5:9, 2:38] = True
+    cells = np.argwhere(np.ones((1, 1, 30))) + [12, 5, 5]  # a door's, at heights 5 to 34
+    much = np.array([[6, 6, z] for z in range(5, 35, 3)])
+    little = np.array([[7, 7, 9], [7, 7, 20], [6, 6, 36]])  # the last one above the door
+    barring = np.concatenate([much, little])
+    depth = np.linspace(0.1, 1.0, len(barring))
+    upright = hinge((12, 5, 20), (0, 0, 1), 0, 1.5)
+    cut, deep = _straight(barring, depth, upright, cells, others)
+    found = {tuple(cell): d for cell, d in zip(cut.tolist(), deep, strict=True)}
+    line = {(6, 6, z): depth[len(much) - 1] for z in range(5, 35)}
+    rest = {tuple(c): d for c, d in zip(little.tolist(), depth[len(much) :], strict=True)}
+    assert found == pytest.approx(line | rest)
+    for other in (hinge((12, 5, 20), (0, 0.2, 0.98), 0, 1.5), slider((0, 0, 1), 9)):
+        same, unchanged = _straight(barring, depth, other, cells, others)
+        assert same is barring and unchanged is depth
+    others[6, 6, 15] = False  # an outer wall, or free
+    cut, _ = _straight(barring, depth, upright, cells, others)
+    assert [6, 6, 15] not in cut.tolist() and len(cut) == len(line) - 1 + len(rest)

@@ -28,6 +28,8 @@ STEP = 1.0  # sub-cells that the farthest cell of a part goes between two states
 STATES = (9, 193)  # are more, or fewer
 MARGIN = 0.25  # sub-cells around a moving part that stay free
 LOST = (0.3, 0.5)  # share of its cells that what stands still, and what moves, may lose
+ALONG = 0.998  # least cosine between a hinge and an axis of the lattice
+LINE = 0.1  # of a line along it, from which on all of the line is cut
 WALL = 2  # sub-cells, thickness of what counts as an outer wall
 KNOB = 0.15  # object units; what is smaller, and its dish, may lie in any wall
 PIECE = 0.1  # share of a part's cells: what is cut off and smaller is left out
@@ -65,6 +67,7 @@ def with_room_to_move(
             to = opens_to(joints[k], cells, np.argwhere(body), size) if body.any() else None
             walls = _walls(body, to)
             depth[walls[tuple(barring.T)]] = 0
+            barring, depth = _straight(barring, depth, joints[k], cells, body & ~walls)
         _take(sdf, owner, barring, depth, LOST[0])
         _take(sdf, owner, cells, _depth(sdf, cells, resting, motions), LOST[1])
     _apart_at_rest(sdf, owner, joints, movers, below)
@@ -182,6 +185,37 @@ def _depth(
         found = ndimage.map_coordinates(inside, at[some].T, order=1, mode="nearest")
         depth[some] = np.maximum(depth[some], MARGIN - found)
     return depth
+
+
+def _straight(
+    barring: np.ndarray, depth: np.ndarray, joint: Joint, cells: np.ndarray, others: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What bars the way of a part on a hinge along the lattice, and with it the rest of the lines
+    along the hinge in which much does: what is cut is straight.
+
+    Args:
+      barring: [n, 3] cells that may bar it. depth: [n], above 0 where they do. cells: [m, 3] of the
+        part. others: [X, Y, Z] bool, cells that may be cut.
+    """
+    axis = int(np.abs(joint.direction).argmax())
+    if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG or not (depth > 0).any():
+        return barring, depth
+    span = slice(int(cells[:, axis].min()), int(cells[:, axis].max()) + 1)
+    within = (depth > 0) & (barring[:, axis] >= span.start) & (barring[:, axis] < span.stop)
+    cut = np.zeros(others.shape, np.float32)
+    cut[tuple(barring[within].T)] = depth[within]
+    lines = np.moveaxis(cut, axis, 0)[span]
+    much = (lines > 0).sum(0) > LINE * len(lines)
+    whole = np.zeros_like(others)
+    np.moveaxis(whole, axis, 0)[span] = much
+    whole &= others
+    deep = np.broadcast_to(np.expand_dims(lines.max(0), axis), cut.shape)
+    left = ~whole[tuple(barring.T)]
+    added = np.argwhere(whole)
+    return (
+        np.concatenate([barring[left], added]),
+        np.concatenate([depth[left], deep[tuple(added.T)]]),
+    )
 
 
 def _walls(solid: np.ndarray, but: tuple[int, int] | None) -> np.ndarray:

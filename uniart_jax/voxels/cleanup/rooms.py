@@ -17,6 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup.frames import with_flat_frames
 from uniart_jax.voxels.cleanup.fronts import (
     Front,
     closed_door,
@@ -51,8 +52,8 @@ TRIM = 1.0  # percent of a drawer's cells that are not looked at, at either end
 def with_clean_rooms(
     field: DenseField, boxes: np.ndarray, joints: Sequence[Joint], parents: Sequence[int]
 ) -> DenseField:
-    """A field in which doors and drawers close straight, and what they close are rooms with flat
-    walls.
+    """A field in which doors and drawers close straight, what they close are rooms with flat walls,
+    and the frames around them are flat (``frames``).
 
     Args:
       field: of the shown state, owners are parts; flat outside (``flat_faces``).
@@ -62,7 +63,7 @@ def with_clean_rooms(
       A new field.
     """
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
-    still = still_parts(parents, joints)
+    still, fronts = still_parts(parents, joints), []
     for k in range(len(boxes)):
         body = (field.sdf < 0) & np.isin(field.owner, still)
         cells = np.argwhere((field.sdf < 0) & (field.owner == k))
@@ -74,13 +75,14 @@ def with_clean_rooms(
             plate = whole_front(field, k, still, drawer)
             _clean(field, [k], _from_above(cells, drawer, plate[1]), ends=True)
             if plate[1] and _is_closed(joints[k], cells, body):
-                front = _layers(drawer, *plate)
-                straighten_rim(field, still, front)
-                _clean(field, still, _behind(front, body))
+                fronts.append(_layers(drawer, *plate))
+                straighten_rim(field, still, fronts[-1])
+                _clean(field, still, _behind(fronts[-1], body))
         door = closed_door(cells, boxes[k], joints[k], body)
         if door is not None:
             if _is_closed(joints[k], cells, body):
                 whole_door(field, k, still, door)
+            fronts.append(door)
             straighten_rim(field, still, door)
             _clean(field, still, _behind(door, body))
         after = field.sdf < 0
@@ -88,6 +90,7 @@ def with_clean_rooms(
         rest = after & body & np.isin(field.owner, still)
         if own.sum() < KEPT * len(cells) or rest.sum() < KEPT * body.sum():
             field.sdf[:], field.owner[:] = before
+    with_flat_frames(field, fronts, still)
     return field
 
 
