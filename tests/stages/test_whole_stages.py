@@ -1,10 +1,9 @@
-"""All stages from a config to a checkpoint that samples, at toy size."""
+"""All stages from a config to a checkpoint that samples, and from which others begin."""
 
 import contextlib
 import dataclasses
 import json
 import shutil
-from pathlib import Path
 
 import jax
 import numpy as np
@@ -13,94 +12,24 @@ from safetensors.numpy import load_file
 
 import uniart_jax
 from uniart_jax import procedural, stages
-from uniart_jax.cli import load_config
-from uniart_jax.config import (
-    NETWORKS,
-    Config,
-    LatentSampleConfig,
-    LayoutConfig,
-    LossConfig,
-    StructureSampleConfig,
-)
+from uniart_jax.config import NETWORKS, LayoutConfig
 from uniart_jax.data.prepare import prepare_procedural
 from uniart_jax.data.records import RecordSource
 from uniart_jax.evaluation.procedural import evaluate_checkpoint, make_retrieval
 from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
-from uniart_jax.models.network import build, flat_names
+from uniart_jax.models.checkpoint_files import write_statistics
+from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.precompute import encoding
-from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.stages import STAGES
 from uniart_jax.stages.checks import check_found, networks_to_copy
 from uniart_jax.stages.flows import load_conditioner
-from uniart_jax.stages.trainer import make_put, make_step, stage_batches, trainable
+from uniart_jax.stages.trainer import make_put, make_step, stage_batches
 from uniart_jax.training.flow_losses import make_structure_flow_loss
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.layout import Layout
-
-DEBUG = Path(__file__).parent.parent / "configs/debug.py"
-
-
-def toy(folder: Path) -> Config:
-    """``configs/debug.py`` on a coarser grid, with what only nano sets: no mirrored latents, flows
-    that see layouts, losses per part, on readouts, on pure noise, on what is decoded."""
-    debug = load_config(DEBUG)
-    model, smaller = debug.model, dataclasses.replace
-    encoder = smaller(
-        model.image_encoder,
-        image_size=32,
-        num_blocks=0,
-        volume_tokens=2,
-        volume_resolution=4,
-        target_resolution=8,
-        sketch_width=8,
-    )
-    stage = smaller(debug.latent_flow, steps=2, log_every=1, evaluate_every=2, save_every=2)
-    return smaller(
-        debug,
-        model=smaller(
-            model,
-            grid=smaller(model.grid, resolution=16),
-            image_encoder=encoder,
-            structure_vae=smaller(
-                model.structure_vae, patch_size=4, channels=(8,), num_res_blocks_middle=0
-            ),
-            uniart_vae=smaller(model.uniart_vae, num_blocks=1),
-            structure_flow=smaller(model.structure_flow, volume_resolution=4, layout_channels=4),
-            latent_flow=smaller(
-                model.latent_flow, patch_size=4, volume_resolution=4, layout_channels=4
-            ),
-        ),
-        data=smaller(
-            debug.data,
-            records=str(folder / "records"),
-            validation=str(folder / "validation"),
-            procedural=3,
-            validation_count=1,
-            voxel_buckets=(4096,),
-            mirror_latents=False,
-            image_warp=0.03,
-            layout_errors=0.5,
-        ),
-        loss=LossConfig(
-            voxels_per_object=64, part_share=0.5, readout_share=0.5, noise_share=0.5, decoded=0.5
-        ),
-        **dict.fromkeys(NETWORKS, stage),
-        sample_structure=StructureSampleConfig(steps=1),
-        sample_latent=LatentSampleConfig(steps=1),
-    )
-
-
-@pytest.fixture(scope="module")
-def trained(tmp_path_factory):
-    """A config and the WORKDIR of its five stages."""
-    folder = tmp_path_factory.mktemp("stages")
-    config = toy(folder)
-    stages.run(config, NETWORKS, folder / "work")
-    return config, folder / "work"
 
 
 def test_every_stage_leaves_its_weights_and_a_second_run_skips_them(trained, capsys):
@@ -144,27 +73,6 @@ def test_a_resumed_stage_makes_no_second_state(trained, tmp_path, monkeypatch):
     assert str(longer.steps) in {p.name for p in (work / "checkpoints/structure_vae").iterdir()}
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "least"),
-    [("accumulate", 0, 1), ("log_every", 0, 1), ("batch_size", -1, 1), ("skip_not_finite", -1, 0)],
-)
-def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, value, least):
-    config = toy(tmp_path)
-    stage = dataclasses.replace(config.uniart_vae, **{field: value})
-    with pytest.raises(ValueError, match=f"uniart_vae\\.{field} is {value}; give {least} or more"):
-        stages.run(dataclasses.replace(config, uniart_vae=stage), ["uniart_vae"], tmp_path / "w")
-    data = dataclasses.replace(config.data, voxel_buckets=())
-    with pytest.raises(ValueError, match=r"data\.voxel_buckets is "):
-        stages.run(dataclasses.replace(config, data=data), ["uniart_vae"], tmp_path / "w")
-    assert not (tmp_path / "w").exists()
-
-
-def test_a_workdir_is_one_process_s(tmp_path):
-    config = toy(tmp_path)
-    with exclusive_lock(tmp_path / "w"), pytest.raises(ValueError, match="another process works"):
-        stages.run(config, ["structure_vae"], tmp_path / "w")
-
-
 def test_a_flow_is_not_finished_on_other_inputs(trained, tmp_path):
     config, workdir = trained
     copy = tmp_path / "work"
@@ -206,45 +114,6 @@ def test_training_goes_on_from_another_checkpoint(trained, tmp_path):
         before, after = load_file(path), load_file(tmp_path / "work" / "export" / path.name)
         assert all(np.array_equal(before[name], after[name]) for name in before), path
     assert uniart_jax.load(tmp_path / "work").config.name == "debug"
-
-
-@pytest.mark.slow
-def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys):
-    """Its weights are kept and the new layers add nothing yet, so the network begins with the
-    function that it was."""
-    config, workdir = trained
-    reads = dataclasses.replace(config.model.latent_flow, voxel_channels=8)  # as nano has it
-    blind = dataclasses.replace(reads, pixel_channels=0)
-    model = dataclasses.replace(config.model, latent_flow=blind)
-    config = dataclasses.replace(config, model=dataclasses.replace(config.model, latent_flow=reads))
-    source = tmp_path / "source"
-    shutil.copytree(workdir / "export", source)
-    before = jax.jit(build("latent_flow", model).init)(jax.random.key(7))
-    write_network(source, "latent_flow", before, "float32")
-    still = dataclasses.replace(config.latent_flow, steps=1, learning_rate=0.0, weight_decay=0.0)
-    config = dataclasses.replace(config, latent_flow=still)
-    with pytest.raises(ValueError, match=r"does not fit this config; missing: pixel_cube\.bias"):
-        stages.run(config, ["latent_flow"], tmp_path / "work", init=source)  # it should have them
-    write_config(source, dataclasses.replace(config, model=model))
-    target = Checkpoint.of_workdir(tmp_path / "work")
-    assert networks_to_copy(config, Checkpoint(source), ["structure_flow"], target) == [
-        "image_encoder",
-        "structure_vae",
-        "uniart_vae",
-    ]
-    assert "latent_flow has no pixel_channels" in capsys.readouterr().err.replace("\n", " ")
-    stages.run(config, ["latent_flow"], tmp_path / "work", init=source)
-    after = load_file(tmp_path / "work/export/latent_flow.safetensors")
-    for name, leaf in flat_names(before).items():
-        np.testing.assert_array_equal(after.pop(name), np.asarray(leaf).astype(np.float16))
-    assert {name.split(".")[0] for name in after} == {
-        "pixel_in",
-        "pixel_hidden",
-        "pixel_cube",
-        "pixel_voxel",
-    }
-    added = {name for name in after if name.split(".")[0] in ("pixel_cube", "pixel_voxel")}
-    assert len(added) == 4 and not any(after[name].any() for name in added)
 
 
 @pytest.mark.slow
@@ -373,73 +242,6 @@ def test_a_layout_network_must_be_there_before_anything_is_written(trained, tmp_
     check_found(changed, [STAGES["uniart_vae"]], empty, [])  # sees nothing sampled
 
 
-@pytest.mark.slow
-def test_a_decoder_learns_on_what_a_flow_samples_while_the_encoder_stays(trained, tmp_path):
-    config, workdir = trained
-    sees = dataclasses.replace(config.model.uniart_vae, layout_channels=4)
-    changed = dataclasses.replace(
-        config,
-        model=dataclasses.replace(config.model, uniart_vae=sees),
-        data=dataclasses.replace(config.data, voxel_crop=0),
-        loss=dataclasses.replace(config.loss, sampled=0.5),
-    )
-    with pytest.raises(ValueError, match="give --uniart_vae"):
-        stages.run(changed, ["uniart_vae"], tmp_path / "a", init=workdir)
-    frozen = dataclasses.replace(config.uniart_vae, freeze=("front", "encoder"))
-    changed = dataclasses.replace(changed, uniart_vae=frozen)
-    with pytest.raises(FileNotFoundError, match="as --init"):
-        stages.run(changed, ["uniart_vae"], tmp_path / "b")
-    stages.run(changed, ["uniart_vae"], tmp_path / "c", init=workdir)
-    before, after = (
-        load_file(folder / "export/uniart_vae.safetensors") for folder in (workdir, tmp_path / "c")
-    )
-    for name, values in before.items():
-        kept = name.split(".")[0] in ("front", "encoder")
-        assert np.array_equal(values, after[name]) == kept or not values.any(), name
-    assert any(name.startswith("layout.") for name in after)
-
-
-@pytest.mark.slow
-def test_a_flow_gets_a_refiner_that_trains_while_the_flow_stays(trained, tmp_path):
-    config, workdir = trained
-    refining = dataclasses.replace(config.model.structure_flow, refine_channels=4)
-    kept = tuple(k for k in build("structure_flow", config.model).abstract())
-    changed = dataclasses.replace(
-        config,
-        model=dataclasses.replace(config.model, structure_flow=refining),
-        loss=dataclasses.replace(config.loss, refined=1.0),
-        structure_flow=dataclasses.replace(config.structure_flow, freeze=kept),
-    )
-    stages.run(changed, ["structure_flow"], tmp_path / "w", init=workdir)
-    before, after = (
-        load_file(folder / "export/structure_flow.safetensors")
-        for folder in (workdir, tmp_path / "w")
-    )
-    assert all(np.array_equal(values, after[name]) for name, values in before.items())
-    assert after["refiner.out.kernel"].any()
-    stages.run(changed, ["latent_flow"], tmp_path / "w", init=workdir)
-    pipeline = uniart_jax.load(tmp_path / "w")
-    seen = pipeline.encode_images(np.full((1, 32, 32, 3), 0.5, np.float32))
-    condition = pipeline.following(seen, [None])
-    latent = pipeline.solve_structure(condition, jax.random.key(0)).x
-    logits = pipeline.structure_logits(latent, condition)
-    options = pipeline.config.sample_structure
-    found = []
-    for scale in (0, 50):
-        refiner = pipeline.parameters["structure_flow"]["refiner"]
-        refiner["out"]["bias"] = np.full_like(refiner["out"]["bias"], scale)
-        found.append(len(pipeline.active_voxels(logits, options)[0]))
-    assert found[1] > found[0]
-
-
-def test_a_wrong_freeze_is_told_before_the_first_stage_trains(trained, tmp_path):
-    config, _ = trained
-    wrong = dataclasses.replace(config.latent_flow, freeze=("trunk",))
-    with pytest.raises(ValueError, match=r"^latent_flow\.freeze: no parameter is named 'trunk'"):
-        stages.run(dataclasses.replace(config, latent_flow=wrong), NETWORKS, tmp_path / "w")
-    assert not (tmp_path / "w").exists()
-
-
 def test_records_of_other_settings_are_refused(trained, tmp_path):
     config, _ = trained
     data = config.data
@@ -484,36 +286,3 @@ def test_retrieval_among_held_out_objects_is_refused(trained, tmp_path):
     )  # fmt: skip
     with pytest.raises(ValueError, match="holds held-out objects"):
         make_retrieval(uniart_jax.load(workdir), tmp_path / "records")
-
-
-def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
-    """What configs/paper.py is told before anything is written."""
-    config = toy(tmp_path)
-    encoder = dataclasses.replace(config.model.image_encoder, architecture="dinov2")
-    frozen = dataclasses.replace(
-        config, model=dataclasses.replace(config.model, image_encoder=encoder)
-    )
-    assert trainable(frozen, NETWORKS) == list(NETWORKS[1:])
-    with pytest.raises(ValueError, match="uniart convert dinov2"):
-        stages.run(frozen, ("image_encoder",), tmp_path / "work")
-    paper = load_config(DEBUG.with_name("paper.py"))
-    absent = dataclasses.replace(paper.data, records=str(tmp_path / "absent"))
-    with pytest.raises(FileNotFoundError, match=r"absent: no such folder; .* uniart prepare"):
-        stages.run(dataclasses.replace(paper, data=absent), NETWORKS, tmp_path / "work")
-    assert not (tmp_path / "work").exists()
-
-
-@pytest.mark.slow
-def test_what_is_untrained_stays_marked_until_its_stage_is_through(trained, tmp_path):
-    config, workdir = trained
-    source = tmp_path / "converted"
-    shutil.copytree(workdir / "export", source)
-    marked = dataclasses.replace(Checkpoint(source).config, untrained=("uniart_vae.front", "x.y"))
-    write_config(source, marked)
-    work = tmp_path / "work"
-    stages.run(config, ("image_encoder",), work, source)
-    assert Checkpoint.of_workdir(work).config.untrained == ("uniart_vae.front",)
-    with pytest.raises(ValueError, match=r"uniart_vae: not trained yet .*--stage uniart_vae"):
-        stages.run(config, ("latent_flow",), work)
-    stages.run(config, ("uniart_vae",), work)
-    assert Checkpoint.of_workdir(work).config.untrained == ()

@@ -1,0 +1,58 @@
+"""What is refused before anything is trained or written."""
+
+import dataclasses
+
+import pytest
+from toy_stages import DEBUG, toy
+
+from uniart_jax import stages
+from uniart_jax.cli import load_config
+from uniart_jax.config import NETWORKS
+from uniart_jax.runtime.locks import exclusive_lock
+from uniart_jax.stages.trainer import trainable
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "least"),
+    [("accumulate", 0, 1), ("log_every", 0, 1), ("batch_size", -1, 1), ("skip_not_finite", -1, 0)],
+)
+def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, value, least):
+    config = toy(tmp_path)
+    stage = dataclasses.replace(config.uniart_vae, **{field: value})
+    with pytest.raises(ValueError, match=f"uniart_vae\\.{field} is {value}; give {least} or more"):
+        stages.run(dataclasses.replace(config, uniart_vae=stage), ["uniart_vae"], tmp_path / "w")
+    data = dataclasses.replace(config.data, voxel_buckets=())
+    with pytest.raises(ValueError, match=r"data\.voxel_buckets is "):
+        stages.run(dataclasses.replace(config, data=data), ["uniart_vae"], tmp_path / "w")
+    assert not (tmp_path / "w").exists()
+
+
+def test_a_workdir_is_one_process_s(tmp_path):
+    config = toy(tmp_path)
+    with exclusive_lock(tmp_path / "w"), pytest.raises(ValueError, match="another process works"):
+        stages.run(config, ["structure_vae"], tmp_path / "w")
+
+
+def test_a_wrong_freeze_is_told_before_the_first_stage_trains(tmp_path):
+    config = toy(tmp_path)
+    wrong = dataclasses.replace(config.latent_flow, freeze=("trunk",))
+    with pytest.raises(ValueError, match=r"^latent_flow\.freeze: no parameter is named 'trunk'"):
+        stages.run(dataclasses.replace(config, latent_flow=wrong), NETWORKS, tmp_path / "w")
+    assert not (tmp_path / "w").exists()
+
+
+def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
+    """What configs/paper.py is told before anything is written."""
+    config = toy(tmp_path)
+    encoder = dataclasses.replace(config.model.image_encoder, architecture="dinov2")
+    frozen = dataclasses.replace(
+        config, model=dataclasses.replace(config.model, image_encoder=encoder)
+    )
+    assert trainable(frozen, NETWORKS) == list(NETWORKS[1:])
+    with pytest.raises(ValueError, match="uniart convert dinov2"):
+        stages.run(frozen, ("image_encoder",), tmp_path / "work")
+    paper = load_config(DEBUG.with_name("paper.py"))
+    absent = dataclasses.replace(paper.data, records=str(tmp_path / "absent"))
+    with pytest.raises(FileNotFoundError, match=r"absent: no such folder; .* uniart prepare"):
+        stages.run(dataclasses.replace(paper, data=absent), NETWORKS, tmp_path / "work")
+    assert not (tmp_path / "work").exists()
