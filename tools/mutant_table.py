@@ -1,0 +1,381 @@
+"""Lines that ``mutants.py`` breaks, each with the test that must then fail."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Mutant(NamedTuple):
+    """``text`` of ``file`` becomes ``replacement``; ``test`` (pytest's name for it) must then
+    fail."""
+
+    file: str
+    text: str
+    replacement: str
+    test: str
+
+
+AGGREGATION = "uniart_jax/models/aggregation.py"
+DINOV2 = "uniart_jax/models/dinov2.py"
+SAMPLERS = "uniart_jax/inference/samplers.py"
+VAE_LOSSES = "uniart_jax/training/vae_losses.py"
+SESSIONS = "uniart_jax/app/sessions.py"
+SHARED = "tests/app/test_app_sessions.py::test_what_two_sessions_uploaded_goes_with_the_last"
+TAKEN = "tests/app/test_app_sessions.py::test_files_of_others_are_not_taken"
+EQUATION = "tests/models/test_uniart_vae.py::test_the_attention_is_the_papers_equation_in_float64"
+SUM = "tests/training/test_losses.py::test_the_vaes_loss_is_the_weighted_sum_of_its_terms"
+DECAY = "tests/training/test_step.py::test_the_average_follows_its_decay_over_several_steps"
+POSITIONS = "tests/models/test_dinov2.py::test_positions_are_interpolated_as_pytorch_does"
+NAP, EXPORT_NAP = "uniart_jax/objects/nap.py", "tools/export_nap.py"
+MOVES = "tests/objects/test_nap.py::test_parts_move_as_nap_moves_them"
+READ = "uniart_jax/voxels/read_layout.py"
+KNOBS = "tests/voxels/test_layout_table.py::test"
+UNITS = "tests/inference/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
+OUTSIDE = "tests/inference/test_samplers.py::test_outside_its_interval_guidance_changes_nothing"
+INTERVAL = (
+    "tests/flow/test_rectified_flow.py::test_outside_its_interval_the_condition_alone_is_asked_for"
+)
+PHOTOGRAPHS = "uniart_jax/data/photographs.py"
+REFRAMED = "tests/data/test_photographs.py::test_the_camera_code_is_that_of_the_new_crop"
+DRUMS, ROOMS = "uniart_jax/voxels/cleanup/drums.py", "uniart_jax/voxels/cleanup/rooms.py"
+FOUND_PANELS = "uniart_jax/voxels/cleanup/found_panels.py"
+FOUND_BOARDS = "uniart_jax/voxels/cleanup/found_boards.py"
+SCENES = "uniart_jax/data/scenes.py"
+FRONTS, MASKS = "uniart_jax/voxels/cleanup/fronts.py", "uniart_jax/inference/masks.py"
+IS_DRUM = "tests/voxels/cleanup/test_drums.py::test_what_is_no_drum_is_left"
+BEHIND_DOOR = "tests/voxels/cleanup/test_drums.py::test_the_plate_lies_behind_the_closed_door"
+ROUND = "tests/voxels/cleanup/test_drums.py::test_a_torn_drum_and_its_hole_are_round"
+POOL_LOSSES = "tools/pool_losses.py"
+MUTANTS = (
+    Mutant(DRUMS, "return FULL * drum", "return NARROW * drum", BEHIND_DOOR),
+    Mutant(DRUMS, "plane = plane if door is None else max(plane, door + 1)", "", BEHIND_DOOR),
+    Mutant(DRUMS, "return max(front, end + APART)", "return front", BEHIND_DOOR),
+    Mutant(DRUMS, "if _around(cells[:, across] - middle, radius) < AROUND:", "if False:", IS_DRUM),
+    Mutant(DRUMS, "if not _encloses(still, middle, radius, low, high):", "if False:", IS_DRUM),
+    Mutant(DRUMS, "wall = np.maximum(outside, -inside)", "wall = outside", ROUND),
+    Mutant(
+        FRONTS,
+        "_trim(field, part, drawer, plane, depth)\n    return",
+        "return",
+        "tests/voxels/cleanup/test_drawers.py::test_nothing_stands_out_from_the_edges_of_a_drawers_front",
+    ),
+    Mutant(
+        ROOMS,
+        "        _straight_tops(solid, room, fill, clear)\n",
+        "        pass\n",
+        "tests/voxels/cleanup/test_drawers.py::test_the_walls_of_a_drawer_end_at_one_height",
+    ),
+    Mutant(
+        FOUND_PANELS,
+        "    if not _agree(field.sdf < 0, solid, distance, legs):\n",
+        "    if False:\n",
+        "tests/voxels/cleanup/test_found_panels.py::test_panels_of_another_body_are_not_taken",
+    ),
+    Mutant(
+        FOUND_PANELS,
+        "GAP, OVER = 12.0, 3.0",
+        "GAP, OVER = 12.0, 12.0",
+        "tests/voxels/cleanup/test_found_panels.py::test_what_is_true_is_not_cut",
+    ),
+    Mutant(
+        "uniart_jax/inference/layouts.py",
+        '"panel_rows": mirror_corners,',
+        '"panel_rows": lambda rows: rows,',
+        "tests/inference/test_layout_predictor.py::test_mirrored_twice_is_as_before",
+    ),
+    Mutant(
+        "uniart_jax/data/layouts.py",
+        "panels = panels_of(obj, legs)",
+        "panels = panels_of(closed, legs)",
+        "tests/data/test_layouts.py::test_panels_are_those_of_the_shown_state",
+    ),
+    Mutant(
+        "uniart_jax/inference/layouts.py",
+        "((one, a), (other, b))",
+        "((one, a), (other, a))",
+        "tests/inference/test_layout_predictor.py::"
+        "test_boards_are_averaged_with_those_of_the_same_part",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "    shown = np.moveaxis(solid, axis, 0)[layers]\n",
+        "    layers = slice(None)\n    shown = np.moveaxis(solid, axis, 0)\n",
+        "tests/voxels/cleanup/test_found_boards.py::test_a_back_does_not_stand_for_a_front",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "            boards[whole, axis + 3] += shift\n",
+        "",
+        "tests/voxels/cleanup/test_found_boards.py"
+        "::test_walls_of_a_drawer_that_is_drawn_narrower_move_as_they_are",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/trays.py",
+        "        if plate and side * (np.median(door[:, axis]) - front) > 0:\n",
+        "        if plate:\n",
+        "tests/voxels/cleanup/test_trays.py::test_what_no_door_covers_is_no_rack",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/found_legs.py",
+        "    alone = alone and not _on_others(",
+        "    alone = alone or _on_others(",
+        "tests/voxels/cleanup/test_found_legs.py::test_plates_that_are_drawn_in_their_stead_stay",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/primitive_parts.py",
+        "box[5] <= LOW * box[3:5].min()",
+        "True",
+        "tests/voxels/cleanup/test_primitive_parts.py::test_which_rows_need_one",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
+        "    shown[seen] /= np.maximum(light, DARKEST)[:, None]\n",
+        "    shown[seen] /= np.median(light)\n",
+        "tests/export/test_picture_colors.py::test_light_is_what_the_renderer_has_there",
+    ),
+    Mutant(
+        "uniart_jax/export/hidden_colors.py",
+        "out[:, : count + 1], -30.0)",
+        "out[:, : count + 1], 0.0)",
+        "tests/export/test_hidden_colors.py"
+        "::test_without_weights_all_that_is_there_counts_the_same",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "    _joined(placed)\n",
+        "",
+        "tests/voxels/cleanup/test_found_boards.py::test_boards_that_hang_in_the_air_reach_the_door",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "    _as_wide(placed, drawn, [a for a in range(3) if a != axis])\n",
+        "",
+        "tests/voxels/cleanup/test_found_boards.py::test_a_door_is_as_wide_as_it_is_drawn",
+    ),
+    Mutant(
+        "uniart_jax/voxels/closing.py",
+        "xp.where(volumes[1] < volumes[0], angles[..., 1], angles[..., 0])",
+        "angles[..., 0]",
+        "tests/voxels/test_closing_doors.py::test_procedural_doors_close",
+    ),
+    Mutant(
+        "uniart_jax/models/box_sets.py",
+        "read_boxes(seen.map, corners, seen.camera, motions, gather=True)",
+        "read_boxes(seen.map, corners, seen.camera, gather=True)",
+        "tests/models/test_box_sets.py::test_boards_of_an_open_door_are_read_where_it_is_shown",
+    ),
+    Mutant(
+        "uniart_jax/inference/mirror_average.py",
+        "sdf=(grid.sdf + sdf) / 2",
+        "sdf=grid.sdf",
+        "tests/inference/test_mirror_average.py::test_a_mirrored_picture_gives_the_mirror_image",
+    ),
+    Mutant(
+        ROOMS,
+        "                straighten_rim(field, still, front)\n",
+        "",
+        "tests/voxels/cleanup/test_drawers.py"
+        "::test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open_one_stays",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "            if free.mean() < CRUMBS:\n",
+        "            if False:\n",
+        "tests/voxels/cleanup/test_found_boards.py"
+        "::test_the_body_has_nothing_in_a_drawer_and_keeps_its_outer_walls",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "            kept |= _standing_out(found, solid, *way)\n",
+        "            pass\n",
+        "tests/voxels/cleanup/test_found_boards.py"
+        "::test_a_handle_that_has_no_board_stays_and_a_ragged_front_does_not",
+    ),
+    Mutant(
+        FOUND_BOARDS,
+        "found, rooms[k] = _between_walls(found, held, *way)",
+        "_, rooms[k] = _between_walls(found, held, *way)",
+        "tests/voxels/cleanup/test_found_boards.py"
+        "::test_a_drawer_stays_between_walls_that_are_not_the_bodys_ends",
+    ),
+    Mutant(
+        "uniart_jax/training/panel_loss.py",
+        "counts = jnp.where(share >= TRUSTED, counts, -1)",
+        "",
+        "tests/training/test_panel_loss.py::test_boards_that_are_little_of_a_part_pay_for_the_share",
+    ),
+    Mutant(
+        SCENES,
+        "framed(mask, width, 0)",
+        "framed(mask, width, 255)",
+        "tests/data/test_scenes.py::test_a_margin_is_no_object_and_frames_some_pictures",
+    ),
+    Mutant(
+        SCENES,
+        "scales = CLOSE",
+        "pass",
+        "tests/data/test_scenes.py::test_some_objects_fill_the_picture_and_whole_ones_do_not",
+    ),
+    Mutant(
+        MASKS,
+        "np.where(within, 255,",
+        "np.where(within, mask,",
+        "tests/inference/test_masks.py::test_what_is_hardly_seen_within_an_object_is_the_object",
+    ),
+    Mutant(
+        MASKS,
+        "kept |= small[around] & ~found",
+        "pass",
+        "tests/inference/test_masks.py::test_small_holes_are_closed_and_large_ones_stay",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
+        "shown /= np.maximum(shown.max(-1, keepdims=True), 1)",
+        "shown = np.clip(shown, 0, 1)",
+        "tests/export/test_picture_colors.py::test_what_light_would_make_too_bright_keeps_its_hue",
+    ),
+    Mutant(
+        MASKS,
+        "(plain + mirrored[:, ::-1]) / 2",
+        "plain",
+        "tests/inference/test_masks.py::test_the_mask_of_a_mirror_image_is_the_mirrored_mask",
+    ),
+    Mutant(
+        "uniart_jax/data/scenes.py",
+        "rng.random() < SHARE",
+        "rng.random() < 0",
+        "tests/data/test_backdrop_pictures.py::test_trainings_see_pictures_besides_others",
+    ),
+    Mutant(PHOTOGRAPHS, "code[3] /= ratio", "code[3] *= ratio", REFRAMED),
+    Mutant(PHOTOGRAPHS, "(code[5:7] + shift) / ratio", "code[5:7] / ratio", REFRAMED),
+    Mutant(
+        POOL_LOSSES,
+        "cameras = jnp.where(taken[:, None],",
+        "cameras = jnp.where(flow_sees[:, None],",
+        "tests/test_pool_tools.py::test_the_pools_mirror_is_that_of_records",
+    ),
+    Mutant(
+        POOL_LOSSES,
+        "mask = jnp.where(flip, mask[:, :, ::-1], mask)",
+        "mask = jnp.where(flip, mask, mask)",
+        "tests/test_pool_tools.py::test_the_pools_scenes_keep_their_masks",
+    ),
+    Mutant(
+        "tools/train_pool.py",
+        "0 * c if kept else factor * c",
+        "factor * c",
+        "tests/test_pool_tools.py::test_what_a_stage_freezes_stays_as_it_is",
+    ),
+    Mutant(
+        AGGREGATION,
+        "(self.to_q(articulation), k, v)",
+        "(0 * self.to_q(articulation), k, v)",
+        EQUATION,
+    ),
+    Mutant(AGGREGATION, "[geometry, fused + articulation]", "[geometry, fused]", EQUATION),
+    Mutant(AGGREGATION, "articulation + self.part_feature(", "articulation + 0 * self.part_feature(", EQUATION),  # noqa: E501
+    Mutant(VAE_LOSSES, "weights.articulation * sum(", "1.0 * sum(", SUM),
+    Mutant(VAE_LOSSES, "+ weights.kl * kl", "+ kl", SUM),
+    Mutant(VAE_LOSSES, "weights.part_feature * restored", "0 * restored", SUM),
+    Mutant(
+        "uniart_jax/training/losses.py",
+        "jnp.exp(logvar) - 1.0 - logvar",
+        "jnp.exp(logvar) - 1.0 + logvar",
+        "tests/training/test_losses.py::test_kl_is_the_closed_form_of_two_gaussians",
+    ),
+    Mutant(
+        "uniart_jax/training/flow_losses.py",
+        "weights.decoded_structure * (",
+        "0 * (",
+        "tests/models/test_occupancy_refiner.py::test_the_flow_learns_from_what_its_sample_decodes_to",
+    ),
+    Mutant(
+        "uniart_jax/data/geometric_features.py",
+        "np.where(votes < 0, -SDF_CLIP",
+        "np.where(votes > 0, -SDF_CLIP",
+        "tests/data/test_geometric_features.py::test_height_and_thickness",
+    ),
+    Mutant(
+        "uniart_jax/stages/trainer.py",
+        'while self._read < state["read"]',
+        "while False",
+        "tests/stages/test_trainer.py::test_batches_of_ones_own_need_no_records_and_resume",
+    ),
+    Mutant("uniart_jax/training/step.py", "minimum(ema_decay,", "minimum(0.9,", DECAY),
+    Mutant("uniart_jax/config/training.py", "= 0.9995", "= 0.9", DECAY),
+    Mutant(
+        "uniart_jax/training/flow_losses.py",
+        "(latent - jnp.asarray(mean))",
+        "(latent + jnp.asarray(mean))",
+        "tests/training/test_losses.py::test_latents_are_brought_to_mean_0_and_deviation_1",
+    ),
+    Mutant(SAMPLERS, "x=found.x * std + mean)", "x=found.x * std - mean)", f"{UNITS}[structure]"),
+    Mutant(SAMPLERS, "found.x * std + mean, 0)", "found.x * std - mean, 0)", f"{UNITS}[latent]"),
+    Mutant(DINOV2, '"cubic", antialias=True', '"linear", antialias=True', POSITIONS),
+    Mutant(DINOV2, '"cubic", antialias=True', '"cubic", antialias=False', f"{POSITIONS}[smaller]"),
+    Mutant(
+        DINOV2,
+        '"cubic", antialias=True',
+        '"linear", antialias=True',
+        "tests/parity/test_parity.py::test_parity[dinov2_interp]",
+    ),
+    Mutant(
+        "uniart_jax/evaluation/appearance.py",
+        "[row[column] for row in rows]",
+        "[row[column] for row in rows[1:]]",
+        "tests/evaluation/test_psnr.py::test_articulated_figures_are_the_mean_of_five_states_and_rest_is_one_of_them",
+    ),
+    Mutant("uniart_jax/flow/guidance.py", "cond(inside(t).any(), ", "cond(t >= 0, ", INTERVAL),
+    Mutant("uniart_jax/flow/guidance.py", "(t <= interval[1])", "(t <= 1)", INTERVAL),
+    Mutant(
+        "uniart_jax/models/flow_trunk.py",
+        "else -out",
+        "else out",
+        "tests/inference/test_samplers.py::test_the_supplements_direction_is_the_mirror_image",
+    ),
+    Mutant(
+        SAMPLERS,
+        "guided = guide(velocity, condition, nothing, options.guidance, "
+        "options.guidance_interval)\n        found = _solve(guided, noise, options, "
+        "model.structure_flow)",
+        "guided = guide(velocity, condition, nothing, options.guidance)\n        found = "
+        "_solve(guided, noise, options, model.structure_flow)",
+        f"{OUTSIDE}[structure]",
+    ),
+    Mutant(
+        SAMPLERS,
+        "guided = guide(velocity, condition, nothing, options.guidance, "
+        "options.guidance_interval)\n        found = _solve(guided, noise, options, "
+        "model.latent_flow, valid)",
+        "guided = guide(velocity, condition, nothing, options.guidance)\n        found = "
+        "_solve(guided, noise, options, model.latent_flow, valid)",
+        f"{OUTSIDE}[latent]",
+    ),
+    Mutant(READ, "back, forth = forth, back", "pass", f"{KNOBS}_a_knob_turns_clockwise"),
+    Mutant(READ, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),
+    Mutant(READ, "> OFF_AXIS * largest", "> 9", f"{KNOBS}_a_small_lid_opens_as_it_is_read"),
+    Mutant(
+        "uniart_jax/voxels/cleanup/align_open_parts.py",
+        "(at_rim > cells / 2)",
+        "(at_rim < 0)",
+        "tests/voxels/cleanup/test_align_open_parts.py"
+        "::test_what_stands_out_at_a_panels_rim_or_is_small_is_no_handle",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/flat_faces.py",
+        "if phi is not drawn:",
+        "if False:",
+        "tests/voxels/cleanup/test_flat_faces.py"
+        "::test_the_edges_of_a_closed_door_do_not_reach_to_its_handle",
+    ),
+    Mutant(SESSIONS, "session.uploads - held", "session.uploads", SHARED),
+    Mutant(SESSIONS, "if not file.is_relative_to(self.root) or", "if", TAKEN),
+    Mutant(NAP, "np.cross(direction, moment)", "np.cross(moment, direction)", f"{MOVES}[1.0-0.0]"),
+    Mutant(EXPORT_NAP, "line if edge[\"src\"] == parent else -line", "line", f"{MOVES}[1.0-0.0]"),
+    Mutant(
+        "uniart_jax/objects/facing.py",
+        "FRONTS.index(front))",
+        "-FRONTS.index(front))",
+        "tests/evaluation/test_peers.py::test_every_front_comes_to_minus_x[+y-turned3]",
+    ),
+)  # fmt: skip
