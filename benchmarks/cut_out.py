@@ -3,7 +3,7 @@
     python benchmarks/cut_out.py [--checkpoint nano] [--count 64] [--photos FOLDER] [--grain .18]
                                  [--filling]
 
-Held-out objects stand in front of procedural backgrounds (``data.scenes``), or in front of the
+Held-out objects stand in front of procedural backgrounds (``data.backdrops``), or in front of the
 pictures of FOLDER, in turn, each cut to a square. With --grain half of them have a grain like
 wood's or a pattern besides their colours (.18 is what the layout network learns on, .35 what the
 mask network does); with --filling they reach from side to side of the picture. They are cut out by

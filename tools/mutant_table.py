@@ -241,7 +241,7 @@ MUTANTS = (
         "tests/inference/test_masks.py::test_the_mask_of_a_mirror_image_is_the_mirrored_mask",
     ),
     Mutant(
-        "uniart_jax/data/scenes.py",
+        "uniart_jax/data/backdrops.py",
         "rng.random() < SHARE",
         "rng.random() < 0",
         "tests/data/test_backdrop_pictures.py::test_trainings_see_pictures_besides_others",

@@ -18,9 +18,10 @@ import numpy as np
 
 from uniart_jax import procedural
 from uniart_jax.data.backdrop_pictures import picture_paths
+from uniart_jax.data.backdrops import training_backdrop
 from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
 from uniart_jax.data.photographs import photographed
-from uniart_jax.data.scenes import GRAIN, OTHERS, scene, training_backdrop
+from uniart_jax.data.scenes import GRAIN, OTHERS, scene
 from uniart_jax.voxels.overlap import touched_cells
 
 CHUNK = 32  # objects a file

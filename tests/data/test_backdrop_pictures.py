@@ -6,8 +6,8 @@ from PIL import Image
 
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, MaskConfig, ModelConfig
 from uniart_jax.data.backdrop_pictures import SHARE, picture_backdrop, picture_paths
+from uniart_jax.data.backdrops import training_backdrop
 from uniart_jax.data.layout_batches import claimed_settings
-from uniart_jax.data.scenes import training_backdrop
 
 MODEL = ModelConfig(
     grid=GridConfig(32, 4, 16),
@@ -75,7 +75,9 @@ def test_places_and_mirroring_differ(tmp_path):
 
 
 def test_trainings_see_pictures_besides_others(folder, monkeypatch):
-    monkeypatch.setattr("uniart_jax.data.scenes.picture_backdrop", lambda rng, paths, size: paths)
+    monkeypatch.setattr(
+        "uniart_jax.data.backdrops.picture_backdrop", lambda rng, paths, size: paths
+    )
     paths = picture_paths(str(folder))
     drawn = [training_backdrop(np.random.default_rng(i), 24, paths) for i in range(200)]
     assert abs(sum(d is paths for d in drawn) / 200 - SHARE) < 0.12

@@ -18,6 +18,7 @@ import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.backdrop_pictures import picture_paths
+from uniart_jax.data.backdrops import training_backdrop
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import (
     BLOCK,
@@ -36,7 +37,7 @@ from uniart_jax.data.mirror import (
 )
 from uniart_jax.data.order import ENDLESS, Draw, local_rows
 from uniart_jax.data.photographs import photographed
-from uniart_jax.data.scenes import OTHERS, Crop, training_backdrop
+from uniart_jax.data.scenes import OTHERS, Crop
 from uniart_jax.data.stream import Batches
 from uniart_jax.voxels.typed_batches import LayoutBatch
 

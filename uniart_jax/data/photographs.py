@@ -18,7 +18,8 @@ from PIL import Image, ImageDraw
 
 from uniart_jax.data.images import crop as square_crop
 from uniart_jax.data.images import crop_window
-from uniart_jax.data.scenes import FAINT, Array, Crop, scene
+from uniart_jax.data.scenes import FAINT, Crop, scene
+from uniart_jax.data.textures import Array
 
 SIDES = (200, 352)  # pixels of a photograph
 EXACT = 0.35  # share of the masks without errors
@@ -43,7 +44,7 @@ def photographed(
       camera: [7] code of that crop.
       others: crops of objects that may stand behind it.
       size: S.
-      back: [P, P, 3] in [0, 1] that it stands in front of; None: any (``data.scenes``).
+      back: [P, P, 3] in [0, 1] that it stands in front of; None: any (``data.backdrops``).
     """
     side = int(rng.integers(*SIDES))
     if back is not None:

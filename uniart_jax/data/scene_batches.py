@@ -9,6 +9,7 @@ import numpy as np
 
 from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.backdrop_pictures import picture_paths
+from uniart_jax.data.backdrops import training_backdrop
 from uniart_jax.data.layout_batches import (
     LayoutOrder,
     claimed_settings,
@@ -18,7 +19,7 @@ from uniart_jax.data.layout_batches import (
 )
 from uniart_jax.data.layouts import LayoutSettings
 from uniart_jax.data.order import Draw, local_rows
-from uniart_jax.data.scenes import GRAIN, scene, training_backdrop
+from uniart_jax.data.scenes import GRAIN, scene
 from uniart_jax.data.stream import Batches
 from uniart_jax.voxels.typed_batches import MaskBatch
 

@@ -30,7 +30,7 @@ def photograph(
     and its true mask [S, S] uint8.
 
     Args:
-      back: [S, S, 3] in [0, 1]; None: any of ``data.scenes``. grain, scales: as in
+      back: [S, S, 3] in [0, 1]; None: any of ``data.backdrops``. grain, scales: as in
         ``data.scenes.scene``; ``FILLING``: from side to side of the picture.
     """
     others = [k for k in range(min(len(tests), 1 + OTHERS)) if k != index]  # whatever the count
