@@ -18,8 +18,9 @@ from trimesh import transform_points
 from urdf_texts import link, mesh, robot
 
 from uniart_jax.objects.appearance import sample_color
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.load import kind_of, load_object
-from uniart_jax.objects.robot_mesh import AssetFiles, link_mesh
+from uniart_jax.objects.robot_mesh import link_mesh
 from uniart_jax.objects.urdf_read import read_robot
 
 BESIDE = Path(__file__).resolve().parents[2].parent / "shared"

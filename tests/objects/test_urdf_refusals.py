@@ -13,7 +13,7 @@ import trimesh
 from PIL import Image
 from urdf_texts import BOX, joint, limit, link, mesh, notes, robot
 
-from uniart_jax.objects import load, robot_mesh
+from uniart_jax.objects import asset_files, load
 from uniart_jax.objects.load import load_object
 
 
@@ -237,15 +237,15 @@ def test_what_cannot_be_repaired_is_named(refuse, elements, words):
 
 def test_what_is_too_large_is_refused(refuse, tmp_path, monkeypatch):
     trimesh.creation.icosphere(subdivisions=3).export(tmp_path / "a.stl")
-    monkeypatch.setattr(robot_mesh, "MAX_FACES", 2000)
+    monkeypatch.setattr(asset_files, "MAX_FACES", 2000)
     assert "more than 2,000 faces" in refuse(link("base", mesh("a.stl") * 2))
-    monkeypatch.setattr(robot_mesh, "MAX_MESH_BYTES", 1000)
+    monkeypatch.setattr(asset_files, "MAX_MESH_BYTES", 1000)
     assert "'a.stl': it has more than" in refuse(link("base", mesh("a.stl")))
     assert "MiB, more than the 16" in refuse(robot(link("base"), "<!--", "x" * (17 * 2**20), "-->"))
 
 
 def test_huge_images_are_not_decoded(load, tmp_path, monkeypatch):
-    monkeypatch.setattr(robot_mesh, "MAX_PIXELS", 10)
+    monkeypatch.setattr(asset_files, "MAX_PIXELS", 10)
     body = trimesh.creation.box()
     image = Image.new("RGB", (8, 8), (9, 9, 9))
     uv = np.zeros((len(body.vertices), 2))

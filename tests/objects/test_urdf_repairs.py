@@ -9,7 +9,7 @@ from PIL import Image
 from urdf_texts import BOX, joint, limit, link, mesh, notes, robot
 
 from uniart_jax.objects.appearance import sample_color
-from uniart_jax.objects.robot_mesh import AssetFiles
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.robot_object import lost_pieces
 
 

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lxml import etree
 
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.robot import Geometry, Link, Robot
-from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.simulation.measure import impossible, number
 from uniart_jax.simulation.soundness import finite_check, gaps, mesh_checks, surface
 

@@ -9,7 +9,7 @@ import pytest
 from lxml import etree
 from planted_assets import link, robot
 
-from uniart_jax.objects.robot_mesh import AssetFiles, RefusedError
+from uniart_jax.objects.asset_files import AssetFiles, RefusedError
 from uniart_jax.simulation.staging import stage_mjcf, stage_urdf
 from uniart_jax.simulation.worker import load
 

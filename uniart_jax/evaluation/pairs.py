@@ -26,11 +26,11 @@ from pathlib import Path
 import numpy as np
 from trimesh.visual import TextureVisuals
 
+from uniart_jax.objects.asset_files import FORMATS, IMAGES
 from uniart_jax.objects.json_text import parse_json
 from uniart_jax.objects.load import NAMES, find_asset, kind_of
 from uniart_jax.objects.names import printable
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.objects.robot_mesh import FORMATS, IMAGES
 
 SETS = "sets.json"
 RESULTS = "settings.json"  # lies in a folder of results (``result_store.check_settings``)

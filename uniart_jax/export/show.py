@@ -23,9 +23,9 @@ from uniart_jax.export.glb import write_glb
 from uniart_jax.export.naming import named
 from uniart_jax.export.page import write_page
 from uniart_jax.export.physics import Hull, Shape
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.load import READERS, find_asset, kind_of, load_object
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.objects.robot_object import make_object
 
 PAGE = "view.html"

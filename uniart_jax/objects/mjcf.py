@@ -18,11 +18,11 @@ from pathlib import Path
 import numpy as np
 from trimesh.transformations import quaternion_matrix
 
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.kinematics import rotation
 from uniart_jax.objects.mjcf_geoms import PLANE, geometry, has_shape, rgba
 from uniart_jax.objects.mjcf_text import self_contained
 from uniart_jax.objects.robot import Geometry, Link, RawJoint, Robot
-from uniart_jax.objects.robot_mesh import AssetFiles
 
 FREE, BALL, SLIDE, HINGE = range(4)  # mjtJoint
 SHOWN_GROUPS = (0, 1, 2)

@@ -19,14 +19,14 @@ from pathlib import Path
 from lxml import etree
 from PIL import Image
 
-from uniart_jax.objects.image_formats import image_formats
-from uniart_jax.objects.robot_mesh import (
+from uniart_jax.objects.asset_files import (
     IMAGE_ERRORS,
     MAX_MESH_BYTES,
     MAX_PIXELS,
     AssetFiles,
     RefusedError,
 )
+from uniart_jax.objects.image_formats import image_formats
 from uniart_jax.objects.xml_text import MAX_BYTES, parse_xml
 
 MAX_MODELS = 4  # models attached within models

@@ -26,8 +26,8 @@ import zlib
 
 import numpy as np
 
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.robot import MAX_NUMBER, MAX_PARTS, Geometry, Link, RawJoint, Robot
-from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.objects.singapo import BASE
 
 NAME = "nap.npz"

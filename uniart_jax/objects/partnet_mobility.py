@@ -34,11 +34,11 @@ from pathlib import Path
 
 import numpy as np
 
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.json_text import is_whole, parse_json
 from uniart_jax.objects.partnet_freedom import Freedom
 from uniart_jax.objects.partnet_joints import Node, arbitrate
 from uniart_jax.objects.robot import MAX_NUMBER, MAX_PARTS, Robot
-from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.objects.urdf_read import read_robot
 
 JOINTS, META = "mobility_v2.json", "meta.json"

@@ -2,9 +2,9 @@
 them; and the object they make.
 
 A reader (``urdf_read``, ``partnet_mobility``, ``mjcf``, ``singapo``) fills a ``Robot`` and trusts
-nothing; ``robot_mesh`` loads the shapes without leaving the asset's folder, ``robot_tree`` with
-``robot_motion`` make one tree with one screw an edge, ``robot_object`` the object. Every repair is
-one line of ``Robot.notes``.
+nothing; ``asset_files`` reads what it names without leaving the asset's folder, ``robot_mesh``
+makes one mesh a link, ``robot_limits`` sane limits, ``robot_tree`` with ``robot_motion`` one tree
+with one screw an edge, ``robot_object`` the object. Every repair is one line of ``Robot.notes``.
 """
 
 from __future__ import annotations

@@ -8,12 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.double_faces import single_sided
 from uniart_jax.objects.kinematics import LEAST_TRAVEL, TRAVEL_DEAD_ZONE
 from uniart_jax.objects.names import MAX_NAME, Numbered, clean, printable
 from uniart_jax.objects.object import ArticulatedObject, Part, moved_mesh
 from uniart_jax.objects.robot import MAX_PARTS, Robot
-from uniart_jax.objects.robot_mesh import AssetFiles, link_mesh
+from uniart_jax.objects.robot_mesh import link_mesh
 from uniart_jax.objects.robot_motion import joints_of
 from uniart_jax.objects.robot_tree import Tree
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from uniart_jax.objects.kinematics import rotation, topological_order
 from uniart_jax.objects.robot import MOVING, REFUSED, RawJoint, Robot
-from uniart_jax.objects.robot_motion import Edge, coordinates, drivers
+from uniart_jax.objects.robot_limits import coordinates, drivers
+from uniart_jax.objects.robot_motion import Edge
 
 
 class Tree:

@@ -20,11 +20,11 @@ from __future__ import annotations
 import numpy as np
 from trimesh.transformations import euler_matrix
 
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.json_text import is_whole, parse_json
 from uniart_jax.objects.kinematics import JOINT_TYPES
 from uniart_jax.objects.names import Numbered
 from uniart_jax.objects.robot import MAX_NUMBER, MAX_PARTS, Geometry, Link, RawJoint, Robot
-from uniart_jax.objects.robot_mesh import AssetFiles
 from uniart_jax.objects.xml_text import MAX_BYTES
 
 TYPING_ERRORS = {"StroageFurniture": "StorageFurniture"}

@@ -12,7 +12,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.names import clean
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot import MOVING, RawJoint, Robot
-from uniart_jax.objects.robot_motion import drivers
+from uniart_jax.objects.robot_limits import drivers
 from uniart_jax.simulation.engine import Follower, Plan, PlannedJoint
 
 HANDLE = re.compile(r"handle|knob|grip|pull", re.IGNORECASE)

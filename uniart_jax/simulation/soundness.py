@@ -18,10 +18,11 @@ import trimesh
 from lxml import etree
 from trimesh import transform_points
 
+from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.kinematics import subtrees
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot import Geometry, Link, Robot
-from uniart_jax.objects.robot_mesh import AssetFiles, primitive
+from uniart_jax.objects.robot_mesh import primitive
 from uniart_jax.simulation.measure import check, impossible
 
 GAP = 0.02  # of the object's size

@@ -13,8 +13,8 @@ from pathlib import Path
 
 from lxml import etree
 
+from uniart_jax.objects.asset_files import MAX_MESH_BYTES, AssetFiles, RefusedError
 from uniart_jax.objects.mjcf_text import KEPT, SOFT, Packer, remove
-from uniart_jax.objects.robot_mesh import MAX_MESH_BYTES, AssetFiles, RefusedError
 from uniart_jax.objects.xml_text import parse_xml
 
 # What shapes the physics of an MJCF; actuators would hold the joints, keyframes and sensors say
