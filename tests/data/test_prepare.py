@@ -16,7 +16,7 @@ from hand_records import make_record
 
 from uniart_jax import procedural
 from uniart_jax.config import GridConfig
-from uniart_jax.data import card, folder, prepare, records, sources
+from uniart_jax.data import card, folder, object_records, prepare, records, sources
 from uniart_jax.runtime import files
 
 GRID = GridConfig(8, 2, 8)
@@ -218,7 +218,7 @@ def test_real_objects(tmp_path):
 
 @real
 def test_failures_do_not_stop_a_run(tmp_path, monkeypatch):
-    drawn = prepare.sample_state
+    drawn = object_records.sample_state
     calls = []
 
     def sample_state(obj, rng, clearance):
@@ -229,7 +229,7 @@ def test_failures_do_not_stop_a_run(tmp_path, monkeypatch):
             raise KeyError("broken")
         return drawn(obj, rng, clearance)
 
-    monkeypatch.setattr(prepare, "sample_state", sample_state)
+    monkeypatch.setattr(object_records, "sample_state", sample_state)
     run(tmp_path, count=3, grid=GridConfig(16, 2, 64), image_size=16, views=1)
     rows = folder.read_manifest(tmp_path)
     assert [row["refused"] for row in rows] == ["2", "0", "0"]
@@ -303,16 +303,6 @@ def run_orbits(out):
         folder.Settings(resolution=8, subdivisions=2, orbit_views=1, shard_size=6), 14, None
     )
     return prepare.prepare(out, entries, settings, processes=1, progress=False)
-
-
-def test_very_many_repairs_are_counted():
-    some = [f"joint '{k}': its axis is zero; held fixed" for k in range(3)]
-    assert prepare.listed(some) == " | ".join(some)
-    many = prepare.listed(some * 500)
-    assert len(many) <= prepare.MAX_TEXT + 40 and many.endswith(" more")
-    shown = many.count(" | ")
-    assert f"and {1500 - shown} more" in many
-    assert prepare.listed(["a\ud800b\nc"]) == "a?b c"
 
 
 @real

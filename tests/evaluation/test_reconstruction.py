@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from uniart_jax.data import prepare
+from uniart_jax.data import object_records
 from uniart_jax.data.folder import Settings
 from uniart_jax.data.sources import Entry
 from uniart_jax.evaluation.reconstruction import reconstruct_asset
@@ -48,8 +48,8 @@ def test_a_small_motion_is_told_by_the_copy(tmp_path, capsys):
 
 def test_a_prepared_object_s_row_tells_of_it(tmp_path, monkeypatch):
     panel().save(tmp_path / "a", formats=(), motion=False)
-    monkeypatch.setattr(prepare, "_make_record", lambda *_: (b"record", b"", {}))
-    ((data, _, row),) = prepare.make_records(
+    monkeypatch.setattr(object_records, "_make_record", lambda *_: (b"record", b"", {}))
+    ((data, _, row),) = object_records.make_records(
         Settings("urdf", root=str(tmp_path), states=1), Entry("a", "", path="a")
     )
     assert data == b"record" and row["error"] == ""
