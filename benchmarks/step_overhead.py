@@ -43,7 +43,8 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.precompute.encoding import encode_all
 from uniart_jax.stages import STAGES
-from uniart_jax.stages.trainer import check_workdir, make_put, make_step, stage_batches
+from uniart_jax.stages.train_network import make_put, make_step, stage_batches
+from uniart_jax.stages.trainer import check_workdir
 from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.sharding import make_mesh

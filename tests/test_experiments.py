@@ -51,7 +51,7 @@ def test_what_arms_share_begins_alike(tmp_path):
         found[kind] = flat_names(Checkpoint(folder).load("uniart_vae", other.model))
     key = jax.random.fold_in(
         jax.random.key(config.seed), NETWORKS.index("uniart_vae")
-    )  # stages/trainer.py
+    )  # stages/train_network.py
     base = flat_names(jax.jit(build("uniart_vae", config.model).init)(key))
     for names in found.values():
         shared = [n for n, leaf in names.items() if n in base and base[n].shape == leaf.shape]

@@ -296,7 +296,7 @@ MUTANTS = (
         "tests/data/test_geometric_features.py::test_height_and_thickness",
     ),
     Mutant(
-        "uniart_jax/stages/trainer.py",
+        "uniart_jax/stages/train_network.py",
         'while self._read < state["read"]',
         "while False",
         "tests/stages/test_trainer.py::test_batches_of_ones_own_need_no_records_and_resume",

@@ -15,7 +15,8 @@ from uniart_jax import config as names
 from uniart_jax.cli.train import Stage as TrainStage
 from uniart_jax.models.network import IMAGE_ENCODERS
 from uniart_jax.stages import STAGES, Stage, Trainer
-from uniart_jax.stages.trainer import CountedBatches, trainable
+from uniart_jax.stages.train_network import CountedBatches
+from uniart_jax.stages.trainer import trainable
 
 sys.path += [str(Path(__file__).parents[1] / name) for name in ("training", "data")]
 import tiny_run

@@ -24,7 +24,7 @@ from uniart_jax.precompute import encoding
 from uniart_jax.stages import STAGES
 from uniart_jax.stages.checks import check_found, networks_to_copy
 from uniart_jax.stages.flows import load_conditioner
-from uniart_jax.stages.trainer import make_put, make_step, stage_batches
+from uniart_jax.stages.train_network import make_put, make_step, stage_batches
 from uniart_jax.training.flow_losses import make_structure_flow_loss
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
@@ -67,7 +67,7 @@ def test_a_resumed_stage_makes_no_second_state(trained, tmp_path, monkeypatch):
     config, workdir = trained
     work = tmp_path / "work"
     shutil.copytree(workdir, work)
-    monkeypatch.setattr(stages.trainer, "create_state", None)
+    monkeypatch.setattr(stages.train_network, "create_state", None)
     longer = dataclasses.replace(config.structure_vae, steps=config.structure_vae.steps + 1)
     stages.run(dataclasses.replace(config, structure_vae=longer), ["structure_vae"], work)
     assert str(longer.steps) in {p.name for p in (work / "checkpoints/structure_vae").iterdir()}

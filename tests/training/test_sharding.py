@@ -99,7 +99,8 @@ import tiny_run
 tiny_run.make_records(folder)
 import jax.numpy as jnp
 from uniart_jax.models.network import build
-from uniart_jax.stages.trainer import STAGES, make_put, make_step, stage_batches
+from uniart_jax.stages import STAGES
+from uniart_jax.stages.train_network import make_put, make_step, stage_batches
 from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import create_state, make_optimizer
 config = tiny_run.make_config(folder)

@@ -118,7 +118,7 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
     from jax.experimental import multihost_utils
 
     from uniart_jax.models.network import flat_names
-    from uniart_jax.stages import table, trainer
+    from uniart_jax.stages import table, train_network, trainer
     from uniart_jax.training import distributed, sharding
 
     sharding.MIN_SHARDED_SIZE = MIN_SHARDED_SIZE
@@ -138,9 +138,9 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
         return keep
 
     with mock.patch.multiple(
-        trainer,
-        run_stage=keeping(trainer.run_stage, ends),
-        make_step=keeping(trainer.make_step, steps),
+        train_network,
+        run_stage=keeping(train_network.run_stage, ends),
+        make_step=keeping(train_network.make_step, steps),
     ):
         trainer.run(config, [name], workdir)
     leaves = flat_names(ends[0])

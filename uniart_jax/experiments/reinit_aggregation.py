@@ -74,7 +74,7 @@ def shared_init(config: Config, stages: Sequence[str], folder: Path) -> Path | N
     if "uniart_vae" not in stages or model.uniart_vae == wanted:
         return None
     for name in stages:
-        # as stages/trainer.py does
+        # as stages/train_network.py does
         key = jax.random.fold_in(jax.random.key(config.seed), NETWORKS.index(name))
         params = jax.jit(build(name, model).init)(key)
         if name == "uniart_vae":
