@@ -17,6 +17,7 @@ import pytest
 import sampling
 import spread
 import step_overhead
+import stepped_copies
 import trimesh
 
 from uniart_jax.config import Config, FlowConfig, ModelConfig, StageConfig
@@ -74,8 +75,8 @@ def test_a_field_of_copies_shares_meshes_and_each_has_its_own_joint(tmp_path):
     turn = Joint([0.2, 0, 0.2], [0, 1, 0], (0, 1.0))
     obj = ArticulatedObject((Part("block", block), Part("lid", lid, 0, turn)))
     asset = obj.save(tmp_path / "a", formats=("mjcf",), motion=False)
-    text = collision_budget.many(asset, 5)
-    model = mujoco.MjModel.from_xml_string(text, collision_budget.files(asset))
+    text = stepped_copies.many(asset, 5)
+    model = mujoco.MjModel.from_xml_string(text, stepped_copies.files(asset))
     assert model.nbody == 1 + 5 * 3 and model.nexclude == 5  # two and a ball
     assert model.nmesh == 1 and model.ngeom == 5 * 3 and model.ntex == 0
     assert {model.joint(f"{i}/lid_joint").range[1] for i in range(5)} == {1.0}
@@ -84,15 +85,15 @@ def test_a_field_of_copies_shares_meshes_and_each_has_its_own_joint(tmp_path):
     places = np.array([data.body(f"{i}/block").xpos for i in range(5)])
     apart = np.linalg.norm(places[:, None] - places[None], axis=-1)[np.triu_indices(5, 1)]
     assert apart.min() > 0.8 and data.ncon == 0
-    assert collision_budget.speed(asset, 2) > 0
+    assert stepped_copies.speed(asset, 2) > 0
 
 
 @pytest.mark.parametrize(("copies", "models"), [(300, [100] * 3), (20, [20])])
 def test_copies_stand_in_models_of_a_hundred(tmp_path, monkeypatch, copies, models):
     body = "<body><geom size='1'/></body>"
     made = lambda asset, n: f"<mujoco><worldbody>{body * n}</worldbody></mujoco>"  # noqa: E731
-    monkeypatch.setattr(collision_budget, "many", made)
-    pairs = collision_budget.fields(tmp_path, copies)
+    monkeypatch.setattr(stepped_copies, "many", made)
+    pairs = stepped_copies.fields(tmp_path, copies)
     assert [model.nbody - 1 for model, _ in pairs] == models
     assert len({id(part) for pair in pairs for part in pair}) == 2 * len(models)
 
