@@ -365,7 +365,7 @@ MUTANTS = (
         "uniart_jax/voxels/cleanup/flat_faces.py",
         "if phi is not drawn:",
         "if False:",
-        "tests/voxels/cleanup/test_flat_faces.py"
+        "tests/voxels/cleanup/test_flat_doors.py"
         "::test_the_edges_of_a_closed_door_do_not_reach_to_its_handle",
     ),
     Mutant(SESSIONS, "session.uploads - held", "session.uploads", SHARED),
