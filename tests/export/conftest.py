@@ -29,6 +29,14 @@ def asset(cabinet, tmp_path_factory):
     return save_asset(cabinet, tmp_path_factory.mktemp("asset") / "cabinet", seed=7, checkpoint="x")
 
 
+@pytest.fixture(scope="session")
+def page_file(cabinet, tmp_path_factory):
+    """The cabinet's page. Tests only read it."""
+    from page_objects import write_all
+
+    return write_all(cabinet, tmp_path_factory.mktemp("page"))
+
+
 @pytest.fixture
 def block(monkeypatch):
     """Two boxes, and small pictures: quick to write."""

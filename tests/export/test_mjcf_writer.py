@@ -5,17 +5,13 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-import warnings
 
 import mujoco
 import numpy as np
 import pytest
-import trimesh
 from asset_objects import make_cabinet
-from hand_bodies import Written, write_files
-from hypothesis import given
-from hypothesis import strategies as st
-from lxml import etree
+from hand_bodies import write_files
+from written_mjcf import assert_same_object, compiled, largest_error, written
 
 from uniart_jax import procedural
 from uniart_jax.export.dynamics import joint_dynamics
@@ -23,95 +19,7 @@ from uniart_jax.export.handles import handles, opening
 from uniart_jax.export.mass import part_inertials
 from uniart_jax.export.mjcf import write_mjcf
 from uniart_jax.export.placement import place
-from uniart_jax.objects.kinematics import Joint, line_distance
 from uniart_jax.objects.load import load_object
-from uniart_jax.objects.names import clean
-from uniart_jax.objects.object import ArticulatedObject, Part
-
-STATES = 20
-
-
-def written(obj: ArticulatedObject, folder) -> tuple[Written, tuple[str, ...]]:
-    given = write_files(obj, folder)
-    notes = write_mjcf(
-        obj,
-        folder / "object.xml",
-        given.visual_files,
-        given.bodies,
-        given.hull_files,
-        given.texture,
-    )
-    return given, notes
-
-
-def compiled(path) -> mujoco.MjModel:
-    """The model; a warning is a failure."""
-    said = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            model = mujoco.MjModel.from_xml_path(str(path))
-    finally:
-        mujoco.set_mju_user_warning(before)
-    assert said == []
-    return model
-
-
-def set_state(model: mujoco.MjModel, data: mujoco.MjData, obj: ArticulatedObject, q) -> None:
-    for part, value in zip(obj.parts, q, strict=True):
-        joint = part.joint
-        if part.parent < 0 or joint.type == "fixed":
-            continue
-        metric = value if joint.rotates else value * obj.scale
-        data.joint(f"{part.name}_joint").qpos[0] = metric
-        if joint.type == "screw":
-            data.joint(f"{part.name}_travel").qpos[0] = value * joint.pitch * obj.scale
-    mujoco.mj_kinematics(model, data)
-
-
-def largest_error(obj: ArticulatedObject, model: mujoco.MjModel, seed: int) -> float:
-    """Largest distance of a part's box corners from where the object has them, in sizes of the
-    object, over random states."""
-    rng, data = np.random.default_rng(seed), mujoco.MjData(model)
-    at_start, worst = {}, 0.0
-    set_state(model, data, obj, np.zeros(len(obj.parts)))
-    for part in obj.parts:
-        body = data.body(part.name)
-        at_start[part.name] = body.xmat.reshape(3, 3).copy(), body.xpos.copy()
-    for _ in range(STATES):
-        q = np.array([rng.uniform(*p.joint.limits) if p.parent >= 0 else 0 for p in obj.parts])
-        set_state(model, data, obj, q)
-        for part, matrix in zip(obj.parts, obj.forward_kinematics(q), strict=True):
-            corners = trimesh.bounds.corners(part.mesh.bounds)
-            meant = trimesh.transform_points(corners, matrix) * obj.scale
-            turn, origin = at_start[part.name]
-            local = (corners * obj.scale - origin) @ turn
-            body = data.body(part.name)
-            seen = local @ body.xmat.reshape(3, 3).T + body.xpos
-            worst = max(worst, float(np.abs(seen - meant).max()))
-    return worst / float(np.ptp(obj.bounds, axis=0).max() * obj.scale)
-
-
-def assert_same_object(loaded: ArticulatedObject, obj: ArticulatedObject) -> None:
-    size = float(np.ptp(obj.bounds, axis=0).max() * obj.scale)
-    assert {p.name for p in loaded.parts} == {p.name for p in obj.parts}
-    for part in obj.parts:
-        twin = loaded.parts[loaded.index(part.name)]
-        parent = obj.parts[part.parent].name if part.parent >= 0 else None
-        assert (loaded.parts[twin.parent].name if twin.parent >= 0 else None) == parent
-        np.testing.assert_allclose(twin.mesh.bounds, part.mesh.bounds * obj.scale, atol=1e-6 * size)
-        if parent is None:
-            continue
-        joint = dataclasses.replace(part.joint, origin=part.joint.origin * obj.scale)
-        assert twin.joint.type == joint.type
-        np.testing.assert_allclose(twin.joint.angle, joint.angle, atol=1e-9)
-        travel = np.array(joint.travel) * obj.scale
-        np.testing.assert_allclose(twin.joint.travel, travel, atol=1e-9)
-        np.testing.assert_allclose(twin.joint.direction, joint.direction, atol=1e-9)
-        if joint.rotates:
-            assert line_distance(twin.joint, joint) < 1e-9
 
 
 @pytest.fixture(scope="module")
@@ -272,116 +180,6 @@ def test_it_works_moved_included_and_attached(cabinet_files, tmp_path):
     both = spec.compile()
     assert both.nq == alone.nq + 7 and both.key(0).name == "a_closed"
     np.testing.assert_array_equal(both.joint("a_door_joint").range, [-0.4, 1.6])
-
-
-def box(lo, hi) -> trimesh.Trimesh:
-    return trimesh.creation.box(bounds=[lo, hi])
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 50.0])
-def test_any_visual_mesh_loads(tmp_path, scale):
-    """A flat sheet, an open shell, an inside-out box, a mesh with an edge of three faces."""
-    sheet = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [[0, 1, 2], [0, 2, 3]])
-    shell = box([0, 0, 0], [1, 1, 1])
-    shell.update_faces(np.arange(10))
-    inverted = box([0, 0, 0], [1, 1, 1])
-    inverted.invert()
-    fin = trimesh.Trimesh(
-        [[0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 1, 0], [-1, -1, 0]],
-        [[0, 1, 2], [0, 1, 3], [0, 1, 4]],
-    )
-    parts = [Part("base", box([0, 0, -1], [1, 1, 0]))]
-    for name, mesh in (("sheet", sheet), ("shell", shell), ("inverted", inverted), ("fin", fin)):
-        parts.append(Part(name, mesh, 0, Joint([0, 0, 0], [1, 0, 0], (0, 1))))
-    obj = ArticulatedObject(tuple(parts), scale=scale)
-    _, notes = written(obj, tmp_path / "flat")
-    assert not any("visual" in note for note in notes)
-    model = compiled(tmp_path / "flat" / "object.xml")
-    assert int(np.sum(np.asarray(model.geom_group) == 2)) == len(parts)
-    assert_same_object(load_object(tmp_path / "flat"), obj)
-
-
-def test_what_mujoco_takes_no_mesh_of_is_said(tmp_path):
-    triangle = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 1, 0]], [[0, 1, 2]])
-    obj = ArticulatedObject((Part("base", box([0, 0, -1], [1, 1, 0])), Part("leaf", triangle, 0)))
-    _, notes = written(obj, tmp_path / "leaf")
-    assert any("'leaf' has no visual geom" in note for note in notes)
-    compiled(tmp_path / "leaf" / "object.xml")
-
-
-def test_a_part_alone(tmp_path):
-    obj = ArticulatedObject((Part("world", box([0, 0, 0], [1, 1, 1])),))
-    _, notes = written(obj, tmp_path / "one")
-    assert notes == ("MJCF: part 'world' is called 'world_2': MuJoCo keeps the name for itself",)
-    model = compiled(tmp_path / "one" / "object.xml")
-    assert model.nq == 0 and model.body(1).name == "world_2"
-
-
-def test_lists_that_do_not_fit_are_refused(tmp_path):
-    obj = make_cabinet()
-    given = write_files(obj, tmp_path / "a")
-    path = tmp_path / "a" / "object.xml"
-    with pytest.raises(ValueError, match="bodies has 1 entries for 6 parts"):
-        write_mjcf(obj, path, given.visual_files, given.bodies[:1], given.hull_files, given.texture)
-    with pytest.raises(ValueError, match="part 'body' has 1 hulls and 0 hull_files"):
-        write_mjcf(obj, path, given.visual_files, given.bodies, [[]] * 6, given.texture)
-    still = [dataclasses.replace(b, dynamics=None) for b in given.bodies]
-    with pytest.raises(ValueError, match="'door' has no dynamics"):
-        write_mjcf(obj, path, given.visual_files, still, given.hull_files, given.texture)
-    named = dataclasses.replace(obj.parts[0], name="a\0b")
-    bad = dataclasses.replace(obj, parts=(named, *obj.parts[1:]))
-    with pytest.raises(ValueError, match="cannot stand in XML") as error:
-        write_mjcf(bad, path, given.visual_files, given.bodies, given.hull_files, given.texture)
-    assert "\n" not in str(error.value) and not path.exists()
-
-
-NAMES = st.lists(
-    st.text(st.characters(codec="utf-8", exclude_categories=["Cc", "Cs"]), max_size=8)
-    | st.sampled_from(["world", "world_2", "", 'a"<&', "a/b", " a ", "a_joint", "base_collision0"]),
-    min_size=3,
-    max_size=3,
-    unique=True,
-)
-
-
-@given(names=NAMES, data=st.data())
-def test_any_tree_and_names(tmp_path_factory, names, data):
-    """Random joints of every kind under random names: compiled, and the same motion by body
-    index."""
-    folder = tmp_path_factory.mktemp("any")
-    number = st.floats(-1, 1)
-    parts = [Part(names[0], box([0, 0, 0], [1, 2, 3]))]
-    for k in (1, 2):
-        vector = st.tuples(number, number, number)
-        direction = data.draw(vector.filter(lambda v: np.linalg.norm(v) > 0.1))
-        kind = data.draw(st.sampled_from(["revolute", "continuous", "prismatic", "screw", "fixed"]))
-        lo, hi = data.draw(st.floats(-3, -0.1)), data.draw(st.floats(0.1, 3))
-        pitch = data.draw(st.sampled_from([-0.3, 0.2]))
-        angle, travel = {
-            "revolute": ((lo, hi), (0, 0)),
-            "continuous": ((-4, 4), (0, 0)),
-            "prismatic": ((0, 0), (lo, hi)),
-            "screw": ((lo, hi), (pitch * lo, pitch * hi)),
-            "fixed": ((0, 0), (0, 0)),
-        }[kind]
-        joint = Joint(data.draw(vector), direction, angle, travel)
-        parts.append(
-            Part(names[k], box([k, 0, 0], [k + 1, 1, 1]), data.draw(st.integers(0, k - 1)), joint)
-        )
-    obj = ArticulatedObject(tuple(parts), scale=0.7)
-    written(obj, folder / "x")
-    model = compiled(folder / "x" / "object.xml")
-    endless = sum(p.joint.type == "continuous" for p in obj.parts)
-    assert int(np.sum(np.asarray(model.jnt_limited))) == model.njnt - endless
-    root = etree.parse(folder / "x" / "object.xml").getroot()
-    bodies = [b.get("name") for b in root.iter("body")]
-    assert [model.body(i + 1).name for i in range(3)] == bodies
-    renamed = [n for n in names if n in ("", "world")]
-    if not renamed:
-        assert set(bodies) == set(names)
-        assert largest_error(obj, model, seed=1) <= 1e-6
-    if all(n == clean(n) and n not in ("", "world") for n in names):
-        assert_same_object(load_object(folder / "x"), obj)
 
 
 def test_a_site_stands_at_every_handle(cabinet_files, model):
