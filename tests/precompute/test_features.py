@@ -1,9 +1,7 @@
-"""``uniart features``: features of voxels against a plain computation, killed runs, refusals, and
-training that reads them."""
+"""``uniart features``: features of voxels against a plain computation, killed runs, refusals."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import shutil
 import signal
@@ -14,73 +12,20 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from hand_records import features_of, make_record, write_folder, write_items
+from feature_folders import COUNT, ENCODER, NETWORK, VIEWS, orbit, prepared, weights, write_orbits
+from hand_records import features_of, make_record
 from PIL import Image
 
-from uniart_jax import cli, stages
-from uniart_jax.config import (
-    Config,
-    DataConfig,
-    GridConfig,
-    ImageEncoderConfig,
-    ModelConfig,
-    StageConfig,
-    StructureVAEConfig,
-    UniArtVAEConfig,
-)
+from uniart_jax import cli
 from uniart_jax.data import records
-from uniart_jax.data.columns import column_path, pack_orbit
 from uniart_jax.data.geometric_features import geometric_features
-from uniart_jax.data.latents import LatentSource
 from uniart_jax.data.part_features import CHANNELS, input_name, surface_points
-from uniart_jax.data.records import RecordSource, shard_paths
-from uniart_jax.data.shards import open_shards, write_shard
-from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.models.checkpoint_files import read_network, write_config, write_network
-from uniart_jax.models.network import build, flat_names
-from uniart_jax.pipeline import Pipeline
-from uniart_jax.precompute import encoding, features, fill_columns, visual_features
+from uniart_jax.data.records import RecordSource
+from uniart_jax.models.checkpoint_files import read_network, write_network
+from uniart_jax.precompute import features, fill_columns, visual_features
 from uniart_jax.visual.render import Camera, orbit_cameras
 
-ENCODER = ImageEncoderConfig(
-    architecture="dinov2", image_size=16, patch_size=4, registers=2, width=12, num_blocks=1, num_heads=1, mlp_ratio=2.0,  # noqa: E501
-)  # fmt: skip
-NETWORK = build("image_encoder", ModelConfig(image_encoder=ENCODER))
 ENCODE = jax.jit(NETWORK.apply)
-VIEWS, COUNT = 7, 6
-
-
-def weights(folder, seed=0, network=NETWORK):
-    rng = np.random.default_rng(seed)
-    drawn = jax.tree.map(
-        lambda s: rng.normal(0, 0.3, s.shape).astype(np.float32), network.abstract()
-    )
-    return write_network(folder, network.name, drawn, "stored")
-
-
-def orbit(record, size=16, views=VIEWS):
-    rng = np.random.default_rng(record.meta["seed"])
-    cameras = [(c.azimuth, c.elevation, c.fov_degrees, c.distance) for c in orbit_cameras(views)]
-    images = rng.integers(0, 256, (views, size, size, 4)).astype(np.uint8)
-    return {"images": images, "cameras": np.array(cameras, np.float32)}
-
-
-def prepared(folder, size=16, splits=None):
-    folder.mkdir()
-    made = [make_record(k, voxels=20 + 9 * k) for k in range(COUNT)]
-    write_folder(folder, made, splits)
-    write_orbits(folder, [(r.meta["id"], orbit(r, size)) for r in made])
-    return folder
-
-
-def write_orbits(folder, made):
-    """``made``: (record's id, its orbit), in the records' order."""
-    at = 0
-    for shard in shard_paths(folder):
-        count = len(open_shards([shard]))
-        items = [pack_orbit(o["images"], o["cameras"], name) for name, o in made[at : at + count]]
-        write_shard(column_path(shard, "orbit"), items)
-        at += count
 
 
 @pytest.fixture
@@ -313,68 +258,6 @@ def test_a_column_that_was_cut_off_is_made_again(folder, tmp_path):
     assert column(folder) == before
 
 
-def toy(folder, **data):
-    stage = StageConfig(
-        steps=2, batch_size=2, warmup_steps=1, log_every=1, evaluate_every=2, save_every=2
-    )
-    return Config(
-        model=ModelConfig(
-            grid=GridConfig(8, 2, 8),
-            image_encoder=dataclasses.replace(ENCODER, target_resolution=4),
-            structure_vae=StructureVAEConfig(channels=(4, 8), latent_channels=2, num_res_blocks=1, num_res_blocks_middle=1),  # noqa: E501
-            uniart_vae=UniArtVAEConfig(width=16, num_blocks=1, num_heads=2, latent_channels=4, attention="serial", window=16, visual_channels=12, part_feature_channels=3, geometry_channels=8, articulation_channels=8),  # noqa: E501
-        ),
-        data=DataConfig(records=str(folder), validation=str(folder), voxel_buckets=(96,), **data),
-        uniart_vae=stage,
-    )  # fmt: skip
-
-
-@pytest.mark.slow
-def test_training_and_encoding_read_the_columns_of_their_split(tmp_path):
-    splits = ["test", "train", "train", "test", "train", "train"]
-    folder = prepared(tmp_path / "records", splits=splits)
-    config = toy(folder, split="train", validation_split="test")
-    work = tmp_path / "work"
-    with pytest.raises(
-        ValueError, match=r"no column 'visual' .*make it with: uniart features .* --weights"
-    ):
-        stages.run(config, ("uniart_vae",), work)
-    assert not work.exists()
-    features.write_visual(folder, weights(tmp_path), progress=False)
-    items = [
-        (f"hand-{k}", {"values": features_of(make_record(k, voxels=20 + 9 * k), 3)})
-        for k in range(COUNT)
-    ]
-    write_items(folder, "part_feature", items)
-    stages.run(config, ("uniart_vae",), work)
-    for name in ("structure_vae", "uniart_vae"):  # two steps from zeros leave little to compare
-        weights(work / "export", network=build(name, config.model))
-    before = encoding.digest(config, work, folder, "train")
-    encoding.encode_all(config, work)
-    latents, source = (
-        LatentSource(work / "latents"),
-        RecordSource(folder, "train", ("visual", "part_feature")),
-    )
-    assert [latents[i]["mirrored"] for i in range(len(latents))] == [False] * 4
-    params = Checkpoint.find(work).load("uniart_vae")
-    pipeline = Pipeline(config, {"uniart_vae": params}, {})
-    for i in range(4):
-        record = source[int(latents[i]["record"])]
-        assert np.array_equal(latents[i]["coords"], record.coords)
-        grid = record.grid()
-        mean = pipeline.encode_voxels(grid, record.visual, record.part_feature)
-        np.testing.assert_allclose(latents[i]["latent"], mean, atol=2e-3, rtol=2e-3)
-        blind = pipeline.encode_voxels(grid, 0 * record.visual, record.part_feature)
-        assert np.abs(blind - mean).max() > 0.1
-    with pytest.raises(
-        ValueError, match=r"this model reads visual \[\d+, 12\] with them, got none"
-    ):
-        pipeline.encode_voxels(grid, part_feature=record.part_feature)
-    assert encoding.digest(config, work, folder, "test") != before
-    (folder / "visual.json").write_text("{}")
-    assert encoding.digest(config, work, folder, "train") != before
-
-
 def test_geometric_part_features_need_no_files(folder):
     """They are a column like PartField's; the two never mix."""
     cli.features(folder, part_features=Path("geometric"))
@@ -400,52 +283,3 @@ def test_prepare_makes_the_column_too(tmp_path):
     assert source[1].part_feature.shape == (len(source[1].coords), 23)
     with pytest.raises(ValueError, match="--part-features is of records of objects"):
         cli.prepare("layouts", out=tmp_path / "layouts", part_features="geometric")
-
-
-@pytest.mark.slow
-def test_a_vae_that_read_no_part_features_goes_on_with_them(tmp_path):
-    """It begins with the function that it was, trains on the features and their loss, and
-    decodes."""
-    folder = prepared(tmp_path / "records")
-    items = [
-        (f"hand-{k}", {"values": features_of(make_record(k, voxels=20 + 9 * k), 3)})
-        for k in range(COUNT)
-    ]
-    write_items(folder, "part_feature", items)
-    config = toy(folder)
-    config = dataclasses.replace(config, data=dataclasses.replace(config.data, validation=""))
-    reads = dataclasses.replace(config.model.uniart_vae, visual_channels=0)
-    model = dataclasses.replace(config.model, uniart_vae=reads)
-    config = dataclasses.replace(config, model=model)
-    blind = dataclasses.replace(
-        model, uniart_vae=dataclasses.replace(reads, part_feature_channels=0)
-    )
-    source, work = tmp_path / "source", tmp_path / "work"
-    weights(source, network=build("uniart_vae", blind))
-    write_config(source, dataclasses.replace(config, model=blind))
-
-    network = build("uniart_vae", model)
-    first = Checkpoint(source).load("uniart_vae", model, widen=True)
-    record = RecordSource(folder, columns=("part_feature",))[0]
-    fresh = jax.jit(network.init)(jax.random.key(1))
-    given = {**fresh, **first, "front": {**fresh["front"], **first["front"]}}
-    means = [
-        Pipeline(dataclasses.replace(config, model=m), {"uniart_vae": p}, {}).encode_voxels(record.grid(), **more)  # noqa: E501
-        for m, p, more in ((blind, first, {}), (model, given, {"part_feature": record.part_feature}))  # noqa: E501
-    ]  # fmt: skip
-    np.testing.assert_allclose(means[1], means[0], atol=1e-5)
-
-    stages.run(config, ("uniart_vae",), work, init=source)
-    after = Checkpoint.find(work).load("uniart_vae")
-    new = {name for name in flat_names(after) if name not in flat_names(first)}
-    assert new == {
-        f"{layer}.{leaf}"
-        for layer in ("front.part_feature", "part_feature_head")
-        for leaf in ("kernel", "bias")
-    }
-    assert np.asarray(after["front"]["part_feature"]["kernel"]).any()  # it has learnt from them
-    assert "part_feature" in (work / "metrics" / "uniart_vae.jsonl").read_text()
-    pipeline = Pipeline(config, {"uniart_vae": after}, {})
-    coords = record.coords.astype(np.int32)
-    (grid,) = pipeline.decode([coords], [np.zeros((len(coords), 4), np.float32)])
-    assert np.array_equal(grid.coords, coords) and grid.own_box.shape[-1] == 6

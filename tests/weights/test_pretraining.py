@@ -23,7 +23,7 @@ from uniart_jax.models.network import build, flat_names
 from uniart_jax.precompute import features
 
 sys.path.append(str(Path(__file__).parents[1] / "precompute"))
-from test_features import orbit, write_orbits
+from feature_folders import orbit, write_orbits
 
 FROZEN = {
     "structure_vae": ("encoder",),
