@@ -212,7 +212,7 @@ MUTANTS = (
     ),
     Mutant(
         SCENES,
-        "scales = CLOSE",
+        "usual = CLOSE",
         "pass",
         "tests/data/test_scenes.py::test_some_objects_fill_the_picture_and_whole_ones_do_not",
     ),
