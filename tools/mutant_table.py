@@ -16,6 +16,8 @@ class Mutant(NamedTuple):
 
 
 AGGREGATION = "uniart_jax/models/aggregation.py"
+FRAMES = "uniart_jax/voxels/cleanup/frames.py"
+PROGRAM_CACHE = "uniart_jax/runtime/program_cache.py"
 DINOV2 = "uniart_jax/models/dinov2.py"
 SAMPLERS = "uniart_jax/inference/samplers.py"
 VAE_LOSSES = "uniart_jax/training/vae_losses.py"
@@ -172,7 +174,7 @@ MUTANTS = (
     ),
     Mutant(
         ROOMS,
-        "                straighten_rim(field, still, front)\n",
+        "                straighten_rim(field, still, fronts[-1])\n",
         "",
         "tests/voxels/cleanup/test_drawers.py"
         "::test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open_one_stays",
@@ -372,6 +374,46 @@ MUTANTS = (
     Mutant(SESSIONS, "if not file.is_relative_to(self.root) or", "if", TAKEN),
     Mutant(NAP, "np.cross(direction, moment)", "np.cross(moment, direction)", f"{MOVES}[1.0-0.0]"),
     Mutant(EXPORT_NAP, "line if edge[\"src\"] == parent else -line", "line", f"{MOVES}[1.0-0.0]"),
+    Mutant(
+        FRAMES,
+        "if free[row:].all() if step > 0 else free[:row].all():",
+        "if False:",
+        "tests/voxels/cleanup/test_frames.py::test_what_is_open_below_stays_open",
+    ),
+    Mutant(
+        FRAMES,
+        "rubble |= piece & ((np.abs(depths - usual) < NEAR).mean() < MOST)",
+        "rubble |= piece",
+        "tests/voxels/cleanup/test_frames.py"
+        "::test_rubble_is_brought_forward_and_a_niche_with_a_ground_is_not",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/clearance.py",
+        "    much = (lines > 0).sum(0) > LINE * len(lines)\n",
+        "    much = (lines > 0).sum(0) > len(lines)\n",
+        "tests/voxels/cleanup/test_room_to_move.py"
+        "::test_what_is_cut_along_a_hinge_is_straight",
+    ),
+    Mutant(
+        PROGRAM_CACHE,
+        "path = _path(_folder, \".program\", tree, shapes, kind, settings)",
+        "path = _path(_folder, \".program\", tree, kind, settings)",
+        "tests/runtime/test_program_cache.py"
+        "::test_what_a_trace_depends_on_makes_another_program[shapes]",
+    ),
+    Mutant(
+        PROGRAM_CACHE,
+        "len(jax.devices()) > 1 or",
+        "",
+        "tests/runtime/test_program_cache.py::test_several_devices_keep_nothing",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
+        "            filled[hidden] = decoded(hidden)\n",
+        "",
+        "tests/export/test_picture_colors.py"
+        "::test_hidden_places_of_which_none_is_asked_have_the_networks_colours",
+    ),
     Mutant(
         "uniart_jax/objects/facing.py",
         "FRONTS.index(front))",

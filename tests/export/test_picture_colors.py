@@ -10,7 +10,8 @@ import trimesh
 from uniart_jax.data.cameras import camera_codes
 from uniart_jax.export import picture_colors
 from uniart_jax.export.atlas import make_atlas
-from uniart_jax.export.picture_colors import Picture, beside_nearer, look, paint
+from uniart_jax.export.hidden_colors import Places
+from uniart_jax.export.picture_colors import Picture, beside_nearer, guessed, look, paint
 from uniart_jax.nn import lifting
 from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
@@ -206,3 +207,26 @@ def test_what_is_hidden_loses_the_networks_blotches(scene):
         hidden = (belief == 0) & (parts == part) & (normals[:, 0] > 0.5)
         assert hidden.sum() > 100
         assert np.std(made[hidden], axis=0).max() < 0.5 * np.std(colors[hidden], axis=0).max()
+
+
+def test_the_network_is_asked_for_hidden_places_alone(scene, monkeypatch):
+    obj, picture, _ = scene
+    points, normals, own, true = sampled(obj, 20_000)
+    asked = []
+    monkeypatch.setattr(picture_colors, "PLACES", 500)
+    paint(picture, obj, points, normals, own, lambda rows: asked.append(len(rows)) or true[rows])
+    assert 0 < sum(asked) < 1000
+
+
+def test_hidden_places_of_which_none_is_asked_have_the_networks_colours(scene, monkeypatch):
+    obj, _, _ = scene
+    monkeypatch.setattr(picture_colors, "PLACES", 0)
+    monkeypatch.setattr(picture_colors, "FEWEST", 1)
+    rng = np.random.default_rng(0)
+    points, colors = rng.random((30, 3)), rng.random((30, 3))
+    belief = np.zeros(30)
+    belief[0] = 1  # the one that is asked
+    places = Places(points, points, np.zeros(30, int), None, colors, belief > 0.5)
+    found = guessed(places, colors.__getitem__, obj, np.array([-2.0, 0, 0]), belief)
+    np.testing.assert_array_equal(found[1:], colors[1:])
+    assert not found[0].any()

@@ -94,6 +94,26 @@ def test_a_small_lid_opens_as_it_is_read():
     assert sorted(np.array(joint.angle) * joint.direction[1]) == pytest.approx([-2.6, 0], abs=1e-3)
 
 
+DOOR = (-0.42, 0.1, 0.0, 0.04, 0.4, 0.6)
+
+
+@pytest.mark.parametrize(("y", "found"), [(0.32, 0.3), (0.28, 0.3), (-0.115, -0.1), (0.2, 0.2)])
+def test_the_hinge_of_a_plate_is_at_its_edge_if_it_is_near_it(y, found):
+    parts = [Part("body", trimesh.creation.box(BODY[3:]))]
+    mesh = trimesh.creation.box(DOOR[3:]).apply_translation(DOOR[:3])
+    hinge = Joint((-0.43, y, 0.1), (0, 0, 1), angle=(0.0, 1.5))
+    obj = ArticulatedObject((*parts, Part("door", mesh, 0, hinge)))
+    joint = read_layout(outputs_of(obj)).joints[1]
+    off = joint.origin - (-0.43, found, joint.origin[2])
+    np.testing.assert_allclose(off, 0, atol=2e-3)
+    assert joint.type == "revolute" and joint.direction @ (0, 0, 1) > 0.999
+
+
+def test_the_hinge_of_a_block_stays():
+    joint = knob_read((0, 1.0), (-0.4, 0.1, 0.2, 0.3, 0.4, 0.3), (0, 0, 1))
+    np.testing.assert_allclose(joint.origin[:2], (-0.4, 0.1), atol=2e-3)
+
+
 def test_a_knob_on_the_top_turns_clockwise_too():
     joint = knob_read((-2.2, 2.3), (0.1, 0.1, 0.42, 0.06, 0.06, 0.05), (0, 0, 1))
     low, high = sorted(np.array(joint.angle) * joint.direction[2])
