@@ -2,9 +2,11 @@
 there."""
 
 import logging
+import os
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from drawn import parameters
@@ -80,10 +82,10 @@ def test_what_a_trace_depends_on_makes_another_program(folder, change, monkeypat
     if change == "versions":
         digest.cache_clear()
         monkeypatch.setattr(program_cache.metadata, "version", lambda name: "99")
-    if change == "options":
-        monkeypatch.setattr(program_cache, "OPTIONS", ("jax_enable_x64",))
+    precision = "highest" if change == "options" else None
     other = Counted(3.0)
-    found = other.program("b" if change == "settings" else "a")(params, x, key)
+    with jax.default_matmul_precision(precision):
+        found = other.program("b" if change == "settings" else "a")(params, x, key)
     digest.cache_clear()
     assert other.traces == 1
     assert np.array_equal(found["out"].double, 3 * x + 1)
@@ -100,13 +102,19 @@ def test_a_new_source_file_changes_the_digest(tmp_path, monkeypatch):
     assert len(digests) == 2
 
 
-def test_damaged_files_are_made_again_and_said(folder, caplog):
+@pytest.mark.parametrize("how", ["cut", "one bit"])
+def test_damaged_files_are_made_again_and_said(folder, caplog, how):
     Counted().program("a")(*ARGS)
     kept_shapes(lambda: {"w": jax.ShapeDtypeStruct((2,), np.float32)}, "a")
     files = sorted(folder.iterdir())
     assert {file.suffix for file in files} == {".json", ".program"}
     for file in files:
-        file.write_bytes(file.read_bytes()[:7])
+        data = bytearray(file.read_bytes())
+        if how == "cut":
+            data = data[:7]
+        else:
+            data[len(data) * 3 // 4] ^= 1
+        file.write_bytes(data)
     again = Counted()
     with caplog.at_level(logging.WARNING):
         again.program("a")(*ARGS)
@@ -151,14 +159,47 @@ def test_a_folder_that_cannot_be_written_is_no_error(tmp_path, caplog):
     finally:
         keep_programs(None)
     assert np.array_equal(found["out"].double, 2 * ARGS[1] + 1)
-    assert "could not be" in caplog.text
+    assert caplog.text.count("could not be written") == 1
 
 
-def test_the_oldest_files_are_removed(folder, monkeypatch):
+def test_files_that_were_not_used_for_longest_are_removed(folder, monkeypatch):
     monkeypatch.setattr(program_cache, "MOST_FILES", 2)
-    for k in range(4):
-        kept_shapes(lambda: {"w": jax.ShapeDtypeStruct((2,), np.float32)}, k)
+    shapes = {"w": jax.ShapeDtypeStruct((2,), np.float32)}
+    for k in (0, 1):
+        kept_shapes(lambda: shapes, k)
+    for age, file in enumerate(sorted(folder.iterdir(), key=lambda file: file.stat().st_mtime)):
+        os.utime(file, (1000 + age, 1000 + age))
+    kept_shapes(lambda: pytest.fail("made again"), 0)  # used: 1 is the oldest now
+    kept_shapes(lambda: shapes, 2)
     assert len(list(folder.iterdir())) == 2
+    kept_shapes(lambda: pytest.fail("made again"), 0)
+    again = []
+    kept_shapes(lambda: again.append(1) or shapes, 1)
+    assert again
+
+
+class Unknown(NamedTuple):
+    """A named tuple that ``jax.export`` does not know."""
+
+    x: jax.Array
+
+
+def test_what_cannot_be_exported_runs_and_is_not_kept(folder):
+    kept = kept_program(jax.jit(lambda x: Unknown(x + 1)), "a")
+    for _ in range(2):
+        assert kept(ARGS[1]).x.tolist() == [1, 2, 3]
+    assert not folder.exists()
+
+
+def test_options_and_weak_types_tell_calls_of_one_program_apart(folder):
+    kept = kept_program(jax.jit(lambda x, y: x * y), "a")
+    half = np.ones(2, jnp.bfloat16)
+    assert kept(half, 2.0).dtype == jnp.bfloat16
+    assert kept(half, np.float32(2)).dtype == np.float32
+    double = np.ones(2)
+    assert kept(double, 2.0).dtype == np.float32
+    with jax.enable_x64(True):
+        assert kept(double, 2.0).dtype == np.float64
 
 
 def test_shapes_of_a_network_come_back_as_they_were(folder):

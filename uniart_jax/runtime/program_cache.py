@@ -1,22 +1,25 @@
 """Traced programs and the shapes of networks, kept between runs beside XLA's compiled programs.
 
-To trace the networks of a small model takes longer than to run them. What is kept is read again
+Tracing the networks of a small model takes longer than running them. What is kept is read again
 only with the same source files of this package, the same versions and kind of device, the same
-settings and shapes. Programs are files of ``jax.export``, shapes are JSON: nothing is unpickled.
+settings, options of JAX and shapes. Programs are files of ``jax.export`` behind their SHA-256,
+shapes are JSON: nothing is unpickled.
 """
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import json
 import logging
+import os
 from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from uniart_jax.runtime.files import complete, write_text
+from uniart_jax.runtime.files import complete
 
 PACKAGE = Path(__file__).parents[1]
 LIBRARIES = ("jax", "jaxlib", "flax", "numpy")
@@ -28,7 +31,8 @@ OPTIONS = (  # of JAX, which a trace depends on
     "jax_numpy_dtype_promotion",
     "jax_threefry_partitionable",
 )
-MOST_FILES = 200  # that are kept; the oldest are removed
+MOST_FILES = 200  # that are kept
+DIGEST = hashlib.sha256().digest_size
 
 logger = logging.getLogger(__name__)
 _folder: Path | None = None  # None: nothing is kept
@@ -43,11 +47,12 @@ def keep_programs(folder: Path | None) -> None:
 def kept_program(jitted: Callable[..., Any], *settings: Any) -> Callable[..., Any]:
     """A jitted function whose traces are kept between runs, where ``keep_programs`` says so.
 
-    Only on one device, and only called with arrays: with tracers it is ``jitted`` itself.
+    Only on one device, and only called with arrays: with tracers it is ``jitted`` itself. What
+    ``jax.export`` refuses, such as cuDNN's attention, is traced anew in every run.
 
     Args:
-      jitted: a pure function of pytrees of arrays; of what it returns, named tuples must be known
-        to ``jax.export``.
+      jitted: a pure function of pytrees of arrays, by position, without static fields; of what it
+        returns, named tuples must be known to ``jax.export``.
       settings: all that its trace depends on besides its arguments, in values whose ``repr`` says
         all of them.
     """
@@ -60,13 +65,15 @@ def kept_program(jitted: Callable[..., Any], *settings: Any) -> Callable[..., An
         leaves, tree = jax.tree.flatten(args)
         if _folder is None or len(jax.devices()) > 1 or _traced(leaves):
             return jitted(*args)
-        shapes = tuple((jax.numpy.shape(leaf), jax.numpy.result_type(leaf)) for leaf in leaves)
-        if (tree, shapes) not in programs:
+        kinds = [jax.typeof(leaf) for leaf in leaves]
+        shapes = tuple((kind.shape, kind.dtype, kind.weak_type) for kind in kinds)
+        key = (tree, shapes, _options())
+        if key not in programs:
             device = jax.devices()[0]
             kind = (device.platform, device.device_kind)
             path = _path(_folder, ".program", tree, shapes, kind, settings)
-            programs[tree, shapes] = _read_program(path) or _trace(path, jitted, tree, leaves)
-        return programs[tree, shapes](*leaves)
+            programs[key] = _read_program(path) or _trace(path, jitted, tree, leaves)
+        return programs[key](*leaves)
 
     return run
 
@@ -83,16 +90,16 @@ def kept_shapes(make: Callable[[], dict[str, Any]], *settings: Any) -> dict[str,
     if _folder is None:
         return make()
     path = _path(_folder, ".json", settings)
+    found = _read(path)
     try:
-        found = json.loads(path.read_text())
-        return _nested(found, lambda leaf: jax.ShapeDtypeStruct(leaf[0], leaf[1]))
-    except FileNotFoundError:
-        pass
-    except (OSError, ValueError, TypeError, LookupError, RecursionError) as error:
+        if found is not None:
+            tree = json.loads(found)
+            return _nested(tree, lambda leaf: jax.ShapeDtypeStruct(leaf[0], leaf[1]))
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
         logger.warning("cache: %s is damaged (%s) and is made again", path, error)
     made = make()
     text = json.dumps(_nested(made, lambda leaf: [leaf.shape, str(leaf.dtype)]))
-    _write(path, lambda: write_text(path, text))
+    _write(path, text.encode())
     return made
 
 
@@ -113,12 +120,13 @@ def _read_program(path: Path) -> Callable[..., Any] | None:
     import jax
     from jax import export
 
-    try:
-        return jax.jit(export.deserialize(bytearray(path.read_bytes())).call)
-    except FileNotFoundError:
+    data = _read(path)
+    if data is None:
         return None
-    except Exception as error:  # whatever damaged bytes lead to
-        logger.warning("cache: %s is damaged (%s) and is made again", path, error)
+    try:
+        return jax.jit(export.deserialize(bytearray(data)).call)
+    except Exception as error:  # of another release of JAX with the same version, for instance
+        logger.warning("cache: %s cannot be read (%s) and is made again", path, error)
         return None
 
 
@@ -130,34 +138,60 @@ def _trace(path: Path, jitted: Callable[..., Any], tree: Any, leaves: list[Any])
     def flat(*values: Any) -> Any:
         return jitted(*jax.tree.unflatten(tree, values))
 
-    made = export.export(jax.jit(flat))(*leaves)
-    _write(path, functools.partial(_write_bytes, path, bytes(made.serialize())))
+    try:
+        made = export.export(jax.jit(flat))(*leaves)
+        data = bytes(made.serialize())
+    except Exception as error:  # what cannot be exported can run
+        logger.info("cache: a program is not kept: %s", error)
+        return flat
+    _write(path, data)
     return jax.jit(made.call)
 
 
-def _write_bytes(path: Path, data: bytes) -> None:
-    with complete(path) as temporary:
-        temporary.write_bytes(data)
+def _read(path: Path) -> bytes | None:
+    """What ``_write`` put into a file, which is marked as used; None where there is none."""
+    try:
+        found = path.read_bytes()
+    except OSError:  # none there, or a folder that cannot be read: ``_write`` tells
+        return None
+    digest, data = found[:DIGEST], found[DIGEST:]
+    if hashlib.sha256(data).digest() != digest:
+        logger.warning("cache: %s is damaged and is made again", path)
+        return None
+    with contextlib.suppress(OSError):
+        os.utime(path)
+    return data
 
 
-def _write(path: Path, write: Callable[[], None]) -> None:
-    """Put a file into the cache, and remove the oldest; a cache that cannot be written is no
-    error."""
+def _write(path: Path, data: bytes) -> None:
+    """Put a file into the cache, and remove those that have not been used for longest; a cache
+    that cannot be written is told once and is no error."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        write()
+        with complete(path) as temporary:
+            temporary.write_bytes(hashlib.sha256(data).digest() + data)
         files = sorted(path.parent.glob("[!.]*"), key=lambda file: file.stat().st_mtime)
         for old in files[:-MOST_FILES]:
             old.unlink(missing_ok=True)
     except OSError as error:
-        logger.warning("cache: %s could not be written: %s", path, error)
+        _tell_once(f"cache: {path.parent} could not be written: {error}")
+
+
+@functools.cache
+def _tell_once(message: str) -> None:
+    logger.warning(message)
+
+
+def _options() -> tuple[Any, ...]:
+    """Values of ``OPTIONS``."""
+    import jax
+
+    return tuple(getattr(jax.config, name, None) for name in OPTIONS)
 
 
 def _path(folder: Path, suffix: str, *what: Any) -> Path:
     """The file of what depends on the sources, the versions, JAX's options and ``what``."""
-    import jax
-
-    known = (_sources(), [getattr(jax.config, name, None) for name in OPTIONS], *what)
+    known = (_sources(), _options(), *what)
     return folder / (hashlib.sha256(repr(known).encode()).hexdigest() + suffix)
 
 
