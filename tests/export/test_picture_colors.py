@@ -209,7 +209,7 @@ def test_what_is_hidden_loses_the_networks_blotches(scene):
         assert np.std(made[hidden], axis=0).max() < 0.5 * np.std(colors[hidden], axis=0).max()
 
 
-def test_the_network_is_asked_for_hidden_places_alone(scene, monkeypatch):
+def test_the_network_is_asked_for_few_places(scene, monkeypatch):
     obj, picture, _ = scene
     points, normals, own, true = sampled(obj, 20_000)
     asked = []

@@ -46,6 +46,9 @@ def test_a_training_that_goes_on_needs_no_published_weights(monkeypatch, tmp_pat
     assert not (tmp_path / "new").exists() and not begun
     stages.run(config, ["mask"], tmp_path / "on", init="nano")
     assert begun == ["mask"]
+    (tmp_path / "resumed/checkpoints/mask").mkdir(parents=True)
+    stages.run(config, ["mask"], tmp_path / "resumed")
+    assert begun == ["mask", "mask"]
 
 
 def test_it_begins_with_the_published_backbone(monkeypatch):

@@ -109,6 +109,18 @@ def test_the_hinge_of_a_plate_is_at_its_edge_if_it_is_near_it(y, found):
     assert joint.type == "revolute" and joint.direction @ (0, 0, 1) > 0.999
 
 
+def test_a_lever_that_turns_about_its_thickness_and_a_slanted_door_stay():
+    lever = knob_read((-0.5, 0.5), (-0.42, 0.1, 0.2, 0.02, 0.3, 0.03), (1, 0, 0))
+    np.testing.assert_allclose(lever.origin[1:], (0.1, 0.2), atol=2e-3)
+    parts = [Part("body", trimesh.creation.box(BODY[3:]))]
+    mesh = trimesh.creation.box((0.02, 0.3, 0.03)).apply_translation((-0.42, 0.1, 0.2))
+    for axis, at in (((1, 0, 0), (-0.42, 0.231, 0.2)), ((0, 0.4, 0.9165), (-0.42, 0.231, 0.2))):
+        joint = Joint(at, axis, angle=(0.0, 1.0))
+        found = read_layout(outputs_of(ArticulatedObject((*parts, Part("p", mesh, 0, joint)))))
+        off = np.cross(found.joints[1].origin - at, np.array(axis, float))
+        np.testing.assert_allclose(off, 0, atol=3e-3)
+
+
 def test_the_hinge_of_a_block_stays():
     joint = knob_read((0, 1.0), (-0.4, 0.1, 0.2, 0.3, 0.4, 0.3), (0, 0, 1))
     np.testing.assert_allclose(joint.origin[:2], (-0.4, 0.1), atol=2e-3)

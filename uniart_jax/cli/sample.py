@@ -193,9 +193,11 @@ def _mend(*given: Any) -> Any:
 
 
 def _import_writers() -> None:
-    """Import what writes and checks objects while the networks run, which takes seconds."""
+    """Import what writes and checks objects while the networks run, which takes seconds; what
+    cannot be imported is told where it is used."""
     for module in ("export.asset", "simulation.validate", "simulation.refine"):
-        importlib.import_module(f"uniart_jax.{module}")
+        with contextlib.suppress(Exception):
+            importlib.import_module(f"uniart_jax.{module}")
 
 
 def _layout(path: Path | None, follow: bool, single: bool) -> Any:

@@ -134,7 +134,8 @@ def save_asset(
       mend: mends joints and shapes once these are known, and keeps them within the budget
         (``simulation.refine.mend``).
       check: looks at the folder before it takes its place, in a thread beside the making of its
-        pictures, and returns the report's ``validation`` (``simulation.validate``).
+        pictures, which may be missing then, and returns the report's ``validation``
+        (``simulation.validate``).
 
     Returns:
       The folder.

@@ -106,7 +106,6 @@ def paint(
                 with_normals(where[0] * mirror, where[1] * mirror, TURNED),
                 eps=0.5,
                 distance_upper_bound=FAR,
-                workers=-1,
             )
             for mirror in ([1, 1, 1], [1, -1, 1])
         ]

@@ -116,7 +116,7 @@ class Stage(abc.ABC):
         return {}
 
     def check_first_weights(self, config: Config) -> None:
-        """Whether what ``first_weights`` reads is there, before anything is written.
+        """Check, before anything is written, that what ``first_weights`` reads is there.
 
         Raises:
           FileNotFoundError: it is not installed.

@@ -148,7 +148,8 @@ def run(
                 source.load(name, config.model, widen=True)
         copied = networks_to_copy(config, source, names, exported)
     for stage in chosen:
-        if source is None or not goes_on(source, stage.name):
+        resumed = (workdir / "checkpoints" / stage.name).is_dir() or exported.has(stage.name)
+        if not resumed and (source is None or not goes_on(source, stage.name)):
             stage.check_first_weights(config)
     check_found(config, chosen, exported, copied)
     with exclusive_lock(workdir) if distributed.is_first() else contextlib.nullcontext():

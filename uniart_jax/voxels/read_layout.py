@@ -21,8 +21,9 @@ THRESHOLD = 0.5  # of a part's probability (docs/model_card.md, layouts)
 KNOB = 0.15  # object units; what turns far and is no larger is a knob
 FAR = np.deg2rad(144)
 OFF_AXIS = 0.3  # of a knob's largest side, that its axis passes its centre at most
-PLATE = 2.5  # least width of a plate over its thickness
-BESIDE = (0.4, 0.62)  # places of hinges over a plate's width, from its middle, that are its edge's
+ALONG = 0.998  # least cosine between a hinge and an axis of the lattice
+PLATE = 2.5  # least width, and length, of a plate over its thickness
+BESIDE = (0.4, 0.62)  # from a plate's middle, shares of its width: hinges between are at its edge
 NEAREST_EYE = 0.8  # object units from the origin; a camera that is nearer is none
 ALIKE = 0.01  # of a volume
 UNDECIDED = 0.5  # least ratio of a knob's turns to both sides where its state is not known
@@ -80,13 +81,21 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
 
 
 def _at_edge(joint: Joint, box: np.ndarray) -> Joint:
-    """The joint of a plate that turns on a hinge near an edge of its ``box`` [6], at that edge."""
+    """The joint of a door: a hinge that lies in a plate and near its edge is moved to the edge.
+
+    Args:
+      box: [6] centre and size of the part at the shown state.
+
+    Returns:
+      The joint; as it is for other joints, and for doors that are shown aslant.
+    """
     axis = int(np.abs(joint.direction).argmax())
     across = np.delete(np.arange(3), axis)
     wide, thick = across[np.argsort(-box[3 + across])]
-    at = (joint.origin[wide] - box[wide]) / box[3 + wide]
-    plate = box[3 + wide] > PLATE * box[3 + thick]
-    if joint.type != "revolute" or not plate or not BESIDE[0] < abs(at) < BESIDE[1]:
+    at = (joint.origin[wide] - box[wide]) / max(box[3 + wide], SMALLEST_SIDE)
+    plate = min(box[3 + wide], box[3 + axis]) > PLATE * box[3 + thick]
+    upright = abs(joint.direction[axis]) > ALONG
+    if joint.type != "revolute" or not (plate and upright) or not BESIDE[0] < abs(at) < BESIDE[1]:
         return joint
     origin = np.array(joint.origin)
     origin[wide] = box[wide] + np.sign(at) * box[3 + wide] / 2

@@ -87,5 +87,42 @@ def test_a_front_seen_from_another_side_and_outside_the_grid():
     after = flattened(field, [front])
     back = np.moveaxis(after.sdf[:, ::-1], 1, 0)
     assert ((back < 0) != (flattened(rough()).sdf < 0)).sum() == 0
-    outside = Front(0, -1, np.array([64, 17, 17]), np.array([65, 49, 49]))
-    flattened(field, [outside])
+    beyond = Front(0, -1, np.array([64, 17, 17]), np.array([65, 49, 49]))
+    assert wrong(flattened(cabinet(), [beyond]), cabinet()) == 0
+
+
+def test_a_slot_stays_open():
+    slot = block((9, 28.3, 50.6), (60, 36.3, 54.3))  # eight wide, four high, above the door
+    field = cabinet(np.maximum(np.maximum(block(*CASE), -block(*ROOM)), -slot))
+    after = flattened(field)
+    assert not solid_of(after, 0)[(slot < 0) & BEFORE].any()
+
+
+def test_nothing_is_filled_around_and_before_thin_fronts():
+    """A wide drawer three high between two narrower doors; gaps of the frame are closed up to
+    ten."""
+    hollow = np.maximum(block(*CASE), -block((9.0, 20.3, 12.3), (50.3, 44.3, 52.3)))
+    hollow = np.maximum(hollow, -block((9.0, 11.3, 30.3), (50.3, 53.3, 35.3)))
+    doors = [((10.3, 22.3, z), (13.3, 42.3, z + 15)) for z in (13.3, 36.8)]
+    drawer = ((14.3, 12.3, 31.3), (17.3, 52.3, 34.3))  # set back
+    field = field_of(hollow, *(block(*box) for box in (*doors, drawer)))
+    fronts = [
+        Front(0, -1, np.array([11, 23, 14]), np.array([14, 43, 29])),
+        Front(0, -1, np.array([11, 23, 37]), np.array([14, 43, 52])),
+        Front(0, -1, np.array([15, 13, 32]), np.array([18, 53, 35])),
+    ]
+    after = flattened(field, fronts)
+    assert (solid_of(after, 0) & ~solid_of(field, 0)).sum() == 0
+    for part in (1, 2, 3):
+        np.testing.assert_array_equal(solid_of(after, part), solid_of(field, part))
+
+
+def test_a_lid_has_a_frame_too():
+    field, ideal = (
+        type(f)(*(np.moveaxis(v, 0, 2)[:, :, ::-1].copy() for v in (f.sdf, f.owner, f.source)))
+        for f in (rough(), cabinet())
+    )
+    lid = Front(2, 1, np.array([17, 17, 52]), np.array([49, 49, 55]))
+    after = flattened(field, [lid])
+    off = [(solid_of(f, 0) != solid_of(ideal, 0)).sum() for f in (field, after)]
+    assert off[1] < 0.3 * off[0]

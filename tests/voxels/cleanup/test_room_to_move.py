@@ -8,7 +8,12 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels import opening_direction
-from uniart_jax.voxels.cleanup.clearance import _straight, with_meshes, with_room_to_move
+from uniart_jax.voxels.cleanup.clearance import (
+    _straight,
+    _too_much,
+    with_meshes,
+    with_room_to_move,
+)
 from uniart_jax.voxels.isosurface import ZERO, with_sources
 
 FIXED = Joint.fixed()
@@ -395,3 +400,21 @@ def test_what_is_cut_along_a_hinge_is_straight():
     others[6, 6, 15] = False  # an outer wall, or free
     cut, _ = _straight(barring, depth, upright, cells, others)
     assert [6, 6, 15] not in cut.tolist() and len(cut) == len(line) - 1 + len(rest)
+
+
+def test_a_straight_cut_that_takes_too_much_is_not_made():
+    """A thin strip beside a door, of which every eighth layer bars the door's way."""
+    strip = ((8.3, 8.3, 12.3), (12.3, 12.6, 52.3))
+    door = ((10.3, 13.3, 12.3), (13.3, 50.3, 52.3))
+    teeth = np.maximum(block((8.3, 8.3, 12.3), (16.3, 13.0, 52.3)), 0.7 - (AT[2] % 8 < 1))
+    field = field_of(np.minimum(block(*strip), teeth), block(*door))
+    turns = hinge((12.3, 13.3, 30), (0, 0, 1), 0, 1.2)
+    after = with_room_to_move(field, [FIXED, turns], [-1, 0])
+    lost, whole = taken(field, after, 0).sum(), solid_of(field, 0).sum()
+    assert 0 < lost <= 0.3 * whole
+    cells = np.argwhere(solid_of(field, 0))
+    depth = np.ones(len(cells))
+    assert _too_much(field.sdf, field.owner, cells, depth, 0.3)
+    assert not _too_much(
+        field.sdf, field.owner, cells, np.where(np.arange(len(cells)) < 9, 1, 0), 0.3
+    )

@@ -67,7 +67,9 @@ def with_room_to_move(
             to = opens_to(joints[k], cells, np.argwhere(body), size) if body.any() else None
             walls = _walls(body, to)
             depth[walls[tuple(barring.T)]] = 0
-            barring, depth = _straight(barring, depth, joints[k], cells, body & ~walls)
+            straight = _straight(barring, depth, joints[k], cells, body & ~walls)
+            if not _too_much(sdf, owner, *straight, LOST[0]):
+                barring, depth = straight
         _take(sdf, owner, barring, depth, LOST[0])
         _take(sdf, owner, cells, _depth(sdf, cells, resting, motions), LOST[1])
     _apart_at_rest(sdf, owner, joints, movers, below)
@@ -190,12 +192,16 @@ def _depth(
 def _straight(
     barring: np.ndarray, depth: np.ndarray, joint: Joint, cells: np.ndarray, others: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What bars the way of a part on a hinge along the lattice, and with it the rest of the lines
-    along the hinge in which much does: what is cut is straight.
+    """Cells to cut for a part that turns on a hinge along the lattice, so that the cut is straight:
+    a line of cells along the hinge is cut over the whole length of the part where more than
+    ``LINE`` of it bars its way.
 
     Args:
       barring: [n, 3] cells that may bar it. depth: [n], above 0 where they do. cells: [m, 3] of the
         part. others: [X, Y, Z] bool, cells that may be cut.
+
+    Returns:
+      ``barring`` and ``depth`` with the rest of these lines, or as they are for other joints.
     """
     axis = int(np.abs(joint.direction).argmax())
     if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG or not (depth > 0).any():
@@ -231,6 +237,17 @@ def _walls(solid: np.ndarray, but: tuple[int, int] | None) -> np.ndarray:
             into = front if but == (axis, side) else found
             np.moveaxis(into, axis, 0)[::-side][wall] = True
     return found & ~front
+
+
+def _too_much(
+    sdf: np.ndarray, owner: np.ndarray, cells: np.ndarray, depth: np.ndarray, most: float
+) -> bool:
+    """Whether ``_take`` would leave a part as it is, since it would lose too much."""
+    whose = owner[tuple(cells[depth > 0].T)]
+    return any(
+        (whose == part).sum() > most * ((sdf < 0) & (owner == part)).sum()
+        for part in np.unique(whose)
+    )
 
 
 def _take(

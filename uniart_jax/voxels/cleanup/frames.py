@@ -17,18 +17,19 @@ from uniart_jax.voxels.cleanup.fronts import Front
 from uniart_jax.voxels.isosurface import DenseField
 
 # lengths in sub-cells
-AHEAD, BEHIND = 6, 10  # of the outermost front, within which a frame is looked for
-GAP = 2  # around doors and drawers, which frames leave free
-FREE = 0.8  # share of a line that no door or drawer covers, of a frame's lines
-DRAWN = 0.6  # share of it that is drawn
-PART = 0.25  # so of a line between a frame's and what it surrounds
-STEP = 1.5  # from one line to the next, from which on there is an edge of the frame
-NEAR = 2  # from a frame's plane, within which ...
-MOST = 0.6  # ... this share of it lies at least
-REACH = 4  # from it, within which it is brought there
-FAR = 9  # behind it, within which what has no depth of its own is brought there
-TOOTH = 5  # gaps along a line of twice this length are closed
-THICKNESS = 2  # of what closes them
+AHEAD, BEHIND = 6, 10  # a frame begins so far before the outermost front, or behind it, at most
+GAP = 2  # free cells around doors and drawers, which are not filled
+FREE = 0.8  # least share of a frame's line that no door or drawer covers
+DRAWN = 0.6  # least share of a frame's line that is drawn
+PART = 0.25  # least share that is drawn of a line between a frame and the door that it surrounds
+STEP = 1.5  # difference in depth of two neighbouring lines at which the frame has an edge
+NEAR = 2  # columns no farther from a frame's plane are near it
+MOST = 0.6  # least share of a frame's columns that are near its plane
+REACH = 4  # columns no farther from the plane are brought to it
+FAR = 9  # so are columns up to here behind it that have no common depth
+GAP_ALONG = 5  # half the width of gaps along a line that are closed
+RECTANGLE, SLOT = 0.9, 3  # gaps that fill so much of a rectangle, and are so wide, are openings
+THICKNESS = 2  # cells that close gaps
 SOLID = 0.5  # distance of cells that are filled or cleared
 
 
@@ -108,7 +109,7 @@ def _flat_lines(
         rows = np.flatnonzero(group == number)
         for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
             lines = slice(int(run[0]), int(run[-1]) + 1)
-            plane, columns = _plane(first[lines], frame[lines])
+            plane, columns = _plane(first[lines], frame[lines], covered[lines])
             ends[lines], planes[lines] = columns, plane
     for step in (1, -1):  # what is drawn in part between a frame and what it surrounds
         for row in range(count)[::step]:
@@ -125,18 +126,30 @@ def _flat_lines(
     _end(shown, whose, mine, first, ends, planes[:, None])
 
 
-def _plane(first: np.ndarray, frame: np.ndarray) -> tuple[int, np.ndarray]:
-    """The depth at which most columns [L, A] of a frame begin, -1 where they do at none, and which
-    columns are to."""
+def _plane(first: np.ndarray, frame: np.ndarray, covered: np.ndarray) -> tuple[int, np.ndarray]:
+    """The depth at which most columns [L, A] of a frame begin, -1 where most begin elsewhere, and
+    the columns that are to begin there. Small gaps belong to them, but not slots."""
     depths = first[frame]
     plane = int(np.bincount(depths).argmax())
     if (np.abs(depths - plane) <= NEAR).mean() < MOST:
         return -1, np.zeros(frame.shape, bool)
     on = frame & (np.abs(first - plane) <= REACH)
     on |= _rubble(first, frame & ~on, plane)
-    wide = np.pad(on, ((0, 0), (TOOTH, TOOTH)))
-    closed: Any = ndimage.binary_closing(wide, np.ones((1, 2 * TOOTH + 1)))
-    return plane, on | (closed[:, TOOTH:-TOOTH] & (first > plane))
+    wide = np.pad(on, ((0, 0), (GAP_ALONG, GAP_ALONG)))
+    closed: Any = ndimage.binary_closing(wide, np.ones((1, 2 * GAP_ALONG + 1)))
+    gaps = closed[:, GAP_ALONG:-GAP_ALONG] & ~on & (first > plane) & ~covered
+    return plane, on | (gaps & ~_slots(gaps))
+
+
+def _slots(gaps: np.ndarray) -> np.ndarray:
+    """Columns [L, A] of those gaps of a frame that are rectangles: openings, not teeth."""
+    found: Any = ndimage.label(gaps)
+    slots = np.zeros_like(gaps)
+    for number, place in enumerate(ndimage.find_objects(found[0]), 1):
+        piece = found[0][place] == number
+        if piece.mean() > RECTANGLE and min(piece.shape) >= SLOT:
+            slots[place] |= piece
+    return slots
 
 
 def _rubble(first: np.ndarray, frame: np.ndarray, plane: int) -> np.ndarray:
