@@ -135,7 +135,7 @@ def save_asset(
         (``simulation.refine.mend``).
       check: looks at the folder before it takes its place, in a thread beside the making of its
         pictures, which may be missing then, and returns the report's ``validation``
-        (``simulation.validate``).
+        (``simulation.validate``). An error in the pictures is raised once it has ended.
 
     Returns:
       The folder.
