@@ -27,42 +27,46 @@ from uniart_jax.voxels.typed_batches import Condition, StructureBatch, VoxelBatc
 CODE = st.lists(st.floats(-1, 1, width=32), min_size=9, max_size=9).map(np.float32)
 
 
+code_loss = jax.jit(losses.joint_code_loss)
+
+
 @given(CODE, CODE)
 def test_joint_code_loss_is_blind_to_the_gauge(predicted, target):
-    values = [float(losses.joint_code_loss(predicted, v, 0.3)) for v in gauge_variants(target)[:2]]
+    variants = np.asarray(gauge_variants(target), np.float32)
+    values = [float(code_loss(predicted, v, 0.3)) for v in variants[:2]]
     assert values[0] == pytest.approx(values[1], abs=1e-6)
-    assert float(losses.joint_code_loss(gauge_variants(target)[1], target, 0.3)) == pytest.approx(
-        0, abs=1e-6
-    )
+    assert float(code_loss(variants[1], target, 0.3)) == pytest.approx(0, abs=1e-6)
 
 
 def test_a_wrong_opening_direction_costs():
     opens_out = np.float32([0, 0, 0, 1, 0, 0, 0, 0, 0.5])
     opens_in = np.float32([0, 0, 0, 1, 0, 0, 0, -0.5, 0])
-    assert float(losses.joint_code_loss(opens_in, opens_out, 0.3)) > 0.05
+    assert float(code_loss(opens_in, opens_out, 0.3)) > 0.05
 
 
 def test_masked_mean_ignores_garbage_and_weighs_objects_equally():
-    values = jnp.array([[1.0, 3.0, jnp.nan], [10.0, jnp.inf, jnp.nan]])
-    weights = jnp.array([[1.0, 1, 0], [1, 0, 0]])
-    assert float(losses.masked_mean(values, weights)) == pytest.approx((2 + 10) / 2)
-    gradient = jax.grad(lambda v: losses.masked_mean(v, weights))(values)
-    assert np.isfinite(gradient).all() and not gradient[weights == 0].any()
+    values = np.float32([[1, 3, np.nan], [10, np.inf, np.nan]])
+    weights = np.float32([[1, 1, 0], [1, 0, 0]])
+    mean, gradient = jax.jit(jax.value_and_grad(losses.masked_mean))(values, weights)
+    assert float(mean) == pytest.approx((2 + 10) / 2)
+    assert np.isfinite(gradient).all() and not np.asarray(gradient)[weights == 0].any()
 
 
 def test_huber_and_boxes_by_hand():
-    np.testing.assert_allclose(losses.huber(jnp.array([0.1, -1.0]), 0.5), [0.01, 0.75], atol=1e-6)
-    a = jnp.array([0.0, 0, 0, 2, 2, 2])
-    b = jnp.array([1.0, 0, 0, 2, 2, 2])  # both x corners moved by 1
-    assert float(losses.box_loss(a, b, 0.5)) == pytest.approx(2 * 0.75 / 6)
+    found = jax.jit(losses.huber)(np.float32([0.1, -1.0]), 0.5)
+    np.testing.assert_allclose(found, [0.01, 0.75], atol=1e-6)
+    a = np.float32([0, 0, 0, 2, 2, 2])
+    b = np.float32([1, 0, 0, 2, 2, 2])  # both x corners moved by 1
+    assert float(jax.jit(losses.box_loss)(a, b, 0.5)) == pytest.approx(2 * 0.75 / 6)
 
 
 def test_kl_is_zero_at_the_prior_and_by_hand():
-    mask = jnp.array([[1.0, 0.0]])
-    zero = jnp.zeros((1, 2, 3))
-    assert float(losses.kl_loss(zero, zero, mask)) == 0
-    mean = zero.at[0, 0].set(2.0).at[0, 1].set(jnp.nan)
-    assert float(losses.kl_loss(mean, zero, mask)) == pytest.approx(2.0)
+    mask, zero = np.float32([[1, 0]]), np.zeros((1, 2, 3), np.float32)
+    kl_loss = jax.jit(losses.kl_loss)
+    assert float(kl_loss(zero, zero, mask)) == 0
+    mean = zero.copy()
+    mean[0, 0], mean[0, 1] = 2, np.nan
+    assert float(kl_loss(mean, zero, mask)) == pytest.approx(2.0)
 
 
 def test_kl_is_the_closed_form_of_two_gaussians():
@@ -191,18 +195,18 @@ def test_balanced_voxels_hear_small_parts_and_never_padding():
 
 
 def test_rows_are_drawn_by_weight_and_never_without():
-    weights = jnp.array([[0.0, 1, 0, 3, 0], [0, 0, 2, 0, 0]])
-    drawn = np.asarray(losses.draw_rows(jax.random.key(0), weights, 4000))
+    weights = np.float32([[0, 1, 0, 3, 0], [0, 0, 2, 0, 0]])
+    draw_rows = jax.jit(losses.draw_rows, static_argnums=2)
+    drawn = np.asarray(draw_rows(jax.random.key(0), weights, 4000))
     assert set(drawn[0]) == {1, 3} and set(drawn[1]) == {2}
     assert 0.7 < (drawn[0] == 3).mean() < 0.8
-    nothing = np.asarray(losses.draw_rows(jax.random.key(0), jnp.zeros((1, 5)), 10))
+    nothing = np.asarray(draw_rows(jax.random.key(0), np.zeros((2, 5), np.float32), 4000))
     assert nothing.min() >= 0 and nothing.max() < 5
 
 
 def test_part_weights_halve_between_rows_and_parts():
-    parts = jnp.array([[0, 0, 0, 1, 1]])
-    mask = jnp.array([[1.0, 1, 1, 1, 0]])
-    weights = part_weights(parts, mask, 4)[0]
+    parts, mask = np.int32([[0, 0, 0, 1, 1]]), np.float32([[1, 1, 1, 1, 0]])
+    weights = jax.jit(part_weights, static_argnums=2)(parts, mask, 4)[0]
     np.testing.assert_allclose(
         weights, [0.5 * (1 / 4 + 1 / 6)] * 3 + [0.5 * (1 / 4 + 1 / 2), 0], atol=1e-6
     )
@@ -214,29 +218,28 @@ def test_alignment_loss_knows_rotations():
     a = np.float32(rng.normal(size=(1, 50, 4)))
     turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
     valid = np.ones((1, 50), np.float32)
-    assert float(alignment_loss(a, np.float32(a @ turn * 3), valid)) == pytest.approx(0, abs=1e-4)
-    assert float(alignment_loss(a, np.float32(rng.normal(size=(1, 50, 4))), valid)) > 0.5
+    loss = jax.jit(alignment_loss)
+    assert float(loss(a, np.float32(a @ turn * 3), valid)) == pytest.approx(0, abs=1e-4)
+    assert float(loss(a, np.float32(rng.normal(size=(1, 50, 4))), valid)) > 0.5
     garbage = a.copy()
     garbage[:, 40:] = np.nan
     valid[:, 40:] = 0
-    assert np.isfinite(float(alignment_loss(garbage, garbage, valid)))
+    assert np.isfinite(float(loss(garbage, garbage, valid)))
 
 
 def test_dice_and_cross_entropy():
-    target = jnp.array([[1.0, 0.0, 1.0]])
-    sure = jnp.array([[20.0, -20.0, 20.0]])
-    assert float(losses.dice_loss(sure, target)) == pytest.approx(0, abs=1e-5)
-    assert float(losses.binary_cross_entropy(sure, target).max()) < 1e-6
-    assert float(losses.binary_cross_entropy(-sure, target).min()) > 10
+    target, sure = np.float32([[1, 0, 1]]), np.float32([[20, -20, 20]])
+    entropy = jax.jit(losses.binary_cross_entropy)
+    assert float(jax.jit(losses.dice_loss)(sure, target)) == pytest.approx(0, abs=1e-5)
+    assert np.asarray(entropy(sure, target)).max() < 1e-6
+    assert np.asarray(entropy(-sure, target)).min() > 10
 
 
 def test_part_share_says_how_much_of_the_weight_is_the_parts():
-    parts = jnp.array([[0, 0, 0, 1, 2]])
-    mask = jnp.array([[1.0, 1, 1, 1, 0]])
-    np.testing.assert_allclose(part_weights(parts, mask, 4, 0.0)[0], [0.25] * 4 + [0], atol=1e-6)
-    np.testing.assert_allclose(
-        part_weights(parts, mask, 4, 1.0)[0], [1 / 6] * 3 + [0.5, 0], atol=1e-6
-    )
+    parts, mask = np.int32([[0, 0, 0, 1, 2]]), np.float32([[1, 1, 1, 1, 0]])
+    weigh = jax.jit(part_weights, static_argnums=2)
+    np.testing.assert_allclose(weigh(parts, mask, 4, 0.0)[0], [0.25] * 4 + [0], atol=1e-6)
+    np.testing.assert_allclose(weigh(parts, mask, 4, 1.0)[0], [1 / 6] * 3 + [0.5, 0], atol=1e-6)
 
 
 def test_a_dropped_condition_is_nothing_in_all_its_parts():
@@ -248,12 +251,17 @@ def test_a_dropped_condition_is_nothing_in_all_its_parts():
         "pixels": (64, 2, 4, 4, 3),
         "cameras": (64, 2, 7),
     }
-    layout = PartTable(*(jnp.ones((64, *n), jnp.int32) for n in ((2, 6), (2, 9), (2,), (2, 3), ())))
-    whole = Condition(**{name: jnp.ones(s) for name, s in shapes.items()}, layout=layout)
-    for share in (0.0, 0.4, 1.0):
+    layout = PartTable(*(np.ones((64, *n), np.int32) for n in ((2, 6), (2, 9), (2,), (2, 3), ())))
+    ones = {name: np.ones(s, np.float32) for name, s in shapes.items()}
+    whole, x = Condition(**ones, layout=layout), np.zeros((64, 5, 4), np.float32)
+
+    @jax.jit
+    def shown(share, key):
         config = dataclasses.replace(Config(), loss=LossConfig(condition_drop=share))
-        shown = jax.jit(lambda whole, x, key, c=config: sample_noise_and_time(whole, x, key, c)[-1])
-        seen = shown(whole, np.zeros((64, 5, 4), np.float32), jax.random.key(0))
+        return sample_noise_and_time(jax.tree.map(jnp.asarray, whole), x, key, config)[-1]
+
+    for share in (0.0, 0.4, 1.0):
+        seen = shown(share, jax.random.key(0))
         kept = [np.asarray(a).reshape(64, -1) for a in jax.tree.leaves(seen)]
         assert len(kept) == 9 and all(np.array_equal(a.min(1), a.max(1)) for a in kept)
         assert all(np.array_equal(a[:, 0], kept[0][:, 0]) for a in kept)

@@ -22,9 +22,10 @@ def square(side, size=16):
     return mask
 
 
+@jax.jit
 def loss_of(logits, mask):
-    batch = MaskBatch(np.zeros((*mask.shape, 3), np.float32), mask)
-    return make_mask_loss(Fixed())(jnp.asarray(logits), batch, jax.random.key(0))
+    batch = MaskBatch(jnp.zeros((*mask.shape, 3)), mask)
+    return make_mask_loss(Fixed())(logits, batch, jax.random.key(0))
 
 
 def test_the_true_mask_costs_nothing_and_all_else_does():
@@ -40,18 +41,19 @@ def test_the_true_mask_costs_nothing_and_all_else_does():
 
 def test_the_gradient_leads_to_the_mask():
     mask = square(5)
-    gradient = jax.grad(lambda logits: loss_of(logits, mask)[0])(jnp.zeros(mask.shape))
+    gradient_of = jax.jit(jax.grad(lambda logits: loss_of(logits, mask)[0]))
+    gradient = gradient_of(np.zeros_like(mask))
     assert ((np.asarray(gradient) < 0) == (mask > 0)).all()
 
 
 def test_a_missed_object_costs_as_much_whether_it_is_small_or_large():
+    dice = jax.jit(dice_of)
     for side in (4, 12):
-        assert 1 - dice_of(jnp.zeros((1, 16, 16)), square(side))[0] > 0.9
+        assert 1 - float(dice(np.zeros((1, 16, 16), np.float32), square(side))[0]) > 0.9
 
 
 def test_overlap_counts_pixels():
-    logits = jnp.asarray(4 * square(4) - 2)
-    assert overlap(logits, square(4))[0] == 1
-    assert overlap(logits, square(2))[0] == pytest.approx(4 / 16)
-    assert overlap(logits, square(0))[0] == 0
-    assert overlap(-jnp.ones((1, 16, 16)), square(0))[0] == 1
+    share, logits = jax.jit(overlap), 4 * square(4) - 2
+    found = [float(share(logits, square(side))[0]) for side in (4, 2, 0)]
+    assert found == [1, pytest.approx(4 / 16), 0]
+    assert float(share(-np.ones((1, 16, 16), np.float32), square(0))[0]) == 1

@@ -1,7 +1,6 @@
 """The loss of panels and boards: of a set, of those that are known alone, strictest about faces."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -15,16 +14,16 @@ OUT = {
     "exists": [RNG.normal(size=(2, Q)).astype(np.float32) for _ in range(2)],
     "share": RNG.random(2).astype(np.float32),
 }
-losses = jax.jit(panel_losses)
+losses, of_boards = jax.jit(panel_losses), jax.jit(board_losses)
 
 
 def batch(panels, counts, share=(0.9, 0.2)):
     parts = {name: np.zeros(0) for name in LayoutBatch._fields[:7]}
     return LayoutBatch(
         **parts,
-        panels=jnp.asarray(panels),
-        panel_counts=jnp.array(counts),
-        panel_share=jnp.array(share),
+        panels=panels,
+        panel_counts=np.array(counts, np.int32),
+        panel_share=np.array(share, np.float32),
     )
 
 
@@ -50,15 +49,16 @@ def test_the_order_of_panels_and_what_lies_beyond_them_do_not_matter():
 
 def test_objects_whose_panels_are_not_known_pay_nothing():
     table = panels()
-    gradient = jax.grad(lambda out: panel_losses(out, batch(table, [-1, 3]))["panels"])(OUT)
+    gradient_of = jax.jit(jax.grad(lambda out, batch: panel_losses(out, batch)["panels"]))
+    gradient = gradient_of(OUT, batch(table, [-1, 3]))
     for leaf in jax.tree.leaves(gradient):
         assert not np.asarray(leaf)[0].any()
-    none = jax.grad(lambda out: panel_losses(out, batch(table, [0, 3]))["panels"])(OUT)
+    none = gradient_of(OUT, batch(table, [0, 3]))
     assert np.asarray(none["exists"][1])[0].all()  # that there are none is known
 
 
 def perfect(table):
-    rows, sure = np.zeros((2, Q, 6)), np.full((2, Q), -20.0)
+    rows, sure = np.zeros((2, Q, 6), np.float32), np.full((2, Q), -20, np.float32)
     rows[0, :4], sure[0, :4] = table[0], 20
     rows[1, 2:4], sure[1, 2:4] = table[1, :2], 20
     return rows, sure
@@ -67,8 +67,8 @@ def perfect(table):
 def test_a_perfect_answer_costs_next_to_nothing():
     table = panels()
     rows, sure = perfect(table)
-    out = {"rows": [jnp.asarray(rows)] * 2, "exists": [jnp.asarray(sure)] * 2}
-    found = losses(out | {"share": jnp.array([0.9, 0.2])}, batch(table, [4, 2]))
+    out = {"rows": [rows] * 2, "exists": [sure] * 2, "share": np.float32([0.9, 0.2])}
+    found = losses(out, batch(table, [4, 2]))
     assert float(found["panels"]) < 1e-5 and float(found["panels_row"]) < 1e-6
 
 
@@ -80,8 +80,8 @@ def test_where_a_board_lies_costs_more_than_where_it_ends():
     def cost(column):
         moved = rows.copy()
         moved[0, 0, column] += 0.02
-        out = {"rows": [jnp.asarray(moved)], "exists": [jnp.asarray(sure)]}
-        return float(losses(out | {"share": jnp.array([0.9, 0.2])}, batch(table, [4, 2]))["panels"])
+        out = {"rows": [moved], "exists": [sure], "share": np.float32([0.9, 0.2])}
+        return float(losses(out, batch(table, [4, 2]))["panels"])
 
     assert cost(2) == pytest.approx(cost(5), rel=1e-3) and cost(2) > 5 * cost(0) > 0
 
@@ -95,12 +95,11 @@ def test_boards_are_those_of_the_query_that_a_part_was_matched_to():
     """Parts 0 and 1 of both objects, by queries 2 and 0 of three; what other queries say, and
     parts whose boards are not known, cost nothing."""
     table = np.stack([panels()[:, :3], panels()[:, :3]], 1)  # [2, parts, 3, 6]
-    counts, share = np.array([[3, 2], [1, -1]]), np.array([[0.9, 0.85], [1.0, 0.0]])
-    query = jnp.array([[2, 0], [2, 0]])
-    true = batch(panels(), [0, 0])._replace(
-        boards=jnp.asarray(table), board_counts=jnp.asarray(counts), board_share=jnp.asarray(share)
-    )
-    rows, sure, said = np.zeros((2, 3, 4, 6)), np.full((2, 3, 4), -20.0), np.zeros((2, 3))
+    counts, share = np.int32([[3, 2], [1, -1]]), np.float32([[0.9, 0.85], [1.0, 0.0]])
+    query = np.int32([[2, 0], [2, 0]])
+    true = batch(panels(), [0, 0])._replace(boards=table, board_counts=counts, board_share=share)
+    rows, sure = np.zeros((2, 3, 4, 6), np.float32), np.full((2, 3, 4), -20, np.float32)
+    said = np.zeros((2, 3), np.float32)
     for part, q in enumerate((2, 0)):
         for item in range(2):
             here = max(counts[item, part], 0)
@@ -108,9 +107,8 @@ def test_boards_are_those_of_the_query_that_a_part_was_matched_to():
             said[item, q] = share[item, part]
 
     def cost(rows, sure, said):
-        out = {"rows": [jnp.asarray(rows)] * 2, "exists": [jnp.asarray(sure)] * 2}
-        found = board_losses(out | {"share": jnp.asarray(said)}, true, query)
-        return float(found["boards"])
+        out = {"rows": [rows] * 2, "exists": [sure] * 2, "share": said}
+        return float(of_boards(out, true, query)["boards"])
 
     assert cost(rows, sure, said) < 1e-5
     other = [x.copy() for x in (rows, sure, said)]
@@ -129,12 +127,13 @@ def test_boards_are_those_of_the_query_that_a_part_was_matched_to():
 def test_boards_that_are_little_of_a_part_pay_for_the_share():
     table = panels()[:, None]
     true = batch(panels(), [0, 0])._replace(
-        boards=jnp.asarray(table),
-        board_counts=jnp.array([[4], [4]]),
-        board_share=jnp.array([[0.3], [0.9]]),
+        boards=table,
+        board_counts=np.int32([[4], [4]]),
+        board_share=np.float32([[0.3], [0.9]]),
     )
     out = jax.tree.map(lambda x: x[:, None], OUT)
-    gradient = jax.grad(lambda out: board_losses(out, true, jnp.zeros((2, 1), int))["boards"])(out)
+    query = np.zeros((2, 1), np.int32)
+    gradient = jax.jit(jax.grad(lambda out: board_losses(out, true, query)["boards"]))(out)
     assert not np.asarray(gradient["rows"][1])[0].any()
     assert not np.asarray(gradient["exists"][1])[0].any()
     assert np.asarray(gradient["rows"][1])[1].any() and np.asarray(gradient["share"]).all()
@@ -143,19 +142,18 @@ def test_boards_that_are_little_of_a_part_pay_for_the_share():
 def test_terms_of_boards_are_means_over_those_that_count():
     """Of three parts one is no set of boards and one is not known; without any all is 0."""
     table = np.stack([panels()[0]] * 3)[None]
-    counts, share = np.array([[4, 4, -1]]), np.array([[0.9, 0.2, 0.0]])
-    true = batch(panels(), [0, 0])._replace(
-        boards=jnp.asarray(table), board_counts=jnp.asarray(counts), board_share=jnp.asarray(share)
-    )
+    counts, share = np.int32([[4, 4, -1]]), np.float32([[0.9, 0.2, 0.0]])
+    true = batch(panels(), [0, 0])._replace(boards=table, board_counts=counts, board_share=share)
     out = {
-        "rows": [jnp.asarray(table) + 0.1],
-        "exists": [jnp.full((1, 3, 4), 20.0)],
-        "share": jnp.array([[0.9, 0.6, 0.5]]),
+        "rows": [table + np.float32(0.1)],
+        "exists": [np.full((1, 3, 4), 20, np.float32)],
+        "share": np.float32([[0.9, 0.6, 0.5]]),
     }
-    found = board_losses(out, true, jnp.arange(3)[None])
+    query = np.arange(3, dtype=np.int32)[None]
+    found = of_boards(out, true, query)
     size = table[0, 0, :, 3:] - table[0, 0, :, :3]
     weight = 0.15 / (size + 0.05) + 0.5
     assert float(found["boards_row"]) == pytest.approx(0.1, rel=1e-4)
     assert float(found["boards"]) == pytest.approx(5 * 0.1 * weight.mean() + 0.3 * 0.2, rel=1e-3)
-    none = board_losses(out, true._replace(board_counts=jnp.full((1, 3), -1)), jnp.arange(3)[None])
+    none = of_boards(out, true._replace(board_counts=np.full_like(counts, -1)), query)
     assert {name: float(value) for name, value in none.items()} == {"boards": 0, "boards_row": 0}
