@@ -4,7 +4,6 @@ a shape, and without zeros, behind which mistakes would hide."""
 import sys
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 
@@ -21,7 +20,7 @@ def parameters(network, seed: int = 0):
             values /= np.sqrt(np.prod(leaf.shape[:-1]))
         else:
             values *= 0.02
-        return jnp.asarray(values, leaf.dtype)
+        return jax.device_put(np.asarray(values, leaf.dtype))
 
     return jax.tree_util.tree_map_with_path(draw, network.abstract())
 

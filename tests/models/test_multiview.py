@@ -40,7 +40,7 @@ def test_projection_by_hand():
     extrinsics, intrinsics = camera_matrices(orbit(0.0)[None], FOV)  # on +x: y right, z up
     reach = 2.0 * np.tan(FOV / 2)  # half the picture at the origin's depth
     points = np.array([[0, 0, 0], [0, reach, 0], [0, 0, reach / 2], [1, reach / 2, 0], [3, 0, 0]])
-    uv = project(jnp.asarray(points, jnp.float32), extrinsics[0], intrinsics[0])
+    uv = project(np.float32(points), extrinsics[0], intrinsics[0])
     np.testing.assert_allclose(uv[:4], [[0, 0], [1, 0], [0, -0.5], [1, 0]], atol=1e-6)
     assert (np.abs(uv[4]) > 100).all()  # behind the camera
     tele = camera_matrices(np.stack([orbit(0.0)] * 2), [FOV, FOV / 2])[1]
@@ -51,17 +51,17 @@ def test_projection_by_hand():
 
 
 def test_bilinear_samples_by_hand():
-    patches = jnp.arange(12.0).reshape(3, 4, 1)  # value = 4 row + column
+    patches = np.arange(12, dtype=np.float32).reshape(3, 4, 1)  # value = 4 row + column
     column, row = np.meshgrid(np.arange(4), np.arange(3))
     places = np.stack([(column + 0.5) / 4, (row + 0.5) / 3], -1).reshape(-1, 2) * 2 - 1
-    at_centers = sample_patches(patches, jnp.asarray(places, jnp.float32))
+    at_centers = sample_patches(patches, np.float32(places))
     np.testing.assert_allclose(at_centers, patches.reshape(-1, 1), atol=1e-5)
-    middle = sample_patches(patches, jnp.zeros((1, 2)))  # row 1, between columns 1 and 2
+    middle = sample_patches(patches, np.zeros((1, 2), np.float32))  # row 1, between columns 1 and 2
     np.testing.assert_allclose(middle, [[5.5]], atol=1e-6)
     # a quarter of a cell beyond the first column's centre and half a cell above the first row's:
     # the corner (0, 0), fading
-    outside = jnp.array([[0.25 / 4 * 2 - 1, 0.0 - 1], [-1.5, 0.0], [1e3, 1e3]])
-    ones = sample_patches(jnp.ones((3, 4, 1)), outside)
+    outside = np.float32([[0.25 / 4 * 2 - 1, 0.0 - 1], [-1.5, 0.0], [1e3, 1e3]])
+    ones = sample_patches(np.ones((3, 4, 1), np.float32), outside)
     np.testing.assert_allclose(ones, [[0.75 * 0.5], [0.0], [0.0]], atol=1e-5)
 
 
@@ -79,7 +79,7 @@ def test_the_mean_is_of_all_views_and_padding_is_zero():
     patches, points = rng.normal(size=(7, 5, 5, 3)).astype(np.float32), centers(20)
     expected = np.mean(
         [
-            sample_patches(jnp.asarray(p), project(jnp.asarray(points), e, k))
+            sample_patches(p, project(points, e, k))
             for p, e, k in zip(patches, extrinsics, intrinsics, strict=True)
         ],
         0,

@@ -30,7 +30,7 @@ def test_uniart_vae_ignores_padding(attention, linear_path, qk_rms_norm):
     )
     network = build("uniart_vae", model)
     params = init(network)
-    voxels = jnp.asarray([[0, 5, 60], [36, 2, 2]])
+    voxels = np.int32([[0, 5, 60], [36, 2, 2]])
 
     @jax.jit
     def step(params, batch):
@@ -202,7 +202,7 @@ def test_codes_and_boxes_are_gathered_by_part():
     other = batch.owner[b, v][other_part[b, v]][0]
     np.testing.assert_array_equal(found["own"][b, v], batch.boxes[b, batch.voxel_part[b, v]])
     np.testing.assert_array_equal(found["other"][b, v], batch.boxes[b, other])
-    chosen = jax.device_get(voxel_boxes(batch, jnp.asarray([[1], [5]])))
+    chosen = jax.device_get(voxel_boxes(batch, np.int32([[1], [5]])))
     for name, values in chosen.items():
         np.testing.assert_array_equal(values[1, 0], found[name][1, 5])
 
@@ -245,8 +245,8 @@ def test_the_decoded_loss_is_least_at_the_true_latent_and_moves_only_the_guess()
     model = vae_config()
     network, batch = build("uniart_vae", model), voxel_batch(model)
     params = init(network)
-    truth = jnp.asarray(np.random.default_rng(3).normal(size=(2, 70, 4)), jnp.float32)
-    rows = jnp.asarray([[0, 5, 60], [36, 2, 2]])
+    truth = np.random.default_rng(3).normal(size=(2, 70, 4)).astype(np.float32)
+    rows = np.int32([[0, 5, 60], [36, 2, 2]])
 
     @jax.jit
     def both(guess, truth):

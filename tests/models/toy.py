@@ -4,7 +4,6 @@ import dataclasses
 import functools
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from uniart_jax.config import (
@@ -77,11 +76,16 @@ def latent_config(**changes):
     return dataclasses.replace(MODEL, latent_flow=dataclasses.replace(MODEL.latent_flow, **changes))
 
 
+def put(values, dtype=np.float32):
+    """An array of JAX's. ``jnp.asarray`` would compile a program a shape to convert it."""
+    return jax.device_put(np.asarray(values, dtype))
+
+
 def init(network, seed=0):
     """Parameters without zeros (zero-initialised layers would hide what flows through them)."""
     shapes = network.abstract()
     rng = np.random.default_rng(seed)
-    return jax.tree.map(lambda s: jnp.asarray(rng.normal(0, 0.2, s.shape), jnp.float32), shapes)
+    return jax.tree.map(lambda s: put(rng.normal(0, 0.2, s.shape)), shapes)
 
 
 def voxel_batch(model, width=70, seed=0, garbage=None):
@@ -124,8 +128,8 @@ def finite(tree):
 
 def flow_arguments(draws=1, seed=0):
     rng = np.random.default_rng(seed)
-    f = lambda *s: jnp.asarray(rng.normal(size=s), jnp.float32)  # noqa: E731
-    return f(2, 9, 16), f(2, 4, 4, 4, 5), jnp.asarray(rng.random(2 * draws), jnp.float32)
+    f = lambda *s: put(rng.normal(size=s))  # noqa: E731
+    return f(2, 9, 16), f(2, 4, 4, 4, 5), put(rng.random(2 * draws))
 
 
 def flow_views(views=2, seed=0):
@@ -133,7 +137,7 @@ def flow_views(views=2, seed=0):
     rng = np.random.default_rng(seed)
     maps = rng.normal(size=(2, views, 8, 8, pixel_width(MODEL.image_encoder)))
     cameras = np.array(TYPICAL) + rng.normal(0, 0.1, (2, views, 7))
-    return jnp.asarray(maps, jnp.float32), jnp.asarray(cameras, jnp.float32)
+    return put(maps), put(cameras)
 
 
 def flow_table(seed=0):
@@ -143,6 +147,6 @@ def flow_table(seed=0):
         [rng.uniform(-0.3, 0.3, (2, 5, 3)), rng.uniform(0.05, 0.5, (2, 5, 3))], -1
     )
     floats = (boxes, rng.normal(size=(2, 5, 9)), rng.random((2, 5, 3)))
-    boxes, codes, colors = (jnp.asarray(a, jnp.float32) for a in floats)
-    parents = jnp.asarray(rng.integers(0, 3, (2, 5)), jnp.int32)
-    return PartTable(boxes, codes, parents, colors, jnp.array([4, 3], jnp.int32))
+    boxes, codes, colors = (put(a) for a in floats)
+    parents = put(rng.integers(0, 3, (2, 5)), np.int32)
+    return PartTable(boxes, codes, parents, colors, put([4, 3], np.int32))

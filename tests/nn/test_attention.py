@@ -19,7 +19,7 @@ LOGITS = [1 << 6, 1 << 13, 1 << 20]
 
 
 def arrays(*shape, count=3, seed=0):
-    return [jax.random.normal(k, shape) for k in jax.random.split(jax.random.key(seed), count)]
+    return list(np.random.default_rng(seed).normal(size=(count, *shape)).astype(np.float32))
 
 
 def reference(q, k, v, lengths):
@@ -58,7 +58,7 @@ def gradients(function, *x):
 def test_attend_is_softmax_attention(monkeypatch, logits):
     monkeypatch.setattr(attention_xla, "CPU_LOGITS", logits)
     q, k, v = arrays(3, 70, 2, 8)
-    lengths = jnp.array([70, 33, 1])
+    lengths = np.int32([70, 33, 1])
     out = jax.jit(attend)(q, k, v, lengths)
     np.testing.assert_allclose(out, reference(q, k, v, lengths), atol=1e-5)
     np.testing.assert_allclose(jax.jit(attend)(q, k, v), reference(q, k, v, [70] * 3), atol=1e-5)
@@ -70,8 +70,8 @@ def test_gradient_is_plain_attentions(monkeypatch, logits, keys):
     monkeypatch.setattr(attention_xla, "CPU_LOGITS", logits)
     (q,) = arrays(2, 40, 2, 8, count=1)
     k, v = arrays(2, keys, 2, 8, count=2, seed=1)
-    lengths = jnp.array([keys, 17])
-    seen = jnp.broadcast_to((jnp.arange(keys) < lengths[:, None])[:, None], (2, 40, keys))
+    lengths = np.int32([keys, 17])
+    seen = np.broadcast_to((np.arange(keys) < lengths[:, None])[:, None], (2, 40, keys))
     ours = gradients(lambda q, k, v: attend(q, k, v, lengths), q, k, v)
     for a, b in zip(ours, gradients(lambda *x: plain(*x, seen), q, k, v), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-5)
@@ -81,17 +81,17 @@ def test_gradient_is_plain_attentions(monkeypatch, logits, keys):
 def test_garbage_in_padding_reaches_nothing(monkeypatch, kernel):
     monkeypatch.setattr(attention_xla, "CPU_LOGITS", 1 << 9)
     q, k, v = arrays(3, 40, 2, 8)
-    lengths = jnp.array([40, 17, 0])
-    padding = (jnp.arange(40) >= lengths[:, None])[..., None, None]
-    clean = [jnp.where(padding, 0, x) for x in (q, k, v)]
+    lengths = np.int32([40, 17, 0])
+    padding = (np.arange(40) >= lengths[:, None])[..., None, None]
+    clean = [np.where(padding, np.float32(0), x) for x in (q, k, v)]
 
     @jax.jit
     def run(q, k, v):
         return attend(q, k, v, lengths, query_lengths=lengths, kernel=kernel)
 
     gradient = jax.jit(jax.grad(lambda *x: jnp.square(run(*x)).sum(), (0, 1, 2)))
-    for garbage in (1e6, jnp.nan, jnp.inf):
-        dirty = [jnp.where(padding, garbage, x) for x in (q, k, v)]
+    for garbage in np.float32([1e6, np.nan, np.inf]):
+        dirty = [np.where(padding, garbage, x) for x in (q, k, v)]
         np.testing.assert_array_equal(run(*dirty), run(*clean))
         assert not np.asarray(run(*dirty))[np.broadcast_to(padding, q.shape)].any()
         for a, b in zip(gradient(*dirty), gradient(*clean), strict=True):
@@ -105,7 +105,7 @@ def on_rows(kernel, queries, keys, masked):
     """Attention of rows with all keys, one and none (``masked``), and its gradients."""
     (q,) = arrays(3, queries, 2, 16, count=1)
     k, v = arrays(3, keys, 2, 16, count=2, seed=1)
-    lengths = jnp.array([keys, 1, 0]) if masked else None
+    lengths = np.int32([keys, 1, 0]) if masked else None
 
     return with_gradients(lambda *x: attend(*x, lengths, kernel=kernel), q, k, v)
 
@@ -143,10 +143,11 @@ def masked_attention():
     (qkv,) = arrays(2, 150, 3, 2, 16, count=1)
 
     def expected(x):
-        out = plain(*(x.reshape(2, 150, 3, 2, 16)[:, :, i] for i in range(3)), jnp.asarray(seen))
+        out = plain(*(x.reshape(2, 150, 3, 2, 16)[:, :, i] for i in range(3)), seen)
         return jnp.where(valid[:, :, 0], out, 0).reshape(300, 2, 16)
 
-    clean, dirty = (a.reshape(300, 3, 2, 16) for a in (qkv, jnp.where(valid, qkv, jnp.nan)))
+    spoiled = np.where(valid, qkv, np.float32(np.nan))
+    clean, dirty = (a.reshape(300, 3, 2, 16) for a in (qkv, spoiled))
     return dirty, *with_gradients(expected, clean)
 
 
@@ -170,7 +171,7 @@ BY_DAY = {  # every way with two kinds of plans, every kind with at least two wa
 def test_segments_are_masked_attention(monkeypatch, kind, kernel, logits):
     """Every plan and kernel, forward and gradient, NaN in the padding; lengths are odd."""
     monkeypatch.setattr(attention_xla, "CPU_LOGITS", logits)
-    plan = jax.tree.map(jnp.asarray, plans()[0][kind])
+    plan = plans()[0][kind]
     dirty, out, (gradient,) = masked_attention()
     found, (slope,) = with_gradients(lambda x: attend_segments(x, plan, kernel=kernel), dirty)
     np.testing.assert_allclose(found, out, atol=2e-5)
@@ -218,7 +219,7 @@ def test_segments_keep_nan_in_padding():
     counts = np.array([30, 19])
     layer = SelfAttention(8, 2, nnx.Rngs(0))
     plan = plan_segments(np.zeros((2, 30), int), counts, ((2, 30),))
-    dirty = jnp.where((jnp.arange(30) < counts[:, None])[..., None], x, jnp.nan)
+    dirty = np.where((np.arange(30) < counts[:, None])[..., None], x, np.float32(np.nan))
     run = jax.jit(lambda x: layer(x, plan))
     np.testing.assert_array_equal(run(dirty), run(x))
     gradient = jax.jit(jax.grad(lambda x: jnp.square(run(x)).sum()))
@@ -229,7 +230,7 @@ def test_permuted_rows_have_a_gathered_gradient():
     (x,) = arrays(12, 3, count=1)
     plan = plan_segments(np.arange(12).reshape(2, 6) % 3, np.array([6, 4]), ((6, 3),))
     index, inverse = plan.buckets[0].index.reshape(-1), plan.inverse[0]
-    expected = jnp.where((jnp.arange(12) < 10)[:, None], jnp.cos(x), 0)
+    expected = np.where((np.arange(12) < 10)[:, None], np.cos(x), 0)
     (found,) = gradients(lambda x: permute_rows(x, index, inverse), x)
     np.testing.assert_allclose(found, expected, atol=1e-6)
     assert "scatter" not in str(
@@ -240,7 +241,7 @@ def test_permuted_rows_have_a_gathered_gradient():
 @pytest.mark.parametrize("norm", [RMSNorm(2, 4), lambda x: layer_norm(x, 1e-6)])
 def test_norms_have_finite_gradients_at_zero(norm):
     gradient = jax.jit(jax.grad(lambda x: norm(x).sum()))
-    assert np.isfinite(gradient(jnp.zeros((3, 2, 4)))).all()
+    assert np.isfinite(gradient(np.zeros((3, 2, 4), np.float32))).all()
 
 
 @pytest.mark.parametrize(("rows", "queries", "keys"), [(0, 3, 4), (2, 0, 4), (2, 3, 0)])

@@ -1,7 +1,7 @@
 import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy.ndimage
+from copies import replaced
 
 from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.images import MARGIN
@@ -33,23 +33,24 @@ def test_project_agrees_with_the_renderers_camera_after_the_crop():
         camera, code, corner, side = _seen(rng, rows, columns)
         points = rng.uniform(-0.5, 0.5, (50, 3))
         expected = (camera.project(points, SIZE) - corner) / side * 2 - 1
-        places, depth = project(jnp.asarray(code), jnp.asarray(points, jnp.float32))
+        places, depth = project(code, np.float32(points))
         np.testing.assert_allclose(places[0], expected, atol=2e-5)
         np.testing.assert_allclose(depth[0], (points @ camera.matrix()[:3, :3].T)[:, 2], atol=1e-5)
 
 
 def test_mirrored_code_sees_the_mirrored_point_in_the_flipped_place():
     _, code, _, _ = _seen(np.random.default_rng(1), (3, 50), (20, 41))
-    points = jnp.asarray(np.random.default_rng(2).uniform(-0.5, 0.5, (20, 3)), jnp.float32)
-    places, depth = project(jnp.asarray(code), points)
-    flipped, same = project(jnp.asarray(mirror_camera_codes(code)), points * jnp.array([1, -1, 1]))
-    np.testing.assert_allclose(flipped, places * jnp.array([-1, 1]), atol=1e-6)
+    points = np.random.default_rng(2).uniform(-0.5, 0.5, (20, 3)).astype(np.float32)
+    places, depth = project(code, points)
+    mirrored = points * np.float32([1, -1, 1])
+    flipped, same = project(mirror_camera_codes(code), mirrored)
+    np.testing.assert_allclose(flipped, np.asarray(places) * [-1, 1], atol=1e-6)
     np.testing.assert_allclose(same, depth, atol=1e-6)
 
 
 def test_a_code_of_no_length_and_a_point_behind_the_camera_stay_finite():
     code = np.array([[0, 0, 0, 1.6, 5.0, 0, 0]], np.float32)
-    points = jnp.array([[0.5, 0.5, 0.5], [-0.5, 0.5, 0.0]])
+    points = np.float32([[0.5, 0.5, 0.5], [-0.5, 0.5, 0.0]])
     value, gradient = jax.jit(jax.value_and_grad(lambda c: project(c, points)[0].sum()))(code)
     assert np.isfinite(value) and np.isfinite(gradient).all()
 
@@ -58,7 +59,7 @@ def test_sample_map_interpolates_rows_and_columns():
     rng = np.random.default_rng(3)
     features = rng.normal(size=(2, 6, 6, 3)).astype(np.float32)
     places = rng.uniform(-1.3, 1.3, (2, 40, 2)).astype(np.float32)
-    found = sample_map(jnp.asarray(features), jnp.asarray(places))
+    found = np.asarray(sample_map(features, places))
     for b in range(2):
         x, y = (places[b].T + 1) * 3 - 0.5
         for c in range(3):
@@ -70,25 +71,25 @@ def test_sample_map_interpolates_rows_and_columns():
 
 def test_read_map_is_sample_map_by_other_means():
     rng = np.random.default_rng(4)
-    features = jnp.asarray(rng.normal(size=(2, 6, 6, 3)), jnp.float32)
-    places = jnp.asarray(rng.uniform(-1.3, 1.3, (2, 40, 2)), jnp.float32)
+    features = rng.normal(size=(2, 6, 6, 3)).astype(np.float32)
+    places = rng.uniform(-1.3, 1.3, (2, 40, 2)).astype(np.float32)
     found = jax.jit(jax.vmap(read_map))(features, places)
     np.testing.assert_allclose(found, sample_map(features, places), atol=1e-5)
 
 
 def test_hidden_depth_is_measured_from_the_foremost_valid_point_of_the_same_cell():
-    places = jnp.array([[-0.9, -0.9], [-0.6, -0.7], [-0.9, 0.9], [0.9, -0.9], [-0.8, -0.8]])
-    depth = jnp.array([0.3, 0.1, 0.5, -0.2, -5.0])
-    valid = jnp.array([True, True, True, True, False])
+    places = np.float32([[-0.9, -0.9], [-0.6, -0.7], [-0.9, 0.9], [0.9, -0.9], [-0.8, -0.8]])
+    depth = np.float32([0.3, 0.1, 0.5, -0.2, -5.0])
+    valid = np.array([True, True, True, True, False])
     found = hidden_depth(places, depth, valid, 2)
     np.testing.assert_allclose(found, [0.2, 0, 0, 0, 0], atol=1e-6)
 
 
 def test_only_points_that_hide_others_are_the_front():
-    places = jnp.array([[-0.9, -0.9], [-0.6, -0.7], [-0.9, -0.8], [0.9, 0.9]])
-    depth = jnp.array([0.3, 0.1, 0.5, 0.2])
-    valid = jnp.array([True, True, True, True])
-    found = hidden_depth(places, depth, valid, 2, jnp.array([True, False, False, False]))
+    places = np.float32([[-0.9, -0.9], [-0.6, -0.7], [-0.9, -0.8], [0.9, 0.9]])
+    depth = np.float32([0.3, 0.1, 0.5, 0.2])
+    valid = np.array([True, True, True, True])
+    found = hidden_depth(places, depth, valid, 2, np.array([True, False, False, False]))
     np.testing.assert_allclose(found, [0, -0.2, 0.2, -np.inf], atol=1e-6)
 
 
@@ -99,9 +100,9 @@ def _pixels(views=3, width=64):
     for b, n in enumerate(counts):
         coords[b, :n] = rng.integers(0, 8, (n, 3))
     codes = [_seen(rng, (3, 50), (20, 41))[1][0] for _ in range(2 * views)]
-    cameras = jnp.asarray(np.reshape(codes, (2, views, 7)), jnp.float32)
-    maps = jnp.asarray(rng.normal(size=(2, views, 16, 16, 4)), jnp.float32)
-    return maps, cameras, jnp.asarray(coords), jnp.asarray(counts)
+    cameras = np.reshape(codes, (2, views, 7)).astype(np.float32)
+    maps = rng.normal(size=(2, views, 16, 16, 4)).astype(np.float32)
+    return maps, cameras, coords, counts
 
 
 def test_voxels_read_the_picture_where_the_camera_sees_them():
@@ -109,33 +110,37 @@ def test_voxels_read_the_picture_where_the_camera_sees_them():
     _, cameras, coords, counts = _pixels()
     side = (np.arange(16) + 0.5) / 8 - 1
     x, y = np.meshgrid(side, side)
-    maps = jnp.broadcast_to(jnp.asarray(np.stack([x, y], -1), jnp.float32), (2, 3, 16, 16, 2))
-    read = read_pixels(maps, cameras, coords, counts, 8)
+    maps = np.broadcast_to(np.float32(np.stack([x, y], -1)), (2, 3, 16, 16, 2))
+    read = np.asarray(read_pixels(maps, cameras, coords, counts, 8))
     assert read.shape == (2, 3, 64, 3)
     for b, n in enumerate(counts):
-        centers = (coords[b, :n] + 0.5) / 8 - 0.5
-        places, depth = project(cameras[b], centers)
+        centers = np.float32((coords[b, :n] + 0.5) / 8 - 0.5)
+        places, depth = jax.device_get(project(cameras[b], centers))
         np.testing.assert_allclose(
             read[b, :, :n, :2], np.clip(places, -15 / 16, 15 / 16), atol=1e-5
         )
         for view in range(3):
-            behind = hidden_depth(places[view], depth[view], jnp.ones(n, bool), 16)
+            behind = np.asarray(hidden_depth(places[view], depth[view], np.ones(n, bool), 16))
             assert behind.max() > 0.02
             np.testing.assert_allclose(read[b, view, :n, 2], np.tanh(behind * 2), atol=1e-5)
 
 
 def test_reading_pixels_knows_no_padding_and_no_view_without_a_camera():
     maps, cameras, coords, counts = _pixels()
-    run, unseen = read_pixels, np.array(cameras)
+    unseen = cameras.copy()
+
+    def run(*given):
+        return np.asarray(read_pixels(*given))
+
     unseen[1, 2] = 0
     read = run(maps, unseen, coords, counts, 8)
-    assert not np.asarray(read[1, 2]).any() and np.asarray(read[1, 1]).any()
+    assert not read[1, 2].any() and read[1, 1].any()
     whole = run(maps, cameras, coords, counts, 8)
-    everywhere = jnp.asarray(np.tile(np.argwhere(np.ones((8, 8, 8))), (2, 1, 1)), jnp.int32)
+    everywhere = np.tile(np.argwhere(np.ones((8, 8, 8))), (2, 1, 1)).astype(np.int32)
     for b, n in enumerate(counts):  # padding before every voxel, as seen from anywhere
-        filled = jnp.concatenate([coords[:, :n], everywhere], 1)
-        padded = run(maps, cameras, filled, counts.at[b].set(n), 8)
-        hidden = run(maps, cameras, filled, jnp.full(2, n + 512), 8)
+        filled = np.concatenate([coords[:, :n], everywhere], 1)
+        padded = run(maps, cameras, filled, replaced(counts, b, n), 8)
+        hidden = run(maps, cameras, filled, np.full(2, n + 512, np.int32), 8)
         np.testing.assert_allclose(padded[b, :, :n], whole[b, :, :n], atol=1e-6)
         assert np.abs(hidden[b, :, :n, -1] - whole[b, :, :n, -1]).max() > 0.1
 

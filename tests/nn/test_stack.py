@@ -19,7 +19,7 @@ def stack(depth, width=16):
 def step(depth, scan, remat, period=2):
     """(loss and gradients of a stack's parameters and input, its inputs)."""
     graph, state = nnx.split(stack(depth))
-    lengths = [jnp.array([9, 4]), jnp.array([5, 9])]
+    lengths = [np.int32([9, 4]), np.int32([5, 9])]
 
     def loss(state, h):
         blocks = nnx.merge(graph, state)
@@ -28,7 +28,7 @@ def step(depth, scan, remat, period=2):
         )
         return jnp.square(out).mean()
 
-    h = jax.random.normal(jax.random.key(1), (2, 9, 16))
+    h = np.random.default_rng(1).normal(size=(2, 9, 16)).astype(np.float32)
     return jax.value_and_grad(loss, (0, 1)), (state, h)
 
 
