@@ -28,7 +28,7 @@ def names_in(folder):
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def made(tmp_path_factory, small_pictures):
     """Two samples, untried in engines, of three that were asked for; and all that was told."""
     folder, told = tmp_path_factory.mktemp("made"), []
     pipeline = ToyPipeline(bad=(8,))

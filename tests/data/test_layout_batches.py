@@ -30,16 +30,22 @@ def data(tmp_path_factory):
         layout_batches._shuffled.cache_clear()
 
 
+def taken(data, count, **shares):
+    """The first batches of two. A few are made ahead, and every block of objects takes long, so
+    they are no larger."""
+    batches = iter(layout_batches.layout_batches(data, MODEL, 2, **shares))
+    found = list(itertools.islice(batches, count))
+    batches.close()
+    return found
+
+
 def test_a_training_begins_at_its_first_block(data):
     """What it shows in a window is those blocks' objects, each ``reuse`` times; none is of
     others."""
-    later = dataclasses.replace(data, first_block=4, mirror=False)
-    batches = itertools.islice(
-        layout_batches.layout_batches(later, MODEL, 4), 3
-    )  # 12: a whole window
-    shown = np.concatenate([batch.boxes for batch in batches])
+    later = dataclasses.replace(data, first_block=2, mirror=False)
+    shown = np.concatenate([batch.boxes for batch in taken(later, 6)])  # 12: a whole window
     settings = layouts.settings_of(data, MODEL)
-    held = np.concatenate([layouts.load_block(data.layouts, n, settings)["boxes"] for n in (4, 5)])
+    held = np.concatenate([layouts.load_block(data.layouts, n, settings)["boxes"] for n in (2, 3)])
     places = [np.flatnonzero((held == boxes).all((1, 2))).tolist() for boxes in shown]
     assert sorted(places) == sorted([[k] for k in range(6)] * 2)
     for given, said in (({"first_block": -1}, "first_block is -1"), ({"photographs": 5}, "is 5;")):
@@ -48,15 +54,12 @@ def test_a_training_begins_at_its_first_block(data):
 
 
 def test_batches_resume_and_are_shared(data):
-    whole = list(itertools.islice(layout_batches.layout_batches(data, MODEL, 4), 5))
-    later = iter(layout_batches.layout_batches(data, MODEL, 4))
-    later.set_state({"batch": 3, "batch_size": 4})
-    np.testing.assert_array_equal(next(later).image, whole[3].image)
+    whole = taken(data, 7)  # the last is of the second window
+    later = iter(layout_batches.layout_batches(data, MODEL, 2))
+    later.set_state({"batch": 6, "batch_size": 2})
+    np.testing.assert_array_equal(next(later).image, whole[6].image)
     later.close()
-    halves = [
-        next(iter(layout_batches.layout_batches(data, MODEL, 4, process_index=i, process_count=2)))
-        for i in (0, 1)
-    ]
+    halves = [taken(data, 1, process_index=i, process_count=2)[0] for i in (0, 1)]
     np.testing.assert_array_equal(np.concatenate([h.boxes for h in halves]), whole[0].boxes)
 
 
@@ -83,15 +86,7 @@ def test_mirrored_items_belong_together(data):
 def test_a_share_is_shown_as_photographs(data):
     """Others each time, with the truth of the same objects; the rest is as without."""
     plain, mixed, all_of_them = (
-        list(
-            itertools.islice(
-                layout_batches.layout_batches(
-                    dataclasses.replace(data, photographs=share), MODEL, 4
-                ),
-                3,
-            )
-        )
-        for share in (0.0, 0.5, 1.0)
+        taken(dataclasses.replace(data, photographs=share), 6) for share in (0.0, 0.5, 1.0)
     )
     pictures = [np.concatenate([b.image for b in run]) for run in (plain, mixed, all_of_them)]
     for run in (mixed, all_of_them):

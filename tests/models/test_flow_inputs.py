@@ -14,6 +14,7 @@ from toy import (
     flow_views,
     init,
     latent_config,
+    one_block,
     voxel_batch,
 )
 
@@ -21,7 +22,7 @@ from uniart_jax.nn.grids import flow_plan
 
 
 def test_pixels_matter_where_they_are_seen_and_the_order_of_views_does_not():
-    model = latent_config(voxel_channels=8, pixel_channels=6)
+    model = one_block(voxel_channels=8, pixel_channels=6)
     network = build("latent_flow", model)
     params = init(network)
     tokens, volume, t = flow_arguments()
@@ -45,7 +46,7 @@ def test_pixels_matter_where_they_are_seen_and_the_order_of_views_does_not():
 
 def test_reading_pixels_begins_at_nothing():
     """So that a flow trained without goes on as it was."""
-    plain, more = latent_config(voxel_channels=8), latent_config(voxel_channels=8, pixel_channels=6)
+    plain, more = one_block(voxel_channels=8), one_block(voxel_channels=8, pixel_channels=6)
     network = build("latent_flow", more)
     tokens, volume, t = flow_arguments()
     batch = voxel_batch(more)

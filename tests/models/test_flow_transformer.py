@@ -17,6 +17,7 @@ from toy import (
     flow_views,
     init,
     latent_config,
+    one_block,
     voxel_batch,
 )
 
@@ -81,7 +82,7 @@ ANY_WIDTH = {"patch-voxel-pixel", "conv-cross-norm"}
     ],
 )
 def test_latent_flow_ignores_padding(name):
-    model = latent_config(**LATENT_FLOWS[name])
+    model = one_block(**LATENT_FLOWS[name])
     network = build("latent_flow", model)
     params = init(network)
     tokens, volume, t = flow_arguments()
@@ -143,7 +144,7 @@ def test_a_latent_flow_of_the_other_direction_is_its_mirror_image(prediction):
 
 
 def test_latent_flow_draws_share_voxels():
-    model = latent_config(voxel_channels=8, pixel_channels=6, layout_channels=6)
+    model = one_block(voxel_channels=8, pixel_channels=6, layout_channels=6)
     network = build("latent_flow", model)
     params = init(network)
     tokens, volume, t = flow_arguments(2)
@@ -164,7 +165,7 @@ def test_latent_flow_draws_share_voxels():
 
 
 def test_draws_of_one_picture_may_have_voxels_of_their_own():
-    model = latent_config(voxel_channels=8, pixel_channels=6)
+    model = one_block(voxel_channels=8, pixel_channels=6)
     network = build("latent_flow", model)
     params = init(network)
     tokens, volume, t = flow_arguments()

@@ -76,6 +76,9 @@ def latent_config(**changes):
     return dataclasses.replace(MODEL, latent_flow=dataclasses.replace(MODEL.latent_flow, **changes))
 
 
+one_block = functools.partial(latent_config, num_blocks=1)
+
+
 def put(values, dtype=np.float32):
     """An array of JAX's. ``jnp.asarray`` would compile a program a shape to convert it."""
     return jax.device_put(np.asarray(values, dtype))

@@ -126,10 +126,14 @@ def check_gaussian_decoder(case):
     run = jax.jit(build("gaussian_decoder", model).apply)
     raw = np.asarray(run(networks["gaussian_decoder"].params, feats, batch))
     np.testing.assert_allclose(raw[rows], case.outputs["raw"], **CLOSE)
+
+    @jax.jit
+    def parameters(raw, coords):
+        stored = gaussian_parameters(raw, coords, model.gaussians, model.grid.resolution)
+        return stored, activated(stored, model.gaussians)
+
     for i, count in enumerate(batch.counts):
-        coords = batch.coords[i, :count]
-        stored = gaussian_parameters(raw[i, :count], coords, model.gaussians, model.grid.resolution)
-        drawn = activated(stored, model.gaussians)
+        stored, drawn = parameters(raw[i, :count], batch.coords[i, :count])
         pairs = [(f"{i}_{name}", value) for name, value in stored.items()]
         pairs += [(f"{i}_get_{name}", drawn[name]) for name in ("scaling", "opacity", "rotation")]
         for key, value in pairs:
@@ -161,7 +165,8 @@ def check_dinov2(case):
     np.testing.assert_allclose(x, case.outputs["x_prenorm"], **CLOSE)
     tokens = jax.jit(network.apply)(params, image * np.array(IMAGE_STD) + np.array(IMAGE_MEAN))
     np.testing.assert_allclose(tokens["tokens"], case.outputs["trellis_cond"], **CLOSE)
-    normed = np.asarray(network.apply(params, x, method="final_norm"))
+    final_norm = jax.jit(lambda p, x: network.apply(p, x, method="final_norm"))
+    normed = np.asarray(final_norm(params, x))
     patches = normed[:, 1 + encoder.registers :]
     np.testing.assert_allclose(patches, case.outputs["x_norm_patchtokens"], **CLOSE)
     if "x_norm_clstoken" in case.outputs:
@@ -175,10 +180,10 @@ def check_features(case):
     )
     side = case.config["patches"]
     patches = case.inputs["patchtokens"].reshape(len(cameras[0]), side, side, -1)
+    projected = jax.jit(project)
     for m, (extrinsic, intrinsic) in enumerate(zip(*cameras, strict=True)):
-        np.testing.assert_allclose(
-            project(positions, extrinsic, intrinsic), case.outputs["uv"][m], **CLOSE
-        )
+        uv = projected(positions, extrinsic, intrinsic)
+        np.testing.assert_allclose(uv, case.outputs["uv"][m], **CLOSE)
         one = average_views(patches[m : m + 1], extrinsic[None], intrinsic[None], positions)
         np.testing.assert_allclose(one, case.outputs["per_view"][m], **CLOSE)
     mean = average_views(patches, *cameras, positions)
@@ -220,8 +225,7 @@ def compare_gradients(name, loss, piece, case):
     # gradients have the parameters' names and layouts, so the converter takes them too; buffers
     # have none
     expected = flatten(convert_trellis(name, case.config, case.gradients).params)
-    params = jax.tree.map(jnp.asarray, piece.params)
-    value, gradients = jax.jit(jax.value_and_grad(loss))(params)
+    value, gradients = jax.jit(jax.value_and_grad(loss))(piece.params)
     np.testing.assert_allclose(value, case.outputs["loss"], rtol=1e-4)
     found = flatten(gradients)
     assert found.keys() == expected.keys()

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from flax import nnx
+from jax.experimental import io_callback
 from parity_cases import last, pad, spread
 
 from uniart_jax.config import GaussianConfig
@@ -53,16 +54,16 @@ def check_embeddings(given, out):
 
 
 def check_dense(given, out):
-    patches = _patchify(last(given["patch_x"]), 2)
+    patches = np.asarray(jax.jit(_patchify, static_argnums=1)(last(given["patch_x"]), 2))
     expected = last(out["patchify_2"])
     np.testing.assert_array_equal(patches, expected.reshape(patches.shape))
-    back = _unpatchify(jnp.asarray(patches), expected.shape[1], 2)
+    back = jax.jit(_unpatchify, static_argnums=(1, 2))(patches, expected.shape[1], 2)
     np.testing.assert_array_equal(back, last(out["unpatchify_2"]))
-    shuffled = depth_to_space(last(given["shuffle_x"]), 2)
+    shuffled = jax.jit(depth_to_space, static_argnums=1)(last(given["shuffle_x"]), 2)
     np.testing.assert_array_equal(shuffled, last(out["pixel_shuffle_3d_2"]))
     norm = RMSNorm(*given["rms_gamma"].shape)
     norm.gamma[...] = jnp.asarray(given["rms_gamma"])
-    np.testing.assert_allclose(norm(given["rms_x"]), out["rms"], **CLOSE)
+    np.testing.assert_allclose(jax.jit(lambda x: norm(x))(given["rms_x"]), out["rms"], **CLOSE)
     return {"patchify_2", "unpatchify_2", "pixel_shuffle_3d_2", "rms"}
 
 
@@ -110,23 +111,23 @@ def check_sampler(given, out):
     """12 steps, rescale 3, guidance 5 within [.5, 1], of the velocity .3 x + t + condition,
     condition 1 or 0."""
     x0, noise, t = (given[f"fm_{name}"] for name in ("x0", "eps", "t"))
-    np.testing.assert_allclose(interpolate(x0, noise, t, SIGMA), out["fm_xt"], **CLOSE)
+    np.testing.assert_allclose(jax.jit(interpolate)(x0, noise, t, SIGMA), out["fm_xt"], **CLOSE)
     np.testing.assert_allclose(velocity_target(x0, noise, SIGMA), out["fm_v"], **CLOSE)
     np.testing.assert_allclose(time_steps(12, 3.0), out["t_seq_12_r3"], rtol=1e-6)
     calls = []
 
     def velocity(x, t, condition):
-        calls.extend(1000 * np.asarray(t))
+        io_callback(lambda t: calls.extend(1000 * np.asarray(t)), None, t, ordered=True)
         return 0.3 * x + (t[:, None] + condition)[..., None]
 
-    start = jnp.asarray(given["noise"])
-    guided = guide(velocity, jnp.ones((1, 1)), jnp.zeros((1, 1)), 5.0, (0.5, 1.0))
-    with jax.disable_jit():  # so that the calls are seen
-        sample = euler(guided, start, 12, 3.0)
-        taken = len(calls)
-        velocity_at_noise = guided(start, jnp.float32(1))
+    start, one = given["noise"], np.ones((1, 1), np.float32)
+    guided = guide(velocity, one, 0 * one, 5.0, (0.5, 1.0))
+    sample = np.asarray(jax.jit(lambda x: euler(guided, x, 12, 3.0))(start))
+    jax.effects_barrier()
+    taken = len(calls)
+    velocity_at_noise = np.asarray(jax.jit(guided)(start, np.float32(1)))
     np.testing.assert_allclose(sample, out["sample"], **CLOSE)
     np.testing.assert_allclose(calls[:taken], out["sampler_t_calls"], **CLOSE)
-    first = predicted_sample(start, velocity_at_noise, jnp.ones(1), SIGMA)
+    first = predicted_sample(start, velocity_at_noise, one[0], SIGMA)
     np.testing.assert_allclose(first, out["pred_x_0_first"], **CLOSE)
     return {"fm_xt", "fm_v", "t_seq_12_r3", "sample", "sampler_t_calls", "pred_x_0_first"}

@@ -316,8 +316,9 @@ def test_true_parts_are_matched_to_the_rows_found_of_them():
     rows = boxes[:, order] + generator.normal(0, 0.003, (2, 4, 6))
     rows[0, 1, :3] += 0.3  # the row of part 0 lies too far off
     rows[1] = boxes[1]  # its rows 2 and 3 do not exist, nor do its parts
-    found = PartTable(rows, None, None, None, np.array([4, 1], np.int32))
-    assert matching_rows(found, boxes, counts).tolist() == [[-1, 3, 0, 2], [0, -1, -1, -1]]
+    found = PartTable(np.float32(rows), None, None, None, np.array([4, 1], np.int32))
+    matched = jax.jit(matching_rows)(found, boxes, counts).tolist()
+    assert matched == [[-1, 3, 0, 2], [0, -1, -1, -1]]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
