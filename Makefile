@@ -20,8 +20,8 @@ sample: .venv/ready
 
 # byte-code is kept, for the next run and for what tests start, also where the shell says otherwise
 PYTEST := PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest
-# a process a core, four at most (1.5 GB each); a module's tests stay together
-SPREAD := -n auto --maxprocesses 4 --dist loadscope
+# a process a core, four at most (1.5 GB each); a module's tests stay together, in conftest's order
+SPREAD := -n auto --maxprocesses 4 --dist loadscope --no-loadscope-reorder
 
 test: .venv/ready
 	@echo "· the fast suite (CPU, no network); make test-full runs everything"

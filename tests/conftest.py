@@ -22,6 +22,14 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 # sets it to 0.
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
 LARGE = 0.8e9  # bytes: a worker above gives back what it can
+# The longest modules, first: one that began last would keep a single worker busy at the end.
+_LONGEST = (
+    "test_whole_stages", "test_pipeline", "test_sample", "test_flow_transformer",
+    "test_more_than_before", "test_distributed",
+    "test_follow", "test_validate", "test_box_sets", "test_samplers", "test_attention",
+    "test_tools", "test_assets", "test_parity", "test_sources",
+)  # fmt: skip
+LONG = {name: place for place, name in enumerate(_LONGEST)}
 if os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] == "1":
     add_quick_xla()
 
@@ -37,6 +45,7 @@ settings.load_profile("suite")
 
 
 def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: LONG.get(item.path.stem, len(LONG)))
     if importlib.util.find_spec("pybullet") is None:
         skip = pytest.mark.skip(reason="pip install 'uniart_jax[pybullet]'")
         for item in items:

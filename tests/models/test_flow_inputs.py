@@ -112,7 +112,10 @@ def test_a_flow_that_reads_pixels_says_where_it_cannot():
     plan = flow_plan(batch.coords, batch.counts, MODEL.latent_flow, MODEL.grid)
     voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
     with pytest.raises(ValueError, match="views"):
-        network.apply(init(network), batch.latent, t, tokens, volume, **voxels)
+        jax.eval_shape(
+            lambda params: network.apply(params, batch.latent, t, tokens, volume, **voxels),
+            init(network),
+        )
     with pytest.raises(ValueError, match="pixel_channels"):
         build(
             "latent_flow", latent_config(stem="conv", io_channels=(6,), pixel_channels=6)

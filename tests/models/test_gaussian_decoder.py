@@ -59,7 +59,9 @@ def test_raw_values_fall_into_their_places():
     raw[0, 1] = np.arange(3 * VALUES)
     coords = np.array([[[0, 0, 0], [4, 5, 6]]])
     config = dataclasses.replace(CONFIG, perturb_offset=False)
-    found = jax.device_get(gaussian_parameters(raw, coords, config, resolution=8))
+    found = jax.device_get(
+        jax.jit(lambda *given: gaussian_parameters(*given, config, 8))(raw, coords)
+    )
     assert {name: value.shape for name, value in found.items()} == {
         "xyz": (1, 6, 3),
         "features_dc": (1, 6, 1, 3),
@@ -80,7 +82,8 @@ def test_raw_values_fall_into_their_places():
 def test_fresh_gaussians_are_spread_within_their_voxel():
     config = GaussianConfig()
     raw, coords = np.zeros((1, 32 * VALUES), np.float32), np.zeros((1, 3), np.int32)
-    spread = np.asarray(gaussian_parameters(raw, coords, config, 4)["xyz"]) * 4
+    found = jax.jit(lambda *given: gaussian_parameters(*given, config, 4))(raw, coords)
+    spread = np.asarray(found["xyz"]) * 4
     assert spread.shape == (32, 3) and spread.min() >= -1e-6 and spread.max() < 1
     # a Hammersley set: the first axis even, the second base 2
     np.testing.assert_allclose(spread[:, 0], np.arange(32) / 32, atol=1e-6)
@@ -93,17 +96,20 @@ def test_fresh_gaussians_are_spread_within_their_voxel():
 def test_raw_zero_is_the_bias(activation):
     config = dataclasses.replace(CONFIG, scaling_activation=activation)
     raw, coords = np.zeros((1, 3 * VALUES), np.float32), np.zeros((1, 3), np.int32)
-    parameters = gaussian_parameters(raw, coords, config, 4)
-    seen = activated(parameters, config)
+    make, drawn = (
+        jax.jit(lambda *given: gaussian_parameters(*given, config, 4)),
+        jax.jit(lambda parameters: activated(parameters, config)),
+    )
+    parameters = jax.device_get(make(raw, coords))
+    seen = jax.device_get(drawn(parameters))
     np.testing.assert_allclose(seen["scaling"], np.hypot(0.004, 0.0009), rtol=1e-4)
     np.testing.assert_allclose(seen["opacity"], 0.1, rtol=1e-5)
     np.testing.assert_allclose(seen["rotation"], np.tile([1.0, 0, 0, 0], (3, 1)))
     np.testing.assert_allclose(seen["xyz"], parameters["xyz"] - 0.5)
-    half = {**parameters, "rotation": jnp.array([[1.0, 2.0, 0, 0]])}
-    np.testing.assert_allclose(
-        activated(half, config)["rotation"], [[0.5**0.5, 0.5**0.5, 0, 0]], rtol=1e-6
+    half = {**parameters, "rotation": np.float32([[1, 2, 0, 0]] * 3)}
+    expected = [[0.5**0.5, 0.5**0.5, 0, 0]] * 3
+    np.testing.assert_allclose(drawn(half)["rotation"], expected, rtol=1e-6)
+    gradient = jax.jit(
+        jax.grad(lambda r: activated({**parameters, "rotation": r}, config)["rotation"].sum())
     )
-    gradient = jax.grad(
-        lambda r: activated({**parameters, "rotation": r}, config)["rotation"].sum()
-    )
-    assert finite(gradient(jnp.array([[-1.0, 0.0, 0.0, 0.0]])))  # a quaternion of length 0
+    assert finite(gradient(np.float32([[-1, 0, 0, 0]])))  # a quaternion of length 0

@@ -4,7 +4,6 @@ boxes."""
 import itertools
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from drawn import parameters
 from toy import flow_table
@@ -14,7 +13,7 @@ from uniart_jax.models.network import Network
 from uniart_jax.voxels.part_table import PartTable
 
 R = 8
-COORDS = jnp.asarray(np.random.default_rng(1).integers(0, R, (2, 30, 3)))
+COORDS = np.random.default_rng(1).integers(0, R, (2, 30, 3)).astype(np.int32)
 NETWORK = Network("features", None, lambda rngs: LayoutFeatures(4, rngs))
 PARAMS = parameters(NETWORK)
 run = jax.jit(lambda table, coords: NETWORK.apply(PARAMS, table, coords, R))
@@ -41,7 +40,8 @@ def test_order_and_padding_of_the_table_do_not_matter():
 
 
 def test_without_a_layout_every_cell_sees_the_same():
-    empty = run(flow_table()._replace(counts=jnp.zeros(2, jnp.int32)), COORDS)
+    empty = run(flow_table()._replace(counts=np.zeros(2, np.int32)), COORDS)
+    empty = np.asarray(empty)
     assert np.isfinite(empty).all() and np.ptp(empty, axis=(0, 1)).max() < 1e-6
 
 
@@ -55,7 +55,7 @@ def test_candidates_are_the_smallest_box_that_holds_a_place_then_the_nearest():
     )
     lower, upper = boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2
     at = np.array([[[0.01, 0.0, 0.0], [0.3, 0.0, 0.0], [0.45, 0.0, 0.01], [0.41, 0.3, 0.0]]])
-    picks = np.asarray(candidates(table, lower, upper, at, R))
+    picks = np.asarray(jax.jit(candidates, static_argnums=4)(table, lower, upper, at, R))
     order = np.where(picks.sum(-1) > 0, picks.argmax(-1), -1)[0]
     assert order.tolist() == [[1, 0, 2, -1], [0, 2, 1, -1], [2, 0, 1, -1], [0, 2, 1, -1]]
 
@@ -66,7 +66,7 @@ def test_depth_of_children_is_that_of_the_box():
     coords = rng.integers(0, R, (12, 3))
     at = (coords + 0.5) / R - 0.5
     low, high = (at - (centre - size / 2)) * R, ((centre + size / 2) - at) * R
-    found = np.asarray(child_depth(jnp.asarray(low), jnp.asarray(high), 4))
+    found = np.asarray(jax.jit(child_depth, static_argnums=2)(low, high, 4))
     for row, cell in zip(found, coords, strict=True):
         for value, child in zip(row, itertools.product(range(4), repeat=3), strict=True):
             place = (cell * 4 + np.array(child) + 0.5) / (4 * R) - 0.5

@@ -88,13 +88,12 @@ def test_what_is_likely_hides_what_lies_behind(refine, params):
     assert np.abs(open_[farther] - shut[farther]).max() > 1e-4
 
 
-def test_it_needs_the_pictures_and_their_camera(params):
+def test_it_needs_the_pictures_and_their_camera(refine, params):
     logits, pixels, cameras, table = arguments()
-    network = build("structure_flow", refining())
     with pytest.raises(ValueError, match=r"pixels \(refine_channels > 0\)"):
-        network.apply(params, logits, None, cameras, table, method="refine")
+        refine(params, logits, None, cameras, table)
     with pytest.raises(ValueError, match="part table"):
-        network.apply(params, logits, pixels, cameras, None, method="refine")
+        refine(params, logits, pixels, cameras, None)
     encoder = dataclasses.replace(MODEL.image_encoder, architecture="dinov2")
     with pytest.raises(ValueError, match="needs an image encoder that estimates the"):
         build("structure_flow", dataclasses.replace(refining(), image_encoder=encoder)).abstract()
@@ -163,7 +162,8 @@ def test_the_flow_learns_from_what_its_sample_decodes_to():
             lambda p: loss_fn(p, batch, jax.random.key(0), *given), has_aux=True
         )(params)
 
-    ((plain, _), gradient), ((decoded, terms), other) = loss_of(0.0), loss_of(0.5)
+    both = jax.device_get((loss_of(0.0), loss_of(0.5)))
+    ((plain, _), gradient), ((decoded, terms), other) = both
     added = 0.5 * (terms["decoded_entropy"] + terms["decoded_dice"])
     np.testing.assert_allclose(decoded, plain + added, rtol=1e-5)
     assert added > 0.1

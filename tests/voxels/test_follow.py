@@ -120,8 +120,8 @@ def test_drawers_are_the_layouts_boards():
     """Where voxels show their fronts alone; a row that is left out as too small changes nothing."""
     obj = procedural.generate("storage_furniture", 900_005)
     boards, true = tuple(boards_of(obj)), obj.parts[1].mesh
-    grid = voxelize(obj, 24, 4).gather()
-    places = subcell_centers(grid.coords, 24, 4)
+    grid = voxelize(obj, 16, 4).gather()
+    places = subcell_centers(grid.coords, 16, 4)
     low, high = true.bounds
     inside = ((places > low + [0.03, -0.02, -0.02]) & (places < high + [0.02, 0.02, 0.0])).all(-1)
     torn = dataclasses.replace(grid, sdf=np.where(inside, np.float32(0.5), grid.sdf))
