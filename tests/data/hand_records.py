@@ -3,6 +3,9 @@ around."""
 
 from __future__ import annotations
 
+import itertools
+import threading
+
 import numpy as np
 
 from uniart_jax.config import (
@@ -97,6 +100,19 @@ def write_items(path, name: str, items, shard_size: int = 4) -> None:
             for i, arrays in items[start : start + shard_size]
         ]
         records.write_shard(path / f"{name}-{shard:05d}.arrayrecord", packed)
+
+
+def first_of(batches, count: int = 1, state=None) -> list:
+    """The first batches, or those from a state on. What is made ahead has ended: it would go on
+    beneath the tests that follow, with blocks of full size once theirs are no longer small."""
+    before, iterator = set(threading.enumerate()), iter(batches)
+    if state is not None:
+        iterator.set_state(state)
+    found = list(itertools.islice(iterator, count))
+    iterator.close()
+    for thread in set(threading.enumerate()) - before:
+        thread.join()
+    return found
 
 
 def features_of(record: records.Record, channels: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from hand_records import first_of
 from PIL import Image
 
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, MaskConfig, ModelConfig
@@ -109,7 +110,7 @@ def test_every_network_that_sees_photographs_sees_them(folder, tmp_path, monkeyp
     ):
         monkeypatch.setattr(module, "training_backdrop", backdrop)
         seen.clear()
-        next(iter(batches(data, MODEL, 2)))
+        first_of(batches(data, MODEL, 2))
         assert set(seen) == {picture_paths(str(folder))}
     layout_batches._window.cache_clear()
     layout_batches._shuffled.cache_clear()

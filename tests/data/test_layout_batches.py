@@ -2,10 +2,10 @@
 share of their pictures as if cut out of photographs."""
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
+from hand_records import first_of
 
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layout_batches, layouts
@@ -30,13 +30,10 @@ def data(tmp_path_factory):
         layout_batches._shuffled.cache_clear()
 
 
-def taken(data, count, **shares):
+def taken(data, count, state=None, **shares):
     """The first batches of two. A few are made ahead, and every block of objects takes long, so
     they are no larger."""
-    batches = iter(layout_batches.layout_batches(data, MODEL, 2, **shares))
-    found = list(itertools.islice(batches, count))
-    batches.close()
-    return found
+    return first_of(layout_batches.layout_batches(data, MODEL, 2, **shares), count, state)
 
 
 def test_a_training_begins_at_its_first_block(data):
@@ -55,10 +52,8 @@ def test_a_training_begins_at_its_first_block(data):
 
 def test_batches_resume_and_are_shared(data):
     whole = taken(data, 7)  # the last is of the second window
-    later = iter(layout_batches.layout_batches(data, MODEL, 2))
-    later.set_state({"batch": 6, "batch_size": 2})
-    np.testing.assert_array_equal(next(later).image, whole[6].image)
-    later.close()
+    later = taken(data, 1, state={"batch": 6, "batch_size": 2})[0]
+    np.testing.assert_array_equal(later.image, whole[6].image)
     halves = [taken(data, 1, process_index=i, process_count=2)[0] for i in (0, 1)]
     np.testing.assert_array_equal(np.concatenate([h.boxes for h in halves]), whole[0].boxes)
 

@@ -1,10 +1,10 @@
 """Pictures with backgrounds: functions of their random numbers, with the mask of what they show."""
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
+from hand_records import first_of
 
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, MaskConfig, ModelConfig
 from uniart_jax.data import layout_batches, layouts
@@ -119,15 +119,13 @@ def data(tmp_path, monkeypatch):
 
 
 def test_batches_resume_are_shared_and_show_an_object_anew(data):
-    whole = list(itertools.islice(scene_batches(data, MODEL, 4), 4))
+    whole = first_of(scene_batches(data, MODEL, 4), 4)
     assert whole[0].image.shape == (4, 64, 64, 3) and whole[0].mask.shape == (4, 64, 64)
     assert whole[0].image.min() >= 0 and whole[0].image.max() <= 1 == whole[0].mask.max()
-    later = iter(scene_batches(data, MODEL, 4))
-    later.set_state({"batch": 2, "batch_size": 4})
-    np.testing.assert_array_equal(next(later).image, whole[2].image)
-    later.close()
+    (later,) = first_of(scene_batches(data, MODEL, 4), state={"batch": 2, "batch_size": 4})
+    np.testing.assert_array_equal(later.image, whole[2].image)
     halves = [
-        next(iter(scene_batches(data, MODEL, 4, process_index=i, process_count=2)))
+        first_of(scene_batches(data, MODEL, 4, process_index=i, process_count=2))[0]
         for i in range(2)
     ]
     np.testing.assert_array_equal(np.concatenate([h.image for h in halves]), whole[0].image)
