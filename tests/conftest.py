@@ -29,6 +29,7 @@ _LONGEST = (
     "test_follow", "test_validate", "test_box_sets", "test_samplers", "test_attention",
     "test_tools", "test_assets", "test_parity", "test_sources",
 )  # fmt: skip
+_large = LARGE  # and above this: what it could not give back does not count
 LONG = {name: place for place, name in enumerate(_LONGEST)}
 if os.environ["JAX_DISABLE_MOST_OPTIMIZATIONS"] == "1":
     add_quick_xla()
@@ -118,17 +119,32 @@ def mujoco_here():
         yield
 
 
+def resident() -> int:
+    """Bytes that this process holds; 0 where the system does not say."""
+    statm = Path("/proc/self/statm")  # Linux's; elsewhere a worker keeps all
+    return int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") if statm.is_file() else 0
+
+
 @pytest.fixture(scope="module", autouse=True)
 def forget_programs():
     """A worker that has grown drops a module's programs at its end; those that come again are read
-    from the cache."""
+    from the cache. What it still holds then is no reason to look again."""
+    global _large
     yield
-    statm = Path("/proc/self/statm")  # Linux's; elsewhere a worker keeps all
-    if "jax" in sys.modules and statm.is_file():
-        resident = int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-        if resident > LARGE:
-            sys.modules["jax"].clear_caches()
-            gc.collect()
-            trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's
-            if trim is not None:  # or what was freed stays the worker's
-                trim(0)
+    if "jax" in sys.modules and resident() > _large:
+        sys.modules["jax"].clear_caches()
+        gc.unfreeze()
+        gc.collect()
+        gc.freeze()
+        trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc's
+        if trim is not None:  # or what was freed stays the worker's
+            trim(0)
+        _large = max(LARGE, resident() + LARGE / 8)
+
+
+@pytest.fixture(scope="package")
+def little_to_collect():
+    """For tests of what collects garbage for each object: JAX's programs, which other modules have
+    left, need not be walked each time."""
+    gc.collect()
+    gc.freeze()

@@ -8,6 +8,11 @@ from hand_records import make_record
 from uniart_jax.data import records
 
 
+@pytest.fixture(scope="package", autouse=True)
+def collected(little_to_collect):
+    """``prepare`` collects garbage after each object."""
+
+
 @pytest.fixture
 def record():
     return make_record()
