@@ -151,8 +151,8 @@ class Checkpoint:
         if widen and (options := self.missing_layers(name, model)):
             narrow = dataclasses.replace(getattr(model, name), **dict.fromkeys(options, 0))
             model = dataclasses.replace(model, **{name: narrow})
-        shapes = kept_shapes(lambda: build(name, model).abstract(), name, model)
-        return read_network(self.path(f"{name}.safetensors"), shapes)
+        path = self.path(f"{name}.safetensors")
+        return read_network(path, kept_shapes(lambda: build(name, model).abstract(), name, model))
 
     def missing_layers(self, name: str, model: ModelConfig) -> list[str]:
         """Which of ``ADDED_LAYERS`` network ``name`` has in ``model`` and lacks here."""
