@@ -378,13 +378,13 @@ MUTANTS = (
         FRAMES,
         "if free[row:].all() if step > 0 else free[:row].all():",
         "if False:",
-        "tests/voxels/cleanup/test_frames.py::test_what_is_open_below_stays_open",
+        "tests/voxels/cleanup/test_flat_frames.py::test_what_is_open_below_stays_open",
     ),
     Mutant(
         FRAMES,
         "rubble |= piece & ((np.abs(depths - usual) < NEAR).mean() < MOST)",
         "rubble |= piece",
-        "tests/voxels/cleanup/test_frames.py"
+        "tests/voxels/cleanup/test_flat_frames.py"
         "::test_rubble_is_brought_forward_and_a_niche_with_a_ground_is_not",
     ),
     Mutant(
