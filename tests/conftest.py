@@ -26,8 +26,7 @@ LARGE = 0.8e9  # bytes: a worker above gives back what it can
 _LONGEST = (
     "test_whole_stages", "test_pipeline", "test_sample", "test_flow_transformer",
     "test_distributed", "test_follow", "test_validate", "test_box_sets", "test_samplers",
-    "test_attention",
-    "test_tools", "test_assets", "test_parity", "test_sources",
+    "test_attention", "test_tools", "test_assets", "test_parity", "test_sources",
 )  # fmt: skip
 _large = LARGE  # and above this: what it could not give back does not count
 LONG = {name: place for place, name in enumerate(_LONGEST)}

@@ -12,6 +12,7 @@ from toy import (
     flow_arguments,
     flow_table,
     flow_views,
+    flow_voxels,
     init,
     latent_config,
     one_block,
@@ -27,8 +28,7 @@ def test_pixels_matter_where_they_are_seen_and_the_order_of_views_does_not():
     params = init(network)
     tokens, volume, t = flow_arguments()
     batch = voxel_batch(model)
-    plan = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
-    voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
+    voxels = flow_voxels(model, batch)
     apply = jax.jit(network.apply)
 
     def run(maps, cameras):

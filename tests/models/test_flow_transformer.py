@@ -15,6 +15,7 @@ from toy import (
     flow_arguments,
     flow_table,
     flow_views,
+    flow_voxels,
     init,
     latent_config,
     one_block,
@@ -125,8 +126,7 @@ def test_a_latent_flow_of_the_other_direction_is_its_mirror_image(prediction):
     flow = dataclasses.replace(model.latent_flow, direction="noise_to_data")
     both = [build("latent_flow", m) for m in (model, dataclasses.replace(model, latent_flow=flow))]
     params, batch, (tokens, _, t) = init(both[0]), voxel_batch(model), flow_arguments()
-    plan = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
-    voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
+    voxels = flow_voxels(model, batch)
     half = np.full(2, 0.5, np.float32)  # where a network that predicts x_0 is shown the same of x
 
     @jax.jit
@@ -170,8 +170,7 @@ def test_draws_of_one_picture_may_have_voxels_of_their_own():
     params = init(network)
     tokens, volume, t = flow_arguments()
     batch = voxel_batch(model)
-    plan = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
-    voxels = {"coords": batch.coords, "counts": batch.counts, "plan": plan}
+    voxels = flow_voxels(model, batch)
     seen = [np.asarray(v)[:1] for v in (tokens, volume, *flow_views(3))]
     twice = [np.repeat(a, 2, axis=0) for a in seen]
     apply = jax.jit(network.apply)

@@ -16,6 +16,7 @@ from uniart_jax.config import (
 )
 from uniart_jax.models import network
 from uniart_jax.models.image_encoder import TYPICAL, pixel_width
+from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.voxels.part_table import PartTable
 from uniart_jax.voxels.typed_batches import VoxelBatch
@@ -153,3 +154,9 @@ def flow_table(seed=0):
     boxes, codes, colors = (put(a) for a in floats)
     parents = put(rng.integers(0, 3, (2, 5)), np.int32)
     return PartTable(boxes, codes, parents, colors, put([4, 3], np.int32))
+
+
+def flow_voxels(model, batch):
+    """Arguments of a latent flow that say which voxels are active."""
+    plan = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
+    return {"coords": batch.coords, "counts": batch.counts, "plan": plan}
