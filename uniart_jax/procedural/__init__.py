@@ -5,15 +5,17 @@
 are never trained on.
 
 A family is a module ``procedural/<family>.py`` with ``build(rng) -> ArticulatedObject`` in metres,
-and its name in one of four tuples: ``SEEN_FAMILIES``, the paper's seven seen categories;
+and its name in one of five tuples: ``SEEN_FAMILIES``, the paper's seven seen categories;
 ``MORE_FAMILIES``, which networks of the wide world are trained on besides; ``DETAILED_FAMILIES``,
-furniture and appliances of the seven categories again, as varied as real ones; ``UNSEEN_FAMILIES``,
-which nothing is ever trained on. Appending to a tuple leaves the objects of the other families as
+furniture and appliances of the seven categories again, as varied as real ones;
+``EVERYDAY_FAMILIES``, other things of a household, with lids, levers, screws and stands;
+``UNSEEN_FAMILIES``, which nothing is ever trained on. Appending to a tuple leaves the objects of the other families as
 they are, since names seed the generator.
 
 What a training draws from is a *world*, a tuple of families taken in turn or at random, of
 ``WORLDS``: "seven"; "wide", in which half of the objects are of the seven and half, evenly, of
-``MORE_FAMILIES``; or "detailed", in which a third is of each of these and of ``DETAILED_FAMILIES``.
+``MORE_FAMILIES``; "detailed", in which a third is of each of these and of ``DETAILED_FAMILIES``;
+or "everyday", in which a quarter is of each of these three and of ``EVERYDAY_FAMILIES``.
 """
 
 from __future__ import annotations
@@ -59,6 +61,23 @@ DETAILED_FAMILIES: tuple[str, ...] = (
     "built_in_appliance",
     "cold_appliance",
 )
+EVERYDAY_FAMILIES: tuple[str, ...] = (
+    "kettle",
+    "kitchen_pot",
+    "dispenser",
+    "display",
+    "contact_grill",
+    "record_player",
+    "valve",
+    "wall_switch",
+    "stool",
+    "bucket",
+    "letter_box",
+    "printer",
+    "coffee_machine",
+    "barbecue",
+    "globe",
+)
 UNSEEN_FAMILIES: tuple[str, ...] = (
     "toilet",
     "laptop",
@@ -67,7 +86,9 @@ UNSEEN_FAMILIES: tuple[str, ...] = (
     "swivel_chair",
     "faucet",
 )
-FAMILIES = SEEN_FAMILIES + MORE_FAMILIES + DETAILED_FAMILIES + UNSEEN_FAMILIES
+FAMILIES = (
+    SEEN_FAMILIES + MORE_FAMILIES + DETAILED_FAMILIES + EVERYDAY_FAMILIES + UNSEEN_FAMILIES
+)
 
 
 def _in_turn(*groups: tuple[str, ...]) -> tuple[str, ...]:
@@ -81,6 +102,7 @@ WORLDS: dict[str, tuple[str, ...]] = {
     "seven": SEEN_FAMILIES,
     "wide": _in_turn(SEEN_FAMILIES, MORE_FAMILIES),
     "detailed": _in_turn(SEEN_FAMILIES, MORE_FAMILIES, DETAILED_FAMILIES),
+    "everyday": _in_turn(SEEN_FAMILIES, MORE_FAMILIES, DETAILED_FAMILIES, EVERYDAY_FAMILIES),
 }
 HELD_OUT_SEED = 1_000_000
 MAX_PARTS = 16
