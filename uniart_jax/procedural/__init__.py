@@ -77,6 +77,12 @@ EVERYDAY_FAMILIES: tuple[str, ...] = (
     "coffee_machine",
     "barbecue",
     "globe",
+    "jar",
+    "eyeglasses",
+    "camera",
+    "pocket_knife",
+    "folding_chair",
+    "clock",
 )
 UNSEEN_FAMILIES: tuple[str, ...] = (
     "toilet",
