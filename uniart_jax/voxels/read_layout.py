@@ -126,7 +126,8 @@ def _closed_first(joint: Joint, box: np.ndarray, parent: np.ndarray) -> Joint:
 def _knobs_turn_clockwise(
     joint: Joint, box: np.ndarray, parent: np.ndarray, eye: np.ndarray
 ) -> Joint:
-    """The joint of a knob, which turns clockwise as seen from outside; other joints as they are.
+    """The joint of a knob, which turns clockwise as seen from outside, from its lower end on; other
+    joints as they are.
 
     A picture often shows no more than that a knob turns: a picture of a knob that points upwards is
     its own mirror image, and half of the pictures of a training are mirrored. A network then gives
@@ -157,14 +158,13 @@ def _knobs_turn_clockwise(
     outwards = eye - box[:3]
     if not np.isfinite(eye).all() or np.linalg.norm(eye) < NEAREST_EYE:
         outwards = box[:3] - parent[:3]
-    inwards = outwards @ turn.direction < 0
-    back, forth = (-low, high) if inwards else (high, -low)  # clockwise is forth
+    turn = turn if outwards @ turn.direction < 0 else turn.reversed()
+    back, forth = -turn.angle[0], turn.angle[1]  # about the way inwards, clockwise is forth
     if min(back, forth) >= UNDECIDED * max(back, forth):
         back, forth = 0.0, back + forth
     elif back > forth:
         back, forth = forth, back
-    angle = (-back, forth) if inwards else (-forth, back)
-    return dataclasses.replace(turn, angle=(angle[0] + 0.0, angle[1] + 0.0))
+    return dataclasses.replace(turn, angle=(-back + 0.0, forth + 0.0))
 
 
 def _best_tree(scores: np.ndarray) -> tuple[int, ...]:
