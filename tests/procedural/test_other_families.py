@@ -11,6 +11,7 @@ import pytest
 from uniart_jax import procedural
 from uniart_jax.procedural import (
     DETAILED_FAMILIES,
+    EVERYDAY_FAMILIES,
     FAMILIES,
     HELD_OUT_SEED,
     MORE_FAMILIES,
@@ -24,7 +25,7 @@ from uniart_jax.procedural.shapes import screw
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.voxelize import voxelize
 
-OTHERS = MORE_FAMILIES + DETAILED_FAMILIES + UNSEEN_FAMILIES
+OTHERS = MORE_FAMILIES + DETAILED_FAMILIES + EVERYDAY_FAMILIES + UNSEEN_FAMILIES
 
 
 def kind(joint) -> str:
@@ -49,12 +50,20 @@ def test_half_of_the_wide_world_is_of_the_seven_and_all_families_are_even():
     assert 8 <= drawn[True] <= 32
 
 
-def test_a_third_of_the_detailed_world_is_of_each_tuple_and_all_families_are_even():
-    counts = Counter(WORLDS["detailed"])
-    tuples = (SEEN_FAMILIES, MORE_FAMILIES, DETAILED_FAMILIES)
+@pytest.mark.parametrize(
+    ("world", "tuples"),
+    [
+        ("detailed", (SEEN_FAMILIES, MORE_FAMILIES, DETAILED_FAMILIES)),
+        ("everyday", (SEEN_FAMILIES, MORE_FAMILIES, DETAILED_FAMILIES, EVERYDAY_FAMILIES)),
+    ],
+)
+def test_worlds_are_of_each_tuple_evenly_and_so_are_their_families(world, tuples):
+    counts = Counter(WORLDS[world])
     assert set(counts) == {name for names in tuples for name in names}
     for names in tuples:
-        assert {counts[name] for name in names} == {len(WORLDS["detailed"]) // 3 // len(names)}
+        assert {counts[name] for name in names} == {
+            len(WORLDS[world]) // len(tuples) // len(names)
+        }
 
 
 def test_every_joint_type_and_trees_three_deep():

@@ -24,7 +24,8 @@ class DataConfig:
     validation: str = ""
     validation_split: str = ""
     procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
-    world: Literal["seven", "wide", "detailed"] = "seven"  # families of those and of ``layouts``
+    # families of those and of ``layouts``
+    world: Literal["seven", "wide", "detailed", "everyday"] = "seven"
     views: int = 2  # images of each
     # flows: images of an item that a step shows at once (the supplement's multi-view model); the
     # records must have as many
