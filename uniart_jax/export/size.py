@@ -62,6 +62,7 @@ TYPICAL: dict[str, float] = {
     "kitchenpot": 0.3,
     "knife": 0.2,
     "lamp": 0.6,
+    "letterbox": 0.5,
     "lighter": 0.08,
     "mouse": 0.12,
     "pen": 0.15,

@@ -77,12 +77,6 @@ EVERYDAY_FAMILIES: tuple[str, ...] = (
     "coffee_machine",
     "barbecue",
     "globe",
-    "jar",
-    "eyeglasses",
-    "camera",
-    "pocket_knife",
-    "folding_chair",
-    "clock",
 )
 UNSEEN_FAMILIES: tuple[str, ...] = (
     "toilet",
@@ -92,9 +86,7 @@ UNSEEN_FAMILIES: tuple[str, ...] = (
     "swivel_chair",
     "faucet",
 )
-FAMILIES = (
-    SEEN_FAMILIES + MORE_FAMILIES + DETAILED_FAMILIES + EVERYDAY_FAMILIES + UNSEEN_FAMILIES
-)
+FAMILIES = SEEN_FAMILIES + MORE_FAMILIES + DETAILED_FAMILIES + EVERYDAY_FAMILIES + UNSEEN_FAMILIES
 
 
 def _in_turn(*groups: tuple[str, ...]) -> tuple[str, ...]:
