@@ -33,6 +33,7 @@ TYPICAL: dict[str, float] = {
     "foldingchair": 0.9,
     "scissors": 0.2,
     "faucet": 0.35,
+    "barbecue": 1.0,
     "box": 0.4,
     "slidingwindow": 1.3,
     "toolcabinet": 0.85,
