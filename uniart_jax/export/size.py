@@ -58,6 +58,7 @@ TYPICAL: dict[str, float] = {
     "eyeglasses": 0.15,
     "fan": 0.6,
     "globe": 0.4,
+    "jar": 0.18,
     "kettle": 0.25,
     "keyboard": 0.45,
     "kitchenpot": 0.3,
