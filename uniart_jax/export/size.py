@@ -74,10 +74,13 @@ TYPICAL: dict[str, float] = {
     "remote": 0.18,
     "safe": 0.5,
     "stapler": 0.15,
+    "stool": 0.55,
     "suitcase": 0.7,
     "switch": 0.1,
     "toaster": 0.35,
     "usb": 0.06,
+    "valve": 0.7,
+    "wallswitch": 0.2,
 }
 
 
