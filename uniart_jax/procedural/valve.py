@@ -501,9 +501,9 @@ def _hydrant(rng, look: Look, r: float) -> Works:
     ways = [-X, Y, -Y][:count] if count != 2 else [Y, -Y]
     for n, way in enumerate(ways):
         b = r * float(rng.uniform(0.5, 0.75)) * (1.0 if n else 1.15)
-        high = tall * float(rng.uniform(0.6, 0.72))
+        high = tall * float(rng.uniform(0.5, 0.62))
         reach = r * float(rng.uniform(1.5, 1.9))
-        deep = b * float(rng.uniform(0.5, 0.9))
+        deep = min(b * float(rng.uniform(0.5, 0.9)), reach - 1.1 * r)  # clear of the column
         outlet = tube("z", [0, 0, 0], reach, 0.9 * b, 0.7 * b)
         outlet += cylinder("z", [0, 0, 0], reach - deep - 0.1 * b, 1.15 * b)
         sides = int(rng.choice([6, 8, 24]))
