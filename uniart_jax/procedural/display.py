@@ -1,5 +1,5 @@
-"""Monitors and televisions: screens that tilt, swivel, rise and pivot on stands, trolleys, desk arms
-and wall arms; old sets with knobs, aerials and handles."""
+"""Monitors and televisions: screens that tilt, swivel, rise and pivot on stands, trolleys and arms;
+old sets with knobs, aerials and handles."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def _screen(rng, at: np.ndarray, wide: float, tall: float, unit: float, case: Ma
             a = 0.2 * unit
             holes.append(
                 box([front - 1, y - w - a, z - h - a], [front + 1.7 * unit, y + w + a, z + h + a])
-            )  # noqa: E501
+            )
             keys.append(("button", merged([(key.translate(at), tone)]), slide((1, 0, 0), press)))
     shape.add(tidy(cut(slab, holes)).translate(at), case)
     lo, hi = [-wide / 2 + rim, -tall / 2 + chin], [wide / 2 - rim, tall / 2 - rim]
