@@ -3,14 +3,23 @@ old sets with knobs, aerials and handles."""
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from manifold3d import Manifold
 
-from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
+from uniart_jax.procedural.display_stands import (
+    ACROSS,
+    UP,
+    Link,
+    add_clamp,
+    add_foot,
+    add_head,
+    add_trolley,
+    both_ways,
+    flat_bar,
+    swivel,
+)
 from uniart_jax.procedural.fronts import add_knob
 from uniart_jax.procedural.materials import Material, plain
 from uniart_jax.procedural.shapes import (
@@ -22,20 +31,15 @@ from uniart_jax.procedural.shapes import (
     extrusion,
     hinge,
     hull,
+    layered,
     loft,
     merged,
     pipe,
     rounded,
-    screw,
     slide,
     tidy,
-    turn,
     union,
 )
-
-UP = (0, 0, 1)
-ACROSS = (0, 1, 0)
-Link = tuple[str, Shape, Joint | None]
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
@@ -64,17 +68,9 @@ def _picture(rng: np.random.Generator) -> Material:
     return plain(materials.hsv(rng, (0, 1), (0.1, 0.8), (0.3, 0.95)))
 
 
-@dataclasses.dataclass
-class _Screen:
-    """A screen, the middle of its rear at ``at``."""
-
-    shape: Shape
-    keys: list[Link]
-    deep: float
-
-
-def _screen(rng, at: np.ndarray, wide: float, tall: float, unit: float, case: Material) -> _Screen:
-    """A frame round a picture, a chin below it with keys, a hump behind it."""
+def _screen(rng, at, wide: float, tall: float, unit: float, case) -> tuple[Shape, list[Link]]:
+    """A frame round a picture, a hump behind it, the middle of its rear at ``at``; and the keys in
+    a chin below the picture."""
     thick = float(rng.uniform(1.5, 6)) * unit
     hump = float(rng.uniform(1, 6)) * unit if rng.random() < 0.6 else 0.0
     rim = float(rng.choice([0.8, 1.5, 3.0, 5.0])) * unit
@@ -114,56 +110,7 @@ def _screen(rng, at: np.ndarray, wide: float, tall: float, unit: float, case: Ma
         x = front - float(rng.uniform(0.34, 0.8)) * unit
         pane = box([x, *(lo + a * size)], [front - 0.3 * unit, *(lo + b * size)])
         shape.add(pane.translate(at), plain(rng.uniform(0.1, 0.95, 3)))
-    return _Screen(shape, keys, hump + thick)
-
-
-def _both_ways(rng, at, axis, back: float, ahead: float) -> Joint:
-    """A hinge from ``-back`` to ``ahead`` degrees, or from 0."""
-    low = -back if rng.random() < 0.6 else 0.0
-    return Joint(np.asarray(at, float), np.asarray(axis, float), tuple(np.deg2rad([low, ahead])))
-
-
-def _swivel(rng, at) -> Joint:
-    """About the vertical: without end, or to both sides."""
-    side = float(rng.uniform(20, 70))
-    return turn(at, UP) if rng.random() < 0.25 else _both_ways(rng, at, UP, side, side)
-
-
-def _fork(at, r: float, half: float, wall: float, low: float, air: float) -> Manifold:
-    """Two cheeks about a hinge along y, and the bridge between their feet, down to ``low``."""
-    x, y, z = at
-    bridge = z - 1.3 * r - air
-    solids = [box([x - r, y - half - air - wall, low], [x + r, y + half + air + wall, bridge])]
-    for s in (y - half - air - wall, y + half + air):
-        solids.append(cylinder("y", [x, s, z], wall, r, segments=18))
-        solids.append(box([x - r, s, bridge - 1e-4], [x + r, s + wall, z]))
-    return union(solids)
-
-
-def _head(rng, links, hinge_at, screen: _Screen, unit, sizes, moves, metal: Material) -> None:
-    """A screen in front of a fork: ``links`` gets what tilts, and what pivots on it."""
-    (r, half, wall, low), x = sizes, hinge_at[0]
-    air, plate = 0.3 * unit, 1.2 * unit
-    q = float(rng.uniform(3.5, 6)) * unit
-    if moves["tilt"]:
-        fork = _fork(hinge_at, r, half, wall, low, air)
-        links[-1][1].add(fork, metal)
-        lug = cylinder("y", [x, hinge_at[1] - half, hinge_at[2]], 2 * half, r, segments=18)
-    else:
-        lug = box([x - r, -half, low], [x + r, half, hinge_at[2] + r])
-        lug = lug.translate((0, hinge_at[1], 0))
-    y, z = hinge_at[1:]
-    gap = air if moves["pivot"] else 0.0
-    lug += box([plate, y - half, z - 0.8 * r], [x, y + half, z + 0.8 * r])
-    lug += cylinder("x", [gap, y, z], plate - gap + 1e-4, q, segments=24)
-    if moves["tilt"]:
-        ahead = float(rng.uniform(15, 40))
-        links.append(("head", Shape(), _both_ways(rng, hinge_at, ACROSS, 5, ahead)))
-    links[-1][1].add(tidy(lug), metal)
-    if moves["pivot"]:
-        way = float(rng.choice([-1, 1]))
-        links.append(("screen", Shape(), hinge([0, y, z], (way, 0, 0), np.pi / 2)))
-    links[-1][1].join(screen.shape)
+    return shape, keys
 
 
 def _joined(links: list[Link], keys: list[Link]) -> Assembly:
@@ -178,12 +125,7 @@ def _joined(links: list[Link], keys: list[Link]) -> Assembly:
 
 def _tidied(shape: Shape) -> Shape:
     """A shape whose solids overlap no more: what came first stays whole."""
-    out, before = Shape(), None
-    for material, solids in shape._solids.items():
-        body = union(solids)
-        out.add(tidy(body if before is None else body - before), material)
-        before = body if before is None else before + body
-    return out
+    return layered((union(solids), material) for material, solids in shape._solids.items())
 
 
 def _measures(rng, least: float, most: float) -> tuple[float, float]:
@@ -209,7 +151,7 @@ def _on_stand(rng: np.random.Generator) -> Assembly:
     z = high + gap + reach
     r, half, wall = float(rng.uniform(1.8, 3)) * unit, float(rng.uniform(1.5, 4)) * unit, 1.5 * unit
     hinge_at = np.array([1.2 * unit + r + 0.06 * tall, 0, z])
-    screen = _screen(rng, np.array([0, 0, z]), wide, tall, unit, case)
+    screen, keys = _screen(rng, np.array([0, 0, z]), wide, tall, unit, case)
     x, top = hinge_at[0], z - 1.6 * r - air  # the column carries the fork
     post = float(rng.uniform(1.6, 2.6)) * unit
     flat = float(rng.uniform(1, 3)) if rng.random() < 0.6 else 0.0
@@ -221,9 +163,9 @@ def _on_stand(rng: np.random.Generator) -> Assembly:
         return extrusion(outline, "z", [x, 0, low], end - low)
 
     base = Shape()
-    wheels = _trolley(rng, base, x, wide, high, unit, metal) if cart else []
+    wheels = add_trolley(rng, base, x, wide, high, unit, metal) if cart else []
     if not cart:
-        _foot(rng, base, x, wide, high, unit, metal)
+        add_foot(rng, base, x, wide, high, unit, metal)
     links: list[Link] = [("base", base, None)]
     start = high - 0.001
     if moves["swivel"]:
@@ -231,7 +173,7 @@ def _on_stand(rng: np.random.Generator) -> Assembly:
         disc = cylinder(
             "z", [x, 0, start], 1.4 * unit, float(rng.uniform(4, 7)) * unit, segments=24
         )
-        links.append(("column", Shape().add(disc, metal), _swivel(rng, [x, 0, 0])))
+        links.append(("column", Shape().add(disc, metal), swivel(rng, [x, 0, 0])))
     if moves["lift"]:
         middle = start + (top - start) * float(rng.uniform(0.5, 0.75))
         deep = 0.8 * (middle - start - 1.4 * unit)
@@ -243,53 +185,11 @@ def _on_stand(rng: np.random.Generator) -> Assembly:
         links.append(("pole", pole, slide(UP, way)))
     else:
         links[-1][1].add(bar(start, top + 0.3 * r, 0), metal)
-    _head(rng, links, hinge_at, screen, unit, (r, half, wall, top), moves, metal)
-    asm = _joined(links, screen.keys)
+    add_head(rng, links, hinge_at, screen, unit, (r, half, wall, top), moves, metal)
+    asm = _joined(links, keys)
     for shape, joint in wheels:
         asm.add("wheel", shape, 0, joint)
     return asm
-
-
-def _foot(rng, base: Shape, x: float, wide: float, high: float, unit: float, metal) -> None:
-    """A disc, a plate, a frame, splayed legs or a wooden board under the column."""
-    long, deep = wide * float(rng.uniform(0.14, 0.3)), wide * float(rng.uniform(0.12, 0.2))
-    finish = metal if rng.random() < 0.75 else materials.wood(rng)
-    kind = rng.choice(4, p=[0.3, 0.35, 0.15, 0.2])
-    shift = x - float(rng.uniform(0, 0.5)) * deep
-    if kind == 0:
-        solid = cylinder("z", [shift, 0, 0], high, max(long, 9 * unit), 0.95 * long, segments=30)
-    elif kind in (1, 2):
-        outline = rounded(2 * deep, 2 * long, float(rng.uniform(0.02, 0.9)) * deep, 6)
-        solid = extrusion(outline, "z", [shift, 0, 0], high)
-        if kind == 2:
-            inner = outline * (1 - 5 * unit / np.array([2 * deep, 2 * long]))
-            solid -= extrusion(inner, "z", [shift, 0, -1], 2)
-            solid += box([shift - deep, -3 * unit, 0], [shift + deep, 3 * unit, high])
-    else:
-        ends = [[x - 1.6 * deep, s * 1.2 * long] for s in (-1, 1)] + [[x + deep, 0]]
-        legs = [[[x, 0, high / 2], [a, b, high / 2]] for a, b in ends]
-        slab = [pipe(leg, 0.9 * high, 8) for leg in legs]
-        solid = union(slab) ^ box([-2, -2, 0], [2, 2, high])
-    if kind in (2, 3):
-        solid += cylinder("z", [x, 0, 0], high, 7 * unit, segments=24)
-    base.add(solid, finish)
-
-
-def _trolley(rng, base: Shape, x: float, wide: float, high: float, unit: float, metal) -> list:
-    """Rails with four wheels under them; the wheels."""
-    long, deep = wide * float(rng.uniform(0.28, 0.42)), wide * float(rng.uniform(0.22, 0.34))
-    r, w = 2.6 * unit, 1.5 * unit
-    solids, wheels = [box([x - 3 * unit, -long, high - 3 * unit], [x + 3 * unit, long, high])], []
-    rubber = materials.dark(rng)
-    for y in (-long, long):
-        solids.append(box([x - deep, y - 2 * w, high - 3 * unit], [x + deep, y + 2 * w, high]))
-        for a in (x - deep + r, x + deep - r):
-            for s in (y - 2 * w, y + 1.2 * w):  # forks
-                solids.append(box([a - 0.5 * r, s, 0.6 * r], [a + 0.5 * r, s + 0.8 * w, high]))
-            disc = cylinder("y", [a, y - w, r], 2 * w, r, segments=18)
-            wheels.append((Shape().add(disc, rubber), turn([a, y, r], ACROSS)))
-    base.add(union(solids), metal)
-    return wheels
 
 
 def _on_arm(rng: np.random.Generator) -> Assembly:
@@ -323,12 +223,12 @@ def _on_arm(rng: np.random.Generator) -> Assembly:
     else:
         root.add(cylinder("z", [*post, 0], low, 0.8 * r, segments=18), tone)
         root.add(cylinder("z", [*post, low - 2 * r], 2 * r, r, segments=18), tone)
-        clamp = _clamp(rng, root, post, wide, unit, metal)
+        clamp = add_clamp(rng, root, post, wide, unit, metal)
     links: list[Link] = [("base", root, None)]
     for k in range(count):
         a, b, z0 = points[k], points[k + 1], low + air + k * (thick + air)
         rods = [cylinder("z", [*p, z0], thick, r, segments=18) for p in (a, b)]
-        bar = union([*rods, _between(a, b, 0.8 * r, z0 + 0.1 * thick, 0.8 * thick)])
+        bar = union([*rods, flat_bar(a, b, 0.8 * r, z0 + 0.1 * thick, 0.8 * thick)])
         least = 40 if wall and k == 0 else 50
         swing = abs(angles[k]) + np.deg2rad(rng.uniform(0.3 * least, least))
         joint = hinge([*a, 0], UP, -np.sign(angles[k]) * swing)
@@ -339,50 +239,18 @@ def _on_arm(rng: np.random.Generator) -> Assembly:
     pan = rng.random() < 0.6
     if pan:
         most = float(rng.uniform(20, 30))
-        links.append(("knuckle", Shape(), _both_ways(rng, [x, middle, 0], UP, most, most)))
+        links.append(("knuckle", Shape(), both_ways(rng, [x, middle, 0], UP, most, most)))
     else:
         foot = cylinder("z", [x, middle, z - 0.001], 2 * unit, r, segments=18)
     links[-1][1].add(foot, tone)
     moves = {"tilt": bool(rng.random() < 0.75), "pivot": bool(rng.random() < 0.2)}
-    screen = _screen(rng, np.array([0, middle, z0]), wide, tall, unit, case)
+    screen, keys = _screen(rng, np.array([0, middle, z0]), wide, tall, unit, case)
     sizes = (r_hinge, half, 1.4 * unit, z + 1.2 * unit)
-    _head(rng, links, hinge_at, screen, unit, sizes, moves, tone)
-    asm = _joined(links, screen.keys)
+    add_head(rng, links, hinge_at, screen, unit, sizes, moves, tone)
+    asm = _joined(links, keys)
     for name, shape, joint in clamp:
         asm.add(name, shape, 0, joint)
     return asm
-
-
-def _between(a, b, r: float, z: float, thick: float) -> Manifold:
-    """A flat bar ``2 r`` wide from a to b (x, y)."""
-    way = (b - a) / np.linalg.norm(b - a)
-    side = r * np.array([-way[1], way[0]])
-    return extrusion(np.array([a - side, b - side, b + side, a + side]), "z", [0, 0, z], thick)
-
-
-def _clamp(rng, root: Shape, post, wide: float, unit: float, metal: Material) -> list[Link]:
-    """A foot plate under the post; or a clamp for a table's edge with its screw."""
-    x, y = post
-    size = float(rng.uniform(6, 9)) * unit
-    if rng.random() < 0.4:
-        root.add(cylinder("z", [x, y, -2 * unit], 2 * unit, 2 * size, segments=28), metal)
-        return []
-    gap, thick = float(rng.uniform(10, 16)) * unit, 2 * unit
-    reach = 1.3 * size
-    for z in (-thick, -2 * thick - gap):
-        root.add(box([x - reach, y - size, z], [x + 4 * unit, y + size, z + thick]), metal)
-    root.add(box([x + 2 * unit, y - size, -thick - gap], [x + 4 * unit, y + size, -thick]), metal)
-    at, low, r = [x - 0.5 * reach, y], -2 * thick - gap, 1.6 * unit
-    hole = cylinder("z", [*at, low - 1], 2, r + 0.3 * unit, segments=16) ^ box(
-        [-9, -9, low - 1], [9, 9, low + 2 * thick]
-    )
-    root._solids[metal] = [union(root._solids[metal]) - hole]
-    rod = cylinder("z", [*at, low - 5 * unit], thick + 7.5 * unit, r, segments=16)
-    pad = cylinder("z", [*at, low + thick + 0.5 * unit], 2 * unit, 3 * unit, segments=18)
-    grip = cylinder("z", [*at, low - 7 * unit], 3 * unit, 3.4 * unit, segments=6)
-    travel = min(3.5 * unit, 0.8 * (gap - 3 * unit))
-    shape = Shape().add(tidy(union([rod, pad, grip])), materials.dark(rng))
-    return [("screw", shape, screw([*at, 0], UP, float(rng.integers(2, 5)), travel))]
 
 
 def _old_set(rng: np.random.Generator) -> Assembly:
@@ -413,7 +281,7 @@ def _old_set(rng: np.random.Generator) -> Assembly:
     else:
         lo[1], panel_hi[1] = lo[1] + strip, panel_lo[1] + strip - 2 * unit
     centre = (lo + hi) / 2
-    glass = rounded(*(hi - lo), 0.18 * (hi - lo).min())[:, [1, 0]]
+    glass = rounded(hi[0] - lo[0], hi[1] - lo[1], 0.18 * (hi - lo).min())[:, [1, 0]]
     bulge = loft(0.85 * glass[:, ::-1], glass[:, ::-1], 0, 2.5 * unit).rotate((90, 0, 90))
     bulge = bulge.translate((-2.5 * unit, *centre))
     plate = box([-0.4 * unit, *panel_lo], [0, *panel_hi])
@@ -434,7 +302,7 @@ def _old_set(rng: np.random.Generator) -> Assembly:
         disc = float(rng.uniform(0.24, 0.34)) * wide
         if foot == "swivel":
             stand.add(cylinder("z", [mid_x, 0, 0], low - air, disc, 0.85 * disc), trim)
-            joint = _swivel(rng, [mid_x, 0, 0])
+            joint = swivel(rng, [mid_x, 0, 0])
         else:
             pad = cylinder("z", [mid_x, 0, 0], 6 * unit, disc, 0.9 * disc)
             barrel = cylinder("y", [mid_x, -0.5 * disc, low], disc, 6 * unit)

@@ -165,6 +165,14 @@ def white_plastic(rng: np.random.Generator) -> Material:
     return plain(hsv(rng, (0.1, 0.6), (0.0, 0.06), (0.82, 0.96)))
 
 
+def casing(rng: np.random.Generator, shares) -> Material:
+    """Steel, white or black, or plastic of any colour, in these four shares."""
+    kind = rng.choice(4, p=shares)
+    if kind == 3:
+        return plain(hsv(rng, (0, 1), (0.3, 0.9), (0.3, 0.95)))
+    return (metal, white_plastic, dark)[kind](rng)
+
+
 def hardware(rng: np.random.Generator) -> Material:
     """Handles, knobs, feet: steel, black, brass or copper."""
     kind = rng.choice(4, p=[0.45, 0.27, 0.2, 0.08])

@@ -294,6 +294,11 @@ def rounded(width: float, height: float, radius: float, corner: int = 5) -> np.n
     return np.vstack(points)
 
 
+def inset(outline: np.ndarray, by: float) -> np.ndarray:
+    """An outline [n, 2] about 0 drawn in by about ``by`` on all sides."""
+    return outline * (1 - by / np.abs(outline).max(0))
+
+
 def egg(front: float, rear: float, half: float, power: float = 2.0, points: int = 32) -> np.ndarray:
     """An outline [points, 2]: ``front`` towards -x and ``rear`` towards +x of 0, ``half`` wide;
     above 2, ``power`` squares its rear."""
@@ -358,3 +363,12 @@ def merged(pieces: Iterable[tuple[Manifold, Material]], yaw: float = 0.0) -> Sha
     for material, solids in groups.items():
         shape.add(tidy(union(solids).rotate((0, 0, yaw))), material)
     return shape
+
+
+def layered(pieces: Iterable[tuple[Manifold, Material]]) -> Shape:
+    """Solids of which a later one gives way to the earlier ones."""
+    out, before = [], None
+    for solid, material in pieces:
+        out.append((solid if before is None else solid - before, material))
+        before = solid if before is None else before + solid
+    return merged(out)
