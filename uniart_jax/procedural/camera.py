@@ -254,7 +254,7 @@ def _watching(rng: np.random.Generator) -> ArticulatedObject:
     root = asm.add("foot", foot)
     ball_head = rng.random() < 0.35
     long = 2 * r if ball_head else long
-    reach = r if ball_head else float(np.hypot(r, 0.55 * long))
+    reach = 1.06 * r if ball_head else float(np.hypot(r, 0.55 * long))
     z, t = tall + air, float(rng.uniform(2.5, 4)) * unit
     pivot = z + t + (reach if ball_head or rng.random() < 0.5 else r + 0.4 * long + 2 * unit) + air
     arms = [box([-0.3 * r, 0, z], [0.3 * r, t, pivot]) + cylinder("y", [0, 0, pivot], t, 0.42 * r)]

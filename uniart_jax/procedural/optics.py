@@ -255,7 +255,7 @@ def projector(rng: np.random.Generator) -> ArticulatedObject:
                 box([x - 4 * unit, -3 * unit, top], [x + 4 * unit, 3 * unit, at[2] + 4 * unit]),
                 face,
             )
-            asm.add("arm", arm, root)
+            holder = asm.add("arm", arm, root)
             y0 = 3 * unit + air if s > 0 else -3 * unit - air - 3 * t
             at[0] = x
             disc = [
@@ -283,7 +283,7 @@ def projector(rng: np.random.Generator) -> ArticulatedObject:
             asm.add(
                 "reel",
                 Shape().add(spool, tone).add(tidy(film - core), materials.dark(rng)),
-                root,
+                holder,
                 turn((x, 0, at[2]), (0, 1, 0)),
             )
     else:
@@ -333,7 +333,7 @@ def microscope(rng: np.random.Generator) -> ArticulatedObject:
     unit, air = high / 100, high / 250
     face, trim, metal = casing(rng), casing(rng), materials.metal(rng, brushed=False)
     asm, body = Assembly(), Shape()
-    half, thick = float(rng.uniform(16, 24)) * unit, float(rng.uniform(6, 11)) * unit
+    half, thick = float(rng.uniform(18, 25)) * unit, float(rng.uniform(6, 11)) * unit
     w = float(rng.uniform(6, 10)) * unit
     foot = extrusion(rounded(2.7 * half, 2 * half, 0.3 * half), "z", [0, 0, 0], thick)
     rear = 1.35 * half - 2 * unit
@@ -343,7 +343,7 @@ def microscope(rng: np.random.Generator) -> ArticulatedObject:
     body.add(tidy(union([foot, arm, head])), face).add(lamp - foot, trim)
     root = asm.add("body", body)
     spot = [0.0, 0, 66 * unit - air]
-    r = float(rng.uniform(9, 12)) * unit
+    r = min(float(rng.uniform(9, 12)) * unit, rear - 12 * unit)
     pieces = [(cylinder("z", [0, 0, spot[2] - 4 * unit], 4 * unit, 0.8 * r, r, 32), metal)]
     count = int(rng.choice([3, 4]))
     for k in range(count):
