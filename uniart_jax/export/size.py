@@ -71,6 +71,7 @@ TYPICAL: dict[str, float] = {
     "pen": 0.15,
     "phone": 0.15,
     "pliers": 0.2,
+    "pocketknife": 0.12,
     "printer": 0.45,
     "recordplayer": 0.4,
     "remote": 0.18,

@@ -333,8 +333,7 @@ def _pendulum(rng: np.random.Generator) -> list[tuple]:
     if trunk and rng.random() < 0.75:
         way, air, thick = int(rng.choice([-1, 1])), 0.004 * wide, 0.05 * wide
         a, b, edge = foot + 0.02 * wide, low - 0.02 * wide, half - 0.01 * wide
-        if kind and high - radius * 2 < low:
-            b = min(b, dial_z - radius - 0.05 * wide)
+        b = min(b, dial_z - radius - 0.05 * wide)
         door = box([-thick, -edge, a], [-air, edge, b])
         door -= box(
             [-1, -edge + 1.3 * wall, a + 1.3 * wall], [1, edge - 1.3 * wall, b - 1.3 * wall]

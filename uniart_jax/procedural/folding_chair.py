@@ -133,8 +133,7 @@ def _shape(*pieces: tuple[Manifold, Material]) -> Shape:
 
 
 def _chair(rng: np.random.Generator) -> list[tuple]:
-    """Front legs and back in one frame, rear legs about a bolt, a seat that tips up; some with
-    arms or without rear rung."""
+    """Front legs and back in one frame, rear legs about a bolt, a seat that tips up."""
     tone, square = _finish(rng)
     cover = _cover(rng, tone)
     tall = float(rng.choice([1.0, rng.uniform(1.3, 1.6)], p=[0.85, 0.15]))  # bar chairs
@@ -344,7 +343,7 @@ def _table(rng: np.random.Generator) -> list[tuple]:
 def _ladder(rng: np.random.Generator) -> list[tuple]:
     """A step ladder: treads in a frame, a rear frame about the top, a platform that tips up."""
     tone, square = _finish(rng)
-    high, count = float(rng.uniform(0.45, 1.7)), 0
+    high = float(rng.uniform(0.45, 1.7))
     r, half = float(rng.uniform(0.013, 0.024)), float(rng.uniform(0.17, 0.27))
     count = max(2, round(high / float(rng.uniform(0.22, 0.3))))
     lean = np.tan(np.deg2rad(rng.uniform(12, 22)))

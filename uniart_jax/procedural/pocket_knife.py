@@ -370,11 +370,10 @@ def _side(sign: int, gap: float) -> CrossSection:
     return CrossSection.square((4, 2)).translate((-2, gap if sign > 0 else -2 - gap))
 
 
-def _halves(flats, discs, grips, layer, angle, tones) -> list[tuple]:
+def _halves(flats, radius, grips, layer, angle, tones) -> list[tuple]:
     """Two halves, full thickness but at their pivot, where their discs lie one on the other."""
     gap, full = 0.12 * layer, 2.12 * layer
-    radius, parts = discs, []
-    pin = 0.45 * radius
+    parts, pin = [], 0.45 * radius
     for k, (flat, grip) in enumerate(zip(flats, grips, strict=True)):
         low = k * (layer + gap)
         start = layer if k == 0 else -1.0
