@@ -10,7 +10,7 @@ import trimesh
 from manifold3d import Manifold
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import materials, vessels
+from uniart_jax.procedural import materials, vessel_fittings, vessels
 from uniart_jax.procedural.fronts import add_knob
 from uniart_jax.procedural.materials import Material, plain
 from uniart_jax.procedural.shapes import (
@@ -27,7 +27,9 @@ from uniart_jax.procedural.shapes import (
     turn,
     union,
 )
-from uniart_jax.procedural.vessels import bezier, radius_at, silhouette, stack, taper
+from uniart_jax.procedural.vessel_finishes import contrast, kettle_finish
+from uniart_jax.procedural.vessel_fittings import bar_hinge, bezier, dome, spout, taper
+from uniart_jax.procedural.vessels import frustum, half_width, radius_at, silhouette, stack, widest
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
@@ -35,17 +37,6 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     obj = _electric(rng) if rng.random() < 0.5 else _of_the_stove(rng)
     yaw = float(rng.choice([0.0, 90.0, -90.0, rng.uniform(-180, 180)], p=[0.4, 0.2, 0.2, 0.2]))
     return vessels.turned(obj, yaw)
-
-
-def _finish(rng: np.random.Generator) -> Material:
-    """Steel, enamel or plastic of any colour, white, black, copper, glass."""
-    kind = rng.choice(6, p=[0.28, 0.28, 0.14, 0.14, 0.08, 0.08])
-    if kind == 1:
-        return plain(materials.hsv(rng, (0, 1), (0.3, 0.9), (0.35, 0.9)))
-    if kind == 4:
-        return plain(materials.hsv(rng, (0.02, 0.12), (0.45, 0.7), (0.5, 0.8)))
-    makers = {0: materials.metal, 2: materials.white_plastic, 3: materials.dark}
-    return makers.get(int(kind), materials.glass)(rng)
 
 
 def _outline(rng: np.random.Generator) -> np.ndarray:
@@ -63,9 +54,9 @@ def _electric(rng: np.random.Generator) -> ArticulatedObject:
     bottom = height * float(rng.uniform(0.3, 0.5))
     unit = height / 100
     air, wall = 0.5 * unit, 2.2 * unit
-    face, trim = _finish(rng), materials.dark(rng)
+    face, trim = kettle_finish(rng), materials.dark(rng)
     if rng.random() < 0.45:
-        trim = materials.white_plastic(rng) if rng.random() < 0.4 else _finish(rng)
+        trim = materials.white_plastic(rng) if rng.random() < 0.4 else kettle_finish(rng)
     outline = _outline(rng)
     stands = rng.random() < 0.75
     base = float(rng.uniform(5, 12)) * unit if stands else 0.0
@@ -98,9 +89,9 @@ def _electric(rng: np.random.Generator) -> ArticulatedObject:
     carrier, joint = -1, None
     if stands:
         manner = str(rng.choice(["one", "turns", "lifts"], p=[0.3, 0.3, 0.4]))
-        foot = stack(np.array([[1.12 * bottom, 0], [1.06 * bottom, base]]), outline)
+        foot = frustum(outline, 1.12 * bottom, 1.06 * bottom, 0, base)
         if manner == "one":
-            body.add(stack(np.array([[0.98 * bottom, 0], [0.98 * bottom, low]]), outline), trim)
+            body.add(frustum(outline, 0.98 * bottom, 0.98 * bottom, 0, low), trim)
         else:
             carrier = _base(rng, asm, foot, bottom, base, unit, trim)
             joint = slide((0, 0, 1), float(rng.uniform(0.3, 0.7)) * height)
@@ -110,9 +101,8 @@ def _electric(rng: np.random.Generator) -> ArticulatedObject:
     lid = _flat_lid(rng, outline, top, wall, high + air, unit, face, trim, key > 0)
     if key or rng.random() < 0.75:
         swing = float(np.deg2rad(rng.uniform(55, 88)))
-        barrel = cylinder("y", pivot - [0, 5 * unit, 0], 10 * unit, 1.7 * unit, segments=12)
-        strap = box(pivot - [6 * unit, 5 * unit, 0], pivot + [0, 5 * unit, 1.2 * unit])
-        lid.add(tidy((barrel + strap) - lid.solid()), dataclasses.replace(trim))
+        barrel = bar_hinge(pivot, pivot[0] - 6 * unit, 5 * unit, unit)
+        lid.add(tidy(barrel - lid.solid()), dataclasses.replace(trim))
         asm.add("lid", lid, root, hinge(pivot, (0, 1, 0), swing))
     else:
         asm.add("lid", lid, root, slide((0, 0, 1), float(rng.uniform(0.25, 0.6)) * height))
@@ -148,7 +138,7 @@ def _swan_neck(rng, profile, height: float) -> Manifold:
     x = -radius_at(profile, z) - reach
     line = [[-start, 0, z], [x + 0.1 * height, 0, z], [x + 0.42 * height, 0, low + up],
             [x + 0.1 * height, 0, low + up], [x, 0, low + up - 0.03 * height]]  # fmt: skip
-    tube = vessels.spout(bezier(line, 11), 0.06 * height, float(rng.uniform(0.028, 0.04)) * height)
+    tube = spout(bezier(line, 11), 0.06 * height, float(rng.uniform(0.028, 0.04)) * height)
     return tube[0]
 
 
@@ -194,7 +184,7 @@ def _base(rng, asm: Assembly, foot: Manifold, radius, base, unit, trim: Material
     shape.add(foot + box([-reach, -half, 0], [0, half, base]), trim)
     root = asm.add("base", shape)
     r = 0.46 * base
-    mark = plain((0.95, 0.95, 0.95) if trim.color[1] < 0.5 else (0.1, 0.1, 0.1))
+    mark = contrast(trim)
     sweep = None if rng.random() < 0.5 else float(np.deg2rad(rng.choice([180, 270])))
     tone = materials.hardware(rng)
     add_knob(asm, root, (-reach, 0, base / 2), r, 0.9 * r, tone, mark, sweep)
@@ -205,19 +195,18 @@ def _flat_lid(rng, outline, top, wall, low, unit, face, trim, latched: bool) -> 
     """A low lid with a plug below and, unless a key opens it, a tab or a knob on it."""
     tone = face if rng.random() < 0.5 else trim
     rise = float(rng.uniform(3, 14)) * unit
-    lid = vessels.dome(outline, top, low, rise, min(2 * unit, 0.6 * rise))
+    lid = dome(outline, top, low, rise, min(2 * unit, 0.6 * rise))
     if rng.random() < 0.3:
-        lid = stack(np.array([[top, low], [0.93 * top, low + 0.6 * rise]]), outline)
+        lid = frustum(outline, top, 0.93 * top, low, low + 0.6 * rise)
         rise *= 0.6
     inner = 0.95 * (top - wall)
-    lid += stack(np.array([[0.95 * inner, low - 3 * unit], [inner, low + unit]]),
-                 outline)  # fmt: skip
+    lid += frustum(outline, 0.95 * inner, inner, low - 3 * unit, low + unit)
     shape = Shape().add(tidy(lid), tone)
     if latched and rng.random() < 0.6:
         return shape
     at = [0, 0, low + 0.97 * rise]
     if rng.random() < 0.5:
-        grip = vessels.knob(rng, [0, 0, low + 0.9 * rise], float(rng.uniform(4, 7)) * unit)
+        grip = vessel_fittings.knob(rng, [0, 0, low + 0.9 * rise], float(rng.uniform(4, 7)) * unit)
     else:
         w = float(rng.uniform(3, 6)) * unit
         grip = hull(np.array([[x * w, y * w, at[2] + z * unit] for x, y, z in (
@@ -231,7 +220,7 @@ def _switch(rng, asm: Assembly, root: int, profile, unit: float, tone: Material)
     z = profile[0, 1] + float(rng.uniform(6, 9)) * unit
     thick, half = float(rng.uniform(3.2, 4.2)) * unit, float(rng.uniform(3, 6)) * unit
     long = float(rng.uniform(9, 15)) * unit
-    x = max(radius_at(profile, z - thick / 2), radius_at(profile, z + thick / 2))
+    x = widest(profile, (z - thick / 2, z + thick / 2))
     at = [x + 0.35 * thick + 0.4 * unit, 0, z]
     paddle = box([at[0], -half, z - 0.35 * thick], [at[0] + long, half, z + 0.35 * thick])
     paddle += cylinder("y", [at[0], -half, z], 2 * half, 0.35 * thick, segments=12)
@@ -251,7 +240,7 @@ def _of_the_stove(rng: np.random.Generator) -> ArticulatedObject:
     bottom = height * float(rng.uniform(0.45, 0.8))
     unit = height / 70
     air, wall = 0.5 * unit, 2.0 * unit
-    face, trim = _finish(rng), materials.hardware(rng)
+    face, trim = kettle_finish(rng), materials.hardware(rng)
     if rng.random() < 0.4:
         trim = (
             dataclasses.replace(face) if rng.random() < 0.6 else materials.wood(rng, textured=False)
@@ -273,7 +262,7 @@ def _of_the_stove(rng: np.random.Generator) -> ArticulatedObject:
     line = [[-x + 0.09 * height, 0, z], [-x - 0.6 * reach, 0, z + 0.1 * height],
             [-x - 0.6 * reach, 0, rise - 0.1 * height], [x_end, 0, rise]]  # fmt: skip
     thick, thin = float(rng.uniform(0.1, 0.17)) * height, float(rng.uniform(0.055, 0.085)) * height
-    nose, way = vessels.spout(bezier(line, 8), thick, thin)
+    nose, way = spout(bezier(line, 8), thick, thin)
     body.add(tidy((solid + nose) - vessels.room(profile, outline, wall)), face)
     manner = str(rng.choice(["ear", "arch", "bail", "crane"], p=[0.3, 0.25, 0.27, 0.18]))
     head = height * float(rng.uniform(1.8, 2.15))  # the handle's highest
@@ -284,7 +273,7 @@ def _of_the_stove(rng: np.random.Generator) -> ArticulatedObject:
     elif manner == "arch":  # from front to back over the lid
         z0 = 0.75 * height
         foot = max(radius_at(profile, z0) - 2 * unit, 1.06 * top + r + unit)
-        arc = vessels.bow(foot, head - z0, float(rng.uniform(0.5, 0.8)))
+        arc = vessel_fittings.bow(foot, head - z0, float(rng.uniform(0.5, 0.8)))
         arc = arc + [0, 0, z0]
         grip = taper(arc, r, r, float(rng.uniform(1, 1.7)))
         grip += cylinder("x", [-foot, 0, z0], 2 * foot, 1.13 * r, segments=14)
@@ -308,10 +297,10 @@ def _of_the_stove(rng: np.random.Generator) -> ArticulatedObject:
     tone = face if rng.random() < 0.75 else trim
     rim, vault = 1.5 * unit, float(rng.uniform(0.06, 0.25)) * height
     low = height + air
-    cover = vessels.dome(outline, top * float(rng.uniform(0.95, 1.04)), low, vault, rim)
+    cover = dome(outline, top * float(rng.uniform(0.95, 1.04)), low, vault, rim)
     inner = 0.93 * (top - wall)
-    cover += stack(np.array([[inner * 0.97, low - 2.5 * unit], [inner, low + unit]]), outline)
-    bud = vessels.knob(rng, [0, 0, low + 0.93 * vault], size)
+    cover += frustum(outline, inner * 0.97, inner, low - 2.5 * unit, low + unit)
+    bud = vessel_fittings.knob(rng, [0, 0, low + 0.93 * vault], size)
     crown = float(bud.bounding_box()[5])
     lid = Shape().add(tidy(cover), tone).add(tidy(bud - cover), face if tone is trim else trim)
     open_way = str(rng.choice(["lift", "hinge", "turn"], p=[0.5, 0.3, 0.2]))
@@ -339,7 +328,7 @@ def _of_the_stove(rng: np.random.Generator) -> ArticulatedObject:
 def _lugs(body: Shape, profile, outline, z: float, r, unit, air, solid, trim) -> np.ndarray:
     """Ears at both sides that carry a bail; where its right end turns."""
     z = max(z, 0.55 * profile[-1, 1])
-    across = radius_at(profile, z) * np.abs(outline[:, 1]).max()
+    across = radius_at(profile, z) * half_width(outline)
     y = across + 1.5 * unit
     for side in (-1, 1):
         ear = cylinder("y", [0, min(side * y, 0), z], y, 1.5 * r, segments=16)
@@ -351,7 +340,7 @@ def _bail(rng, asm, root, pivot, folded: bool, crown, r, unit, trim) -> None:
     """A bow over the lid that folds to the back."""
     _, y, z = pivot
     peak = max(crown + 4 * unit - z + 2 * r, 1.6 * y)
-    line = vessels.bow(y, peak, float(rng.uniform(0.55, 1.0)))[:, [1, 0, 2]] + [0, 0, z]
+    line = vessel_fittings.bow(y, peak, float(rng.uniform(0.55, 1.0)))[:, [1, 0, 2]] + [0, 0, z]
     bow = taper(line, r, r)
     pads = [ball(line[k], 1.5 * r, 14) for k in (0, -1)]
     shape = Shape()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from manifold3d import Manifold, Mesh64
+from manifold3d import Manifold
 
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
@@ -15,6 +15,7 @@ from uniart_jax.procedural.shapes import (
     tube,
     union,
 )
+from uniart_jax.procedural.vessels import through
 
 ANGLES = np.linspace(0, 2 * np.pi, 48, endpoint=False)
 ROUND = np.ones(len(ANGLES))
@@ -23,22 +24,8 @@ Rows = list[tuple[np.ndarray, float]]  # radii at ANGLES and a height
 
 def stack(rows: Rows) -> Manifold:
     """The body through outlines at rising heights."""
-    n, m = len(ANGLES), len(rows)
-    ring = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
-    points = np.vstack([np.column_stack([r[:, None] * ring, np.full(n, z)]) for r, z in rows])
-    i, j = np.arange(n), np.roll(np.arange(n), -1)
-    faces = [np.column_stack([np.full(n, m * n), j, i])]
-    for k in range(m - 1):
-        a, b = k * n, (k + 1) * n
-        faces += [np.column_stack([a + i, a + j, b + j]), np.column_stack([a + i, b + j, b + i])]
-    faces.append(np.column_stack([np.full(n, m * n + 1), (m - 1) * n + i, (m - 1) * n + j]))
-    ends = [[0, 0, rows[0][1]], [0, 0, rows[-1][1]]]
-    return Manifold(
-        Mesh64(
-            vert_properties=np.vstack([points, ends]),
-            tri_verts=np.concatenate(faces).astype(np.uint64),
-        )
-    )
+    circle = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+    return through([radii[:, None] * circle for radii, _ in rows], [z for _, z in rows])
 
 
 def plan_of(rng: np.random.Generator, circle: float) -> np.ndarray:
@@ -85,7 +72,7 @@ def radii_at(rows: Rows, z: float) -> np.ndarray:
 
 
 def hollow(rows: Rows, wall: float, floor: float) -> Manifold:
-    """The inside_ of a body above ``floor``, open at its top."""
+    """The inside of a body above ``floor``, open at its top."""
     inside = [(radii_at(rows, floor) - wall, floor)]
     inside += [(r - wall, z) for r, z in rows if z > floor + 1e-4]
     return stack([*inside, (inside[-1][0], rows[-1][1] + wall)])

@@ -1,15 +1,14 @@
-"""What kettles and pots are made of: walls over an outline, spouts, curved grips, lids, knobs; and
-objects that are turned about z when they are done."""
+"""Vessels as an outline and a profile: bodies of kettles, pots and dispensers, what is hollow in
+them, how wide they are."""
 
 from __future__ import annotations
 
-import itertools
+from collections.abc import Iterable
 
 import numpy as np
 from manifold3d import Manifold, Mesh64
 
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural.shapes import ball, cylinder, tidy, union
 
 
 def turned(obj: ArticulatedObject, yaw: float) -> ArticulatedObject:
@@ -33,11 +32,16 @@ def ring(count: int, across: float = 1.0, power: float = 2.0) -> np.ndarray:
     return points / np.abs(points[:, 0]).max() * [1, across]
 
 
-def stack(profile: np.ndarray, outline: np.ndarray) -> Manifold:
-    """The body whose outline at each height z is ``outline`` times r; ``profile`` [n, 2] holds
-    (r, z), z growing."""
-    n, levels = len(outline), len(profile)
-    rings = [np.column_stack([outline * r, np.full(n, z)]) for r, z in profile]
+def half_width(outline: np.ndarray) -> float:
+    """How far an outline of radius 1 reaches in y."""
+    return float(np.abs(outline[:, 1]).max())
+
+
+def through(outlines: list[np.ndarray], heights: Iterable[float]) -> Manifold:
+    """The body through outlines, each [n, 2] and about 0, at rising heights."""
+    heights = list(heights)
+    n, levels = len(outlines[0]), len(outlines)
+    rings = [np.column_stack([o, np.full(n, z)]) for o, z in zip(outlines, heights, strict=True)]
     i = np.arange(n)
     j = np.roll(i, -1)
     faces = []
@@ -47,13 +51,25 @@ def stack(profile: np.ndarray, outline: np.ndarray) -> Manifold:
     low, high = np.full(n, levels * n), np.full(n, levels * n + 1)
     top = (levels - 1) * n
     faces += [np.column_stack([low, j, i]), np.column_stack([high, top + i, top + j])]
-    ends = [[0, 0, profile[0][1]], [0, 0, profile[-1][1]]]
+    ends = [[0, 0, heights[0]], [0, 0, heights[-1]]]
     return Manifold(
         Mesh64(
             vert_properties=np.vstack([*rings, ends]),
             tri_verts=np.concatenate(faces).astype(np.uint64),
         )
     )
+
+
+def stack(profile: np.ndarray, outline: np.ndarray) -> Manifold:
+    """The body whose outline at each height z is ``outline`` times r; ``profile`` [n, 2] holds
+    (r, z), z growing."""
+    return through([outline * r for r in profile[:, 0]], profile[:, 1])
+
+
+def frustum(outline: np.ndarray, below: float, above: float, low: float, high: float) -> Manifold:
+    """The body over ``outline`` from z = ``low`` to ``high``, its radius going from ``below`` to
+    ``above``."""
+    return stack(np.array([[below, low], [above, high]]), outline)
 
 
 def silhouette(
@@ -95,92 +111,14 @@ def radius_at(profile: np.ndarray, z: float) -> float:
     return float(np.interp(z, profile[:, 1], profile[:, 0]))
 
 
+def widest(profile: np.ndarray, heights: Iterable[float]) -> float:
+    """The largest r of a profile at some heights."""
+    return max(radius_at(profile, z) for z in heights)
+
+
 def room(profile: np.ndarray, outline: np.ndarray, wall: float) -> Manifold:
     """What is hollow in a vessel: its profile drawn in by ``wall``, open at the top."""
     low, high = profile[0, 1] + wall, profile[-1, 1]
     z = np.concatenate([np.linspace(low, high, 12), [high + 4 * wall]])
     r = np.interp(z, profile[:, 1], profile[:, 0]) - wall
     return stack(np.column_stack([r, z]), outline)
-
-
-def bezier(points, count: int = 9) -> np.ndarray:
-    """[count, 3] along a Bezier curve of control points."""
-    points = np.asarray(points, dtype=np.float64)
-    t = np.linspace(0, 1, count)[:, None, None]
-    rows = np.broadcast_to(points, (count, *points.shape))
-    while rows.shape[1] > 1:
-        rows = rows[:, :-1] * (1 - t) + rows[:, 1:] * t
-    return rows[:, 0]
-
-
-def bow(half: float, rise: float, square: float) -> np.ndarray:
-    """[15, 3] in the plane y = 0 from x = ``half`` over ``rise`` to -``half``; ``square`` below 1
-    widens its shoulders."""
-    angle = np.linspace(0, np.pi, 15)
-    c, s = np.cos(angle), np.round(np.sin(angle), 9)
-    return np.column_stack([half * np.sign(c) * np.abs(c) ** square, 0 * c, rise * s**square])
-
-
-def taper(points: np.ndarray, first: float, last: float, flat: float = 1.0) -> Manifold:
-    """A round bar along a polyline, its radius going from ``first`` to ``last``; ``flat``: width in
-    y of its height."""
-    radii = np.linspace(first, last, len(points))
-    scaled = np.asarray(points) / [1, flat, 1]
-    balls = [ball(p, r, 12) for p, r in zip(scaled, radii, strict=True)]
-    bar = union([Manifold.batch_hull([a, b]) for a, b in itertools.pairwise(balls)])
-    return bar.scale((1, flat, 1))
-
-
-def spout(points: np.ndarray, first: float, last: float) -> tuple[Manifold, np.ndarray]:
-    """A tapering spout with an open mouth, cut at right angles to its end; and its direction."""
-    way = points[-1] - points[-2]
-    way = way / np.linalg.norm(way)
-    mouth = np.vstack([points[-2:], points[-1:] + way * 3 * last])
-    solid = taper(points, first, last) - taper(mouth, 0.62 * last, 0.62 * last)
-    return solid.trim_by_plane(tuple(-way), float(-way @ points[-1])), way
-
-
-def dome(outline: np.ndarray, radius: float, low: float, rise: float, rim: float) -> Manifold:
-    """A lid: a rim of height ``rim`` and a vault above it, ``rise`` high in all."""
-    turns = np.linspace(0, np.pi / 2, 7)
-    arch = np.column_stack(
-        [radius * (0.06 + 0.94 * np.cos(turns)), low + rim + (rise - rim) * np.sin(turns)]
-    )
-    return stack(np.vstack([[radius, low], arch]), outline)
-
-
-def knob(rng: np.random.Generator, at, size: float, *, turning: bool = False) -> Manifold:
-    """A knob on a lid, ``size`` in radius: a ball, a mushroom, a disc, a bow; a ``turning`` one is
-    never round."""
-    kind = rng.choice(["ball", "mushroom", "disc", "bow", "bar", "star"])
-    if turning and kind in ("ball", "mushroom", "disc"):
-        kind = ("bar", "star")[int(rng.integers(2))]
-    x, y, z = at
-    neck = cylinder("z", at, 1.1 * size, 0.45 * size, segments=14)
-    if kind == "ball":
-        return tidy(neck + ball([x, y, z + 1.3 * size], size, 18))
-    if kind == "mushroom":
-        top = cylinder("z", [x, y, z + 0.7 * size], 0.7 * size, 0.8 * size, 1.15 * size, 18)
-        return tidy(neck + top)
-    if kind == "disc":
-        return tidy(
-            neck + cylinder("z", [x, y, z + 0.8 * size], 0.5 * size, 1.5 * size, segments=22)
-        )
-    if kind == "bow":
-        line = bezier([[-1.8, 0, 0], [-1.8, 0, 2.2], [1.8, 0, 2.2], [1.8, 0, 0]], 7) * size
-        bent = taper(line + [x, y, z + 0.2 * size], 0.4 * size, 0.4 * size)
-        foot = cylinder("z", at, 0.3 * size, 2.2 * size, segments=18)
-        return tidy(foot + bent.trim_by_plane((0, 0, 1), z + 0.1 * size))
-    if kind == "bar":
-        bar = taper(np.array([[-1.5, 0, 0], [1.5, 0, 0]]) * size + [x, y, z + 1.4 * size],
-                    0.55 * size, 0.55 * size)  # fmt: skip
-        return tidy(neck + bar)
-    arms = [cylinder("z", at, 1.6 * size, 0.8 * size, segments=14)]
-    count = int(rng.integers(3, 6))
-    for k in range(count):
-        a = k * 2 * np.pi / count + 0.1
-        arms.append(
-            cylinder("z", [x + 0.9 * size * np.cos(a), y + 0.9 * size * np.sin(a), z + 0.6 * size],
-                     size, 0.5 * size, segments=10)
-        )  # fmt: skip
-    return tidy(union(arms))
