@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from manifold3d import Manifold
 
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, hsv, plain
 from uniart_jax.procedural.shapes import (
+    Assembly,
     Shape,
     box,
     cylinder,
@@ -32,7 +34,7 @@ def draw_paint(rng: np.random.Generator) -> Material:
     return materials.wood(rng) if kind == 3 else materials.dark(rng)
 
 
-def open_at(rng, side: str, x: float, span: Span, low: float, high: float):
+def open_at(rng, side: str, x: float, span: Span, low: float, high: float) -> Joint:
     """The joint of a panel whose front is the plane ``x``, hinged there at one of its sides.
 
     It opens by ``low`` to ``high`` degrees."""
@@ -45,6 +47,13 @@ def open_at(rng, side: str, x: float, span: Span, low: float, high: float):
         "top": ((x, 0, z1), (0, 1, 0)),
     }[side]
     return hinge(at, axis, angle)
+
+
+def doorway(span: Span, inset: float, x: float) -> Manifold:
+    """What is cut out of a front behind a panel at ``span``: smaller by ``inset`` all around, from
+    before the front to ``x``."""
+    y0, y1, z0, z1 = span
+    return box([-1, y0 + inset, z0 + inset], [x, y1 - inset, z1 - inset])
 
 
 def add_pull(
@@ -73,7 +82,7 @@ def add_pull(
         shape.add(box([x - 1.6 * unit, y - dy, z - dz], [x, y + dy, z + dz]), metal)
 
 
-def draw_plate(rng, x: float, span: Span, thick: float, unit: float) -> Manifold:
+def draw_plate(rng, x: float, span: Span, thick: float) -> Manifold:
     """A panel before the plane ``x``, its corners square or rounded."""
     y0, y1, z0, z1 = span
     corner = float(rng.choice([0.0, 0.08])) * min(y1 - y0, z1 - z0)
@@ -83,21 +92,51 @@ def draw_plate(rng, x: float, span: Span, thick: float, unit: float) -> Manifold
     return extrusion(outline, "x", [x - thick, (y0 + y1) / 2, (z0 + z1) / 2], thick)
 
 
-def add_panel(rng, asm, parent, name, side, span, unit, face, metal, **options) -> int:
-    """A door or flap before the plane x = options['x'], of its own thickness."""
-    x, thick = options.get("x", 0.0) - 0.3 * unit, options.get("thick", 1.6 * unit)
-    shape = Shape().add(draw_plate(rng, x, span, thick, unit), face)
-    if options.get("pull", True):
+def add_panel(
+    rng,
+    asm: Assembly,
+    parent: int,
+    name: str,
+    side: str,
+    span: Span,
+    unit: float,
+    face: Material,
+    metal: Material,
+    *,
+    x: float = 0.0,
+    thick: float | None = None,
+    pull: bool = True,
+    marked: bool = False,
+    swing: tuple[float, float] = (80, 130),
+) -> int:
+    """A door or flap before the plane ``x``, hinged at ``side``, ``thick`` metres thick; it opens
+    by ``swing`` degrees. ``marked``: at times with a label or a window."""
+    x, thick = x - 0.3 * unit, 1.6 * unit if thick is None else thick
+    shape = Shape().add(draw_plate(rng, x, span, thick), face)
+    if pull:
         add_pull(rng, shape, side, x - thick, span, unit, metal)
     y0, y1, z0, z1 = span
     extra, front = rng.random(), x - thick
-    if options.get("marked") and extra < 0.5 and z1 - z0 > 14 * unit:
+    if marked and extra < 0.5 and z1 - z0 > 14 * unit:
         w, h = 0.26 * (y1 - y0), min(0.1 * (z1 - z0), 5 * unit)
         y, z = (y0 + y1) / 2, z0 + 0.68 * (z1 - z0)
         tone = plain((0.9, 0.88, 0.8)) if extra < 0.3 else materials.dark_glass(rng)
         shape.add(box([front - 0.4 * unit, y - w, z - h], [front, y + w, z + h]), tone)
-    low, high = options.get("swing", (80, 130))
-    return asm.add(name, shape, parent, open_at(rng, side, front, span, low, high))
+    return asm.add(name, shape, parent, open_at(rng, side, front, span, *swing))
+
+
+def arch(half: float, low: float, rise: float, points: int) -> np.ndarray:
+    """An outline [n, 2] from z = 0, ``half`` wide to each side: upright to ``low``, above it an
+    arch of ``points`` points that is ``rise`` high."""
+    t = np.linspace(0, np.pi, points)
+    top = np.column_stack([half * np.cos(t), low + rise * np.sin(t)])
+    return np.vstack([[[-half, 0], [half, 0]], top])
+
+
+def inner_outline(outline: np.ndarray, wide: float, high: float, wall: float) -> np.ndarray:
+    """An outline [n, 2] that is ``wide`` and ``high``, drawn in by ``wall`` at each side."""
+    middle = np.array([0, high / 2])
+    return middle + (outline - middle) * [1 - 2 * wall / wide, 1 - 2 * wall / high]
 
 
 def roofed_case(rng, wide: float, deep: float, high: float, wall: float, base: float):
@@ -117,14 +156,11 @@ def roofed_case(rng, wide: float, deep: float, high: float, wall: float, base: f
     rise = 0.0 if kind == "flat" else min(float(rng.uniform(0.15, 0.3)) * high, 0.45 * wide)
     low = high - rise
     if kind == "arch":
-        t = np.linspace(0, np.pi, 13)
-        top = np.column_stack([half * np.cos(t), low + rise * np.sin(t)])
-        poly = np.vstack([[[-half, 0], [half, 0]], top])
+        poly = arch(half, low, rise, 13)
     else:
         peak = [[0.0, high]] if kind == "gable" else []
         poly = np.array([[-half, 0], [half, 0], [half, low], *peak, [-half, low]])
-    middle = np.array([0, high / 2])
-    inner = middle + (poly - middle) * [1 - 2 * wall / wide, 1 - 2 * wall / high]
+    inner = inner_outline(poly, wide, high, wall)
     solid = extrusion(poly, "x", [0, 0, base], deep)
     return solid - extrusion(inner, "x", [wall, 0, base], deep - 2 * wall), low, high
 

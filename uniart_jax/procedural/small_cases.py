@@ -9,6 +9,7 @@ from uniart_jax.procedural import materials
 from uniart_jax.procedural.case_fronts import (
     add_panel,
     add_posts,
+    doorway,
     draw_paint,
     open_at,
 )
@@ -75,7 +76,7 @@ def bird_house(rng) -> Assembly:
     )
     hole = cylinder("x", [-1, 0, z], 1 + 2 * wall, r, segments=20)
     if opens:
-        solid -= box([-1, wall - half, span[2] + wall], [2 * wall, half - wall, span[3] - wall])
+        solid -= doorway(span, wall, 2 * wall)
     else:
         solid -= hole
         body.add(perch - solid, cover)
@@ -187,24 +188,11 @@ def bread_box(rng) -> Assembly:
     lid = tube("y", [r, -span, base], 2 * span, far, far - t, 48)
     lid ^= box([-1, -1, base + gap], [r + 2 * unit, 1, 2])
     shape = Shape().add(lid, second)
-    shape.add(
-        pipe(
-            [
-                [r - (r - t) * np.cos(0.3), -0.3 * half, base + r * 0.3],
-                [r - (r - t) * np.cos(0.3), 0.3 * half, base + r * 0.3],
-            ],
-            1.3 * unit,
-            8,
-        )
-        - lid,
-        metal,
-    )
-    asm.add(
-        "roll_top",
-        shape,
-        root,
-        hinge((r, 0, base), (0, 1, 0), min(float(rng.uniform(0.8, 1.15)), most)),
-    )
+    x = r - (r - t) * np.cos(0.3)
+    bar = [[x, sense * 0.3 * half, base + r * 0.3] for sense in (-1, 1)]
+    shape.add(pipe(bar, 1.3 * unit, 8) - lid, metal)
+    most = min(float(rng.uniform(0.8, 1.15)), most)
+    asm.add("roll_top", shape, root, hinge((r, 0, base), (0, 1, 0), most))
     if lift:
         drawer = box([-1.6 * unit, -half, 0.8 * unit], [-0.3 * unit, half, base - unit])
         tub = box([-0.4 * unit, gap - inside, unit], [0.85 * deep, inside - gap, lift - gap])
@@ -225,7 +213,7 @@ def key_cabinet(rng) -> Assembly:
     face, metal = draw_paint(rng), materials.hardware(rng)
     asm, body = Assembly(), Shape()
     solid = box([0, -half, 0], [deep, half, high])
-    solid -= box([-1, wall - half, wall], [deep - wall, half - wall, high - wall])
+    solid -= doorway((-half, half, 0, high), wall, deep - wall)
     if rng.random() < 0.4:
         shelf = high * float(rng.uniform(0.2, 0.4))
         solid += box([0.1 * deep, -half, shelf], [deep, half, shelf + 0.8 * wall])
