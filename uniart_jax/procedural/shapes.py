@@ -9,7 +9,7 @@ outward-oriented, and every face knows its colour.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import trimesh
@@ -353,14 +353,39 @@ def rooted(grip: Manifold, face: float, deep: float, ground: Manifold) -> Manifo
     return grip if feet.volume() < 1e-9 else tidy(union([grip, feet]))
 
 
-def merged(pieces: Iterable[tuple[Manifold, Material]], yaw: float = 0.0) -> Shape:
-    """Solids that touch or overlap, as one tidy solid a material, turned about z by ``yaw``
-    degrees."""
+def _groups(pieces: Iterable[tuple[Manifold, Material]]) -> dict[Material, list[Manifold]]:
+    """The solids of each material, materials in the order in which they first come."""
     groups: dict[Material, list[Manifold]] = {}
     for solid, material in pieces:
         groups.setdefault(material, []).append(solid)
+    return groups
+
+
+def shape_of(pieces: Iterable[tuple[Manifold, Material]]) -> Shape:
+    """A shape of solids and their materials."""
     shape = Shape()
-    for material, solids in groups.items():
+    for solid, material in pieces:
+        shape.add(solid, material)
+    return shape
+
+
+def disjoint(
+    pieces: Iterable[tuple[Manifold, Material]], *, tidied: bool = False
+) -> Iterator[tuple[Manifold, Material]]:
+    """One solid a material; where materials overlap, the one that comes later gives way.
+    ``tidied``: each solid is tidied before it cuts those that follow."""
+    before: list[Manifold] = []
+    for material, solids in _groups(pieces).items():
+        solid = cut(union(solids), before)
+        before.append(tidy(solid) if tidied else solid)
+        yield before[-1], material
+
+
+def merged(pieces: Iterable[tuple[Manifold, Material]], yaw: float = 0.0) -> Shape:
+    """Solids that touch or overlap, as one tidy solid a material, turned about z by ``yaw``
+    degrees."""
+    shape = Shape()
+    for material, solids in _groups(pieces).items():
         shape.add(tidy(union(solids).rotate((0, 0, yaw))), material)
     return shape
 
