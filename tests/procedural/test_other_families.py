@@ -61,9 +61,7 @@ def test_worlds_are_of_each_tuple_evenly_and_so_are_their_families(world, tuples
     counts = Counter(WORLDS[world])
     assert set(counts) == {name for names in tuples for name in names}
     for names in tuples:
-        assert {counts[name] for name in names} == {
-            len(WORLDS[world]) // len(tuples) // len(names)
-        }
+        assert {counts[name] for name in names} == {len(WORLDS[world]) // len(tuples) // len(names)}
 
 
 def test_every_joint_type_and_trees_three_deep():

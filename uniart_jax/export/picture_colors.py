@@ -6,7 +6,8 @@ nothing close beside a surface in front, whose colour it might be. The
 light is divided out that our renderer has fall there, past what stands in its way: from the front
 and above, as in most pictures, so that the object looks in a viewer as it does in the picture.
 What the picture does not show takes the colour of the nearest place of the same part that it does
-show, or of its mirror image (y -> -y), if that is near, else what ``hidden_colors`` says.
+show, or of its mirror image (y -> -y), if that is near, else what ``hidden_colors`` says; backs of
+doors in the areas of their fronts (``plate_backs``).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from scipy.spatial import cKDTree
 
 from uniart_jax.data.images import MARGIN, crop
 from uniart_jax.export.hidden_colors import Places, hidden_colors, with_normals
+from uniart_jax.export.plate_backs import even_backs
 from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.visual.render import build_scene, light_on, occluded
@@ -93,6 +95,8 @@ def paint(
         return decoded(np.arange(len(points)))
     places = Places(points, normals, parts, None, linear_to_srgb(shown), belief > SEEN)
     filled = guessed(places, decoded, obj, camera_position(picture.camera), belief)
+    moving = [k for k, part in enumerate(obj.parts) if part.parent >= 0]
+    filled = even_backs(points, normals, parts, shown, belief > SEEN, filled, moving)
     for k in np.unique(parts):
         mine = np.flatnonzero(parts == k)
         seen, unseen = mine[belief[mine] > SEEN], mine[belief[mine] < 1]

@@ -92,9 +92,7 @@ UNSEEN_FAMILIES: tuple[str, ...] = (
     "swivel_chair",
     "faucet",
 )
-FAMILIES = (
-    SEEN_FAMILIES + MORE_FAMILIES + DETAILED_FAMILIES + EVERYDAY_FAMILIES + UNSEEN_FAMILIES
-)
+FAMILIES = SEEN_FAMILIES + MORE_FAMILIES + DETAILED_FAMILIES + EVERYDAY_FAMILIES + UNSEEN_FAMILIES
 
 
 def _in_turn(*groups: tuple[str, ...]) -> tuple[str, ...]:
