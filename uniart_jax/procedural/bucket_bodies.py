@@ -10,17 +10,18 @@ from manifold3d import Manifold
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.procedural import materials
+from uniart_jax.procedural import materials, shapes
 from uniart_jax.procedural.materials import Material, hsv, plain
 from uniart_jax.procedural.shapes import (
-    Assembly,
-    Shape,
+    about_z,
     box,
     cylinder,
     hinge,
     loft,
     pipe,
+    rotated,
     rounded,
+    shape_of,
     slide,
     union,
 )
@@ -31,18 +32,8 @@ Spec = tuple[str, Pieces, int, Joint | None]  # a part before the object is turn
 
 def assembled(parts: list[Spec], yaw: float) -> ArticulatedObject:
     """The object of these parts, all turned about z."""
-    matrix = np.eye(4)
-    matrix[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
-    asm = Assembly()
-    for name, pieces, parent, joint in parts:
-        if joint is not None:
-            origin, axis = matrix[:3, :3] @ joint.origin, matrix[:3, :3] @ joint.direction
-            joint = dataclasses.replace(joint, origin=origin, direction=axis)
-        shape = Shape()
-        for solid, material in pieces:
-            shape.add(solid, material)
-        asm.add(name, shape.moved(matrix), parent, joint)
-    return asm.object()
+    made = [(name, shape_of(pieces), parent, joint) for name, pieces, parent, joint in parts]
+    return shapes.assembled(made, about_z(yaw))
 
 
 def filled(pieces: Pieces) -> Manifold:
@@ -105,17 +96,13 @@ def draw_finish(rng: np.random.Generator) -> Material:
     return materials.wood(rng) if kind == 3 else materials.paint(rng)
 
 
-def _about(solid: Manifold, at: np.ndarray, degrees: float) -> Manifold:
-    return solid.translate(tuple(-at)).rotate((0, degrees, 0)).translate(tuple(at))
-
-
 def _way(solid: Manifold, at: np.ndarray, sense: int, others: Manifold) -> float:
     """Degrees by which a bail may fall from upright about y before it touches something."""
     angles = (0, 40, 60, 75, 85, 92, 99, 106, 113, 120, 128, 136, 144)
     least, most = 0, len(angles)
     while most - least > 1:
         middle = (least + most) // 2
-        if (_about(solid, at, sense * angles[middle]) ^ others).volume() > 0:
+        if (rotated(solid, (0, sense * angles[middle], 0), at) ^ others).volume() > 0:
             most = middle
         else:
             least = middle
@@ -168,10 +155,10 @@ def add_bail(
     else:
         start = sense * fall
         most = -sense * (fall + (over if both and rng.random() < 0.6 else 0))
-    shape = [(_about(wire if grip is None else wire - grip, pivot, start), metal)]
+    shape = [(rotated(wire if grip is None else wire - grip, (0, start, 0), pivot), metal)]
     if grip is not None:
         grip_finish = materials.wood(rng, grain="y") if rng.random() < 0.5 else draw_finish(rng)
-        shape.append((_about(grip, pivot, start), grip_finish))
+        shape.append((rotated(grip, (0, start, 0), pivot), grip_finish))
     return "handle", shape, 0, hinge(pivot, (0, 1, 0), float(np.deg2rad(most)))
 
 

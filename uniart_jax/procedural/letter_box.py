@@ -27,6 +27,7 @@ from uniart_jax.procedural.shapes import (
     cylinder,
     extrusion,
     hinge,
+    rotated,
     tidy,
     tube,
     union,
@@ -161,7 +162,7 @@ def _flagged(rng) -> Assembly:
     )
     at = np.array([x, 0, z])
     if up:  # it stands and is laid down towards the rear
-        arm = arm.translate(tuple(-at)).rotate((0, -90, 0)).translate(tuple(at))
+        arm = rotated(arm, (0, -90, 0), at)
     red = (
         plain(hsv(rng, (0.97, 1.06), (0.75, 0.95), (0.6, 0.9)))
         if rng.random() < 0.75

@@ -13,6 +13,7 @@ import colorsys
 import dataclasses
 
 import numpy as np
+import trimesh
 from PIL import Image
 
 TEXTURE_SIZE = 64
@@ -200,3 +201,31 @@ def appliance(rng: np.random.Generator) -> Material:
     if kind == 2:
         return dark(rng)
     return plain(hsv(rng, (0, 1), (0.25, 0.7), (0.45, 0.85)))
+
+
+def atlas(materials: list[Material], vertices: list[np.ndarray]) -> trimesh.visual.TextureVisuals:
+    """One image with a band for each material, and the UVs of every vertex (v up; one texel of
+    margin against bleeding)."""
+    bands, spans, row = [], [], 0
+    for material in materials:
+        if material.image is not None:
+            band = material.image
+        else:
+            color = (np.array(material.color) * 255 + 0.5).astype(np.uint8)
+            band = np.broadcast_to(color, (4, TEXTURE_SIZE, 3))
+        bands.append(band)
+        spans.append((row, len(band)))
+        row += len(band)
+    uvs = []
+    for material, points, (start, height) in zip(materials, vertices, spans, strict=True):
+        local = (
+            np.full((len(points), 2), 0.5) if material.image is None else material.project(points)
+        )
+        u = (1 + local[:, 0] * (TEXTURE_SIZE - 2)) / TEXTURE_SIZE
+        v = 1 - (start + 1 + local[:, 1] * (height - 2)) / row
+        uvs.append(np.column_stack([u, v]))
+    image = Image.fromarray(np.ascontiguousarray(np.concatenate(bands)))
+    surface = trimesh.visual.material.PBRMaterial(
+        baseColorTexture=image, metallicFactor=0.0, roughnessFactor=0.8
+    )
+    return trimesh.visual.TextureVisuals(uv=np.concatenate(uvs), material=surface)

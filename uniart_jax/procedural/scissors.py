@@ -10,6 +10,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material
 from uniart_jax.procedural.shapes import Assembly, Shape, cylinder, extrusion, hinge, tidy, union
+from uniart_jax.procedural.small_tools import pose
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
@@ -105,8 +106,8 @@ def _half(
         center = np.array([-handle, 0.16 * handle + 1.2 * bar])
         knee = np.array([-0.3 * handle, 0.07 * handle + boss * 0.5])
         flat = [np.array([0.0, 0.0]), knee, knee + 0.35 * (center - knee)]
-        grip = _strip(knee + 0.2 * (center - knee), center, 1.5 * bar, 1.25 * bar)
-        steel = _strip(flat[0], flat[1], 0.75 * boss, 0.9 * bar) + _strip(
+        grip = strip(knee + 0.2 * (center - knee), center, 1.5 * bar, 1.25 * bar)
+        steel = strip(flat[0], flat[1], 0.75 * boss, 0.9 * bar) + strip(
             flat[1], flat[2], 0.9 * bar, 0.8 * bar
         )
         return CrossSection([_ccw(outline)]) + disc + steel, grip
@@ -119,8 +120,8 @@ def _half(
         [(tall + 0.3 * bar) * np.cos(0.5), -(radius + 0.3 * bar) * np.sin(0.5)]
     )
     neck = entry + np.array([min(0.4 * handle, -boss - entry[0]) * 0.55, -0.15 * radius])
-    steel = _strip(np.zeros(2), entry, 0.75 * boss, 0.8 * bar)
-    collar = _strip(entry, neck * [1, 1], 1.1 * bar, 0.8 * bar) ^ CrossSection(
+    steel = strip(np.zeros(2), entry, 0.75 * boss, 0.8 * bar)
+    collar = strip(entry, neck * [1, 1], 1.1 * bar, 0.8 * bar) ^ CrossSection(
         [_ccw(np.array([[-9, 0.8 * unit], [0, 0.8 * unit], [0, 9], [-9, 9]]))]
     )
     steel = steel - _oval(center, tall - 0.2 * bar, radius - 0.2 * bar)
@@ -133,7 +134,7 @@ def _ccw(points: np.ndarray) -> np.ndarray:
     return points if area > 0 else points[::-1]
 
 
-def _strip(a: np.ndarray, b: np.ndarray, wide_a: float, wide_b: float) -> CrossSection:
+def strip(a: np.ndarray, b: np.ndarray, wide_a: float, wide_b: float) -> CrossSection:
     """A bar between two points with rounded ends, ``wide`` its half widths there."""
     ends = [CrossSection.circle(w, 16).translate(tuple(p)) for p, w in ((a, wide_a), (b, wide_b))]
     return CrossSection.batch_hull(ends)
@@ -148,14 +149,7 @@ class _frame:
     front."""
 
     def __init__(self, rng: np.random.Generator):
-        angle = np.pi / 2 * int(rng.integers(4)) + float(rng.choice([0.0, rng.uniform(-0.5, 0.5)]))
-        c, s = np.cos(angle), np.sin(angle)
-        spin = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-        if rng.random() < 0.4:
-            stand = np.eye(3)
-        else:  # w towards the viewer (-x), v to the left (+y)... a right-handed frame
-            stand = np.array([[0.0, 0, -1], [0, -1, 0], [-1, 0, 0]])
-        self.turn = stand @ spin
+        self.turn = pose(rng, tilt=0.5)[:3, :3]
 
     def __call__(self, solid: Manifold) -> Manifold:
         return solid.transform(np.column_stack([self.turn, np.zeros(3)]))

@@ -8,6 +8,7 @@ outward-oriented, and every face knows its colour.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Iterable, Iterator
 
@@ -15,11 +16,10 @@ import numpy as np
 import trimesh
 from manifold3d import CrossSection, Manifold, Mesh64, OpType
 from numpy.typing import ArrayLike
-from PIL import Image
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.procedural.materials import TEXTURE_SIZE, Material
+from uniart_jax.procedural.materials import Material, atlas
 
 HAIR = 3e-5  # metres between the shells of two materials
 
@@ -178,7 +178,7 @@ class Shape:
             process=False,
         )
         if any(m.image is not None for m in materials):
-            out.visual = _atlas(materials, vertices)
+            out.visual = atlas(materials, vertices)
         else:
             colors = np.array([[*m.color, 1.0] for m in materials])
             counts = [len(f) for f in faces]
@@ -193,34 +193,6 @@ def _shrunk(points: np.ndarray, hair: float) -> np.ndarray:
     lo, hi = points.min(0), points.max(0)
     center = (lo + hi) / 2
     return center + (points - center) * (1 - 2 * hair / np.maximum(hi - lo, 1e-3))
-
-
-def _atlas(materials: list[Material], vertices: list[np.ndarray]) -> trimesh.visual.TextureVisuals:
-    """One image with a band a material, and the UVs of every vertex (v up; one texel of margin
-    against bleeding)."""
-    bands, spans, row = [], [], 0
-    for material in materials:
-        if material.image is not None:
-            band = material.image
-        else:
-            color = (np.array(material.color) * 255 + 0.5).astype(np.uint8)
-            band = np.broadcast_to(color, (4, TEXTURE_SIZE, 3))
-        bands.append(band)
-        spans.append((row, len(band)))
-        row += len(band)
-    uvs = []
-    for material, points, (start, height) in zip(materials, vertices, spans, strict=True):
-        local = (
-            np.full((len(points), 2), 0.5) if material.image is None else material.project(points)
-        )
-        u = (1 + local[:, 0] * (TEXTURE_SIZE - 2)) / TEXTURE_SIZE
-        v = 1 - (start + 1 + local[:, 1] * (height - 2)) / row
-        uvs.append(np.column_stack([u, v]))
-    image = Image.fromarray(np.ascontiguousarray(np.concatenate(bands)))
-    surface = trimesh.visual.material.PBRMaterial(
-        baseColorTexture=image, metallicFactor=0.0, roughnessFactor=0.8
-    )
-    return trimesh.visual.TextureVisuals(uv=np.concatenate(uvs), material=surface)
 
 
 class Assembly:
@@ -245,6 +217,27 @@ class Assembly:
     def object(self) -> ArticulatedObject:
         """The finished object."""
         return ArticulatedObject(tuple(self.parts))
+
+
+def about_z(angle: float) -> np.ndarray:
+    """The rotation [4, 4] about z by ``angle`` radians."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+
+
+def assembled(
+    parts: Iterable[tuple[str, Shape, int, Joint | None]], turned: np.ndarray | None = None
+) -> ArticulatedObject:
+    """The object of parts (name, shape, parent, joint), all moved by a rotation [4, 4]."""
+    asm = Assembly()
+    for name, shape, parent, joint in parts:
+        if turned is not None:
+            shape = shape.moved(turned)
+        if turned is not None and joint is not None:
+            at, axis = turned[:3, :3] @ joint.origin, turned[:3, :3] @ joint.direction
+            joint = dataclasses.replace(joint, origin=at, direction=axis)
+        asm.add(name, shape, parent, joint)
+    return asm.object()
 
 
 def hinge(at: ArrayLike, axis: ArrayLike, angle: float) -> Joint:
@@ -353,6 +346,12 @@ def rooted(grip: Manifold, face: float, deep: float, ground: Manifold) -> Manifo
     return grip if feet.volume() < 1e-9 else tidy(union([grip, feet]))
 
 
+def rotated(solid: Manifold, degrees: ArrayLike, at: ArrayLike) -> Manifold:
+    """``solid`` rotated about x, y and z by ``degrees`` [3], through the point ``at``."""
+    at = np.asarray(at, dtype=np.float64)
+    return solid.translate(tuple(-at)).rotate(tuple(degrees)).translate(tuple(at))
+
+
 def _groups(pieces: Iterable[tuple[Manifold, Material]]) -> dict[Material, list[Manifold]]:
     """The solids of each material, materials in the order in which they first come."""
     groups: dict[Material, list[Manifold]] = {}
@@ -370,14 +369,14 @@ def shape_of(pieces: Iterable[tuple[Manifold, Material]]) -> Shape:
 
 
 def disjoint(
-    pieces: Iterable[tuple[Manifold, Material]], *, tidied: bool = False
+    pieces: Iterable[tuple[Manifold, Material]], *, tidied: float = 0.0
 ) -> Iterator[tuple[Manifold, Material]]:
     """One solid a material; where materials overlap, the one that comes later gives way.
-    ``tidied``: each solid is tidied before it cuts those that follow."""
+    ``tidied``: the tolerance to which each is tidied before it cuts those that follow, 0: not."""
     before: list[Manifold] = []
     for material, solids in _groups(pieces).items():
         solid = cut(union(solids), before)
-        before.append(tidy(solid) if tidied else solid)
+        before.append(tidy(solid, tidied) if tidied else solid)
         yield before[-1], material
 
 

@@ -25,7 +25,7 @@ Pieces = list[tuple[Manifold, Material]]
 
 def solid_shape(pieces: Pieces) -> Shape:
     """A shape of pieces that may overlap; what comes later gives way."""
-    return shape_of(disjoint(pieces, tidied=True))
+    return shape_of(disjoint(pieces, tidied=1e-5))
 
 
 def frame_finish(rng: np.random.Generator) -> Material:
