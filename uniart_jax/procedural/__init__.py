@@ -8,7 +8,8 @@ A family is a module ``procedural/<family>.py`` with ``build(rng) -> Articulated
 and its name in one of five tuples: ``SEEN_FAMILIES``, the paper's seven seen categories;
 ``MORE_FAMILIES``, which networks of the wide world are trained on besides; ``DETAILED_FAMILIES``,
 furniture and appliances of the seven categories again, as varied as real ones;
-``EVERYDAY_FAMILIES``, other things of a household, with lids, levers, screws and stands;
+``EVERYDAY_FAMILIES``, other things of a household, with lids, levers, screws and stands, in the
+folder ``everyday``;
 ``UNSEEN_FAMILIES``, which nothing is ever trained on. Appending to a tuple leaves the objects of
 the other families as they are, since names seed the generator.
 
@@ -131,7 +132,8 @@ def generate(family: str, seed: int) -> ArticulatedObject:
         raise ValueError(f"procedural: no family '{family}'; there are {', '.join(FAMILIES)}")
     if seed < 0:
         raise ValueError(f"procedural: the seed must be 0 or more, got {seed}")
-    module = importlib.import_module(f"uniart_jax.procedural.{family}")
+    folder = "procedural.everyday" if family in EVERYDAY_FAMILIES else "procedural"
+    module = importlib.import_module(f"uniart_jax.{folder}.{family}")
     rng = np.random.default_rng([seed, zlib.crc32(family.encode())])
     for _ in range(
         _ATTEMPTS

@@ -9,8 +9,8 @@ from manifold3d import CrossSection, Manifold
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material
+from uniart_jax.procedural.poses import pose
 from uniart_jax.procedural.shapes import Assembly, Shape, cylinder, extrusion, hinge, tidy, union
-from uniart_jax.procedural.small_tools import pose
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:

@@ -1,0 +1,1 @@
+"""``EVERYDAY_FAMILIES``, a file each, and what they are made of."""
